@@ -1,0 +1,1 @@
+"""overtaking.sim/reference"""
