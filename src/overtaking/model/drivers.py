@@ -1,0 +1,57 @@
+"""People: how each vehicle is driven, without the body around them."""
+
+from dataclasses import dataclass
+
+from overtaking.core.elementary import F32, Mask
+from overtaking.model.batch import Batch
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drivers(Batch):
+    """Driver parameters; every array has shape (simulation, vehicle).
+
+    Attributes:
+        desired_speed: Speed wanted on a free road in good weather [m/s].
+        time_gap: Net time gap wanted behind a leader [s].
+        min_gap: Gap wanted at standstill [m].
+        accel: Everyday acceleration [m/s^2].
+        decel: Comfortable deceleration, positive [m/s^2].
+        reaction_time: From seeing to acting, good conditions [s].
+        caution: How far speed follows sight and grip, 0 not at all to 1 fully [1].
+        politeness: MOBIL's p [1].
+        lane_change_threshold: MOBIL's threshold [m/s^2].
+        right_bias: MOBIL's bias towards the slow side [m/s^2].
+        safe_decel: Largest braking imposed on a new follower, positive [m/s^2].
+        lane_change_duration: Time from lane centre to lane centre [s].
+        passing_gain: Speed wanted above the leader's before overtaking is worth it [m/s].
+        patience: Time of waiting over which demands fall by a factor e [s].
+        pull_out_time: Time to collision with the leader at which a flying overtake pulls out [s].
+        gap_acceptance: Factor on the gaps and times demanded of the target lane [1].
+        return_time_gap: Net time gap left to the overtaken vehicle before returning [s].
+        signal_time: How long the indicator is on before moving over [s].
+        uses_indicator: Whether it is used at all.
+        checks_blind_spot: Whether what drives alongside is looked for.
+        limit_respect: Share of the speed above the limit that is given up, 0 to 1 [1].
+    """
+
+    desired_speed: F32
+    time_gap: F32
+    min_gap: F32
+    accel: F32
+    decel: F32
+    reaction_time: F32
+    caution: F32
+    politeness: F32
+    lane_change_threshold: F32
+    right_bias: F32
+    safe_decel: F32
+    lane_change_duration: F32
+    passing_gain: F32
+    patience: F32
+    pull_out_time: F32
+    gap_acceptance: F32
+    return_time_gap: F32
+    signal_time: F32
+    uses_indicator: Mask
+    checks_blind_spot: Mask
+    limit_respect: F32

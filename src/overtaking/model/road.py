@@ -1,0 +1,309 @@
+"""A straight stretch of road whose driving lanes all run the same way.
+
+```
+        fast side   d = boundaries[n]   ------------------------------  left_mark of lanes[n-1]
+                                         lanes[n-1]        travel -->        (right-hand traffic)
+                    d = boundaries[1]   - - - - - - - - - - - - - - -
+                                         lanes[0]          s -->
+        slow side   d = boundaries[0]   ------------------------------  right_mark of lanes[0]
+```
+
+`s` grows along the direction of travel and `d` to the left of it, in either kind of traffic. Lanes are counted from the slow
+side: from the right in right-hand traffic, where `side` is +1, and from the left in left-hand traffic, where it is -1.
+"""
+
+import dataclasses
+import enum
+import math
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from overtaking.core.errors import ConfigError
+
+F64 = NDArray[np.float64]
+
+MAX_LANES = 8
+MIN_LANE_WIDTH, MAX_LANE_WIDTH = 2.0, 6.0  # Beyond these a car does not fit, or two do.
+MAX_NEIGHBOUR_WIDTH = 100.0
+MAX_LENGTH = 100_000.0  # A float64 position then still resolves far below the recorded centimetre.
+MAX_COORDINATE = 1.0e8  # Wider than any map projection of the Earth in metres.
+MAX_SPEED_LIMIT = 100.0
+
+_HALF_PI = math.pi / 2.0
+_SINE = tuple((-1.0) ** (k // 2) / math.factorial(k) for k in range(19, 0, -2))
+_COSINE = tuple((-1.0) ** (k // 2) / math.factorial(k) for k in range(18, -1, -2))
+
+
+class RoadMark(enum.Enum):
+    """The line painted between two lanes, spelled as `carla.LaneMarkingType` spells it.
+
+    Of the double lines the first word names the line nearer to the lane that the mark belongs to, so the two lanes that share
+    such a line see it with the words swapped: `reversed`.
+    """
+
+    NONE = "NONE"
+    SOLID = "Solid"
+    BROKEN = "Broken"
+    SOLID_SOLID = "SolidSolid"
+    SOLID_BROKEN = "SolidBroken"
+    BROKEN_SOLID = "BrokenSolid"
+    BROKEN_BROKEN = "BrokenBroken"
+    BOTTS_DOTS = "BottsDots"
+    CURB = "Curb"
+    GRASS = "Grass"
+    OTHER = "Other"
+
+    @property
+    def reversed(self) -> "RoadMark":
+        """The same line as seen from the lane on its other side."""
+        if self is RoadMark.SOLID_BROKEN:
+            return RoadMark.BROKEN_SOLID
+        if self is RoadMark.BROKEN_SOLID:
+            return RoadMark.SOLID_BROKEN
+        return self
+
+
+class DrivingSide(enum.Enum):
+    """The side of the road that traffic keeps to."""
+
+    RIGHT = "right"
+    LEFT = "left"
+
+    @property
+    def opposite(self) -> "DrivingSide":
+        """The other side."""
+        return DrivingSide.LEFT if self is DrivingSide.RIGHT else DrivingSide.RIGHT
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lane:
+    """One lane of a road.
+
+    Attributes:
+        lane_id: OpenDRIVE's id: 0 is the centre line, negative ids lie right of the file's reference line, positive ones left.
+        width: Width, the same along the whole road [m].
+        kind: OpenDRIVE's lane type: "driving", "shoulder", "border", ...
+        direction: +1 if its traffic runs along the road's `s`, -1 if it comes the other way.
+        right_mark: Line on its right, seen in the road's direction of travel.
+        left_mark: Line on its left, seen in the road's direction of travel.
+    """
+
+    lane_id: int
+    width: float
+    kind: str = "driving"
+    direction: int = 1
+    right_mark: RoadMark
+    left_mark: RoadMark
+
+    def mirrored(self) -> Self:
+        """The lane in a world where left and right are swapped."""
+        return dataclasses.replace(
+            self, lane_id=-self.lane_id, right_mark=self.left_mark, left_mark=self.right_mark
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Road:
+    """A straight, flat, same-direction stretch of road.
+
+    Attributes:
+        name: Name, for people and manifests.
+        kind: OpenDRIVE's road type: "motorway", "rural", "town", ...
+        driving_side: Side that traffic keeps to.
+        lanes: Driving lanes, from the slow to the fast side.
+        edge_d: `d` of the slow-side edge of `lanes[0]` [m].
+        length: Length of the stretch [m].
+        x0: World x of (s=0, d=0), right-handed, y to the left of x, as in OpenDRIVE [m].
+        y0: World y of (s=0, d=0) [m].
+        heading: Direction of travel, anticlockwise from world x, within one turn of zero [rad].
+        speed_limit: Limit that is posted for the driving lanes [m/s].
+        slow_side_neighbour: Lane beside `lanes[0]`, such as a hard shoulder, or None.
+        fast_side_neighbour: Lane beside `lanes[-1]`, or None.
+
+    Raises:
+        ConfigError: A value is outside what the model is made for.
+    """
+
+    name: str
+    kind: str
+    driving_side: DrivingSide
+    lanes: tuple[Lane, ...]
+    edge_d: float
+    length: float
+    x0: float
+    y0: float
+    heading: float
+    speed_limit: float
+    slow_side_neighbour: Lane | None = None
+    fast_side_neighbour: Lane | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what the model is not made for."""
+        self._check_numbers()
+        self._check_lanes()
+        for neighbour in (self.slow_side_neighbour, self.fast_side_neighbour):
+            if neighbour is not None:
+                self._check_range(
+                    f"width of lane {neighbour.lane_id}", neighbour.width, 0.0, MAX_NEIGHBOUR_WIDTH
+                )
+
+    @property
+    def num_lanes(self) -> int:
+        """Number of driving lanes."""
+        return len(self.lanes)
+
+    @property
+    def side(self) -> float:
+        """+1.0 where `d` grows from the slow to the fast lanes (right-hand traffic), else -1.0."""
+        return 1.0 if self.driving_side is DrivingSide.RIGHT else -1.0
+
+    @property
+    def boundaries(self) -> F64:
+        """`d` of the lane borders from the slow to the fast side, shape (lane + 1,) [m]."""
+        borders = [self.edge_d]
+        for lane in self.lanes:
+            borders.append(borders[-1] + self.side * lane.width)
+        return np.array(borders, dtype=np.float64)
+
+    @property
+    def centres(self) -> F64:
+        """`d` of the lane centres from the slow to the fast side, shape (lane,) [m]."""
+        borders = self.boundaries
+        return (borders[:-1] + borders[1:]) * 0.5
+
+    def world(self, s: ArrayLike, d: ArrayLike) -> tuple[F64, F64]:
+        """World coordinates of points on the road.
+
+        Args:
+            s: Position along the road, any shape [m].
+            d: Offset to the left, a shape that broadcasts with it [m].
+
+        Returns:
+            x and y in the right-handed world frame [m].
+        """
+        along, left = np.asarray(s, dtype=np.float64), np.asarray(d, dtype=np.float64)
+        cosine, sine = _direction(self.heading)
+        return (
+            self.x0 + (along * cosine - left * sine),
+            self.y0 + (along * sine + left * cosine),
+        )
+
+    def road_coordinates(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
+        """Road coordinates (s, d) of world points [m]; the inverse of `world`."""
+        east = np.asarray(x, dtype=np.float64) - self.x0
+        north = np.asarray(y, dtype=np.float64) - self.y0
+        cosine, sine = _direction(self.heading)
+        return east * cosine + north * sine, north * cosine - east * sine
+
+    def lane_index(self, d: ArrayLike) -> NDArray[np.int64]:
+        """Index into `lanes` of the lane that a point lies in.
+
+        A border belongs to the lane on its fast side. The result is -1 beyond the slow-side edge and `num_lanes` from the
+        fast-side edge on. A NaN, which is a bug, sorts last and gives `num_lanes` too.
+
+        Args:
+            d: Offset to the left, any shape [m].
+
+        Returns:
+            Integers of the same shape.
+        """
+        offset = self.side * np.asarray(d, dtype=np.float64)
+        return np.searchsorted(self.side * self.boundaries, offset, side="right") - 1
+
+    def mirrored(self) -> Self:
+        """The road in a world where left and right are swapped: `d`, world y and heading change sign.
+
+        `mirrored().world(s, -d)` is `(x, -y)` bit for bit, and mirroring twice gives an equal road.
+        """
+        slow, fast = self.slow_side_neighbour, self.fast_side_neighbour
+        return dataclasses.replace(
+            self,
+            driving_side=self.driving_side.opposite,
+            lanes=tuple(lane.mirrored() for lane in self.lanes),
+            edge_d=-self.edge_d,
+            y0=-self.y0,
+            heading=-self.heading,
+            slow_side_neighbour=slow.mirrored() if slow else None,
+            fast_side_neighbour=fast.mirrored() if fast else None,
+        )
+
+    def extended(self, length: float) -> Self:
+        """The same road, going on straight until it is `length` long [m].
+
+        Raises:
+            ConfigError: `length` is shorter than the road is.
+        """
+        if not length >= self.length:
+            raise ConfigError(
+                f"road {self.name}: is {self.length:g} m long and cannot be extended to {length:g} m; "
+                f"pass a length of at least {self.length:g}"
+            )
+        return dataclasses.replace(self, length=length)
+
+    def _check_range(self, what: str, value: float, low: float, high: float) -> None:
+        """Refuse a number that is not finite or outside (low, high]."""
+        if not low < value <= high:  # Also false for NaN.
+            raise ConfigError(
+                f"road {self.name}: {what} is {value:g}, expected more than {low:g} and at most {high:g}"
+            )
+
+    def _check_numbers(self) -> None:
+        self._check_range("length", self.length, 0.0, MAX_LENGTH)
+        self._check_range("speed_limit", self.speed_limit, 0.0, MAX_SPEED_LIMIT)
+        self._check_range("heading", abs(self.heading), -1.0, 2.0 * math.pi)
+        for what in ("edge_d", "x0", "y0"):
+            self._check_range(what, abs(getattr(self, what)), -1.0, MAX_COORDINATE)
+
+    def _check_lanes(self) -> None:
+        if not 1 <= self.num_lanes <= MAX_LANES:
+            raise ConfigError(
+                f"road {self.name}: has {self.num_lanes} driving lanes, expected 1 to {MAX_LANES}"
+            )
+        if len({lane.lane_id for lane in self.lanes}) < self.num_lanes:
+            raise ConfigError(f"road {self.name}: two lanes have the same id, expected one id each")
+        for lane in self.lanes:
+            if not MIN_LANE_WIDTH <= lane.width <= MAX_LANE_WIDTH:
+                raise ConfigError(
+                    f"road {self.name}: lane {lane.lane_id} is {lane.width:g} m wide, "
+                    f"expected {MIN_LANE_WIDTH:g} to {MAX_LANE_WIDTH:g} m"
+                )
+            if lane.kind != "driving" or lane.direction != 1:
+                raise ConfigError(
+                    f"road {self.name}: lane {lane.lane_id} is {lane.kind!r} with direction {lane.direction}, "
+                    "expected a 'driving' lane along the direction of travel; put others beside as neighbours"
+                )
+        for slow, fast in zip(self.lanes, self.lanes[1:], strict=False):
+            near, far = (
+                (slow.left_mark, fast.right_mark)
+                if self.side > 0
+                else (slow.right_mark, fast.left_mark)
+            )
+            if near is not far.reversed:
+                raise ConfigError(
+                    f"road {self.name}: the line between lanes {slow.lane_id} and {fast.lane_id} is "
+                    f"{near.value} from one and {far.value} from the other, expected the same line from both"
+                )
+
+
+def _direction(heading: float) -> tuple[float, float]:
+    """Cosine and sine of an angle of at most a few turns, with the same bits on every machine.
+
+    The last bit of libm's differs between systems; this is a sum of the Taylor series on [-pi/4, pi/4], where the first term
+    left out is below 1e-19, in IEEE double additions and multiplications only.
+    """
+    turns = round(heading / _HALF_PI)
+    angle = heading - turns * _HALF_PI
+    square = angle * angle
+    cosine, sine = _series(_COSINE, square), angle * _series(_SINE, square)
+    return ((cosine, sine), (-sine, cosine), (-cosine, -sine), (sine, -cosine))[turns % 4]
+
+
+def _series(coefficients: tuple[float, ...], argument: float) -> float:
+    """Polynomial with the highest power first, by Horner's rule."""
+    total = 0.0
+    for coefficient in coefficients:
+        total = total * argument + coefficient
+    return total

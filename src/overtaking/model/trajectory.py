@@ -1,0 +1,176 @@
+"""What happened: the recorded states of a batch of simulations, as integers of stated steps.
+
+Everything after the simulation reads these values, so that labels from memory and from a file agree.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.model.batch import Batch
+from overtaking.model.road import Road
+from overtaking.model.scenario import Scenario
+
+I32 = NDArray[np.int32]
+I16 = NDArray[np.int16]
+U8 = NDArray[np.uint8]
+
+NO_VEHICLE = np.uint8(255)
+"""Slot number where there is no vehicle to name; a null in every table."""
+
+METRES_PER_STEP = 1e-3
+METRES_PER_SECOND_PER_STEP = 1e-3
+RADIANS_PER_STEP = 1e-4
+RADIANS_PER_SECOND_PER_STEP = 1e-4
+METRES_PER_SECOND_SQUARED_PER_STEP = 1e-3
+
+
+class Stage(IntEnum):
+    """What the ego is doing, as its own state machine sees it."""
+
+    FOLLOW = 0
+    PULL_OUT = 1
+    PASS = 2
+    RETURN = 3
+    DONE = 4
+    ABORT = 5
+    CRASHED = 6
+
+
+class Lights(IntFlag):
+    """Bits of the recorded `lights` of a vehicle."""
+
+    INDICATOR_LEFT = 1
+    INDICATOR_RIGHT = 2
+    BRAKE = 4
+    LOW_BEAM = 8
+    HIGH_BEAM = 16
+    REAR_FOG = 32
+
+
+class DecisionKind(IntEnum):
+    """Which decision a percept was written down for."""
+
+    PULL_OUT = 0
+    RETURN = 1
+    ABORT = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class States(Batch):
+    """Recorded states; shape (simulation, vehicle, time), the frames of one vehicle adjacent.
+
+    Attributes:
+        x: OpenDRIVE x of the bounding-box centre [mm].
+        y: OpenDRIVE y, right-handed [mm].
+        s: Position along the road [mm].
+        d: Lateral position, left positive [mm].
+        speed: Along the vehicle's own velocity, never negative [mm/s].
+        heading: World heading, anticlockwise, in (-pi, pi] [0.1 mrad].
+        wheel_angle: Front wheel angle, left positive [0.1 mrad].
+        accel_lon: Along the vehicle's axis, contact spikes excluded [mm/s^2].
+        accel_lat: To the vehicle's left [mm/s^2].
+        yaw_rate: Anticlockwise [0.1 mrad/s].
+        lane: Lane index, 0 the slowest; `num_lanes` beyond the fast edge, 255 beyond the slow edge.
+        lights: `Lights` bits.
+    """
+
+    x: I32
+    y: I32
+    s: I32
+    d: I32
+    speed: I32
+    heading: I16
+    wheel_angle: I16
+    accel_lon: I16
+    accel_lat: I16
+    yaw_rate: I16
+    lane: U8
+    lights: U8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contacts(Batch):
+    """First collision of each vehicle; shape (simulation, vehicle).
+
+    Attributes:
+        partner: Slot of the other vehicle, `NO_VEHICLE` without a collision.
+        time: Instant of the first contact [ms].
+        impulse: Magnitude of the impulse of the first contact [N s].
+        closing_speed: Speed of approach along the contact normal [mm/s].
+    """
+
+    partner: U8
+    time: I32
+    impulse: I32
+    closing_speed: I32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Percepts(Batch):
+    """What the ego believed at each decision; shape (simulation, decision), or with a last axis of
+    three: leader, front of the target lane, rear of the target lane.
+
+    Attributes:
+        valid: Whether the row holds a decision.
+        kind: `DecisionKind`.
+        time: Instant of the decision [ms].
+        vehicle: True neighbour's slot, `NO_VEHICLE` if there is none, (simulation, decision, 3).
+        detected: Whether the ego had noticed it, (simulation, decision, 3).
+        gap: Believed bumper-to-bumper gap, (simulation, decision, 3) [mm].
+        closing_speed: Believed speed of approach, (simulation, decision, 3) [mm/s].
+        true_gap: The gap as it was, (simulation, decision, 3) [mm].
+        true_closing_speed: The speed of approach as it was, (simulation, decision, 3) [mm/s].
+    """
+
+    valid: NDArray[np.bool_]
+    kind: U8
+    time: I32
+    vehicle: U8
+    detected: NDArray[np.bool_]
+    gap: I32
+    closing_speed: I32
+    true_gap: I32
+    true_closing_speed: I32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trajectories(Batch):
+    """A batch of recorded simulations with everything needed to label them.
+
+    Attributes:
+        scenario: What was simulated.
+        num_frames: Recorded frames of each simulation, shape (simulation,).
+        states: Padded to the longest simulation of the batch.
+        stage: `Stage` of the ego, (simulation, time).
+        collided_with: Slot that the ego has collided with so far, `NO_VEHICLE` before, (simulation, time).
+        contacts: First collision of each vehicle.
+        percepts: What the ego believed.
+        trace_hash: 128-bit hash over the recorded integers, (simulation, 4) words.
+    """
+
+    scenario: Scenario
+    num_frames: I32
+    states: States
+    stage: U8
+    collided_with: U8
+    contacts: Contacts
+    percepts: Percepts
+    trace_hash: NDArray[np.uint32]
+
+    @property
+    def road(self) -> Road:
+        """The road of the batch."""
+        return self.scenario.road
+
+    @property
+    def frame_valid(self) -> NDArray[np.bool_]:
+        """Which frames were recorded, shape (simulation, time)."""
+        return np.arange(self.stage.shape[1])[None, :] < self.num_frames[:, None]
+
+    @property
+    def time_ms(self) -> I32:
+        """Time of each frame since the start, shape (time,) [ms]."""
+        return np.arange(self.stage.shape[1], dtype=np.int32) * np.int32(self.scenario.frame_interval_ms)
