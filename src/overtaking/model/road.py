@@ -8,8 +8,9 @@
         slow side   d = boundaries[0]   ------------------------------  right_mark of lanes[0]
 ```
 
-`s` grows along the direction of travel and `d` to the left of it, in either kind of traffic. Lanes are counted from the slow
-side: from the right in right-hand traffic, where `side` is +1, and from the left in left-hand traffic, where it is -1.
+`s` grows along the direction of travel and `d` to the left of it, in either kind of traffic. Lanes
+are counted from the slow side: from the right in right-hand traffic, where `side` is +1, and from
+the left in left-hand traffic, where it is -1.
 """
 
 import dataclasses
@@ -40,8 +41,8 @@ _COSINE = tuple((-1.0) ** (k // 2) / math.factorial(k) for k in range(18, -1, -2
 class RoadMark(enum.Enum):
     """The line painted between two lanes, spelled as `carla.LaneMarkingType` spells it.
 
-    Of the double lines the first word names the line nearer to the lane that the mark belongs to, so the two lanes that share
-    such a line see it with the words swapped: `reversed`.
+    Of the double lines the first word names the line nearer to the lane that the mark belongs to,
+    so the two lanes that share such a line see it with the words swapped: `reversed`.
     """
 
     NONE = "NONE"
@@ -83,7 +84,8 @@ class Lane:
     """One lane of a road.
 
     Attributes:
-        lane_id: OpenDRIVE's id: 0 is the centre line, negative ids lie right of the file's reference line, positive ones left.
+        lane_id: OpenDRIVE's id: 0 is the centre line, negative ids lie to the right of the file's
+            reference line, positive ones to its left.
         width: Width, the same along the whole road [m].
         kind: OpenDRIVE's lane type: "driving", "shoulder", "border", ...
         direction: +1 if its traffic runs along the road's `s`, -1 if it comes the other way.
@@ -201,8 +203,8 @@ class Road:
     def lane_index(self, d: ArrayLike) -> NDArray[np.int64]:
         """Index into `lanes` of the lane that a point lies in.
 
-        A border belongs to the lane on its fast side. The result is -1 beyond the slow-side edge and `num_lanes` from the
-        fast-side edge on. A NaN, which is a bug, sorts last and gives `num_lanes` too.
+        A border belongs to the lane on its fast side. The result is -1 beyond the slow-side edge
+        and `num_lanes` from the fast-side edge on.
 
         Args:
             d: Offset to the left, any shape [m].
@@ -214,7 +216,7 @@ class Road:
         return np.searchsorted(self.side * self.boundaries, offset, side="right") - 1
 
     def mirrored(self) -> Self:
-        """The road in a world where left and right are swapped: `d`, world y and heading change sign.
+        """The road in a world where left and right are swapped: d, y and heading change sign.
 
         `mirrored().world(s, -d)` is `(x, -y)` bit for bit, and mirroring twice gives an equal road.
         """
@@ -238,8 +240,8 @@ class Road:
         """
         if not length >= self.length:
             raise ConfigError(
-                f"road {self.name}: is {self.length:g} m long and cannot be extended to {length:g} m; "
-                f"pass a length of at least {self.length:g}"
+                f"road {self.name}: cannot be extended to {length:g} m, "
+                f"expected at least its own length of {self.length:g} m"
             )
         return dataclasses.replace(self, length=length)
 
@@ -247,7 +249,8 @@ class Road:
         """Refuse a number that is not finite or outside (low, high]."""
         if not low < value <= high:  # Also false for NaN.
             raise ConfigError(
-                f"road {self.name}: {what} is {value:g}, expected more than {low:g} and at most {high:g}"
+                f"road {self.name}: {what} is {value:g}, "
+                f"expected more than {low:g} and at most {high:g}"
             )
 
     def _check_numbers(self) -> None:
@@ -272,8 +275,8 @@ class Road:
                 )
             if lane.kind != "driving" or lane.direction != 1:
                 raise ConfigError(
-                    f"road {self.name}: lane {lane.lane_id} is {lane.kind!r} with direction {lane.direction}, "
-                    "expected a 'driving' lane along the direction of travel; put others beside as neighbours"
+                    f"road {self.name}: lane {lane.lane_id} is {lane.kind!r} with direction "
+                    f"{lane.direction}, expected 'driving' and 1; others can only be neighbours"
                 )
         for slow, fast in zip(self.lanes, self.lanes[1:], strict=False):
             near, far = (
@@ -283,16 +286,17 @@ class Road:
             )
             if near is not far.reversed:
                 raise ConfigError(
-                    f"road {self.name}: the line between lanes {slow.lane_id} and {fast.lane_id} is "
-                    f"{near.value} from one and {far.value} from the other, expected the same line from both"
+                    f"road {self.name}: the line between lanes {slow.lane_id} and {fast.lane_id} "
+                    f"is {near.value} from the one and {far.value} from the other, "
+                    f"expected {near.reversed.value} from the other"
                 )
 
 
 def _direction(heading: float) -> tuple[float, float]:
     """Cosine and sine of an angle of at most a few turns, with the same bits on every machine.
 
-    The last bit of libm's differs between systems; this is a sum of the Taylor series on [-pi/4, pi/4], where the first term
-    left out is below 1e-19, in IEEE double additions and multiplications only.
+    The last bit of libm's differs between systems. These are Taylor series on [-pi/4, pi/4], where
+    the first term left out is below 1e-19, in IEEE double additions and multiplications only.
     """
     turns = round(heading / _HALF_PI)
     angle = heading - turns * _HALF_PI
