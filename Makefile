@@ -1,0 +1,98 @@
+# Everything a developer does. Needs Python 3.11 or newer, a Rust toolchain and package registries.
+# Nothing is installed outside .venv, target and the caches of pip and cargo.
+
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+DEMO   ?= data/pinto
+# Tests that ask for more processes than the machine has cores only get slower.
+PYTEST_FLAGS ?= -n 2
+# `make lock LOCK_FLAGS=--upgrade` moves every package to its newest version.
+LOCK_FLAGS ?=
+
+# One process at a time: the last line of `make test` is pytest's, whatever -j says.
+.NOTPARALLEL:
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+
+# What runs belongs to .venv, not to an environment that happens to be active.
+unexport PYTHONPATH PYTHONHOME
+export VIRTUAL_ENV := $(CURDIR)/$(VENV)
+export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
+# Pyright would ask the package registry whether a newer version exists.
+export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
+
+CRATES := $(shell find crates -name '*.rs' -o -name Cargo.toml 2>/dev/null)
+LOCK   := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes \
+          --no-header --no-emit-index-url --no-emit-find-links --quiet $(LOCK_FLAGS)
+
+.PHONY: help demo test check check-python check-rust test-rust test-python bench lock build format clean
+
+help:  ## List what can be made
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1|\2/p' $(firstword $(MAKEFILE_LIST)) \
+	  | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
+
+demo: build  ## Generate the paper's 276 simulations and show one
+	$(BIN)/overtaking generate --profile pinto2023 -n 276 --seed 1 --out $(DEMO)
+	$(BIN)/overtaking show $(DEMO) 1
+	@echo "The data set is in $(CURDIR)/$(DEMO); its README.md says what each table holds."
+
+test: check test-rust test-python  ## Everything that must pass: checks, then the tests of both languages
+
+check: check-python check-rust  ## Format, lint, types, layers and spelling; changes nothing
+
+check-python: build
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/pyright
+	$(BIN)/lint-imports --no-cache
+	$(BIN)/typos
+
+check-rust: build
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --locked -- -D warnings
+
+# Only the crate without Python in it has tests of its own (default-members); the binding is tested
+# from Python, as it has to be loaded by an interpreter.
+test-rust:
+	cargo test --release --locked
+
+test-python: build
+	$(BIN)/python -m pytest $(PYTEST_FLAGS)
+
+bench: build $(VENV)/.bench  ## Measure the speed against its peers
+	$(BIN)/python benchmarks/run.py
+
+build: $(VENV)/.build  ## Make .venv with the locked packages and the compiled engine in it
+
+format: $(VENV)/.dev  ## Format all code, and fix what the linter can fix
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+	cargo fmt --all
+
+lock:  ## Write requirements/*.txt anew (needs uv)
+	$(LOCK) -o requirements/runtime.txt
+	$(LOCK) -c requirements/runtime.txt --extra sql --group dev -o requirements/dev.txt
+	$(LOCK) -c requirements/dev.txt --extra all --group dev -o requirements/bench.txt
+	@if grep -nE '://|--(extra-)?index-url|--find-links' requirements/*.txt; then \
+	  echo "requirements/*.txt: a download address was written into a lock file" >&2; exit 1; fi
+
+clean:  ## Remove what was built, except the caches of pip and cargo and the data
+	rm -rf $(VENV) target dist .pytest_cache .ruff_cache .hypothesis src/overtaking/_core*.so
+	find src tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
+
+# Each stamp is touched last, so an interrupted step is done again.
+$(VENV)/.dev: requirements/dev.txt
+	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and \
+	  "$(PYTHON): is Python %d.%d, overtaking needs 3.11 or newer; run make PYTHON=python3.11" % v[:2])'
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements/dev.txt
+	@touch $@
+
+$(VENV)/.bench: requirements/bench.txt $(VENV)/.dev
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements/bench.txt
+	@touch $@
+
+$(VENV)/.build: $(VENV)/.dev $(CRATES) Cargo.toml Cargo.lock pyproject.toml
+	$(BIN)/maturin develop --release --locked
+	@touch $@
