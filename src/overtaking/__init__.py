@@ -1,1 +1,38 @@
-"""overtaking."""
+"""A laboratory for overtaking manoeuvres: simulate, label and explain them, reproducibly.
+
+Every public name is loaded from the module that defines it when it is first used (PEP 562), so
+importing the package costs nothing and binds no layer to another. `__init__.pyi` beside this file
+tells type checkers and editors the same names.
+"""
+
+from importlib import import_module as _import_module
+
+_HOMES = {
+    "Drivers": "overtaking.model.drivers",
+    "Lane": "overtaking.model.road",
+    "OvertakingError": "overtaking.core.errors",
+    "Road": "overtaking.model.road",
+    "Scenario": "overtaking.model.scenario",
+    "Trajectories": "overtaking.model.trajectory",
+    "VehicleSpecs": "overtaking.model.vehicles",
+    "Weather": "overtaking.model.weather",
+}
+"""The module that defines each public name."""
+
+
+def __getattr__(name: str) -> object:
+    """Load a public name, once."""
+    if name == "__version__":
+        value = _import_module("importlib.metadata").version(__name__)
+    elif name in _HOMES:
+        value = getattr(_import_module(_HOMES[name]), name)
+    else:
+        message = f"overtaking: no public name {name!r}; dir(overtaking) lists them"
+        raise AttributeError(message, name=name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List the public names, loaded or not."""
+    return sorted({*globals(), *_HOMES, "__version__"})

@@ -1,0 +1,178 @@
+"""Dependencies point down, and the checker that says so is itself checked with something wrong.
+
+The contracts are in pyproject.toml (`[tool.importlinter]`). Its graph holds Python sources only, so
+what concerns the compiled module `overtaking._core` and the package root is checked here.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+COMPILED = "overtaking._core"
+BINDING = "overtaking.sim"
+REFERENCE = "overtaking.sim.reference"
+
+LOAD_REFERENCE = f"""
+import importlib, pkgutil, sys
+sys.modules["{COMPILED}"] = None  # makes every import of it fail
+package = importlib.import_module("{REFERENCE}")
+names = [m.name for m in pkgutil.walk_packages(package.__path__, package.__name__ + ".")]
+for name in names:
+    importlib.import_module(name)
+"""
+
+
+@pytest.fixture
+def copy(repository: Path, tmp_path: Path) -> Path:
+    """A copy of our Python sources, to be spoiled by a test."""
+    source = tmp_path / "src" / "overtaking"
+    ignore = shutil.ignore_patterns("__pycache__", "*.so", "*.pyd")
+    shutil.copytree(repository / "src" / "overtaking", source, ignore=ignore)
+    return source
+
+
+def run(source: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    """Run a command that sees this copy of the package instead of the installed one."""
+    return subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        cwd=source.parents[1],
+        env={**os.environ, "PYTHONPATH": str(source.parent)},
+    )
+
+
+def lint(source: Path, repository: Path) -> subprocess.CompletedProcess[str]:
+    """Check a copy against the contracts of pyproject.toml."""
+    linter = Path(sys.executable).with_name("lint-imports")
+    return run(source, str(linter), "--no-cache", "--config", str(repository / "pyproject.toml"))
+
+
+def add(source: Path, module: str, line: str) -> None:
+    """Append a statement to a module of the copy, making the module if needed."""
+    path = source / module
+    path.parent.mkdir(exist_ok=True)
+    with path.open("a", encoding="utf-8") as file:
+        file.write(f"\n{line}\n")
+
+
+def imports_of(path: Path, package: list[str]) -> Iterator[str]:
+    """Every module or name that a file imports, in full: `a.b` for `from a import b`."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) - node.level + 1] if node.level else []
+            base = [*above, *([node.module] if node.module else [])]
+            yield from (".".join([*base, alias.name]) for alias in node.names)
+
+
+def importers(source: Path) -> Iterator[tuple[str, str]]:
+    """Every pair (module of the package, what it imports)."""
+    for path in sorted(source.rglob("*.py")):
+        parts = list(path.relative_to(source.parent).with_suffix("").parts)
+        module = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        yield from ((module, name) for name in imports_of(path, parts[:-1]))
+
+
+def inside(name: str, package: str) -> bool:
+    """Whether a module or name is a package or lies in it."""
+    return name == package or name.startswith(f"{package}.")
+
+
+def loaders_of_compiled_code(source: Path) -> set[str]:
+    """The modules that import `overtaking._core`."""
+    return {module for module, name in importers(source) if inside(name, COMPILED)}
+
+
+def users_of_the_root(source: Path) -> set[tuple[str, str]]:
+    """The modules that take a public name from the root, and so may reach any layer unseen."""
+    packages = {path.stem for path in source.iterdir()} | {"_core"}
+    return {
+        (module, name)
+        for module, name in importers(source)
+        if name == "overtaking"
+        or (name.startswith("overtaking.") and name.split(".")[1] not in packages)
+    }
+
+
+def test_dependencies_point_down(repository: Path, copy: Path):
+    done = lint(copy, repository)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("module", "line", "contract"),
+    [
+        ("core/spoiled.py", "import overtaking.cli", "dependencies point down"),
+        ("tables/spoiled.py", "import overtaking.exchange", "dependencies point down"),
+        ("utils/__init__.py", "", "dependencies point down"),
+        ("model/spoiled.py", "import pyarrow", "no table library below the tables"),
+        ("sim/spoiled.py", "from pandas import DataFrame", "no table library below the tables"),
+        ("knowledge/spoiled.py", "import pydantic", "no pydantic below the scenarios"),
+        ("datasets/spoiled.py", "import rich.progress", "no terminal library outside"),
+    ],
+)
+def test_the_linter_catches(module: str, line: str, contract: str, repository: Path, copy: Path):
+    add(copy, module, line)
+    done = lint(copy, repository)
+    broken = [row for row in done.stdout.splitlines() if row.endswith("BROKEN")]
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert any(row.startswith(contract) for row in broken), done.stdout
+
+
+def test_only_the_binding_loads_compiled_code(copy: Path):
+    strangers = {m for m in loaders_of_compiled_code(copy) if not inside(m, BINDING)}
+    assert strangers == set()
+    assert not any(inside(m, REFERENCE) for m in loaders_of_compiled_code(copy))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "import overtaking._core",
+        "from overtaking import _core",
+        "from overtaking._core import simulate",
+        "from .. import _core",
+        "def late():\n    from overtaking import _core",
+    ],
+)
+def test_every_way_to_load_compiled_code_is_seen(line: str, copy: Path):
+    add(copy, "physics/spoiled.py", line)
+    assert "overtaking.physics.spoiled" in loaders_of_compiled_code(copy)
+
+
+def test_no_module_takes_public_names_from_the_root(copy: Path):
+    assert users_of_the_root(copy) == set()
+
+
+@pytest.mark.parametrize("line", ["import overtaking", "from overtaking import simulate"])
+def test_a_detour_through_the_root_is_seen(line: str, copy: Path):
+    add(copy, "core/spoiled.py", line)
+    assert "overtaking.core.spoiled" in {module for module, _ in users_of_the_root(copy)}
+
+
+def test_the_reference_runs_without_compiled_code(copy: Path):
+    done = run(copy, sys.executable, "-c", LOAD_REFERENCE)
+    assert done.returncode == 0, done.stderr
+
+
+def test_compiled_code_below_the_reference_is_seen(copy: Path):
+    add(copy, "model/spoiled.py", "from overtaking import _core")
+    add(copy, "sim/reference/spoiled.py", "import overtaking.model.spoiled")
+    done = run(copy, sys.executable, "-c", LOAD_REFERENCE)
+    assert done.returncode == 1
+    assert "_core" in done.stderr.splitlines()[-1]

@@ -1,0 +1,73 @@
+"""The table of public names, the stub beside it and the modules that define the names agree."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import importlib.metadata
+import inspect
+import pkgutil
+import re
+from pathlib import Path
+
+import pytest
+
+import overtaking
+
+HOMES: dict[str, str] = vars(overtaking)["_HOMES"]
+NAMES = sorted(HOMES)
+
+
+def names_in_stub() -> dict[str, str]:
+    """What `__init__.pyi` re-exports: `from home import name as name`, as {name: home}."""
+    stub = Path(overtaking.__path__[0]) / "__init__.pyi"
+    imports = [
+        n for n in ast.parse(stub.read_text(encoding="utf-8")).body if isinstance(n, ast.ImportFrom)
+    ]
+    return {
+        alias.name: str(statement.module)
+        for statement in imports
+        for alias in statement.names
+        if alias.asname == alias.name
+    }
+
+
+def test_the_stub_lists_the_same_names_from_the_same_modules():
+    assert names_in_stub() == HOMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_public_name_is_what_its_module_defines(name: str):
+    home = importlib.import_module(HOMES[name])
+    assert getattr(overtaking, name) is getattr(home, name)
+    assert getattr(home, name).__module__ == home.__name__, "named by a module that only imports it"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_public_name_is_explained(name: str):
+    assert inspect.getdoc(getattr(overtaking, name))
+
+
+def test_no_public_name_is_hidden_by_a_package():
+    """Importing `overtaking.x` sets the attribute `x`, which would then replace a public name."""
+    packages = {module.name for module in pkgutil.iter_modules(overtaking.__path__)}
+    assert packages & {*HOMES, "__version__"} == set()
+
+
+def test_dir_lists_every_public_name():
+    assert {*NAMES, "__version__"} <= set(dir(overtaking))
+
+
+def test_an_unknown_name_says_how_to_find_the_known_ones():
+    unknown = "nonsense"
+    with pytest.raises(AttributeError, match=r"no public name 'nonsense'; dir\(overtaking\)"):
+        getattr(overtaking, unknown)
+
+
+def test_the_version_is_the_same_everywhere(repository: Path):
+    version = importlib.metadata.version("overtaking")
+    citation = (repository / "CITATION.cff").read_text(encoding="utf-8")
+    changes = (repository / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert overtaking.__version__ == version
+    assert re.findall(r"^version: (\S+)$", citation, re.MULTILINE) == [version]
+    assert re.findall(r"^## \[(?!Unreleased)([^]]+)\]", changes, re.MULTILINE)[:1] == [version]
