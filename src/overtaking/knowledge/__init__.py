@@ -1,1 +1,45 @@
-"""overtaking.knowledge"""
+"""What the package knows about vehicles, roads, weather and drivers: data with a source each."""
+
+from __future__ import annotations
+
+from overtaking.knowledge.friction import (
+    FrictionTable,
+    Hydroplaning,
+    friction_table,
+    hydroplaning,
+)
+from overtaking.knowledge.presets import Preset, presets
+from overtaking.knowledge.quantity import Distribution, Quantity, Source
+from overtaking.knowledge.reader import quantities, read_section, sources
+from overtaking.knowledge.vehicles import (
+    COLOUR_ORDER,
+    VEHICLE_CLASS_ORDER,
+    Colour,
+    VehicleClass,
+    colours,
+    vehicle_classes,
+)
+from overtaking.knowledge.weather import WeatherMaps, weather_maps
+
+__all__ = [
+    "COLOUR_ORDER",
+    "VEHICLE_CLASS_ORDER",
+    "Colour",
+    "Distribution",
+    "FrictionTable",
+    "Hydroplaning",
+    "Preset",
+    "Quantity",
+    "Source",
+    "VehicleClass",
+    "WeatherMaps",
+    "colours",
+    "friction_table",
+    "hydroplaning",
+    "presets",
+    "quantities",
+    "read_section",
+    "sources",
+    "vehicle_classes",
+    "weather_maps",
+]

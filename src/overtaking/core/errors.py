@@ -1,0 +1,78 @@
+"""Every error of the package, in one tree, with one shape of message.
+
+Each class is also a built-in kind, so that a caller who knows nothing of this package can still
+catch a `ValueError` or an `ImportError`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from typing import Self
+
+MAX_SHOWN_CHARACTERS = 160
+
+
+def _one_line(part: object) -> str:
+    """A part of a message as text without line breaks, shortened when it is very long."""
+    text = " ".join((part if isinstance(part, str) else repr(part)).split())
+    if len(text) <= MAX_SHOWN_CHARACTERS:
+        return text
+    return text[: MAX_SHOWN_CHARACTERS - 3] + "..."
+
+
+class OvertakingError(Exception):
+    """Anything that this package refuses to do; the root of the tree."""
+
+    @classmethod
+    def of(
+        cls, *, what: object, where: object, expected: object, got: object, next_step: object
+    ) -> Self:
+        """An error whose message tells a reader everything needed to go on.
+
+        Args:
+            what: The thing that is wrong, such as a column, a key or an option.
+            where: The file, section or call in which it was found.
+            expected: What would have been right.
+            got: What was there instead.
+            next_step: What the reader can do now, as an imperative.
+
+        Returns:
+            The error, with the one-line message `where: what: expected ..., got ...; next_step`.
+        """
+        head = f"{_one_line(where)}: {_one_line(what)}"
+        body = f"expected {_one_line(expected)}, got {_one_line(got)}"
+        return cls(f"{head}: {body}; {_one_line(next_step)}")
+
+
+class ConfigError(OvertakingError, ValueError):
+    """A profile, specification, option or argument that cannot be used."""
+
+
+class SchemaError(OvertakingError, ValueError):
+    """A table or array whose columns, types, units or version are not those agreed on."""
+
+
+class ImportFormatError(OvertakingError, ValueError):
+    """A file of another program that does not say what its format requires."""
+
+
+class DatasetError(OvertakingError, RuntimeError):
+    """A data set folder that is incomplete, damaged or in the wrong state."""
+
+
+class LockedError(DatasetError):
+    """A data set folder that another process is writing."""
+
+
+class MissingExtraError(OvertakingError, ImportError):
+    """An optional dependency that a command needs and that is not installed."""
+
+
+class KnowledgeError(OvertakingError, ValueError):
+    """A knowledge file with an unknown, missing, unitless or unsourced entry."""
+
+
+class InfeasibleError(OvertakingError, ValueError):
+    """A scenario or request that no vehicle on no road could meet."""

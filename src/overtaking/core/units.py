@@ -1,0 +1,49 @@
+"""Conversions at the edges, and the two constants of nature that every layer shares.
+
+Inside the package every name without a suffix is SI. Kilometres per hour and degrees appear only
+where a file, a person or another program uses them, in names that end in `_kmh` and `_deg`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+Number = TypeVar("Number", float, "NDArray[np.floating[Any]]")
+
+# Road-vehicle practice rounds the standard acceleration of free fall, 9.80665 m/s^2
+# (3rd CGPM, 1901), to two decimals.
+GRAVITY = 9.81
+"""Acceleration of free fall [m/s^2]."""
+
+# Dry air at 20 degrees Celsius and 101 325 Pa has 1.204 kg/m^3 (ideal gas, R = 287.05 J/(kg K)).
+AIR_DENSITY = 1.20
+"""Density of air near the ground [kg/m^3]."""
+
+_KMH_PER_MPS = 3.6
+_RAD_PER_DEG = math.pi / 180.0
+_DEG_PER_RAD = 180.0 / math.pi
+
+
+def mps_from_kmh(speed_kmh: Number) -> Number:
+    """Speed [m/s] from kilometres per hour; a float32 array stays float32."""
+    return speed_kmh / _KMH_PER_MPS
+
+
+def kmh_from_mps(speed: Number) -> Number:
+    """Speed [km/h] from metres per second; a float32 array stays float32."""
+    return speed * _KMH_PER_MPS
+
+
+def rad_from_deg(angle_deg: Number) -> Number:
+    """Angle [rad] from degrees; a float32 array stays float32."""
+    return angle_deg * _RAD_PER_DEG
+
+
+def deg_from_rad(angle: Number) -> Number:
+    """Angle [degrees] from radians; a float32 array stays float32."""
+    return angle * _DEG_PER_RAD

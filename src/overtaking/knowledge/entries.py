@@ -1,0 +1,223 @@
+"""One entry of a knowledge file: an inline table with value, unit and source."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, TypeGuard, cast
+
+from overtaking.core.errors import KnowledgeError
+from overtaking.knowledge.conversion import converter, kept_unit, si_unit
+from overtaking.knowledge.quantity import CHOICE, TRUNCATION, Distribution, Quantity
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Container, Mapping
+
+    from overtaking.knowledge.quantity import Values
+
+_MARKS = frozenset(["value", "distribution", "unit", "source"])
+_PROVENANCE = frozenset(["unit", "source"])
+_OPTIONAL = frozenset(["rationale"])
+
+# Kind of distribution: the keys that it needs beside unit and source.
+_KINDS = {
+    "constant": frozenset(["value"]),
+    "uniform": frozenset(["low", "high"]),
+    "normal": frozenset(["mean", "sigma", "low", "high"]),
+    "lognormal": frozenset(["median", "sigma", "low", "high"]),
+    "bernoulli": frozenset(["probability"]),
+    "choice": frozenset(["values", "weights"]),
+}
+
+# Parameters that are pure numbers whatever the unit of a draw.
+_UNITLESS = {"lognormal": frozenset(["sigma"]), "choice": frozenset(["weights"])}
+
+_WEIGHT_TOLERANCE = 1e-9
+
+
+def is_entry(item: object) -> TypeGuard[dict[str, Any]]:
+    """Whether an item is an entry, complete or not, rather than a table of entries."""
+    if not isinstance(item, dict):
+        return False
+    table = cast("dict[str, object]", item)
+    return any(key in table and not isinstance(table[key], dict) for key in _MARKS)
+
+
+def parse_quantity(
+    entry: Mapping[str, Any], *, name: str, where: str, sources: Container[str]
+) -> Quantity:
+    """A quantity from its inline table.
+
+    Args:
+        entry: Keys value, unit, source; optionally sigma, low, high, rationale.
+        name: Key of the entry; a suffix such as `_mm` keeps the value in that unit.
+        where: File and entry, for messages.
+        sources: The known source ids.
+
+    Returns:
+        The quantity, in SI or in the unit of the suffix.
+
+    Raises:
+        KnowledgeError: A key is missing or unknown, or a value is not what its key asks for.
+    """
+    spread = frozenset(["sigma", "low", "high"])
+    _check(entry, needed=_PROVENANCE | {"value"}, also=spread, where=where, sources=sources)
+    unit, convert = _unit(entry, name, where)
+    value = _values(entry["value"], convert, where)
+    sigma = _number(entry["sigma"], convert, where) if "sigma" in entry else None
+    low, high = _limits(entry, value, sigma, convert, where)
+    return Quantity(
+        value=value,
+        sigma=sigma,
+        low=low,
+        high=high,
+        unit=unit,
+        quoted_unit=entry["unit"],
+        source=entry["source"],
+        rationale=entry.get("rationale"),
+    )
+
+
+def parse_distribution(
+    entry: Mapping[str, Any], *, name: str, where: str, sources: Container[str]
+) -> Distribution:
+    """A distribution from its inline table.
+
+    Args:
+        entry: Keys distribution, unit, source and the parameters of the kind.
+        name: Key of the entry; a suffix such as `_mm` keeps the values in that unit.
+        where: File and entry, for messages.
+        sources: The known source ids.
+
+    Returns:
+        The distribution, in SI or in the unit of the suffix.
+
+    Raises:
+        KnowledgeError: The kind is unknown, or its parameters do not make a distribution.
+    """
+    kind = entry.get("distribution")
+    if kind not in _KINDS:
+        raise _wrong("distribution", where, f"one of {', '.join(_KINDS)}", kind)
+    needed = _PROVENANCE | {"distribution"} | _KINDS[kind]
+    _check(entry, needed=needed, also=frozenset(), where=where, sources=sources)
+    unit, convert = _unit(entry, name, where)
+    plain = _UNITLESS.get(kind, frozenset())
+    numbers = {
+        key: _values(entry[key], float if key in plain else convert, where)
+        for key in sorted(_KINDS[kind])
+    }
+    low, high = _support(kind, numbers, where)
+    return Distribution(
+        kind=kind,
+        parameters=cast("Any", {k: v for k, v in numbers.items() if k not in ("low", "high")}),
+        low=low,
+        high=high,
+        unit=unit,
+        quoted_unit=entry["unit"],
+        source=entry["source"],
+        rationale=entry.get("rationale"),
+    )
+
+
+def _check(
+    entry: Mapping[str, Any],
+    *,
+    needed: frozenset[str],
+    also: frozenset[str],
+    where: str,
+    sources: Container[str],
+) -> None:
+    """KnowledgeError unless the keys are right and the source is known or explained."""
+    for key in sorted(needed - entry.keys()):
+        raise _wrong(f"missing {key}", where, f"the keys {', '.join(sorted(needed))}", entry)
+    for key in sorted(entry.keys() - needed - also - _OPTIONAL):
+        allowed = ", ".join(sorted(needed | also | _OPTIONAL))
+        raise _wrong(f"unknown key {key}", where, f"only the keys {allowed}", key)
+    source = entry["source"]
+    if source == CHOICE and not str(entry.get("rationale", "")).strip():
+        raise _wrong("missing rationale", where, "a reason beside source = 'choice'", "none")
+    if source != CHOICE and source not in sources:
+        raise _wrong("unknown source", where, "an id of sources.toml", repr(source))
+
+
+def _unit(entry: Mapping[str, Any], name: str, where: str) -> tuple[str, Callable[[Any], float]]:
+    """The unit in which the value is kept, and the conversion into it."""
+    quoted: str = entry["unit"]
+    convert = converter(str(quoted), where=where)
+    kept = kept_unit(name)
+    if kept is None:
+        return si_unit(quoted), convert
+    if kept != quoted:
+        raise _wrong("unit", where, f"{kept}, as the name {name} says", quoted)
+    return quoted, float
+
+
+def _values(item: Any, convert: Callable[[Any], float], where: str) -> Values:
+    """A number or nested lists of numbers, converted; lists become tuples."""
+    if isinstance(item, list):
+        parts = cast("list[Any]", item)
+        if parts:
+            return tuple(_values(part, convert, where) for part in parts)
+    return _number(item, convert, where)
+
+
+def _number(item: Any, convert: Callable[[Any], float], where: str) -> float:
+    """A finite number, converted."""
+    if isinstance(item, bool) or not isinstance(item, int | float) or item - item != 0:
+        raise _wrong("value", where, "a finite number", item)
+    return convert(float(item))
+
+
+def _limits(
+    entry: Mapping[str, Any],
+    value: Values,
+    sigma: float | None,
+    convert: Callable[[Any], float],
+    where: str,
+) -> tuple[Values, Values]:
+    """Where a sample of the quantity is cut off."""
+    if isinstance(value, tuple):
+        if entry.keys() & {"sigma", "low", "high"}:
+            raise _wrong("spread", where, "sigma, low and high beside one number only", "a list")
+        return value, value
+    reach = TRUNCATION * (sigma or 0.0)
+    low = _number(entry["low"], convert, where) if "low" in entry else value - reach
+    high = _number(entry["high"], convert, where) if "high" in entry else value + reach
+    if (sigma is not None and sigma <= 0.0) or not low <= value <= high:
+        raise _wrong("spread", where, "sigma > 0 and low <= value <= high", entry)
+    return low, high
+
+
+def _support(kind: str, numbers: Mapping[str, Any], where: str) -> tuple[float, float]:
+    """Smallest and largest possible draw; KnowledgeError if the parameters make no sense."""
+    if kind == "choice":
+        return _choice_support(numbers, where)
+    if any(isinstance(number, tuple) for number in numbers.values()):
+        raise _wrong("parameters", where, "numbers, not lists", kind)
+    if kind == "constant":
+        return numbers["value"], numbers["value"]
+    if kind == "bernoulli":
+        if not 0.0 <= numbers["probability"] <= 1.0:
+            raise _wrong("probability", where, "0 to 1", numbers["probability"])
+        return 0.0, 1.0
+    low, high = numbers["low"], numbers["high"]
+    centre = numbers.get("mean", numbers.get("median", low))
+    positive = kind != "lognormal" or low > 0.0
+    if not (low < high and low <= centre <= high and numbers.get("sigma", 1.0) > 0.0 and positive):
+        raise _wrong("parameters", where, "low < high around the centre, sigma > 0", numbers)
+    return low, high
+
+
+def _choice_support(numbers: Mapping[str, Any], where: str) -> tuple[float, float]:
+    """Smallest and largest of the values to choose from."""
+    values, weights = numbers["values"], numbers["weights"]
+    pair = isinstance(values, tuple) and isinstance(weights, tuple)
+    if not pair or len(values) != len(weights):
+        raise _wrong("weights", where, "as many as values", numbers)
+    if min(weights) < 0.0 or abs(sum(weights) - 1.0) > _WEIGHT_TOLERANCE:
+        raise _wrong("weights", where, "none negative, summing to 1", weights)
+    return min(values), max(values)
+
+
+def _wrong(what: str, where: str, expected: str, got: object) -> KnowledgeError:
+    return KnowledgeError.of(
+        what=what, where=where, expected=expected, got=got, next_step="correct the entry"
+    )

@@ -1,0 +1,99 @@
+"""Friction of tyres by speed and film of water, and the speeds at which they lose the road."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+from overtaking.knowledge.reader import read_section
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrictionTable:
+    """Peak friction of car tyres, and how other tyres and deeper water differ.
+
+    Attributes:
+        speeds: Rows of the table [m/s], ascending.
+        films_mm: Columns of the table [mm of water], ascending.
+        new: Friction of a new tyre, (speed, film).
+        worn: Friction of a tyre at the legal limit of wear, (speed, film).
+        tread_new_mm: Tread depth that `new` stands for [mm].
+        tread_worn_mm: Tread depth that `worn` stands for [mm].
+        tread_default_mm: Tread depth of a vehicle of which nothing else is known [mm].
+        truck_dry_factor: Friction of truck tyres over that of car tyres on a dry road.
+        truck_film_mm: Film above which truck tyres lose less with speed [mm].
+        truck_loss_factor: Part of the car tyre's speed-dependent loss that they then have.
+        sliding_ratio: Friction of a locked wheel over the peak.
+        floor: Smallest friction that the model uses.
+        aquaplaning_friction: Friction below which a tyre counts as aquaplaning ...
+        aquaplaning_film_mm: ... provided that the film is at least this [mm].
+        usable_share: Part of the friction that a planner may count on.
+    """
+
+    speeds: tuple[float, ...]
+    films_mm: tuple[float, ...]
+    new: tuple[tuple[float, ...], ...]
+    worn: tuple[tuple[float, ...], ...]
+    tread_new_mm: float
+    tread_worn_mm: float
+    tread_default_mm: float
+    truck_dry_factor: float
+    truck_film_mm: float
+    truck_loss_factor: float
+    sliding_ratio: float
+    floor: float
+    aquaplaning_friction: float
+    aquaplaning_film_mm: float
+    usable_share: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hydroplaning:
+    """Coefficients of two formulas for the speed of hydroplaning, in km/h.
+
+    Horne: `horne_factor sqrt(pressure)`. PAVDRN: up to `film_limit_mm`,
+    `thin_factor film^thin_exponent` (mm); above it, with film and texture in inches,
+    `thick_factor max(thick_a1 / f + thick_a0, (thick_b1 / f - thick_b0) texture^e)`, where
+    f = film^thick_film_exponent and e = thick_texture_exponent.
+
+    Attributes:
+        horne_factor: For a pressure in kPa.
+        car_pressure_kpa: Inflation of car tyres [kPa].
+        truck_pressure_kpa: Inflation of truck tyres [kPa].
+        film_limit_mm: Where the two branches of PAVDRN meet [mm].
+        thin_factor: For a film in mm.
+        thin_exponent: Negative.
+        thick_factor: For a film in inches.
+        thick_film_exponent: Of the film.
+        thick_a1: First term.
+        thick_a0: First term.
+        thick_b1: Second term.
+        thick_b0: Second term, subtracted.
+        thick_texture_exponent: Of the mean texture depth.
+    """
+
+    horne_factor: float
+    car_pressure_kpa: float
+    truck_pressure_kpa: float
+    film_limit_mm: float
+    thin_factor: float
+    thin_exponent: float
+    thick_factor: float
+    thick_film_exponent: float
+    thick_a1: float
+    thick_a0: float
+    thick_b1: float
+    thick_b0: float
+    thick_texture_exponent: float
+
+
+@cache
+def friction_table() -> FrictionTable:
+    """The friction of tyres; source `bosch-handbook`."""
+    return read_section(FrictionTable, "friction.toml", "table")
+
+
+@cache
+def hydroplaning() -> Hydroplaning:
+    """The hydroplaning formulas; sources `horne-1963` and `pavdrn-1998`."""
+    return read_section(Hydroplaning, "friction.toml", "hydroplaning")

@@ -1,0 +1,201 @@
+"""Reads the TOML files of the knowledge base into typed, frozen values.
+
+Every number in a file is an inline table with at least a value, a unit and a source. Whatever is
+unknown, missing, unitless or unsourced is an error here, so that nothing above has to check.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, TypeVar, cast, get_type_hints
+
+from overtaking.core.errors import KnowledgeError
+from overtaking.knowledge.entries import is_entry, parse_distribution, parse_quantity
+from overtaking.knowledge.quantity import Distribution, Quantity, Source
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+Record = TypeVar("Record")
+
+DATA = Path(__file__).with_name("data")
+"""The folder of the files that are part of the package."""
+
+
+@cache
+def load(file: str | Path) -> dict[str, Any]:
+    """The content of one knowledge file.
+
+    Args:
+        file: A name inside the package's data folder, or an absolute path.
+
+    Returns:
+        The TOML document; callers must not change it.
+
+    Raises:
+        KnowledgeError: The file is missing or is no TOML.
+    """
+    path = DATA / file
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, tomllib.TOMLDecodeError) as error:
+        raise KnowledgeError.of(
+            what="file",
+            where=path.name,
+            expected="a readable TOML file",
+            got=str(error),
+            next_step="restore or correct the file",
+        ) from error
+
+
+@cache
+def sources() -> Mapping[str, Source]:
+    """Every source that entries may refer to, by id."""
+    hints = {field.name for field in dataclasses.fields(Source)} - {"id"}
+    found: dict[str, Source] = {}
+    for id_, entry in load("sources.toml").items():
+        if set(entry) != hints:
+            raise KnowledgeError.of(
+                what=f"source {id_}",
+                where="sources.toml",
+                expected=f"exactly the keys {', '.join(sorted(hints))}",
+                got=", ".join(sorted(entry)),
+                next_step="correct the entry",
+            )
+        found[id_] = Source(id=id_, **entry)
+    return MappingProxyType(found)
+
+
+def read_section(cls: type[Record], file: str | Path, section: str = "") -> Record:
+    """One section of a knowledge file as a frozen dataclass.
+
+    A field of type `Quantity` or `Distribution` keeps unit and source; a field of type `float`,
+    `int` or a tuple takes the value alone, in SI or in the unit that its name ends in; `str` and
+    `bool` fields are names and flags, which have no unit; a field that is itself a dataclass is
+    a subsection. A field with a default may be absent.
+
+    Args:
+        cls: The dataclass to fill; its field names are the keys of the section.
+        file: A name inside the package's data folder, or an absolute path.
+        section: Dotted name of the table; empty for the whole file.
+
+    Returns:
+        An instance of `cls`.
+
+    Raises:
+        KnowledgeError: A key is unknown or missing, or an entry lacks its unit or source.
+    """
+    table: Any = load(file)
+    for part in section.split(".") if section else []:
+        table = table.get(part) if isinstance(table, dict) else None
+    if not isinstance(table, dict) or is_entry(table):
+        raise KnowledgeError.of(
+            what=f"section [{section}]",
+            where=Path(file).name,
+            expected="a table",
+            got="none" if table is None else table,
+            next_step="add the section",
+        )
+    return _fill(cls, cast("dict[str, Any]", table), where=_where(file, section))
+
+
+def quantities(file: str | Path) -> Mapping[str, Quantity | Distribution]:
+    """Every number of a knowledge file, by dotted name, in the file's order.
+
+    Args:
+        file: A name inside the package's data folder, or an absolute path.
+
+    Returns:
+        Dotted name, such as `T.length`, to quantity or distribution.
+
+    Raises:
+        KnowledgeError: A number stands alone, or an entry lacks its unit or source.
+    """
+    return MappingProxyType(dict(_walk(load(file), "", Path(file).name)))
+
+
+def _where(file: str | Path, name: str) -> str:
+    return f"{Path(file).name} [{name}]" if name else Path(file).name
+
+
+def _walk(
+    table: Mapping[str, Any], prefix: str, file: str
+) -> Iterator[tuple[str, Quantity | Distribution]]:
+    """The entries below a table, depth first."""
+    for key, item in table.items():
+        name = f"{prefix}{key}"
+        if is_entry(item):
+            parse = parse_distribution if "distribution" in item else parse_quantity
+            yield name, parse(item, name=key, where=f"{file} [{name}]", sources=sources())
+        elif isinstance(item, dict):
+            yield from _walk(cast("dict[str, Any]", item), f"{name}.", file)
+        elif not isinstance(item, str | bool):
+            raise _wrong_kind(f"{file} [{name}]", "a table with value, unit and source", item)
+
+
+def _fill(cls: type[Record], table: Mapping[str, Any], *, where: str) -> Record:
+    """An instance of a dataclass from a table whose keys are its fields."""
+    fields = {field.name: field for field in dataclasses.fields(cast("Any", cls)) if field.init}
+    required = {
+        name
+        for name, field in fields.items()
+        if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+    }
+    _check_keys(set(table), allowed=set(fields), required=required, where=where)
+    hints = get_type_hints(cls, localns={"Quantity": Quantity, "Distribution": Distribution})
+    values = {key: _read(item, hints[key], key, f"{where} {key}") for key, item in table.items()}
+    return cls(**values)
+
+
+def _check_keys(got: set[str], *, allowed: set[str], required: set[str], where: str) -> None:
+    """KnowledgeError for the first key that is unknown or missing."""
+    for what, keys in (("unknown key", got - allowed), ("missing key", required - got)):
+        if keys:
+            raise KnowledgeError.of(
+                what=f"{what} {min(keys)}",
+                where=where,
+                expected=f"the keys {', '.join(sorted(allowed))}",
+                got=", ".join(sorted(got)) or "none",
+                next_step="correct the file",
+            )
+
+
+def _read(item: Any, hint: Any, name: str, where: str) -> Any:
+    """One item of a table, as the type that its field declares."""
+    if hint in (str, bool):
+        if isinstance(item, hint):
+            return item
+        raise _wrong_kind(where, f"a {hint.__name__}", item)
+    if dataclasses.is_dataclass(hint) and hint not in (Quantity, Distribution):
+        if isinstance(item, dict) and not is_entry(item):
+            return _fill(cast("type[Any]", hint), cast("dict[str, Any]", item), where=where)
+        raise _wrong_kind(where, "a table", item)
+    if not is_entry(item):
+        raise _wrong_kind(where, "a table with value, unit and source", item)
+    if hint is Distribution:
+        return parse_distribution(item, name=name, where=where, sources=sources())
+    quantity = parse_quantity(item, name=name, where=where, sources=sources())
+    return quantity if hint is Quantity else _plain(quantity, hint, where)
+
+
+def _plain(quantity: Quantity, hint: Any, where: str) -> Any:
+    """The value of a quantity alone, for a field of type float, int or tuple."""
+    value = quantity.value
+    is_table = isinstance(value, tuple)
+    if is_table != (hint not in (float, int)):
+        raise _wrong_kind(where, "a list" if not is_table else "one number", value)
+    if hint is not int:
+        return value
+    if not is_table and value == int(value):
+        return int(value)
+    raise _wrong_kind(where, "a whole number", value)
+
+
+def _wrong_kind(where: str, expected: str, got: object) -> KnowledgeError:
+    return KnowledgeError.of(
+        what="entry", where=where, expected=expected, got=got, next_step="correct the file"
+    )
