@@ -17,12 +17,11 @@ LOCK_FLAGS ?=
 
 # What runs belongs to .venv, not to an environment that happens to be active.
 unexport PYTHONPATH PYTHONHOME
-export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 # Pyright would ask the package registry whether a newer version exists.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
-CRATES := $(shell find crates -name '*.rs' -o -name Cargo.toml 2>/dev/null)
+CRATES := $(shell find crates -type f)
 LOCK   := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes \
           --no-header --no-emit-index-url --no-emit-find-links --quiet $(LOCK_FLAGS)
 
@@ -35,7 +34,7 @@ help:  ## List what can be made
 demo: build  ## Generate the paper's 276 simulations and show one
 	$(BIN)/overtaking generate --profile pinto2023 -n 276 --seed 1 --out $(DEMO)
 	$(BIN)/overtaking show $(DEMO) 1
-	@echo "The data set is in $(CURDIR)/$(DEMO); its README.md says what each table holds."
+	@echo "The data set is in $(abspath $(DEMO))."
 
 test: check test-rust test-python  ## Everything that must pass: checks, then the tests of both languages
 
@@ -45,7 +44,7 @@ check-python: build
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright
-	$(BIN)/lint-imports --no-cache
+	$(BIN)/lint-imports --no-cache --no-logo
 	$(BIN)/typos
 
 check-rust: build
@@ -84,15 +83,23 @@ clean:  ## Remove what was built, except the caches of pip and cargo and the dat
 # Each stamp is touched last, so an interrupted step is done again.
 $(VENV)/.dev: requirements/dev.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and \
-	  "$(PYTHON): is Python %d.%d, overtaking needs 3.11 or newer; run make PYTHON=python3.11" % v[:2])'
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --require-hashes -r requirements/dev.txt
+	  "$(PYTHON) is Python %d.%d, overtaking needs 3.11 or newer: make PYTHON=python3.11" % v[:2])'
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
+	@echo "installing the packages of $< into $(VENV)"
+	@$(BIN)/python -m pip install --quiet --require-hashes -r $<
 	@touch $@
 
 $(VENV)/.bench: requirements/bench.txt $(VENV)/.dev
-	$(BIN)/python -m pip install --quiet --require-hashes -r requirements/bench.txt
+	@echo "installing the packages of $< into $(VENV)"
+	@$(BIN)/python -m pip install --quiet --require-hashes -r $<
 	@touch $@
 
+# pip starts maturin, which it looks for on PATH, which starts cargo; the packages that it needs are
+# there already. Only the compiled module has to be built again when Rust code changes.
 $(VENV)/.build: $(VENV)/.dev $(CRATES) Cargo.toml Cargo.lock pyproject.toml
-	$(BIN)/maturin develop --release --locked
+	@command -v cargo >/dev/null || { \
+	  echo "cargo is not on PATH, overtaking needs Rust 1.89 or newer: install it with rustup" >&2; exit 1; }
+	@echo "building the engine"
+	@PATH="$(CURDIR)/$(BIN):$$PATH" \
+	  $(BIN)/python -m pip install --quiet --no-build-isolation --no-deps --editable .
 	@touch $@
