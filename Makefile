@@ -71,8 +71,8 @@ format: $(VENV)/.dev  ## Format all code, and fix what the linter can fix
 
 lock:  ## Write requirements/*.txt anew (needs uv)
 	$(LOCK) -o requirements/runtime.txt
-	$(LOCK) -c requirements/runtime.txt --extra sql --group dev -o requirements/dev.txt
-	$(LOCK) -c requirements/dev.txt --extra all --group dev -o requirements/bench.txt
+	$(LOCK) -c requirements/runtime.txt --extra sql --group tools -o requirements/dev.txt
+	$(LOCK) -c requirements/dev.txt --extra all --group tools -o requirements/bench.txt
 	@if grep -nE '://|--(extra-)?index-url|--find-links' requirements/*.txt; then \
 	  echo "requirements/*.txt: a download address was written into a lock file" >&2; exit 1; fi
 
