@@ -17,6 +17,7 @@ import dataclasses
 import enum
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
@@ -238,58 +239,63 @@ class Road:
         Raises:
             ConfigError: `length` is shorter than the road is.
         """
-        if not length >= self.length:
-            raise ConfigError(
-                f"road {self.name}: cannot be extended to {length:g} m, "
-                f"expected at least its own length of {self.length:g} m"
-            )
+        if not length >= self.length:  # Also true for NaN.
+            raise self._refused("extended length", f"at least {self.length:g} m", f"{length:g} m")
         return dataclasses.replace(self, length=length)
+
+    def _refused(self, what: str, expected: str, got: str) -> ConfigError:
+        return ConfigError.of(
+            what=what,
+            where=f"road {self.name}",
+            expected=expected,
+            got=got,
+            next_step="correct the road",
+        )
 
     def _check_range(self, what: str, value: float, low: float, high: float) -> None:
         """Refuse a number that is not finite or outside (low, high]."""
-        if not low < value <= high:  # Also false for NaN.
-            raise ConfigError(
-                f"road {self.name}: {what} is {value:g}, "
-                f"expected more than {low:g} and at most {high:g}"
-            )
+        if not low < value <= high:  # Also true for NaN.
+            raise self._refused(what, f"more than {low:g} and at most {high:g}", f"{value:g}")
 
     def _check_numbers(self) -> None:
         self._check_range("length", self.length, 0.0, MAX_LENGTH)
         self._check_range("speed_limit", self.speed_limit, 0.0, MAX_SPEED_LIMIT)
-        self._check_range("heading", abs(self.heading), -1.0, 2.0 * math.pi)
+        self._check_range("size of heading", abs(self.heading), -1.0, math.tau)
         for what in ("edge_d", "x0", "y0"):
-            self._check_range(what, abs(getattr(self, what)), -1.0, MAX_COORDINATE)
+            self._check_range(f"size of {what}", abs(getattr(self, what)), -1.0, MAX_COORDINATE)
 
     def _check_lanes(self) -> None:
         if not 1 <= self.num_lanes <= MAX_LANES:
-            raise ConfigError(
-                f"road {self.name}: has {self.num_lanes} driving lanes, expected 1 to {MAX_LANES}"
-            )
-        if len({lane.lane_id for lane in self.lanes}) < self.num_lanes:
-            raise ConfigError(f"road {self.name}: two lanes have the same id, expected one id each")
+            raise self._refused("driving lanes", f"1 to {MAX_LANES}", str(self.num_lanes))
+        ids = [lane.lane_id for lane in self.lanes]
+        if len(set(ids)) < self.num_lanes:
+            raise self._refused("lane ids", "a different one for each lane", str(ids))
         for lane in self.lanes:
-            if not MIN_LANE_WIDTH <= lane.width <= MAX_LANE_WIDTH:
-                raise ConfigError(
-                    f"road {self.name}: lane {lane.lane_id} is {lane.width:g} m wide, "
-                    f"expected {MIN_LANE_WIDTH:g} to {MAX_LANE_WIDTH:g} m"
-                )
-            if lane.kind != "driving" or lane.direction != 1:
-                raise ConfigError(
-                    f"road {self.name}: lane {lane.lane_id} is {lane.kind!r} with direction "
-                    f"{lane.direction}, expected 'driving' and 1; others can only be neighbours"
-                )
-        for slow, fast in zip(self.lanes, self.lanes[1:], strict=False):
-            near, far = (
-                (slow.left_mark, fast.right_mark)
-                if self.side > 0
-                else (slow.right_mark, fast.left_mark)
-            )
+            self._check_driving(lane)
+        for slow, fast in pairwise(self.lanes):
+            near, far = slow.left_mark, fast.right_mark
+            if self.driving_side is DrivingSide.LEFT:
+                near, far = slow.right_mark, fast.left_mark
             if near is not far.reversed:
-                raise ConfigError(
-                    f"road {self.name}: the line between lanes {slow.lane_id} and {fast.lane_id} "
-                    f"is {near.value} from the one and {far.value} from the other, "
-                    f"expected {near.reversed.value} from the other"
+                raise self._refused(
+                    f"line between lanes {slow.lane_id} and {fast.lane_id}",
+                    f"{near.reversed.value} from the second as it is {near.value} from the first",
+                    far.value,
                 )
+
+    def _check_driving(self, lane: Lane) -> None:
+        if not MIN_LANE_WIDTH <= lane.width <= MAX_LANE_WIDTH:  # Also true for NaN.
+            raise self._refused(
+                f"width of lane {lane.lane_id}",
+                f"{MIN_LANE_WIDTH:g} to {MAX_LANE_WIDTH:g} m",
+                f"{lane.width:g} m",
+            )
+        if lane.kind != "driving" or lane.direction != 1:
+            raise self._refused(
+                f"lane {lane.lane_id}",
+                "a 'driving' lane with direction 1; others can only be neighbours",
+                f"{lane.kind!r} with direction {lane.direction}",
+            )
 
 
 def _direction(heading: float) -> tuple[float, float]:

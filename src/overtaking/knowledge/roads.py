@@ -1,0 +1,107 @@
+"""Facts about the roads that come with the package, and the limits of roads without a sign."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+from overtaking.knowledge.reader import read_section
+
+ROAD_NAMES = ("town06", "motorway")
+"""The roads that come with the package."""
+
+_FILE = "roads.toml"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BesideFacts:
+    """A lane beside the driving lanes.
+
+    Attributes:
+        lane_id: OpenDRIVE id.
+        kind: OpenDRIVE lane type.
+        width: Width [m].
+        far_mark: Line on its side away from the driving lanes, spelled as CARLA does.
+    """
+
+    lane_id: int
+    kind: str
+    width: float
+    far_mark: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoadFacts:
+    """A straight road, lanes from the slow to the fast side, all in SI.
+
+    Attributes:
+        kind: OpenDRIVE road type.
+        driving_side: "right" or "left".
+        lane_ids: OpenDRIVE ids.
+        lane_widths: Widths [m].
+        slow_edge_mark: Line on the slow side of the first lane.
+        lane_mark: Line between two lanes.
+        fast_edge_mark: Line on the fast side of the last lane.
+        edge_d: Offset of the slow-side edge of the first lane [m].
+        length: Length [m].
+        x0: World x of (s, d) = (0, 0) [m].
+        y0: World y of (s, d) = (0, 0) [m].
+        heading: Direction of travel, anticlockwise from x [rad].
+        speed_limit: Posted limit [m/s].
+        slow_side: Lane beside the first lane.
+        fast_side: Lane beside the last lane.
+    """
+
+    kind: str
+    driving_side: str
+    lane_ids: tuple[float, ...]
+    lane_widths: tuple[float, ...]
+    slow_edge_mark: str
+    lane_mark: str
+    fast_edge_mark: str
+    edge_d: float
+    length: float
+    x0: float
+    y0: float
+    heading: float
+    speed_limit: float
+    slow_side: BesideFacts
+    fast_side: BesideFacts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GeneralLimits:
+    """Limits that hold where none is posted, for light passenger vehicles [m/s].
+
+    Attributes:
+        motorway: On motorways.
+        town: Inside localities.
+        other: Everywhere else.
+    """
+
+    motorway: float
+    town: float
+    other: float
+
+
+@cache
+def road_facts(name: str) -> RoadFacts:
+    """The facts about one of `ROAD_NAMES`; KnowledgeError for any other name."""
+    return read_section(RoadFacts, _FILE, name)
+
+
+@cache
+def general_limits() -> GeneralLimits:
+    """The limits that Portuguese law sets for roads without a sign."""
+    return read_section(GeneralLimits, _FILE, "general_limits")
+
+
+def general_limit(kind: str) -> float:
+    """The limit of a road without a sign [m/s], by its OpenDRIVE road type.
+
+    Every type whose name begins with "town" and "lowSpeed" lie inside localities.
+    """
+    limits = general_limits()
+    if kind == "motorway":
+        return limits.motorway
+    return limits.town if kind.startswith("town") or kind == "lowSpeed" else limits.other
