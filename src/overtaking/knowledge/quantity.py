@@ -21,6 +21,9 @@ TRUNCATION = 2.0
 """A quantity with a sigma is sampled within this many sigmas of its value."""
 
 
+SOURCE_KINDS = ("law", "standard", "handbook", "paper", "report", "software")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
     """Where values come from.
@@ -28,7 +31,7 @@ class Source:
     Attributes:
         id: Short name by which entries refer to it.
         citation: What to look up: author, year, title, and a DOI or an official number.
-        kind: One of `law`, `standard`, `handbook`, `paper`, `report`, `software`, `convention`.
+        kind: One of `SOURCE_KINDS`.
         checked: Whether the values were read in the source, or in a faithful reprint of it,
             rather than taken over from the common knowledge of the field.
     """

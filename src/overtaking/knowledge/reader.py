@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast, get_type_hints
 
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge.entries import is_entry, parse_distribution, parse_quantity
-from overtaking.knowledge.quantity import Distribution, Quantity, Source
+from overtaking.knowledge.quantity import SOURCE_KINDS, Distribution, Quantity, Source
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -24,6 +24,8 @@ Record = TypeVar("Record")
 
 DATA = Path(__file__).with_name("data")
 """The folder of the files that are part of the package."""
+
+_SOURCES = "sources.toml"
 
 
 @cache
@@ -55,19 +57,7 @@ def load(file: str | Path) -> dict[str, Any]:
 @cache
 def sources() -> Mapping[str, Source]:
     """Every source that entries may refer to, by id."""
-    hints = {field.name for field in dataclasses.fields(Source)} - {"id"}
-    found: dict[str, Source] = {}
-    for id_, entry in load("sources.toml").items():
-        if set(entry) != hints:
-            raise KnowledgeError.of(
-                what=f"source {id_}",
-                where="sources.toml",
-                expected=f"exactly the keys {', '.join(sorted(hints))}",
-                got=", ".join(sorted(entry)),
-                next_step="correct the entry",
-            )
-        found[id_] = Source(id=id_, **entry)
-    return MappingProxyType(found)
+    return MappingProxyType({id_: _source(id_, item) for id_, item in load(_SOURCES).items()})
 
 
 def read_section(cls: type[Record], file: str | Path, section: str = "") -> Record:
@@ -116,6 +106,17 @@ def quantities(file: str | Path) -> Mapping[str, Quantity | Distribution]:
         KnowledgeError: A number stands alone, or an entry lacks its unit or source.
     """
     return MappingProxyType(dict(_walk(load(file), "", Path(file).name)))
+
+
+def _source(id_: str, item: Any) -> Source:
+    """One source from its table in the file of sources."""
+    if not isinstance(item, dict):
+        raise _wrong_kind(f"{_SOURCES} [{id_}]", "a table", item)
+    source = _fill(Source, {"id": id_, **cast("dict[str, Any]", item)}, where=f"{_SOURCES} [{id_}]")
+    if source.kind not in SOURCE_KINDS:
+        expected = f"a kind out of {', '.join(SOURCE_KINDS)}"
+        raise _wrong_kind(f"{_SOURCES} [{id_}]", expected, source.kind)
+    return source
 
 
 def _where(file: str | Path, name: str) -> str:

@@ -1,0 +1,80 @@
+"""The tree of errors and the shape of its messages."""
+
+from __future__ import annotations
+
+import pytest
+
+from overtaking.core import errors
+
+KINDS = [
+    (errors.ConfigError, ValueError),
+    (errors.SchemaError, ValueError),
+    (errors.ImportFormatError, ValueError),
+    (errors.DatasetError, RuntimeError),
+    (errors.LockedError, errors.DatasetError),
+    (errors.MissingExtraError, ImportError),
+    (errors.KnowledgeError, ValueError),
+    (errors.InfeasibleError, ValueError),
+]
+
+
+def example(kind: type[errors.OvertakingError], **changes: object) -> errors.OvertakingError:
+    parts: dict[str, object] = {
+        "what": "column v_mps",
+        "where": "states.parquet",
+        "expected": "float32",
+        "got": "float64",
+        "next_step": 'run "overtaking migrate"',
+    }
+    return kind.of(**(parts | changes))
+
+
+@pytest.mark.parametrize(("kind", "builtin"), KINDS)
+def test_every_error_is_ours_and_also_a_built_in_kind(
+    kind: type[errors.OvertakingError], builtin: type[Exception]
+):
+    with pytest.raises(builtin, match="column v_mps") as caught:
+        raise example(kind)
+    assert type(caught.value) is kind
+    assert isinstance(caught.value, errors.OvertakingError)
+
+
+def test_no_error_of_the_module_is_left_out_of_the_table():
+    ours = {
+        item
+        for item in vars(errors).values()
+        if isinstance(item, type) and issubclass(item, errors.OvertakingError)
+    }
+    assert ours == {kind for kind, _ in KINDS} | {errors.OvertakingError}
+
+
+def test_a_message_says_where_what_expected_got_and_next_step_in_this_order():
+    message = str(example(errors.SchemaError))
+    assert message == (
+        'states.parquet: column v_mps: expected float32, got float64; run "overtaking migrate"'
+    )
+
+
+def test_a_message_is_one_line_whatever_its_parts_hold():
+    message = str(example(errors.ConfigError, got="a\nb\r\n\tc", where="x\ny"))
+    assert message.splitlines() == [message]
+    assert "got a b c;" in message
+    assert message.startswith("x y: ")
+
+
+def test_a_value_that_is_no_text_is_shown_as_python_writes_it():
+    assert "got None;" in str(example(errors.ConfigError, got=None))
+    assert "expected 3.5, got ['a', 1];" in str(
+        example(errors.ConfigError, expected=3.5, got=["a", 1])
+    )
+
+
+def test_a_huge_value_does_not_flood_the_message():
+    message = str(example(errors.ConfigError, got=list(range(10_000))))
+    assert len(message) < 400
+    assert "..." in message
+
+
+def test_a_message_lacks_nothing():
+    with pytest.raises(TypeError, match="next_step"):
+        errors.ConfigError.of(what="a", where="b", expected="c", got="d")  # pyright: ignore[reportCallIssue]

@@ -1,0 +1,66 @@
+"""A walk over every file of the knowledge base."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import pytest
+
+from overtaking.knowledge import Quantity, quantities, sources
+from overtaking.knowledge.reader import DATA, load
+
+FILES = sorted(path.name for path in DATA.glob("*.toml") if path.name != "sources.toml")
+OURS = ["colours.toml", "friction.toml", "presets.toml", "vehicles.toml", "weather.toml"]
+
+
+def count_numbers(item: Any) -> int:
+    """How many leaves of a TOML document are numbers or lists of them."""
+    if isinstance(item, dict):
+        return sum(count_numbers(part) for part in cast("dict[str, Any]", item).values())
+    if isinstance(item, list):
+        return sum(count_numbers(part) for part in cast("list[Any]", item))
+    return int(isinstance(item, int | float) and not isinstance(item, bool))
+
+
+def count_parsed(item: Any) -> int:
+    """How many numbers of the file an entry accounts for."""
+    return count_numbers(
+        {key: part for key, part in item.items() if key not in ("unit", "source", "rationale")}
+    )
+
+
+def test_the_files_are_there():
+    assert set(OURS) <= set(FILES)
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_every_quantity_has_a_unit_and_a_known_source_or_a_reason(file: str):
+    found = quantities(file)
+    assert found
+    for name, entry in found.items():
+        assert entry.unit, name
+        assert entry.quoted_unit, name
+        if entry.source == "choice":
+            assert entry.rationale, name
+            assert len(entry.rationale.split()) >= 2, name
+        else:
+            assert entry.source in sources(), name
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_no_number_of_a_file_escapes_the_walk(file: str):
+    document = load(file)
+    accounted = 0
+    for name in quantities(file):
+        item: Any = document
+        for part in name.split("."):
+            item = item[part]
+        accounted += count_parsed(item)
+    assert accounted == count_numbers(document)
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_values_lie_within_their_own_limits(file: str):
+    for name, entry in quantities(file).items():
+        if isinstance(entry, Quantity) and not isinstance(entry.value, tuple):
+            assert cast("float", entry.low) <= entry.value <= cast("float", entry.high), name

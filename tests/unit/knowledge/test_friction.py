@@ -1,0 +1,130 @@
+"""The friction table through another interpolator, and the two hydroplaning formulas."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.interpolate import RegularGridInterpolator
+
+from overtaking.core.units import GRAVITY, mps_from_kmh
+from overtaking.knowledge import friction_table, hydroplaning, weather_maps
+
+
+def film_mm(precipitation_percent: float, path: float) -> float:
+    """Film of water [mm] on a lane with this drainage path [m], after Gallaway."""
+    rain, film = weather_maps().rain, weather_maps().film
+    rate = rain.max_rate_mmph * (precipitation_percent / 100.0) ** rain.exponent
+    above = (
+        film.coefficient
+        * film.texture_depth_mm**film.texture_exponent
+        * path**film.path_exponent
+        * rate**film.rate_exponent
+        / film.cross_slope**film.slope_exponent
+    )
+    return max(film.wet_film_mm, above - film.texture_depth_mm)
+
+
+def friction(tyre: str, speed_kmh: float, film: float) -> float:
+    table = friction_table()
+    grid = RegularGridInterpolator((table.speeds, table.films_mm), np.array(getattr(table, tyre)))
+    return float(grid((mps_from_kmh(speed_kmh), film)))
+
+
+# Worked out by hand for 50, 90 and 120 km/h.
+@pytest.mark.parametrize(
+    ("tyre", "precipitation", "path", "expected"),
+    [
+        ("new", 30.0, 7.0, (0.65, 0.60, 0.56)),
+        ("new", 60.0, 7.0, (0.65, 0.60, 0.56)),
+        ("new", 90.0, 7.0, (0.61, 0.47, 0.41)),
+        ("new", 100.0, 7.0, (0.58, 0.38, 0.32)),
+        ("new", 100.0, 17.5, (0.52, 0.16, 0.11)),
+        ("worn", 100.0, 7.0, (0.43, 0.13, 0.13)),
+    ],
+)
+def test_rain_film_and_table_together_give_the_friction_worked_out_by_hand(
+    tyre: str, precipitation: float, path: float, expected: tuple[float, ...]
+):
+    film = film_mm(precipitation, path)
+    found = [friction(tyre, speed, film) for speed in (50.0, 90.0, 120.0)]
+    assert found == pytest.approx(expected, abs=0.006)
+
+
+@pytest.mark.parametrize(
+    ("precipitation", "expected"), [(0.0, 125.0), (60.0, 151.0), (100.0, 227.0)]
+)
+def test_stopping_from_120_takes_as_long_as_worked_out_by_hand(
+    precipitation: float, expected: float
+):
+    film = film_mm(precipitation, 7.0) if precipitation else 0.0
+    speed, reaction = mps_from_kmh(120.0), 1.5
+    grip = friction("new", 120.0, film)
+    assert speed * reaction + speed**2 / (2.0 * GRAVITY * grip) == pytest.approx(expected, rel=0.02)
+
+
+def test_the_table_is_rectangular_and_ordered():
+    table = friction_table()
+    assert [round(speed * 3.6, 9) for speed in table.speeds] == [50.0, 90.0, 130.0]
+    for tyre in (np.array(table.new), np.array(table.worn)):
+        assert tyre.shape == (3, 4)
+        assert (np.diff(tyre, axis=0) <= 0.0).all(), "friction falls with speed"
+        assert (np.diff(tyre, axis=1) <= 0.0).all(), "friction falls with water"
+    assert (np.diff(table.films_mm) > 0.0).all()
+
+
+def test_worn_tyres_grip_better_when_dry_and_worse_when_wet():
+    new, worn = np.array(friction_table().new), np.array(friction_table().worn)
+    assert (worn[:, 0] > new[:, 0]).all()
+    assert (worn[:, 1:] <= new[:, 1:]).all()
+    assert (worn[:, 1] < new[:, 1]).all()
+
+
+def test_thresholds_lie_where_the_table_aquaplanes():
+    table = friction_table()
+    assert table.tread_worn_mm < table.tread_default_mm < table.tread_new_mm
+    assert friction("new", 130.0, 1.9) < table.aquaplaning_friction
+    assert friction("new", 50.0, 2.0) > table.aquaplaning_friction
+    assert friction("new", 130.0, table.aquaplaning_film_mm) > table.aquaplaning_friction
+    assert 0.0 < table.floor < table.aquaplaning_friction
+    for share in (table.sliding_ratio, table.truck_dry_factor, table.truck_loss_factor):
+        assert 0.0 < share < 1.0
+
+
+@pytest.mark.parametrize(("pressure", "expected"), [("car", 94.0), ("truck", 168.0)])
+def test_horne_gives_the_speeds_of_the_rule_of_thumb(pressure: str, expected: float):
+    data = hydroplaning()
+    kpa = getattr(data, f"{pressure}_pressure_kpa")
+    speed_kmh = data.horne_factor * kpa**0.5
+    assert speed_kmh == pytest.approx(expected, abs=0.6)
+    # The rule as it was published: 10.35 times the root of the pressure in psi, in miles per hour.
+    assert speed_kmh == pytest.approx(10.35 * (kpa / 6.894757) ** 0.5 * 1.609344, rel=0.003)
+
+
+def pavdrn_kmh(film: float) -> float:
+    data = hydroplaning()
+    if film < data.film_limit_mm:
+        return data.thin_factor * film**data.thin_exponent
+    root = (film / 25.4) ** data.thick_film_exponent
+    texture = (weather_maps().film.texture_depth_mm / 25.4) ** data.thick_texture_exponent
+    first = data.thick_a1 / root + data.thick_a0
+    second = (data.thick_b1 / root - data.thick_b0) * texture
+    return data.thick_factor * max(first, second)
+
+
+@pytest.mark.parametrize(
+    ("film", "expected"), [(0.2, 147.0), (0.5, 116.0), (1.0, 97.0), (2.0, 81.0), (4.0, 75.0)]
+)
+def test_pavdrn_gives_the_speeds_worked_out_by_hand(film: float, expected: float):
+    assert pavdrn_kmh(film) == pytest.approx(expected, abs=0.6)
+
+
+def test_the_branches_of_pavdrn_meet():
+    limit = hydroplaning().film_limit_mm
+    assert pavdrn_kmh(limit) == pytest.approx(pavdrn_kmh(limit - 1e-9), rel=0.03)
+
+
+def test_table_and_formula_agree_on_when_a_tyre_floats():
+    # On 2 mm the table reaches zero at 130 km/h and nearly so at 90; the formula says 81 km/h.
+    assert friction("new", 90.0, 2.0) < friction_table().aquaplaning_friction
+    assert pavdrn_kmh(2.0) < 90.0 < 130.0
+    assert friction("new", 130.0, 2.0) == 0.0

@@ -1,0 +1,125 @@
+"""CARLA's presets, and the correlations that a study published without knowing where they are from.
+
+Both of its strongest associations, rain with wind and fog with night, are properties of the eight
+presets that it drew from, so they test our copy of the presets.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import pearsonr, spearmanr
+
+from overtaking.knowledge import Preset, presets
+
+# CARLA's WeatherParameters.cpp: cloudiness, precipitation, deposits, wind, sun altitude, fog,
+# fog distance, wetness.
+CARLA_SOURCE = {
+    "ClearNoon": (5, 0, 0, 10, 45, 2, 0.75, 0),
+    "HardRainNoon": (100, 100, 90, 100, 45, 7, 0.75, 0),
+    "ClearSunset": (5, 0, 0, 10, 15, 2, 0.75, 0),
+    "ClearNight": (5, 0, 0, 10, -90, 60, 75, 0),
+    "CloudyNight": (60, 0, 0, 10, -90, 60, 0.75, 0),
+    "SoftRainNight": (60, 30, 50, 30, -90, 60, 0.75, 60),
+    "MidRainyNight": (80, 60, 60, 60, -90, 60, 0.75, 80),
+    "HardRainNight": (100, 100, 90, 100, -90, 100, 0.75, 100),
+}
+CARLA_NAMES = [
+    "cloudiness",
+    "precipitation",
+    "precipitation_deposits",
+    "wind_intensity",
+    "sun_azimuth_angle",
+    "sun_altitude_angle",
+    "fog_density",
+    "fog_distance",
+    "wetness",
+    "fog_falloff",
+    "scattering_intensity",
+    "mie_scattering_scale",
+    "rayleigh_scattering_scale",
+    "dust_storm",
+]
+
+
+def study() -> list[Preset]:
+    return [preset for preset in presets().values() if preset.in_pinto2023]
+
+
+def test_the_eight_presets_of_the_study_come_first():
+    assert [preset.name for preset in study()] == list(CARLA_SOURCE)
+    assert list(presets())[:8] == list(CARLA_SOURCE)
+    assert all(name == preset.name for name, preset in presets().items())
+
+
+@pytest.mark.parametrize("name", CARLA_SOURCE)
+def test_a_preset_has_the_values_of_carlas_source(name: str):
+    preset = presets()[name]
+    assert CARLA_SOURCE[name] == (
+        preset.cloudiness_percent,
+        preset.precipitation_percent,
+        preset.precipitation_deposits_percent,
+        preset.wind_intensity_percent,
+        preset.sun_altitude_deg,
+        preset.fog_density_percent,
+        preset.fog_distance,
+        preset.wetness_percent,
+    )
+
+
+def test_rain_and_wind_are_as_correlated_as_published():
+    rain = [preset.precipitation_percent for preset in study()]
+    wind = [preset.wind_intensity_percent for preset in study()]
+    assert spearmanr(rain, wind)[0] == pytest.approx(1.0, abs=1e-12)
+    assert pearsonr(rain, wind)[0] == pytest.approx(0.998, abs=5e-4)
+
+
+def test_fog_and_night_are_as_correlated_as_published():
+    fog = [preset.fog_density_percent for preset in study()]
+    night = [preset.sun_altitude_deg < 0.0 for preset in study()]
+    assert spearmanr(fog, night)[0] == pytest.approx(0.91, abs=5e-3)
+
+
+def test_the_published_fog_of_legal_overtakes_leaves_one_mix_of_presets():
+    # 29 runs of mean fog 3.90: how many of each fog value? One night would already be too many.
+    values = sorted({preset.fog_density_percent for preset in study()})
+    assert values == [2.0, 7.0, 60.0, 100.0]
+    mixes = [
+        (29 - b - c - d, b, c, d)
+        for b in range(30)
+        for c in range(30 - b)
+        for d in range(30 - b - c)
+        if round(float(np.dot((29 - b - c - d, b, c, d), values)) / 29.0, 2) == 3.90
+    ]
+    assert mixes == [(18, 11, 0, 0)]
+
+
+def test_the_one_published_row_is_a_mid_rainy_night():
+    rows = [
+        preset.name
+        for preset in study()
+        if preset.precipitation_percent == preset.fog_density_percent == 60.0
+        and preset.wind_intensity_percent == 60.0
+        and preset.sun_altitude_deg < 0.0
+    ]
+    assert rows == ["MidRainyNight"]
+
+
+def test_every_preset_is_a_weather_that_carla_accepts():
+    assert len(presets()) == 22
+    for preset in presets().values():
+        sent = preset.carla_fields()
+        assert list(sent) == CARLA_NAMES
+        for name in ("cloudiness", "precipitation", "wind_intensity", "fog_density", "wetness"):
+            assert 0.0 <= sent[name] <= 100.0
+        assert -90.0 <= sent["sun_altitude_angle"] <= 90.0
+        assert sent["fog_distance"] > 0.0
+
+
+def test_a_name_tells_the_time_of_day():
+    altitude = {"Noon": 45.0, "Sunset": 15.0, "Night": -90.0}
+    named = [preset for preset in presets().values() if preset.name != "DustStorm"]
+    assert len(named) == 21
+    for preset in named:
+        suffix = next(word for word in altitude if preset.name.endswith(word))
+        assert preset.sun_altitude_deg == altitude[suffix]
