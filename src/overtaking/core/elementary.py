@@ -12,7 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-F32 = NDArray[np.float32]
+# Float32 by contract and by test: NumPy's own types lose the width of a float after one operation,
+# so naming it here would only make the type checker refuse right code.
+F32 = NDArray[np.floating[Any]]
+F32Like = F32 | np.floating[Any]
 Mask = NDArray[np.bool_]
 
 _LOG2_E = np.float32(1.442_695_04)
@@ -35,22 +38,22 @@ def as_f32(value: Any) -> F32:
     return np.asarray(value, dtype=np.float32)
 
 
-def minimum(a: F32, b: F32) -> F32:
+def minimum(a: F32Like, b: F32Like) -> F32:
     """The smaller of two values; `b` where they are equal, as in the engine."""
     return np.where(a < b, a, b)
 
 
-def maximum(a: F32, b: F32) -> F32:
+def maximum(a: F32Like, b: F32Like) -> F32:
     """The larger of two values; `b` where they are equal, as in the engine."""
     return np.where(a > b, a, b)
 
 
-def clamp(value: F32, low: F32, high: F32) -> F32:
+def clamp(value: F32Like, low: F32Like, high: F32Like) -> F32:
     """`value` limited to [low, high]."""
     return minimum(maximum(value, low), high)
 
 
-def exp(x: F32) -> F32:
+def exp(x: F32Like) -> F32:
     """e to the power `x`, relative error below 2 ulp; `x` is clamped to [-87, 88]."""
     x = clamp(as_f32(x), np.float32(-87.0), np.float32(88.0))
     k = np.rint(x * _LOG2_E)
@@ -64,7 +67,7 @@ def exp(x: F32) -> F32:
     return value * ((k.astype(np.int32) + 127) << 23).view(np.float32)
 
 
-def log(x: F32) -> F32:
+def log(x: F32Like) -> F32:
     """Natural logarithm of a positive normal `x`, error below 2 ulp or 1e-7; smaller values count as 1.2e-38."""
     x = maximum(as_f32(x), np.float32(1.175_494_4e-38))
     bits = x.view(np.int32)
@@ -86,12 +89,12 @@ def log(x: F32) -> F32:
     return m + y + e * _LN2_HIGH
 
 
-def power(base: F32, exponent: F32) -> F32:
+def power(base: F32Like, exponent: F32Like) -> F32:
     """`base ** exponent` for a positive base: exp(exponent * log(base))."""
     return exp(as_f32(exponent) * log(base))
 
 
-def sincos(x: F32) -> tuple[F32, F32]:
+def sincos(x: F32Like) -> tuple[F32, F32]:
     """Sine and cosine, absolute error below 1e-7 for |x| <= 1000."""
     x = as_f32(x)
     k = np.rint(x * _TWO_OVER_PI)
@@ -112,7 +115,7 @@ def sincos(x: F32) -> tuple[F32, F32]:
     return sine, cosine
 
 
-def atan(x: F32) -> F32:
+def atan(x: F32Like) -> F32:
     """Inverse tangent, error below 3 ulp."""
     x = as_f32(x)
     magnitude = np.abs(x)
@@ -120,7 +123,9 @@ def atan(x: F32) -> F32:
     middle = (magnitude > _TAN_PI_8) & ~far
     divisor = np.where(far, magnitude, magnitude + np.float32(1.0))
     numerator = np.where(far, np.float32(-1.0), magnitude - np.float32(1.0))
-    r = np.where(far | middle, numerator / np.where(divisor == 0, np.float32(1.0), divisor), magnitude)
+    r = np.where(
+        far | middle, numerator / np.where(divisor == 0, np.float32(1.0), divisor), magnitude
+    )
     base = np.where(far, _PI_OVER_2, np.where(middle, _PI_OVER_4, np.float32(0.0)))
     z = r * r
     p = np.float32(8.053_744_5e-2) * z + np.float32(-1.387_768_6e-1)
