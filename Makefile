@@ -65,7 +65,7 @@ bench: build $(VENV)/.bench  ## Measure the speed against its peers
 build: $(VENV)/.build  ## Make .venv with the locked packages and the compiled engine in it
 
 format: $(VENV)/.dev  ## Format all code, and fix what the linter can fix
-	$(BIN)/ruff check --fix .
+	$(BIN)/ruff check --fix-only --quiet .
 	$(BIN)/ruff format .
 	cargo fmt --all
 
