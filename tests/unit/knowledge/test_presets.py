@@ -13,7 +13,7 @@ from scipy.stats import pearsonr, spearmanr
 from overtaking.knowledge import Preset, presets
 
 # CARLA's WeatherParameters.cpp: cloudiness, precipitation, deposits, wind, sun altitude, fog,
-# fog distance, wetness.
+# fog distance, wetness; the eight of the study first.
 CARLA_SOURCE = {
     "ClearNoon": (5, 0, 0, 10, 45, 2, 0.75, 0),
     "HardRainNoon": (100, 100, 90, 100, 45, 7, 0.75, 0),
@@ -23,6 +23,20 @@ CARLA_SOURCE = {
     "SoftRainNight": (60, 30, 50, 30, -90, 60, 0.75, 60),
     "MidRainyNight": (80, 60, 60, 60, -90, 60, 0.75, 80),
     "HardRainNight": (100, 100, 90, 100, -90, 100, 0.75, 100),
+    "CloudyNoon": (60, 0, 0, 10, 45, 3, 0.75, 0),
+    "CloudySunset": (60, 0, 0, 10, 15, 3, 0.75, 0),
+    "DustStorm": (100, 0, 0, 100, 45, 2, 0.75, 0),
+    "HardRainSunset": (100, 100, 90, 100, 15, 7, 0.75, 0),
+    "MidRainSunset": (60, 60, 60, 60, 15, 3, 0.75, 0),
+    "MidRainyNoon": (60, 60, 60, 60, 45, 3, 0.75, 0),
+    "SoftRainNoon": (20, 30, 50, 30, 45, 3, 0.75, 0),
+    "SoftRainSunset": (20, 30, 50, 30, 15, 2, 0.75, 0),
+    "WetCloudyNight": (60, 0, 50, 10, -90, 60, 0.75, 60),
+    "WetCloudyNoon": (60, 0, 50, 10, 45, 3, 0.75, 0),
+    "WetCloudySunset": (60, 0, 50, 10, 15, 2, 0.75, 0),
+    "WetNight": (5, 0, 50, 10, -90, 60, 75, 60),
+    "WetNoon": (5, 0, 50, 10, 45, 3, 0.75, 0),
+    "WetSunset": (5, 0, 50, 10, 15, 2, 0.75, 0),
 }
 CARLA_NAMES = [
     "cloudiness",
@@ -47,8 +61,8 @@ def study() -> list[Preset]:
 
 
 def test_the_eight_presets_of_the_study_come_first():
-    assert [preset.name for preset in study()] == list(CARLA_SOURCE)
-    assert list(presets())[:8] == list(CARLA_SOURCE)
+    assert list(presets()) == list(CARLA_SOURCE)
+    assert [preset.name for preset in study()] == list(CARLA_SOURCE)[:8]
     assert all(name == preset.name for name, preset in presets().items())
 
 
@@ -65,6 +79,17 @@ def test_a_preset_has_the_values_of_carlas_source(name: str):
         preset.fog_distance,
         preset.wetness_percent,
     )
+
+
+@pytest.mark.parametrize("name", CARLA_SOURCE)
+def test_what_hardly_varies_in_carlas_source_is_right_too(name: str):
+    preset = presets()[name]
+    # Only the fog of two clear nights begins far away, and only it thins out with height.
+    assert preset.fog_falloff == (1.0 if preset.fog_distance == 75.0 else 0.1)
+    assert preset.dust_storm_percent == (100.0 if name == "DustStorm" else 0.0)
+    assert preset.sun_azimuth_deg == -1.0
+    scales = (preset.scattering_intensity, preset.mie_scattering_scale)
+    assert (*scales, preset.rayleigh_scattering_scale) == (1.0, 0.03, 0.0331)
 
 
 def test_rain_and_wind_are_as_correlated_as_published():
