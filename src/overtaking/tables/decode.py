@@ -1,0 +1,69 @@
+"""Tables for people: pandas, SI numbers, names instead of codes."""
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from overtaking.tables.columns import STEPS, flags_of, names_of, si_name, unit_of
+
+
+def decode(table: pa.Table) -> pd.DataFrame:
+    """A table with SI numbers in its columns.
+
+    Integer counts of a step become floats in the SI unit, NaN where they were null, and their names
+    follow: `x_mm` becomes `x_m`. Enumerations become categories, flags one boolean column each,
+    other integers with nulls pandas' nullable integers, and hashes hexadecimal text.
+
+    Args:
+        table: A table of one of the `SCHEMAS`.
+    """
+    columns: dict[str, pd.Series] = {}
+    for field, values in zip(table.schema, table.columns, strict=True):
+        if flags := flags_of(field):
+            columns |= _bits(values, flags)
+        else:
+            columns[si_name(field)] = _column(values, field)
+    return pd.DataFrame(columns)
+
+
+def codes(values: pa.ChunkedArray | pa.Array, names: tuple[str, ...]) -> NDArray[np.int64]:
+    """The codes of an enumeration column, -1 where it is null.
+
+    The dictionary of a column that was read from a file holds only the names that occur, in the
+    order in which they occur; codes are those of the schema.
+    """
+    chunks = values.chunks if isinstance(values, pa.ChunkedArray) else [values]
+    known = {name: code for code, name in enumerate(names)}
+    parts = [np.empty(0, dtype=np.int64)]
+    for chunk in chunks:
+        meaning = [known[name] for name in chunk.dictionary.to_pylist()]
+        indices = chunk.indices.fill_null(len(meaning)).to_numpy(zero_copy_only=False)
+        parts.append(np.array([*meaning, -1], dtype=np.int64)[indices])
+    return np.concatenate(parts)
+
+
+def _column(values: pa.ChunkedArray, field: pa.Field) -> pd.Series:
+    unit = unit_of(field)
+    if unit in STEPS:
+        # A division rounds correctly, so 123 mm is the double nearest to 0.123; a product need not.
+        floats = values.to_numpy(zero_copy_only=False).astype(np.float64)
+        return pd.Series(floats / STEPS[unit][1])
+    if names := names_of(field):
+        known = pd.CategoricalDtype(list(names))
+        return pd.Series(pd.Categorical.from_codes(codes(values, names), dtype=known))
+    if pa.types.is_fixed_size_binary(field.type):
+        return pd.Series([value.hex() for value in values.to_pylist()], dtype="str")
+    if pa.types.is_integer(field.type) and field.nullable:
+        return values.to_pandas(types_mapper=_NULLABLE_INTEGERS.get)
+    return values.to_pandas()
+
+
+_NULLABLE_INTEGERS = {pa.uint8(): pd.UInt8Dtype(), pa.int16(): pd.Int16Dtype()}
+"""How integers that are no counts of a step, and may be null, come back."""
+
+
+def _bits(values: pa.ChunkedArray, flags: tuple[str, ...]) -> dict[str, pd.Series]:
+    """One boolean column for each bit."""
+    bits = values.to_numpy()
+    return {name: pd.Series((bits >> place & 1).astype(bool)) for place, name in enumerate(flags)}

@@ -1,0 +1,76 @@
+"""A hash over what a table says, whatever the file or the batches it comes in."""
+
+import hashlib
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from overtaking.tables.columns import names_of
+from overtaking.tables.decode import codes
+
+
+class ContentDigest:
+    """SHA-256 over the values of a table that arrives in pieces.
+
+    Each column has a hash of its own, so that pieces of any length give the same result; nulls are
+    hashed as a column of their own, and what stands behind them does not count.
+    """
+
+    def __init__(self, schema: pa.Schema) -> None:
+        """Start with no rows of a table of one of the `SCHEMAS`."""
+        self._schema = schema
+        self._values = [hashlib.sha256() for _ in schema]
+        self._nulls = [hashlib.sha256() for _ in schema]
+        self.num_rows = 0
+
+    def update(self, table: pa.Table) -> None:
+        """Add rows."""
+        self.num_rows += table.num_rows
+        for place, field in enumerate(self._schema):
+            for chunk in table.column(place).chunks:
+                if field.nullable:
+                    missing = chunk.is_null().to_numpy(zero_copy_only=False)
+                    self._nulls[place].update(_little_endian(missing))
+                self._values[place].update(_little_endian(_values(chunk, field)))
+
+    def hexdigest(self) -> str:
+        """The hash over all rows so far, 64 hexadecimal digits."""
+        total = hashlib.sha256()
+        for field, values, nulls in zip(self._schema, self._values, self._nulls, strict=True):
+            total.update(f"{field.name}\0{field.type}\0".encode())
+            total.update(values.digest())
+            total.update(nulls.digest())
+        return total.hexdigest()
+
+
+def content_of(table: pa.Table) -> str:
+    """The content hash of a whole table."""
+    digest = ContentDigest(table.schema)
+    digest.update(table)
+    return digest.hexdigest()
+
+
+def _values(chunk: pa.Array, field: pa.Field) -> NDArray[Any]:
+    """The values of a chunk as an array whose bytes say all of them, with zero for null."""
+    if names := names_of(field):
+        return codes(chunk, names).astype(np.int8)
+    if pa.types.is_string(field.type) or pa.types.is_fixed_size_binary(field.type):
+        texts = b"".join(_bytes(value) for value in chunk.to_pylist())
+        return np.frombuffer(texts, dtype=np.uint8)
+    if chunk.null_count:
+        chunk = chunk.fill_null(False if pa.types.is_boolean(field.type) else 0)
+    return chunk.to_numpy(zero_copy_only=False)
+
+
+def _bytes(value: str | bytes | None) -> bytes:
+    """A text after its length, so that no two columns of texts look alike."""
+    text = value.encode() if isinstance(value, str) else value or b""
+    return len(text).to_bytes(8, "little") + text
+
+
+def _little_endian(values: NDArray[Any]) -> bytes | memoryview:
+    """The bytes of an array, the same on every machine."""
+    ordered = values.astype(values.dtype.newbyteorder("<"), copy=False)
+    return np.ascontiguousarray(ordered).data.cast("B") if len(ordered) else b""

@@ -1,0 +1,280 @@
+"""Recorded simulations as tables: without padding, not rounded again, null where nothing is."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from overtaking.knowledge import presets
+from overtaking.model.batch import Batch
+from overtaking.model.road import Road
+from overtaking.model.trajectory import NO_VEHICLE, Percepts, Stage, Trajectories
+from overtaking.model.vehicles import Role
+from overtaking.model.weather import NO_PRESET
+from overtaking.tables.columns import names_of
+from overtaking.tables.schemas import (
+    BODY_FIELDS,
+    DRIVER_FIELDS,
+    NEIGHBOURS,
+    NUM_INDICATOR_BITS,
+    SCHEMAS,
+    STATE_FIELDS,
+    WEATHER_FIELDS,
+)
+from overtaking.tables.surroundings import Surroundings
+
+Array = NDArray[Any]
+Numbers = NDArray[np.int64]
+"""Numbers of the simulations in their data set, shape (simulation,)."""
+
+_INDICATOR_BITS = (1 << NUM_INDICATOR_BITS) - 1
+
+
+def encode(trajectories: Trajectories, numbers: Numbers) -> dict[str, pa.Table]:
+    """Every table of a batch, by the name of its folder.
+
+    Args:
+        trajectories: The recorded simulations.
+        numbers: Number of each simulation in its data set, growing, shape (simulation,).
+    """
+    return {
+        "simulations": simulations(trajectories, numbers),
+        "weather": weather(trajectories, numbers),
+        "vehicles": vehicles(trajectories, numbers),
+        "frames": frames(trajectories, numbers),
+        "states": states(trajectories, numbers),
+        "percepts": percepts(trajectories, numbers),
+    }
+
+
+def simulations(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
+    """One row per simulation."""
+    scenario = trajectories.scenario
+    count = scenario.num_simulations
+    words = np.ascontiguousarray(trajectories.trace_hash.astype("<u4"))
+    return _build(
+        "simulations",
+        {
+            "simulation": numbers,
+            "seed": np.full(count, scenario.seed, dtype=np.uint64),
+            "index": scenario.index,
+            "profile": pa.array([scenario.profile] * count),
+            "road": pa.array([scenario.road.name] * count),
+            "num_vehicles": scenario.num_vehicles.astype(np.uint8),
+            "weather": numbers,
+            "num_frames": trajectories.num_frames,
+            "frame_interval_ms": np.full(count, scenario.frame_interval_ms, dtype=np.int32),
+            "horizon_s": scenario.horizon,
+            "attempt_deadline_s": scenario.attempt_deadline,
+            "weight": scenario.weight,
+            "trace_hash": pa.Array.from_buffers(pa.binary(16), count, [None, pa.py_buffer(words)]),
+            "source_recording": pa.nulls(count, pa.string()),
+        },
+    )
+
+
+def weather(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
+    """One row per simulation: each has weather of its own."""
+    given = trajectories.scenario.weather
+    names = tuple(presets())
+    preset = [None if code == NO_PRESET else names[code] for code in given.preset.tolist()]
+    return _build(
+        "weather",
+        {
+            "weather": numbers,
+            "preset": pa.array(preset, pa.string()),
+            **{column: getattr(given, name) for name, column in WEATHER_FIELDS},
+        },
+    )
+
+
+def vehicles(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
+    """One row per simulation and vehicle: its body, its driver, its start and its first contact."""
+    scenario, contacts = trajectories.scenario, trajectories.contacts
+    bodies, valid = scenario.vehicles, scenario.vehicles.valid
+    simulation, slot = np.nonzero(valid)
+    no_contact = contacts.partner[valid] == NO_VEHICLE
+    lane_id = Surroundings.of(scenario.road).lane_id
+    return _build(
+        "vehicles",
+        {
+            "simulation": numbers[simulation],
+            "vehicle": slot.astype(np.uint8),
+            "role": (slot != Role.EGO).astype(np.int32),
+            "kind": bodies.kind[valid],
+            "colour": bodies.colour[valid],
+            **_attributes(bodies, BODY_FIELDS, valid),
+            **_attributes(scenario.drivers, DRIVER_FIELDS, valid),
+            "start_s_m": scenario.start_s[valid],
+            "start_lane_id": lane_id[scenario.start_lane[valid]],
+            "start_speed_mps": scenario.start_speed[valid],
+            "contact_vehicle": pa.array(contacts.partner[valid], mask=no_contact),
+            "contact_time_ms": pa.array(contacts.time[valid], mask=no_contact),
+            "contact_impulse_newton_s": pa.array(contacts.impulse[valid], mask=no_contact),
+            "contact_closing_speed_mmps": pa.array(contacts.closing_speed[valid], mask=no_contact),
+        },
+    )
+
+
+def frames(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
+    """One row per simulation and frame: what is the same for all vehicles, and the ego's lane."""
+    simulation, frame = np.nonzero(trajectories.frame_valid)
+    stage = trajectories.stage[simulation, frame]
+    partner = trajectories.collided_with[simulation, frame]
+    lane = trajectories.states.lane[simulation, Role.EGO, frame]
+    return _build(
+        "frames",
+        {
+            "simulation": numbers[simulation],
+            "frame": frame.astype(np.int32),
+            "time_ms": trajectories.time_ms[frame],
+            **_ego_lane(trajectories.road, lane),
+            "collided_with": pa.array(partner, mask=partner == NO_VEHICLE),
+            "overtaking": overtaking(trajectories)[simulation, frame],
+            "stage": stage,
+        },
+    )
+
+
+def overtaking(trajectories: Trajectories) -> NDArray[np.bool_]:
+    """The paper's OV: the frames in which the ego first pulls out, and first returns after that.
+
+    Shape (simulation, time); false beyond the last recorded frame.
+    """
+    stage, valid = trajectories.stage, trajectories.frame_valid
+    pulled_out = np.logical_or.accumulate((stage == Stage.PULL_OUT) & valid, axis=1)
+    returned = np.logical_or.accumulate((stage == Stage.RETURN) & valid & pulled_out, axis=1)
+    first = np.zeros_like(valid)
+    for seen in (pulled_out, returned):
+        first |= np.diff(seen, axis=1, prepend=False)
+    return first
+
+
+def states(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
+    """One row per simulation, vehicle and frame, in this order."""
+    recorded = trajectories.states
+    rows = _rows(trajectories)
+    count = recorded.x.shape[2]
+    lane = _flat(recorded.lane, rows)
+    lights = _flat(recorded.lights, rows)
+    around = Surroundings.of(trajectories.road)
+    simulation, slot, frame = (
+        np.broadcast_to(values, recorded.x.shape)
+        for values in (
+            numbers[:, None, None],
+            np.arange(recorded.x.shape[1], dtype=np.uint8)[None, :, None],
+            np.arange(count, dtype=np.int32)[None, None, :],
+        )
+    )
+    return _build(
+        "states",
+        {
+            "simulation": _flat(simulation, rows),
+            "vehicle": _flat(slot, rows),
+            "frame": _flat(frame, rows),
+            **{column: _flat(getattr(recorded, name), rows) for name, column in STATE_FIELDS},
+            "lane_id": _masked(around.lane_id[lane], ~around.on_road[lane]),
+            "indicator": lights & _INDICATOR_BITS,
+            "lights": lights >> NUM_INDICATOR_BITS,
+        },
+    )
+
+
+def percepts(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
+    """One row per simulation and decision of the ego."""
+    believed = trajectories.percepts
+    simulation, slot = np.nonzero(believed.valid)
+    decision = (np.cumsum(believed.valid, axis=1) - 1)[simulation, slot]
+    return _build(
+        "percepts",
+        {
+            "simulation": numbers[simulation],
+            "decision": decision.astype(np.int32),
+            "kind": believed.kind[believed.valid],
+            "time_ms": believed.time[believed.valid],
+            **{
+                name: values
+                for place, who in enumerate(NEIGHBOURS)
+                for name, values in _percept(believed, place, who).items()
+            },
+        },
+    )
+
+
+def _build(table: str, columns: Mapping[str, Array | pa.Array]) -> pa.Table:
+    """The columns of a table in the order of its schema; enumerations are given as codes."""
+    schema = SCHEMAS[table]
+    arrays = [_array(columns[field.name], field) for field in schema]
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def _array(values: Array | pa.Array, field: pa.Field) -> pa.Array:
+    if names := names_of(field):
+        codes = values.astype(np.int32) if isinstance(values, np.ndarray) else values
+        return pa.DictionaryArray.from_arrays(pa.array(codes, pa.int32()), pa.array(names))
+    array = pa.array(values) if isinstance(values, np.ndarray) else values
+    assert array.type == field.type, f"{field.name}: {array.type} instead of {field.type}"
+    return array
+
+
+def _masked(values: Array, missing: NDArray[np.bool_]) -> pa.Array:
+    """Values with nulls where they are missing."""
+    return pa.array(values, mask=missing) if missing.any() else pa.array(values)
+
+
+def _attributes(
+    batch: Batch, fields: Iterable[tuple[str, str]], valid: NDArray[np.bool_]
+) -> dict[str, Array]:
+    """The filled slots of some arrays of shape (simulation, vehicle), by column."""
+    return {column: getattr(batch, name)[valid] for name, column in fields}
+
+
+def _rows(trajectories: Trajectories) -> NDArray[np.bool_] | None:
+    """Where there is a state, shape (simulation, vehicle, time); None if that is everywhere."""
+    vehicle, frame = trajectories.scenario.vehicles.valid, trajectories.frame_valid
+    if vehicle.all() and frame.all():
+        return None
+    return vehicle[:, :, None] & frame[:, None, :]
+
+
+def _flat(values: Array, rows: NDArray[np.bool_] | None) -> Array:
+    """The rows of an array of shape (simulation, vehicle, time); a view where that is possible."""
+    return values.reshape(-1) if rows is None else values[rows]
+
+
+def _ego_lane(road: Road, lane: NDArray[np.uint8]) -> dict[str, pa.Array]:
+    """What belongs to the lane that the ego is in, null where it is in none."""
+    around = Surroundings.of(road)
+    off = ~around.on_road[lane]
+    no_right, no_left = off | ~around.has_right[lane], off | ~around.has_left[lane]
+    return {
+        "lane_id": _masked(around.lane_id[lane], off),
+        "speed_limit_mps": _masked(np.full(len(lane), road.speed_limit), off),
+        "right_line": _masked(around.right_mark[lane], off),
+        "left_line": _masked(around.left_mark[lane], off),
+        "lane_width_m": _masked(around.width[lane], off),
+        "right_lane_id": _masked(around.right_id[lane], no_right),
+        "right_lane_width_m": _masked(around.right_width[lane], no_right),
+        "left_lane_id": _masked(around.left_id[lane], no_left),
+        "left_lane_width_m": _masked(around.left_width[lane], no_left),
+    }
+
+
+def _percept(believed: Percepts, place: int, who: str) -> dict[str, Array | pa.Array]:
+    """The columns about one neighbour; `place` is its index on the last axis."""
+
+    def rows(values: Array) -> Array:
+        return values[believed.valid][:, place]
+
+    nobody = rows(believed.vehicle) == NO_VEHICLE
+    unseen = ~rows(believed.detected)
+    return {
+        f"{who}_vehicle": _masked(rows(believed.vehicle), nobody),
+        f"{who}_detected": ~unseen,
+        f"{who}_gap_mm": _masked(rows(believed.gap), unseen),
+        f"{who}_closing_speed_mmps": _masked(rows(believed.closing_speed), unseen),
+        f"{who}_true_gap_mm": _masked(rows(believed.true_gap), nobody),
+        f"{who}_true_closing_speed_mmps": _masked(rows(believed.true_closing_speed), nobody),
+    }

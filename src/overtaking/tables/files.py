@@ -1,0 +1,298 @@
+"""Parquet files of one table: written once, whole and durable, and read with suspicion."""
+
+import hashlib
+import io
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from overtaking.core.errors import SchemaError
+from overtaking.tables.columns import names_of
+from overtaking.tables.digest import ContentDigest
+from overtaking.tables.schemas import FORMAT, KEYS, SCHEMAS, VERSION
+
+T = TypeVar("T")
+
+_FEW_VALUES = frozenset({"vehicle", "lane_id", "lights", "right_lane_id", "left_lane_id"})
+"""Integers that take few values and rarely change: run lengths beat differences."""
+
+_COMPRESSION = {"states": "lz4"}
+"""Of the large table, differences leave little to compress; lz4 costs almost nothing there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileFacts:
+    """What is known of a file once it is written.
+
+    Attributes:
+        rows: Number of rows.
+        size: Length [bytes].
+        sha256: Hash over the bytes, 64 hexadecimal digits.
+        content: Hash over the values, whatever the encoding, 64 hexadecimal digits.
+    """
+
+    rows: int
+    size: int
+    sha256: str
+    content: str
+
+
+class TableWriter:
+    """Writes one file piece by piece; each piece becomes a row group.
+
+    Used as a context manager, it closes the file in any case; `finish` alone makes it complete.
+    """
+
+    def __init__(self, path: Path, table: str) -> None:
+        """Create the file.
+
+        Args:
+            path: Where; what is there is replaced.
+            table: Name of one of the `SCHEMAS`.
+
+        Raises:
+            OSError: The file cannot be created.
+        """
+        self._digest = ContentDigest(SCHEMAS[table])
+        self._file = _HashedFile(path)
+        try:
+            self._writer = pq.ParquetWriter(self._file, SCHEMAS[table], **_options(table))
+        except BaseException:
+            self._file.close()
+            raise
+
+    def __enter__(self) -> Self:
+        """The writer itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the file; without `finish` it stays incomplete and is of no use."""
+        self._file.close()
+
+    def write(self, table: pa.Table) -> None:
+        """Append a piece.
+
+        Raises:
+            OSError: The disk is full or the file cannot be written.
+        """
+        if table.num_rows:
+            self._writer.write_table(table, row_group_size=table.num_rows)
+            self._digest.update(table)
+
+    def finish(self, notes: dict[str, str] | None = None) -> FileFacts:
+        """Complete the file and force it to the disk.
+
+        Args:
+            notes: Texts to keep in the file's metadata.
+
+        Raises:
+            OSError: The disk is full or the file cannot be written.
+        """
+        if notes:
+            self._writer.add_key_value_metadata(notes)
+        self._writer.close()
+        os.fsync(self._file.fileno())
+        return FileFacts(
+            rows=self._digest.num_rows,
+            size=self._file.tell(),
+            sha256=self._file.hexdigest(),
+            content=self._digest.hexdigest(),
+        )
+
+
+def sync_folder(folder: Path) -> None:
+    """Force the names in a folder to the disk, where the system knows how to."""
+    if os.name == "nt":  # Windows cannot open folders.
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def sha256_of(path: Path) -> str:
+    """Hash over the bytes of a file, 64 hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_table(path: Path, table: str) -> pa.Table:
+    """All rows of a file.
+
+    Args:
+        path: The file.
+        table: Name of one of the `SCHEMAS`.
+
+    Raises:
+        SchemaError: The file is missing, damaged, of another table or of a newer version.
+    """
+    return _read(path, lambda: _opened(path, table).read())
+
+
+def read_rows(path: Path, table: str, first: int, last: int) -> pa.Table:
+    """The rows whose first key lies between two numbers.
+
+    Args:
+        path: The file.
+        table: Name of one of the `SCHEMAS`.
+        first: Smallest number.
+        last: Largest number.
+
+    Raises:
+        SchemaError: The file is missing, damaged, of another table or of a newer version.
+    """
+
+    def read() -> pa.Table:
+        file = _opened(path, table)
+        groups = [
+            group for group in range(file.num_row_groups) if _overlaps(file, group, first, last)
+        ]
+        rows = file.read_row_groups(groups)
+        key = rows[KEYS[table][0]].to_numpy()
+        start, stop = key.searchsorted(first, "left"), key.searchsorted(last, "right")
+        return rows.slice(start, stop - start)
+
+    return _read(path, read)
+
+
+def read_notes(path: Path, table: str) -> dict[str, str]:
+    """The notes that a file was finished with, and whatever else its metadata holds.
+
+    Raises:
+        SchemaError: The file is missing, damaged, of another table or of a newer version.
+    """
+    metadata = _read(path, lambda: _opened(path, table).metadata.metadata)
+    return {key.decode(): value.decode(errors="replace") for key, value in metadata.items()}
+
+
+class _HashedFile(io.FileIO):
+    """A file that hashes what is written to it, and never writes less than it was given."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "wb")
+        self._hash = hashlib.sha256()
+
+    def write(self, data: Any, /) -> int:
+        """Write all of `data`; the system may take it in parts when the disk is almost full."""
+        view = memoryview(data).cast("B")
+        self._hash.update(view)
+        done = 0
+        while done < len(view):
+            done += super().write(view[done:])
+        return done
+
+    def hexdigest(self) -> str:
+        """Hash over what was written."""
+        return self._hash.hexdigest()
+
+
+def _options(table: str) -> dict[str, Any]:
+    """How a table is encoded: chosen by bytes per row and rows per second, see benchmarks."""
+    encodings: dict[str, str] = {}
+    dictionaries: list[str] = []
+    for field in SCHEMAS[table]:
+        if names_of(field) or field.name in _FEW_VALUES or _is_text_or_double(field.type):
+            dictionaries.append(field.name)
+        elif pa.types.is_integer(field.type):
+            encodings[field.name] = "DELTA_BINARY_PACKED"
+        elif pa.types.is_floating(field.type):
+            encodings[field.name] = "BYTE_STREAM_SPLIT"
+    ordering = [(key, "ascending") for key in KEYS[table]]
+    return {
+        "use_dictionary": dictionaries,
+        "column_encoding": encodings,
+        "compression": _COMPRESSION.get(table, "zstd"),
+        "write_statistics": list(KEYS[table]),
+        "sorting_columns": pq.SortingColumn.from_ordering(SCHEMAS[table], ordering),
+    }
+
+
+def _is_text_or_double(kind: pa.DataType) -> bool:
+    """Texts, and the doubles of the road and the sampling weights, mostly repeat."""
+    return pa.types.is_string(kind) or pa.types.is_float64(kind)
+
+
+def _read(path: Path, action: Callable[[], T]) -> T:
+    """Do something with a file, and say in one line what is wrong with it if that fails."""
+    try:
+        return action()
+    except FileNotFoundError:
+        got = "no such file"
+    except (pa.ArrowException, OSError, UnicodeDecodeError, ValueError) as error:
+        if isinstance(error, SchemaError):
+            raise
+        got = str(error)
+    raise SchemaError.of(
+        what="file",
+        where=path,
+        expected="a readable Parquet file",
+        got=got,
+        next_step="restore it from a copy, or generate the data set again",
+    )
+
+
+def _opened(path: Path, table: str) -> pq.ParquetFile:
+    """A file whose schema can be read by this version."""
+    file = pq.ParquetFile(path)
+    _check_version(path, table, file.schema_arrow.metadata or {})
+    _check_columns(path, SCHEMAS[table], file.schema_arrow)
+    return file
+
+
+def _check_version(path: Path, table: str, metadata: dict[bytes, bytes]) -> None:
+    name = metadata.get(b"schema", b"none").decode(errors="replace")
+    if name != f"{FORMAT}.{table}":
+        raise SchemaError.of(
+            what="schema",
+            where=path,
+            expected=f"{FORMAT}.{table}",
+            got=name,
+            next_step="put the files of each table into the folder of its name",
+        )
+    version = int(metadata.get(b"version", b"0"))
+    if version > VERSION:
+        raise SchemaError.of(
+            what=f"version of schema {name}",
+            where=path,
+            expected=f"at most {VERSION}",
+            got=version,
+            next_step="upgrade the package: pip install --upgrade overtaking",
+        )
+
+
+def _check_columns(path: Path, expected: pa.Schema, got: pa.Schema) -> None:
+    for want, have in zip_fields(expected, got):
+        if have is None or have.type != want.type:
+            raise SchemaError.of(
+                what=f"column {want.name}",
+                where=path,
+                expected=f"type {want.type}",
+                got="no such column" if have is None else f"type {have.type}",
+                next_step="restore the file from a copy, or generate the data set again",
+            )
+
+
+def zip_fields(expected: pa.Schema, got: pa.Schema) -> list[tuple[pa.Field, pa.Field | None]]:
+    """Each expected field with the one of its name, or None."""
+    names: Sequence[str] = got.names
+    return [(field, got.field(field.name) if field.name in names else None) for field in expected]
+
+
+def _overlaps(file: pq.ParquetFile, group: int, first: int, last: int) -> bool:
+    """Whether a row group may hold keys between two numbers."""
+    statistics = file.metadata.row_group(group).column(0).statistics
+    if statistics is None or not statistics.has_min_max:
+        return True
+    return statistics.min <= last and statistics.max >= first

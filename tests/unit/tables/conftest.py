@@ -1,0 +1,189 @@
+"""Recorded simulations with any values that the arrays can hold, made without a simulator."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from overtaking.model.drivers import Drivers
+from overtaking.model.known_roads import known_road
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import (
+    NO_VEHICLE,
+    Contacts,
+    DecisionKind,
+    Percepts,
+    Stage,
+    States,
+    Trajectories,
+)
+from overtaking.model.vehicles import Colour, VehicleKind, VehicleSpecs
+from overtaking.model.weather import NO_PRESET, Weather
+
+if TYPE_CHECKING:
+    from overtaking.model.road import Road
+
+Recorder = Callable[..., Trajectories]
+
+
+class Source:
+    """Random arrays of any shape and type."""
+
+    def __init__(self, seed: int) -> None:
+        self.random = np.random.default_rng(seed)
+
+    def integers(self, dtype, shape, *, low=None, high=None):
+        info = np.iinfo(dtype)
+        low, high = info.min if low is None else low, info.max if high is None else high
+        return self.random.integers(low, high, shape, dtype=dtype, endpoint=True)
+
+    def floats(self, shape):
+        return self.random.normal(0, 100, shape).astype(np.float32)
+
+    def yes_or_no(self, shape):
+        return self.random.random(shape) < 0.5
+
+    def batch(self, cls, shape, **known):
+        """A batch of `cls` with the fields given, and any floats or yes and no in the others."""
+        kinds = {field.name: str(field.type) for field in dataclasses.fields(cls)}
+        for name, kind in kinds.items():
+            if name not in known:
+                known[name] = self.yes_or_no(shape) if "bool" in kind else self.floats(shape)
+        return cls(**known)
+
+
+def states(source: Source, shape: tuple[int, int, int], road: Road) -> States:
+    lane = source.integers(np.uint8, shape, low=0, high=road.num_lanes + 1)
+    lane[lane == road.num_lanes + 1] = 255
+    # Outside the lanes, which side it is follows from the position.
+    borders_mm = np.rint(np.array([*road.boundaries, road.boundaries[-1] + 2]) * 1000)
+    d = np.where(lane == 255, road.boundaries[0] * 1000 - road.side * 500, 0.0)
+    d = np.where(lane != 255, borders_mm[np.minimum(lane, road.num_lanes)] + road.side * 500, d)
+    wide, narrow = np.int32, np.int16
+    return States(
+        x=source.integers(wide, shape),
+        y=source.integers(wide, shape),
+        s=source.integers(wide, shape),
+        d=d.astype(np.int32),
+        speed=source.integers(wide, shape, low=0),
+        heading=source.integers(narrow, shape),
+        wheel_angle=source.integers(narrow, shape),
+        accel_lon=source.integers(narrow, shape),
+        accel_lat=source.integers(narrow, shape),
+        yaw_rate=source.integers(narrow, shape),
+        lane=lane,
+        lights=source.integers(np.uint8, shape, low=0, high=63),
+    )
+
+
+def contacts(source: Source, valid: np.ndarray) -> Contacts:
+    partner = source.integers(np.uint8, valid.shape, low=0, high=valid.shape[1])
+    partner[(partner == valid.shape[1]) | ~valid] = NO_VEHICLE
+    hit = partner != NO_VEHICLE
+    return Contacts(
+        partner=partner,
+        time=source.integers(np.int32, valid.shape) * hit,
+        impulse=source.integers(np.int32, valid.shape, low=0) * hit,
+        closing_speed=source.integers(np.int32, valid.shape) * hit,
+    )
+
+
+def percepts(source: Source, valid: np.ndarray) -> Percepts:
+    shape = (*valid.shape, 3)
+    there = valid[:, :, None] & source.yes_or_no(shape)
+    seen = there & source.yes_or_no(shape)
+    vehicle = np.where(there, source.integers(np.uint8, shape, low=1, high=7), NO_VEHICLE)
+    return Percepts(
+        valid=valid,
+        kind=source.integers(np.uint8, valid.shape, low=0, high=len(DecisionKind) - 1) * valid,
+        time=source.integers(np.int32, valid.shape, low=0) * valid,
+        vehicle=vehicle.astype(np.uint8),
+        detected=seen,
+        gap=source.integers(np.int32, shape) * seen,
+        closing_speed=source.integers(np.int32, shape) * seen,
+        true_gap=source.integers(np.int32, shape) * there,
+        true_closing_speed=source.integers(np.int32, shape) * there,
+    )
+
+
+def bodies(source: Source, valid: np.ndarray) -> VehicleSpecs:
+    shape = valid.shape
+    kind = source.integers(np.uint8, shape, low=0, high=len(VehicleKind) - 1)
+    colour = source.integers(np.uint8, shape, low=0, high=len(Colour) - 1)
+    return source.batch(VehicleSpecs, shape, valid=valid, kind=kind, colour=colour)
+
+
+def scenario(source: Source, valid: np.ndarray, road: Road) -> Scenario:
+    count, shape = len(valid), valid.shape
+    preset = source.integers(np.uint8, count, low=0, high=8)
+    preset[preset == 8] = NO_PRESET
+    return Scenario(
+        profile="by hand",
+        road=road,
+        seed=2**64 - 1,
+        frame_interval_ms=50,
+        index=source.integers(np.uint64, count),
+        horizon=source.floats(count),
+        attempt_deadline=source.floats(count),
+        weight=source.random.random(count),
+        vehicles=bodies(source, valid),
+        drivers=source.batch(Drivers, shape),
+        weather=source.batch(Weather, count, preset=preset),
+        start_s=source.floats(shape),
+        start_lane=source.integers(np.uint8, shape, low=0, high=road.num_lanes - 1),
+        start_speed=source.floats(shape),
+    )
+
+
+def record(
+    seed: int = 0,
+    *,
+    num_simulations: int = 5,
+    num_slots: int = 4,
+    num_frames: int = 12,
+    road: Road | None = None,
+    full: bool = False,
+) -> Trajectories:
+    """Recorded simulations with 1 to `num_slots` vehicles and 1 to `num_frames` frames.
+
+    Args:
+        seed: Equal seeds give equal arrays.
+        num_simulations: Length of the simulation axis.
+        num_slots: Length of the vehicle axis.
+        num_frames: Length of the time axis; at least one simulation is as long.
+        road: The road; `town06` if left out.
+        full: Whether every slot holds a vehicle and every frame is recorded.
+    """
+    source, road = Source(seed), road or known_road("town06")
+    count = source.integers(np.int64, num_simulations, low=1, high=num_slots)
+    length = source.integers(np.int32, num_simulations, low=1, high=num_frames)
+    count[:1], length[:1] = num_slots, num_frames
+    if full:
+        count[:], length[:] = num_slots, num_frames
+    valid = np.arange(num_slots)[None, :] < count[:, None]
+    shape = (num_simulations, num_frames)
+    recorded = np.arange(num_frames)[None, :] < length[:, None]
+    partner = source.integers(np.uint8, shape, low=1, high=num_slots)
+    decisions = (
+        np.arange(3)[None, :] < source.integers(np.int64, num_simulations, low=0, high=3)[:, None]
+    )
+    return Trajectories(
+        scenario=scenario(source, valid, road),
+        num_frames=length,
+        states=states(source, (num_simulations, num_slots, num_frames), road),
+        stage=source.integers(np.uint8, shape, low=0, high=len(Stage) - 1) * recorded,
+        collided_with=np.where(partner == num_slots, NO_VEHICLE, partner).astype(np.uint8),
+        contacts=contacts(source, valid),
+        percepts=percepts(source, decisions),
+        trace_hash=source.integers(np.uint32, (num_simulations, 4)),
+    )
+
+
+@pytest.fixture(scope="session")
+def recorder() -> Recorder:
+    """Makes recorded simulations; see `record`."""
+    return record
