@@ -32,7 +32,7 @@ help:  ## List what can be made
 	  | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
 
 demo: build  ## Generate the paper's 276 simulations and show one
-	$(BIN)/overtaking generate --profile pinto2023 -n 276 --seed 1 --out $(DEMO)
+	$(BIN)/overtaking generate --profile pinto2023 -n 276 --seed 1 --out $(DEMO) $(if $(wildcard $(DEMO)),--resume)
 	$(BIN)/overtaking show $(DEMO) 1
 	@echo "The data set is in $(abspath $(DEMO))."
 
