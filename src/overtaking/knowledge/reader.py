@@ -93,6 +93,7 @@ def read_section(cls: type[Record], file: str | Path, section: str = "") -> Reco
     return _fill(cls, cast("dict[str, Any]", table), where=_where(file, section))
 
 
+@cache
 def quantities(file: str | Path) -> Mapping[str, Quantity | Distribution]:
     """Every number of a knowledge file, by dotted name, in the file's order.
 
