@@ -1,0 +1,211 @@
+"""Draws the vehicles themselves: type, colour, size, mass and what follows from them."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from overtaking.core.elementary import F32, clamp, maximum
+from overtaking.core.philox import U64, Stream
+from overtaking.core.units import AIR_DENSITY, GRAVITY
+from overtaking.knowledge import (
+    COLOUR_ORDER,
+    VEHICLE_CLASS_ORDER,
+    Quantity,
+    colours,
+    quantities,
+    vehicle_classes,
+)
+from overtaking.model.vehicles import Role, VehicleKind, VehicleSpecs
+from overtaking.scenarios.noise import U8, Noise, choose, weights_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from overtaking.scenarios.schema import Traffic
+
+POWER_RESERVE = 1.25
+"""A bicycle that may not be on the road has this much more power than its speed costs."""
+
+
+def sample_bodies(traffic: Traffic, seed: int, index: U64, num_slots: int) -> VehicleSpecs:
+    """The vehicles of each simulation; who of them takes part is decided with the layout.
+
+    Args:
+        traffic: What the specification says about vehicles.
+        seed: Seed of the data set.
+        index: Simulation numbers, shape (simulation,).
+        num_slots: Vehicles that are drawn, the ego in slot 0.
+
+    Returns:
+        Bodies, shape (simulation, vehicle), all of them valid.
+    """
+    slots = np.uint32(Stream.VEHICLE) + np.arange(num_slots, dtype=np.uint32)
+    noise = Noise(seed, index[:, None], slots)
+    kind = _kinds(traffic, noise.uniform())
+    colour = choose(noise.uniform(), weights_of(traffic.colours, COLOUR_ORDER))
+    tyre_wear = noise.uniform()
+    front_drive = noise.uniform() < of_kind("front_drive_share", kind)
+    length = _varied("length", kind, noise.normal())
+    mass = _varied("mass", kind, noise.normal())
+    wind_centre = _varied("wind_centre_ratio", kind, noise.normal())
+    return _assembled(kind, colour, tyre_wear, front_drive, length, mass, wind_centre)
+
+
+def lifted(vehicles: VehicleSpecs, desired_speed: F32) -> VehicleSpecs:
+    """The vehicles, with every bicycle able to hold the speed that it is given.
+
+    No rider drives at 50 km/h. The study has bicycles at 50 to 120 km/h all the same, so their top
+    speed and power are what this takes; they stay marked as `unlawful_presence`.
+
+    Args:
+        vehicles: Bodies, shape (simulation, vehicle).
+        desired_speed: Speed that each driver wants, the same shape [m/s].
+    """
+    bicycle = vehicles.kind == VehicleKind.B
+    drag = np.float32(0.5 * AIR_DENSITY) * vehicles.drag_area * desired_speed * desired_speed
+    rolling = vehicles.rolling_resistance * vehicles.mass * np.float32(GRAVITY)
+    share = np.float32(_power_share() / POWER_RESERVE)
+    power = maximum((drag + rolling) * desired_speed / share, vehicles.power)
+    max_speed = maximum(desired_speed, vehicles.max_speed)
+    return vehicles.replace(
+        power=np.where(bicycle, power, vehicles.power),
+        max_speed=np.where(bicycle, max_speed, vehicles.max_speed),
+    )
+
+
+def top_speeds() -> F32:
+    """Highest speed of each vehicle type, the bicycle's lifted, shape (type,) [m/s]."""
+    speeds = _table("governed_speed").copy()
+    speeds[VehicleKind.B] = np.inf
+    return speeds
+
+
+def longest(traffic: Traffic) -> float:
+    """Length of the longest vehicle that the weights allow [m]."""
+    weights = (traffic.types, traffic.ego_types)
+    drawn = {name for group in weights for name, weight in group.items() if weight > 0.0}
+    return max(float(_limits("length")[1][VEHICLE_CLASS_ORDER.index(name)]) for name in drawn)
+
+
+def of_kind(quantity: str, kind: U8) -> F32:
+    """The value that a quantity of `knowledge.VehicleClass` has for each vehicle."""
+    return _table(quantity)[kind]
+
+
+@cache
+def _power_share() -> float:
+    entry = quantities("model.toml")["dynamics.power_share"]
+    return float(entry.number) if isinstance(entry, Quantity) else 1.0
+
+
+@cache
+def _table(quantity: str) -> F32:
+    """Value of a quantity for each vehicle type, shape (type,)."""
+    classes = vehicle_classes().values()
+    return np.array([getattr(one, quantity).number for one in classes], np.float32)
+
+
+@cache
+def _limits(quantity: str) -> tuple[F32, F32]:
+    """Smallest and largest sample of a quantity for each vehicle type."""
+    entries = [getattr(one, quantity) for one in vehicle_classes().values()]
+    low = np.array([entry.low for entry in entries], np.float32)
+    return low, np.array([entry.high for entry in entries], np.float32)
+
+
+@cache
+def _sigma(quantity: str) -> F32:
+    """Standard deviation of a quantity for each vehicle type, zero where it is fixed."""
+    entries = [getattr(one, quantity) for one in vehicle_classes().values()]
+    return np.array([entry.sigma or 0.0 for entry in entries], np.float32)
+
+
+@cache
+def _flags(name: str) -> NDArray[np.bool_]:
+    """A yes or no of `knowledge.VehicleClass` for each vehicle type."""
+    return np.array([getattr(one, name) for one in vehicle_classes().values()], np.bool_)
+
+
+@cache
+def _contrasts() -> F32:
+    return np.array([colour.contrast.number for colour in colours().values()], np.float32)
+
+
+def _kinds(traffic: Traffic, u: F32) -> U8:
+    """Vehicle types; the ego's have weights of their own."""
+    kind = choose(u, weights_of(traffic.types, VEHICLE_CLASS_ORDER))
+    ego = u[:, Role.EGO]
+    kind[:, Role.EGO] = choose(ego, weights_of(traffic.ego_types, VEHICLE_CLASS_ORDER))
+    return kind
+
+
+def _varied(quantity: str, kind: U8, z: F32) -> F32:
+    """A sample of a quantity: value + sigma z, inside its limits."""
+    low, high = _limits(quantity)
+    value = of_kind(quantity, kind) + _sigma(quantity)[kind] * z
+    return clamp(value, low[kind], high[kind])
+
+
+def _cg_height(kind: U8, mass: F32) -> F32:
+    """Height of the centre of gravity, which a load raises up to that of the usual load [m]."""
+    empty, usual = of_kind("mass_empty", kind), of_kind("mass", kind)
+    loaded = clamp((mass - empty) / (usual - empty), np.zeros_like(mass), np.ones_like(mass))
+    low, high = of_kind("cg_height_empty", kind), of_kind("cg_height", kind)
+    return low + loaded * (high - low)
+
+
+def _assembled(
+    kind: U8,
+    colour: U8,
+    tyre_wear: F32,
+    front_drive: NDArray[np.bool_],
+    length: F32,
+    mass: F32,
+    wind_centre: F32,
+) -> VehicleSpecs:
+    """All fields of the bodies from what was drawn."""
+    wheelbase = of_kind("wheelbase", kind)
+    cg_to_front = of_kind("cg_to_front_ratio", kind) * wheelbase
+    arms = cg_to_front * (wheelbase - cg_to_front)
+    same = {
+        name: of_kind(name, kind)
+        for name in (
+            "width",
+            "height",
+            "front_stiffness",
+            "rear_stiffness",
+            "launch_accel",
+            "drag_area",
+            "side_area",
+            "rolling_resistance",
+            "peak_decel",
+            "wind_side_coefficient",
+            "track_width",
+            "spray_factor",
+            "lamp_separation",
+        )
+    }
+    return VehicleSpecs(
+        valid=np.ones(kind.shape, np.bool_),
+        kind=kind,
+        colour=colour,
+        length=length,
+        mass=mass,
+        wheelbase=wheelbase,
+        cg_to_front=cg_to_front,
+        cg_height=_cg_height(kind, mass),
+        yaw_inertia=of_kind("inertia_factor", kind) * mass * arms,
+        # The load does not change the engine.
+        power=of_kind("specific_power", kind) * of_kind("mass", kind),
+        max_speed=of_kind("governed_speed", kind),
+        wind_centre_ratio=wind_centre,
+        front_drive_share=front_drive.astype(np.float32),
+        tyre_wear=tyre_wear,
+        contrast=_contrasts()[colour],
+        two_wheeler=_flags("two_wheeler")[kind],
+        unlawful_presence=~_flags("motorway_allowed")[kind],
+        **same,
+    )

@@ -1,0 +1,84 @@
+"""Random numbers as the samplers want them, on top of `core.philox.Draws`.
+
+Everything here is float32 and has the same bits on every machine: additions, multiplications,
+divisions, square roots, comparisons and the elementary functions of `core`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import F32, clamp
+from overtaking.core.philox import U32, U64, Draws, normal_pair
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+U8: TypeAlias = NDArray[np.uint8]
+Number: TypeAlias = float | np.floating[Any] | NDArray[np.float32]
+
+REACH = np.float32(2.5)
+"""Normal numbers are cut off at this many standard deviations."""
+
+
+class Noise:
+    """Successive random numbers of one stream, of which none of a pair is thrown away."""
+
+    def __init__(self, seed: int, index: U64, stream: U32 | int) -> None:
+        """Start at the first draw.
+
+        Args:
+            seed: Seed of the data set.
+            index: Simulation numbers, any shape.
+            stream: `core.philox.Stream`, plus slots that broadcast against `index`.
+        """
+        self._draws = Draws(seed, index, stream)
+        self._spare: F32 | None = None
+
+    def uniform(self) -> F32:
+        """The next number in (0, 1)."""
+        return self._draws.uniform()
+
+    def normal(self) -> F32:
+        """The next standard normal number, cut off at `REACH`."""
+        if self._spare is not None:
+            number, self._spare = self._spare, None
+            return number
+        first, second = normal_pair(self._draws.uniform(), self._draws.uniform())
+        self._spare = clamp(second, -REACH, REACH)
+        return clamp(first, -REACH, REACH)
+
+    def integer(self, count: int) -> NDArray[np.int32]:
+        """The next integer in [0, count)."""
+        return self._draws.integer(count)
+
+
+def spread(u: F32, low: Number, high: Number) -> F32:
+    """A number in (0, 1) as one in [low, high]."""
+    low32, high32 = np.asarray(low, np.float32), np.asarray(high, np.float32)
+    return clamp(low32 + (high32 - low32) * u, low32, high32)
+
+
+def choose(u: F32, weights: Sequence[float]) -> U8:
+    """Numbers in (0, 1) as positions in `weights`, each as likely as its weight says.
+
+    Args:
+        u: Any shape.
+        weights: Not negative, not all zero; at most 255.
+    """
+    total = sum(weights)
+    chosen = np.zeros(u.shape, np.uint8)
+    reached = 0.0
+    last = max(place for place, weight in enumerate(weights) if weight > 0.0)
+    for weight in weights[:last]:
+        reached += weight
+        chosen += u >= np.float32(reached / total)
+    return chosen
+
+
+def weights_of(given: Mapping[str, float], order: Sequence[str]) -> list[float]:
+    """The weights of all names in `order`, zero for those that are not given."""
+    return [given.get(name, 0.0) for name in order]

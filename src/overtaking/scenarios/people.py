@@ -1,0 +1,141 @@
+"""Draws the drivers: one hidden temper for each, and traits that depend on it."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from overtaking.core.elementary import F32, as_f32, clamp, exp, log, maximum, minimum
+from overtaking.core.philox import U64, Stream
+from overtaking.core.units import mps_from_kmh
+from overtaking.knowledge import VEHICLE_CLASS_ORDER, Distribution, vehicle_classes
+from overtaking.model.drivers import Drivers
+from overtaking.model.vehicles import Role
+from overtaking.scenarios.noise import U8, Noise, spread
+from overtaking.scenarios.populations import TRAITS, Population, population
+
+if TYPE_CHECKING:
+    from overtaking.scenarios.schema import People, Traffic
+
+LEAD_SLOT = 1
+"""The slot of the vehicle that the ego follows at the start."""
+
+_SPEED_TRAITS = ("cruise_factor", "speed_over_leader", "wants_to_overtake")
+_YES_OR_NO = ("uses_indicator", "checks_blind_spot")
+_FACTORS = {
+    "time_gap": "time_gap_factor",
+    "accel": "accel_factor",
+    "lane_change_duration": "lane_change_factor",
+}
+
+
+def sample_traits(people: People, seed: int, index: U64, kind: U8) -> dict[str, F32]:
+    """What each driver is like, before anything is known about speeds.
+
+    Args:
+        people: What the specification says about drivers.
+        seed: Seed of the data set.
+        index: Simulation numbers, shape (simulation,).
+        kind: Vehicle types, shape (simulation, vehicle).
+
+    Returns:
+        `TRAITS` by name, each of the shape of `kind`; yes or no is 1 or 0.
+    """
+    slots = np.uint32(Stream.DRIVER) + np.arange(kind.shape[1], dtype=np.uint32)
+    noise = Noise(seed, index[:, None], slots)
+    who = population(people.population)
+    temper = spread(noise.uniform(), *people.temper)
+    traits = {name: _trait(name, who, temper, noise) for name in TRAITS}
+    for name, factor in _FACTORS.items():
+        traits[name] = traits[name] * _factors(people.population, factor)[kind]
+    traits["decel"] = traits["decel"] * _comfort()[kind]
+    for name, value in people.fixed.values().items():
+        traits[name] = np.full(kind.shape, value, np.float32)
+    return traits
+
+
+def drivers_of(traits: dict[str, F32], came_with: F32, max_speed: F32) -> Drivers:
+    """Drivers with the speeds that they want.
+
+    The traffic goes on at about the speed that it came with. The ego wants to be faster than its
+    leader, unless it is one of the few who are content to follow.
+
+    Args:
+        traits: As `sample_traits` returns them.
+        came_with: Speeds that were drawn for the vehicles, shape (simulation, vehicle) [m/s].
+        max_speed: Top speeds, the same shape [m/s].
+    """
+    desired = came_with * traits["cruise_factor"]
+    lead, own = desired[:, LEAD_SLOT], came_with[:, Role.EGO]
+    wants = traits["wants_to_overtake"][:, Role.EGO] > 0
+    faster = maximum(own, lead + traits["speed_over_leader"][:, Role.EGO])
+    desired[:, Role.EGO] = np.where(wants, faster, minimum(own, lead))
+    plain: dict[str, Any] = {
+        name: value > 0 if name in _YES_OR_NO else value
+        for name, value in traits.items()
+        if name not in _SPEED_TRAITS
+    }
+    return Drivers(desired_speed=minimum(desired, max_speed), **plain)
+
+
+def fastest_wish(people: People, traffic: Traffic) -> float:
+    """The highest speed that anyone may want [m/s]."""
+    who = population(people.population)
+    ends = (who.careful, who.reckless)
+    cruise = max(end.cruise_factor.high for end in ends)
+    gain = max(end.speed_over_leader.high for end in ends)
+    came_with = mps_from_kmh(traffic.speed_kmh[1])
+    lead = cruise * mps_from_kmh(traffic.lead_speed_kmh[1])
+    return max(cruise * came_with, lead + gain)
+
+
+def _trait(name: str, who: Population, temper: F32, noise: Noise) -> F32:
+    """One parameter of each driver, drawn from the distribution of its temper."""
+    ends = (getattr(who.careful, name), getattr(who.reckless, name))
+    kind = ends[0].kind
+    if kind == "constant":
+        return _between(temper, *(end.parameter("value") for end in ends))
+    if kind == "bernoulli":
+        probability = _between(temper, *(end.parameter("probability") for end in ends))
+        return (noise.uniform() < probability).astype(np.float32)
+    low, high = (
+        _between(temper, *(getattr(end, side) for end in ends)) for side in ("low", "high")
+    )
+    if kind == "uniform":
+        return spread(noise.uniform(), low, high)
+    deviation = _between(temper, *(end.parameter("sigma") for end in ends)) * noise.normal()
+    return clamp(_shifted(kind, ends, temper, deviation), low, high)
+
+
+def _shifted(
+    kind: str, ends: tuple[Distribution, Distribution], temper: F32, deviation: F32
+) -> F32:
+    """Centre plus deviation of a normal, or their exponential of a lognormal."""
+    if kind == "normal":
+        return _between(temper, *(end.parameter("mean") for end in ends)) + deviation
+    medians = log(as_f32([end.parameter("median") for end in ends]))
+    return exp(_between(temper, float(medians[0]), float(medians[1])) + deviation)
+
+
+def _between(temper: F32, careful: float, reckless: float) -> F32:
+    """What lies between two ends in proportion to the temper."""
+    start, end = np.float32(careful), np.float32(reckless)
+    return start + (end - start) * temper
+
+
+@cache
+def _factors(name: str, factor: str) -> F32:
+    """A factor of every vehicle type, shape (type,)."""
+    classes = population(name).classes
+    found = [getattr(getattr(classes, kind), factor).number for kind in VEHICLE_CLASS_ORDER]
+    return np.array(found, np.float32)
+
+
+@cache
+def _comfort() -> F32:
+    """Comfortable deceleration of every vehicle type over that of a medium car, shape (type,)."""
+    classes = vehicle_classes()
+    car = classes["M"].comfort_decel.number
+    return np.array([one.comfort_decel.number / car for one in classes.values()], np.float32)

@@ -1,0 +1,135 @@
+"""Reads specifications: from a profile of the package, a file, or what a manifest recorded."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
+
+from pydantic import ValidationError
+
+from overtaking.core.errors import ConfigError
+from overtaking.scenarios.complaints import advice, config_error
+from overtaking.scenarios.schema import Spec, known_keys
+
+PROFILES = Path(__file__).with_name("profiles")
+"""The folder of the profiles that are part of the package."""
+
+_SPAWN_KEYS = ("spawn_x_m", "spawn_s_m")
+
+
+def profile_names() -> tuple[str, ...]:
+    """The profiles that are part of the package, in alphabetical order."""
+    return tuple(sorted(path.stem for path in PROFILES.glob("*.toml")))
+
+
+def spec(
+    source: str | Path | Mapping[str, Any] | Spec, overrides: Mapping[str, Any] | None = None
+) -> Spec:
+    """A specification, checked.
+
+    Args:
+        source: Name of a profile, path of a TOML file, what `Spec.resolved` returned, or a `Spec`.
+        overrides: Dotted key to value. A text is read as TOML, `a..b` as a range and anything else
+            as a name, so that `{"traffic.vehicles": "2..6"}` is the same as `{...: [2, 6]}`.
+
+    Returns:
+        The specification; everything that it leaves open has its default.
+
+    Raises:
+        ConfigError: One line about the first thing that is wrong.
+    """
+    where, table = _table(source)
+    for key, value in (overrides or {}).items():
+        table = _with(table, key, _parsed(value) if isinstance(value, str) else value, where)
+    try:
+        return Spec.model_validate(_with_tuples(table))
+    except ValidationError as found:
+        raise config_error(found, where, known_keys) from None
+
+
+def _table(source: str | Path | Mapping[str, Any] | Spec) -> tuple[str, dict[str, Any]]:
+    """Where a specification comes from, and its unchecked content."""
+    if isinstance(source, Spec):
+        return f"specification {source.name}", source.resolved()
+    if isinstance(source, Mapping):
+        return "specification", dict(source)
+    if source in profile_names():
+        path = PROFILES / f"{source}.toml"
+    elif isinstance(source, Path) or source.endswith(".toml") or Path(source).exists():
+        path = Path(source)
+    else:
+        raise ConfigError.of(
+            what=repr(source),
+            where="profile",
+            expected="a known profile or the path of a TOML file",
+            got="neither",
+            next_step=advice(source, profile_names()),
+        )
+    return path.name, _read(path)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """The content of a TOML file."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        unreadable = isinstance(error, OSError)
+        raise ConfigError.of(
+            what="file",
+            where=str(path),
+            expected="a TOML file",
+            got=error.strerror if unreadable else str(error),
+            next_step="check the path" if unreadable else "correct the file",
+        ) from None
+
+
+def _parsed(text: str) -> Any:
+    """The value that a text on the command line stands for."""
+    low, dots, high = text.partition("..")
+    if dots and low.strip() and high.strip():
+        return [_parsed(low), _parsed(high)]
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text.strip()
+
+
+def _with(table: dict[str, Any], key: str, value: Any, where: str) -> dict[str, Any]:
+    """A copy of `table` with the value at a dotted key replaced.
+
+    Keys that exclude the new one are dropped: the other way to give the zone in which vehicles
+    start, and everything that belongs to the other mode of the weather.
+    """
+    first, *rest = key.split(".")
+    if not all([first, *rest]):
+        raise ConfigError.of(
+            what=repr(key),
+            where=where,
+            expected="a key such as traffic.vehicles",
+            got=repr(key),
+            next_step="name section and key, with a dot between them",
+        )
+    if not rest:
+        return table | {first: value}
+    section = table.get(first, {})
+    if not isinstance(section, Mapping):
+        raise ConfigError.of(
+            what=first, where=where, expected="a table", got=section, next_step="set the key itself"
+        )
+    kept = dict(cast("Mapping[str, Any]", section))
+    if key == "weather.mode" and kept.get("mode") != value:
+        kept = {}
+    if rest[0] in _SPAWN_KEYS:
+        kept = {name: item for name, item in kept.items() if name not in _SPAWN_KEYS}
+    return table | {first: _with(kept, ".".join(rest), value, where)}
+
+
+def _with_tuples(value: Any) -> Any:
+    """TOML's and JSON's lists as tuples, all the way down, because the models are strict."""
+    if isinstance(value, Mapping):
+        return {key: _with_tuples(item) for key, item in cast("Mapping[str, Any]", value).items()}
+    if isinstance(value, list | tuple):
+        return tuple(_with_tuples(item) for item in cast("list[Any]", value))
+    return value

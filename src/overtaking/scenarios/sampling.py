@@ -1,0 +1,230 @@
+"""From a specification, a road, a seed and simulation numbers to a batch of scenarios."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+import numpy as np
+
+from overtaking.core.errors import ConfigError, InfeasibleError
+from overtaking.core.units import kmh_from_mps, mps_from_kmh
+from overtaking.knowledge import VEHICLE_CLASS_ORDER
+from overtaking.model.batch import Batch, concatenate
+from overtaking.model.scenario import MAX_VEHICLES, Scenario
+from overtaking.scenarios.bodies import lifted, longest, sample_bodies, top_speeds
+from overtaking.scenarios.grip import usable_decel
+from overtaking.scenarios.layout import Followers, Zone, draw_layout, settle
+from overtaking.scenarios.people import drivers_of, fastest_wish, sample_traits
+from overtaking.scenarios.weather import sample_weather
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from overtaking.core.philox import U64
+    from overtaking.model.road import Road
+    from overtaking.scenarios.schema import Spec
+
+T = TypeVar("T", bound=np.generic)
+B = TypeVar("B", bound=Batch)
+
+BLOCK = 2048
+"""Simulations that are worked on at a time: few enough for their arrays to stay in the cache."""
+
+MAX_SEED = 2**64 - 1
+
+_SLACK = 0.01  # Metres of a zone that rounding may take.
+_PASSING_MARGIN = 1.25  # Who overtakes may drive faster than wished for a while.
+_ROAD_STEP = 100.0  # Extended roads have round lengths.
+
+
+def sample(spec: Spec, road: Road, seed: int, index: ArrayLike) -> Scenario:
+    """A batch of scenarios.
+
+    Simulation number n is the same whatever else is in the batch, and has the same bits on every
+    machine.
+
+    Args:
+        spec: What to sample.
+        road: Where; extended to as long as the horizon needs.
+        seed: Seed of the data set, 0 <= seed < 2**64.
+        index: Numbers of the simulations, shape (simulation,).
+
+    Returns:
+        The scenarios, with `MAX_VEHICLES` slots, the ego in slot 0 and its leader in slot 1.
+
+    Raises:
+        ConfigError: The seed or the numbers are out of range, or the specification does not fit
+            the road.
+        InfeasibleError: No start could be found for some simulations.
+    """
+    numbers = _checked_index(index)
+    if not 0 <= seed <= MAX_SEED:
+        raise ConfigError.of(
+            what="seed", where="sample", expected="0 to 2**64 - 1", got=seed, next_step="change it"
+        )
+    zone = zone_of(spec, road)
+    long_road = road.extended(_needed_length(spec, road, zone))
+    blocks = [
+        _block(spec, long_road, zone, seed, numbers[first : first + BLOCK])
+        for first in range(0, max(len(numbers), 1), BLOCK)
+    ]
+    return concatenate(blocks) if len(blocks) > 1 else blocks[0]
+
+
+def zone_of(spec: Spec, road: Road) -> Zone:
+    """Where vehicles may start on a road.
+
+    Raises:
+        ConfigError: The zone or a lane is not on the road.
+        InfeasibleError: The zone is too small, or a vehicle too slow, for what is asked.
+    """
+    low, high = _stretch(spec, road)
+    _check_speeds(spec)
+    room = longest(spec.traffic) + spec.starts.min_gap_m
+    fit = math.floor((high - low - _SLACK) / room) + 1 if high - low > _SLACK else 1
+    most = spec.traffic.vehicles[1]
+    if fit < 2 or fit * road.num_lanes < most:
+        raise InfeasibleError.of(
+            what="traffic.vehicles",
+            where=f"specification {spec.name}",
+            expected=f"at most {fit * road.num_lanes if fit > 1 else 1} on {high - low:g} m of "
+            f"{road.num_lanes} lanes, with {room:.1f} m for each vehicle",
+            got=most,
+            next_step="ask for fewer vehicles, a longer zone, or smaller gaps",
+        )
+    lanes = _ego_lanes(spec, road)
+    return Zone(low=low, high=high, ego_lanes=lanes, num_lanes=road.num_lanes, most_in_lane=fit)
+
+
+def _checked_index(index: ArrayLike) -> U64:
+    numbers = np.asarray(index)
+    whole = np.issubdtype(numbers.dtype, np.integer) or numbers.size == 0
+    if numbers.ndim != 1 or not whole or (numbers.size and int(numbers.min()) < 0):
+        raise ConfigError.of(
+            what="index",
+            where="sample",
+            expected="a list of whole numbers from 0 on",
+            got=f"{numbers.dtype} of shape {numbers.shape}",
+            next_step="pass, for example, numpy.arange(1000)",
+        )
+    return numbers.astype(np.uint64)
+
+
+def _stretch(spec: Spec, road: Road) -> tuple[float, float]:
+    """The zone of the starts along the road [m]."""
+    traffic = spec.traffic
+    key, ends = "spawn_s_m", traffic.spawn_s_m
+    if traffic.spawn_x_m is not None:
+        key = "spawn_x_m"
+        d = float(road.centres.mean())
+        _, y = road.world(0.5 * road.length, d)
+        along, _ = road.road_coordinates(np.array(traffic.spawn_x_m), np.full(2, float(y)))
+        ends = (float(along.min()), float(along.max()))
+    assert ends is not None  # The specification has one of the two.
+    half = 0.5 * longest(traffic)
+    if ends[0] < half or ends[1] > road.length - half:
+        raise ConfigError.of(
+            what=f"traffic.{key}",
+            where=f"specification {spec.name} on road {road.name}",
+            expected=f"{half:g} to {road.length - half:g} m along the road, so that all are on it",
+            got=f"{ends[0]:g} to {ends[1]:g} m along it",
+            next_step="set traffic.spawn_s_m for this road",
+        )
+    return ends
+
+
+def _ego_lanes(spec: Spec, road: Road) -> tuple[int, ...]:
+    """Lanes for the ego: never the fastest, beside which there is none to overtake in."""
+    given = spec.traffic.ego_lanes
+    lanes = tuple(range(road.num_lanes - 1)) if given is None else given
+    if not lanes or max(lanes) > road.num_lanes - 2:
+        raise ConfigError.of(
+            what="traffic.ego_lanes",
+            where=f"specification {spec.name} on road {road.name}",
+            expected=f"lanes with one on their faster side, 0 to {road.num_lanes - 2}"
+            if road.num_lanes > 1
+            else "a road with at least two lanes",
+            got=list(lanes) or f"{road.num_lanes} lane",
+            next_step="leave out the fastest lane" if lanes else "choose another road",
+        )
+    return lanes
+
+
+def _check_speeds(spec: Spec) -> None:
+    """InfeasibleError if a type of vehicle is slower than the slowest speed asked for."""
+    traffic = spec.traffic
+    for key, low, weights in (
+        ("speed_kmh", traffic.speed_kmh[0], traffic.types),
+        ("speed_kmh", traffic.speed_kmh[0], traffic.ego_types),
+        ("lead_speed_kmh", traffic.lead_speed_kmh[0], traffic.types),
+    ):
+        for name, weight in weights.items():
+            top = float(top_speeds()[VEHICLE_CLASS_ORDER.index(name)])
+            if weight > 0.0 and top < mps_from_kmh(low):
+                raise InfeasibleError.of(
+                    what=f"traffic.{key}",
+                    where=f"specification {spec.name}",
+                    expected=f"a speed that type {name} reaches, {kmh_from_mps(top):g} km/h",
+                    got=f"{low:g} km/h at least",
+                    next_step=f"lower it or leave out {name}",
+                )
+
+
+def _needed_length(spec: Spec, road: Road, zone: Zone) -> float:
+    """Length of a road that nobody leaves before the horizon [m]."""
+    fastest = _PASSING_MARGIN * fastest_wish(spec.drivers, spec.traffic)
+    end = zone.high + fastest * spec.time.horizon_s
+    return max(road.length, math.ceil(end / _ROAD_STEP) * _ROAD_STEP)
+
+
+def _block(spec: Spec, road: Road, zone: Zone, seed: int, index: U64) -> Scenario:
+    """The scenarios of a block."""
+    slots = spec.traffic.vehicles[1]
+    weather = sample_weather(spec.weather, seed, index)
+    bodies = sample_bodies(spec.traffic, seed, index, slots)
+    traits = sample_traits(spec.drivers, seed, index, bodies.kind)
+    draft = draw_layout(spec.traffic, zone, seed, index, bodies.kind)
+    followers = Followers(
+        length=bodies.length,
+        reaction_time=traits["reaction_time"],
+        decel=usable_decel(bodies, weather, road, draft.lane, draft.speed),
+    )
+    start_s, start_speed = settle(draft, followers, spec.starts, zone)
+    top = top_speeds()[bodies.kind]
+    drivers = drivers_of(traits, draft.speed, top)
+    vehicles = lifted(bodies.replace(valid=draft.valid), drivers.desired_speed)
+    return Scenario(
+        profile=spec.name,
+        road=road,
+        seed=seed,
+        frame_interval_ms=spec.profile.frame_interval_ms,
+        index=index,
+        horizon=np.full(index.shape, spec.time.horizon_s, np.float32),
+        attempt_deadline=np.full(index.shape, spec.time.attempt_deadline_s, np.float32),
+        weight=np.ones(index.shape, np.float64),
+        vehicles=_widened(vehicles).replace(valid=_widen(draft.valid, empty=True)),
+        drivers=_widened(drivers),
+        weather=weather,
+        start_s=_widen(start_s),
+        start_lane=_widen(draft.lane),
+        start_speed=_widen(start_speed),
+    )
+
+
+def _widened(batch: B) -> B:
+    """A batch of arrays (simulation, vehicle) with all slots."""
+    arrays = {
+        field.name: getattr(batch, field.name) for field in dataclasses.fields(cast("Any", batch))
+    }
+    return batch.replace(**{name: _widen(values) for name, values in arrays.items()})
+
+
+def _widen(values: NDArray[T], *, empty: bool = False) -> NDArray[T]:
+    """An array with the missing slots, filled with zeros if `empty`, else as the last one is."""
+    widened = np.zeros((values.shape[0], MAX_VEHICLES), values.dtype)
+    widened[:, : values.shape[1]] = values
+    if not empty:
+        widened[:, values.shape[1] :] = values[:, -1:]
+    return widened

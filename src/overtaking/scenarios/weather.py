@@ -1,0 +1,116 @@
+"""Draws weather and light."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from overtaking.core.elementary import F32, PI, Mask, maximum
+from overtaking.core.philox import U64, Stream
+from overtaking.core.units import rad_from_deg
+from overtaking.knowledge import Preset, presets, weather_maps
+from overtaking.model.weather import NO_PRESET, Weather
+from overtaking.scenarios.noise import U8, Noise, choose, spread, weights_of
+from overtaking.scenarios.schema import IndependentWeather, PresetWeather
+
+SUN_AHEAD = rad_from_deg(10.0)
+"""A preset's low sun stands within this angle of the direction of travel [rad]."""
+
+RAIN_CLOUDS_PERCENT = 60.0
+"""It does not rain out of a sky with less cloud; CARLA's presets with rain have 60 and more."""
+
+RAIN_PUDDLES = 0.5
+"""Rain leaves at least this part of its percentage as water on the road."""
+
+
+def sample_weather(spec: PresetWeather | IndependentWeather, seed: int, index: U64) -> Weather:
+    """Weather of each simulation, shape (simulation,).
+
+    A wind direction is drawn in either mode, and a direction of the sun: the presets leave both
+    open, and the road's bearing means nothing. In a preset whose sun is low enough to dazzle it
+    stands ahead, as the study wants ClearSunset to have the sun at the driver's eye level.
+
+    Args:
+        spec: What the specification says about weather.
+        seed: Seed of the data set.
+        index: Simulation numbers, shape (simulation,).
+    """
+    noise = Noise(seed, index, Stream.WEATHER)
+    wind_direction = spread(noise.uniform(), -PI, PI)
+    sun = noise.uniform()
+    if isinstance(spec, PresetWeather):
+        return _from_presets(spec, noise, wind_direction, sun)
+    return _independent(spec, noise, wind_direction, sun)
+
+
+def _from_presets(spec: PresetWeather, noise: Noise, wind_direction: F32, sun: F32) -> Weather:
+    preset = choose(noise.uniform(), weights_of(spec.presets, tuple(presets())))
+    altitude = _of_preset("sun_altitude_deg", preset) * np.float32(rad_from_deg(1.0))
+    cloudiness = _of_preset("cloudiness_percent", preset)
+    ahead = spread(sun, -SUN_AHEAD, SUN_AHEAD)
+    azimuth = np.where(_may_dazzle(altitude, cloudiness), ahead, spread(sun, -PI, PI))
+    return Weather(
+        preset=preset,
+        cloudiness=cloudiness,
+        rain=_of_preset("precipitation_percent", preset),
+        puddles=_of_preset("precipitation_deposits_percent", preset),
+        wind=_of_preset("wind_intensity_percent", preset),
+        wind_direction=wind_direction,
+        fog=_of_preset("fog_density_percent", preset),
+        sun_altitude=altitude,
+        sun_azimuth=azimuth,
+        night=altitude < np.float32(0.0),
+        horizon_line=_dazzles(altitude, azimuth, cloudiness),
+    )
+
+
+def _independent(spec: IndependentWeather, noise: Noise, wind_direction: F32, sun: F32) -> Weather:
+    rains = noise.uniform() < np.float32(spec.rain_probability)
+    rain = np.where(rains, spread(noise.uniform(), *spec.rain_percent), np.float32(0.0))
+    foggy = noise.uniform() < np.float32(spec.fog_probability)
+    fog = np.where(foggy, spread(noise.uniform(), *spec.fog_percent), np.float32(0.0))
+    puddles = spread(noise.uniform(), *spec.puddles_percent)
+    clouds = np.where(rain > 0, np.float32(RAIN_CLOUDS_PERCENT), np.float32(0.0))
+    cloudiness = maximum(spread(noise.uniform(), *spec.cloudiness_percent), clouds)
+    wind = spread(noise.uniform(), *spec.wind_percent)
+    low_sun, high_sun = (rad_from_deg(angle) for angle in spec.sun_altitude_deg)
+    altitude = spread(noise.uniform(), low_sun, high_sun)
+    azimuth = spread(sun, -PI, PI)
+    return Weather(
+        preset=np.full(sun.shape, NO_PRESET),
+        cloudiness=cloudiness,
+        rain=rain,
+        puddles=maximum(puddles, np.float32(RAIN_PUDDLES) * rain),
+        wind=wind,
+        wind_direction=wind_direction,
+        fog=fog,
+        sun_altitude=altitude,
+        sun_azimuth=azimuth,
+        night=altitude < np.float32(0.0),
+        horizon_line=_dazzles(altitude, azimuth, cloudiness),
+    )
+
+
+@cache
+def _preset_table(field: str) -> F32:
+    """A field of every preset, shape (preset,)."""
+    found: tuple[Preset, ...] = tuple(presets().values())
+    return np.array([getattr(preset, field) for preset in found], np.float32)
+
+
+def _of_preset(field: str, preset: U8) -> F32:
+    return _preset_table(field)[preset]
+
+
+def _may_dazzle(altitude: F32, cloudiness: F32) -> Mask:
+    """Whether the sun is low and the sky clear enough to dazzle who drives towards it."""
+    glare = weather_maps().glare
+    low = (altitude >= np.float32(glare.lowest_sun)) & (altitude <= np.float32(glare.highest_sun))
+    return low & (cloudiness < np.float32(glare.most_cloud_percent))
+
+
+def _dazzles(altitude: F32, azimuth: F32, cloudiness: F32) -> Mask:
+    """The study's horizon line HL: the low sun stands ahead."""
+    ahead = np.abs(azimuth) < np.float32(weather_maps().glare.half_width)
+    return _may_dazzle(altitude, cloudiness) & ahead
