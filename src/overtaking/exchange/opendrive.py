@@ -142,6 +142,7 @@ def _road(path: Path, road: Element, lanes: Side | None, speed_limit: float | No
             next_step="choose another road",
         )
     length = _length(road)
+    kind = kind_of(road)
     driving_side = _driving_side(road)
     line = straight_line(road, length)
     check_flat(road, length)
@@ -152,7 +153,7 @@ def _road(path: Path, road: Element, lanes: Side | None, speed_limit: float | No
     try:
         return _build(
             name=f"{shown(path.stem)} road {name}",
-            kind=kind_of(road),
+            kind=kind,
             driving_side=driving_side,
             line=line,
             section=section,

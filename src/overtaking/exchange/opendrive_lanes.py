@@ -77,11 +77,11 @@ def _lane_offset(lanes: Element, length: float) -> float:
     value = pieces[0].a if pieces and pieces[0].start <= TOLERANCE else 0.0
     found = change(pieces, end=length, value=value)
     if found:
-        piece, station = found
+        piece, other = found
         raise piece.element.error(
-            what=f"varies at s = {station:.1f} m",
+            what=f"varies after s = {piece.start:.1f} m",
             expected=f"a constant lane offset of {value:.3f} m",
-            got=f"{piece.value(station - piece.start):.3f} m",
+            got=f"{other:.3f} m",
             next_step="choose a road with constant lanes",
         )
     return value

@@ -14,6 +14,8 @@ MAX_CURVATURE = 1.0e-9
 """A smaller curvature moves the end of 3 km of road by less than `TOLERANCE` [1/m]."""
 MAX_GRADE = 0.01
 """Slope that still counts as flat: its share of gravity is below 0.1 m/s^2 [1]."""
+MAX_STEP = 0.01
+"""Step between two pieces of the surface that still counts as a joint [m]."""
 MAX_BANKING = 0.03
 """Roll that still counts as flat: carriageways fall 2 to 2.5 % sideways to drain [rad]."""
 
@@ -176,7 +178,7 @@ def out_of_order(element: Element, station: str) -> Exception:
 
 def spans(pieces: Sequence[Cubic], end: float) -> list[tuple[Cubic, float]]:
     """Each piece with the length over which it holds, until the next one or `end` [m]."""
-    ends = [*(piece.start for piece in pieces[1:]), end]
+    ends = [*(min(piece.start, end) for piece in pieces[1:]), end]
     return [
         (piece, until - piece.start)
         for piece, until in zip(pieces, ends, strict=False)  # No pieces: one end is left.
@@ -185,11 +187,11 @@ def spans(pieces: Sequence[Cubic], end: float) -> list[tuple[Cubic, float]]:
 
 
 def change(pieces: Sequence[Cubic], *, end: float, value: float) -> tuple[Cubic, float] | None:
-    """Where a profile first leaves a value by more than `TOLERANCE`: the piece and its station."""
+    """The first piece of a profile that leaves a value by more than `TOLERANCE`, and how far."""
     for piece, length in spans(pieces, end):
         for x in piece.turning_points(length):
             if abs(piece.value(x) - value) > TOLERANCE:
-                return piece, piece.start + x
+                return piece, piece.value(x)
     return None
 
 
@@ -197,9 +199,12 @@ def check_flat(road: Element, length: float) -> None:
     """Refuse hills and banked curves: the model's world is flat."""
     elevation = road.optional("elevationProfile")
     if elevation is not None:
-        for piece, span in spans(profile(elevation.all("elevation"), origin=0.0), length):
+        heights = spans(profile(elevation.all("elevation"), origin=0.0), length)
+        for piece, span in heights:
             steepest = max(abs(piece.slope(x)) for x in piece.steepest_points(span))
             _check_small(piece, "slopes", steepest, MAX_GRADE)
+        for (before, span), (after, _) in pairwise(heights):
+            _check_small(after, "steps", abs(after.a - before.value(span)), MAX_STEP)
     lateral = road.optional("lateralProfile")
     if lateral is None:
         return

@@ -174,11 +174,11 @@ def _width(lane: Element, section: Section) -> float:
     pieces = profile(entries, origin=section.start, station="sOffset")
     found = change(pieces, end=section.end, value=pieces[0].a)
     if found:
-        piece, station = found
+        piece, other = found
         raise piece.element.error(
-            what=f"of lane {name} changes at s = {station:.1f} m",
+            what=f"of lane {name} changes after s = {piece.start:.1f} m",
             expected=f"a constant {pieces[0].a:.3f} m",
-            got=f"{piece.value(station - piece.start):.3f} m",
+            got=f"{other:.3f} m",
             next_step="choose a road with constant lanes",
         )
     if pieces[0].a < 0.0:

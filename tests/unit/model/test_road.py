@@ -1,0 +1,254 @@
+"""The frame of a road, its lanes, its mirror image and what it refuses."""
+
+import cmath
+import dataclasses
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from overtaking.core.errors import ConfigError
+from overtaking.knowledge.roads import ROAD_NAMES
+from overtaking.model.known_roads import known_road
+from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
+
+WIDTHS = (3.75, 3.5, 3.25)
+
+
+def straight(**changes) -> Road:
+    """Three lanes of different widths, right-hand traffic, at an angle to the axes."""
+    marks = [RoadMark.SOLID, RoadMark.BROKEN, RoadMark.SOLID_BROKEN, RoadMark.SOLID]
+    lanes = tuple(
+        Lane(
+            lane_id=index - 3,
+            width=width,
+            right_mark=marks[index].reversed if index else marks[0],
+            left_mark=marks[index + 1],
+        )
+        for index, width in enumerate(WIDTHS)
+    )
+    shoulder = Lane(
+        lane_id=-4,
+        width=2.5,
+        kind="shoulder",
+        right_mark=RoadMark.NONE,
+        left_mark=RoadMark.SOLID,
+    )
+    values = {
+        "name": "test",
+        "kind": "motorway",
+        "driving_side": DrivingSide.RIGHT,
+        "lanes": lanes,
+        "edge_d": -10.5,
+        "length": 1000.0,
+        "x0": 12.0,
+        "y0": -7.0,
+        "heading": 0.5,
+        "speed_limit": 33.0,
+        "slow_side_neighbour": shoulder,
+    }
+    return Road(**(values | changes))
+
+
+roads = st.builds(
+    lambda lanes, edge, length, x, y, heading: dataclasses.replace(
+        straight(),
+        lanes=straight().lanes[:lanes],
+        edge_d=edge,
+        length=length,
+        x0=x,
+        y0=y,
+        heading=heading,
+    ),
+    st.integers(1, 3),
+    st.floats(-50.0, 50.0),
+    st.floats(1.0, 1e5),
+    st.floats(-1e5, 1e5),
+    st.floats(-1e5, 1e5),
+    st.floats(-math.tau, math.tau),
+)
+either_hand = st.one_of(roads, roads.map(Road.mirrored))
+
+
+def test_lanes_are_laid_out_from_the_slow_side_to_the_left_in_right_hand_traffic():
+    road = straight()
+    assert (road.num_lanes, road.side) == (3, 1.0)
+    np.testing.assert_array_equal(road.boundaries, [-10.5, -6.75, -3.25, 0.0])
+    np.testing.assert_array_equal(road.centres, [-8.625, -5.0, -1.625])
+
+
+def test_lanes_are_laid_out_to_the_right_in_left_hand_traffic():
+    road = straight().mirrored()
+    assert (road.driving_side, road.side) == (DrivingSide.LEFT, -1.0)
+    np.testing.assert_array_equal(road.boundaries, [10.5, 6.75, 3.25, 0.0])
+
+
+def test_d_is_positive_to_the_left_of_the_direction_of_travel():
+    north = straight(heading=math.pi / 2, x0=0.0, y0=0.0)
+    x, y = north.world(100.0, 2.0)
+    assert (float(x), float(y)) == pytest.approx((-2.0, 100.0), abs=1e-12)
+
+
+@given(
+    road=either_hand,
+    s=st.floats(0.0, 1e5),
+    d=st.floats(-100.0, 100.0),
+)
+def test_world_coordinates_are_a_rotation_of_the_complex_plane(road: Road, s: float, d: float):
+    point = complex(road.x0, road.y0) + complex(s, d) * cmath.exp(1j * road.heading)
+    x, y = road.world(s, d)
+    assert abs(complex(x, y) - point) < 1e-9  # 1e5 m in float64 with a few roundings.
+
+
+@given(road=either_hand, data=st.data())
+def test_road_coordinates_undo_world_coordinates(road: Road, data):
+    points = data.draw(
+        st.lists(st.tuples(st.floats(-1e3, 1e5), st.floats(-1e3, 1e3)), min_size=1, max_size=5)
+    )
+    s, d = np.array(points).T
+    back_s, back_d = road.road_coordinates(*road.world(s, d))
+    np.testing.assert_allclose(back_s, s, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(back_d, d, rtol=0.0, atol=1e-9)
+
+
+def test_world_broadcasts_stations_against_lanes():
+    road = straight()
+    x, y = road.world(np.linspace(0.0, 100.0, 11)[:, None], road.centres)
+    assert x.shape == y.shape == (11, 3)
+    assert x.dtype == y.dtype == np.float64
+
+
+@given(st.floats(-math.tau, math.tau))
+def test_the_direction_of_travel_is_right_to_the_last_digit(heading: float):
+    x, y = straight(heading=heading, x0=0.0, y0=0.0).world(1.0, 0.0)
+    exact = mpmath.expj(heading)
+    # Two units of the last place of 1: the multiples of a quarter turn are not representable.
+    assert abs(float(x) - float(exact.real)) <= 4.5e-16
+    assert abs(float(y) - float(exact.imag)) <= 4.5e-16
+
+
+@given(road=either_hand, d=st.lists(st.floats(-100.0, 100.0), min_size=1))
+def test_lane_index_counts_the_borders_that_are_passed(road: Road, d: list[float]):
+    passed = [
+        sum(1 for border in road.boundaries if road.side * value >= road.side * border)
+        for value in d
+    ]
+    index = road.lane_index(np.array(d))
+    assert index.tolist() == [count - 1 for count in passed]
+    assert road.lane_index(d[0]).shape == ()
+
+
+def test_a_border_belongs_to_the_faster_lane_and_the_edges_are_outside():
+    for road in (straight(), straight().mirrored()):
+        assert road.lane_index(road.boundaries).tolist() == [0, 1, 2, 3]
+        assert road.lane_index(road.centres).tolist() == [0, 1, 2]
+        beyond = road.boundaries[[0, -1]] + road.side * np.array([-0.01, 0.01])
+        assert road.lane_index(beyond).tolist() == [-1, 3]
+
+
+@given(road=either_hand, s=st.floats(0.0, 1e5), d=st.floats(-100.0, 100.0))
+def test_the_mirror_image_is_exact(road: Road, s: float, d: float):
+    image = road.mirrored()
+    assert image.mirrored() == road
+    x, y = road.world(s, d)
+    image_x, image_y = image.world(s, -d)
+    assert (float(image_x), float(image_y)) == (float(x), -float(y))
+    np.testing.assert_array_equal(image.boundaries, -road.boundaries)
+    assert image.lane_index(-d) == road.lane_index(d)
+
+
+def test_the_mirror_image_swaps_marks_ids_and_neighbours_hands():
+    image = straight().mirrored()
+    assert [lane.lane_id for lane in image.lanes] == [3, 2, 1]
+    assert image.lanes[0].left_mark is RoadMark.SOLID
+    assert image.lanes[2].left_mark is RoadMark.BROKEN_SOLID
+    shoulder = image.slow_side_neighbour
+    assert shoulder is not None
+    assert (shoulder.lane_id, shoulder.left_mark) == (4, RoadMark.NONE)
+
+
+@pytest.mark.parametrize("mark", RoadMark)
+def test_a_mark_seen_twice_from_the_other_side_is_itself(mark: RoadMark):
+    assert mark.reversed.reversed is mark
+    assert (mark.reversed is not mark) == (mark in (RoadMark.SOLID_BROKEN, RoadMark.BROKEN_SOLID))
+
+
+def test_an_extended_road_only_grows():
+    road = straight()
+    longer = road.extended(2500.0)
+    assert longer == dataclasses.replace(road, length=2500.0)
+    assert road.extended(1000.0) == road
+    for length in (999.0, math.nan, -math.inf):
+        with pytest.raises(ConfigError, match="extended length"):
+            road.extended(length)
+
+
+def with_lane(**changes) -> tuple[Lane, ...]:
+    lanes = straight().lanes
+    return (*lanes[:2], dataclasses.replace(lanes[2], **changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"lanes": ()}, "driving lanes: expected 1 to 8, got 0"),
+        ({"lanes": straight().lanes * 3}, "driving lanes: expected 1 to 8, got 9"),
+        ({"lanes": with_lane(lane_id=-3)}, "lane ids"),
+        ({"lanes": with_lane(width=1.9)}, "width of lane -1: expected 2 to 6 m, got 1.9 m"),
+        ({"lanes": with_lane(width=math.nan)}, "width of lane -1"),
+        ({"lanes": with_lane(kind="shoulder")}, "lane -1"),
+        ({"lanes": with_lane(direction=-1)}, "lane -1"),
+        ({"lanes": with_lane(right_mark=RoadMark.SOLID)}, "line between lanes -2 and -1"),
+        ({"length": 0.0}, "length"),
+        ({"length": math.inf}, "length"),
+        ({"length": 100_001.0}, "length"),
+        ({"heading": 7.0}, "heading"),
+        ({"heading": math.nan}, "heading"),
+        ({"x0": math.inf}, "x0"),
+        ({"y0": math.nan}, "y0"),
+        ({"edge_d": -math.inf}, "edge_d"),
+        ({"speed_limit": 0.0}, "speed_limit"),
+        ({"speed_limit": math.nan}, "speed_limit"),
+        (
+            {"fast_side_neighbour": dataclasses.replace(straight().lanes[0], width=0.0)},
+            "width of lane -3",
+        ),
+    ],
+)
+def test_a_road_that_the_model_is_not_made_for_is_refused(changes, reason: str):
+    with pytest.raises(ConfigError) as caught:
+        straight(**changes)
+    assert str(caught.value).startswith("road test: ")
+    assert reason in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ROAD_NAMES)
+def test_roads_that_come_with_the_package_are_whole(name: str):
+    road = known_road(name)
+    assert road.name == name
+    assert road.driving_side is DrivingSide.RIGHT
+    slow, fast = road.slow_side_neighbour, road.fast_side_neighbour
+    assert slow is not None
+    assert fast is not None
+    assert slow.left_mark is road.lanes[0].right_mark is RoadMark.SOLID
+    assert fast.right_mark is road.lanes[-1].left_mark is RoadMark.SOLID
+    ids = [slow.lane_id, *(lane.lane_id for lane in road.lanes), fast.lane_id]
+    assert ids == list(range(ids[0], ids[0] + len(ids)))
+
+
+def test_a_motorway_is_what_portuguese_practice_builds():
+    road = known_road("motorway")
+    np.testing.assert_array_equal(road.boundaries, [-12.25, -8.5, -4.75, -1.0])
+    assert road.speed_limit == pytest.approx(120.0 / 3.6)
+    assert road.length == 5000.0
+    assert road.slow_side_neighbour is not None
+    assert road.slow_side_neighbour.width == 3.0
+
+
+def test_an_unknown_road_is_named_with_the_known_ones():
+    with pytest.raises(ConfigError, match=r"expected town06 or motorway, got 'town6'"):
+        known_road("town6")
