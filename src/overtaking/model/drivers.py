@@ -10,6 +10,9 @@ from overtaking.model.batch import Batch
 class Drivers(Batch):
     """Driver parameters; every array has shape (simulation, vehicle).
 
+    What is drawn is one temper for each driver, from careful to reckless, on which most parameters
+    depend; it is not kept. `knowledge/data/drivers.toml` has the populations.
+
     Attributes:
         desired_speed: Speed wanted on a free road in good weather [m/s].
         time_gap: Net time gap wanted behind a leader [s].

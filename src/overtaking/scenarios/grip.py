@@ -54,7 +54,7 @@ def _film(weather: Weather, road: Road) -> F32:
     least = np.where(wet, np.float32(maps.wet_film_mm), np.float32(0.0))
     # Water runs to the slow side, so a lane drains those on its fast side.
     path = np.abs(road.boundaries[-1] - road.centres).astype(np.float32)
-    texture = np.float32(maps.texture_depth_mm)
+    texture = np.array(maps.texture_depth_mm, np.float32)
     return film.lane_film(
         least[:, None], film.film_per_rain(rate)[:, None], film.film_per_path(path), texture
     )

@@ -215,10 +215,8 @@ def _block(spec: Spec, road: Road, zone: Zone, seed: int, index: U64) -> Scenari
 
 def _widened(batch: B) -> B:
     """A batch of arrays (simulation, vehicle) with all slots."""
-    arrays = {
-        field.name: getattr(batch, field.name) for field in dataclasses.fields(cast("Any", batch))
-    }
-    return batch.replace(**{name: _widen(values) for name, values in arrays.items()})
+    names = [field.name for field in dataclasses.fields(cast("Any", batch))]
+    return batch.replace(**{name: _widen(getattr(batch, name)) for name in names})
 
 
 def _widen(values: NDArray[T], *, empty: bool = False) -> NDArray[T]:
