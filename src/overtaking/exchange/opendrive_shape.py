@@ -199,15 +199,23 @@ def check_flat(road: Element, length: float) -> None:
     """Refuse hills and banked curves: the model's world is flat."""
     elevation = road.optional("elevationProfile")
     if elevation is not None:
-        heights = spans(profile(elevation.all("elevation"), origin=0.0), length)
-        for piece, span in heights:
-            steepest = max(abs(piece.slope(x)) for x in piece.steepest_points(span))
-            _check_small(piece, "slopes", steepest, MAX_GRADE)
-        for (before, span), (after, _) in pairwise(heights):
-            _check_small(after, "steps", abs(after.a - before.value(span)), MAX_STEP)
+        _check_level(spans(profile(elevation.all("elevation"), origin=0.0), length))
     lateral = road.optional("lateralProfile")
-    if lateral is None:
-        return
+    if lateral is not None:
+        _check_not_banked(lateral, length)
+
+
+def _check_level(heights: Sequence[tuple[Cubic, float]]) -> None:
+    """Refuse slopes, and steps between two pieces of the profile."""
+    for piece, span in heights:
+        steepest = max(abs(piece.slope(x)) for x in piece.steepest_points(span))
+        _check_small(piece, "slopes", steepest, MAX_GRADE)
+    for (before, span), (after, _) in pairwise(heights):
+        _check_small(after, "steps", abs(after.a - before.value(span)), MAX_STEP)
+
+
+def _check_not_banked(lateral: Element, length: float) -> None:
+    """Refuse a surface that leans more than it must to drain, or is bent."""
     for name in ("superelevation", "crossfall"):
         for piece, span in spans(profile(lateral.all(name), origin=0.0), length):
             largest = max(abs(piece.value(x)) for x in piece.turning_points(span))
