@@ -32,21 +32,17 @@ Numbers = NDArray[np.int64]
 _INDICATOR_BITS = (1 << NUM_INDICATOR_BITS) - 1
 
 
-def encode(trajectories: Trajectories, numbers: Numbers) -> dict[str, pa.Table]:
-    """Every table of a batch, by the name of its folder.
+def encode(
+    trajectories: Trajectories, numbers: Numbers, tables: Iterable[str] = tuple(SCHEMAS)
+) -> dict[str, pa.Table]:
+    """The tables of a batch, by the names of their folders.
 
     Args:
         trajectories: The recorded simulations.
         numbers: Number of each simulation in its data set, growing, shape (simulation,).
+        tables: Which tables; all if left out.
     """
-    return {
-        "simulations": simulations(trajectories, numbers),
-        "weather": weather(trajectories, numbers),
-        "vehicles": vehicles(trajectories, numbers),
-        "frames": frames(trajectories, numbers),
-        "states": states(trajectories, numbers),
-        "percepts": percepts(trajectories, numbers),
-    }
+    return {name: _ENCODERS[name](trajectories, numbers) for name in tables}
 
 
 def simulations(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
@@ -201,6 +197,16 @@ def percepts(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
             },
         },
     )
+
+
+_ENCODERS = {
+    "simulations": simulations,
+    "weather": weather,
+    "vehicles": vehicles,
+    "frames": frames,
+    "states": states,
+    "percepts": percepts,
+}
 
 
 def _build(table: str, columns: Mapping[str, Array | pa.Array]) -> pa.Table:

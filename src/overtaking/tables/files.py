@@ -32,13 +32,13 @@ class FileFacts:
 
     Attributes:
         rows: Number of rows.
-        size: Length [bytes].
+        size_bytes: Length of the file.
         sha256: Hash over the bytes, 64 hexadecimal digits.
         content: Hash over the values, whatever the encoding, 64 hexadecimal digits.
     """
 
     rows: int
-    size: int
+    size_bytes: int
     sha256: str
     content: str
 
@@ -78,6 +78,8 @@ class TableWriter:
         trace: TracebackType | None,
     ) -> None:
         """Close the file; without `finish` it stays incomplete and is of no use."""
+        # The Parquet writer would else complete the file when it is collected, full disk or not.
+        self._writer.is_open = False
         self._file.close()
 
     def write(self, table: pa.Table) -> None:
@@ -89,6 +91,11 @@ class TableWriter:
         if table.num_rows:
             self._writer.write_table(table, row_group_size=table.num_rows)
             self._digest.update(table)
+
+    @property
+    def content(self) -> str:
+        """Hash over the values so far, 64 hexadecimal digits."""
+        return self._digest.hexdigest()
 
     def finish(self, notes: dict[str, str] | None = None) -> FileFacts:
         """Complete the file and force it to the disk.
@@ -105,9 +112,9 @@ class TableWriter:
         os.fsync(self._file.fileno())
         return FileFacts(
             rows=self._digest.num_rows,
-            size=self._file.tell(),
+            size_bytes=self._file.tell(),
             sha256=self._file.hexdigest(),
-            content=self._digest.hexdigest(),
+            content=self.content,
         )
 
 
@@ -236,7 +243,7 @@ def _read(path: Path, action: Callable[[], T]) -> T:
         got = str(error)
     raise SchemaError.of(
         what="file",
-        where=path,
+        where=str(path),
         expected="a readable Parquet file",
         got=got,
         next_step="restore it from a copy, or generate the data set again",
@@ -256,7 +263,7 @@ def _check_version(path: Path, table: str, metadata: dict[bytes, bytes]) -> None
     if name != f"{FORMAT}.{table}":
         raise SchemaError.of(
             what="schema",
-            where=path,
+            where=str(path),
             expected=f"{FORMAT}.{table}",
             got=name,
             next_step="put the files of each table into the folder of its name",
@@ -265,7 +272,7 @@ def _check_version(path: Path, table: str, metadata: dict[bytes, bytes]) -> None
     if version > VERSION:
         raise SchemaError.of(
             what=f"version of schema {name}",
-            where=path,
+            where=str(path),
             expected=f"at most {VERSION}",
             got=version,
             next_step="upgrade the package: pip install --upgrade overtaking",
@@ -277,7 +284,7 @@ def _check_columns(path: Path, expected: pa.Schema, got: pa.Schema) -> None:
         if have is None or have.type != want.type:
             raise SchemaError.of(
                 what=f"column {want.name}",
-                where=path,
+                where=str(path),
                 expected=f"type {want.type}",
                 got="no such column" if have is None else f"type {have.type}",
                 next_step="restore the file from a copy, or generate the data set again",

@@ -14,6 +14,7 @@ from overtaking.model.drivers import Drivers
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import (
+    METRES_PER_STEP,
     NO_VEHICLE,
     Contacts,
     Percepts,
@@ -22,6 +23,7 @@ from overtaking.model.trajectory import (
 )
 from overtaking.model.vehicles import Role, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
+from overtaking.sim.reference.perception import UNSEEN_GAP
 from overtaking.tables.decode import codes
 from overtaking.tables.schemas import (
     BODY_FIELDS,
@@ -239,13 +241,15 @@ def _percepts(tables: Tables) -> Percepts:
         values = [_numbers(table, f"{who}_{column}", missing) for who in NEIGHBOURS]
         return grid.filled(np.stack(values, axis=-1), missing)
 
+    unseen_mm = round(float(UNSEEN_GAP) / METRES_PER_STEP)
+
     return Percepts(
         valid=grid.filled(np.ones(grid.num_rows, dtype=np.bool_)),
         kind=grid.filled(codes(table["kind"], DECISIONS.names).astype(np.uint8)),
         time=grid.filled(_numbers(table, "time_ms")),
         vehicle=of_neighbours("vehicle", NO_VEHICLE),
         detected=of_neighbours("detected"),
-        gap=of_neighbours("gap_mm"),
+        gap=of_neighbours("gap_mm", unseen_mm),
         closing_speed=of_neighbours("closing_speed_mmps"),
         true_gap=of_neighbours("true_gap_mm"),
         true_closing_speed=of_neighbours("true_closing_speed_mmps"),

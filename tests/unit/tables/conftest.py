@@ -103,7 +103,7 @@ def percepts(source: Source, valid: np.ndarray) -> Percepts:
         time=source.integers(np.int32, valid.shape, low=0) * valid,
         vehicle=vehicle.astype(np.uint8),
         detected=seen,
-        gap=source.integers(np.int32, shape) * seen,
+        gap=np.where(seen, source.integers(np.int32, shape), 1_000_000),  # As the simulator has it.
         closing_speed=source.integers(np.int32, shape) * seen,
         true_gap=source.integers(np.int32, shape) * there,
         true_closing_speed=source.integers(np.int32, shape) * there,

@@ -58,7 +58,7 @@ def test_the_facts_of_a_file_are_those_of_its_bytes(tables, tmp_path: Path):
     path = tmp_path / "a.parquet"
     facts = write(path, "states", tables["states"])
     data = path.read_bytes()
-    assert facts.size == len(data)
+    assert facts.size_bytes == len(data)
     assert facts.sha256 == sha256_of(path) == hashlib.sha256(data).hexdigest()
 
 

@@ -1,0 +1,201 @@
+"""Kills a `generate` at many moments, resumes it, and compares with an undisturbed run.
+
+    python benchmarks/kill_resume.py --kills 200
+
+Half of the moments are random instants; the other half are the entries into the calls that change
+the file system (open, rename, make and remove), where the time is short and the danger greatest.
+After each kill the data set is resumed and must be the same as the undisturbed one: content hash,
+bytes of every file, every key once, nothing left over. Exits with 1 if a single one is not.
+"""
+
+import argparse
+import json
+import os
+import random
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow.parquet as pq
+
+from overtaking import api
+from overtaking.tables.files import sha256_of
+from overtaking.tables.schemas import KEYS
+
+CHANGES = frozenset({"open", "os.mkdir", "os.rename", "os.truncate", "shutil.rmtree"})
+"""Audit events (PEP 578) of what changes the file system."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """The data set to make.
+
+    Attributes:
+        simulations: How many simulations.
+        shard_size: Simulations a file.
+        simulator: Who simulates.
+        horizon: Longest duration of a simulation [s].
+    """
+
+    simulations: int
+    shard_size: int
+    simulator: str
+    horizon: float
+
+    def run(self, out: Path) -> None:
+        """Make the data set, or complete it."""
+        overrides = {"time.horizon_s": self.horizon, "time.attempt_deadline_s": self.horizon}
+        api.generate(
+            "pinto2023",
+            self.simulations,
+            1,
+            out,
+            resume=True,
+            overrides=overrides,
+            simulator=self.simulator,
+            shard_size=self.shard_size,
+        )
+
+
+def in_child(action: Callable[[], None]) -> int:
+    """Start a process that does something; its number."""
+    child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            action()
+            code = 0
+        finally:
+            os._exit(code)
+    return child
+
+
+def finished(child: int) -> bool:
+    """Wait for a process; whether it ended by itself and well."""
+    _, status = os.waitpid(child, 0)
+    return os.waitstatus_to_exitcode(status) == 0
+
+
+def kill_after(seconds: float, job: Job, out: Path) -> bool:
+    """Kill a run at an instant; whether it was still running."""
+    child = in_child(lambda: job.run(out))
+    time.sleep(seconds)
+    os.kill(child, signal.SIGKILL)
+    return not finished(child)
+
+
+def kill_at(change: int, job: Job, out: Path) -> bool:
+    """Kill a run that is about to change the file system once more; whether it got that far."""
+
+    def run() -> None:
+        left = change
+
+        def count(event: str, arguments: tuple[object, ...]) -> None:
+            nonlocal left
+            if event in CHANGES and any(str(out) in str(one) for one in arguments):
+                if left == 0:
+                    os.kill(os.getpid(), signal.SIGKILL)
+                left -= 1
+
+        sys.addaudithook(count)
+        job.run(out)
+
+    return not finished(in_child(run))
+
+
+def contents(out: Path) -> dict[str, str]:
+    """The hash of every file of a data set, but for the times in its manifest."""
+    manifest = json.loads((out / "dataset.json").read_text(encoding="utf-8"))
+    del manifest["provenance"]
+    files = [path for path in out.rglob("*") if path.is_file() and path.name != "dataset.json"]
+    hashes = {str(path.relative_to(out)): sha256_of(path) for path in files}
+    return {**hashes, "dataset.json": json.dumps(manifest, sort_keys=True)}
+
+
+def repeated_keys(out: Path) -> list[str]:
+    """The tables in which a key comes more than once, as any reader of the folders sees them."""
+    tables = {name: pq.read_table(out / name, columns=list(keys)) for name, keys in KEYS.items()}
+    return [
+        name
+        for name, keys in tables.items()
+        if keys.group_by(keys.column_names).aggregate([]).num_rows != keys.num_rows
+    ]
+
+
+def trial(kill: Callable[[Path], bool], job: Job, expected: dict[str, str], folder: Path) -> str:
+    """Kill one run and resume it; what is wrong with the result, empty if nothing is.
+
+    Raises:
+        InterruptedError: The run was over before it could be killed.
+    """
+    out = folder / "killed"
+    shutil.rmtree(out, ignore_errors=True)
+    if not kill(out):
+        raise InterruptedError
+    if not finished(in_child(lambda: job.run(out))):
+        return "it could not be resumed"
+    found = contents(out)
+    different = sorted(key for key in {*found, *expected} if found.get(key) != expected.get(key))
+    if different:
+        return f"different from the undisturbed run: {', '.join(different[:3])}"
+    return f"a key twice in {', '.join(twice)}" if (twice := repeated_keys(out)) else ""
+
+
+def trials(job: Job, kills: int, seed: int, folder: Path) -> tuple[int, list[str]]:
+    """Kill as many runs as asked for; how many were, and what was wrong."""
+    start = time.perf_counter()
+    if not finished(in_child(lambda: job.run(folder / "whole"))):
+        return 0, ["the undisturbed run failed"]
+    duration = time.perf_counter() - start
+    expected = contents(folder / "whole")
+    draw, done, wrong = random.Random(seed), 0, list[str]()
+    changes = 0
+    while done < kills:
+        number = changes if done % 2 else -1
+        moment = draw.uniform(0.0, duration)
+
+        def kill(out: Path, number: int = number, moment: float = moment) -> bool:
+            return kill_at(number, job, out) if number >= 0 else kill_after(moment, job, out)
+
+        try:
+            found = trial(kill, job, expected, folder)
+        except InterruptedError:
+            changes = 0 if number >= 0 else changes  # All were tried: begin again.
+            continue
+        changes += number >= 0
+        done += 1
+        wrong += [f"kill {done}: {found}"] if found else []
+    return done, wrong
+
+
+def main() -> int:
+    """Kill, resume, compare; print what came of it."""
+    parser = argparse.ArgumentParser(description="Kill, resume and compare.")
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--simulations", type=int, default=2000)
+    parser.add_argument("--shard-size", type=int, default=250)
+    parser.add_argument("--simulator", choices=api.SIMULATORS, default="engine")
+    parser.add_argument("--horizon", type=float, default=20.0, help="longest duration in seconds")
+    given = parser.parse_args()
+    job = Job(
+        simulations=given.simulations,
+        shard_size=given.shard_size,
+        simulator=given.simulator,
+        horizon=given.horizon,
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        done, wrong = trials(job, given.kills, given.seed, Path(folder))
+    print(f"{done} kills, {done - len(wrong)} resumed to the same content with nothing twice")
+    for line in wrong:
+        print(line)
+    return 1 if wrong or not done else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

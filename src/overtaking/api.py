@@ -1,0 +1,240 @@
+"""The public functions: what to call from Python, and which simulator they call."""
+
+import importlib
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from overtaking import scenarios
+from overtaking.core.errors import ConfigError
+from overtaking.datasets import generate as writing
+from overtaking.datasets import load as reading
+from overtaking.datasets.generate import Progress
+from overtaking.datasets.load import Dataset
+from overtaking.datasets.manifest import read_manifest
+from overtaking.datasets.plan import SHARD_SIZE
+from overtaking.datasets.recipe import Keep, Recipe, Simulator
+from overtaking.exchange import pinto2023
+from overtaking.exchange.roads import load_road
+from overtaking.model.road import Road
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import Trajectories
+from overtaking.scenarios import Spec
+
+Profile = str | Path | Mapping[str, Any] | Spec
+"""A profile of the package, a TOML file, what a manifest recorded, or a specification."""
+
+EXPORTS = (pinto2023.FORMAT,)
+"""The formats that a data set can be written in."""
+
+SIMULATORS = ("engine", "reference")
+"""What can simulate: the compiled engine, and its readable twin with the same results."""
+
+
+def generate(
+    profile: Profile,
+    simulations: int,
+    seed: int,
+    out: str | Path,
+    *,
+    keep: str = Keep.FRAMES,
+    resume: bool = False,
+    overrides: Mapping[str, Any] | None = None,
+    road: str | Path | Road | None = None,
+    simulator: str = "engine",
+    shard_size: int = SHARD_SIZE,
+    progress: Progress | None = None,
+) -> Dataset:
+    """Make a data set.
+
+    Args:
+        profile: What to sample.
+        simulations: How many simulations.
+        seed: Seed of all random numbers, 0 <= seed < 2**64.
+        out: Folder for the data set; made if missing.
+        keep: `frames` writes everything; `summary` leaves out what has a row per frame, which is
+            simulated again when it is asked for.
+        resume: Whether to complete what an earlier call has begun in this folder.
+        overrides: Dotted keys of the specification with other values, as in `scenarios.spec`.
+        road: A road in place of the profile's: a name, an OpenDRIVE file, or a `Road`.
+        simulator: One of `SIMULATORS`.
+        shard_size: Simulations a file.
+        progress: Called with the number of simulations that are done, and of all.
+
+    Returns:
+        The complete data set.
+
+    Raises:
+        ConfigError: The specification or a number cannot be used.
+        DatasetError: The folder holds something else or cannot be written, another process writes
+            it, or the process was asked to end. Finished shards are kept, and `resume` goes on.
+        KeyboardInterrupt: Ctrl-C; the same holds.
+    """
+    spec = scenarios.spec(profile, overrides)
+    recipe = Recipe(
+        spec=spec,
+        road=_road(road or spec.road),
+        seed=seed,
+        num_simulations=simulations,
+        keep=_keep(keep),
+        shard_size=shard_size,
+    )
+    chosen = _simulator(simulator)
+    return writing.generate(recipe, Path(out), chosen, resume=resume, progress=progress)
+
+
+def resume(out: str | Path, *, progress: Progress | None = None) -> Dataset:
+    """Complete a data set from what its manifest says, or check that it is complete.
+
+    Args:
+        out: Folder of the data set.
+        progress: Called with the number of simulations that are done, and of all.
+
+    Returns:
+        The complete data set; shards that were damaged are written again.
+
+    Raises:
+        DatasetError: Nothing was begun there, or as in `generate`.
+        SchemaError: It was begun by a newer version.
+    """
+    begun = read_manifest(Path(out)).identity
+    return generate(
+        begun.spec,
+        begun.simulations,
+        begun.seed,
+        out,
+        keep=begun.keep,
+        resume=True,
+        road=begun.road,
+        simulator=begun.simulator,
+        shard_size=begun.shard_size,
+        progress=progress,
+    )
+
+
+def load(path: str | Path) -> Dataset:
+    """A complete data set.
+
+    Raises:
+        DatasetError: There is none, or it is not complete.
+        SchemaError: It is of a newer version.
+    """
+    return reading.load(Path(path), _simulator("engine"))
+
+
+def sample(
+    profile: Profile,
+    simulations: int,
+    seed: int,
+    *,
+    first: int = 0,
+    overrides: Mapping[str, Any] | None = None,
+    road: str | Path | Road | None = None,
+) -> Scenario:
+    """Draw scenarios.
+
+    Args:
+        profile: What to sample.
+        simulations: How many.
+        seed: Seed of all random numbers, 0 <= seed < 2**64.
+        first: Number of the first one; each is the same in any batch.
+        overrides: Dotted keys of the specification with other values.
+        road: A road in place of the profile's.
+
+    Raises:
+        ConfigError: The specification or a number cannot be used.
+        InfeasibleError: No such scenario fits on the road.
+    """
+    spec = scenarios.spec(profile, overrides)
+    index = np.arange(first, first + simulations, dtype=np.uint64)
+    return scenarios.sample(spec, _road(road or spec.road), seed, index)
+
+
+def simulate(scenario: Scenario, *, simulator: str = "engine") -> Trajectories:
+    """Simulate a batch.
+
+    Args:
+        scenario: A batch of scenarios.
+        simulator: One of `SIMULATORS`; the results are the same, bit for bit.
+
+    Raises:
+        ConfigError: There is no such simulator.
+    """
+    return _simulator(simulator).simulate(scenario)
+
+
+def export(
+    data: Dataset | str | Path,
+    out: str | Path,
+    *,
+    file_format: str = pinto2023.FORMAT,
+    progress: Progress | None = None,
+) -> int:
+    """Write a data set as a file of another program or paper.
+
+    Args:
+        data: The data set, or its folder.
+        out: The file, replaced as a whole; for the paper's table it ends in `.csv` or `.parquet`.
+        file_format: One of `EXPORTS`.
+        progress: Called with the number of simulations that are done, and of all.
+
+    Returns:
+        Number of rows written.
+
+    Raises:
+        ConfigError: There is no such format, or the file's name does not fit it.
+        DatasetError: The data set is not complete, or damaged.
+        OSError: The file cannot be written.
+    """
+    if file_format not in EXPORTS:
+        raise ConfigError.of(
+            what=f"format {file_format}",
+            where="export",
+            expected=" or ".join(EXPORTS),
+            got=file_format,
+            next_step="choose one of them",
+        )
+    source = data if isinstance(data, Dataset) else load(data)
+    return pinto2023.write_table(_tables(source, progress or (lambda _done, _total: None)), out)
+
+
+def _tables(data: Dataset, progress: Progress) -> Iterator[pa.Table]:
+    """The paper's table of a data set, a few simulations at a time."""
+    for simulation in range(len(data)):
+        yield pinto2023.to_table(data.trajectory(simulation), np.array([simulation]))
+        progress(simulation + 1, len(data))
+
+
+def _simulator(name: str) -> Simulator:
+    """A simulator by its name, loaded when it is asked for."""
+    if name not in SIMULATORS:
+        raise ConfigError.of(
+            what="simulator",
+            where="simulate",
+            expected=" or ".join(SIMULATORS),
+            got=name,
+            next_step="choose one of them",
+        )
+    module = importlib.import_module(f"overtaking.sim.{name}")
+    simulate: Callable[[Scenario], Trajectories] = module.simulate
+    return Simulator(name=name, version="1", simulate=simulate)
+
+
+def _keep(name: str) -> Keep:
+    try:
+        return Keep(name)
+    except ValueError:
+        raise ConfigError.of(
+            what="keep",
+            where="generate",
+            expected=" or ".join(Keep),
+            got=name,
+            next_step="choose one of them",
+        ) from None
+
+
+def _road(road: str | Path | Road) -> Road:
+    return road if isinstance(road, Road) else load_road(road)

@@ -1,0 +1,225 @@
+"""A data set as its user sees it: pandas and SI numbers, simulated again where nothing was kept."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from overtaking.core.errors import ConfigError, DatasetError
+from overtaking.datasets import plan, write
+from overtaking.datasets.manifest import Manifest, read_manifest
+from overtaking.datasets.recipe import Simulator
+from overtaking.datasets.wide import wide_frames
+from overtaking.model.road import Road
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import Trajectories
+from overtaking.tables.decode import decode
+from overtaking.tables.encode import encode
+from overtaking.tables.files import read_rows, read_table
+from overtaking.tables.restore import restore, restore_scenario
+
+
+def load(path: Path, simulator: Simulator) -> "Dataset":
+    """A complete data set.
+
+    Args:
+        path: Its folder.
+        simulator: Simulates again what was not kept.
+
+    Raises:
+        DatasetError: There is none, or it is not complete.
+        SchemaError: It is of a newer version.
+    """
+    manifest = read_manifest(path)
+    if not manifest.complete:
+        raise DatasetError.of(
+            what="data set",
+            where=str(path),
+            expected="one that is complete",
+            got="one that is not finished",
+            next_step=f"run: overtaking generate --resume --out {path}",
+        )
+    return Dataset(path, manifest, simulator)
+
+
+class Dataset:
+    """A complete data set in a folder.
+
+    Simulations are numbered from 0. Every method that returns a table reads it anew; a file whose
+    bytes are not those that were written is an error, whatever it would have said.
+    """
+
+    def __init__(self, path: Path, manifest: Manifest, simulator: Simulator) -> None:
+        """Use `load`, which checks the folder."""
+        self._path, self._manifest, self._simulator = path, manifest, simulator
+        identity = manifest.identity
+        self._shards = plan.shards(identity.simulations, identity.shard_size)
+        self._intact: set[Path] = set()
+
+    def __len__(self) -> int:
+        """Number of simulations."""
+        return self._manifest.identity.simulations
+
+    def __repr__(self) -> str:
+        """What it is and where."""
+        return f"Dataset({str(self._path)!r}: {len(self)} simulations of {self.profile})"
+
+    @property
+    def path(self) -> Path:
+        """Its folder."""
+        return self._path
+
+    @property
+    def manifest(self) -> Manifest:
+        """What `dataset.json` says."""
+        return self._manifest
+
+    @property
+    def profile(self) -> str:
+        """Name of the profile that it was drawn from."""
+        return self._manifest.identity.profile
+
+    @property
+    def road(self) -> Road:
+        """Its road."""
+        return self._manifest.identity.road
+
+    @property
+    def content_hash(self) -> str:
+        """Hash over the values of all tables, the same on every machine."""
+        return str(self._manifest.content_hash)
+
+    def simulations(self) -> pd.DataFrame:
+        """One row per simulation."""
+        return decode(self.table("simulations"))
+
+    def weather(self) -> pd.DataFrame:
+        """One row per weather; `simulations` names them."""
+        return decode(self.table("weather"))
+
+    def vehicles(self) -> pd.DataFrame:
+        """One row per simulation and vehicle: bodies, drivers, starts and contacts."""
+        return decode(self.table("vehicles"))
+
+    def percepts(self) -> pd.DataFrame:
+        """One row per simulation and decision: what the ego believed, and the truth beside it."""
+        return decode(self.table("percepts"))
+
+    def frames(self, simulation: int) -> pd.DataFrame:
+        """The 22 variables of the source paper for one simulation, one row per frame.
+
+        What belongs to each vehicle is a tuple with one element per vehicle. `states` has the same
+        and more, one row per vehicle and frame.
+        """
+        rows = self._rows(simulation)
+        if "frames" not in rows:
+            rows = self._encoded(simulation)
+        return wide_frames({name: decode(table) for name, table in rows.items()})
+
+    def states(self, simulation: int) -> pd.DataFrame:
+        """The states of one simulation, one row per vehicle and frame."""
+        if "states" in self._tables:
+            return decode(self._part("states", simulation))
+        return decode(self._encoded(simulation)["states"])
+
+    def scenario(self, simulation: int) -> Scenario:
+        """The scenario of one simulation, as a batch of one."""
+        rows = {
+            name: self._part(name, simulation) for name in ("simulations", "weather", "vehicles")
+        }
+        return restore_scenario(rows, self.road)
+
+    def trajectory(self, simulation: int) -> Trajectories:
+        """One recorded simulation, as a batch of one; simulated again if it was not kept.
+
+        Raises:
+            DatasetError: Simulated again, it is another one: the simulator has changed since.
+        """
+        rows = self._rows(simulation)
+        if "states" in rows:
+            return restore(rows, self.road)
+        again = self._simulator.simulate(restore_scenario(rows, self.road))
+        recorded = np.frombuffer(rows["simulations"]["trace_hash"][0].as_py(), dtype="<u4")
+        if not np.array_equal(again.trace_hash[0], recorded):
+            raise self._changed(simulation)
+        return again
+
+    def table(self, name: str) -> pa.Table:
+        """A whole table as it is in the files.
+
+        Raises:
+            DatasetError: It was not kept, or a file is damaged.
+        """
+        if name not in self._tables:
+            raise ConfigError.of(
+                what=f"table {name}",
+                where=str(self._path),
+                expected=f"one of {', '.join(self._tables)}",
+                got=f"a data set that keeps the {self._manifest.identity.keep}",
+                next_step="generate it with --keep frames",
+            )
+        parts = [read_table(self._file(name, shard), name) for shard in self._shards]
+        return pa.concat_tables(parts)
+
+    def verify(self) -> None:
+        """Read every file and compare it with what was written.
+
+        Raises:
+            DatasetError: One of them is missing or damaged.
+        """
+        self._intact.clear()
+        for shard in self._shards:
+            for name in self._tables:
+                self._file(name, shard)
+
+    @property
+    def _tables(self) -> tuple[str, ...]:
+        return self._manifest.identity.keep.tables
+
+    def _file(self, table: str, shard: plan.Shard) -> Path:
+        """A file of the data set, once its bytes have been compared with what was written."""
+        path = write.path_of(self._path, table, shard)
+        if path not in self._intact:
+            if not write.is_intact(path, self._manifest.shards[shard.number].tables[table]):
+                raise DatasetError.of(
+                    what="file",
+                    where=str(path),
+                    expected="the bytes that were written",
+                    got="others" if path.exists() else "no such file",
+                    next_step=f"run: overtaking generate --resume --out {self._path}",
+                )
+            self._intact.add(path)
+        return path
+
+    def _part(self, table: str, simulation: int) -> pa.Table:
+        """The rows of one simulation."""
+        if not 0 <= simulation < len(self):
+            raise ConfigError.of(
+                what="simulation",
+                where=str(self._path),
+                expected=f"0 to {len(self) - 1}",
+                got=simulation,
+                next_step="choose a number in that range",
+            )
+        shard = self._shards[simulation // self._manifest.identity.shard_size]
+        return read_rows(self._file(table, shard), table, simulation, simulation)
+
+    def _rows(self, simulation: int) -> Mapping[str, pa.Table]:
+        """The rows of one simulation in every table that was kept."""
+        return {name: self._part(name, simulation) for name in self._tables}
+
+    def _encoded(self, simulation: int) -> Mapping[str, pa.Table]:
+        """Every table of one simulation that is simulated again."""
+        return encode(self.trajectory(simulation), np.array([simulation]))
+
+    def _changed(self, simulation: int) -> DatasetError:
+        identity = self._manifest.identity
+        return DatasetError.of(
+            what=f"simulation {simulation}, simulated again",
+            where=str(self._path),
+            expected="the recorded trace hash",
+            got=f"another from {self._simulator.name} {self._simulator.version}",
+            next_step=f"simulate with {identity.simulator} {identity.simulator_version}",
+        )

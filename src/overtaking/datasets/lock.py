@@ -1,0 +1,79 @@
+"""One writer per folder, by a lock of the operating system that ends with its process."""
+
+import os
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from overtaking.core.errors import LockedError
+
+FILE_NAME = ".lock"
+
+_FAR = 1 << 20
+"""Windows locks bytes, and nobody else can then read them: one behind the text."""
+
+
+@contextmanager
+def locked(folder: Path) -> Generator[None]:
+    """Hold a folder for writing.
+
+    The lock file stays behind: a file that is deleted can be locked twice.
+
+    Args:
+        folder: An existing folder.
+
+    Raises:
+        LockedError: Another process holds it; the message says which.
+        OSError: The lock file cannot be written.
+    """
+    handle = os.open(folder / FILE_NAME, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        if not _acquire(handle):
+            raise _held(folder, handle)
+        os.ftruncate(handle, 0)
+        os.lseek(handle, 0, os.SEEK_SET)
+        os.write(handle, f"{os.getpid()}\n".encode())
+        try:
+            yield
+        finally:
+            # A full disk or an interruption must not hide what went wrong before.
+            with suppress(OSError):
+                os.ftruncate(handle, 0)
+    finally:
+        os.close(handle)
+
+
+def _held(folder: Path, handle: int) -> LockedError:
+    os.lseek(handle, 0, os.SEEK_SET)
+    holder = os.read(handle, 32).decode(errors="replace").strip()
+    return LockedError.of(
+        what="data set",
+        where=str(folder),
+        expected="no other process that writes it",
+        got=f"process {holder}" if holder else "another process",
+        next_step="wait until it is done, or choose another folder",
+    )
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _acquire(handle: int) -> bool:
+        """Try to lock an open file; the system unlocks it when the file is closed."""
+        os.lseek(handle, _FAR, os.SEEK_SET)
+        try:
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+        except OSError:
+            return False
+        return True
+else:
+    import fcntl
+
+    def _acquire(handle: int) -> bool:
+        """Try to lock an open file; the system unlocks it when the file is closed."""
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True

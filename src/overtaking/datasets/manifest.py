@@ -1,0 +1,226 @@
+"""`dataset.json`: the recipe of a data set, how far it got, and what its files hold."""
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
+
+from overtaking.core.errors import DatasetError, SchemaError
+from overtaking.datasets.recipe import Keep, Recipe, Simulator
+from overtaking.model.road import Road
+from overtaking.tables.files import FileFacts, sync_folder
+from overtaking.tables.schemas import VERSION as TABLE_VERSION
+
+FILE_NAME = "dataset.json"
+FORMAT = "overtaking.dataset"
+
+VERSION = 1
+"""Version of the manifest itself; the tables have versions of their own."""
+
+
+class _Record(BaseModel):
+    """What all parts share: nothing unknown, nothing changed."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
+
+
+class ShardRecord(_Record):
+    """One finished shard.
+
+    Attributes:
+        number: Number of the shard.
+        first: Number of its first simulation.
+        simulations: Number of simulations.
+        tables: Its file of each table.
+    """
+
+    number: int
+    first: int
+    simulations: int
+    tables: dict[str, FileFacts]
+
+
+class Identity(_Record):
+    """What decides the content: two data sets that agree here agree in every value.
+
+    Attributes:
+        profile: Name of the profile.
+        spec: The specification, resolved.
+        spec_hash: Hash over it.
+        road: The road.
+        seed: Seed of the random numbers.
+        simulations: Number of simulations.
+        shard_size: Simulations a shard.
+        keep: What was written down of each simulation.
+        table_version: Version of the tables' schemas.
+        simulator: Name of the simulator.
+        simulator_version: Version of the model that it computes.
+    """
+
+    profile: str
+    spec: dict[str, JsonValue]
+    spec_hash: str
+    road: Road
+    seed: int
+    simulations: int
+    shard_size: int
+    keep: Keep
+    table_version: int
+    simulator: str
+    simulator_version: str
+
+    @classmethod
+    def of(cls, recipe: Recipe, simulator: Simulator) -> "Identity":
+        """The identity of what a recipe and a simulator will give."""
+        return cls(
+            profile=recipe.spec.name,
+            spec=recipe.spec.resolved(),
+            spec_hash=recipe.spec.spec_hash,
+            road=recipe.road,
+            seed=recipe.seed,
+            simulations=recipe.num_simulations,
+            shard_size=recipe.shard_size,
+            keep=recipe.keep,
+            table_version=TABLE_VERSION,
+            simulator=simulator.name,
+            simulator_version=simulator.version,
+        )
+
+    def differences(self, other: "Identity") -> list[str]:
+        """The names of what is not the same, the telling ones first."""
+        names = [name for name in type(self).model_fields if name not in ("spec", "spec_hash")]
+        different = [name for name in names if getattr(self, name) != getattr(other, name)]
+        return [*different, *(["spec"] if self.spec_hash != other.spec_hash else [])]
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 over all of it, 64 hexadecimal digits."""
+        text = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+class Provenance(_Record):
+    """Where and when; changes no value and is part of no hash.
+
+    Attributes:
+        started: When it was begun, UTC.
+        finished: When it was completed, UTC.
+        package: Version of this package.
+        packages: Versions of the packages that decide the bytes of the files.
+        python: Version of Python.
+        machine: System and processor.
+        details: What the simulator says of itself on that machine.
+    """
+
+    started: str
+    finished: str | None = None
+    package: str
+    packages: dict[str, str]
+    python: str
+    machine: str
+    details: dict[str, str] = Field(default_factory=dict)
+
+
+class Manifest(_Record):
+    """The whole file.
+
+    Attributes:
+        format: Says what kind of file it is.
+        version: Version of the manifest's form.
+        complete: Whether every shard is there.
+        content_hash: Hash over the values of all tables; null until complete.
+        identity: What decides the content.
+        shards: The finished shards; empty until complete.
+        provenance: Where and when.
+    """
+
+    format: Literal["overtaking.dataset"] = FORMAT
+    version: int = VERSION
+    complete: bool = False
+    content_hash: str | None = None
+    identity: Identity
+    shards: tuple[ShardRecord, ...] = ()
+    provenance: Provenance
+
+
+def content_hash(shards: tuple[ShardRecord, ...]) -> str:
+    """Hash over the values of all tables, trace hashes among them, 64 hexadecimal digits."""
+    total = hashlib.sha256()
+    for shard in shards:
+        for name in sorted(shard.tables):
+            table = shard.tables[name]
+            total.update(f"{shard.number} {name} {table.rows} {table.content}\n".encode())
+    return total.hexdigest()
+
+
+def write_manifest(folder: Path, manifest: Manifest, partial: Path) -> None:
+    """Put a manifest into its folder, whole or not at all.
+
+    Args:
+        folder: The data set.
+        manifest: What to write.
+        partial: Folder on the same disk for the unfinished file.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    unfinished = partial / FILE_NAME
+    with unfinished.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(manifest.model_dump_json(indent=2) + "\n")
+        file.flush()
+        os.fsync(file.fileno())
+    unfinished.replace(folder / FILE_NAME)
+    sync_folder(folder)
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """The manifest of a data set.
+
+    Raises:
+        DatasetError: There is none, or it cannot be read.
+        SchemaError: It is of a newer version.
+    """
+    path = folder / FILE_NAME
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        got = error.strerror if isinstance(error, OSError) else "a file that is no text"
+        raise _unreadable(path, str(got), "check the path of the data set") from None
+    try:
+        _check_version(path, json.loads(text))
+        return Manifest.model_validate_json(text)
+    except json.JSONDecodeError as error:
+        raise _unreadable(path, str(error), "restore it from a copy") from None
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise _unreadable(path, f"{place}: {first['msg']}", "restore it from a copy") from None
+
+
+def _check_version(path: Path, content: JsonValue) -> None:
+    """Refuse what is no manifest, or one of a version that is not known yet."""
+    given = content if isinstance(content, dict) else {}
+    version = given.get("version")
+    if given.get("format") != FORMAT or not isinstance(version, int):
+        raise _unreadable(path, "another kind of file", "check the path of the data set")
+    if version > VERSION:
+        raise SchemaError.of(
+            what="version of the manifest",
+            where=str(path),
+            expected=f"at most {VERSION}",
+            got=version,
+            next_step="upgrade the package: pip install --upgrade overtaking",
+        )
+
+
+def _unreadable(path: Path, got: str, next_step: str) -> DatasetError:
+    return DatasetError.of(
+        what="manifest",
+        where=str(path),
+        expected="that of a data set",
+        got=got,
+        next_step=next_step,
+    )

@@ -1,0 +1,62 @@
+"""What a data set is made of, before anything is made."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from overtaking.model.road import Road
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import Trajectories
+from overtaking.scenarios.schema import Spec
+
+
+class Keep(StrEnum):
+    """What of each simulation is written down."""
+
+    FRAMES = "frames"
+    SUMMARY = "summary"
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """The tables that are written; `simulations` is always the last."""
+        whole = ("weather", "vehicles", "percepts")
+        per_frame = ("frames", "states") if self is Keep.FRAMES else ()
+        return (*whole, *per_frame, "simulations")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Simulator:
+    """A function that simulates, and what identifies its results.
+
+    Attributes:
+        name: Name of the simulator.
+        version: Changes whenever a simulated number changes.
+        simulate: Scenarios in, recorded simulations out, in the same order.
+        details: What may differ between machines and changes no number, such as the SIMD level.
+    """
+
+    name: str
+    version: str
+    simulate: Callable[[Scenario], Trajectories]
+    details: Mapping[str, str] = field(default_factory=dict[str, str])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe:
+    """Everything that decides what a data set says.
+
+    Attributes:
+        spec: What to sample.
+        road: Where.
+        seed: Seed of the random numbers, 0 <= seed < 2**64.
+        num_simulations: How many.
+        keep: What to write down of each.
+        shard_size: Simulations a shard.
+    """
+
+    spec: Spec
+    road: Road
+    seed: int
+    num_simulations: int
+    keep: Keep
+    shard_size: int

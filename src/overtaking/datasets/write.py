@@ -1,0 +1,154 @@
+"""Writes one shard: all of its files, or none that counts.
+
+Files grow in a folder of their own and are renamed into place when they are complete and on the
+disk. That of the `simulations` comes last and is the commit mark: it carries what is known of the
+others, and without it the shard does not exist.
+"""
+
+import dataclasses
+import json
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+
+import pyarrow as pa
+
+from overtaking.core.errors import SchemaError
+from overtaking.datasets.manifest import ShardRecord
+from overtaking.datasets.plan import Shard
+from overtaking.tables.digest import content_of
+from overtaking.tables.files import (
+    FileFacts,
+    TableWriter,
+    read_notes,
+    read_table,
+    sha256_of,
+    sync_folder,
+)
+
+MARK = "simulations"
+"""The table whose file is the commit mark of its shard."""
+
+PARTIAL = ".partial"
+"""Folder in the data set for files that are not finished; what is left there has no meaning."""
+
+_FACTS = "overtaking.facts"
+_CONTENT = "overtaking.content"
+_FINGERPRINT = "overtaking.fingerprint"
+
+
+def path_of(folder: Path, table: str, shard: Shard) -> Path:
+    """Where the file of a shard lies."""
+    return folder / table / shard.file_name
+
+
+def make_folders(folder: Path, names: Iterable[str]) -> None:
+    """Make some folders of a data set, where they are missing.
+
+    Raises:
+        OSError: They cannot be made.
+    """
+    for name in names:
+        (folder / name).mkdir(exist_ok=True)
+    sync_folder(folder)
+
+
+def write_shard(
+    folder: Path,
+    shard: Shard,
+    pieces: Iterable[Mapping[str, pa.Table]],
+    *,
+    tables: tuple[str, ...],
+    fingerprint: str,
+    on_piece: Callable[[int], None],
+) -> ShardRecord:
+    """Write the files of a shard and put them into place.
+
+    Args:
+        folder: The data set, with the folders of its tables.
+        shard: Which simulations.
+        pieces: Their tables, a few simulations at a time, in order.
+        tables: The tables to write.
+        fingerprint: Of the identity that the shard belongs to.
+        on_piece: Called with the number of simulations of each piece that was written.
+
+    Raises:
+        OSError: The disk is full or cannot be written.
+    """
+    unfinished = {name: folder / PARTIAL / f"{name}-{shard.file_name}" for name in tables}
+    with ExitStack() as stack:
+        writers = {
+            name: stack.enter_context(TableWriter(path, name)) for name, path in unfinished.items()
+        }
+        for piece in pieces:
+            for name, writer in writers.items():
+                writer.write(piece[name])
+            on_piece(piece[MARK].num_rows)
+        mark = writers.pop(MARK)
+        facts = {name: writer.finish() for name, writer in writers.items()}
+        notes = _notes(facts, content=mark.content, fingerprint=fingerprint)
+        facts[MARK] = mark.finish(notes)
+    for name in (*writers, MARK):
+        target = path_of(folder, name, shard)
+        unfinished[name].replace(target)
+        sync_folder(target.parent)
+    return _record(shard, facts)
+
+
+def finished_shard(
+    folder: Path, shard: Shard, *, tables: tuple[str, ...], fingerprint: str
+) -> ShardRecord | None:
+    """What is known of a shard, or None if it has to be written.
+
+    Every file is read, so that what was damaged since it was written is written again.
+
+    Args:
+        folder: The data set.
+        shard: Which simulations.
+        tables: The tables that it must have.
+        fingerprint: Of the identity that it must belong to.
+    """
+    mark = path_of(folder, MARK, shard)
+    try:
+        notes, rows = read_notes(mark, MARK), read_table(mark, MARK)
+    except SchemaError:
+        return None
+    content = content_of(rows)
+    if notes.get(_FINGERPRINT) != fingerprint or notes.get(_CONTENT) != content:
+        return None
+    facts = {name: FileFacts(**known) for name, known in json.loads(notes[_FACTS]).items()}
+    facts[MARK] = FileFacts(
+        rows=rows.num_rows,
+        size_bytes=mark.stat().st_size,
+        sha256=sha256_of(mark),
+        content=content,
+    )
+    intact = (is_intact(path_of(folder, name, shard), facts[name]) for name in tables)
+    return _record(shard, facts) if set(facts) == set(tables) and all(intact) else None
+
+
+def is_intact(path: Path, facts: FileFacts) -> bool:
+    """Whether a file is there and its bytes are those that were written."""
+    try:
+        return path.stat().st_size == facts.size_bytes and sha256_of(path) == facts.sha256
+    except OSError:
+        return False
+
+
+def _notes(facts: Mapping[str, FileFacts], *, content: str, fingerprint: str) -> dict[str, str]:
+    """What the commit mark carries."""
+    known = {name: dataclasses.asdict(one) for name, one in facts.items()}
+    return {
+        _FACTS: json.dumps(known, sort_keys=True),
+        _CONTENT: content,
+        _FINGERPRINT: fingerprint,
+    }
+
+
+def _record(shard: Shard, facts: Mapping[str, FileFacts]) -> ShardRecord:
+    return ShardRecord(
+        number=shard.number,
+        first=shard.first,
+        simulations=shard.num_simulations,
+        tables={name: facts[name] for name in sorted(facts)},
+    )

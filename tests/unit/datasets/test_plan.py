@@ -1,0 +1,39 @@
+"""Every simulation belongs to exactly one shard and one chunk, whatever the numbers."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from overtaking.datasets.plan import SHARD_SIZE, chunks, shards
+
+COUNT = st.integers(1, 5000)
+
+
+@given(num_simulations=COUNT, shard_size=st.integers(1, 6000), chunk_size=st.integers(1, 700))
+def test_every_simulation_comes_once_and_in_order(num_simulations, shard_size, chunk_size):
+    planned = shards(num_simulations, shard_size)
+    numbers = [n for shard in planned for chunk in chunks(shard, chunk_size) for n in chunk]
+    assert numbers == list(range(num_simulations))
+    assert [shard.number for shard in planned] == list(range(len(planned)))
+    assert all(0 < shard.num_simulations <= shard_size for shard in planned)
+
+
+@given(num_simulations=COUNT, more=COUNT, shard_size=st.integers(1, 6000))
+def test_a_larger_data_set_begins_with_the_full_shards_of_a_smaller_one(
+    num_simulations, more, shard_size
+):
+    small, large = (shards(n, shard_size) for n in (num_simulations, num_simulations + more))
+    full = [shard for shard in small if shard.num_simulations == shard_size]
+    assert list(large[: len(full)]) == full
+
+
+def test_the_papers_276_simulations_fit_into_one_file():
+    assert len(shards(276)) == 1
+    assert len(shards(SHARD_SIZE + 1)) == 2
+
+
+def test_files_are_named_so_that_they_sort():
+    names = [shard.file_name for shard in shards(20, 1)]
+    assert names == sorted(names)
+    assert names[7] == "part-00007.parquet"
