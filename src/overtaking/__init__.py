@@ -8,6 +8,7 @@ tells type checkers and editors the same names.
 from importlib import import_module as _import_module
 
 _HOMES = {
+    "Dataset": "overtaking.datasets.load",
     "Drivers": "overtaking.model.drivers",
     "Lane": "overtaking.model.road",
     "OvertakingError": "overtaking.core.errors",
@@ -16,6 +17,11 @@ _HOMES = {
     "Trajectories": "overtaking.model.trajectory",
     "VehicleSpecs": "overtaking.model.vehicles",
     "Weather": "overtaking.model.weather",
+    "generate": "overtaking.api",
+    "load": "overtaking.api",
+    "resume": "overtaking.api",
+    "sample": "overtaking.api",
+    "simulate": "overtaking.api",
 }
 """The module that defines each public name."""
 

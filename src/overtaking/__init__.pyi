@@ -1,4 +1,10 @@
+from overtaking.api import generate as generate
+from overtaking.api import load as load
+from overtaking.api import resume as resume
+from overtaking.api import sample as sample
+from overtaking.api import simulate as simulate
 from overtaking.core.errors import OvertakingError as OvertakingError
+from overtaking.datasets.load import Dataset as Dataset
 from overtaking.model.drivers import Drivers as Drivers
 from overtaking.model.road import Lane as Lane
 from overtaking.model.road import Road as Road
