@@ -6,6 +6,7 @@ divisions, square roots, comparisons and the elementary functions of `core`.
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -69,12 +70,11 @@ def choose(u: F32, weights: Sequence[float]) -> U8:
         u: Any shape.
         weights: Not negative, not all zero; at most 255.
     """
-    total = sum(weights)
+    # Added one by one: since Python 3.12 `sum` rounds differently.
+    *below, total = itertools.accumulate(weights)
     chosen = np.zeros(u.shape, np.uint8)
-    reached = 0.0
     last = max(place for place, weight in enumerate(weights) if weight > 0.0)
-    for weight in weights[:last]:
-        reached += weight
+    for reached in below[:last]:
         chosen += u >= np.float32(reached / total)
     return chosen
 

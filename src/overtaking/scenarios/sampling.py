@@ -118,8 +118,8 @@ def _stretch(spec: Spec, road: Road) -> tuple[float, float]:
     key, ends = "spawn_s_m", traffic.spawn_s_m
     if traffic.spawn_x_m is not None:
         key = "spawn_x_m"
-        d = float(road.centres.mean())
-        _, y = road.world(0.5 * road.length, d)
+        middle = 0.5 * (road.boundaries[0] + road.boundaries[-1])
+        _, y = road.world(0.5 * road.length, middle)
         along, _ = road.road_coordinates(np.array(traffic.spawn_x_m), np.full(2, float(y)))
         ends = (float(along.min()), float(along.max()))
     assert ends is not None  # The specification has one of the two.

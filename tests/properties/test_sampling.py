@@ -1,0 +1,158 @@
+"""What holds for every specification, seed and batch of scenarios."""
+
+import dataclasses
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from overtaking.core.errors import ConfigError
+from overtaking.model.batch import Batch
+from overtaking.model.known_roads import known_road
+from overtaking.model.scenario import MAX_VEHICLES
+from overtaking.scenarios import sample, spec
+from overtaking.scenarios.sampling import BLOCK
+
+TOWN06 = known_road("town06")
+PINTO = spec("pinto2023")
+SEEDS = st.integers(0, 2**64 - 1)
+
+
+def arrays(batch, prefix=""):
+    """Every array of a batch and of the batches in it, with its name."""
+    for field in dataclasses.fields(batch):
+        value = getattr(batch, field.name)
+        if isinstance(value, np.ndarray):
+            yield prefix + field.name, value
+        elif isinstance(value, Batch):
+            yield from arrays(value, f"{prefix}{field.name}.")
+
+
+def assert_same(one, other):
+    for (name, left), (_, right) in zip(arrays(one), arrays(other), strict=True):
+        assert left.dtype == right.dtype, name
+        assert left.shape == right.shape, name
+        assert left.tobytes() == right.tobytes(), name
+
+
+@st.composite
+def specifications(draw):
+    fewest = draw(st.integers(2, MAX_VEHICLES))
+    low = draw(st.floats(30.0, 80.0))
+    zone = draw(st.floats(20.0, 200.0)), draw(st.floats(200.0, 400.0))
+    overrides = {
+        "traffic.vehicles": [fewest, draw(st.integers(fewest, MAX_VEHICLES))],
+        "traffic.speed_kmh": [low, draw(st.floats(low, 150.0))],
+        "traffic.lead_speed_kmh": [low, draw(st.floats(low, 150.0))],
+        "traffic.lead_speed_exponent": draw(st.floats(0.5, 4.0)),
+        "traffic.spawn_s_m": [zone[0], zone[1] + 50.0],
+        "starts.min_gap_m": draw(st.floats(3.0, 15.0)),
+        "drivers.temper": draw(st.sampled_from([[0.0, 1.0], [1.0, 1.0], [0.2, 0.4]])),
+        "weather.mode": draw(st.sampled_from(["presets", "independent"])),
+    }
+    if overrides["weather.mode"] == "presets":
+        overrides["weather.presets"] = PINTO.resolved()["weather"]["presets"]
+    return spec("pinto2023", overrides)
+
+
+@settings(max_examples=25)
+@given(SEEDS, st.lists(st.integers(0, 2**64 - 1), min_size=1, max_size=30))
+def test_a_scenario_is_the_same_in_any_batch(seed, numbers):
+    together = sample(PINTO, TOWN06, seed, np.array(numbers, np.uint64))
+    place = len(numbers) // 2
+    alone = sample(PINTO, TOWN06, seed, np.array([numbers[place]], np.uint64))
+    assert_same(together.select(np.array([place])), alone)
+    backwards = sample(PINTO, TOWN06, seed, np.array(numbers[::-1], np.uint64))
+    assert_same(together.select(slice(None, None, -1)), backwards)
+
+
+def test_a_scenario_is_the_same_whatever_block_it_falls_into():
+    together = sample(PINTO, TOWN06, 1, np.arange(BLOCK + 100))
+    later = sample(PINTO, TOWN06, 1, np.arange(BLOCK - 50, BLOCK + 50))
+    assert_same(together.select(slice(BLOCK - 50, BLOCK + 50)), later)
+
+
+def test_simulation_57_does_not_depend_on_the_largest_number_of_vehicles():
+    # Each slot has streams of its own, so more slots only add vehicles.
+    fixed = {"starts.allow_doomed": True, "starts.min_gap_m": 3.0}
+    few, many = (
+        sample(spec("pinto2023", fixed | {"traffic.vehicles": [n, n]}), TOWN06, 1, [57])
+        for n in (3, 6)
+    )
+    for name in ("kind", "colour", "length", "mass", "tyre_wear"):
+        left, right = (getattr(one.vehicles, name)[:, :3] for one in (few, many))
+        np.testing.assert_array_equal(left, right)
+    np.testing.assert_array_equal(few.drivers.time_gap[:, :3], many.drivers.time_gap[:, :3])
+    np.testing.assert_array_equal(few.weather.preset, many.weather.preset)
+
+
+@settings(max_examples=40)
+@given(specifications(), SEEDS)
+def test_every_start_keeps_what_its_specification_asks(given_spec, seed):
+    batch = sample(given_spec, TOWN06, seed, np.arange(64))
+    valid, s, lane = batch.vehicles.valid, batch.start_s, batch.start_lane
+    fewest, most = given_spec.traffic.vehicles
+    assert fewest <= batch.num_vehicles.min() <= batch.num_vehicles.max() <= most
+    assert np.all(valid[:, :2])
+    assert np.all(lane[:, 0] == lane[:, 1])
+    assert np.all(lane[:, 0] < TOWN06.num_lanes - 1)
+    low, high = given_spec.traffic.spawn_s_m
+    assert np.all((s[valid] > low - 1e-3) & (s[valid] < high + 1e-3))
+    slowest = min(given_spec.traffic.speed_kmh[0], given_spec.traffic.lead_speed_kmh[0])
+    fastest = max(given_spec.traffic.speed_kmh[1], given_spec.traffic.lead_speed_kmh[1])
+    speed_kmh = batch.start_speed[valid] * 3.6
+    assert np.all((speed_kmh > slowest - 1e-3) & (speed_kmh < fastest + 1e-3))
+    half = 0.5 * batch.vehicles.length
+    for one in range(MAX_VEHICLES):
+        for other in range(one):
+            both = valid[:, one] & valid[:, other] & (lane[:, one] == lane[:, other])
+            apart = np.abs(s[:, one] - s[:, other]) - half[:, one] - half[:, other]
+            assert np.all(apart[both] > given_spec.starts.min_gap_m - 1e-3)
+
+
+@settings(max_examples=20)
+@given(specifications(), SEEDS)
+def test_every_number_is_finite_and_of_the_agreed_shape(given_spec, seed):
+    batch = sample(given_spec, TOWN06, seed, np.arange(16))
+    for name, values in arrays(batch):
+        assert values.shape in ((16,), (16, MAX_VEHICLES)), name
+        assert np.all(np.isfinite(values)), name
+        if values.dtype.kind == "f":
+            assert values.dtype == (np.float64 if name == "weight" else np.float32), name
+
+
+@settings(max_examples=20)
+@given(SEEDS)
+def test_another_seed_is_another_batch(seed):
+    one = sample(PINTO, TOWN06, seed, np.arange(8))
+    other = sample(PINTO, TOWN06, (seed + 1) % 2**64, np.arange(8))
+    assert np.all(one.start_s[one.vehicles.valid] > 0)
+    assert not np.array_equal(one.start_s, other.start_s)
+
+
+def test_an_empty_batch_is_a_batch():
+    empty = sample(PINTO, TOWN06, 1, [])
+    assert empty.num_simulations == 0
+    assert empty.start_s.shape == (0, MAX_VEHICLES)
+
+
+@pytest.mark.parametrize("index", [[-1], [0.5], [[0, 1]], 3, ["a"]])
+def test_numbers_of_simulations_are_checked(index):
+    with pytest.raises(ConfigError, match="a list of whole numbers from 0 on"):
+        sample(PINTO, TOWN06, 1, index)
+
+
+@pytest.mark.parametrize("seed", [-1, 2**64])
+def test_the_seed_is_checked(seed):
+    with pytest.raises(ConfigError, match="seed"):
+        sample(PINTO, TOWN06, seed, [0])
+
+
+def test_the_batch_carries_what_the_specification_says():
+    batch = sample(PINTO, TOWN06, 7, [3, 1])
+    assert (batch.profile, batch.seed, batch.frame_interval_ms) == ("pinto2023", 7, 50)
+    np.testing.assert_array_equal(batch.index, np.array([3, 1], np.uint64))
+    np.testing.assert_array_equal(batch.horizon, np.float32([20, 20]))
+    np.testing.assert_array_equal(batch.attempt_deadline, np.float32([8, 8]))
+    np.testing.assert_array_equal(batch.weight, [1.0, 1.0])

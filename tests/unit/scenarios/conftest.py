@@ -1,0 +1,19 @@
+"""A big sample of the study's scenes, drawn once for all tests."""
+
+import numpy as np
+import pytest
+
+from overtaking.model.known_roads import known_road
+from overtaking.scenarios import sample, spec
+
+SIMULATIONS = 50_000
+
+
+@pytest.fixture(scope="session")
+def town06():
+    return known_road("town06")
+
+
+@pytest.fixture(scope="session")
+def pinto(town06):
+    return sample(spec("pinto2023"), town06, seed=2023, index=np.arange(SIMULATIONS))

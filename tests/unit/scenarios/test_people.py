@@ -1,0 +1,229 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from overtaking.core.errors import KnowledgeError
+from overtaking.knowledge import vehicle_classes
+from overtaking.model.drivers import Drivers
+from overtaking.model.vehicles import VehicleKind
+from overtaking.scenarios import sample, spec
+from overtaking.scenarios.people import sample_traits
+from overtaking.scenarios.populations import TRAITS, Classes, Population, population
+from overtaking.scenarios.schema import FixedTraits, People
+
+SMALLEST_P = 1e-3
+SPEED_TRAITS = {"cruise_factor", "speed_over_leader", "wants_to_overtake"}
+
+
+def traits(count=60_000, kind=VehicleKind.M, **keys):
+    """Drivers of one type of vehicle, one in each simulation."""
+    kinds = np.full((count, 1), kind, np.uint8)
+    people = People(population="mixed", **keys)
+    drawn = sample_traits(people, 7, np.arange(count, dtype=np.uint64), kinds)
+    return {name: values[:, 0].astype(np.float64) for name, values in drawn.items()}
+
+
+@pytest.fixture(scope="module")
+def car_drivers():
+    return traits()
+
+
+def spearman(one, other):
+    """Correlation of ranks, ties sharing their mean rank."""
+    return np.corrcoef(stats.rankdata(one), stats.rankdata(other))[0, 1]
+
+
+def moments(logarithms):
+    return np.median(logarithms), np.std(logarithms)
+
+
+def test_every_driver_parameter_is_drawn_or_made_from_what_is():
+    assert set(TRAITS) - SPEED_TRAITS == set(Drivers.__dataclass_fields__) - {"desired_speed"}
+
+
+def test_reaction_times_are_those_to_brake_lights_in_traffic(car_drivers):
+    # Mean 1.25 s, standard deviation 0.46 s (Ergonomics 36, 1993, 391-395), cut off far out.
+    times = car_drivers["reaction_time"]
+    assert times.mean() == pytest.approx(1.25, abs=0.01)
+    assert times.std() == pytest.approx(0.46, abs=0.025)
+    published = stats.lognorm(s=0.356, scale=np.exp(0.160))
+    assert stats.kstest(times, published.cdf).statistic < 0.01
+
+
+def test_lane_changes_of_cars_last_as_long_as_was_measured(car_drivers):
+    # Between NGSIM's 4.0 s and the 6.3 s of instrumented cars, standard deviation about 2 s.
+    durations = car_drivers["lane_change_duration"]
+    assert durations.mean() == pytest.approx(5.2, abs=0.1)
+    assert durations.std() == pytest.approx(1.6, abs=0.15)
+
+
+def test_time_gaps_of_cars_have_the_median_and_spread_of_motorways(car_drivers):
+    median, spread = moments(np.log(car_drivers["time_gap"]))
+    assert np.exp(median) == pytest.approx(1.3, abs=0.03)
+    assert spread == pytest.approx(0.35, abs=0.02)
+    mode = np.exp(median - spread**2)
+    assert 1.0 < mode < 1.5
+
+
+def test_the_ego_is_as_much_faster_than_its_leader_as_in_the_study(car_drivers):
+    assert np.median(car_drivers["speed_over_leader"]) == pytest.approx(20.6 / 3.6, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"),
+    [("decel", 1.5, 3.0), ("min_gap", 2.0, 3.0), ("politeness", 0.0, 0.5)],
+)
+def test_parameters_without_noise_fill_the_published_range_evenly(car_drivers, name, low, high):
+    values = car_drivers[name]
+    assert stats.kstest(values, stats.uniform(low, high - low).cdf).pvalue > SMALLEST_P
+
+
+RECKLESS_HAVE_LESS = {
+    "time_gap",
+    "min_gap",
+    "caution",
+    "politeness",
+    "lane_change_threshold",
+    "right_bias",
+    "lane_change_duration",
+    "passing_gain",
+    "patience",
+    "pull_out_time",
+    "gap_acceptance",
+    "return_time_gap",
+    "signal_time",
+    "limit_respect",
+    "uses_indicator",
+    "checks_blind_spot",
+}
+RECKLESS_HAVE_MORE = {
+    "accel",
+    "decel",
+    "safe_decel",
+    "cruise_factor",
+    "speed_over_leader",
+    "wants_to_overtake",
+}
+
+
+@pytest.mark.parametrize("name", TRAITS)
+def test_temper_moves_a_parameter_in_its_direction(name):
+    careful = traits(20_000, temper=(0.0, 0.1))[name]
+    reckless = traits(20_000, temper=(0.9, 1.0))[name]
+    if name in RECKLESS_HAVE_LESS:
+        assert reckless.mean() < careful.mean()
+    elif name in RECKLESS_HAVE_MORE:
+        assert reckless.mean() > careful.mean()
+    else:
+        assert name == "reaction_time"
+        np.testing.assert_array_equal(reckless, careful)
+
+
+def test_one_temper_ties_the_parameters_of_a_driver_together(car_drivers):
+    accel = car_drivers["accel"]  # A linear function of the temper.
+    for name in ("time_gap", "pull_out_time", "gap_acceptance", "limit_respect", "patience"):
+        assert spearman(accel, car_drivers[name]) < -0.5
+    assert abs(spearman(accel, car_drivers["reaction_time"])) < 0.02
+
+
+def test_noise_of_two_parameters_is_independent():
+    same_temper = traits(20_000, temper=(0.5, 0.5))
+    noisy = [values for values in same_temper.values() if np.ptp(values) > 0.1]
+    assert len(noisy) > 10
+    correlation = np.corrcoef(np.stack(noisy)) - np.eye(len(noisy))
+    assert np.abs(correlation).max() < 5 / np.sqrt(20_000)
+
+
+def test_at_one_temper_a_lognormal_has_the_median_between_the_ends():
+    middle = traits(temper=(0.5, 0.5))["patience"]
+    assert np.median(middle) == pytest.approx(np.sqrt(30.0 * 5.0), rel=0.02)
+    assert np.log(middle).std() == pytest.approx(0.4, rel=0.03)
+
+
+def test_yes_or_no_is_as_likely_as_the_file_says():
+    careful = traits(temper=(0.0, 0.0))
+    reckless = traits(temper=(1.0, 1.0))
+    for drawn, end in ((careful, "careful"), (reckless, "reckless")):
+        for name in ("uses_indicator", "checks_blind_spot", "wants_to_overtake"):
+            share = getattr(getattr(population("mixed"), end), name).parameter("probability")
+            count = int(drawn[name].sum())
+            assert stats.binomtest(count, drawn[name].size, share).pvalue > SMALLEST_P
+
+
+def test_limits_hold_at_both_ends():
+    for end, temper in (("careful", (0.0, 0.0)), ("reckless", (1.0, 1.0))):
+        drawn = traits(20_000, temper=temper)
+        for name in TRAITS:
+            entry = getattr(getattr(population("mixed"), end), name)
+            assert drawn[name].min() >= entry.low - 1e-5
+            assert drawn[name].max() <= entry.high + 1e-5
+
+
+def test_trucks_change_lanes_slower_and_brake_and_accelerate_less(car_drivers):
+    trucks = traits(kind=VehicleKind.T)
+    for name, factor in (
+        ("lane_change_duration", 1.3),
+        ("time_gap", 1.3),
+        ("accel", 0.5),
+        ("decel", 1.35 / 2.5),
+        ("reaction_time", 1.0),
+    ):
+        np.testing.assert_allclose(trucks[name], factor * car_drivers[name], rtol=1e-5)
+
+
+def test_comfortable_braking_is_in_proportion_to_the_class(car_drivers):
+    classes = vehicle_classes()
+    for kind in VehicleKind:
+        factor = classes[kind.name].comfort_decel.number / classes["M"].comfort_decel.number
+        drawn = traits(1_000, kind=kind)["decel"]
+        np.testing.assert_allclose(drawn, factor * car_drivers["decel"][:1_000], rtol=1e-5)
+
+
+def test_every_parameter_can_be_fixed():
+    values = dict.fromkeys(FixedTraits.model_fields, 0.5)
+    fixed = FixedTraits(**values)
+    assert set(fixed.values()) == set(TRAITS) - SPEED_TRAITS - {
+        "uses_indicator",
+        "checks_blind_spot",
+    }
+    drawn = traits(50, kind=VehicleKind.T, fixed=fixed)
+    for name in fixed.values():
+        assert set(drawn[name]) == {0.5}
+
+
+def test_most_egos_want_to_be_faster_than_their_leader_and_some_do_not(pinto):
+    own, lead = pinto.drivers.desired_speed[:, 0], pinto.drivers.desired_speed[:, 1]
+    wanting = own > lead
+    # 30 of the study's 276 simulations are without an attempt.
+    assert 0.85 < wanting.mean() < 0.95
+    assert np.mean(own[wanting] - lead[wanting] > 5 / 3.6) > 0.9
+
+
+def test_the_traffic_wants_about_the_speed_that_it_came_with(town06):
+    chosen = spec("pinto2023", {"starts.allow_doomed": True})
+    drawn = sample(chosen, town06, seed=3, index=np.arange(5_000))
+    others = drawn.vehicles.valid.copy()
+    others[:, 0] = False
+    ratio = drawn.drivers.desired_speed[others] / drawn.start_speed[others]
+    trucks = drawn.vehicles.kind[others] == VehicleKind.T
+    assert 0.89 < ratio.min() < ratio.max() < 1.11
+    assert np.median(ratio[~trucks]) == pytest.approx(1.01, abs=0.01)
+
+
+def test_nobody_wants_more_than_the_vehicle_can_do(pinto):
+    valid = pinto.vehicles.valid
+    assert np.all(pinto.drivers.desired_speed[valid] <= pinto.vehicles.max_speed[valid])
+
+
+def test_a_population_whose_ends_are_of_different_kinds_is_refused():
+    known = population("mixed")
+    mixed_up = dataclasses.replace(known.reckless, time_gap=known.reckless.accel)
+    with pytest.raises(KnowledgeError, match="lognormal and constant"):
+        Population(careful=known.careful, reckless=mixed_up, classes=Classes())
+
+
+def test_an_unknown_population_is_refused():
+    with pytest.raises(KnowledgeError, match=r"drivers\.toml"):
+        population("nobody")

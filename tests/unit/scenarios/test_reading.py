@@ -1,0 +1,236 @@
+import json
+import tomllib
+
+import pytest
+
+from overtaking.core.errors import ConfigError
+from overtaking.scenarios import Spec, profile_names, spec
+from overtaking.scenarios.reading import PROFILES
+
+PINTO = "pinto2023"
+
+
+def test_the_profiles_of_the_package_are_valid_and_carry_their_names():
+    assert PINTO in profile_names()
+    for name in profile_names():
+        assert spec(name).name == name
+
+
+def test_the_profile_of_the_study_says_what_the_study_says():
+    study = spec(PINTO)
+    assert study.road == "town06"
+    assert study.traffic.vehicles == (2, 6)
+    assert study.traffic.speed_kmh == (50.0, 120.0)
+    assert study.traffic.spawn_x_m == (320.0, 450.0)
+    assert set(study.traffic.types) == {"S", "M", "L", "V", "T", "MC", "B"}
+    assert set(study.traffic.ego_types) == {"S", "M", "L", "V", "T"}
+    assert len(study.traffic.colours) == 8
+    assert study.weather.mode == "presets"
+    assert set(study.weather.presets) == {
+        "ClearNoon",
+        "HardRainNoon",
+        "ClearSunset",
+        "ClearNight",
+        "CloudyNight",
+        "SoftRainNight",
+        "MidRainyNight",
+        "HardRainNight",
+    }
+    assert study.time.attempt_deadline_s == 8.0
+    assert study.profile.frame_interval_ms == 50
+
+
+def test_a_resolved_specification_is_read_back_as_itself():
+    given = spec(PINTO, {"weather.mode": "independent", "drivers.fixed.time_gap_s": "1.5"})
+    as_json = json.loads(json.dumps(given.resolved()))
+    assert spec(as_json) == given
+    assert spec(as_json).spec_hash == given.spec_hash
+    assert spec(given) == given
+
+
+def test_the_hash_depends_on_what_is_said_and_not_on_how(tmp_path):
+    text = (PROFILES / f"{PINTO}.toml").read_text(encoding="utf-8")
+    shuffled = tmp_path / "shuffled.toml"
+    shuffled.write_text("\n\n".join(reversed(text.split("\n\n"))), encoding="utf-8")
+    assert spec(shuffled).spec_hash == spec(PINTO).spec_hash
+    assert spec(PINTO, {"traffic.vehicles": "2..5"}).spec_hash != spec(PINTO).spec_hash
+
+
+def test_canonical_json_is_one_sorted_line():
+    text = spec(PINTO).canonical_json()
+    assert "\n" not in text
+    assert json.loads(text) == spec(PINTO).resolved()
+    assert list(json.loads(text)) == sorted(json.loads(text))
+
+
+def test_a_specification_cannot_be_changed():
+    study = spec(PINTO)
+    with pytest.raises(ValueError, match="frozen"):
+        study.profile.name = "other"
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "expected"),
+    [
+        ("traffic.vehicles", "2..5", (2, 5)),
+        ("traffic.vehicles", "[2, 5]", (2, 5)),
+        ("traffic.vehicles", " 2 .. 5 ", (2, 5)),
+        ("traffic.speed_kmh", "60.5..90", (60.5, 90.0)),
+        ("traffic.ego_lanes", "[0, 2]", (0, 2)),
+        ("time.horizon_s", "30", 30.0),
+        ("starts.allow_doomed", "true", True),
+        ("profile.name", "night-only", "night-only"),
+        ("profile.name", "'quoted'", "quoted"),
+        ("traffic.colours", "red", {"red": 1.0}),
+        ("traffic.colours", "['red', 'blue']", {"red": 1.0, "blue": 1.0}),
+        ("traffic.types", "{S = 2, T = 1}", {"S": 2.0, "T": 1.0}),
+    ],
+)
+def test_an_override_may_be_a_text(key, text, expected):
+    section, name = key.split(".")
+    assert getattr(getattr(spec(PINTO, {key: text}), section), name) == expected
+
+
+def test_an_override_may_change_one_weight():
+    assert spec(PINTO, {"traffic.types.B": "0"}).traffic.types["B"] == 0.0
+    assert spec(PINTO, {"traffic.types.B": 0}).traffic.types["S"] == 1.0
+
+
+def test_the_other_zone_replaces_the_first():
+    changed = spec(PINTO, {"traffic.spawn_s_m": "10..150"}).traffic
+    assert (changed.spawn_x_m, changed.spawn_s_m) == (None, (10.0, 150.0))
+
+
+def test_the_other_mode_of_the_weather_replaces_its_keys():
+    changed = spec(PINTO, {"weather.mode": "independent", "weather.rain_probability": "0.2"})
+    assert changed.weather.mode == "independent"
+    assert changed.weather.rain_probability == 0.2
+
+
+def test_defaults_are_those_of_the_models(tmp_path):
+    table = tomllib.loads((PROFILES / f"{PINTO}.toml").read_text(encoding="utf-8"))
+    del table["starts"]
+    assert spec(table).starts == spec(PINTO).starts
+
+
+MISTAKES = {
+    # What is wrong: (key, value, what the message must say beside file and key).
+    "unknown key": ("traffic.vehicls", "2..4", "did you mean vehicles?"),
+    "unknown section": ("trafic.vehicles", "2..4", "did you mean traffic?"),
+    "nothing like a key": ("traffic.qqq", "1", "choose from vehicles, types"),
+    "key of the other weather": ("weather.rain_percent", "1..2", "choose from mode, presets"),
+    "unknown fixed parameter": ("drivers.fixed.time_gap", "1", "did you mean time_gap_s?"),
+    "unknown preset": ("weather.presets.ClearNon", "1", "did you mean ClearNoon?"),
+    "unknown preset by name": ("weather.presets", "midrainynight", "did you mean MidRainyNight?"),
+    "unknown type": ("traffic.types.X", "1", "choose from S, M, L, V, T, MC, B"),
+    "unknown colour": ("traffic.colours.gray", "1", "did you mean grey?"),
+    "unknown road": ("profile.road", "town6", "did you mean town06?"),
+    "unknown population": ("drivers.population", "mixd", "did you mean mixed?"),
+    "unknown mode": ("weather.mode", "random", 'mode = "presets" or mode = "independent"'),
+    "two-wheeled ego": ("traffic.ego_types.MC", "1", "leave MC out"),
+    "upside down": ("traffic.speed_kmh", "120..50", "write [50, 120]"),
+    "upside down count": ("traffic.vehicles", "6..2", "write [2, 6]"),
+    "upside down zone": ("traffic.spawn_x_m", "450..320", "write [320, 450]"),
+    "too many vehicles": ("traffic.vehicles", "2..9", "less than or equal to 8"),
+    "too few vehicles": ("traffic.vehicles", "1..3", "greater than or equal to 2"),
+    "half a vehicle": ("traffic.vehicles", "2..4.5", "a whole number"),
+    "one limit": ("traffic.speed_kmh", "[50]", "a value, got nothing"),
+    "three limits": ("traffic.speed_kmh", "[50, 60, 70]", "2 values"),
+    "no list": ("traffic.speed_kmh", "50", "a list"),
+    "no table": ("traffic", "50", "a table"),
+    "negative weight": ("traffic.types.S", "-1", "greater than or equal to 0"),
+    "zero weights": ("traffic.types", "{S = 0}", "a weight above zero"),
+    "no weights": ("weather.presets", "{}", "a weight above zero"),
+    "numbers for names": ("traffic.colours", "[1, 2]", "quote the names"),
+    "weight that is a text": ("traffic.types.S", "many", "a number"),
+    "NaN": ("traffic.speed_kmh", "[nan, 100]", "a finite number"),
+    "infinity": ("time.horizon_s", "inf", "got inf"),
+    "negative time": ("time.horizon_s", "-1", "greater than 0"),
+    "endless": ("time.horizon_s", "1e9", "less than or equal to 600"),
+    "negative speed": ("traffic.speed_kmh", "-50..50", "greater than 0"),
+    "negative exponent": ("traffic.lead_speed_exponent", "-1", "greater than 0"),
+    "deadline after the end": ("time.attempt_deadline_s", "21", "at most the horizon of 20"),
+    "frames between steps": ("profile.frame_interval_ms", "45", "a multiple of 10"),
+    "frames that are a number with a point": ("profile.frame_interval_ms", "50.0", "whole number"),
+    "nameless": ("profile.name", "''", "at least 1 character"),
+    "number for yes": ("starts.allow_doomed", "1", "true or false"),
+    "text for a number": ("starts.min_gap_m", "far", "a number"),
+    "gap too small": ("starts.min_gap_m", "0.1", "greater than or equal to 3"),
+    "temper beyond reckless": ("drivers.temper", "0.5..1.5", "less than or equal to 1"),
+    "no brakes": ("drivers.fixed.decel_mps2", "0", "greater than 0"),
+    "lane twice": ("traffic.ego_lanes", "[1, 1]", "each lane once"),
+    "no lane": ("traffic.ego_lanes", "[]", "1 values"),
+    "lane below zero": ("traffic.ego_lanes", "[-1]", "greater than or equal to 0"),
+}
+
+
+@pytest.mark.parametrize(("key", "value", "says"), MISTAKES.values(), ids=list(MISTAKES))
+def test_a_mistake_is_one_line_with_place_and_remedy(key, value, says):
+    with pytest.raises(ConfigError) as caught:
+        spec(PINTO, {key: value})
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.startswith(f"{PINTO}.toml: {key.split('.')[0]}")
+    assert says in message
+    assert "expected" in message
+    assert "got" in message
+    assert message.rpartition("; ")[2]
+
+
+def test_a_mistake_in_the_other_weather_is_found():
+    with pytest.raises(ConfigError, match=r"weather\.fog_percent\.1: .* less than or equal to 100"):
+        spec(PINTO, {"weather.mode": "independent", "weather.fog_percent": "0..101"})
+    with pytest.raises(ConfigError, match="did you mean rain_percent"):
+        spec(PINTO, {"weather.mode": "independent", "weather.rain_prcent": "0..100"})
+
+
+def test_exactly_one_zone_is_wanted():
+    table = spec(PINTO).resolved()
+    table["traffic"]["spawn_s_m"] = [1, 2]
+    with pytest.raises(ConfigError, match="exactly one of spawn_x_m and spawn_s_m, got both"):
+        spec(table)
+    del table["traffic"]["spawn_x_m"], table["traffic"]["spawn_s_m"]
+    with pytest.raises(ConfigError, match="exactly one of spawn_x_m and spawn_s_m, got neither"):
+        spec(table)
+
+
+def test_a_missing_key_is_no_default():
+    table = spec(PINTO).resolved()
+    del table["traffic"]["speed_kmh"]
+    with pytest.raises(ConfigError, match=r"traffic\.speed_kmh: expected a value, got nothing"):
+        spec(table)
+
+
+@pytest.mark.parametrize("key", ["", ".", "traffic.", ".vehicles", "traffic..vehicles"])
+def test_an_override_needs_a_key(key):
+    with pytest.raises(ConfigError, match="name section and key"):
+        spec(PINTO, {key: 1})
+
+
+def test_an_override_cannot_reach_into_a_value():
+    with pytest.raises(ConfigError, match="expected a table"):
+        spec(PINTO, {"profile.name.first": "x"})
+
+
+def test_an_unknown_profile_is_answered_with_the_known_one():
+    with pytest.raises(ConfigError, match="did you mean pinto2023"):
+        spec("pinto-2023")
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(ConfigError, match=r"mine\.toml: file: .* check the path"):
+        spec(tmp_path / "mine.toml")
+
+
+def test_a_file_that_is_no_toml_is_refused(tmp_path):
+    broken = tmp_path / "broken.toml"
+    broken.write_text("[profile\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match="correct the file"):
+        spec(str(broken))
+
+
+def test_a_file_is_read_like_a_profile(tmp_path):
+    copy = tmp_path / "mine.toml"
+    copy.write_bytes((PROFILES / f"{PINTO}.toml").read_bytes())
+    assert spec(copy) == spec(str(copy)) == spec(PINTO)
+    assert isinstance(spec(copy), Spec)

@@ -1,0 +1,121 @@
+import numpy as np
+import pytest
+from scipy import stats
+
+from overtaking.knowledge import presets
+from overtaking.model.weather import NO_PRESET
+from overtaking.scenarios import sample, spec
+
+SMALLEST_P = 1e-3  # Seeds are fixed: a failure is a bug and not bad luck.
+NAMES = tuple(presets())
+
+
+def spearman(one, other):
+    """Correlation of ranks, ties sharing their mean rank."""
+    return np.corrcoef(stats.rankdata(one), stats.rankdata(other))[0, 1]
+
+
+def independent(road, **keys):
+    overrides = {"weather.mode": "independent"} | {f"weather.{k}": v for k, v in keys.items()}
+    return sample(spec("pinto2023", overrides), road, seed=5, index=np.arange(20_000)).weather
+
+
+def test_the_eight_weathers_of_the_study_are_equally_likely(pinto):
+    counts = np.bincount(pinto.weather.preset)
+    assert counts.size == 8
+    assert stats.chisquare(counts).pvalue > SMALLEST_P
+
+
+def test_weights_decide_how_often_a_weather_comes(town06):
+    chosen = spec("pinto2023", {"weather.presets": "{ClearNoon = 3, WetNight = 1}"})
+    weather = sample(chosen, town06, seed=5, index=np.arange(8_000)).weather
+    counts = np.bincount(weather.preset, minlength=len(NAMES))
+    wanted = [counts[NAMES.index("ClearNoon")], counts[NAMES.index("WetNight")]]
+    assert sum(wanted) == 8_000
+    assert stats.chisquare(wanted, [6_000, 2_000]).pvalue > SMALLEST_P
+
+
+def test_rain_and_wind_are_one_and_fog_follows_the_night_as_in_the_study(pinto):
+    # Spearman 1 and 0.91 in the study's correlation matrix.
+    weather = pinto.weather
+    assert spearman(weather.rain, weather.wind) == pytest.approx(1.0)
+    fog_and_night = spearman(weather.fog, weather.night)
+    assert fog_and_night == pytest.approx(0.91, abs=0.02)
+
+
+def test_five_of_eight_weathers_are_night(pinto):
+    night = int(pinto.weather.night.sum())
+    assert stats.binomtest(night, len(pinto.weather.night), 5 / 8).pvalue > SMALLEST_P
+
+
+def test_the_low_sun_dazzles_in_clear_sunset_and_nowhere_else(pinto):
+    sunset = pinto.weather.preset == NAMES.index("ClearSunset")
+    np.testing.assert_array_equal(pinto.weather.horizon_line, sunset)
+    assert np.abs(pinto.weather.sun_azimuth[sunset]).max() < np.radians(10.1)
+    assert np.abs(pinto.weather.sun_azimuth[~sunset]).max() > np.radians(170)
+
+
+def test_every_number_of_a_preset_is_that_of_carla(pinto):
+    weather = pinto.weather
+    for code, name in enumerate(NAMES[:8]):
+        carla = presets()[name]
+        here = weather.select(weather.preset == code)
+        assert set(here.rain) == {carla.precipitation_percent}
+        assert set(here.puddles) == {carla.precipitation_deposits_percent}
+        assert set(here.wind) == {carla.wind_intensity_percent}
+        assert set(here.fog) == {carla.fog_density_percent}
+        assert set(here.cloudiness) == {carla.cloudiness_percent}
+        np.testing.assert_allclose(np.degrees(here.sun_altitude), carla.sun_altitude_deg, rtol=1e-6)
+        assert np.all(here.night == (carla.sun_altitude_deg < 0))
+
+
+def test_the_wind_blows_from_everywhere(pinto):
+    turn = pinto.weather.wind_direction / (2 * np.pi) + 0.5
+    assert stats.kstest(turn, "uniform").pvalue > SMALLEST_P
+
+
+def test_independent_weather_has_no_preset_and_no_correlation(town06):
+    weather = independent(town06)
+    assert np.all(weather.preset == NO_PRESET)
+    for one, other in (("rain", "wind"), ("rain", "fog"), ("wind", "fog")):
+        assert abs(spearman(getattr(weather, one), getattr(weather, other))) < 0.03
+    assert abs(spearman(weather.fog, weather.night)) < 0.03
+
+
+def test_independent_weather_fills_its_ranges(town06):
+    weather = independent(
+        town06,
+        rain_probability=0.3,
+        rain_percent=[20.0, 40.0],
+        fog_probability=1.0,
+        fog_percent=[5.0, 15.0],
+        wind_percent=[10.0, 30.0],
+        sun_altitude_deg=[-10.0, 30.0],
+    )
+    rainy = weather.rain > 0
+    assert stats.binomtest(int(rainy.sum()), rainy.size, 0.3).pvalue > SMALLEST_P
+    for values, low, high in (
+        (weather.rain[rainy], 20, 40),
+        (weather.fog, 5, 15),
+        (weather.wind, 10, 30),
+        (np.degrees(weather.sun_altitude), -10, 30),
+    ):
+        assert stats.kstest(values, stats.uniform(low, high - low).cdf).pvalue > SMALLEST_P
+    np.testing.assert_array_equal(weather.night, weather.sun_altitude < 0)
+
+
+def test_rain_needs_clouds_and_leaves_water(town06):
+    weather = independent(town06, cloudiness_percent=[0.0, 10.0])
+    rainy = weather.rain > 0
+    assert weather.cloudiness[rainy].min() >= 60
+    assert weather.cloudiness[~rainy].max() <= 10
+    assert np.all(weather.puddles >= 0.5 * weather.rain)
+
+
+def test_an_independent_sun_dazzles_only_low_ahead_and_in_a_clear_sky(town06):
+    weather = independent(town06, sun_altitude_deg=[-5.0, 40.0])
+    altitude = np.degrees(weather.sun_altitude)
+    ahead = np.abs(np.degrees(weather.sun_azimuth)) < 25
+    wanted = (altitude >= 0) & (altitude <= 18) & ahead & (weather.cloudiness < 60)
+    np.testing.assert_array_equal(weather.horizon_line, wanted)
+    assert 0 < wanted.mean() < 0.1
