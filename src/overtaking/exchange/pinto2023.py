@@ -20,7 +20,13 @@ import pyarrow as pa
 
 from overtaking.core.units import deg_from_rad, kmh_from_mps
 from overtaking.exchange.pinto2023_files import read_table, write_table
-from overtaking.exchange.pinto2023_schema import COLUMNS, DECIMALS, SCHEMA, VEHICLE_COLUMNS
+from overtaking.exchange.pinto2023_schema import (
+    COLUMNS,
+    DECIMALS,
+    FORMAT,
+    SCHEMA,
+    VEHICLE_COLUMNS,
+)
 from overtaking.model.road import DrivingSide, Lane, Road
 from overtaking.model.trajectory import (
     METRES_PER_SECOND_PER_STEP,
@@ -36,7 +42,7 @@ from overtaking.model.vehicles import Role
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["COLUMNS", "SCHEMA", "read_table", "to_table", "write_table"]
+__all__ = ["COLUMNS", "FORMAT", "SCHEMA", "read_table", "to_table", "write_table"]
 
 _BEYOND_SLOW_EDGE = 255  # How `States.lane` says it.
 _MS_PER_S = 1000

@@ -90,6 +90,10 @@ def _whole_or_nothing(target: Path) -> Generator[IO[bytes]]:
             file.flush()
             os.fsync(file.fileno())
         partial.replace(target)
+    except OSError as error:
+        if error.filename in (None, str(partial)):  # Not what the block had to read.
+            raise OSError(error.errno, error.strerror or str(error), str(target)) from error
+        raise
     finally:
         partial.unlink(missing_ok=True)
 

@@ -1,0 +1,141 @@
+"""The commands. Heavy libraries are imported by the command that needs them, not here."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from overtaking.cli import options
+from overtaking.cli.output import Output
+
+HELP = "Simulate, label and explain overtaking manoeuvres, reproducibly."
+
+
+def build() -> typer.Typer:
+    """The application with all its commands."""
+    app = typer.Typer(
+        help=HELP,
+        add_completion=False,
+        rich_markup_mode=None,  # Plain help is there at once and reads well everywhere.
+        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    )
+    app.callback()(_overtaking)
+    for body, example in COMMANDS.items():
+        options.command(app, body, example)
+    return app
+
+
+def _print_version(is_wanted: bool) -> None:
+    """Print the version and leave."""
+    if is_wanted:
+        from importlib.metadata import version
+
+        print(version("overtaking"))
+        raise typer.Exit
+
+
+def _overtaking(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", is_eager=True, callback=_print_version, help="Print the version."
+        ),
+    ] = False,
+) -> None:
+    """Declare what belongs to no command."""
+
+
+def generate(
+    output: Output,
+    out: options.OutFolder,
+    profile: options.Profile = None,
+    simulations: options.Simulations = None,
+    seed: options.Seed = None,
+    map_file: options.Map = None,
+    road: options.Road = None,
+    keep: options.Keep = None,
+    resume: options.Resume = False,
+    threads: options.Threads = None,
+    changes: options.Changes = None,
+    frame_interval_ms: options.FrameInterval = None,
+) -> None:
+    """Simulate scenarios of a profile and write them as a data set."""
+    from overtaking import api
+    from overtaking.cli import arguments, summary
+
+    arguments.limit_threads(threads)
+    overrides = arguments.overrides(changes or [], frame_interval_ms)
+    place = arguments.road(map_file, road)
+    recipe = arguments.given(
+        profile=profile,
+        simulations=simulations,
+        seed=seed,
+        keep=keep,
+        road=place,
+        overrides=overrides,
+    )
+    begin = time.monotonic()
+    with output.progress("simulations") as meter:
+        if resume and not recipe:
+            data = api.resume(out, progress=meter)
+        else:
+            complete = arguments.DEFAULTS | recipe
+            data = api.generate(out=out, resume=resume, progress=meter, **complete)
+    values = summary.of_dataset(data, time.monotonic() - begin)
+    output.result(values, lambda _: summary.render_generated(values))
+
+
+def show(output: Output, data: options.Data, simulation: options.Number) -> None:
+    """Draw one simulation in the terminal."""
+    from overtaking import api
+    from overtaking.cli import description, show
+
+    run = api.load(data).trajectory(simulation)
+    values = description.describe(run, simulation)
+    output.result(values, lambda console: show.render(run, values, console))
+
+
+def info(output: Output, data: options.Data) -> None:
+    """Tell what a data set holds and how it was made."""
+    from overtaking import api
+    from overtaking.cli import summary
+
+    values = summary.of_dataset(api.load(data))
+    output.result(values, lambda _: summary.render(values))
+
+
+def export(
+    output: Output,
+    data: options.Data,
+    out: options.OutFile,
+    file_format: options.Format = "pinto2023",
+    is_csv: options.IsCsv = None,
+) -> None:
+    """Write a data set as a table of another program or paper."""
+    from overtaking import api
+    from overtaking.cli import arguments, summary
+
+    target = arguments.table_file(out, is_csv=is_csv)
+    with output.progress("simulations") as meter:
+        rows = api.export(data, target, file_format=file_format, progress=meter)
+    values = summary.of_table(target, rows)
+    output.result(values, lambda _: summary.render_table(values))
+
+
+def doctor(output: Output, folder: options.Folder = Path()) -> int:
+    """Tell what works here, and how to install what does not."""
+    from overtaking.cli import doctor
+
+    values = doctor.diagnose(folder)
+    output.result(values, lambda console: doctor.render(values, console))
+    return 1 if values["findings"] else 0
+
+
+COMMANDS: dict[options.Body, str] = {
+    generate: "overtaking generate --profile pinto2023 -n 276 --seed 1 --out data/pinto",
+    show: "overtaking show data/pinto 17",
+    info: "overtaking info data/pinto",
+    export: "overtaking export data/pinto --format pinto2023 --out table.csv",
+    doctor: "overtaking doctor --json",
+}

@@ -1,0 +1,112 @@
+"""From the words on the command line to the arguments of a public function."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+from overtaking.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from overtaking.model.road import Road
+
+THREADS_VARIABLE = "RAYON_NUM_THREADS"
+FRAME_INTERVAL_KEY = "profile.frame_interval_ms"
+
+DEFAULTS: dict[str, Any] = {
+    "profile": "pinto2023",
+    "simulations": 276,  # As many as the paper has.
+    "seed": 1,
+}
+"""What `generate` makes if nothing else is asked for."""
+
+
+def limit_threads(threads: int | None) -> None:
+    """Say how many threads the engine may start; it looks when it is first called."""
+    if threads is not None:
+        os.environ[THREADS_VARIABLE] = str(threads)
+
+
+def given(**arguments: Any) -> dict[str, Any]:
+    """The arguments that were asked for, without those that were left open."""
+    return {name: value for name, value in arguments.items() if value not in (None, {})}
+
+
+def overrides(changes: list[str], frame_interval_ms: int | None) -> dict[str, Any]:
+    """What is to be different from the profile, by dotted key.
+
+    Args:
+        changes: Texts of the form `key=value`; the last one of a key counts.
+        frame_interval_ms: Time between two frames, if it is to be different.
+
+    Raises:
+        ConfigError: A text has another form.
+    """
+    values: dict[str, Any] = {}
+    for change in changes:
+        key, equals, value = change.partition("=")
+        if not (key.strip() and equals and value.strip()):
+            raise ConfigError.of(
+                what=repr(change),
+                where="--set",
+                expected="KEY=VALUE",
+                got=repr(change),
+                next_step="write it like --set traffic.vehicles=2..6",
+            )
+        values[key.strip()] = value.strip()
+    if frame_interval_ms is not None:
+        values[FRAME_INTERVAL_KEY] = frame_interval_ms
+    return values
+
+
+def road(map_file: Path | None, name: str | None) -> Road | None:
+    """The road that was asked for, None if it is the profile's.
+
+    Args:
+        map_file: An OpenDRIVE file.
+        name: Id of a road in that file; without a file, the name of a road of the package.
+
+    Raises:
+        ConfigError: There is no such road.
+        ImportFormatError: The file or the road cannot be used.
+    """
+    if map_file is None and name is None:
+        return None
+    from overtaking.exchange.roads import load_road
+
+    return load_road(str(name)) if map_file is None else load_road(map_file, name)
+
+
+def table_file(out: Path, *, is_csv: bool | None) -> Path:
+    """The file of a table, with the ending that says its kind.
+
+    Args:
+        out: As asked for, with or without such an ending.
+        is_csv: Whether CSV or Parquet was asked for, None if neither.
+
+    Raises:
+        ConfigError: It is a folder, or its ending says one thing and the option another.
+    """
+    if out.is_dir():
+        raise ConfigError.of(
+            what="--out",
+            where=str(out),
+            expected="a file",
+            got="a folder",
+            next_step=f"name a file in it, such as {out / 'table.csv'}",
+        )
+    kinds = {".csv": True, ".parquet": False}
+    named = kinds.get(out.suffix)
+    if named is None:
+        return out.with_name(out.name + (".parquet" if is_csv is False else ".csv"))
+    if is_csv is not None and is_csv != named:
+        raise ConfigError.of(
+            what="kind of file",
+            where=str(out),
+            expected="--csv for .csv, --parquet for .parquet",
+            got="--csv" if is_csv else "--parquet",
+            next_step="leave the option out, or choose another name",
+        )
+    return out

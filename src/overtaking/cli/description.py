@@ -1,0 +1,206 @@
+"""One recorded simulation in words and numbers, before anybody draws it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from overtaking.model.trajectory import (
+    METRES_PER_SECOND_PER_STEP,
+    METRES_PER_STEP,
+    NO_VEHICLE,
+    DecisionKind,
+    Stage,
+)
+from overtaking.model.vehicles import Colour, VehicleKind
+from overtaking.model.weather import NO_PRESET
+
+if TYPE_CHECKING:
+    from overtaking.model.road import Road
+    from overtaking.model.trajectory import Trajectories
+
+Values = dict[str, Any]
+"""What becomes a JSON object: names with units, plain Python values."""
+
+KINDS = {
+    VehicleKind.S: "small car",
+    VehicleKind.M: "medium car",
+    VehicleKind.L: "large car",
+    VehicleKind.V: "van",
+    VehicleKind.T: "truck",
+    VehicleKind.MC: "motorcycle",
+    VehicleKind.B: "bicycle",
+}
+NEIGHBOURS = ("leader", "front", "rear")
+"""Last axis of `Percepts`: the vehicle ahead, and in the target lane those ahead and behind."""
+
+_MS_PER_S = 1000.0
+_DECIMALS = 3  # Of what was recorded in thousandths.
+
+
+def describe(run: Trajectories, number: int) -> Values:
+    """Everything that `show` tells about one simulation.
+
+    Args:
+        run: A batch of one simulation.
+        number: Its number in its data set.
+
+    Returns:
+        Values of plain Python types, in SI units.
+    """
+    scenario = run.scenario
+    return {
+        "simulation": number,
+        "profile": scenario.profile,
+        "seed": scenario.seed,
+        "index": int(scenario.index[0]),
+        "weight": float(scenario.weight[0]),
+        "trace_hash": run.trace_hash[0].astype("<u4").tobytes().hex(),
+        "num_frames": int(run.num_frames[0]),
+        "frame_interval_ms": scenario.frame_interval_ms,
+        "duration_s": (int(run.num_frames[0]) - 1) * scenario.frame_interval_ms / _MS_PER_S,
+        "road": _road(run.road),
+        "weather": _weather(run),
+        "vehicles": [_vehicle(run, int(slot)) for slot in present(run)],
+        "stages": _stages(run),
+        "collisions": _collisions(run),
+        "decisions": _decisions(run),
+    }
+
+
+def present(run: Trajectories) -> np.ndarray:
+    """Slots of the vehicles of the first simulation."""
+    return np.flatnonzero(run.scenario.vehicles.valid[0])
+
+
+def lane_name(road: Road, code: int) -> str:
+    """OpenDRIVE's id of a recorded lane, or "off" where a vehicle has left the lanes."""
+    return str(road.lanes[code].lane_id) if code < road.num_lanes else "off"
+
+
+def _road(road: Road) -> Values:
+    """The road as the recorded positions see it."""
+    return {
+        "name": road.name,
+        "kind": road.kind,
+        "driving_side": road.driving_side.value,
+        "lane_ids": [lane.lane_id for lane in road.lanes],
+        "length_m": road.length,
+        "speed_limit_mps": road.speed_limit,
+    }
+
+
+def _weather(run: Trajectories) -> Values:
+    """Weather and light."""
+    from overtaking.knowledge import presets
+
+    weather = run.scenario.weather
+    code = weather.preset[0]
+    return {
+        "preset": None if code == NO_PRESET else list(presets())[code],
+        **{
+            f"{name}_percent": round(float(getattr(weather, name)[0]), _DECIMALS)
+            for name in ("cloudiness", "rain", "puddles", "wind", "fog")
+        },
+        "night": bool(weather.night[0]),
+        "horizon_line": bool(weather.horizon_line[0]),
+    }
+
+
+def _vehicle(run: Trajectories, slot: int) -> Values:
+    """A body, who drives it, and where it began."""
+    scenario = run.scenario
+    bodies = scenario.vehicles
+
+    def value(array: np.ndarray) -> float:
+        return round(float(array[0, slot]), _DECIMALS)
+
+    return {
+        "vehicle": slot,
+        "kind": KINDS[VehicleKind(int(bodies.kind[0, slot]))],
+        "colour": Colour(int(bodies.colour[0, slot])).name.lower(),
+        "length_m": value(bodies.length),
+        "width_m": value(bodies.width),
+        "height_m": value(bodies.height),
+        "mass_kg": value(bodies.mass),
+        "desired_speed_mps": value(scenario.drivers.desired_speed),
+        "reaction_time_s": value(scenario.drivers.reaction_time),
+        "start_s_m": value(scenario.start_s),
+        "start_lane_id": run.road.lanes[int(scenario.start_lane[0, slot])].lane_id,
+        "start_speed_mps": value(scenario.start_speed),
+    }
+
+
+def _stages(run: Trajectories) -> list[Values]:
+    """What the ego did from when to when; the last stage ends with the last frame."""
+    stage = run.stage[0, : run.num_frames[0]]
+    starts = np.flatnonzero(np.diff(stage, prepend=-1))
+    ends = np.append(starts[1:], len(stage) - 1)
+    seconds = run.time_ms / _MS_PER_S
+    return [
+        {
+            "stage": Stage(int(stage[start])).name,
+            "from_s": float(seconds[start]),
+            "to_s": float(seconds[end]),
+        }
+        for start, end in zip(starts, ends, strict=True)
+    ]
+
+
+def _collisions(run: Trajectories) -> list[Values]:
+    """The first contact of each vehicle, each pair once, in the order of time."""
+    contacts = run.contacts
+    found: dict[tuple[int, int, int], Values] = {}
+    for slot in present(run).tolist():
+        partner = int(contacts.partner[0, slot])
+        if partner == NO_VEHICLE:
+            continue
+        pair = (int(contacts.time[0, slot]), min(slot, partner), max(slot, partner))
+        found[pair] = {
+            "vehicles": [pair[1], pair[2]],
+            "time_s": pair[0] / _MS_PER_S,
+            "impulse_newton_s": int(contacts.impulse[0, slot]),
+            "closing_speed_mps": _steps(contacts.closing_speed[0, slot]),
+        }
+    return [found[pair] for pair in sorted(found)]
+
+
+def _decisions(run: Trajectories) -> list[Values]:
+    """What the ego believed of its neighbours when it decided, and the truth beside."""
+    percepts = run.percepts
+    rows = np.flatnonzero(percepts.valid[0])
+    return [
+        {
+            "kind": DecisionKind(int(percepts.kind[0, row])).name,
+            "time_s": int(percepts.time[0, row]) / _MS_PER_S,
+            "neighbours": {
+                who: _percept(run, int(row), place) for place, who in enumerate(NEIGHBOURS)
+            },
+        }
+        for row in rows
+    ]
+
+
+def _percept(run: Trajectories, row: int, place: int) -> Values | None:
+    """What was believed of one neighbour, None if there is none and none was imagined."""
+    percepts = run.percepts
+    at = (0, row, place)
+    vehicle, is_detected = int(percepts.vehicle[at]), bool(percepts.detected[at])
+    exists = vehicle != NO_VEHICLE
+    if not (exists or is_detected):
+        return None
+    return {
+        "vehicle": vehicle if exists else None,
+        "detected": is_detected,
+        "gap_m": _steps(percepts.gap[at]) if is_detected else None,
+        "closing_speed_mps": _steps(percepts.closing_speed[at]) if is_detected else None,
+        "true_gap_m": _steps(percepts.true_gap[at]) if exists else None,
+        "true_closing_speed_mps": _steps(percepts.true_closing_speed[at]) if exists else None,
+    }
+
+
+def _steps(value: np.integer) -> float:
+    """A recorded length or speed in SI; both have the same step."""
+    assert METRES_PER_STEP == METRES_PER_SECOND_PER_STEP
+    return round(int(value) * METRES_PER_STEP, _DECIMALS)

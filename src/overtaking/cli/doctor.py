@@ -1,0 +1,170 @@
+"""What is installed here and whether it works, as values and as a page."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import shutil
+from importlib import import_module, metadata
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rich.console import Console, RenderableType
+
+Values = dict[str, Any]
+
+PACKAGE = "overtaking"
+LIBRARIES = ("numpy", "pandas", "pyarrow", "pydantic", "rich", "typer")
+MIN_FREE_BYTES = 1_000_000_000  # A data set of the paper's size takes a hundredth of that.
+_BYTES_PER_GB = 1e9
+
+
+def diagnose(folder: Path) -> Values:
+    """What a person who reports a problem would be asked for.
+
+    Args:
+        folder: Where data would be written; its disk is looked at.
+
+    Returns:
+        Values of plain Python types; "findings" lists what keeps something from working.
+    """
+    values: Values = {
+        "overtaking": metadata.version(PACKAGE),
+        "python": platform.python_version(),
+        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+        "libraries": {name: _version(name) for name in LIBRARIES},
+        "engine": _engine(),
+        "threads": _threads(),
+        "disk": _disk(folder),
+        "extras": _extras(),
+    }
+    return {**values, "findings": _findings(values)}
+
+
+def _version(distribution: str) -> str | None:
+    """Version of an installed distribution, None if it is missing."""
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _engine() -> Values:
+    """Whether the compiled engine loads, and how wide it computes."""
+    try:
+        core = import_module(f"{PACKAGE}._core")
+    except ImportError as error:
+        return {"loaded": False, "error": " ".join(str(error).split())}
+    return {
+        "loaded": True,
+        "simd": core.simd_level(),
+        "simd_available": [name for name, is_available in core.simd_levels() if is_available],
+        "simd_forced": os.environ.get("OVERTAKING_SIMD"),
+    }
+
+
+def _threads() -> Values:
+    """How many processors there are, how many this process may use, and what is asked for."""
+    may_use = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return {
+        "processors": os.cpu_count(),
+        "usable": may_use,
+        "rayon_num_threads": os.environ.get("RAYON_NUM_THREADS"),
+    }
+
+
+def _disk(folder: Path) -> Values:
+    """Free space where data would be written."""
+    existing = next(one for one in (folder.absolute(), *folder.absolute().parents) if one.is_dir())
+    return {
+        "folder": str(existing),
+        "free_bytes": shutil.disk_usage(existing).free,
+        "writable": os.access(existing, os.W_OK),
+    }
+
+
+def _extras() -> dict[str, Values]:
+    """Every extra with its packages, and the command that installs what is missing."""
+    extras: dict[str, Values] = {}
+    for requirement in metadata.requires(PACKAGE) or []:
+        found = re.match(r"([\w.-]+).*;.*\bextra\s*==\s*['\"]([\w-]+)['\"]", requirement)
+        if not found or found[1] == PACKAGE or found[2] == "all":
+            continue
+        packages = extras.setdefault(found[2], {"packages": {}})["packages"]
+        packages[found[1]] = _version(found[1])
+    for name, extra in extras.items():
+        extra["installed"] = all(extra["packages"].values())
+        extra["install"] = f"pip install '{PACKAGE}[{name}]'"
+    return extras
+
+
+def _findings(values: Values) -> list[str]:
+    """What keeps something from working, each with what to do."""
+    engine, disk = values["engine"], values["disk"]
+    findings = [
+        f"{name} is missing; install the package again: pip install --force-reinstall {PACKAGE}"
+        for name, version in values["libraries"].items()
+        if version is None
+    ]
+    if not engine["loaded"]:
+        findings.append(
+            f"the engine does not load ({engine['error']}); install the package again: "
+            f"pip install --force-reinstall {PACKAGE}"
+        )
+    if not disk["writable"]:
+        findings.append(f"{disk['folder']} is not writable; choose another --out")
+    if disk["free_bytes"] < MIN_FREE_BYTES:
+        findings.append(f"{disk['folder']} has less than 1 GB left; choose another --out")
+    return findings
+
+
+def render(values: Values, console: Console) -> RenderableType:
+    """The diagnosis as a page."""
+    from rich.table import Table
+    from rich.text import Text
+
+    works, lacks = ("ok", "--") if console.options.ascii_only else ("✓", "–")
+    table = Table.grid(padding=(0, 2))
+    for _ in range(3):
+        table.add_column(overflow="fold")
+    engine, threads, disk = values["engine"], values["threads"], values["disk"]
+    rows = [
+        (works, "overtaking", values["overtaking"]),
+        (works, "Python", f"{values['python']} on {values['system']}"),
+        (works, "libraries", ", ".join(f"{k} {v}" for k, v in values["libraries"].items())),
+        (works if engine["loaded"] else "!", "engine", _engine_line(engine)),
+        (works, "threads", _threads_line(threads)),
+        (works if disk["writable"] else "!", "disk", _disk_line(disk)),
+    ]
+    for name, extra in values["extras"].items():
+        packages = ", ".join(f"{k} {v or 'missing'}" for k, v in extra["packages"].items())
+        line = packages if extra["installed"] else f"{packages}: {extra['install']}"
+        rows.append((works if extra["installed"] else lacks, f"extra [{name}]", line))
+    rows += [("!", "finding", finding) for finding in values["findings"]]
+    for mark, name, text in rows:
+        table.add_row(mark, Text(name, style="bold"), Text(text))
+    return table
+
+
+def _engine_line(engine: Values) -> str:
+    """The engine in words."""
+    if not engine["loaded"]:
+        return engine["error"]
+    forced = f", forced by OVERTAKING_SIMD={engine['simd_forced']}" if engine["simd_forced"] else ""
+    available = ", ".join(engine["simd_available"])
+    return f"Rust, SIMD level {engine['simd']}{forced} (available: {available})"
+
+
+def _threads_line(threads: Values) -> str:
+    """The threads in words."""
+    asked = threads["rayon_num_threads"]
+    limit = f", RAYON_NUM_THREADS={asked}" if asked else ""
+    return f"{threads['usable']} of {threads['processors']} processors usable{limit}"
+
+
+def _disk_line(disk: Values) -> str:
+    """The disk in words."""
+    return f"{disk['free_bytes'] / _BYTES_PER_GB:.1f} GB free at {disk['folder']}"

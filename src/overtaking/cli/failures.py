@@ -1,0 +1,86 @@
+"""What went wrong, as one line for a person and one exit status for a script."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+
+import typer
+
+from overtaking.core.errors import OvertakingError
+
+USAGE = 2
+FAULT = 70  # EX_SOFTWARE of sysexits.h.
+INTERRUPTED = 130  # 128 + SIGINT, as shells have it.
+NO_READER = 141  # 128 + SIGPIPE.
+
+
+def tell(error: BaseException) -> int:
+    """Say on stderr what went wrong, unless nobody is there to read it.
+
+    Returns:
+        The exit status that belongs to it.
+    """
+    if isinstance(error, BrokenPipeError):
+        _silence()
+        return NO_READER
+    line, code = explain(error)
+    if code == FAULT:
+        traceback.print_exception(error)
+    print(line, file=sys.stderr)
+    return code
+
+
+def explain(error: BaseException) -> tuple[str, int]:
+    """The line and the exit status of an error."""
+    if isinstance(error, KeyboardInterrupt):
+        return _interrupted(error), INTERRUPTED
+    if isinstance(error, OvertakingError):
+        return f"error: {_one_line(str(error))}", USAGE
+    if isinstance(error, typer.TyperException):
+        return f"error: {_one_line(_usage(error))}", USAGE
+    if isinstance(error, OSError):
+        return f"error: {_one_line(_of_the_system(error))}", USAGE
+    if isinstance(error, MemoryError):
+        return "error: not enough memory; try fewer --threads or fewer simulations", USAGE
+    fault = f"{type(error).__name__}: {error}"
+    return f"error: a fault of overtaking itself, please report it: {_one_line(fault)}", FAULT
+
+
+def _interrupted(error: KeyboardInterrupt) -> str:
+    """The line after Ctrl-C; a command that can be resumed says how in the exception."""
+    return _one_line(str(error)) or "interrupted: nothing was left half-written"
+
+
+def _usage(error: typer.TyperException) -> str:
+    """What the parser of the arguments says, in the manner of all other messages."""
+    text = error.format_message().rstrip(".")
+    text = text[:1].lower() + text[1:]
+    if "Did you mean" in text or "Possible" in text:
+        return text
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context else "overtaking"
+    return f"{text}; see {command} --help"
+
+
+def _of_the_system(error: OSError) -> str:
+    """What the operating system refused, and where."""
+    reason = error.strerror or str(error)
+    return f"{error.filename}: {reason}" if error.filename else reason
+
+
+def _one_line(text: str) -> str:
+    """Text without line breaks."""
+    return " ".join(text.split())
+
+
+def _silence() -> None:
+    """Let what is still buffered for a reader that has gone go nowhere, without a complaint."""
+    sink = os.open(os.devnull, os.O_WRONLY)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            os.dup2(sink, stream.fileno())
+        except (OSError, ValueError):  # A stream that is closed or no file.
+            continue
+    os.close(sink)

@@ -1,0 +1,128 @@
+"""The words that commands take, each declared once, and how a command is declared."""
+
+import functools
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from overtaking.cli.failures import tell
+from overtaking.cli.output import Output
+
+Body = Callable[..., int | None]
+"""A command: an `Output`, then what it takes from the command line; returns the exit status."""
+
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, for machines.")]
+Log = Annotated[
+    Path | None,
+    typer.Option("--log", metavar="FILE", help="Append what happens to FILE, one JSON per line."),
+]
+
+Data = Annotated[Path, typer.Argument(metavar="DATA", help="Folder of a data set.")]
+Number = Annotated[int, typer.Argument(metavar="N", help="Number of a simulation, from 0.")]
+OutFolder = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder to write to.")]
+OutFile = Annotated[
+    Path, typer.Option("--out", metavar="FILE", help="File to write; .csv or .parquet is added.")
+]
+Profile = Annotated[
+    str | None,
+    typer.Option(
+        "--profile",
+        metavar="NAME|FILE",
+        help="Profile of the package, or a TOML file of your own.  [default: pinto2023]",
+    ),
+]
+Simulations = Annotated[
+    int | None, typer.Option("--simulations", "-n", metavar="N", help="How many.  [default: 276]")
+]
+Seed = Annotated[
+    int | None, typer.Option("--seed", metavar="N", help="Of all random numbers.  [default: 1]")
+]
+Map = Annotated[
+    Path | None, typer.Option("--map", metavar="FILE", help="OpenDRIVE file with the road to use.")
+]
+Road = Annotated[
+    str | None,
+    typer.Option("--road", metavar="ID|NAME", help="Road of that file, or one of the package."),
+]
+Keep = Annotated[
+    str | None,
+    typer.Option(
+        "--keep",
+        metavar="frames|summary",
+        help="Write everything, or leave out what has a row per frame and simulate it again when "
+        "it is asked for.  [default: frames]",
+    ),
+]
+Resume = Annotated[
+    bool, typer.Option("--resume", help="Complete what was begun; --out alone is enough.")
+]
+Threads = Annotated[
+    int | None,
+    typer.Option("--threads", min=1, metavar="N", help="Threads to compute with.  [default: all]"),
+]
+Changes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Change the profile, such as traffic.vehicles=2..6."
+    ),
+]
+FrameInterval = Annotated[
+    int | None,
+    typer.Option(
+        "--frame-interval-ms",
+        "--frame-interval",
+        metavar="MS",
+        help="Time between two frames, a multiple of 10.  [default: the profile's]",
+    ),
+]
+Format = Annotated[
+    str,
+    typer.Option("--format", metavar="NAME", help="Whose format: pinto2023 is the paper's table."),
+]
+IsCsv = Annotated[
+    bool | None,
+    typer.Option("--csv/--parquet", help="Kind of file.  [default: by its name, else CSV]"),
+]
+Folder = Annotated[
+    Path, typer.Option("--out", metavar="FOLDER", help="Where data would be written.")
+]
+
+_EVERY_COMMAND = [
+    inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+    for name, default, annotation in (
+        ("quiet", False, Quiet),
+        ("json", False, Json),
+        ("log", None, Log),
+    )
+]
+
+
+def command(app: typer.Typer, body: Body, example: str) -> None:
+    """Add a command to an application.
+
+    On the command line, the options that every command has take the place of its `Output`.
+
+    Args:
+        app: What the command is added to.
+        body: The command; its name and its docstring are those on the command line.
+        example: A command line to show below its help.
+    """
+    own = list(inspect.signature(body).parameters.values())[1:]
+    parameters = [*own, *_EVERY_COMMAND]
+    name = body.__name__
+
+    @functools.wraps(body)
+    def run(*, quiet: bool, json: bool, log: Path | None, **arguments: Any) -> int | None:
+        try:
+            with Output(name, quiet=quiet, json=json, log=log) as output:
+                return body(output, **arguments)
+        except (Exception, KeyboardInterrupt) as error:
+            return tell(error)  # Before typer sees it, which has its own idea of Ctrl-C.
+
+    setattr(run, "__signature__", inspect.Signature(parameters))  # noqa: B010
+    run.__annotations__ = {one.name: one.annotation for one in parameters}
+    app.command(name, epilog=f"\b\nExample:\n  {example}")(run)

@@ -1,0 +1,203 @@
+"""Results on stdout, talk on stderr, a log for machines; nothing else in the package prints."""
+
+from __future__ import annotations
+
+import json as json_format
+import logging
+import sys
+import time
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+from overtaking.cli.failures import explain
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
+    from types import TracebackType
+    from typing import Self
+
+    from rich.console import Console, RenderableType
+    from rich.progress import Progress
+
+_PATIENCE = 0.5  # Seconds of work before a progress bar is worth its flicker.
+_LOG_INTERVAL = 5.0  # Seconds between two lines of progress in the log.
+
+
+class Output:
+    """Where one run of a command says things.
+
+    Args:
+        command: Name of the command.
+        quiet: Whether only errors are said.
+        json: Whether the result is printed as JSON.
+        log: File to append the log to.
+    """
+
+    def __init__(self, command: str, *, quiet: bool, json: bool, log: Path | None) -> None:
+        """Open the log, so that a wrong name is known before the work."""
+        self.quiet = quiet
+        self._json = json
+        self._logger = logging.getLogger("overtaking")
+        self._handler = _log_handler(log) if log else None
+        if self._handler:
+            self._logger.addHandler(self._handler)
+            self._logger.setLevel(logging.INFO)
+        self.log("command started", command=command, arguments=sys.argv[1:])
+
+    def __enter__(self) -> Self:
+        """Begin the command."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Note how the command ended, and close the log."""
+        if error is None:
+            self.log("command done")
+        else:
+            line, code = explain(error)
+            self.log("command failed", level=logging.ERROR, error=line, exit_status=code)
+        if self._handler:
+            self._logger.removeHandler(self._handler)
+            self._handler.close()
+
+    def log(self, event: str, *, level: int = logging.INFO, **fields: Any) -> None:
+        """Note an event with its details in the log."""
+        if self._handler:
+            self._logger.log(level, event, extra={"fields": fields})
+
+    def say(self, text: str) -> None:
+        """Tell the user something that is not the result."""
+        self.log(text)
+        if not self.quiet:
+            print(text, file=sys.stderr)
+
+    def result(
+        self, values: Mapping[str, Any], render: Callable[[Console], RenderableType]
+    ) -> None:
+        """Print the result of the command.
+
+        Args:
+            values: The result for machines, with units in the names.
+            render: Draws the result for people; called only if they want it.
+        """
+        if self._json:
+            text = json_format.dumps(values, indent=2, ensure_ascii=False, allow_nan=False)
+            sys.stdout.write(text + "\n")
+        elif not self.quiet:
+            sys.stdout.write(_drawn(render))
+        sys.stdout.flush()
+
+    def progress(self, what: str) -> Meter:
+        """A progress bar for work that may be long; use it as a context."""
+        return Meter(what, self)
+
+
+class Meter:
+    """A progress bar with rate and time left; it appears only where a person watches.
+
+    Args:
+        what: The things that are counted, such as "simulations".
+        output: Where the bar and the log go.
+    """
+
+    def __init__(self, what: str, output: Output) -> None:
+        """Start the clock."""
+        self._what = what
+        self._output = output
+        self._begin = self._logged = time.monotonic()
+        self._bar: Progress | None = None
+
+    def __enter__(self) -> Self:
+        """Begin the work."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Take the bar away."""
+        if self._bar:
+            self._bar.stop()
+
+    def __call__(self, done: int, total: int) -> None:
+        """Say how much of the work is done."""
+        now = time.monotonic()
+        if now - self._logged >= _LOG_INTERVAL:
+            self._logged = now
+            self._output.log("progress", what=self._what, done=done, total=total)
+        if self._output.quiet or not sys.stderr.isatty() or now - self._begin < _PATIENCE:
+            return
+        if self._bar is None:
+            self._bar = _bar(self._what, total)
+        self._bar.update(self._bar.task_ids[0], completed=done, total=total)
+
+
+def _bar(what: str, total: int) -> Progress:
+    """A running progress bar on stderr."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        Task,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        """Things done in a second."""
+
+        def render(self, task: Task) -> Text:
+            """The mean speed of the last seconds."""
+            return Text(f"{task.speed:,.0f}/s" if task.speed else "")
+
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        Rate(),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    bar.add_task(what, total=total)
+    bar.start()
+    return bar
+
+
+def _drawn(render: Callable[[Console], RenderableType]) -> str:
+    """What a person sees, as text with the escape codes that stdout understands."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    with console.capture() as captured:
+        console.print(render(console))
+    return captured.get()
+
+
+class _JsonLines(logging.Formatter):
+    """One JSON object per event."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The event as one line."""
+        line = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "level": record.levelname.lower(),
+            "event": record.getMessage(),
+            **getattr(record, "fields", {}),
+        }
+        if record.exc_info:
+            line["traceback"] = self.formatException(record.exc_info)
+        return json_format.dumps(line, ensure_ascii=False, default=str)
+
+
+def _log_handler(path: Path) -> logging.Handler:
+    """Where the log goes."""
+    handler = logging.FileHandler(path, encoding="utf-8")
+    handler.setFormatter(_JsonLines())
+    return handler

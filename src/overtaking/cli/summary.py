@@ -1,0 +1,93 @@
+"""What a data set or a table holds, as values and as a few lines."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from rich.table import Table
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from overtaking.datasets.load import Dataset
+
+Values = dict[str, Any]
+
+_BYTES_PER_MB = 1e6
+
+
+def of_dataset(data: Dataset, seconds: float | None = None) -> Values:
+    """What its manifest says of a data set.
+
+    Args:
+        data: The data set.
+        seconds: How long it took to make it just now.
+    """
+    manifest = data.manifest
+    identity, provenance = manifest.identity, manifest.provenance
+    tables = {name: {"rows": 0, "size_bytes": 0} for name in identity.keep.tables}
+    for shard in manifest.shards:
+        for name, file in shard.tables.items():
+            tables[name]["rows"] += file.rows
+            tables[name]["size_bytes"] += file.size_bytes
+    return {
+        "data": str(data.path),
+        "profile": data.profile,
+        "simulations": len(data),
+        "seed": identity.seed,
+        "road": data.road.name,
+        "keep": str(identity.keep),
+        "simulator": f"{identity.simulator} {identity.simulator_version}",
+        "content_hash": data.content_hash,
+        "shards": len(manifest.shards),
+        "tables": tables,
+        "finished": provenance.finished,
+        "package": provenance.package,
+        "machine": provenance.machine,
+        **({} if seconds is None else {"duration_s": round(seconds, 3)}),
+    }
+
+
+def render_generated(values: Values) -> Text:
+    """One line about what was made, and what to do next."""
+    seconds = values["duration_s"]
+    rate = values["simulations"] / max(seconds, 1e-3)
+    return Text(
+        f"{values['simulations']:,} simulations of {values['profile']} in {values['data']}: "
+        f"{_megabytes(values):.1f} MB, {seconds:.1f} s, {rate:,.0f}/s\n"
+        f"content {values['content_hash']}\n"
+        f"next: overtaking show {values['data']} 0"
+    )
+
+
+def render(values: Values) -> Table:
+    """A data set as a page."""
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="bold")
+    grid.add_column(overflow="fold")
+    for name in ("data", "profile", "simulations", "seed", "road", "keep", "simulator"):
+        grid.add_row(name, Text(str(values[name])))
+    grid.add_row("content", Text(values["content_hash"]))
+    grid.add_row("made", Text(f"{values['finished']} by overtaking {values['package']}"))
+    grid.add_row("on", Text(values["machine"]))
+    for name, table in values["tables"].items():
+        size = table["size_bytes"] / _BYTES_PER_MB
+        grid.add_row(f"table {name}", Text(f"{table['rows']:,} rows, {size:.2f} MB"))
+    return grid
+
+
+def _megabytes(values: Values) -> float:
+    """Size of all tables."""
+    return sum(table["size_bytes"] for table in values["tables"].values()) / _BYTES_PER_MB
+
+
+def of_table(path: Path, rows: int) -> Values:
+    """What was exported."""
+    return {"file": str(path), "rows": rows, "size_bytes": path.stat().st_size}
+
+
+def render_table(values: Values) -> Text:
+    """One line about what was exported."""
+    size = values["size_bytes"] / _BYTES_PER_MB
+    return Text(f"{values['rows']:,} rows in {values['file']}: {size:.1f} MB")

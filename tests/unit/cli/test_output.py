@@ -1,0 +1,130 @@
+"""Results go to stdout, talk to stderr, and the log is one JSON object per line."""
+
+from __future__ import annotations
+
+import json
+import logging
+
+import pytest
+import typer
+from rich.text import Text
+from typer.testing import CliRunner
+
+from overtaking.cli.options import command
+from overtaking.cli.output import Output
+from overtaking.core.errors import ConfigError
+
+
+def output(**settings) -> Output:
+    return Output("test", **{"quiet": False, "json": False, "log": None, **settings})
+
+
+def render(_):
+    return Text("for people")
+
+
+def test_a_person_reads_the_drawing_on_stdout_and_the_talk_on_stderr(capsys):
+    with output() as out:
+        out.say("working")
+        out.result({"value_m": 1.5}, render)
+    written = capsys.readouterr()
+    assert written.out == "for people\n"
+    assert written.err == "working\n"
+
+
+def test_a_machine_reads_json_and_nothing_is_drawn(capsys):
+    def never(_):
+        raise AssertionError("drawn although JSON was asked for")
+
+    with output(json=True) as out:
+        out.result({"value_m": 1.5, "name": "Évora"}, never)
+    assert json.loads(capsys.readouterr().out) == {"value_m": 1.5, "name": "Évora"}
+
+
+def test_quiet_says_nothing(capsys):
+    with output(quiet=True) as out:
+        out.say("working")
+        out.result({}, render)
+    written = capsys.readouterr()
+    assert (written.out, written.err) == ("", "")
+
+
+def test_quiet_still_prints_the_json_that_was_asked_for(capsys):
+    with output(quiet=True, json=True) as out:
+        out.result({"value": 1}, render)
+    assert json.loads(capsys.readouterr().out) == {"value": 1}
+
+
+def test_json_refuses_what_is_no_json():
+    with pytest.raises(ValueError, match="JSON"), output(json=True) as out:
+        out.result({"value": float("nan")}, render)
+
+
+def test_log_holds_one_json_object_for_each_event(tmp_path):
+    path = tmp_path / "run.log"
+    with output(log=path, quiet=True) as out:
+        out.say("two\nlines")
+        out.log("shard written", rows=12)
+    with pytest.raises(ConfigError), output(log=path, quiet=True):
+        raise ConfigError("n: expected more than 0")
+    lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    assert [line["event"] for line in lines] == [
+        *("command started", "two\nlines", "shard written", "command done"),
+        *("command started", "command failed"),
+    ]
+    assert lines[2]["rows"] == 12
+    assert lines[-1]["exit_status"] == 2
+    assert lines[-1]["level"] == "error"
+    assert all(line["time"].endswith("+00:00") for line in lines)
+
+
+def test_log_is_closed_when_the_command_is_over(tmp_path):
+    with output(log=tmp_path / "run.log"):
+        assert len(logging.getLogger("overtaking").handlers) == 1
+    assert logging.getLogger("overtaking").handlers == []
+
+
+def test_a_log_that_cannot_be_written_is_known_before_the_work(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        output(log=tmp_path / "missing" / "run.log")
+
+
+def test_progress_is_silent_where_nobody_watches(capsys):
+    with output() as out, out.progress("simulations") as meter:
+        for done in range(100):
+            meter(done, 100)
+    written = capsys.readouterr()
+    assert (written.out, written.err) == ("", "")
+
+
+def greeting() -> tuple[typer.Typer, list[object]]:
+    """An application with one command, and what that command was called with."""
+    app, seen = typer.Typer(), []
+
+    def greet(output: Output, name: str = "you") -> int:
+        """Greet."""
+        seen.extend((name, output.quiet))
+        if name == "nobody":
+            raise ConfigError("name: expected somebody, got nobody; greet somebody")
+        if name == "ctrl-c":
+            raise KeyboardInterrupt
+        return 1
+
+    command(app, greet, "greet --name me")
+    return app, seen
+
+
+def test_every_command_takes_the_options_that_all_have():
+    app, seen = greeting()
+    result = CliRunner().invoke(app, ["--name", "me", "--quiet"], standalone_mode=False)
+    assert (result.return_value, seen) == (1, ["me", True])
+    help_text = CliRunner().invoke(app, ["--help"]).output
+    assert all(option in help_text for option in ("--quiet", "--json", "--log", "greet --name me"))
+
+
+@pytest.mark.parametrize(("name", "code"), [("nobody", 2), ("ctrl-c", 130)])
+def test_a_command_that_fails_tells_so_in_one_line(name, code):
+    app, _ = greeting()
+    result = CliRunner().invoke(app, ["--name", name], standalone_mode=False)
+    assert result.return_value == code
+    assert len(result.stderr.splitlines()) == 1
