@@ -1,2 +1,31 @@
-//! The engine.
-pub fn hello() {}
+//! The overtaking engine: the model of `overtaking.sim.reference`, sixteen simulations at a time.
+//!
+//! Every module mirrors the Python module of the same name: the same formulas with the same operations
+//! in the same order, so that both record the same bits. The sources of the formulas are given there.
+//! Arithmetic is `+ - * / sqrt` and comparisons on `f32` only; no fused multiply-add, no libm.
+
+mod collisions;
+mod control;
+mod dynamics;
+mod ego;
+mod elementary;
+mod engine;
+mod environment;
+mod fields;
+mod following;
+mod lanes;
+mod mobil;
+mod neighbours;
+mod perception;
+mod philox;
+mod recording;
+mod state;
+mod steering;
+
+pub use engine::{Inputs, Later, available_levels, current_level, simulate};
+pub use fields::{Constants, SIMULATION_NAMES, VEHICLE_NAMES};
+pub use lanes::LANES;
+pub use recording::{MAX_PERCEPTS, Output};
+
+/// Vehicle slots of a simulation.
+pub const MAX_VEHICLES: usize = 8;

@@ -1,0 +1,191 @@
+//! Contacts: oriented boxes, swept over a step; see `overtaking.sim.reference.collisions`.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::MAX_VEHICLES;
+use crate::elementary::sincos;
+use crate::lanes::{M, V, choose, clamp, clamp_to, max, min, splat};
+use crate::state::{Each, State, World};
+
+/// Which pairs may touch before the next decision, by (lower slot, higher slot).
+pub type Pairs<S> = [[Option<M<S>>; MAX_VEHICLES]; MAX_VEHICLES];
+
+/// One vehicle of each simulation as an oriented box.
+#[derive(Clone, Copy)]
+struct Corpus<S: Simd> {
+    s: V<S>,
+    d: V<S>,
+    sine: V<S>,
+    cosine: V<S>,
+    half_length: V<S>,
+    half_width: V<S>,
+}
+
+/// Which pairs may touch before the next decision.
+#[inline(always)]
+pub fn near_pairs<S: Simd>(state: &State<S>, w: &World<'_, S>) -> Pairs<S> {
+    let (c, p) = (w.c, &w.p);
+    let mut pairs = [[None; MAX_VEHICLES]; MAX_VEHICLES];
+    for i in 0..w.count {
+        for j in i + 1..w.count {
+            let along = (state.s[j] - state.s[i]).abs().simd_lt(p[i].half_length + p[j].half_length + c.near_gap);
+            let aside = (state.d[j] - state.d[i]).abs().simd_lt(p[i].half_width + p[j].half_width + c.near_side);
+            let near = along & aside & p[i].valid.simd_gt(0.0) & p[j].valid.simd_gt(0.0);
+            pairs[i][j] = near.any_true().then_some(near);
+        }
+    }
+    pairs
+}
+
+/// Exchange momentum in every near pair that touched during the last step.
+#[inline(always)]
+pub fn collide<S: Simd>(
+    state: &mut State<S>,
+    w: &World<'_, S>,
+    pairs: &Pairs<S>,
+    before: &(Each<S>, Each<S>),
+    step: u32,
+) {
+    for i in 0..w.count {
+        for j in i + 1..w.count {
+            if let Some(near) = pairs[i][j] {
+                w.simd.vectorize(
+                    #[inline(always)]
+                    || collide_pair(state, w, near, before, step, i, j),
+                );
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn collide_pair<S: Simd>(
+    state: &mut State<S>,
+    w: &World<'_, S>,
+    near: M<S>,
+    before: &(Each<S>, Each<S>),
+    step: u32,
+    i: usize,
+    j: usize,
+) {
+    let (c, p) = (w.c, &w.p);
+    let (a, b) = (corpus(state, w, i), corpus(state, w, j));
+    let then = (before.0[j] - before.0[i], before.1[j] - before.1[i]);
+    let now = (b.s - a.s, b.d - a.d);
+    let (enter, leave, along, across) = first_contact(&a, &b, then, now);
+    let touching = near & enter.simd_le(leave) & enter.simd_le(1.0) & leave.simd_ge(0.0);
+    if !touching.any_true() {
+        return;
+    }
+    let (arm_a, arm_b) = contact_arms(&a, &b);
+    let (velocity_a, velocity_b) = (velocity(state, &a, i, arm_a), velocity(state, &b, j, arm_b));
+    let approach = (velocity_a.0 - velocity_b.0) * along + (velocity_a.1 - velocity_b.1) * across;
+    let runs = splat(w.simd, step as f32).simd_lt(state.end_step);
+    let hit = touching & approach.simd_gt(0.0) & runs;
+    let lever_a = arm_a.0 * across - arm_a.1 * along;
+    let lever_b = arm_b.0 * across - arm_b.1 * along;
+    let softness = p[i].inverse_mass + p[j].inverse_mass;
+    let softness =
+        softness + lever_a * lever_a * p[i].inverse_inertia + lever_b * lever_b * p[j].inverse_inertia;
+    let zero = splat(w.simd, 0.0);
+    let impulse = choose(hit, (1.0 + c.restitution) * approach / softness, zero);
+    push(state, w, &a, i, -impulse, along, across, lever_a);
+    push(state, w, &b, j, impulse, along, across, lever_b);
+    let instant = (step as f32 + clamp_to(enter, 0.0, 1.0)) * c.step;
+    for (own, other) in [(i, j), (j, i)] {
+        let first = hit & state.contact_partner[own].simd_lt(0.0);
+        let slot = splat(w.simd, other as f32);
+        state.contact_partner[own] = choose(first, slot, state.contact_partner[own]);
+        state.contact_time[own] = choose(first, instant, state.contact_time[own]);
+        state.contact_impulse[own] = choose(first, impulse, state.contact_impulse[own]);
+        state.contact_speed[own] = choose(first, approach, state.contact_speed[own]);
+        state.crashed[own] = choose(hit, splat(w.simd, 1.0), state.crashed[own]);
+    }
+}
+
+#[inline(always)]
+fn corpus<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> Corpus<S> {
+    let (sine, cosine) = sincos(state.psi[i]);
+    let (half_length, half_width) = (w.p[i].half_length, w.p[i].half_width);
+    Corpus { s: state.s[i], d: state.d[i], sine, cosine, half_length, half_width }
+}
+
+/// Start and end of the overlap as shares of the step, and the unit normal from a to b.
+#[inline(always)]
+fn first_contact<S: Simd>(
+    a: &Corpus<S>,
+    b: &Corpus<S>,
+    then: (V<S>, V<S>),
+    now: (V<S>, V<S>),
+) -> (V<S>, V<S>, V<S>, V<S>) {
+    let simd = a.s.simd;
+    let turn_cosine = (a.cosine * b.cosine + a.sine * b.sine).abs();
+    let turn_sine = (a.sine * b.cosine - a.cosine * b.sine).abs();
+    let reach = [
+        a.half_length + b.half_length * turn_cosine + b.half_width * turn_sine,
+        a.half_width + b.half_length * turn_sine + b.half_width * turn_cosine,
+        b.half_length + a.half_length * turn_cosine + a.half_width * turn_sine,
+        b.half_width + a.half_length * turn_sine + a.half_width * turn_cosine,
+    ];
+    let axes = [(a.cosine, a.sine), (-a.sine, a.cosine), (b.cosine, b.sine), (-b.sine, b.cosine)];
+    let (mut enter, mut leave) = (splat(simd, -1e9), splat(simd, 1e9));
+    let (mut along, mut across) = (splat(simd, 0.0), splat(simd, 0.0));
+    for ((axis_s, axis_d), limit) in axes.into_iter().zip(reach) {
+        let start = then.0 * axis_s + then.1 * axis_d;
+        let change = now.0 * axis_s + now.1 * axis_d - start;
+        let change = choose(change.abs().simd_lt(1e-6), splat(simd, 1e-6), change);
+        let (one, two) = ((-limit - start) / change, (limit - start) / change);
+        let (begin, end) = (min(one, two), max(one, two));
+        let later = begin.simd_gt(enter);
+        let facing = start + change * clamp_to(begin, 0.0, 1.0);
+        let sign = choose(facing.simd_lt(0.0), splat(simd, -1.0), splat(simd, 1.0));
+        along = choose(later, sign * axis_s, along);
+        across = choose(later, sign * axis_d, across);
+        enter = max(begin, enter);
+        leave = min(end, leave);
+    }
+    (enter, leave, along, across)
+}
+
+#[inline(always)]
+fn contact_arms<S: Simd>(a: &Corpus<S>, b: &Corpus<S>) -> ((V<S>, V<S>), (V<S>, V<S>)) {
+    let (ahead, aside) = (b.s - a.s, b.d - a.d);
+    let near_a = nearest_point(a, ahead, aside);
+    let near_b = nearest_point(b, -ahead, -aside);
+    let point = (0.5 * (near_a.0 + ahead + near_b.0), 0.5 * (near_a.1 + aside + near_b.1));
+    (point, (point.0 - ahead, point.1 - aside))
+}
+
+#[inline(always)]
+fn nearest_point<S: Simd>(box_: &Corpus<S>, ahead: V<S>, aside: V<S>) -> (V<S>, V<S>) {
+    let (sine, cosine) = (box_.sine, box_.cosine);
+    let along = clamp(ahead * cosine + aside * sine, -box_.half_length, box_.half_length);
+    let across = clamp(aside * cosine - ahead * sine, -box_.half_width, box_.half_width);
+    (along * cosine - across * sine, along * sine + across * cosine)
+}
+
+#[inline(always)]
+fn velocity<S: Simd>(state: &State<S>, box_: &Corpus<S>, i: usize, arm: (V<S>, V<S>)) -> (V<S>, V<S>) {
+    let along = state.vx[i] * box_.cosine - state.vy[i] * box_.sine - state.r[i] * arm.1;
+    let across = state.vx[i] * box_.sine + state.vy[i] * box_.cosine + state.r[i] * arm.0;
+    (along, across)
+}
+
+#[allow(clippy::too_many_arguments)]
+#[inline(always)]
+fn push<S: Simd>(
+    state: &mut State<S>,
+    w: &World<'_, S>,
+    box_: &Corpus<S>,
+    i: usize,
+    impulse: V<S>,
+    along: V<S>,
+    across: V<S>,
+    lever: V<S>,
+) {
+    let change = impulse * w.p[i].inverse_mass;
+    state.vx[i] = state.vx[i] + change * (along * box_.cosine + across * box_.sine);
+    state.vy[i] = state.vy[i] + change * (across * box_.cosine - along * box_.sine);
+    state.r[i] = state.r[i] + impulse * lever * w.p[i].inverse_inertia;
+}

@@ -1,0 +1,89 @@
+//! How hard each driver accelerates or brakes; see `overtaking.sim.reference.control`.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::following::iidm;
+use crate::lanes::{M, V, choose, clamp, max, min, pick, splat};
+use crate::neighbours::Neighbours;
+use crate::perception::Beliefs;
+use crate::state::{EGO, FAST_LEAD, LEAD, SLOW_LEAD, State, World, stage};
+
+const FREE: f32 = 1e9;
+
+#[inline(always)]
+fn is_passing<S: Simd>(state: &State<S>) -> M<S> {
+    state.stage.simd_eq(stage::PULL_OUT) | state.stage.simd_eq(stage::PASS)
+}
+
+#[inline(always)]
+fn desired_speed<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> V<S> {
+    let p = &w.p[i];
+    if i == EGO {
+        choose(is_passing(state), p.pass_speed, p.desired_speed)
+    } else {
+        p.desired_speed
+    }
+}
+
+/// Acceleration behind the leader of the lane that is driven in or being entered.
+#[inline(always)]
+pub fn behind_leader<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize, believed: &Beliefs<S>) -> V<S> {
+    let desired = desired_speed(state, w, i);
+    let wanted = iidm(w.c, &w.p[i], state.vx[i], desired, believed.gap[LEAD], believed.closing[LEAD]);
+    if i == EGO {
+        let eager = is_passing(state) & wanted.simd_gt(0.0);
+        wanted * choose(eager, splat(w.simd, w.c.accelerate_gain), splat(w.simd, 1.0))
+    } else {
+        wanted
+    }
+}
+
+/// Acceleration behind the one whose lane is being left, while the bodies overlap.
+#[inline(always)]
+fn behind_old_leader<S: Simd>(
+    state: &State<S>,
+    w: &World<'_, S>,
+    i: usize,
+    near: &Neighbours<S>,
+    believed: &Beliefs<S>,
+) -> V<S> {
+    let (c, p, n) = (w.c, &w.p[i], w.count);
+    let free = splat(w.simd, FREE);
+    let changing = state.path_time[i].simd_lt(state.path_duration[i]);
+    if !changing.any_true() {
+        return free;
+    }
+    let to_fast = (0.5 * (near.lane_low + near.lane_high)).simd_gt(state.d[i]);
+    let slot = choose(to_fast, near.slot[SLOW_LEAD], near.slot[FAST_LEAD]);
+    let gap = choose(to_fast, believed.gap[SLOW_LEAD], believed.gap[FAST_LEAD]);
+    let closing = choose(to_fast, believed.closing[SLOW_LEAD], believed.closing[FAST_LEAD]);
+    let aside = (pick(n, slot, |j| state.d[j]) - state.d[i]).abs();
+    let overlaps = aside.simd_lt(p.half_width + pick(n, slot, |j| w.p[j].half_width) + c.footprint_margin);
+    let left = c.clear_fraction * state.path_duration[i] - state.path_time[i];
+    let clears = left.simd_gt(0.0) & gap.simd_gt(closing * left);
+    let matters = changing & slot.simd_ge(0.0) & overlaps & !clears;
+    let wanted = iidm(c, p, state.vx[i], desired_speed(state, w, i), gap, closing);
+    choose(matters, wanted, free)
+}
+
+/// Move the pedals of vehicle `i` towards the wanted acceleration.
+#[inline(always)]
+pub fn set_acceleration<S: Simd>(
+    state: &mut State<S>,
+    w: &World<'_, S>,
+    i: usize,
+    near: &Neighbours<S>,
+    believed: &Beliefs<S>,
+    leader: V<S>,
+) {
+    let c = w.c;
+    let old_leader = behind_old_leader(state, w, i, near, believed);
+    let wanted = max(min(leader, old_leader), -w.p[i].hardest_decel);
+    let number = |value: f32| splat(w.simd, value);
+    let up = choose(state.accel[i].simd_lt(0.0), number(c.jerk_down), number(c.jerk_up)) * c.decision;
+    let hard = wanted.simd_lt(-c.emergency_decel);
+    let down = choose(hard, number(c.jerk_emergency), number(c.jerk_down)) * c.decision;
+    let changed = state.accel[i] + clamp(wanted - state.accel[i], -down, up);
+    state.accel[i] = choose(state.crashed[i].simd_gt(0.0), number(0.0), changed);
+}

@@ -1,0 +1,127 @@
+//! Motion of a vehicle over one step; see `overtaking.sim.reference.dynamics`.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::elementary::sincos;
+use crate::fields::{Constants, Vehicle};
+use crate::lanes::{M, V, at_least, choose, clamp, clamp_to, max, min, splat};
+use crate::state::{State, World};
+
+#[inline(always)]
+fn fiala<S: Simd>(stiffness: V<S>, slope: V<S>, limit: V<S>) -> V<S> {
+    let z = stiffness * slope / (3.0 * limit);
+    let size = z.abs();
+    let inner = 3.0 * z - 3.0 * z * size + z * z * z;
+    let one = splat(z.simd, 1.0);
+    let outer = choose(z.simd_lt(0.0), -one, one);
+    -limit * choose(size.simd_lt(1.0), inner, outer)
+}
+
+#[inline(always)]
+fn drive_force<S: Simd>(c: &Constants, p: &Vehicle<S>, speed: V<S>, accel: V<S>, resistance: V<S>) -> V<S> {
+    let wanted = p.mass * accel + resistance;
+    let engine = min(p.launch_force, p.power / at_least(speed, 1.0));
+    let throttle = clamp_to((p.max_speed + c.governor_band - speed) / c.governor_band, 0.0, 1.0);
+    max(min(wanted, engine * throttle), -p.brake_force)
+}
+
+/// Longitudinal force of an axle, its imbalance, and the lateral limit.
+#[inline(always)]
+fn axle_forces<S: Simd>(c: &Constants, mu_fast: V<S>, mu_slow: V<S>, force: V<S>, load: V<S>) -> (V<S>, V<S>, V<S>) {
+    let half_load = 0.5 * load;
+    let bound_fast = c.abs_share * mu_fast * half_load;
+    let bound_slow = c.abs_share * mu_slow * half_load;
+    let fast = clamp(0.5 * force, -bound_fast, bound_fast);
+    let slow = clamp(0.5 * force, -bound_slow, bound_slow);
+    let total = fast + slow;
+    let grip = (mu_fast + mu_slow) * half_load;
+    let left = at_least(grip * grip - total * total, 1.0);
+    (total, slow - fast, left.sqrt())
+}
+
+/// Forces of both axles and the sine and cosine of the wheel angle.
+struct Tyres<S: Simd> {
+    front_x: V<S>,
+    rear_x: V<S>,
+    front_y: V<S>,
+    rear_y: V<S>,
+    moment: V<S>,
+    sine: V<S>,
+    cosine: V<S>,
+}
+
+#[inline(always)]
+fn tyre_forces<S: Simd>(state: &State<S>, c: &Constants, p: &Vehicle<S>, i: usize, force: V<S>) -> Tyres<S> {
+    let shift = state.a_lon[i] * p.cg_height;
+    let front_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_rear - shift);
+    let rear_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_front + shift);
+    let share = choose(force.simd_lt(0.0), splat(force.simd, c.brake_front_share), p.front_drive);
+    let (mu_fast, mu_slow) = (state.mu_fast[i], state.mu_slow[i]);
+    let (front_x, front_split, front_limit) = axle_forces(c, mu_fast, mu_slow, share * force, front_load);
+    let (rear_x, rear_split, rear_limit) = axle_forces(c, mu_fast, mu_slow, (1.0 - share) * force, rear_load);
+    let inverse_speed = 1.0 / at_least(state.vx[i], c.slip_speed);
+    let (sine, cosine) = sincos(state.wheel[i]);
+    let slip = (state.vy[i] + p.cg_front * state.r[i]) * inverse_speed;
+    let front_slope = (slip * cosine - sine) / (cosine + slip * sine);
+    let rear_slope = (state.vy[i] - p.cg_rear * state.r[i]) * inverse_speed;
+    let front_y = fiala(p.front_stiffness * front_load, front_slope, front_limit);
+    let rear_y = fiala(p.rear_stiffness * rear_load, rear_slope, rear_limit);
+    let moment = p.half_track * (front_split + rear_split);
+    Tyres { front_x, rear_x, front_y, rear_y, moment, sine, cosine }
+}
+
+/// Advance vehicle `i` by one step (semi-implicit Euler).
+#[inline(always)]
+pub fn advance<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize) {
+    let (c, p) = (w.c, &w.p[i]);
+    let air = state.vx[i] - state.tail_wind[i];
+    let resistance = p.drag * air * air.abs() + p.rolling;
+    let force = drive_force(c, p, state.vx[i], state.accel[i], resistance);
+    let t = tyre_forces(state, c, p, i, force);
+    let front_side = t.front_y * t.cosine + t.front_x * t.sine;
+    let along = (t.front_x * t.cosine - t.front_y * t.sine + t.rear_x - resistance) * p.inverse_mass;
+    let across = (front_side + t.rear_y + state.wind_force[i]) * p.inverse_mass;
+    let yaw = p.cg_front * front_side - p.cg_rear * t.rear_y + state.wind_moment[i] + t.moment;
+    let turn = yaw * p.inverse_inertia;
+    let bound = c.gravity * 0.5 * (state.mu_fast[i] + state.mu_slow[i]);
+    let lean = clamp(state.wheel[i] + state.wind_force[i] * p.inverse_mass, -bound, bound);
+    let rides = p.two_wheeler.simd_gt(0.0);
+    let a_lon = choose(rides, (t.front_x + t.rear_x - resistance) * p.inverse_mass, along);
+    let a_lat = choose(rides, lean, across);
+    let (wreck_lon, wreck_lat, wreck_turn) = wreck(state, c, p, i);
+    let wrecked = state.crashed[i].simd_gt(0.0);
+    state.a_lon[i] = choose(wrecked, wreck_lon, a_lon);
+    state.a_lat[i] = choose(wrecked, wreck_lat, a_lat);
+    let turned = choose(rides, lean / at_least(state.vx[i], c.slip_speed), state.r[i] + c.step * turn);
+    let r = choose(wrecked, state.r[i] + wreck_turn, turned);
+    integrate(state, c, i, r, rides & !wrecked, wrecked);
+}
+
+#[inline(always)]
+fn wreck<S: Simd>(state: &State<S>, c: &Constants, p: &Vehicle<S>, i: usize) -> (V<S>, V<S>, V<S>) {
+    let (vx, vy) = (state.vx[i], state.vy[i]);
+    let friction = c.sliding_ratio * c.gravity * 0.5 * (state.mu_fast[i] + state.mu_slow[i]);
+    let speed = (vx * vx + vy * vy).sqrt();
+    let share = min(friction, speed / c.step) / at_least(speed, 1e-3);
+    let spin = friction * p.mass * p.inverse_inertia * 0.5 * p.wheelbase * c.step;
+    (-share * vx, -share * vy, -clamp(state.r[i], -spin, spin))
+}
+
+#[inline(always)]
+fn integrate<S: Simd>(state: &mut State<S>, c: &Constants, i: usize, r: V<S>, rides: M<S>, wrecked: M<S>) {
+    let zero = splat(r.simd, 0.0);
+    let turning = choose(rides, zero, state.vy[i] * state.r[i]);
+    let vx = state.vx[i] + c.step * (state.a_lon[i] + turning);
+    let vy = state.vy[i] + c.step * (state.a_lat[i] - state.vx[i] * state.r[i]);
+    let vy = choose(rides, zero, vy);
+    let stands = !wrecked & vx.simd_lt(c.standstill) & state.accel[i].simd_le(0.0);
+    let vx = choose(wrecked, vx, max(vx, zero));
+    state.vx[i] = choose(stands, zero, vx);
+    state.vy[i] = choose(stands, zero, vy);
+    state.r[i] = choose(stands, zero, r);
+    state.psi[i] = state.psi[i] + c.step * state.r[i];
+    let (sine, cosine) = sincos(state.psi[i]);
+    state.s[i] = state.s[i] + c.step * (state.vx[i] * cosine - state.vy[i] * sine);
+    state.d[i] = state.d[i] + c.step * (state.vx[i] * sine + state.vy[i] * cosine);
+}

@@ -1,0 +1,180 @@
+//! The ego's decisions; see `overtaking.sim.reference.ego`.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::elementary::exp;
+use crate::fields::Vehicle;
+use crate::following::forced_braking;
+use crate::lanes::{M, V, at_least, choose, min, pick, splat};
+use crate::mobil::turn_to_lane;
+use crate::neighbours::Neighbours;
+use crate::perception::Beliefs;
+use crate::recording::{Kind, Recorder};
+use crate::state::{EGO, FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State, World, stage};
+
+const PULL_OUT_NOW: f32 = 1.0;
+const ABORT_NOW: f32 = 2.0;
+const RETURN_NOW: f32 = 3.0;
+const STAY: f32 = 4.0;
+
+/// What the ego knows when it decides.
+struct View<'a, S: Simd> {
+    own: &'a Vehicle<S>,
+    speed: V<S>,
+    gap: &'a [V<S>; 6],
+    closing: &'a [V<S>; 6],
+    detected: &'a [M<S>; 6],
+    leader_speed: V<S>,
+    demand: V<S>,
+    impatience: V<S>,
+}
+
+#[inline(always)]
+fn own_braking<S: Simd>(w: &World<'_, S>, view: &View<'_, S>, role: usize) -> V<S> {
+    let time_gap = view.own.time_gap * view.demand;
+    forced_braking(w.c, view.own, view.speed, view.gap[role], view.closing[role], time_gap)
+}
+
+#[inline(always)]
+fn their_braking<S: Simd>(w: &World<'_, S>, view: &View<'_, S>, role: usize) -> V<S> {
+    let time_gap = view.own.time_gap * view.demand;
+    let speed = view.speed + view.closing[role];
+    forced_braking(w.c, view.own, speed, view.gap[role], view.closing[role], time_gap)
+}
+
+#[inline(always)]
+fn wants_to_pass<S: Simd>(view: &View<'_, S>) -> M<S> {
+    let own = view.own;
+    let slower = (own.desired_speed - view.leader_speed).simd_gt(own.passing_gain * view.impatience);
+    let soon = view.gap[LEAD].simd_lt(own.pull_out_time * view.closing[LEAD]);
+    let close = view.gap[LEAD].simd_lt(1.5 * own.time_gap * view.speed + own.min_gap);
+    view.detected[LEAD] & slower & (soon | close)
+}
+
+#[inline(always)]
+fn may_pull_out<S: Simd>(w: &World<'_, S>, view: &View<'_, S>) -> M<S> {
+    let (c, own) = (w.c, view.own);
+    let front = own_braking(w, view, FAST_LEAD).simd_ge(-own.decel);
+    let rear = their_braking(w, view, FAST_REAR).simd_ge(-(own.safe_decel / view.demand));
+    let rear = rear & view.gap[FAST_REAR].simd_gt(c.smallest_rear_gap * view.demand);
+    let gain = ((view.speed - view.closing[FAST_LEAD]) - view.leader_speed)
+        .simd_gt(own.passing_gain * view.impatience);
+    let far = view.gap[FAST_LEAD].simd_gt(view.gap[LEAD] + c.waiting_time_gap * view.speed);
+    front & rear & (gain | far | !view.detected[FAST_LEAD])
+}
+
+#[inline(always)]
+fn may_return<S: Simd>(w: &World<'_, S>, view: &View<'_, S>) -> M<S> {
+    let own = view.own;
+    let follower_speed = view.speed + view.closing[SLOW_REAR];
+    let left = view.gap[SLOW_REAR].simd_ge(own.return_time_gap * follower_speed * view.impatience);
+    let rear = left & their_braking(w, view, SLOW_REAR).simd_ge(-(own.safe_decel / view.demand));
+    let front = own_braking(w, view, SLOW_LEAD).simd_ge(-own.decel);
+    let worth = view.gap[SLOW_LEAD].simd_gt(w.c.stay_time * view.closing[SLOW_LEAD]);
+    rear & front & worth
+}
+
+#[inline(always)]
+fn must_abort<S: Simd>(w: &World<'_, S>, view: &View<'_, S>) -> M<S> {
+    let (c, own) = (w.c, view.own);
+    let bad_rear =
+        their_braking(w, view, REAR).simd_lt(-(c.abort_factor * own.safe_decel / view.demand));
+    let bad_front = own_braking(w, view, LEAD).simd_lt(-(c.abort_factor * own.decel));
+    let room = own_braking(w, view, SLOW_LEAD).simd_ge(-own.hardest_decel)
+        & view.gap[SLOW_REAR].simd_gt(c.smallest_rear_gap);
+    (bad_rear | bad_front) & room
+}
+
+/// One decision of every ego of the block.
+#[inline(always)]
+pub fn decide<S: Simd>(
+    state: &mut State<S>,
+    w: &World<'_, S>,
+    near: &Neighbours<S>,
+    believed: &Beliefs<S>,
+    recorder: &mut Recorder<'_>,
+    step: u32,
+) {
+    let (c, q, n) = (w.c, &w.q, w.count);
+    let own = &w.p[EGO];
+    let zero = splat(w.simd, 0.0);
+    let impatience = at_least(exp(-(state.waited * own.inverse_patience)), c.patience_floor);
+    let view = View {
+        own,
+        speed: state.vx[EGO],
+        gap: &believed.gap,
+        closing: &believed.closing,
+        detected: &believed.detected,
+        leader_speed: state.vx[EGO] - believed.closing[LEAD],
+        demand: own.gap_acceptance * impatience,
+        impatience,
+    };
+    let old = state.stage;
+    let sound = state.crashed[EGO].simd_eq(0.0);
+    let arrived = state.path_time[EGO].simd_ge(state.path_duration[EGO]);
+    let in_stage = |which: f32| sound & old.simd_eq(which);
+    state.stage_time = state.stage_time + c.decision;
+
+    let queues = view.gap[LEAD].simd_lt(c.waiting_time_gap * view.speed);
+    let waits = in_stage(stage::FOLLOW)
+        & view.detected[LEAD]
+        & queues
+        & own.desired_speed.simd_gt(view.leader_speed);
+    state.waited = choose(waits, state.waited + c.decision, state.waited);
+
+    let free = in_stage(stage::FOLLOW) & arrived & state.since_change[EGO].simd_ge(c.abort_cooldown);
+    let free = free & state.lane[EGO].simd_lt((w.road.num_lanes - 1) as f32);
+    let start = free & wants_to_pass(&view) & may_pull_out(w, &view) & q.command.simd_ne(STAY);
+    let start = start | (free & q.command.simd_eq(PULL_OUT_NOW) & state.attempted.simd_eq(0.0));
+
+    let slower_lane = in_stage(stage::PASS) & state.lane[EGO].simd_ge(1.0);
+    let target_s = pick(n, state.target, |j| state.s[j]);
+    let behind = state.s[EGO] - target_s;
+    let bodies = own.half_length + pick(n, state.target, |j| w.p[j].half_length);
+    let passed = behind.simd_gt(bodies + c.clear_ahead);
+    let stuck = state.stage_time.simd_gt(c.give_up_after) & state.s[EGO].simd_lt(target_s);
+    let back = slower_lane & may_return(w, &view) & (passed | stuck);
+    let back = back | (slower_lane & q.command.simd_eq(RETURN_NOW));
+
+    state.signalled = choose(start | back, state.signalled + c.decision, zero);
+    let ready = state.signalled.simd_gt(own.signal_time);
+    let (go_out, go_back) = (start & ready, back & ready);
+
+    let entering = in_stage(stage::PULL_OUT);
+    let early = state.path_time[EGO].simd_lt(c.abort_until * state.path_duration[EGO]);
+    let abort = entering & early & (must_abort(w, &view) | q.command.simd_eq(ABORT_NOW));
+
+    let slow_roles = [LEAD, SLOW_LEAD, SLOW_REAR];
+    recorder.percepts(state, w, near, believed, go_out, Kind::PullOut, [LEAD, FAST_LEAD, FAST_REAR], step);
+    recorder.percepts(state, w, near, believed, abort, Kind::Abort, slow_roles, step);
+    recorder.percepts(state, w, near, believed, go_back, Kind::Return, slow_roles, step);
+
+    state.target = choose(go_out, near.slot[LEAD], state.target);
+    state.attempted = choose(go_out, splat(w.simd, 1.0), state.attempted);
+    turn_to_lane(state, w, EGO, go_out, go_back | abort);
+    let straight = arrived & !go_out & !go_back & !abort;
+    let side = choose(start, splat(w.simd, 1.0), choose(back, splat(w.simd, -1.0), zero));
+    state.indicator[EGO] = choose(straight, side * own.uses_indicator, state.indicator[EGO]);
+
+    let centre = 0.5 * (near.lane_low + near.lane_high);
+    let finished = arrived & (state.d[EGO] - centre).abs().simd_lt(c.settled_offset);
+    let to = |which: f32| splat(w.simd, which);
+    let next = choose(go_out, to(stage::PULL_OUT), old);
+    let next = choose(entering & arrived, to(stage::PASS), next);
+    let next = choose(abort, to(stage::ABORT), next);
+    let next = choose(go_back, choose(passed, to(stage::RETURN), to(stage::ABORT)), next);
+    let next = choose(in_stage(stage::RETURN) & finished, to(stage::DONE), next);
+    let next = choose(in_stage(stage::ABORT) & finished, to(stage::FOLLOW), next);
+    state.stage_time = choose(next.simd_ne(old), zero, state.stage_time);
+    let over = next.simd_eq(stage::DONE) & old.simd_ne(stage::DONE);
+    let now = splat(w.simd, step as f32);
+    let after = now + (c.after_overtake / c.step).round_ties_even();
+    state.end_step = choose(over, min(state.end_step, after), state.end_step);
+    let idle = in_stage(stage::FOLLOW)
+        & state.attempted.simd_eq(0.0)
+        & !start
+        & now.simd_ge(q.deadline_step);
+    state.end_step = choose(idle, min(state.end_step, now), state.end_step);
+    state.stage = next;
+}

@@ -1,0 +1,275 @@
+//! Blocks of sixteen simulations, spread over threads, at the SIMD width of this CPU.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, Simd};
+use rayon::prelude::*;
+
+use crate::MAX_VEHICLES;
+use crate::collisions::{Pairs, collide, near_pairs};
+use crate::fields::{Constants, Simulation, Vehicle};
+use crate::lanes::{LANES, choose, clamp_to, min, splat};
+use crate::neighbours::find_neighbours;
+use crate::recording::{Output, Recorder};
+use crate::state::{EGO, Each, Road, State, World, stage};
+use crate::{control, dynamics, ego, environment, mobil, perception, steering};
+
+/// Evaluate an expression in a function of its own that may use the SIMD features of the CPU.
+macro_rules! outlined {
+    ($simd:expr, $body:expr) => {
+        $simd.vectorize(
+            #[inline(always)]
+            || $body,
+        )
+    };
+}
+
+/// Steps between two decisions.
+const SUBSTEPS: u32 = 5;
+
+/// Everything that a batch is simulated from.
+#[derive(Clone, Copy)]
+pub struct Inputs<'a> {
+    /// Vehicle parameters, (field, slot, simulation).
+    pub vehicle: &'a [f32],
+    /// Simulation parameters, (field, simulation).
+    pub simulation: &'a [f32],
+    /// Simulation numbers.
+    pub index: &'a [u64],
+    /// Vehicle slots.
+    pub slots: usize,
+    /// Constants of the model.
+    pub constants: &'a Constants,
+    /// Driving lanes.
+    pub num_lanes: usize,
+    /// Lane borders, padded.
+    pub boundaries: [f32; 9],
+    /// Film factor of each lane, padded.
+    pub film_path: [f32; 8],
+    /// Driving side.
+    pub side: f32,
+    /// x, y, heading of the road, cosine and sine.
+    pub pose: [f32; 5],
+    /// Key of the random numbers.
+    pub seed: u64,
+    /// Steps between recorded frames.
+    pub record_every: u32,
+}
+
+/// Parameters that take over at a step, for branches.
+#[derive(Clone, Copy)]
+pub struct Later<'a> {
+    /// Vehicle parameters from then on.
+    pub vehicle: &'a [f32],
+    /// Simulation parameters from then on.
+    pub simulation: &'a [f32],
+    /// The step.
+    pub switch: u32,
+}
+
+/// The SIMD level `name`, or the best one; `None` if this CPU lacks it.
+fn level(name: Option<&str>) -> Option<Level> {
+    let best = Level::new();
+    match name {
+        None => Some(best),
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Some("avx512") => best.as_avx512().map(Level::Avx512),
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Some("avx2") => best.as_avx2().map(Level::Avx2),
+        Some("portable") => Some(Level::baseline()),
+        Some(_) => None,
+    }
+}
+
+/// Every SIMD level that the engine has, and whether this CPU can run it.
+pub fn available_levels() -> Vec<(&'static str, bool)> {
+    ["avx512", "avx2", "portable"].map(|name| (name, level(Some(name)).is_some())).to_vec()
+}
+
+/// Name of the SIMD level that is used when none is asked for.
+pub fn current_level() -> &'static str {
+    ["avx512", "avx2", "portable"]
+        .into_iter()
+        .find(|name| level(Some(name)).is_some())
+        .unwrap_or("portable")
+}
+
+/// Simulate a batch.
+///
+/// # Errors
+/// The SIMD level is unknown or not supported by this CPU.
+pub fn simulate(inputs: &Inputs<'_>, later: Option<&Later<'_>>, forced: Option<&str>, out: Output<'_>) -> Result<(), String> {
+    let Some(level) = level(forced) else {
+        return Err(format!("SIMD level {} is not supported by this CPU", forced.unwrap_or("?")));
+    };
+    out.into_blocks().into_par_iter().enumerate().for_each(|(block, out)| match level {
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Level::Avx512(simd) => run(simd, inputs, later, block, out),
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Level::Avx2(simd) => run(simd, inputs, later, block, out),
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Level::Sse4_2(_) | Level::Sse2(_) => {
+            if let Some(simd) = level.as_sse2() {
+                run(simd, inputs, later, block, out);
+            }
+        }
+        #[cfg(target_arch = "aarch64")]
+        Level::Neon(simd) => run(simd, inputs, later, block, out),
+        #[cfg(not(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64")))]
+        Level::Fallback(simd) => run(simd, inputs, later, block, out),
+        _ => unreachable!("every level of this architecture is handled"),
+    });
+    Ok(())
+}
+
+/// Row of sixteen numbers of a block; lanes beyond the batch repeat its last simulation.
+#[inline(always)]
+fn row(values: &[f32], batch: usize, row: usize, block: usize) -> [f32; LANES] {
+    core::array::from_fn(|lane| values[row * batch + (block * LANES + lane).min(batch - 1)])
+}
+
+#[inline(always)]
+fn load<S: Simd>(simd: S, vehicle: &[f32], simulation: &[f32], inputs: &Inputs<'_>, block: usize) -> ([Vehicle<S>; MAX_VEHICLES], Simulation<S>) {
+    let batch = inputs.index.len();
+    let slots = inputs.slots;
+    let p = core::array::from_fn(|slot| {
+        if slot < slots {
+            Vehicle::load(simd, |field| row(vehicle, batch, field * slots + slot, block))
+        } else {
+            Vehicle::load(simd, |_| [0.0; LANES])
+        }
+    });
+    (p, Simulation::load(simd, |field| row(simulation, batch, field, block)))
+}
+
+/// Simulate one block.
+fn run<S: Simd>(simd: S, inputs: &Inputs<'_>, later: Option<&Later<'_>>, block: usize, out: Output<'_>) {
+    let batch = inputs.index.len();
+    let lanes = (batch - block * LANES).min(LANES);
+    let index: [u64; LANES] = core::array::from_fn(|lane| inputs.index[(block * LANES + lane).min(batch - 1)]);
+    let road = Road {
+        num_lanes: inputs.num_lanes,
+        boundaries: inputs.boundaries,
+        film_path: inputs.film_path,
+        side: inputs.side,
+        pose: inputs.pose,
+    };
+    let (p, q) = load(simd, inputs.vehicle, inputs.simulation, inputs, block);
+    let used = |slot: &usize| (0..LANES).any(|lane| p[*slot].valid[lane] > 0.0);
+    let count = (0..MAX_VEHICLES).filter(used).max().map_or(1, |last| last + 1);
+    let mut world = World {
+        simd,
+        c: inputs.constants,
+        road: &road,
+        p,
+        q,
+        count,
+        key: [inputs.seed as u32, (inputs.seed >> 32) as u32],
+        index_low: index.map(|number| number as u32),
+        index_high: index.map(|number| (number >> 32) as u32),
+    };
+    let mut state = State::new(&world);
+    let mut recorder = Recorder::new(out, lanes);
+    let mut pairs: Pairs<S> = [[None; MAX_VEHICLES]; MAX_VEHICLES];
+    let mut step = 0;
+    while runs(&state, simd, step) {
+        if let Some(later) = later.filter(|later| later.switch == step) {
+            (world.p, world.q) = load(simd, later.vehicle, later.simulation, inputs, block);
+        }
+        if step.is_multiple_of(SUBSTEPS) {
+            pairs = decide(&mut state, &world, &mut recorder, step);
+        }
+        if step.is_multiple_of(inputs.record_every) {
+            simd.vectorize(
+                #[inline(always)]
+                || {
+                    let active = splat(simd, step as f32).simd_le(state.end_step);
+                    recorder.frame(&state, &world, active, (step / inputs.record_every) as usize);
+                },
+            );
+        }
+        advance(&mut state, &world, &pairs, step);
+        step += 1;
+    }
+    simd.vectorize(
+        #[inline(always)]
+        || recorder.finish(&state, &world),
+    );
+}
+
+#[inline(always)]
+fn runs<S: Simd>(state: &State<S>, simd: S, step: u32) -> bool {
+    splat(simd, step as f32).simd_le(state.end_step).any_true()
+}
+
+/// Everything that happens 20 times a second: weather, perception, decisions.
+///
+/// Each part is a function of its own with the features of the CPU switched on; inlining them all into
+/// one makes the compiler slow and the code no faster.
+fn decide<S: Simd>(state: &mut State<S>, w: &World<'_, S>, recorder: &mut Recorder<'_>, step: u32) -> Pairs<S> {
+    let decision = step / SUBSTEPS;
+    surroundings(state, w, step);
+    let mut near = [outlined!(w.simd, find_neighbours(state, w, EGO)); MAX_VEHICLES];
+    let mut believed = [outlined!(w.simd, perception::perceive(state, w, &near[EGO], EGO, decision as usize)); MAX_VEHICLES];
+    for i in 1..w.count {
+        near[i] = outlined!(w.simd, find_neighbours(state, w, i));
+        believed[i] = outlined!(w.simd, perception::perceive(state, w, &near[i], i, decision as usize));
+    }
+    let mut leader = [splat(w.simd, 0.0); MAX_VEHICLES];
+    for i in 0..w.count {
+        leader[i] = outlined!(w.simd, control::behind_leader(state, w, i, &believed[i]));
+    }
+    for i in 0..w.count {
+        outlined!(w.simd, control::set_acceleration(state, w, i, &near[i], &believed[i], leader[i]));
+    }
+    if (decision as usize).is_multiple_of(mobil::INTERVAL) {
+        for i in 1..w.count {
+            outlined!(w.simd, mobil::change_lanes(state, w, i, &believed[i], leader[i]));
+        }
+    }
+    outlined!(w.simd, ego::decide(state, w, &near[EGO], &believed[EGO], recorder, step));
+    outlined!(w.simd, near_pairs(state, w))
+}
+
+/// Time, memory, weather and wind of a decision.
+fn surroundings<S: Simd>(state: &mut State<S>, w: &World<'_, S>, step: u32) {
+    let c = w.c;
+    let decision = step / SUBSTEPS;
+    for i in 0..w.count {
+        state.since_change[i] = state.since_change[i] + c.decision;
+    }
+    outlined!(w.simd, perception::remember(state, w, decision as usize));
+    outlined!(w.simd, environment::move_random_processes(state, w, decision));
+    outlined!(w.simd, environment::grip(state, w));
+    outlined!(w.simd, environment::wind(state, w));
+    for i in 0..w.count {
+        if step == 0 {
+            let steady = state.wind_force[i] * w.p[i].inverse_mass;
+            state.trim[i] = clamp_to(-steady, -c.trim_limit, c.trim_limit);
+        }
+        outlined!(w.simd, steering::hold_against_wind(state, w, i));
+    }
+}
+
+/// One step of 10 ms: steer, move, collide.
+fn advance<S: Simd>(state: &mut State<S>, w: &World<'_, S>, pairs: &Pairs<S>, step: u32) {
+    let before = (state.s, state.d);
+    outlined!(w.simd, {
+        for i in 0..w.count {
+            steering::steer(state, w, i);
+            dynamics::advance(state, w, i);
+        }
+    });
+    outlined!(w.simd, crash(state, w, pairs, &before, step));
+}
+
+/// Contacts of the last step, and what an accident of the ego ends.
+#[inline(always)]
+fn crash<S: Simd>(state: &mut State<S>, w: &World<'_, S>, pairs: &Pairs<S>, before: &(Each<S>, Each<S>), step: u32) {
+    let c = w.c;
+    let was_sound = state.crashed[EGO].simd_eq(0.0);
+    collide(state, w, pairs, before, step);
+    let hit = was_sound & state.crashed[EGO].simd_gt(0.0);
+    state.stage = choose(hit, splat(w.simd, stage::CRASHED), state.stage);
+    let after = splat(w.simd, step as f32 + (c.after_collision / c.step).round_ties_even());
+    state.end_step = choose(hit, min(state.end_step, after), state.end_step);
+}

@@ -1,0 +1,172 @@
+//! Friction under the wheels and wind on the side; see `overtaking.sim.reference.environment`.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::elementary::{atan, exp, sincos};
+use crate::fields::{Constants, Vehicle};
+use crate::lanes::{V, at_least, at_most, choose, clamp_to, floor, max, min, splat};
+use crate::philox::{MOTION, uniform, words};
+use crate::state::{State, World};
+
+#[inline(always)]
+fn relaxed<S: Simd>(process: V<S>, keep: V<S>, word: V<S>) -> V<S> {
+    let innovation = 1.732_050_8 * (2.0 * word - 1.0);
+    keep * process + (1.0 - keep * keep).sqrt() * innovation
+}
+
+/// Advance gusts, errors of judgement and wander in the lane by one decision.
+#[inline(always)]
+pub fn move_random_processes<S: Simd>(state: &mut State<S>, w: &World<'_, S>, decision: u32) {
+    let (c, q) = (w.c, &w.q);
+    let keep_error = exp(splat(w.simd, -c.decision / c.error_time));
+    let keep_wander = exp(splat(w.simd, -c.decision / c.lane_time));
+    for i in 0..w.count {
+        let draw = words(w.key, &w.index_low, &w.index_high, MOTION + i as u32, decision)
+            .map(|word| uniform(w.simd, word));
+        let along = state.vx[i] - q.wind_along;
+        let air_speed = (along * along + q.wind_across * q.wind_across).sqrt();
+        let keep = exp(-(air_speed * c.decision) / c.gust_length_scale);
+        state.gust[i] = relaxed(state.gust[i], keep, draw[0]);
+        state.distance_error[i] = relaxed(state.distance_error[i], keep_error, draw[1]);
+        state.speed_error[i] = relaxed(state.speed_error[i], keep_error, draw[2]);
+        state.wander[i] = relaxed(state.wander[i], keep_wander, draw[3]);
+    }
+}
+
+/// `values[lane]` for whole-number lanes, the first or last value outside.
+#[inline(always)]
+pub fn lane_value<S: Simd>(values: &[f32], lane: V<S>) -> V<S> {
+    let mut chosen = splat(lane.simd, values[0]);
+    for (k, value) in values.iter().enumerate().skip(1) {
+        chosen = choose(lane.simd_ge(k as f32), splat(lane.simd, *value), chosen);
+    }
+    chosen
+}
+
+/// Film on a lane outside puddles [mm].
+#[inline(always)]
+pub fn lane_film<S: Simd>(w: &World<'_, S>, path: V<S>) -> V<S> {
+    max(w.q.least_film, w.q.film_rain * path - w.q.texture)
+}
+
+#[inline(always)]
+fn triangle_wave<S: Simd>(x: V<S>) -> V<S> {
+    (2.0 * (x - floor(x)) - 1.0).abs()
+}
+
+/// Depth of the puddle at a point, 0 to 1.
+#[inline(always)]
+fn puddle<S: Simd>(w: &World<'_, S>, s: V<S>, path: V<S>) -> V<S> {
+    let q = &w.q;
+    let wave = triangle_wave(s * (1.0 / 23.0) + q.puddle_phase_1 + 0.618_034 * path);
+    let wave = wave + triangle_wave(s * (1.0 / 37.0) + q.puddle_phase_2 + 0.381_966 * path);
+    clamp_to((q.puddle_reach - wave) * 5.0, 0.0, 1.0)
+}
+
+#[inline(always)]
+fn speed_columns<S: Simd>(c: &Constants, speed: V<S>, p: &Vehicle<S>) -> [V<S>; 4] {
+    let [v0, v1, v2] = c.friction_speeds;
+    let low = clamp_to((speed - v0) / (v1 - v0), 0.0, 1.0);
+    let high = clamp_to((speed - v1) / (v2 - v1), 0.0, 1.0);
+    core::array::from_fn(|knot| {
+        let row = |i: usize| {
+            c.friction_new[i][knot] + p.wear * (c.friction_worn[i][knot] - c.friction_new[i][knot])
+        };
+        let rows = [row(0), row(1), row(2)];
+        let change = low * (rows[1] - rows[0]) + high * (rows[2] - rows[1]);
+        match knot {
+            0 => (1.0 + p.truck * (c.truck_dry_factor - 1.0)) * (rows[0] + change),
+            1 => rows[0] + change,
+            _ => rows[0] + (1.0 + p.truck * (c.truck_loss_factor - 1.0)) * change,
+        }
+    })
+}
+
+#[inline(always)]
+fn at_film<S: Simd>(c: &Constants, columns: &[V<S>; 4], film: V<S>) -> V<S> {
+    let [h0, h1, h2, h3] = c.friction_films;
+    let a = clamp_to((film - h0) / (h1 - h0), 0.0, 1.0);
+    let b = clamp_to((film - h1) / (h2 - h1), 0.0, 1.0);
+    let d = clamp_to((film - h2) / (h3 - h2), 0.0, 1.0);
+    let value = columns[0] + a * (columns[1] - columns[0]);
+    let value = value + b * (columns[2] - columns[1]);
+    let value = value + d * (columns[3] - columns[2]);
+    at_least(value, c.friction_floor)
+}
+
+/// Friction under the wheels of either side.
+#[inline(always)]
+pub fn grip<S: Simd>(state: &mut State<S>, w: &World<'_, S>) {
+    let (road, n) = (w.road, w.road.num_lanes);
+    let width = (road.boundaries[n] - road.boundaries[0]) / (2 * n) as f32;
+    for i in 0..w.count {
+        let p = &w.p[i];
+        let mut lane = splat(w.simd, 0.0);
+        for k in 1..n {
+            lane = choose(state.d[i].simd_ge(road.boundaries[k]), splat(w.simd, k as f32), lane);
+        }
+        let water = lane_film(w, lane_value(&road.film_path[..n], lane));
+        let columns = speed_columns(w.c, state.vx[i], p);
+        let side = |offset: V<S>| {
+            let wheel_path = floor((state.d[i] + offset - road.boundaries[0]) / width);
+            let depth = puddle(w, state.s[i], wheel_path);
+            at_film(w.c, &columns, water + w.q.puddle_film * depth)
+        };
+        (state.mu_fast[i], state.mu_slow[i]) = (side(p.half_track), side(-p.half_track));
+    }
+}
+
+/// Share of the side wind left beside high-sided vehicles upwind of vehicle `i`.
+#[inline(always)]
+fn shelter<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> V<S> {
+    let c = w.c;
+    let mut share = splat(w.simd, 1.0);
+    for j in 0..w.count {
+        if i == j {
+            continue;
+        }
+        let other = &w.p[j];
+        let beyond = (state.s[i] - state.s[j]).abs() - other.half_length;
+        let u = clamp_to(beyond / (c.shelter_release * 2.0 * other.half_length), 0.0, 1.0);
+        let open_share = c.shelter_factor + (1.0 - c.shelter_factor) * (u * u * (3.0 - 2.0 * u));
+        let aside = state.d[i] - state.d[j];
+        let reach = c.shelter_reach + w.p[i].half_width + other.half_width;
+        let upwind = (aside * w.q.wind_across).simd_gt(0.0);
+        let beside = other.shelters.simd_gt(0.0)
+            & other.valid.simd_gt(0.0)
+            & upwind
+            & aside.abs().simd_lt(reach);
+        share = choose(beside, min(share, open_share), share);
+    }
+    share
+}
+
+/// The discrete gusts of bridges and cuttings, 0 to 1.
+#[inline(always)]
+fn gust_bump<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> V<S> {
+    let cell = state.s[i] / w.c.gust_spacing + w.q.gust_phase;
+    let inside = (cell - floor(cell)) * w.c.gust_spacing / w.q.gust_length;
+    let (_, cosine) = sincos(6.283_185_5 * at_most(inside, 1.0));
+    choose(inside.simd_lt(1.0), 0.5 - 0.5 * cosine, splat(w.simd, 0.0))
+}
+
+/// Side force, yaw moment and tail wind of each vehicle.
+#[inline(always)]
+pub fn wind<S: Simd>(state: &mut State<S>, w: &World<'_, S>) {
+    let (c, q) = (w.c, &w.q);
+    for i in 0..w.count {
+        let p = &w.p[i];
+        let strength = 1.0 + c.turbulence_intensity * state.gust[i] + q.gust_gain * gust_bump(state, w, i);
+        let strength = at_least(strength, 0.0);
+        let across = q.wind_across * strength * shelter(state, w, i);
+        state.tail_wind[i] = q.wind_along * strength;
+        let along = at_least(state.vx[i] - state.tail_wind[i], 1.0);
+        let angle = atan(across.abs() / along);
+        let (sine, _) = sincos(at_most(c.wind_angle_factor * angle, 1.570_796_3));
+        let force = p.side_wind * (along * along + across * across) * sine;
+        state.wind_force[i] = choose(across.simd_lt(0.0), -force, force);
+        let cosine = along / (along * along + across * across).sqrt();
+        state.wind_moment[i] = state.wind_force[i] * (p.wind_centre * cosine + p.wind_arm);
+    }
+}

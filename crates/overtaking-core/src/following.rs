@@ -1,0 +1,54 @@
+//! Car following; see `overtaking.sim.reference.following`.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::elementary::{exp, log};
+use crate::fields::{Constants, Vehicle};
+use crate::lanes::{V, at_least, at_most, choose, clamp_to, splat};
+
+#[inline(always)]
+fn wanted_gap<S: Simd>(p: &Vehicle<S>, speed: V<S>, closing: V<S>, time_gap: V<S>) -> V<S> {
+    let dynamic = speed * time_gap + speed * closing * p.interaction;
+    p.min_gap + at_least(dynamic, 0.0)
+}
+
+/// Acceleration of the improved intelligent driver model [m/s^2].
+#[inline(always)]
+pub fn iidm<S: Simd>(c: &Constants, p: &Vehicle<S>, speed: V<S>, desired: V<S>, gap: V<S>, closing: V<S>) -> V<S> {
+    speed.simd.vectorize(
+        #[inline(always)]
+        || iidm_here(c, p, speed, desired, gap, closing),
+    )
+}
+
+#[inline(always)]
+fn iidm_here<S: Simd>(c: &Constants, p: &Vehicle<S>, speed: V<S>, desired: V<S>, gap: V<S>, closing: V<S>) -> V<S> {
+    let one = splat(speed.simd, 1.0);
+    let z = wanted_gap(p, speed, closing, p.time_gap) / at_least(gap, c.smallest_gap);
+    let ratio = speed / desired;
+    let square = ratio * ratio;
+    let free_below = p.accel * (one - square * square);
+    let over = exp(-p.overspeed_exponent * log(at_least(ratio, 1.0)));
+    let free_above = -p.decel * (one - over);
+    let interacting = p.accel * (one - z * z);
+    let steepness = at_most(2.0 * p.accel / at_least(free_below, 1e-3), 1000.0);
+    let blended = free_below * (one - exp(steepness * log(clamp_to(z, 1e-6, 1.0))));
+    let below = choose(z.simd_ge(one), interacting, blended);
+    let above = choose(z.simd_ge(one), free_above + interacting, free_above);
+    choose(ratio.simd_le(one), below, above)
+}
+
+/// Acceleration, never positive, of someone following at the speed that they want [m/s^2].
+#[inline(always)]
+pub fn forced_braking<S: Simd>(
+    c: &Constants,
+    p: &Vehicle<S>,
+    speed: V<S>,
+    gap: V<S>,
+    closing: V<S>,
+    time_gap: V<S>,
+) -> V<S> {
+    let z = wanted_gap(p, speed, closing, time_gap) / at_least(gap, c.smallest_gap);
+    at_most(p.accel * (1.0 - z * z), 0.0)
+}

@@ -1,0 +1,77 @@
+//! Sixteen simulations side by side, and the few operations on them that need a name.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{Simd, f32x16, mask32x16};
+
+/// Simulations in a block.
+pub const LANES: usize = 16;
+
+/// One number of each simulation of a block.
+pub type V<S> = f32x16<S>;
+/// One truth value of each simulation of a block.
+pub type M<S> = mask32x16<S>;
+
+/// The same number in every lane.
+#[inline(always)]
+pub fn splat<S: Simd>(simd: S, value: f32) -> V<S> {
+    V::splat(simd, value)
+}
+
+/// `a` where `mask` holds, else `b`.
+#[inline(always)]
+pub fn choose<S: Simd>(mask: M<S>, a: V<S>, b: V<S>) -> V<S> {
+    mask.select(a, b)
+}
+
+/// The smaller of two values; `b` where they are equal.
+#[inline(always)]
+pub fn min<S: Simd>(a: V<S>, b: V<S>) -> V<S> {
+    a.simd_lt(b).select(a, b)
+}
+
+/// The larger of two values; `b` where they are equal.
+#[inline(always)]
+pub fn max<S: Simd>(a: V<S>, b: V<S>) -> V<S> {
+    a.simd_gt(b).select(a, b)
+}
+
+/// `max` with a number.
+#[inline(always)]
+pub fn at_least<S: Simd>(a: V<S>, b: f32) -> V<S> {
+    max(a, splat(a.simd, b))
+}
+
+/// `min` with a number.
+#[inline(always)]
+pub fn at_most<S: Simd>(a: V<S>, b: f32) -> V<S> {
+    min(a, splat(a.simd, b))
+}
+
+/// `value` limited to [low, high].
+#[inline(always)]
+pub fn clamp<S: Simd>(value: V<S>, low: V<S>, high: V<S>) -> V<S> {
+    min(max(value, low), high)
+}
+
+/// `value` limited to an interval between numbers.
+#[inline(always)]
+pub fn clamp_to<S: Simd>(value: V<S>, low: f32, high: f32) -> V<S> {
+    clamp(value, splat(value.simd, low), splat(value.simd, high))
+}
+
+/// Largest whole number not above `x`, |x| < 2^22; never -0.
+#[inline(always)]
+pub fn floor<S: Simd>(x: V<S>) -> V<S> {
+    let nearest = x.round_ties_even();
+    choose(nearest.simd_gt(x), nearest - 1.0, nearest)
+}
+
+/// The value of vehicle `slot` in each simulation; slot 0's where there is nobody.
+#[inline(always)]
+pub fn pick<S: Simd>(count: usize, slot: V<S>, value: impl Fn(usize) -> V<S>) -> V<S> {
+    let mut picked = value(0);
+    for j in 1..count {
+        picked = choose(slot.simd_eq(j as f32), value(j), picked);
+    }
+    picked
+}

@@ -1,0 +1,92 @@
+//! Lane changes of everybody but the ego; see `overtaking.sim.reference.mobil`.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::following::{forced_braking, iidm};
+use crate::lanes::{M, V, choose, min, splat};
+use crate::neighbours::lane_borders;
+use crate::perception::{Beliefs, swap_roles};
+use crate::state::{FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State, World};
+use crate::steering::begin_path;
+
+/// Lane changes are considered at every fourth decision.
+pub const INTERVAL: usize = 4;
+
+#[inline(always)]
+fn imposed<S: Simd>(w: &World<'_, S>, i: usize, speed: V<S>, gap: V<S>, closing: V<S>) -> V<S> {
+    forced_braking(w.c, &w.p[i], speed + closing, gap, closing, w.p[i].time_gap)
+}
+
+#[inline(always)]
+fn incentives<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize, believed: &Beliefs<S>, own: V<S>) -> (V<S>, V<S>) {
+    let (c, p, v) = (w.c, &w.p[i], state.vx[i]);
+    let (gap, closing) = (&believed.gap, &believed.closing);
+    let fast = iidm(c, p, v, p.desired_speed, gap[FAST_LEAD], closing[FAST_LEAD]);
+    let slow = iidm(c, p, v, p.desired_speed, gap[SLOW_LEAD], closing[SLOW_LEAD]);
+    let no_passing = v.simd_gt(c.no_passing_right_speed);
+    let here = choose(no_passing, min(own, fast), own);
+    let there = choose(no_passing, min(slow, own), slow);
+    let body = 2.0 * p.half_length;
+    let after = imposed(w, i, v, gap[FAST_REAR], closing[FAST_REAR]);
+    let open_gap = gap[FAST_REAR] + gap[FAST_LEAD] + body;
+    let before = imposed(w, i, v - closing[FAST_LEAD], open_gap, closing[FAST_REAR] + closing[FAST_LEAD]);
+    let relieved_gap = gap[REAR] + gap[LEAD] + body;
+    let now = imposed(w, i, v, gap[REAR], closing[REAR]);
+    let relieved = imposed(w, i, v - closing[LEAD], relieved_gap, closing[REAR] + closing[LEAD]);
+    let to_fast = fast - here + p.politeness * (after - before) - p.bias;
+    let to_slow = there - own + p.politeness * (relieved - now) + p.bias;
+    (to_fast, to_slow)
+}
+
+#[inline(always)]
+fn is_safe<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize, believed: &Beliefs<S>, front: usize, rear: usize) -> M<S> {
+    let (c, p, v) = (w.c, &w.p[i], state.vx[i]);
+    let (gap, closing) = (&believed.gap, &believed.closing);
+    let braking = imposed(w, i, v, gap[rear], closing[rear]);
+    let own = forced_braking(c, p, v, gap[front], closing[front], p.time_gap);
+    let room = gap[rear].simd_gt(c.smallest_rear_gap) & gap[front].simd_gt(c.smallest_rear_gap);
+    room & braking.simd_ge(-p.safe_decel) & own.simd_ge(-p.safe_decel)
+}
+
+/// Let vehicle `i`, not the ego, change lanes where it pays and is safe.
+#[inline(always)]
+pub fn change_lanes<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize, believed: &Beliefs<S>, own: V<S>) {
+    let (c, p) = (w.c, &w.p[i]);
+    let (to_fast, to_slow) = incentives(state, w, i, believed, own);
+    let ready = state.path_time[i].simd_ge(state.path_duration[i])
+        & state.since_change[i].simd_ge(c.cooldown)
+        & state.crashed[i].simd_eq(0.0)
+        & p.valid.simd_gt(0.0);
+    let exists_fast = state.lane[i].simd_lt((w.road.num_lanes - 1) as f32);
+    let exists_slow = state.lane[i].simd_ge(1.0);
+    let fast = ready
+        & exists_fast
+        & to_fast.simd_gt(p.threshold)
+        & is_safe(state, w, i, believed, FAST_LEAD, FAST_REAR);
+    let slow = ready
+        & exists_slow
+        & to_slow.simd_gt(p.threshold)
+        & is_safe(state, w, i, believed, SLOW_LEAD, SLOW_REAR)
+        & !fast;
+    turn_to_lane(state, w, i, fast, slow);
+    let done = state.path_time[i].simd_ge(state.path_duration[i]);
+    state.indicator[i] = choose(done, splat(w.simd, 0.0), state.indicator[i]);
+}
+
+/// Begin a lane change of vehicle `i` in the masked simulations.
+#[inline(always)]
+pub fn turn_to_lane<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize, fast: M<S>, slow: M<S>) {
+    if !(fast | slow).any_true() {
+        return;
+    }
+    let (zero, one) = (splat(w.simd, 0.0), splat(w.simd, 1.0));
+    let p = &w.p[i];
+    let step = choose(fast, one, zero) - choose(slow, one, zero);
+    state.lane[i] = state.lane[i] + step;
+    let (low, high) = lane_borders(w, state.lane[i], 0.0);
+    begin_path(state, i, fast | slow, 0.5 * (low + high), p.lane_change_duration);
+    state.indicator[i] = choose(fast | slow, step * p.uses_indicator, state.indicator[i]);
+    swap_roles(state, i, fast, true);
+    swap_roles(state, i, slow, false);
+}

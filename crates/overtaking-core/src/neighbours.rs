@@ -1,0 +1,61 @@
+//! Who drives around each vehicle; see `overtaking.sim.reference.neighbours`.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::environment::lane_value;
+use crate::lanes::{V, choose, pick, splat};
+use crate::state::{NOBODY, ROLES, State, World};
+
+const FAR: f32 = 1e9;
+
+/// Nearest vehicles of one vehicle by role.
+#[derive(Clone, Copy)]
+pub struct Neighbours<S: Simd> {
+    pub slot: [V<S>; ROLES],
+    pub gap: [V<S>; ROLES],
+    pub lane_low: V<S>,
+    pub lane_high: V<S>,
+}
+
+
+/// Borders of the lane `shift` lanes from a vehicle's own [m].
+#[inline(always)]
+pub fn lane_borders<S: Simd>(w: &World<'_, S>, lane: V<S>, shift: f32) -> (V<S>, V<S>) {
+    let borders = &w.road.boundaries[..=w.road.num_lanes];
+    (lane_value(borders, lane + shift), lane_value(borders, lane + (shift + 1.0)))
+}
+
+/// The nearest vehicle ahead and behind of vehicle `i`, in the own, the faster and the slower lane.
+#[inline(always)]
+pub fn find_neighbours<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> Neighbours<S> {
+    let c = w.c;
+    let bands = [0.0, 1.0, -1.0].map(|shift| lane_borders(w, state.lane[i], shift));
+    let mut slot = [splat(w.simd, NOBODY); ROLES];
+    let mut nearest = [splat(w.simd, FAR); ROLES];
+    for j in 0..w.count {
+        if i == j {
+            continue;
+        }
+        let ahead = state.s[j] - state.s[i];
+        let other = w.p[j].valid.simd_gt(0.0);
+        let low_side = state.d[j] - w.p[j].half_width;
+        let high_side = state.d[j] + w.p[j].half_width;
+        for (k, (low, high)) in bands.into_iter().enumerate() {
+            let inside = other
+                & high_side.simd_gt(low + c.corridor_margin)
+                & low_side.simd_lt(high - c.corridor_margin);
+            let front = inside & ahead.simd_ge(0.0) & ahead.simd_lt(nearest[2 * k]);
+            let back = inside & ahead.simd_lt(0.0) & (-ahead).simd_lt(nearest[2 * k + 1]);
+            nearest[2 * k] = choose(front, ahead, nearest[2 * k]);
+            slot[2 * k] = choose(front, splat(w.simd, j as f32), slot[2 * k]);
+            nearest[2 * k + 1] = choose(back, -ahead, nearest[2 * k + 1]);
+            slot[2 * k + 1] = choose(back, splat(w.simd, j as f32), slot[2 * k + 1]);
+        }
+    }
+    let gap = core::array::from_fn(|role| {
+        let half = pick(w.count, slot[role], |j| w.p[j].half_length);
+        nearest[role] - (half + w.p[i].half_length)
+    });
+    Neighbours { slot, gap, lane_low: bands[0].0, lane_high: bands[0].1 }
+}

@@ -1,0 +1,200 @@
+//! What each driver believes about the neighbours; see `overtaking.sim.reference.perception`.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::MAX_VEHICLES;
+use crate::elementary::exp;
+use crate::environment::{lane_film, lane_value};
+use crate::lanes::{LANES, M, V, at_least, at_most, choose, max, min, pick, splat};
+use crate::neighbours::Neighbours;
+use crate::state::{HISTORY, LEAD, ROLES, State, World};
+
+/// Gap that a driver assumes where nobody was noticed [m].
+pub const UNSEEN_GAP: f32 = 1000.0;
+
+/// What one driver acts on, by role.
+#[derive(Clone, Copy)]
+pub struct Beliefs<S: Simd> {
+    pub detected: [M<S>; ROLES],
+    pub gap: [V<S>; ROLES],
+    pub closing: [V<S>; ROLES],
+}
+
+
+/// Write down where everybody is now.
+#[inline(always)]
+pub fn remember<S: Simd>(state: &mut State<S>, w: &World<'_, S>, decision: usize) {
+    let row = decision % HISTORY;
+    for i in 0..w.count {
+        let (along, _) = state.road_velocity(i);
+        state.history_s[row][i] = state.s[i].to_array();
+        state.history_v[row][i] = along.to_array();
+    }
+}
+
+#[inline(always)]
+fn optical_depth<S: Simd>(state: &State<S>, w: &World<'_, S>, near: &Neighbours<S>, i: usize) -> (V<S>, V<S>) {
+    let (c, q) = (w.c, &w.q);
+    let air = q.fog_extinction + q.rain_extinction * (1.0 + state.vx[i] / c.rain_speed);
+    let path = lane_value(&w.road.film_path[..w.road.num_lanes], state.lane[i]);
+    let water = lane_film(w, path);
+    let lead = near.slot[LEAD];
+    let speed = pick(w.count, lead, |j| state.vx[j]) / c.spray_speed;
+    let wetness = at_most(water / c.spray_film, 1.0);
+    let spray = c.spray_coefficient * wetness * (speed * speed) * pick(w.count, lead, |j| w.p[j].spray);
+    let close = lead.simd_ge(0.0) & near.gap[LEAD].simd_lt(c.spray_reach);
+    (air, choose(close, spray, splat(w.simd, 0.0)))
+}
+
+#[inline(always)]
+fn is_hidden<S: Simd>(state: &State<S>, w: &World<'_, S>, near: &Neighbours<S>, i: usize, role: usize) -> M<S> {
+    let (lead, other, n) = (near.slot[LEAD], near.slot[role], w.count);
+    let reach = pick(n, lead, |j| state.s[j]) - pick(n, lead, |j| w.p[j].half_length) - state.s[i];
+    let reach = at_least(reach, 0.1);
+    let distance = pick(n, other, |j| state.s[j]) - state.s[i];
+    let aside = pick(n, other, |j| state.d[j]) - state.d[i];
+    let crossing = aside * (reach / at_least(distance, 0.1));
+    let offset = (crossing - (pick(n, lead, |j| state.d[j]) - state.d[i])).abs();
+    let blocked = distance.simd_gt(reach)
+        & offset.simd_lt(pick(n, lead, |j| w.p[j].half_width))
+        & other.simd_ne(lead);
+    lead.simd_ge(0.0) & pick(n, lead, |j| w.p[j].tall).simd_gt(0.0) & blocked
+}
+
+#[inline(always)]
+fn strain<S: Simd>(state: &State<S>, w: &World<'_, S>, near: &Neighbours<S>, role: usize, depths: (V<S>, V<S>)) -> V<S> {
+    let (c, q, n) = (w.c, &w.q, w.count);
+    let is_front = role.is_multiple_of(2);
+    let slot = near.slot[role];
+    let distance = at_least(near.gap[role], 1.0);
+    let mut depth = depths.0 * distance;
+    if is_front {
+        depth = depth + depths.1 * at_most(distance, c.spray_reach);
+    }
+    let sensitivity = if is_front { q.sight_front } else { q.sight_rear };
+    let by_contrast = depth / at_least(pick(n, slot, |j| w.p[j].contrast) + sensitivity, 1e-3);
+    let by_contrast = max(by_contrast, distance * q.inverse_lit_range);
+    let lamp = if is_front {
+        let braking = pick(n, slot, |j| state.accel[j]).simd_lt(-0.5);
+        let lamp = pick(n, slot, |j| w.p[j].inverse_tail_lamp);
+        choose(braking, at_most(lamp, c.inverse_stop_lamp), lamp)
+    } else {
+        pick(n, slot, |j| w.p[j].inverse_head_lamp)
+    };
+    let by_lamp = (distance * distance * (q.lamp_threshold * lamp) * exp(depth)).sqrt();
+    min(by_contrast, by_lamp)
+}
+
+#[inline(always)]
+fn notice<S: Simd>(
+    state: &mut State<S>,
+    w: &World<'_, S>,
+    near: &Neighbours<S>,
+    i: usize,
+    role: usize,
+    depths: (V<S>, V<S>),
+) -> M<S> {
+    let c = w.c;
+    let zero = splat(w.simd, 0.0);
+    let (slot, gap) = (near.slot[role], near.gap[role]);
+    let is_front = role.is_multiple_of(2);
+    let effort = strain(state, w, near, role, depths);
+    let reach = if is_front { c.sight_range } else { c.mirror_range };
+    let mut visible = slot.simd_ge(0.0) & effort.simd_le(1.0) & gap.simd_lt(reach);
+    if is_front {
+        visible &= !is_hidden(state, w, near, i, role);
+    }
+    if role >= 2 {
+        let mut blind = gap.simd_lt(c.blind_spot) & w.p[i].checks_blind_spot.simd_eq(0.0);
+        if is_front {
+            blind &= gap.simd_lt(0.0);
+        }
+        visible &= !blind;
+    }
+    let same = slot.simd_eq(state.seen_id[i][role]);
+    let first = state.seen_id[i][role].simd_lt(-1.5);
+    let longer = choose(same, state.seen_time[i][role] + c.decision, zero);
+    let longer = choose(first, splat(w.simd, 10.0), longer);
+    state.seen_time[i][role] = choose(visible, longer, zero);
+    state.seen_id[i][role] = slot;
+    let needed = w.q.detection_time * (1.0 + c.detection_growth * (effort * effort * effort));
+    visible & state.seen_time[i][role].simd_ge(needed)
+}
+
+/// Where and how fast the vehicles in `slot` were, `row` giving the line of the history.
+#[inline(always)]
+fn recall<S: Simd>(state: &State<S>, simd: S, row: &[usize; LANES], slot: V<S>) -> (V<S>, V<S>) {
+    let slot = slot.to_array();
+    let (mut s, mut v) = ([0.0; LANES], [0.0; LANES]);
+    for lane in 0..LANES {
+        let who = (slot[lane].max(0.0) as usize) & (MAX_VEHICLES - 1);
+        s[lane] = state.history_s[row[lane] & (HISTORY - 1)][who][lane];
+        v[lane] = state.history_v[row[lane] & (HISTORY - 1)][who][lane];
+    }
+    (V::simd_from(simd, s), V::simd_from(simd, v))
+}
+
+/// What driver `i` believes about the six neighbours.
+#[inline(always)]
+pub fn perceive<S: Simd>(
+    state: &mut State<S>,
+    w: &World<'_, S>,
+    near: &Neighbours<S>,
+    i: usize,
+    decision: usize,
+) -> Beliefs<S> {
+    let (c, q, p) = (w.c, &w.q, &w.p[i]);
+    let zero = splat(w.simd, 0.0);
+    let depths = optical_depth(state, w, near, i);
+    let now = splat(w.simd, decision as f32);
+    let then = at_least(now - p.reaction_ticks, 0.0);
+    let elapsed = (now - then) * c.decision;
+    let row = then.to_array().map(|tick| tick as usize % HISTORY);
+    let (own_speed, _) = state.road_velocity(i);
+    let judged = exp(q.distance_error * state.distance_error[i]);
+    let mut believed = Beliefs {
+        detected: [zero.simd_lt(zero); ROLES],
+        gap: [zero; ROLES],
+        closing: [zero; ROLES],
+    };
+    for role in 0..ROLES {
+        let slot = near.slot[role];
+        let is_front = role.is_multiple_of(2);
+        let noticed = w.simd.vectorize(
+            #[inline(always)]
+            || notice(state, w, near, i, role, depths),
+        );
+        let (place, speed) = recall(state, w.simd, &row, slot);
+        let place = place + speed * elapsed;
+        let ahead = if is_front { place - state.s[i] } else { state.s[i] - place };
+        let gap = ahead - (pick(w.count, slot, |j| w.p[j].half_length) + p.half_length);
+        let closing = if is_front { own_speed - speed } else { speed - own_speed };
+        let distance = at_least(gap, 1.0);
+        let width = pick(w.count, slot, |j| w.p[j].loom_width);
+        let looming = (width * closing.abs()).simd_gt(c.looming_threshold * (distance * distance));
+        let sensed = closing * (1.0 + q.speed_error * state.speed_error[i]);
+        believed.detected[role] = noticed;
+        believed.gap[role] = choose(noticed, gap * judged, splat(w.simd, UNSEEN_GAP));
+        believed.closing[role] = choose(noticed & looming, sensed, zero);
+    }
+    believed
+}
+
+/// After a decision to change lanes the same neighbours appear in other roles.
+#[inline(always)]
+pub fn swap_roles<S: Simd>(state: &mut State<S>, i: usize, moved: M<S>, towards_fast: bool) {
+    let order: [Option<usize>; ROLES] = if towards_fast {
+        [Some(2), Some(3), None, None, Some(0), Some(1)]
+    } else {
+        [Some(4), Some(5), Some(0), Some(1), None, None]
+    };
+    let (ids, times) = (state.seen_id[i], state.seen_time[i]);
+    for (role, source) in order.into_iter().enumerate() {
+        let simd = ids[role].simd;
+        let new_id = source.map_or(splat(simd, -1.0), |from| ids[from]);
+        let new_time = source.map_or(splat(simd, 0.0), |from| times[from]);
+        state.seen_id[i][role] = choose(moved, new_id, ids[role]);
+        state.seen_time[i][role] = choose(moved, new_time, times[role]);
+    }
+}

@@ -1,0 +1,434 @@
+//! Rounding once, and the hash over what was recorded; see `overtaking.sim.reference.recording`.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{Simd, i32x16, u32x16};
+
+use crate::MAX_VEHICLES;
+use crate::lanes::{LANES, M, V, choose, clamp_to, splat};
+use crate::neighbours::Neighbours;
+use crate::perception::Beliefs;
+use crate::state::{EGO, State, World};
+
+/// Decisions of the ego that are written down for a simulation.
+pub const MAX_PERCEPTS: usize = 4;
+/// Frames that are collected before they are moved to their place in memory.
+const TILE: usize = 16;
+/// Recorded numbers of a vehicle in a frame.
+const WORDS: usize = 12;
+const NO_VEHICLE: i32 = 255;
+const INT16_LIMIT: f32 = 32767.0;
+const INT32_LIMIT: f32 = 2.0e9;
+const PRIME_1: u32 = 2_654_435_761;
+const PRIME_2: u32 = 2_246_822_519;
+const PRIME_3: u32 = 3_266_489_917;
+
+/// Which decision a percept was written down for.
+#[derive(Clone, Copy)]
+pub enum Kind {
+    PullOut = 0,
+    Return = 1,
+    Abort = 2,
+}
+
+/// A struct of output slices that can be cut into blocks of simulations.
+macro_rules! output_fields {
+    ($($(#[$doc:meta])* $field:ident: $kind:ty, $size:expr;)*) => {
+        /// Where recorded numbers go; each slice leads with the simulation.
+        pub struct Output<'a> {
+            $($(#[$doc])* pub $field: &'a mut [$kind],)*
+            /// Frames that there is room for.
+            pub frames: usize,
+            /// Vehicle slots of a simulation.
+            pub slots: usize,
+        }
+
+        impl<'a> Output<'a> {
+            /// Length that each slice must have for `batch` simulations, by name.
+            pub fn sizes(batch: usize, slots: usize, frames: usize) -> Vec<(&'static str, usize)> {
+                vec![$((stringify!($field), batch * $size(slots, frames))),*]
+            }
+
+            /// One output for each block of sixteen simulations.
+            pub(crate) fn into_blocks(self) -> Vec<Output<'a>> {
+                let (slots, frames) = (self.slots, self.frames);
+                let blocks = self.num_frames.len().div_ceil(LANES);
+                $(let mut $field = self.$field.chunks_mut((LANES * $size(slots, frames)).max(1));)*
+                let next = |_| Some(Output { $($field: $field.next()?,)* slots, frames });
+                (0..blocks).map(next).collect::<Option<Vec<_>>>().unwrap_or_default()
+            }
+        }
+    };
+}
+
+output_fields! {
+    /// Recorded frames.
+    num_frames: i32, |_, _| 1;
+    /// OpenDRIVE x [mm].
+    x: i32, |v, t| v * t;
+    /// OpenDRIVE y [mm].
+    y: i32, |v, t| v * t;
+    /// Position along the road [mm].
+    s: i32, |v, t| v * t;
+    /// Lateral position [mm].
+    d: i32, |v, t| v * t;
+    /// Speed [mm/s].
+    speed: i32, |v, t| v * t;
+    /// World heading [0.1 mrad].
+    heading: i16, |v, t| v * t;
+    /// Front wheel angle [0.1 mrad].
+    wheel_angle: i16, |v, t| v * t;
+    /// Longitudinal acceleration [mm/s^2].
+    accel_lon: i16, |v, t| v * t;
+    /// Lateral acceleration [mm/s^2].
+    accel_lat: i16, |v, t| v * t;
+    /// Yaw rate [0.1 mrad/s].
+    yaw_rate: i16, |v, t| v * t;
+    /// Lane index.
+    lane: u8, |v, t| v * t;
+    /// Bits of lights.
+    lights: u8, |v, t| v * t;
+    /// Stage of the ego.
+    stage: u8, |_, t| t;
+    /// Slot that the ego has collided with.
+    collided_with: u8, |_, t| t;
+    /// First collision of each vehicle: partner.
+    contact_partner: u8, |v, _| v;
+    /// Its instant [ms].
+    contact_time: i32, |v, _| v;
+    /// Its impulse [N s].
+    contact_impulse: i32, |v, _| v;
+    /// Its closing speed [mm/s].
+    contact_speed: i32, |v, _| v;
+    /// Whether a percept is there.
+    percept_valid: u8, |_, _| MAX_PERCEPTS;
+    /// Its decision.
+    percept_kind: u8, |_, _| MAX_PERCEPTS;
+    /// Its instant [ms].
+    percept_time: i32, |_, _| MAX_PERCEPTS;
+    /// The neighbours.
+    percept_vehicle: u8, |_, _| MAX_PERCEPTS * 3;
+    /// Whether they were noticed.
+    percept_detected: u8, |_, _| MAX_PERCEPTS * 3;
+    /// Believed gaps [mm].
+    percept_gap: i32, |_, _| MAX_PERCEPTS * 3;
+    /// Believed closing speeds [mm/s].
+    percept_closing_speed: i32, |_, _| MAX_PERCEPTS * 3;
+    /// True gaps [mm].
+    percept_true_gap: i32, |_, _| MAX_PERCEPTS * 3;
+    /// True closing speeds [mm/s].
+    percept_true_closing_speed: i32, |_, _| MAX_PERCEPTS * 3;
+    /// Hash over everything recorded.
+    trace_hash: u32, |_, _| 4;
+}
+
+#[inline(always)]
+fn rounded<S: Simd>(value: V<S>, scale: f32, limit: f32) -> i32x16<S> {
+    clamp_to(value * scale, -limit, limit).round_ties_even().to_int()
+}
+
+#[inline(always)]
+fn wrapped<S: Simd>(angle: V<S>) -> V<S> {
+    let turns = (angle * 0.159_154_94).round_ties_even();
+    angle - turns * 6.283_185_5
+}
+
+#[inline(always)]
+fn mix_word(hash: u32, word: u32) -> u32 {
+    hash.wrapping_add(word.wrapping_mul(PRIME_2)).rotate_left(13).wrapping_mul(PRIME_1)
+}
+
+/// Collects the recorded integers of a block and hashes them.
+pub struct Recorder<'a> {
+    out: Output<'a>,
+    /// Simulations in the block; the lanes beyond repeat the last one and are not recorded.
+    lanes: usize,
+    tile: Vec<[i32; LANES]>,
+    hash: [[u32; LANES]; 4],
+    frames: [usize; LANES],
+    flushed: usize,
+}
+
+impl<'a> Recorder<'a> {
+    /// A recorder into the part of the output that belongs to one block.
+    pub fn new(out: Output<'a>, lanes: usize) -> Self {
+        let start = [PRIME_1.wrapping_add(PRIME_2), PRIME_2, 0, 0u32.wrapping_sub(PRIME_1)];
+        out.percept_valid.fill(0);
+        out.percept_vehicle.fill(255);
+        out.collided_with.fill(255);
+        for slice in [&mut *out.percept_kind, &mut *out.percept_detected, &mut *out.stage] {
+            slice.fill(0);
+        }
+        for slice in [
+            &mut *out.percept_time,
+            &mut *out.percept_gap,
+            &mut *out.percept_closing_speed,
+            &mut *out.percept_true_gap,
+            &mut *out.percept_true_closing_speed,
+        ] {
+            slice.fill(0);
+        }
+        Self {
+            out,
+            lanes,
+            tile: vec![[0; LANES]; WORDS * MAX_VEHICLES * TILE],
+            hash: start.map(|word| [word; LANES]),
+            frames: [0; LANES],
+            flushed: 0,
+        }
+    }
+
+    /// Write down one frame of the simulations that still run.
+    #[inline(always)]
+    pub fn frame<S: Simd>(&mut self, state: &State<S>, w: &World<'_, S>, active: M<S>, number: usize) {
+        let simd = w.simd;
+        let mut hash = self.hash.map(|word| u32x16::simd_from(simd, word));
+        let at = number - self.flushed;
+        for i in 0..w.count {
+            let valid = w.p[i].valid.simd_gt(0.0);
+            let words = vehicle_words(state, w, i);
+            for (k, word) in words.into_iter().enumerate() {
+                let word = valid.select(word, i32x16::splat(simd, 0));
+                self.tile[(k * MAX_VEHICLES + i) * TILE + at] = word.to_array();
+                hash[k % 4] = mix(hash[k % 4], word, active & valid);
+            }
+        }
+        let stage: i32x16<S> = state.stage.to_int();
+        let nobody = state.contact_partner[EGO].simd_lt(0.0);
+        let partner: i32x16<S> = state.contact_partner[EGO].to_int();
+        let partner = nobody.select(i32x16::splat(simd, NO_VEHICLE), partner);
+        let frame = i32x16::splat(simd, number as i32);
+        let zero = i32x16::splat(simd, 0);
+        for (k, word) in [stage, partner, frame, zero].into_iter().enumerate() {
+            hash[k] = mix(hash[k], word, active);
+        }
+        self.hash = hash.map(|word| word.to_array());
+        let room = self.out.frames;
+        for lane in 0..self.lanes {
+            if active.test(lane) {
+                self.out.stage[lane * room + number] = stage[lane] as u8;
+                self.out.collided_with[lane * room + number] = partner[lane] as u8;
+                self.frames[lane] = number + 1;
+            }
+        }
+        if at + 1 == TILE {
+            self.flush(w.count);
+            self.flushed = number + 1;
+        }
+    }
+
+    /// Move the collected frames to their place: the frames of one vehicle are adjacent.
+    fn flush(&mut self, count: usize) {
+        let (slots, room, start) = (self.out.slots, self.out.frames, self.flushed);
+        let out = &mut self.out;
+        for lane in 0..self.lanes {
+            let end = self.frames[lane].clamp(start, start + TILE);
+            for i in 0..count.min(slots) {
+                let place = (lane * slots + i) * room;
+                let to = place + start..place + end;
+                let column = |k: usize| {
+                    let from = (k * MAX_VEHICLES + i) * TILE;
+                    self.tile[from..from + (end - start)].iter().map(move |row| row[lane])
+                };
+                for (k, wide) in [&mut *out.x, out.y, out.s, out.d, out.speed].into_iter().enumerate() {
+                    wide[to.clone()].iter_mut().zip(column(k)).for_each(|(slot, value)| *slot = value);
+                }
+                let halves = [&mut *out.heading, out.wheel_angle, out.accel_lon, out.accel_lat, out.yaw_rate];
+                for (k, half) in halves.into_iter().enumerate() {
+                    half[to.clone()].iter_mut().zip(column(k + 5)).for_each(|(slot, value)| *slot = value as i16);
+                }
+                for (k, byte) in [&mut *out.lane, out.lights].into_iter().enumerate() {
+                    byte[to.clone()].iter_mut().zip(column(k + 10)).for_each(|(slot, value)| *slot = value as u8);
+                }
+            }
+        }
+    }
+
+    /// Write down what the ego believed at a decision, as long as there is room.
+    #[allow(clippy::too_many_arguments)]
+    #[inline(always)]
+    pub fn percepts<S: Simd>(
+        &mut self,
+        state: &mut State<S>,
+        w: &World<'_, S>,
+        near: &Neighbours<S>,
+        believed: &Beliefs<S>,
+        mask: M<S>,
+        kind: Kind,
+        roles: [usize; 3],
+        step: u32,
+    ) {
+        let now = splat(w.simd, step as f32);
+        let mask = mask & state.num_percepts.simd_lt(MAX_PERCEPTS as f32) & now.simd_le(state.end_step);
+        if !mask.any_true() {
+            return;
+        }
+        let (own, _) = state.road_velocity(EGO);
+        for (column, role) in roles.into_iter().enumerate() {
+            let slot = near.slot[role];
+            let mut speed = state.road_velocity(0).0;
+            for j in 1..w.count {
+                speed = choose(slot.simd_eq(j as f32), state.road_velocity(j).0, speed);
+            }
+            let closing = if role.is_multiple_of(2) { own - speed } else { speed - own };
+            let gap = rounded(believed.gap[role], 1000.0, INT32_LIMIT);
+            let believed_closing = rounded(believed.closing[role], 1000.0, INT32_LIMIT);
+            let true_gap = rounded(near.gap[role], 1000.0, INT32_LIMIT);
+            let true_closing = rounded(closing, 1000.0, INT32_LIMIT);
+            for lane in (0..self.lanes).filter(|lane| mask.test(*lane)) {
+                let at = (lane * MAX_PERCEPTS + state.num_percepts[lane] as usize) * 3 + column;
+                let nobody = slot[lane] < 0.0;
+                self.out.percept_vehicle[at] = if nobody { 255 } else { slot[lane] as u8 };
+                self.out.percept_detected[at] = u8::from(believed.detected[role].test(lane));
+                self.out.percept_gap[at] = gap[lane];
+                self.out.percept_closing_speed[at] = believed_closing[lane];
+                self.out.percept_true_gap[at] = if nobody { 0 } else { true_gap[lane] };
+                self.out.percept_true_closing_speed[at] = if nobody { 0 } else { true_closing[lane] };
+            }
+        }
+        for lane in (0..self.lanes).filter(|lane| mask.test(*lane)) {
+            let at = lane * MAX_PERCEPTS + state.num_percepts[lane] as usize;
+            self.out.percept_valid[at] = 1;
+            self.out.percept_kind[at] = kind as u8;
+            self.out.percept_time[at] = step as i32 * 10;
+        }
+        state.num_percepts = choose(mask, state.num_percepts + 1.0, state.num_percepts);
+    }
+
+    /// Write the rest: the last frames, zeros behind them, contacts and hashes.
+    #[inline(always)]
+    pub fn finish<S: Simd>(mut self, state: &State<S>, w: &World<'_, S>) {
+        self.flush(w.count);
+        self.clear_padding(w.count);
+        self.contacts(state);
+        for lane in 0..self.lanes {
+            self.out.num_frames[lane] = self.frames[lane] as i32;
+            self.mix_percepts(lane);
+            let digest = self.digest(lane);
+            self.out.trace_hash[lane * 4..lane * 4 + 4].copy_from_slice(&digest);
+        }
+    }
+
+    fn clear_padding(&mut self, count: usize) {
+        let (slots, room) = (self.out.slots, self.out.frames);
+        let out = &mut self.out;
+        for lane in 0..self.lanes {
+            for i in 0..slots {
+                let used = if i < count { self.frames[lane] } else { 0 };
+                let rest = (lane * slots + i) * room + used..(lane * slots + i + 1) * room;
+                for wide in [&mut *out.x, out.y, out.s, out.d, out.speed] {
+                    wide[rest.clone()].fill(0);
+                }
+                for half in [&mut *out.heading, out.wheel_angle, out.accel_lon, out.accel_lat, out.yaw_rate] {
+                    half[rest.clone()].fill(0);
+                }
+                out.lane[rest.clone()].fill(0);
+                out.lights[rest].fill(0);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn contacts<S: Simd>(&mut self, state: &State<S>) {
+        let slots = self.out.slots;
+        for i in 0..slots {
+            let partner = state.contact_partner[i];
+            let time = rounded(state.contact_time[i], 1000.0, INT32_LIMIT);
+            let impulse = rounded(state.contact_impulse[i], 1.0, INT32_LIMIT);
+            let speed = rounded(state.contact_speed[i], 1000.0, INT32_LIMIT);
+            for lane in 0..self.lanes {
+                let at = lane * slots + i;
+                let slot = if partner[lane] < 0.0 { 255 } else { partner[lane] as u8 };
+                self.out.contact_partner[at] = slot;
+                self.out.contact_time[at] = time[lane];
+                self.out.contact_impulse[at] = impulse[lane];
+                self.out.contact_speed[at] = speed[lane];
+                let words = [u32::from(slot), time[lane] as u32, impulse[lane] as u32, speed[lane] as u32];
+                for (k, word) in words.into_iter().enumerate() {
+                    self.hash[k][lane] = mix_word(self.hash[k][lane], word);
+                }
+            }
+        }
+    }
+
+    fn mix_percepts(&mut self, lane: usize) {
+        for at in lane * MAX_PERCEPTS..(lane + 1) * MAX_PERCEPTS {
+            if self.out.percept_valid[at] == 0 {
+                continue;
+            }
+            let mut words = vec![u32::from(self.out.percept_kind[at]), self.out.percept_time[at] as u32];
+            for k in at * 3..at * 3 + 3 {
+                words.extend([
+                    u32::from(self.out.percept_vehicle[k]),
+                    u32::from(self.out.percept_detected[k]),
+                    self.out.percept_gap[k] as u32,
+                    self.out.percept_closing_speed[k] as u32,
+                    self.out.percept_true_gap[k] as u32,
+                    self.out.percept_true_closing_speed[k] as u32,
+                ]);
+            }
+            for (k, word) in words.into_iter().enumerate() {
+                self.hash[k % 4][lane] = mix_word(self.hash[k % 4][lane], word);
+            }
+        }
+    }
+
+    fn digest(&self, lane: usize) -> [u32; 4] {
+        core::array::from_fn(|k| {
+            let word = self.hash[k][lane].wrapping_add(self.hash[(k + 1) % 4][lane].rotate_left(7));
+            let word = (word ^ (word >> 15)).wrapping_mul(PRIME_2);
+            let word = (word ^ (word >> 13)).wrapping_mul(PRIME_3);
+            word ^ (word >> 16)
+        })
+    }
+}
+
+#[inline(always)]
+fn mix<S: Simd>(hash: u32x16<S>, word: i32x16<S>, mask: M<S>) -> u32x16<S> {
+    let word: u32x16<S> = word.bitcast();
+    let sum = hash + word * PRIME_2;
+    let mixed = ((sum << 13) | (sum >> 19)) * PRIME_1;
+    mask.select(mixed, hash)
+}
+
+/// The recorded integers of vehicle `i`.
+#[inline(always)]
+fn vehicle_words<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> [i32x16<S>; WORDS] {
+    let (road, p) = (w.road, &w.p[i]);
+    let [x0, y0, heading, cosine, sine] = road.pose;
+    let d = road.side * state.d[i];
+    let mut lane = i32x16::splat(w.simd, NO_VEHICLE);
+    for k in 0..=road.num_lanes {
+        let beyond = state.d[i].simd_ge(road.boundaries[k]);
+        lane = beyond.select(i32x16::splat(w.simd, k as i32), lane);
+    }
+    let speed = (state.vx[i] * state.vx[i] + state.vy[i] * state.vy[i]).sqrt();
+    let wheel = choose(p.two_wheeler.simd_gt(0.0), splat(w.simd, 0.0), state.wheel[i]);
+    let wide = |value: V<S>| rounded(value, 1000.0, INT32_LIMIT);
+    let angle = |value: V<S>| rounded(value, 10000.0, INT16_LIMIT);
+    let accel = |value: V<S>| rounded(value, 1000.0, INT16_LIMIT);
+    [
+        wide(x0 + state.s[i] * cosine - d * sine),
+        wide(y0 + state.s[i] * sine + d * cosine),
+        wide(state.s[i]),
+        wide(d),
+        wide(speed),
+        angle(wrapped(heading + road.side * state.psi[i])),
+        angle(road.side * wheel),
+        accel(state.a_lon[i]),
+        accel(road.side * state.a_lat[i]),
+        angle(road.side * state.r[i]),
+        lane,
+        lights(state, w, i),
+    ]
+}
+
+#[inline(always)]
+fn lights<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> i32x16<S> {
+    let number = |value: i32| i32x16::splat(w.simd, value);
+    let towards_left = w.road.side * state.indicator[i];
+    let left = towards_left.simd_gt(0.0).select(number(1), number(0));
+    let right = towards_left.simd_lt(0.0).select(number(2), number(0));
+    let braking = state.accel[i].simd_lt(-0.5) | state.crashed[i].simd_gt(0.0);
+    let base: i32x16<S> = w.p[i].lights.to_int();
+    base + left + right + braking.select(number(4), number(0))
+}

@@ -1,0 +1,186 @@
+//! The state of a block between two steps; see `overtaking.sim.reference.state`.
+
+use fearless_simd::Simd;
+
+use crate::MAX_VEHICLES;
+use crate::elementary::sincos;
+use crate::fields::{Constants, Simulation, Vehicle};
+use crate::lanes::{LANES, V, splat};
+
+/// Decisions whose kinematics are remembered.
+pub const HISTORY: usize = 64;
+/// Neighbours of a vehicle by lane and direction.
+pub const LEAD: usize = 0;
+/// Behind in the own lane.
+pub const REAR: usize = 1;
+/// Ahead in the next lane to the fast side.
+pub const FAST_LEAD: usize = 2;
+/// Behind in the next lane to the fast side.
+pub const FAST_REAR: usize = 3;
+/// Ahead in the next lane to the slow side.
+pub const SLOW_LEAD: usize = 4;
+/// Behind in the next lane to the slow side.
+pub const SLOW_REAR: usize = 5;
+/// Number of roles.
+pub const ROLES: usize = 6;
+/// Slot number of nobody.
+pub const NOBODY: f32 = -1.0;
+
+/// Slot of the ego.
+pub const EGO: usize = 0;
+
+/// A number of every vehicle of every simulation of a block.
+pub type Each<S> = [V<S>; MAX_VEHICLES];
+
+/// Stages of the ego, as `overtaking.model.trajectory.Stage`.
+pub mod stage {
+    pub const FOLLOW: f32 = 0.0;
+    pub const PULL_OUT: f32 = 1.0;
+    pub const PASS: f32 = 2.0;
+    pub const RETURN: f32 = 3.0;
+    pub const DONE: f32 = 4.0;
+    pub const ABORT: f32 = 5.0;
+    pub const CRASHED: f32 = 6.0;
+}
+
+/// The road as the step sees it, lateral axis towards the fast side.
+#[derive(Clone, Copy, Debug)]
+pub struct Road {
+    /// Driving lanes.
+    pub num_lanes: usize,
+    /// Lane borders from slow to fast, padded with the last [m].
+    pub boundaries: [f32; 9],
+    /// Film factor of each lane's drainage path, padded.
+    pub film_path: [f32; 8],
+    /// +1 in right-hand traffic, -1 in left-hand traffic.
+    pub side: f32,
+    /// World x, y of the road's origin [m], heading [rad], its cosine and sine.
+    pub pose: [f32; 5],
+}
+
+/// Everything that does not change during a block, but for a branch.
+pub struct World<'a, S: Simd> {
+    pub simd: S,
+    pub c: &'a Constants,
+    pub road: &'a Road,
+    pub p: [Vehicle<S>; MAX_VEHICLES],
+    pub q: Simulation<S>,
+    /// Slots in use by any simulation of the block.
+    pub count: usize,
+    pub key: [u32; 2],
+    pub index_low: [u32; LANES],
+    pub index_high: [u32; LANES],
+}
+
+/// Everything that changes.
+pub struct State<S: Simd> {
+    pub s: Each<S>,
+    pub d: Each<S>,
+    pub psi: Each<S>,
+    pub vx: Each<S>,
+    pub vy: Each<S>,
+    pub r: Each<S>,
+    pub wheel: Each<S>,
+    pub trim: Each<S>,
+    pub accel: Each<S>,
+    pub a_lon: Each<S>,
+    pub a_lat: Each<S>,
+    pub crashed: Each<S>,
+    pub path: [[V<S>; 6]; MAX_VEHICLES],
+    pub path_time: Each<S>,
+    pub path_duration: Each<S>,
+    pub lane: Each<S>,
+    pub since_change: Each<S>,
+    pub indicator: Each<S>,
+    pub gust: Each<S>,
+    pub distance_error: Each<S>,
+    pub speed_error: Each<S>,
+    pub wander: Each<S>,
+    pub mu_fast: Each<S>,
+    pub mu_slow: Each<S>,
+    pub wind_force: Each<S>,
+    pub wind_moment: Each<S>,
+    pub tail_wind: Each<S>,
+    pub seen_id: [[V<S>; ROLES]; MAX_VEHICLES],
+    pub seen_time: [[V<S>; ROLES]; MAX_VEHICLES],
+    pub contact_partner: Each<S>,
+    pub contact_time: Each<S>,
+    pub contact_impulse: Each<S>,
+    pub contact_speed: Each<S>,
+    pub stage: V<S>,
+    pub target: V<S>,
+    pub waited: V<S>,
+    pub signalled: V<S>,
+    pub stage_time: V<S>,
+    pub attempted: V<S>,
+    pub end_step: V<S>,
+    pub num_percepts: V<S>,
+    pub history_s: Vec<[[f32; LANES]; MAX_VEHICLES]>,
+    pub history_v: Vec<[[f32; LANES]; MAX_VEHICLES]>,
+}
+
+impl<S: Simd> State<S> {
+    /// The state at the first frame.
+    #[inline(always)]
+    pub fn new(w: &World<'_, S>) -> Self {
+        let zero = splat(w.simd, 0.0);
+        let each = |value: f32| [splat(w.simd, value); MAX_VEHICLES];
+        let mut path = [[zero; 6]; MAX_VEHICLES];
+        for (row, p) in path.iter_mut().zip(&w.p) {
+            row[0] = p.start_d;
+        }
+        let empty = || vec![[[0.0; LANES]; MAX_VEHICLES]; HISTORY];
+        Self {
+            s: w.p.map(|p| p.start_s),
+            d: w.p.map(|p| p.start_d),
+            psi: each(0.0),
+            vx: w.p.map(|p| p.start_speed),
+            vy: each(0.0),
+            r: each(0.0),
+            wheel: each(0.0),
+            trim: each(0.0),
+            accel: each(0.0),
+            a_lon: each(0.0),
+            a_lat: each(0.0),
+            crashed: each(0.0),
+            path,
+            path_time: each(1.0),
+            path_duration: each(1.0),
+            lane: w.p.map(|p| p.start_lane),
+            since_change: each(10.0),
+            indicator: each(0.0),
+            gust: each(0.0),
+            distance_error: each(0.0),
+            speed_error: each(0.0),
+            wander: each(0.0),
+            mu_fast: each(0.8),
+            mu_slow: each(0.8),
+            wind_force: each(0.0),
+            wind_moment: each(0.0),
+            tail_wind: each(0.0),
+            seen_id: [[splat(w.simd, -2.0); ROLES]; MAX_VEHICLES],
+            seen_time: [[zero; ROLES]; MAX_VEHICLES],
+            contact_partner: each(NOBODY),
+            contact_time: each(0.0),
+            contact_impulse: each(0.0),
+            contact_speed: each(0.0),
+            stage: splat(w.simd, stage::FOLLOW),
+            target: splat(w.simd, NOBODY),
+            waited: zero,
+            signalled: zero,
+            stage_time: zero,
+            attempted: zero,
+            end_step: w.q.last_step,
+            num_percepts: zero,
+            history_s: empty(),
+            history_v: empty(),
+        }
+    }
+
+    /// Velocity of vehicle `i` along and across the road [m/s].
+    #[inline(always)]
+    pub fn road_velocity(&self, i: usize) -> (V<S>, V<S>) {
+        let (sine, cosine) = sincos(self.psi[i]);
+        (self.vx[i] * cosine - self.vy[i] * sine, self.vx[i] * sine + self.vy[i] * cosine)
+    }
+}

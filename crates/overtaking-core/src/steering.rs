@@ -1,0 +1,72 @@
+//! Where in the lane to be, and the wheel angle that gets there; see `overtaking.sim.reference.steering`.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::elementary::sincos;
+use crate::lanes::{M, V, at_least, choose, clamp, clamp_to, min, splat};
+use crate::state::{State, World};
+
+/// Lay a quintic from where the path of vehicle `i` is now to the centre of another lane.
+#[inline(always)]
+pub fn begin_path<S: Simd>(state: &mut State<S>, i: usize, moved: M<S>, centre: V<S>, duration: V<S>) {
+    let (place, speed, accel) = path_now(state, i);
+    let t = duration;
+    let rest = centre - place - speed * t - 0.5 * accel * (t * t);
+    let lost = -(speed + accel * t);
+    let bend = -accel;
+    let t2 = t * t;
+    let t3 = t2 * t;
+    let c3 = (10.0 * rest - 4.0 * (lost * t) + 0.5 * (bend * t2)) / t3;
+    let c4 = (-15.0 * rest + 7.0 * (lost * t) - bend * t2) / (t3 * t);
+    let c5 = (6.0 * rest - 3.0 * (lost * t) + 0.5 * (bend * t2)) / (t3 * t2);
+    for (k, value) in [place, speed, 0.5 * accel, c3, c4, c5].into_iter().enumerate() {
+        state.path[i][k] = choose(moved, value, state.path[i][k]);
+    }
+    let zero = splat(t.simd, 0.0);
+    state.path_time[i] = choose(moved, zero, state.path_time[i]);
+    state.path_duration[i] = choose(moved, duration, state.path_duration[i]);
+    state.since_change[i] = choose(moved, zero, state.since_change[i]);
+}
+
+/// Position, velocity and acceleration of the lateral path of vehicle `i` now.
+#[inline(always)]
+pub fn path_now<S: Simd>(state: &State<S>, i: usize) -> (V<S>, V<S>, V<S>) {
+    let t = min(state.path_time[i], state.path_duration[i]);
+    let [c0, c1, c2, c3, c4, c5] = state.path[i];
+    let place = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))));
+    let speed = c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * (5.0 * c5))));
+    let accel = 2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * (20.0 * c5)));
+    (place, speed, accel)
+}
+
+/// Slowly learn the lateral acceleration that keeps the lane in a steady side wind.
+#[inline(always)]
+pub fn hold_against_wind<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize) {
+    let c = w.c;
+    let (place, _, _) = path_now(state, i);
+    let grown = state.trim[i] + c.integral_gain * (place - state.d[i]) * c.decision;
+    state.trim[i] = clamp_to(grown, -c.trim_limit, c.trim_limit);
+}
+
+/// Turn the front wheels of vehicle `i`, or lean, towards the path for one step.
+#[inline(always)]
+pub fn steer<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize) {
+    let (c, p) = (w.c, &w.p[i]);
+    let (place, speed, accel) = path_now(state, i);
+    let (sine, cosine) = sincos(state.psi[i]);
+    let sideways = state.vx[i] * sine + state.vy[i] * cosine;
+    let wanted = accel + c.velocity_gain * (speed - sideways);
+    let aim = place + c.lane_deviation * state.wander[i] - state.d[i];
+    let wanted = wanted + c.position_gain * aim + state.trim[i];
+    let wanted = clamp(wanted, -w.q.side_accel, w.q.side_accel);
+    let v = at_least(state.vx[i], c.steering_speed);
+    let angle = wanted * (p.wheelbase / (v * v) + p.understeer);
+    let angle = clamp_to(angle, -c.steering_limit, c.steering_limit);
+    let turn = (angle - state.wheel[i]) * (c.step / c.steering_lag);
+    let turn = clamp_to(turn, -c.steering_rate * c.step, c.steering_rate * c.step);
+    let lean = (wanted - state.wheel[i]) * (c.step / c.two_wheeler_lag);
+    let moved = choose(p.two_wheeler.simd_gt(0.0), state.wheel[i] + lean, state.wheel[i] + turn);
+    state.wheel[i] = choose(state.crashed[i].simd_gt(0.0), splat(w.simd, 0.0), moved);
+    state.path_time[i] = state.path_time[i] + c.step;
+}

@@ -1,0 +1,140 @@
+"""The constants of the simulation step, as float32, gathered from the knowledge base.
+
+The reference reads them from here and the engine is handed the same values, so that no number of the
+model is written twice.
+"""
+
+import dataclasses
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from overtaking.knowledge import friction_table, quantities
+
+_NAMES = {
+    "step": "model.time.step",
+    "decision": "model.time.decision",
+    "after_overtake": "model.time.after_overtake",
+    "after_collision": "model.time.after_collision",
+    "smallest_gap": "model.following.smallest_gap",
+    "jerk_up": "model.following.jerk_up",
+    "jerk_down": "model.following.jerk_down",
+    "jerk_emergency": "model.following.jerk_emergency",
+    "emergency_decel": "model.following.emergency_decel",
+    "corridor_margin": "model.lane_change.corridor_margin",
+    "footprint_margin": "model.lane_change.footprint_margin",
+    "clear_fraction": "model.lane_change.clear_fraction",
+    "cooldown": "model.lane_change.cooldown",
+    "no_passing_right_speed": "model.lane_change.no_passing_right_speed",
+    "smallest_rear_gap": "model.lane_change.smallest_rear_gap",
+    "patience_floor": "model.overtaking.patience_floor",
+    "waiting_time_gap": "model.overtaking.waiting_time_gap",
+    "accelerate_gain": "model.overtaking.accelerate_gain",
+    "abort_until": "model.overtaking.abort_until",
+    "abort_factor": "model.overtaking.abort_factor",
+    "abort_cooldown": "model.overtaking.abort_cooldown",
+    "give_up_after": "model.overtaking.give_up_after",
+    "stay_time": "model.overtaking.stay_time",
+    "clear_ahead": "model.overtaking.clear_ahead",
+    "settled_offset": "model.overtaking.settled_offset",
+    "sight_range": "model.perception.range",
+    "mirror_range": "model.perception.mirror_range",
+    "detection_growth": "model.perception.detection_growth",
+    "blind_spot": "model.perception.blind_spot",
+    "looming_threshold": "model.perception.looming_threshold",
+    "lane_deviation": "model.perception.lane_deviation",
+    "error_time": "model.perception.error_time",
+    "lane_time": "model.perception.lane_time",
+    "spray_coefficient": "weather.spray.coefficient",
+    "spray_film": "weather.spray.full_film_mm",
+    "spray_speed": "weather.spray.speed_scale",
+    "spray_reach": "weather.spray.reach",
+    "rain_speed": "weather.rain_sight.speed_scale",
+    "inverse_stop_lamp": "weather.lamps.stop",
+    "position_gain": "model.steering.position_gain",
+    "velocity_gain": "model.steering.velocity_gain",
+    "integral_gain": "model.steering.integral_gain",
+    "trim_limit": "model.steering.trim_limit",
+    "steering_lag": "model.steering.lag",
+    "steering_rate": "model.steering.rate",
+    "steering_limit": "model.steering.limit",
+    "steering_speed": "model.steering.smallest_speed",
+    "slip_speed": "model.dynamics.slip_speed",
+    "abs_share": "model.dynamics.abs_share",
+    "brake_front_share": "model.dynamics.brake_front_share",
+    "governor_band": "model.dynamics.governor_band",
+    "two_wheeler_lag": "model.dynamics.two_wheeler_lag",
+    "standstill": "model.dynamics.standstill",
+    "restitution": "model.collision.restitution",
+    "near_gap": "model.collision.near_gap",
+    "near_side": "model.collision.near_side",
+    "sliding_ratio": "friction.table.sliding_ratio",
+    "friction_floor": "friction.table.floor",
+    "truck_dry_factor": "friction.table.truck_dry_factor",
+    "truck_loss_factor": "friction.table.truck_loss_factor",
+    "turbulence_intensity": "weather.wind.turbulence_intensity",
+    "gust_length_scale": "weather.wind.length_scale",
+    "wind_angle_factor": "weather.wind.angle_factor",
+    "gust_spacing": "weather.gusts.spacing",
+    "shelter_factor": "weather.shelter.factor",
+    "shelter_reach": "weather.shelter.reach",
+    "shelter_release": "weather.shelter.release_ratio",
+    "gravity": "model.nature.gravity",
+    "half_air_density": "model.nature.air_density",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Constants:
+    """Every constant of the step; SI unless the name says otherwise.
+
+    Attributes:
+        values: Name to float32 value, in a fixed order.
+        friction_new: Peak friction of a new tyre at (speed, film) knots, shape (3, 4).
+        friction_worn: The same for a worn one.
+        friction_speeds: Speed knots [m/s].
+        friction_films: Film knots [mm].
+    """
+
+    values: dict[str, np.float32]
+    friction_new: tuple[tuple[np.float32, ...], ...]
+    friction_worn: tuple[tuple[np.float32, ...], ...]
+    friction_speeds: tuple[np.float32, ...]
+    friction_films: tuple[np.float32, ...]
+
+    def __getattr__(self, name: str) -> np.float32:
+        """The value called `name`."""
+        try:
+            return self.values[name]
+        except KeyError:
+            raise AttributeError(name) from None
+
+    def replace(self, **changes: float) -> "Constants":
+        """A copy with some values changed, for ablations; unknown names raise KeyError."""
+        unknown = set(changes) - set(self.values)
+        if unknown:
+            raise KeyError(f"constants: unknown {sorted(unknown)}")
+        values = self.values | {name: np.float32(value) for name, value in changes.items()}
+        return dataclasses.replace(self, values=values)
+
+
+@cache
+def constants() -> Constants:
+    """The constants of the model as published."""
+    files = {name: quantities(f"{name}.toml") for name in ("model", "weather", "friction")}
+    values = {}
+    for name, path in _NAMES.items():
+        file, _, key = path.partition(".")
+        values[name] = np.float32(files[file][key].number)
+    values["inverse_stop_lamp"] = np.float32(1.0) / values["inverse_stop_lamp"]
+    values["half_air_density"] = np.float32(0.5) * values["half_air_density"]
+    table = friction_table()
+    rows = lambda nested: tuple(tuple(np.float32(x) for x in row) for row in nested)  # noqa: E731
+    return Constants(
+        values=values,
+        friction_new=rows(table.new),
+        friction_worn=rows(table.worn),
+        friction_speeds=tuple(np.float32(v) for v in table.speeds),
+        friction_films=tuple(np.float32(h) for h in table.films_mm),
+    )

@@ -1,0 +1,73 @@
+"""Water on the road: from rain to a film on each wheel path."""
+
+import numpy as np
+
+from overtaking.core.elementary import F32, clamp, maximum, power
+from overtaking.knowledge import quantities
+
+
+def rain_rate(rain: F32) -> F32:
+    """Rain rate of CARLA's precipitation percentage [mm/h].
+
+    Args:
+        rain: 0 to 100 [%], any shape.
+    """
+    weather = quantities("weather.toml")
+    share = np.asarray(rain, np.float32) * np.float32(0.01)
+    scaled = power(share, np.float32(weather["rain.exponent"].number))
+    rate = np.float32(weather["rain.max_rate_mmph"].number) * scaled
+    return np.where(share > 0, rate, np.float32(0.0))
+
+
+def film_per_rain(rate: F32) -> F32:
+    """Factor A(R) of the film above the texture, film = A(R) B(L) - MTD [mm].
+
+    Source:
+        Gallaway et al. 1979, metric form.
+    """
+    weather = quantities("weather.toml")
+    number = lambda name: np.float32(weather[f"film.{name}"].number)  # noqa: E731
+    texture = power(number("texture_depth_mm"), number("texture_exponent"))
+    slope = power(number("cross_slope"), number("slope_exponent"))
+    rain = power(np.asarray(rate, np.float32), number("rate_exponent"))
+    return np.where(rate > 0, number("coefficient") * texture * rain / slope, np.float32(0.0))
+
+
+def film_per_path(path: F32) -> F32:
+    """Factor B(L) of a drainage path of `path` metres, so that outer lanes are wetter."""
+    exponent = np.float32(quantities("weather.toml")["film.path_exponent"].number)
+    return power(np.asarray(path, np.float32), exponent)
+
+
+def lane_film(least: F32, per_rain: F32, per_path: F32, texture: F32) -> F32:
+    """Film on a lane outside puddles [mm]: never below `least`, the film of any wet road."""
+    return maximum(least, per_rain * per_path - texture)
+
+
+def floor(x: F32) -> F32:
+    """Largest whole number not above `x`, |x| < 2**22."""
+    nearest = np.rint(x)
+    return np.where(nearest > x, nearest - np.float32(1.0), nearest)
+
+
+def triangle_wave(x: F32) -> F32:
+    """A wave of period 1 between 0 and 1, uniform over a period."""
+    return np.abs(np.float32(2.0) * (x - floor(x)) - np.float32(1.0))
+
+
+def puddle(s: F32, path: F32, phase_1: F32, phase_2: F32, reach: F32) -> F32:
+    """Depth of the puddle at a point, 0 to 1 of its full depth.
+
+    Two triangle waves of incommensurate length add up to a field whose share below `reach` is
+    reach**2 / 2 for reach <= 1: the share of the wheel path that is under water.
+
+    Args:
+        s: Position along the road [m].
+        path: Number of the wheel path, two to a lane.
+        phase_1: Random phase of the simulation in [0, 1).
+        phase_2: Another one.
+        reach: Threshold; sqrt(2 x covered share).
+    """
+    wave = triangle_wave(s * np.float32(1.0 / 23.0) + phase_1 + np.float32(0.618_034) * path)
+    wave = wave + triangle_wave(s * np.float32(1.0 / 37.0) + phase_2 + np.float32(0.381_966) * path)
+    return clamp((reach - wave) * np.float32(5.0), np.float32(0.0), np.float32(1.0))

@@ -1,0 +1,63 @@
+"""How hard each driver accelerates or brakes from here to the next decision."""
+
+import numpy as np
+
+from overtaking.core.elementary import F32, clamp, maximum, minimum
+from overtaking.model.trajectory import Stage
+from overtaking.model.vehicles import Role
+from overtaking.sim.parameters import Parameters
+from overtaking.sim.reference.following import iidm
+from overtaking.sim.reference.neighbours import Neighbours
+from overtaking.sim.reference.perception import Beliefs
+from overtaking.sim.reference.state import FAST_LEAD, LEAD, SLOW_LEAD, Fields, State, pick
+
+_FREE = np.float32(1e9)
+
+
+def behind_leader(state: State, given: Parameters, p: Fields, believed: Beliefs) -> F32:
+    """Acceleration behind the leader of the lane that is driven in or being entered [m/s^2]."""
+    desired = _desired_speed(state, p)
+    wanted = iidm(given.constants, p, state.vx, desired, believed.gap[LEAD], believed.closing[LEAD])
+    gain = np.where(_is_passing(state)[None, :] & (wanted > 0), given.constants.accelerate_gain, np.float32(1.0))
+    gain[1:] = np.float32(1.0)
+    return wanted * gain
+
+
+def _is_passing(state: State) -> np.ndarray:
+    return (state.stage == np.float32(Stage.PULL_OUT)) | (state.stage == np.float32(Stage.PASS))
+
+
+def _desired_speed(state: State, p: Fields) -> F32:
+    desired = p.desired_speed.copy()
+    desired[Role.EGO] = np.where(_is_passing(state), p.pass_speed[Role.EGO], desired[Role.EGO])
+    return desired
+
+
+def behind_old_leader(state: State, given: Parameters, p: Fields, near: Neighbours, believed: Beliefs) -> F32:
+    """Acceleration behind the one whose lane is being left, as long as the bodies still overlap.
+
+    Nobody brakes for a vehicle that the path clears before the gap is closed.
+    """
+    c = given.constants
+    changing = state.path_time < state.path_duration
+    to_fast = np.float32(0.5) * (near.lane_low + near.lane_high) > state.d
+    slot = np.where(to_fast, near.slot[SLOW_LEAD], near.slot[FAST_LEAD])
+    gap = np.where(to_fast, believed.gap[SLOW_LEAD], believed.gap[FAST_LEAD])
+    closing = np.where(to_fast, believed.closing[SLOW_LEAD], believed.closing[FAST_LEAD])
+    aside = np.abs(pick(state.d, slot) - state.d)
+    overlaps = aside < p.half_width + pick(p.half_width, slot) + c.footprint_margin
+    left = c.clear_fraction * state.path_duration - state.path_time
+    clears = (left > 0) & (gap > closing * left)
+    matters = changing & (slot >= 0) & overlaps & ~clears
+    wanted = iidm(c, p, state.vx, _desired_speed(state, p), gap, closing)
+    return np.where(matters, wanted, _FREE)
+
+
+def set_acceleration(state: State, given: Parameters, p: Fields, leader: F32, old_leader: F32) -> None:
+    """Move the pedals towards the wanted acceleration, within grip and jerk."""
+    c = given.constants
+    wanted = maximum(minimum(leader, old_leader), -p.hardest_decel)
+    up = np.where(state.accel < 0, c.jerk_down, c.jerk_up) * c.decision
+    down = np.where(wanted < -c.emergency_decel, c.jerk_emergency, c.jerk_down) * c.decision
+    changed = state.accel + clamp(wanted - state.accel, -down, up)
+    state.accel = np.where(state.crashed > 0, np.float32(0.0), changed)

@@ -1,0 +1,137 @@
+"""Motion of a vehicle over one step: single-track with Fiala tyres, point mass on two wheels, wreck."""
+
+import numpy as np
+
+from overtaking.core.elementary import F32, clamp, maximum, minimum, sincos
+from overtaking.physics.constants import Constants
+from overtaking.sim.reference.state import Fields, State
+
+_ONE = np.float32(1.0)
+_HALF = np.float32(0.5)
+
+
+def fiala(stiffness: F32, slope: F32, limit: F32) -> F32:
+    """Lateral force of an axle [N], against the slip.
+
+    Args:
+        stiffness: Cornering stiffness of the axle [N/rad].
+        slope: Tangent of its slip angle.
+        limit: Largest lateral force, > 0 [N].
+
+    Source:
+        Fiala 1954; the brush form in Pacejka, Tyre and Vehicle Dynamics (2012), section 3.2.
+    """
+    z = stiffness * slope / (np.float32(3.0) * limit)
+    size = np.abs(z)
+    inner = np.float32(3.0) * z - np.float32(3.0) * z * size + z * z * z
+    outer = np.where(z < 0, -_ONE, _ONE)
+    return -limit * np.where(size < _ONE, inner, outer)
+
+
+def drive_force(c: Constants, p: Fields, speed: F32, accel: F32, resistance: F32) -> F32:
+    """Force asked of the tyres for an acceleration, within engine, governor and brakes [N]."""
+    wanted = p.mass * accel + resistance
+    engine = minimum(p.launch_force, p.power / maximum(speed, _ONE))
+    throttle = clamp((p.max_speed + c.governor_band - speed) / c.governor_band, np.float32(0.0), _ONE)
+    return maximum(minimum(wanted, engine * throttle), -p.brake_force)
+
+
+def axle_forces(c: Constants, state: State, force: F32, load: F32) -> tuple[F32, F32, F32]:
+    """Longitudinal force, its imbalance and the lateral limit of one axle.
+
+    Each side transmits what its own friction allows, which turns the vehicle on split friction.
+
+    Returns:
+        Force on the axle [N], force of the slow side minus that of the fast side [N], and the lateral
+        force left by the friction circle [N].
+    """
+    half_load = _HALF * load
+    bound_fast = c.abs_share * state.mu_fast * half_load
+    bound_slow = c.abs_share * state.mu_slow * half_load
+    fast = clamp(_HALF * force, -bound_fast, bound_fast)
+    slow = clamp(_HALF * force, -bound_slow, bound_slow)
+    total = fast + slow
+    grip = (state.mu_fast + state.mu_slow) * half_load
+    left = maximum(grip * grip - total * total, _ONE)
+    return total, slow - fast, np.sqrt(left)
+
+
+def move(state: State, c: Constants, p: Fields) -> None:
+    """Advance every vehicle by one step (semi-implicit Euler)."""
+    air = state.vx - state.tail_wind
+    resistance = p.drag * air * np.abs(air) + p.rolling
+    force = drive_force(c, p, state.vx, state.accel, resistance)
+    tyre = _tyre_forces(state, c, p, force)
+    along, across, turn = _on_four_wheels(state, p, tyre, resistance)
+    lean = clamp(
+        state.wheel + state.wind_force * p.inverse_mass,
+        -c.gravity * _HALF * (state.mu_fast + state.mu_slow),
+        c.gravity * _HALF * (state.mu_fast + state.mu_slow),
+    )
+    rides = p.two_wheeler > 0
+    a_lon = np.where(rides, (tyre[0] + tyre[1] - resistance) * p.inverse_mass, along)
+    a_lat = np.where(rides, lean, across)
+    wreck_lon, wreck_lat, wreck_turn = _wreck(state, c, p)
+    wrecked = state.crashed > 0
+    state.a_lon = np.where(wrecked, wreck_lon, a_lon)
+    state.a_lat = np.where(wrecked, wreck_lat, a_lat)
+    turned = np.where(rides, lean / maximum(state.vx, c.slip_speed), state.r + c.step * turn)
+    _integrate(state, c, np.where(wrecked, state.r + wreck_turn, turned), rides & ~wrecked, wrecked)
+
+
+def _tyre_forces(state: State, c: Constants, p: Fields, force: F32) -> tuple[F32, F32, F32, F32, F32]:
+    """Longitudinal front and rear, lateral front and rear [N], and the moment of split friction [N m]."""
+    shift = state.a_lon * p.cg_height
+    front_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_rear - shift)
+    rear_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_front + shift)
+    share = np.where(force < 0, c.brake_front_share, p.front_drive)
+    front_x, front_split, front_limit = axle_forces(c, state, share * force, front_load)
+    rear_x, rear_split, rear_limit = axle_forces(c, state, (_ONE - share) * force, rear_load)
+    inverse_speed = _ONE / maximum(state.vx, c.slip_speed)
+    sine, cosine = sincos(state.wheel)
+    slip = (state.vy + p.cg_front * state.r) * inverse_speed
+    front_slope = (slip * cosine - sine) / (cosine + slip * sine)
+    rear_slope = (state.vy - p.cg_rear * state.r) * inverse_speed
+    front_y = fiala(p.front_stiffness * front_load, front_slope, front_limit)
+    rear_y = fiala(p.rear_stiffness * rear_load, rear_slope, rear_limit)
+    moment = p.half_track * (front_split + rear_split)
+    return front_x, rear_x, front_y, rear_y, moment
+
+
+def _on_four_wheels(
+    state: State, p: Fields, tyre: tuple[F32, F32, F32, F32, F32], resistance: F32
+) -> tuple[F32, F32, F32]:
+    """Accelerations along and across the vehicle and of yaw, from the tyre forces."""
+    front_x, rear_x, front_y, rear_y, moment = tyre
+    sine, cosine = sincos(state.wheel)
+    front_side = front_y * cosine + front_x * sine
+    a_lon = (front_x * cosine - front_y * sine + rear_x - resistance) * p.inverse_mass
+    a_lat = (front_side + rear_y + state.wind_force) * p.inverse_mass
+    yaw = p.cg_front * front_side - p.cg_rear * rear_y + state.wind_moment + moment
+    return a_lon, a_lat, yaw * p.inverse_inertia
+
+
+def _wreck(state: State, c: Constants, p: Fields) -> tuple[F32, F32, F32]:
+    """A wreck slides to rest with locked wheels: accelerations and change of yaw rate."""
+    friction = c.sliding_ratio * c.gravity * _HALF * (state.mu_fast + state.mu_slow)
+    speed = np.sqrt(state.vx * state.vx + state.vy * state.vy)
+    share = minimum(friction, speed / c.step) / maximum(speed, np.float32(1e-3))
+    spin = friction * p.mass * p.inverse_inertia * _HALF * p.wheelbase * c.step
+    return -share * state.vx, -share * state.vy, -clamp(state.r, -spin, spin)
+
+
+def _integrate(state: State, c: Constants, r: F32, rides: np.ndarray, wrecked: np.ndarray) -> None:
+    """New velocity, then new position with it."""
+    vx = state.vx + c.step * (state.a_lon + np.where(rides, np.float32(0.0), state.vy * state.r))
+    vy = state.vy + c.step * (state.a_lat - state.vx * state.r)
+    vy = np.where(rides, np.float32(0.0), vy)
+    stands = ~wrecked & (vx < c.standstill) & (state.accel <= 0)
+    vx = np.where(wrecked, vx, maximum(vx, np.float32(0.0)))
+    vx = np.where(stands, np.float32(0.0), vx)
+    state.vx = vx
+    state.vy = np.where(stands, np.float32(0.0), vy)
+    state.r = np.where(stands, np.float32(0.0), r)
+    state.psi = state.psi + c.step * state.r
+    sine, cosine = sincos(state.psi)
+    state.s = state.s + c.step * (state.vx * cosine - state.vy * sine)
+    state.d = state.d + c.step * (state.vx * sine + state.vy * cosine)

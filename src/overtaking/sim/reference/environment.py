@@ -1,0 +1,106 @@
+"""What the weather does to each vehicle at a decision: friction under its wheels, wind on its side."""
+
+import numpy as np
+
+from overtaking.core.elementary import F32, atan, clamp, exp, maximum, minimum, sincos
+from overtaking.core.philox import Stream, uniform, words
+from overtaking.physics import film, friction
+from overtaking.sim.parameters import Parameters
+from overtaking.sim.reference.state import Fields, State
+
+_ROOT_3 = np.float32(1.732_050_8)
+
+
+def _relaxed(process: F32, keep: F32, word: F32) -> F32:
+    """One step of an Ornstein-Uhlenbeck process of unit variance with uniform innovations.
+
+    Over a correlation time of dozens of steps the sum of the innovations is normal to within 2 % in
+    kurtosis (Berry-Esseen), and a uniform number is a single word.
+    """
+    innovation = _ROOT_3 * (np.float32(2.0) * word - np.float32(1.0))
+    return keep * process + np.sqrt(np.float32(1.0) - keep * keep) * innovation
+
+
+def move_random_processes(state: State, given: Parameters, q: Fields, decision: int) -> None:
+    """Advance gusts, errors of judgement and wander in the lane by one decision."""
+    c = given.constants
+    slots = np.arange(state.s.shape[0], dtype=np.uint32)[:, None] + np.uint32(Stream.MOTION)
+    draw = [uniform(word) for word in words(given.seed, given.index[None, :], slots, decision)]
+    along = state.vx - q.wind_along
+    air_speed = np.sqrt(along * along + q.wind_across * q.wind_across)
+    keep = exp(-(air_speed * c.decision) / c.gust_length_scale)
+    state.gust = _relaxed(state.gust, keep, draw[0])
+    keep_error = exp(-c.decision / c.error_time)
+    state.distance_error = _relaxed(state.distance_error, keep_error, draw[1])
+    state.speed_error = _relaxed(state.speed_error, keep_error, draw[2])
+    state.wander = _relaxed(state.wander, exp(-c.decision / c.lane_time), draw[3])
+
+
+def lane_value(values: F32, lane: F32, count: int) -> F32:
+    """`values[lane]` for whole-number lanes, the first or last value outside 0 to count - 1."""
+    chosen = np.zeros_like(lane) + values[0]
+    for k in range(1, count):
+        chosen = np.where(lane >= np.float32(k), values[k], chosen)
+    return chosen
+
+
+def grip(state: State, given: Parameters, p: Fields, q: Fields) -> None:
+    """Friction under the wheels of either side."""
+    c, road = given.constants, given.road
+    lane = np.zeros_like(state.d)
+    for k in range(1, road.num_lanes):
+        lane = np.where(state.d >= road.boundaries[k], np.float32(k), lane)
+    path = lane_value(road.film_path, lane, road.num_lanes)
+    water = film.lane_film(q.least_film, q.film_rain, path, q.texture)
+    columns = friction.speed_columns(c, state.vx, p.wear, p.truck)
+    width = (road.boundaries[road.num_lanes] - road.boundaries[0]) / np.float32(2 * road.num_lanes)
+    sides = []
+    for offset in (p.half_track, -p.half_track):
+        wheel_path = film.floor((state.d + offset - road.boundaries[0]) / width)
+        depth = film.puddle(state.s, wheel_path, q.puddle_phase_1, q.puddle_phase_2, q.puddle_reach)
+        sides.append(friction.at_film(c, columns, water + q.puddle_film * depth))
+    state.mu_fast, state.mu_slow = sides
+
+
+def shelter(state: State, given: Parameters, p: Fields, q: Fields) -> F32:
+    """Share of the side wind left beside high-sided vehicles upwind, (vehicle, simulation)."""
+    c = given.constants
+    share = np.ones_like(state.s)
+    one = np.float32(1.0)
+    for j in range(state.s.shape[0]):
+        beyond = np.abs(state.s - state.s[j]) - p.half_length[j]
+        u = clamp(beyond / (c.shelter_release * np.float32(2.0) * p.half_length[j]), np.float32(0.0), one)
+        open_share = c.shelter_factor + (one - c.shelter_factor) * (u * u * (np.float32(3.0) - np.float32(2.0) * u))
+        aside = state.d - state.d[j]
+        reach = c.shelter_reach + p.half_width + p.half_width[j]
+        upwind = aside * q.wind_across > 0
+        beside = (p.shelters[j] > 0) & (p.valid[j] > 0) & upwind & (np.abs(aside) < reach)
+        beside[j] = False
+        share = np.where(beside, minimum(share, open_share), share)
+    return share
+
+
+def gust_bump(state: State, given: Parameters, q: Fields) -> F32:
+    """The discrete gusts of bridges and cuttings, 0 to 1: one every `gust_spacing`, 1 - cos shaped."""
+    c = given.constants
+    cell = state.s / c.gust_spacing + q.gust_phase
+    inside = (cell - film.floor(cell)) * c.gust_spacing / q.gust_length
+    _, cosine = sincos(np.float32(6.283_185_5) * minimum(inside, np.float32(1.0)))
+    return np.where(inside < np.float32(1.0), np.float32(0.5) - np.float32(0.5) * cosine, np.float32(0.0))
+
+
+def wind(state: State, given: Parameters, p: Fields, q: Fields) -> None:
+    """Side force, yaw moment and tail wind of each vehicle."""
+    c = given.constants
+    one = np.float32(1.0)
+    strength = one + c.turbulence_intensity * state.gust + q.gust_gain * gust_bump(state, given, q)
+    strength = maximum(strength, np.float32(0.0))
+    across = q.wind_across * strength * shelter(state, given, p, q)
+    state.tail_wind = q.wind_along * strength
+    along = maximum(state.vx - state.tail_wind, one)
+    angle = atan(np.abs(across) / along)
+    sine, _ = sincos(minimum(c.wind_angle_factor * angle, np.float32(1.570_796_3)))
+    force = p.side_wind * (along * along + across * across) * sine
+    state.wind_force = np.where(across < 0, -force, force)
+    cosine = along / np.sqrt(along * along + across * across)
+    state.wind_moment = state.wind_force * (p.wind_centre * cosine + p.wind_arm)

@@ -1,0 +1,86 @@
+"""Lane changes of everybody but the ego."""
+
+import numpy as np
+
+from overtaking.core.elementary import F32, Mask, minimum
+from overtaking.model.vehicles import Role
+from overtaking.sim.parameters import Parameters
+from overtaking.sim.reference.following import forced_braking, iidm
+from overtaking.sim.reference.neighbours import Neighbours, lane_borders
+from overtaking.sim.reference.perception import Beliefs, swap_roles
+from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, Fields, State
+from overtaking.sim.reference.steering import begin_path
+
+INTERVAL = 4
+"""Lane changes are considered at every fourth decision."""
+
+
+def imposed(given: Parameters, p: Fields, speed: F32, gap: F32, closing: F32) -> F32:
+    """Acceleration that a vehicle in front imposes on a follower, judged by the driver's own standard."""
+    return forced_braking(given.constants, p, speed + closing, gap, closing, p.time_gap)
+
+
+def incentives(state: State, given: Parameters, p: Fields, believed: Beliefs, own: F32) -> tuple[F32, F32]:
+    """MOBIL's incentive to change to the fast and to the slow side, minus the politeness owed [m/s^2].
+
+    European rule: to the fast side only the new follower counts, to the slow side the old one; above
+    60 km/h nobody expects to be faster than the traffic on the fast side (no passing on the slow side).
+
+    Source:
+        Kesting, Treiber, Helbing 2007, equations 10 to 13.
+    """
+    c = given.constants
+    v, gap, closing = state.vx, believed.gap, believed.closing
+    fast = iidm(c, p, v, p.desired_speed, gap[FAST_LEAD], closing[FAST_LEAD])
+    slow = iidm(c, p, v, p.desired_speed, gap[SLOW_LEAD], closing[SLOW_LEAD])
+    no_passing = v > c.no_passing_right_speed
+    here = np.where(no_passing, minimum(own, fast), own)
+    there = np.where(no_passing, minimum(slow, own), slow)
+    body = np.float32(2.0) * p.half_length
+    after = imposed(given, p, v, gap[FAST_REAR], closing[FAST_REAR])
+    open_gap = gap[FAST_REAR] + gap[FAST_LEAD] + body
+    before = imposed(given, p, v - closing[FAST_LEAD], open_gap, closing[FAST_REAR] + closing[FAST_LEAD])
+    relieved_gap = gap[REAR] + gap[LEAD] + body
+    now = imposed(given, p, v, gap[REAR], closing[REAR])
+    relieved = imposed(given, p, v - closing[LEAD], relieved_gap, closing[REAR] + closing[LEAD])
+    to_fast = fast - here + p.politeness * (after - before) - p.bias
+    to_slow = there - own + p.politeness * (relieved - now) + p.bias
+    return to_fast, to_slow
+
+
+def is_safe(state: State, given: Parameters, p: Fields, believed: Beliefs, front: int, rear: int) -> Mask:
+    """Whether a lane change endangers neither the driver nor the new follower."""
+    c = given.constants
+    v, gap, closing = state.vx, believed.gap, believed.closing
+    braking = imposed(given, p, v, gap[rear], closing[rear])
+    own = forced_braking(c, p, v, gap[front], closing[front], p.time_gap)
+    room = (gap[rear] > c.smallest_rear_gap) & (gap[front] > c.smallest_rear_gap)
+    return room & (braking >= -p.safe_decel) & (own >= -p.safe_decel)
+
+
+def change_lanes(state: State, given: Parameters, p: Fields, near: Neighbours, believed: Beliefs, own: F32) -> None:
+    """Let everybody but the ego change lanes where it pays and is safe."""
+    c, road = given.constants, given.road
+    to_fast, to_slow = incentives(state, given, p, believed, own)
+    ready = (state.path_time >= state.path_duration) & (state.since_change >= c.cooldown)
+    ready = ready & (state.crashed == 0) & (p.valid > 0)
+    ready[Role.EGO] = False
+    exists_fast = state.lane < np.float32(road.num_lanes - 1)
+    exists_slow = state.lane >= np.float32(1.0)
+    fast = ready & exists_fast & (to_fast > p.threshold) & is_safe(state, given, p, believed, FAST_LEAD, FAST_REAR)
+    slow = ready & exists_slow & (to_slow > p.threshold) & is_safe(state, given, p, believed, SLOW_LEAD, SLOW_REAR)
+    slow = slow & ~fast
+    turn_to_lane(state, given, p, fast, slow)
+    done = state.path_time >= state.path_duration
+    state.indicator[1:] = np.where(done[1:], np.float32(0.0), state.indicator[1:])
+
+
+def turn_to_lane(state: State, given: Parameters, p: Fields, fast: Mask, slow: Mask) -> None:
+    """Begin a lane change of the masked vehicles, with the indicator where it is used."""
+    step = np.where(fast, np.float32(1.0), np.float32(0.0)) - np.where(slow, np.float32(1.0), np.float32(0.0))
+    state.lane = state.lane + step
+    low, high = lane_borders(state, given, 0.0)
+    begin_path(state, fast | slow, np.float32(0.5) * (low + high), p.lane_change_duration)
+    state.indicator = np.where(fast | slow, step * p.uses_indicator, state.indicator)
+    swap_roles(state, fast, towards_fast=True)
+    swap_roles(state, slow, towards_fast=False)

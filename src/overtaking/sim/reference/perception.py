@@ -1,0 +1,164 @@
+"""What each driver believes about the neighbours: seen or not, how far, how fast."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from overtaking.core.elementary import F32, Mask, exp, maximum, minimum
+from overtaking.physics import film
+from overtaking.sim.parameters import Parameters
+from overtaking.sim.reference.environment import lane_value
+from overtaking.sim.reference.neighbours import Neighbours
+from overtaking.sim.reference.state import HISTORY, LEAD, Fields, State, pick, road_velocity
+
+UNSEEN_GAP = np.float32(1000.0)
+"""Gap that a driver assumes where nobody was noticed [m]."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Beliefs:
+    """What drivers act on; every array has shape (role, vehicle, simulation).
+
+    Attributes:
+        detected: Whether the neighbour was noticed.
+        gap: Believed gap, `UNSEEN_GAP` where nobody was noticed [m].
+        closing: Believed speed of approach, positive when the gap shrinks, 0 where nobody was noticed [m/s].
+    """
+
+    detected: Mask
+    gap: F32
+    closing: F32
+
+
+def remember(state: State, decision: int) -> None:
+    """Write down where everybody is now, to be seen after a reaction time."""
+    along, _ = road_velocity(state)
+    state.history_s[decision % HISTORY] = state.s
+    state.history_v[decision % HISTORY] = along
+
+
+def optical_depth(
+    state: State, given: Parameters, p: Fields, q: Fields, near: Neighbours
+) -> tuple[F32, F32]:
+    """Extinction per metre around each driver and that of the spray ahead, (vehicle, simulation)."""
+    c = given.constants
+    air = q.fog_extinction + q.rain_extinction * (np.float32(1.0) + state.vx / c.rain_speed)
+    path = lane_value(given.road.film_path, state.lane, given.road.num_lanes)
+    water = film.lane_film(q.least_film, q.film_rain, path, q.texture)
+    lead = near.slot[LEAD]
+    speed = pick(state.vx, lead) / c.spray_speed
+    wetness = minimum(water / c.spray_film, np.float32(1.0))
+    spray = c.spray_coefficient * wetness * (speed * speed) * pick(p.spray, lead)
+    close = (lead >= 0) & (near.gap[LEAD] < c.spray_reach)
+    return air, np.where(close, spray, np.float32(0.0))
+
+
+def is_hidden(state: State, p: Fields, near: Neighbours, role: int) -> Mask:
+    """Whether a high leader stands between a driver and the neighbour ahead in `role`."""
+    lead, other = near.slot[LEAD], near.slot[role]
+    reach = maximum(pick(state.s, lead) - pick(p.half_length, lead) - state.s, np.float32(0.1))
+    distance = pick(state.s, other) - state.s
+    aside = pick(state.d, other) - state.d
+    crossing = aside * (reach / maximum(distance, np.float32(0.1)))
+    offset = np.abs(crossing - (pick(state.d, lead) - state.d))
+    blocked = (distance > reach) & (offset < pick(p.half_width, lead)) & (other != lead)
+    return (lead >= 0) & (pick(p.tall, lead) > 0) & blocked
+
+
+def strain(
+    state: State, given: Parameters, p: Fields, q: Fields, near: Neighbours, role: int, depths: tuple[F32, F32]
+) -> F32:
+    """How close to the limit of sight a neighbour is: below 1 it can be seen.
+
+    By contrast the value is the distance over the range of sight (Koschmieder), by lamps the root of
+    threshold over illuminance (Allard), which in clear air is the distance over the range as well.
+    """
+    c = given.constants
+    is_front = role % 2 == 0
+    slot = near.slot[role]
+    distance = maximum(near.gap[role], np.float32(1.0))
+    depth = depths[0] * distance
+    if is_front:
+        depth = depth + depths[1] * minimum(distance, c.spray_reach)
+    sensitivity = q.sight_front if is_front else q.sight_rear
+    by_contrast = depth / maximum(pick(p.contrast, slot) + sensitivity, np.float32(1e-3))
+    by_contrast = maximum(by_contrast, distance * q.inverse_lit_range)
+    if is_front:
+        braking = pick(state.accel, slot) < np.float32(-0.5)
+        lamp = pick(p.inverse_tail_lamp, slot)
+        lamp = np.where(braking, minimum(lamp, c.inverse_stop_lamp), lamp)
+    else:
+        lamp = pick(p.inverse_head_lamp, slot)
+    by_lamp = np.sqrt(distance * distance * (q.lamp_threshold * lamp) * exp(depth))
+    return minimum(by_contrast, by_lamp)
+
+
+def notice(
+    state: State, given: Parameters, p: Fields, q: Fields, near: Neighbours, role: int, depths: tuple[F32, F32]
+) -> Mask:
+    """Whether each driver has noticed the neighbour in `role`; advances the time in view."""
+    c = given.constants
+    slot, gap = near.slot[role], near.gap[role]
+    effort = strain(state, given, p, q, near, role, depths)
+    reach = c.sight_range if role % 2 == 0 else c.mirror_range
+    visible = (slot >= 0) & (effort <= np.float32(1.0)) & (gap < reach)
+    if role % 2 == 0:
+        visible = visible & ~is_hidden(state, p, near, role)
+    if role >= 2:
+        blind = (gap < c.blind_spot) & (p.checks_blind_spot == 0)
+        if role % 2 == 0:
+            blind = blind & (gap < 0)
+        visible = visible & ~blind
+    same = slot == state.seen_id[role]
+    first = state.seen_id[role] < np.float32(-1.5)
+    longer = np.where(same, state.seen_time[role] + c.decision, np.float32(0.0))
+    longer = np.where(first, np.float32(10.0), longer)
+    state.seen_time[role] = np.where(visible, longer, np.float32(0.0))
+    state.seen_id[role] = slot
+    needed = q.detection_time * (np.float32(1.0) + c.detection_growth * (effort * effort * effort))
+    return visible & (state.seen_time[role] >= needed)
+
+
+def perceive(state: State, given: Parameters, p: Fields, q: Fields, near: Neighbours, decision: int) -> Beliefs:
+    """What each driver believes about the six neighbours.
+
+    Others are seen as they were a reaction time ago and carried on at constant speed, as in the human
+    driver model of Treiber, Kesting and Helbing (2006); their distance is misjudged by a slowly
+    varying factor and their approach is noticed only above the threshold of looming.
+    """
+    c = given.constants
+    depths = optical_depth(state, given, p, q, near)
+    then = maximum(np.float32(decision) - p.reaction_ticks, np.float32(0.0))
+    elapsed = (np.float32(decision) - then) * c.decision
+    row = (then.astype(np.int64)) % HISTORY
+    column = np.arange(state.s.shape[1])
+    own_speed, _ = road_velocity(state)
+    judged = exp(q.distance_error * state.distance_error)
+    detected, gaps, closings = [], [], []
+    for role in range(6):
+        slot = near.slot[role]
+        noticed = notice(state, given, p, q, near, role, depths)
+        who = slot.astype(np.int64).clip(0)
+        speed = state.history_v[row, who, column]
+        place = state.history_s[row, who, column] + speed * elapsed
+        ahead = place - state.s if role % 2 == 0 else state.s - place
+        gap = ahead - (pick(p.half_length, slot) + p.half_length)
+        closing = own_speed - speed if role % 2 == 0 else speed - own_speed
+        distance = maximum(gap, np.float32(1.0))
+        looming = pick(p.loom_width, slot) * np.abs(closing) > c.looming_threshold * (distance * distance)
+        sensed = closing * (np.float32(1.0) + q.speed_error * state.speed_error)
+        detected.append(noticed)
+        gaps.append(np.where(noticed, gap * judged, UNSEEN_GAP))
+        closings.append(np.where(noticed & looming, sensed, np.float32(0.0)))
+    return Beliefs(detected=np.stack(detected), gap=np.stack(gaps), closing=np.stack(closings))
+
+
+def swap_roles(state: State, moved: Mask, towards_fast: bool) -> None:
+    """After a decision to change lanes the same neighbours appear in other roles; keep the time in view."""
+    order = [2, 3, -1, -1, 0, 1] if towards_fast else [4, 5, 0, 1, -1, -1]
+    ids, times = state.seen_id.copy(), state.seen_time.copy()
+    for role, source in enumerate(order):
+        new_id = ids[source] if source >= 0 else np.full_like(ids[0], np.float32(-1.0))
+        new_time = times[source] if source >= 0 else np.zeros_like(times[0])
+        state.seen_id[role] = np.where(moved, new_id, ids[role])
+        state.seen_time[role] = np.where(moved, new_time, times[role])

@@ -1,0 +1,182 @@
+"""Rounding once: from the state to recorded integers, and the hash over them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import F32, Mask, clamp
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import NO_VEHICLE, Contacts, DecisionKind, Lights, Percepts, States, Trajectories
+from overtaking.model.vehicles import Role
+from overtaking.sim.parameters import Parameters
+from overtaking.sim.reference.neighbours import Neighbours
+from overtaking.sim.reference.perception import Beliefs
+from overtaking.sim.reference.state import Fields, State, pick, road_velocity
+
+MAX_PERCEPTS = 4
+"""Decisions of the ego that are written down for a simulation."""
+
+_INT16_LIMIT = np.float32(32767.0)
+_INT32_LIMIT = np.float32(2.0e9)
+_THOUSAND = np.float32(1000.0)
+_TEN_THOUSAND = np.float32(10000.0)
+
+_PRIME_1, _PRIME_2, _PRIME_3 = np.uint32(2654435761), np.uint32(2246822519), np.uint32(3266489917)
+
+
+def rounded(value: F32, scale: np.float32, limit: np.float32 = _INT32_LIMIT) -> NDArray[np.int32]:
+    """`value` in steps of 1 / `scale`, half to even, clamped."""
+    return np.rint(clamp(value * scale, -limit, limit)).astype(np.int32)
+
+
+def wrapped(angle: F32) -> F32:
+    """`angle` in (-pi, pi]."""
+    turns = np.rint(angle * np.float32(0.159_154_94))
+    return angle - turns * np.float32(6.283_185_5)
+
+
+class Recorder:
+    """Collects the recorded integers of a batch and hashes them."""
+
+    def __init__(self, scenario: Scenario, given: Parameters) -> None:
+        """Make room for the longest simulation."""
+        n, slots, frames = scenario.num_simulations, scenario.num_slots, given.num_frames
+        wide = lambda: np.zeros((n, slots, frames), np.int32)  # noqa: E731
+        half = lambda: np.zeros((n, slots, frames), np.int16)  # noqa: E731
+        byte = lambda: np.zeros((n, slots, frames), np.uint8)  # noqa: E731
+        self.states = States(
+            x=wide(), y=wide(), s=wide(), d=wide(), speed=wide(), heading=half(), wheel_angle=half(),
+            accel_lon=half(), accel_lat=half(), yaw_rate=half(), lane=byte(), lights=byte(),
+        )  # fmt: skip
+        self.stage = np.zeros((n, frames), np.uint8)
+        self.collided_with = np.full((n, frames), NO_VEHICLE)
+        self.num_frames = np.zeros(n, np.int32)
+        triple = (n, MAX_PERCEPTS, 3)
+        self.beliefs = Percepts(
+            valid=np.zeros(triple[:2], bool), kind=np.zeros(triple[:2], np.uint8), time=np.zeros(triple[:2], np.int32),
+            vehicle=np.full(triple, NO_VEHICLE), detected=np.zeros(triple, bool), gap=np.zeros(triple, np.int32),
+            closing_speed=np.zeros(triple, np.int32), true_gap=np.zeros(triple, np.int32),
+            true_closing_speed=np.zeros(triple, np.int32),
+        )  # fmt: skip
+        self.scenario, self.given = scenario, given
+        start = (_PRIME_1 + _PRIME_2, _PRIME_2, np.uint32(0), np.uint32(0) - _PRIME_1)
+        self.hash = np.stack([np.full(n, word, np.uint32) for word in start])
+
+    def frame(self, state: State, p: Fields, active: Mask, number: int) -> None:
+        """Write down one frame of the simulations that still run."""
+        filled = p.valid > 0
+        values = {name: np.where(filled, value, np.int32(0)) for name, value in self._values(state, p).items()}
+        for name, recorded in values.items():
+            rows = getattr(self.states, name)
+            rows[active, :, number] = recorded.T[active].astype(rows.dtype)
+        stage = state.stage.astype(np.int32)
+        partner = np.where(state.contact_partner[Role.EGO] < 0, np.int32(NO_VEHICLE), state.contact_partner[Role.EGO].astype(np.int32))
+        self.stage[active, number] = stage[active]
+        self.collided_with[active, number] = partner[active]
+        self.num_frames[active] = number + 1
+        for i in range(len(p.valid)):
+            words = [recorded[i] for recorded in values.values()]
+            for k in range(0, len(words), 4):
+                self._mix(words[k : k + 4], active & (p.valid[i] > 0))
+        zero = np.zeros_like(stage)
+        self._mix([stage, partner, zero + np.int32(number), zero], active)
+
+    def _values(self, state: State, p: Fields) -> dict[str, NDArray[np.int32]]:
+        road, side = self.given.road, self.given.road.side
+        d = side * state.d
+        lane = np.full(d.shape, np.int32(255))
+        for k in range(road.num_lanes + 1):
+            lane = np.where(state.d >= road.boundaries[k], np.int32(k), lane)
+        return {
+            "x": rounded(road.x0 + state.s * road.cosine - d * road.sine, _THOUSAND),
+            "y": rounded(road.y0 + state.s * road.sine + d * road.cosine, _THOUSAND),
+            "s": rounded(state.s, _THOUSAND),
+            "d": rounded(d, _THOUSAND),
+            "speed": rounded(np.sqrt(state.vx * state.vx + state.vy * state.vy), _THOUSAND),
+            "heading": rounded(wrapped(road.heading + side * state.psi), _TEN_THOUSAND, _INT16_LIMIT),
+            "wheel_angle": rounded(side * np.where(p.two_wheeler > 0, np.float32(0.0), state.wheel), _TEN_THOUSAND, _INT16_LIMIT),
+            "accel_lon": rounded(state.a_lon, _THOUSAND, _INT16_LIMIT),
+            "accel_lat": rounded(side * state.a_lat, _THOUSAND, _INT16_LIMIT),
+            "yaw_rate": rounded(side * state.r, _TEN_THOUSAND, _INT16_LIMIT),
+            "lane": lane,
+            "lights": self._lights(state, p),
+        }
+
+    def _lights(self, state: State, p: Fields) -> NDArray[np.int32]:
+        towards_left = self.given.road.side * state.indicator
+        left = np.where(towards_left > 0, np.int32(Lights.INDICATOR_LEFT), np.int32(0))
+        right = np.where(towards_left < 0, np.int32(Lights.INDICATOR_RIGHT), np.int32(0))
+        braking = (state.accel < np.float32(-0.5)) | (state.crashed > 0)
+        return p.lights.astype(np.int32) + left + right + np.where(braking, np.int32(Lights.BRAKE), np.int32(0))
+
+    def percepts(
+        self, state: State, near: Neighbours, believed: Beliefs, mask: Mask, kind: DecisionKind,
+        roles: tuple[int, int, int], step: int,
+    ) -> None:  # fmt: skip
+        """Write down what the ego believed at a decision, as long as there is room."""
+        mask = mask & (state.num_percepts < MAX_PERCEPTS) & (np.float32(step) <= state.end_step)
+        rows = np.flatnonzero(mask)
+        if not len(rows):
+            return
+        at = state.num_percepts[rows].astype(np.int64)
+        b = self.beliefs
+        b.valid[rows, at], b.kind[rows, at], b.time[rows, at] = True, np.uint8(kind), np.int32(step * 10)
+        speed, _ = road_velocity(state)
+        for column, role in enumerate(roles):
+            slot = near.slot[role, Role.EGO]
+            nobody = slot < 0
+            closing = speed[Role.EGO] - pick(speed, slot) if role % 2 == 0 else pick(speed, slot) - speed[Role.EGO]
+            value = {
+                "vehicle": np.where(nobody, np.int32(NO_VEHICLE), slot.astype(np.int32)),
+                "detected": believed.detected[role, Role.EGO],
+                "gap": rounded(believed.gap[role, Role.EGO], _THOUSAND),
+                "closing_speed": rounded(believed.closing[role, Role.EGO], _THOUSAND),
+                "true_gap": np.where(nobody, np.int32(0), rounded(near.gap[role, Role.EGO], _THOUSAND)),
+                "true_closing_speed": np.where(nobody, np.int32(0), rounded(closing, _THOUSAND)),
+            }
+            for name, numbers in value.items():
+                array = getattr(b, name)
+                array[rows, at, column] = numbers[rows].astype(array.dtype)
+        state.num_percepts = np.where(mask, state.num_percepts + np.float32(1.0), state.num_percepts)
+
+    def _mix(self, words: list[NDArray[np.int32]], mask: Mask) -> None:
+        """One round of the hash: four words into four accumulators (xxHash32's round, Collet 2012)."""
+        for k, word in enumerate(words):
+            mixed = self.hash[k] + word.astype(np.uint32) * _PRIME_2
+            mixed = ((mixed << np.uint32(13)) | (mixed >> np.uint32(19))) * _PRIME_1
+            self.hash[k] = np.where(mask, mixed, self.hash[k])
+
+    def finish(self, state: State) -> Trajectories:
+        """The recorded batch, trimmed to its longest simulation, with contacts and hashes."""
+        contacts = Contacts(
+            partner=np.where(state.contact_partner < 0, np.float32(255.0), state.contact_partner).T.astype(np.uint8),
+            time=rounded(state.contact_time, _THOUSAND).T.copy(),
+            impulse=rounded(state.contact_impulse, np.float32(1.0)).T.copy(),
+            closing_speed=rounded(state.contact_speed, _THOUSAND).T.copy(),
+        )
+        everyone = np.ones(len(self.num_frames), bool)
+        for i in range(contacts.partner.shape[1]):
+            row = (contacts.partner, contacts.time, contacts.impulse, contacts.closing_speed)
+            self._mix([array[:, i].astype(np.int32) for array in row], everyone)
+        b = self.beliefs
+        for k in range(MAX_PERCEPTS):
+            words = [b.kind[:, k], b.time[:, k]]
+            for column in range(3):
+                words += [b.vehicle[:, k, column], b.detected[:, k, column], b.gap[:, k, column]]
+                words += [b.closing_speed[:, k, column], b.true_gap[:, k, column], b.true_closing_speed[:, k, column]]
+            for at in range(0, len(words), 4):
+                self._mix([word.astype(np.int32) for word in words[at : at + 4]], b.valid[:, k])
+        longest = int(self.num_frames.max()) if len(self.num_frames) else 0
+        trimmed = {name: getattr(self.states, name)[:, :, :longest] for name in States.__slots__}
+        return Trajectories(
+            scenario=self.scenario, num_frames=self.num_frames, states=States(**trimmed), stage=self.stage[:, :longest],
+            collided_with=self.collided_with[:, :longest], contacts=contacts, percepts=b, trace_hash=self._digest(),
+        )  # fmt: skip
+
+    def _digest(self) -> NDArray[np.uint32]:
+        words = []
+        for k in range(4):
+            word = self.hash[k] + ((self.hash[(k + 1) % 4] << np.uint32(7)) | (self.hash[(k + 1) % 4] >> np.uint32(25)))
+            word = (word ^ (word >> np.uint32(15))) * _PRIME_2
+            word = (word ^ (word >> np.uint32(13))) * _PRIME_3
+            words.append(word ^ (word >> np.uint32(16)))
+        return np.stack(words, axis=1)

@@ -1,0 +1,86 @@
+"""The loop over time."""
+
+import numpy as np
+
+from overtaking.core.elementary import minimum
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import Stage, Trajectories
+from overtaking.model.vehicles import Role
+from overtaking.sim.parameters import SIMULATION_FIELDS, SUBSTEPS, VEHICLE_FIELDS, Parameters, parameters
+from overtaking.sim.reference import collisions, control, dynamics, ego, environment, mobil, perception, steering
+from overtaking.sim.reference.neighbours import find_neighbours
+from overtaking.sim.reference.recording import Recorder
+from overtaking.sim.reference.state import Fields, State, initial_state
+
+Pairs = dict[tuple[int, int], np.ndarray]
+
+
+def simulate(scenario: Scenario) -> Trajectories:
+    """Simulate a batch with the readable twin of the engine.
+
+    Args:
+        scenario: A batch of scenarios.
+
+    Returns:
+        The recorded batch; equal to the engine's, bit for bit.
+    """
+    return run(scenario, parameters(scenario))
+
+
+def run(scenario: Scenario, given: Parameters, later: Parameters | None = None, switch: int = 0) -> Trajectories:
+    """Simulate a batch from its parameters; from step `switch` on with the parameters `later`."""
+    state = initial_state(given)
+    recorder = Recorder(scenario, given)
+    p, q = Fields(VEHICLE_FIELDS, given.vehicle), Fields(SIMULATION_FIELDS, given.simulation)
+    pairs: Pairs = {}
+    step = 0
+    while (np.float32(step) <= state.end_step).any():
+        if later is not None and step == switch:
+            given, p, q = later, Fields(VEHICLE_FIELDS, later.vehicle), Fields(SIMULATION_FIELDS, later.simulation)
+        if step % SUBSTEPS == 0:
+            pairs = decide(state, given, p, q, recorder, step)
+        if step % given.record_every == 0:
+            recorder.frame(state, p, np.float32(step) <= state.end_step, step // given.record_every)
+        advance(state, given, p, q, pairs, step)
+        step += 1
+    return recorder.finish(state)
+
+
+def decide(state: State, given: Parameters, p: Fields, q: Fields, recorder: Recorder, step: int) -> Pairs:
+    """Everything that happens 20 times a second: weather, perception, decisions."""
+    c = given.constants
+    decision = step // SUBSTEPS
+    state.since_change = state.since_change + c.decision
+    perception.remember(state, decision)
+    environment.move_random_processes(state, given, q, decision)
+    environment.grip(state, given, p, q)
+    environment.wind(state, given, p, q)
+    if step == 0:
+        steady = state.wind_force * p.inverse_mass
+        state.trim = np.where(steady > c.trim_limit, -c.trim_limit, np.where(steady < -c.trim_limit, c.trim_limit, -steady))
+    steering.hold_against_wind(state, c)
+    near = find_neighbours(state, given, p)
+    believed = perception.perceive(state, given, p, q, near, decision)
+    leader = control.behind_leader(state, given, p, believed)
+    old_leader = control.behind_old_leader(state, given, p, near, believed)
+    control.set_acceleration(state, given, p, leader, old_leader)
+    if decision % mobil.INTERVAL == 0:
+        mobil.change_lanes(state, given, p, near, believed, leader)
+    ego.decide(state, given, p, q, near, believed, recorder, step)
+    count = len(p.valid)
+    every = [(i, j) for i in range(count) for j in range(i + 1, count)]
+    return {(i, j): collisions.is_near(state, c, p, i, j) for i, j in every}
+
+
+def advance(state: State, given: Parameters, p: Fields, q: Fields, pairs: Pairs, step: int) -> None:
+    """One step of 10 ms: steer, move, collide."""
+    c = given.constants
+    before = (state.s.copy(), state.d.copy())
+    steering.steer(state, c, p, q.side_accel)
+    dynamics.move(state, c, p)
+    was_sound = state.crashed[Role.EGO] == 0
+    collisions.collide(state, c, p, pairs, before, step)
+    hit = was_sound & (state.crashed[Role.EGO] > 0)
+    state.stage = np.where(hit, np.float32(Stage.CRASHED), state.stage)
+    after = np.float32(step) + np.rint(c.after_collision / c.step)
+    state.end_step = np.where(hit, minimum(state.end_step, after), state.end_step)

@@ -1,0 +1,149 @@
+"""The state of a batch between two steps, and named access to its parameters."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from overtaking.core.elementary import F32, sincos
+from overtaking.model.trajectory import Stage
+from overtaking.sim.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Parameters
+
+HISTORY = 64
+"""Decisions whose kinematics are remembered; longer than any reaction time."""
+
+LEAD, REAR, FAST_LEAD, FAST_REAR, SLOW_LEAD, SLOW_REAR = range(6)
+"""Neighbours of a vehicle: in its lane, in the next lane to the fast side, and to the slow side."""
+
+NOBODY = np.float32(-1.0)
+
+
+class Fields:
+    """Rows of a parameter array by name, as attributes."""
+
+    def __init__(self, names: tuple[str, ...], rows: F32) -> None:
+        """Name the rows of an array of shape (field, ...)."""
+        self.__dict__.update(zip(names, rows, strict=True))
+
+    def __getattr__(self, name: str) -> F32:
+        """Only reached for a name that does not exist."""
+        raise AttributeError(name)
+
+
+@dataclass(slots=True, kw_only=True)
+class State:
+    """Everything that changes. Arrays are (vehicle, simulation), or (simulation,) for the ego.
+
+    Attributes:
+        s, d: Position of the centre; `d` grows towards the fast side [m].
+        psi: Heading relative to the road, positive towards the fast side [rad].
+        vx, vy: Velocity in the vehicle's axes [m/s].
+        r: Yaw rate [rad/s].
+        wheel: Front wheel angle, or the lateral acceleration of a two-wheeler [rad or m/s^2].
+        trim: Lateral acceleration held against a steady side wind [m/s^2].
+        accel: Acceleration asked of the vehicle [m/s^2].
+        a_lon, a_lat: Acceleration by tyre and wind forces in the vehicle's axes [m/s^2].
+        crashed: 1 after a collision.
+        path: Six coefficients of the lateral path, (6, vehicle, simulation).
+        path_time: Time since the lane change began [s].
+        path_duration: Its duration [s].
+        lane: Lane driven in, or being changed to.
+        since_change: Time since the last lane change was decided [s].
+        indicator: +1 towards the fast side, -1 towards the slow side, 0 off.
+        gust, distance_error, speed_error, wander: Ornstein-Uhlenbeck processes of unit variance.
+        mu_fast, mu_slow: Friction under the wheels of either side.
+        wind_force, wind_moment, tail_wind: Side force [N], yaw moment [N m], wind along the axis [m/s].
+        seen_id, seen_time: Neighbour in each role and for how long it has been in view, (6, vehicle, simulation).
+        contact_partner, contact_time, contact_impulse, contact_speed: First collision.
+        stage: Of the ego.
+        target: Slot of the vehicle that is being overtaken.
+        waited: Time spent waiting behind a slower leader [s].
+        signalled: Time that the indicator has been on for the next manoeuvre [s].
+        stage_time: Time in the current stage [s].
+        attempted: 1 once an overtake was begun.
+        end_step: Last step of the simulation.
+        num_percepts: Decisions written down.
+    """
+
+    s: F32
+    d: F32
+    psi: F32
+    vx: F32
+    vy: F32
+    r: F32
+    wheel: F32
+    trim: F32
+    accel: F32
+    a_lon: F32
+    a_lat: F32
+    crashed: F32
+    path: F32
+    path_time: F32
+    path_duration: F32
+    lane: F32
+    since_change: F32
+    indicator: F32
+    gust: F32
+    distance_error: F32
+    speed_error: F32
+    wander: F32
+    mu_fast: F32
+    mu_slow: F32
+    wind_force: F32
+    wind_moment: F32
+    tail_wind: F32
+    seen_id: F32
+    seen_time: F32
+    contact_partner: F32
+    contact_time: F32
+    contact_impulse: F32
+    contact_speed: F32
+    stage: F32
+    target: F32
+    waited: F32
+    signalled: F32
+    stage_time: F32
+    attempted: F32
+    end_step: F32
+    num_percepts: F32
+    history_s: F32
+    history_v: F32
+
+
+def initial_state(given: Parameters) -> State:
+    """The state at the first frame: everybody drives straight in lane at constant speed."""
+    p = Fields(VEHICLE_FIELDS, given.vehicle)
+    q = Fields(SIMULATION_FIELDS, given.simulation)
+    zero = np.zeros_like(p.start_s)
+    ego = np.zeros_like(q.last_step)
+    path = np.zeros((6, *zero.shape), np.float32)
+    path[0] = p.start_d
+    return State(
+        s=p.start_s.copy(), d=p.start_d.copy(), psi=zero.copy(), vx=p.start_speed.copy(), vy=zero.copy(),
+        r=zero.copy(), wheel=zero.copy(), trim=zero.copy(), accel=zero.copy(), a_lon=zero.copy(), a_lat=zero.copy(),
+        crashed=zero.copy(), path=path, path_time=zero + 1.0, path_duration=zero + 1.0, lane=p.start_lane.copy(),
+        since_change=zero + 10.0, indicator=zero.copy(), gust=zero.copy(), distance_error=zero.copy(),
+        speed_error=zero.copy(), wander=zero.copy(), mu_fast=zero + 0.8, mu_slow=zero + 0.8, wind_force=zero.copy(),
+        wind_moment=zero.copy(), tail_wind=zero.copy(), seen_id=np.full((6, *zero.shape), -2.0, np.float32),
+        seen_time=np.zeros((6, *zero.shape), np.float32), contact_partner=zero + NOBODY, contact_time=zero.copy(),
+        contact_impulse=zero.copy(), contact_speed=zero.copy(), stage=ego + np.float32(Stage.FOLLOW),
+        target=ego + NOBODY, waited=ego.copy(), signalled=ego.copy(), stage_time=ego.copy(), attempted=ego.copy(),
+        end_step=q.last_step.copy(), num_percepts=ego.copy(),
+        history_s=np.zeros((HISTORY, *zero.shape), np.float32), history_v=np.zeros((HISTORY, *zero.shape), np.float32),
+    )  # fmt: skip
+
+
+def pick(values: F32, slot: F32) -> F32:
+    """The value of vehicle `slot` in each simulation; slot 0's where there is nobody.
+
+    Args:
+        values: Shape (vehicle, simulation).
+        slot: Vehicle slots as whole numbers, or `NOBODY`, shape (..., simulation).
+    """
+    index = np.where(slot < 0, np.float32(0.0), slot).astype(np.int64)
+    return values[index, np.arange(values.shape[1])]
+
+
+def road_velocity(state: State) -> tuple[F32, F32]:
+    """Velocity along and across the road [m/s]."""
+    sine, cosine = sincos(state.psi)
+    return state.vx * cosine - state.vy * sine, state.vx * sine + state.vy * cosine

@@ -1,0 +1,68 @@
+"""Where in the lane to be, and the wheel angle that gets there."""
+
+import numpy as np
+
+from overtaking.core.elementary import F32, Mask, clamp, maximum, minimum, sincos
+from overtaking.physics.constants import Constants
+from overtaking.sim.reference.state import Fields, State
+
+
+def begin_path(state: State, moved: Mask, centre: F32, duration: F32) -> None:
+    """Lay a quintic from where a vehicle's path is now to the centre of another lane.
+
+    Position, velocity and acceleration are continuous; the path ends at rest sideways.
+
+    Source:
+        Werling et al. 2010; Wang, Li and Li 2014 found quintic kernels in measured lane changes.
+    """
+    place, speed, accel = path_now(state)
+    t = duration
+    rest = centre - place - speed * t - np.float32(0.5) * accel * (t * t)
+    lost = -(speed + accel * t)
+    bend = -accel
+    t2 = t * t
+    t3 = t2 * t
+    c3 = (np.float32(10.0) * rest - np.float32(4.0) * (lost * t) + np.float32(0.5) * (bend * t2)) / t3
+    c4 = (np.float32(-15.0) * rest + np.float32(7.0) * (lost * t) - bend * t2) / (t3 * t)
+    c5 = (np.float32(6.0) * rest - np.float32(3.0) * (lost * t) + np.float32(0.5) * (bend * t2)) / (t3 * t2)
+    for k, value in enumerate((place, speed, np.float32(0.5) * accel, c3, c4, c5)):
+        state.path[k] = np.where(moved, value, state.path[k])
+    state.path_time = np.where(moved, np.float32(0.0), state.path_time)
+    state.path_duration = np.where(moved, duration, state.path_duration)
+    state.since_change = np.where(moved, np.float32(0.0), state.since_change)
+
+
+def path_now(state: State) -> tuple[F32, F32, F32]:
+    """Position, velocity and acceleration of the lateral path now."""
+    t = minimum(state.path_time, state.path_duration)
+    c0, c1, c2, c3, c4, c5 = state.path
+    two, three, four, five = (np.float32(k) for k in (2.0, 3.0, 4.0, 5.0))
+    place = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
+    speed = c1 + t * (two * c2 + t * (three * c3 + t * (four * c4 + t * (five * c5))))
+    accel = two * c2 + t * (np.float32(6.0) * c3 + t * (np.float32(12.0) * c4 + t * (np.float32(20.0) * c5)))
+    return place, speed, accel
+
+
+def hold_against_wind(state: State, c: Constants) -> None:
+    """Slowly learn the lateral acceleration that keeps the lane in a steady side wind."""
+    place, _, _ = path_now(state)
+    grown = state.trim + c.integral_gain * (place - state.d) * c.decision
+    state.trim = clamp(grown, -c.trim_limit, c.trim_limit)
+
+
+def steer(state: State, c: Constants, p: Fields, side_accel: F32) -> None:
+    """Turn the front wheels, or lean, towards the path for one step."""
+    place, speed, accel = path_now(state)
+    sine, cosine = sincos(state.psi)
+    sideways = state.vx * sine + state.vy * cosine
+    wanted = accel + c.velocity_gain * (speed - sideways)
+    wanted = wanted + c.position_gain * (place + c.lane_deviation * state.wander - state.d) + state.trim
+    wanted = clamp(wanted, -side_accel, side_accel)
+    v = maximum(state.vx, c.steering_speed)
+    angle = clamp(wanted * (p.wheelbase / (v * v) + p.understeer), -c.steering_limit, c.steering_limit)
+    turn = (angle - state.wheel) * (c.step / c.steering_lag)
+    turn = clamp(turn, -c.steering_rate * c.step, c.steering_rate * c.step)
+    lean = (wanted - state.wheel) * (c.step / c.two_wheeler_lag)
+    moved = np.where(p.two_wheeler > 0, state.wheel + lean, state.wheel + turn)
+    state.wheel = np.where(state.crashed > 0, np.float32(0.0), moved)
+    state.path_time = state.path_time + c.step
