@@ -57,7 +57,7 @@ def sample(spec: Spec, road: Road, seed: int, index: ArrayLike) -> Scenario:
     Raises:
         ConfigError: The seed or the numbers are out of range, or the specification does not fit
             the road.
-        InfeasibleError: No start could be found for some simulations.
+        InfeasibleError: The zone is too small, or a vehicle too slow, for what is asked.
     """
     numbers = _checked_index(index)
     if not 0 <= seed <= MAX_SEED:

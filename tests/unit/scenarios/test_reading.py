@@ -116,7 +116,7 @@ def test_defaults_are_those_of_the_models(tmp_path):
 MISTAKES = {
     # What is wrong: (key, value, what the message must say beside file and key).
     "unknown key": ("traffic.vehicls", "2..4", "did you mean vehicles?"),
-    "unknown section": ("trafic.vehicles", "2..4", "did you mean traffic?"),
+    "unknown section": ("traffic_.vehicles", "2..4", "did you mean traffic?"),
     "nothing like a key": ("traffic.qqq", "1", "choose from vehicles, types"),
     "key of the other weather": ("weather.rain_percent", "1..2", "choose from mode, presets"),
     "unknown fixed parameter": ("drivers.fixed.time_gap", "1", "did you mean time_gap_s?"),
