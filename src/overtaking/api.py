@@ -17,7 +17,6 @@ from overtaking.datasets.load import Dataset
 from overtaking.datasets.manifest import read_manifest
 from overtaking.datasets.plan import SHARD_SIZE
 from overtaking.datasets.recipe import Keep, Recipe, Simulator
-from overtaking.exchange import pinto2023
 from overtaking.exchange.roads import load_road
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
@@ -27,7 +26,7 @@ from overtaking.scenarios import Spec
 Profile = str | Path | Mapping[str, Any] | Spec
 """A profile of the package, a TOML file, what a manifest recorded, or a specification."""
 
-EXPORTS = (pinto2023.FORMAT,)
+EXPORTS = ("pinto2023",)
 """The formats that a data set can be written in."""
 
 SIMULATORS = ("engine", "reference")
@@ -170,7 +169,7 @@ def export(
     data: Dataset | str | Path,
     out: str | Path,
     *,
-    file_format: str = pinto2023.FORMAT,
+    file_format: str = EXPORTS[0],
     progress: Progress | None = None,
 ) -> int:
     """Write a data set as a file of another program or paper.
@@ -197,15 +196,17 @@ def export(
             got=file_format,
             next_step="choose one of them",
         )
+    from overtaking.exchange import pinto2023  # It loads pandas, which nothing else here needs.
+
     source = data if isinstance(data, Dataset) else load(data)
-    return pinto2023.write_table(_tables(source, progress or (lambda _done, _total: None)), out)
 
+    def tables() -> Iterator[pa.Table]:
+        for numbers, trajectories in source.batches():
+            yield pinto2023.to_table(trajectories, numbers)
+            if progress is not None:
+                progress(int(numbers[-1]) + 1, len(source))
 
-def _tables(data: Dataset, progress: Progress) -> Iterator[pa.Table]:
-    """The paper's table of a data set, a few simulations at a time."""
-    for simulation in range(len(data)):
-        yield pinto2023.to_table(data.trajectory(simulation), np.array([simulation]))
-        progress(simulation + 1, len(data))
+    return pinto2023.write_table(tables(), out)
 
 
 def _simulator(name: str) -> Simulator:

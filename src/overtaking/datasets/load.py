@@ -1,27 +1,33 @@
 """A data set as its user sees it: pandas and SI numbers, simulated again where nothing was kept."""
 
-from collections.abc import Mapping
-from pathlib import Path
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.datasets import plan, write
 from overtaking.datasets.manifest import Manifest, read_manifest
-from overtaking.datasets.recipe import Simulator
-from overtaking.datasets.wide import wide_frames
-from overtaking.model.road import Road
-from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
-from overtaking.tables.decode import decode
 from overtaking.tables.encode import encode
 from overtaking.tables.files import read_rows, read_table
 from overtaking.tables.restore import restore, restore_scenario
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
 
-def load(path: Path, simulator: Simulator) -> "Dataset":
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    from overtaking.datasets.recipe import Simulator
+    from overtaking.model.road import Road
+    from overtaking.model.scenario import Scenario
+    from overtaking.model.trajectory import Trajectories
+
+
+def load(path: Path, simulator: Simulator) -> Dataset:
     """A complete data set.
 
     Args:
@@ -93,19 +99,19 @@ class Dataset:
 
     def simulations(self) -> pd.DataFrame:
         """One row per simulation."""
-        return decode(self.table("simulations"))
+        return _decoded(self.table("simulations"))
 
     def weather(self) -> pd.DataFrame:
         """One row per weather; `simulations` names them."""
-        return decode(self.table("weather"))
+        return _decoded(self.table("weather"))
 
     def vehicles(self) -> pd.DataFrame:
         """One row per simulation and vehicle: bodies, drivers, starts and contacts."""
-        return decode(self.table("vehicles"))
+        return _decoded(self.table("vehicles"))
 
     def percepts(self) -> pd.DataFrame:
         """One row per simulation and decision: what the ego believed, and the truth beside it."""
-        return decode(self.table("percepts"))
+        return _decoded(self.table("percepts"))
 
     def frames(self, simulation: int) -> pd.DataFrame:
         """The 22 variables of the source paper for one simulation, one row per frame.
@@ -116,13 +122,15 @@ class Dataset:
         rows = self._rows(simulation)
         if "frames" not in rows:
             rows = self._encoded(simulation)
-        return wide_frames({name: decode(table) for name, table in rows.items()})
+        from overtaking.datasets.wide import wide_frames
+
+        return wide_frames({name: _decoded(table) for name, table in rows.items()})
 
     def states(self, simulation: int) -> pd.DataFrame:
         """The states of one simulation, one row per vehicle and frame."""
         if "states" in self._tables:
-            return decode(self._part("states", simulation))
-        return decode(self._encoded(simulation)["states"])
+            return _decoded(self._part("states", simulation))
+        return _decoded(self._encoded(simulation)["states"])
 
     def scenario(self, simulation: int) -> Scenario:
         """The scenario of one simulation, as a batch of one."""
@@ -137,14 +145,25 @@ class Dataset:
         Raises:
             DatasetError: Simulated again, it is another one: the simulator has changed since.
         """
-        rows = self._rows(simulation)
-        if "states" in rows:
-            return restore(rows, self.road)
-        again = self._simulator.simulate(restore_scenario(rows, self.road))
-        recorded = np.frombuffer(rows["simulations"]["trace_hash"][0].as_py(), dtype="<u4")
-        if not np.array_equal(again.trace_hash[0], recorded):
-            raise self._changed(simulation)
-        return again
+        return self._recorded(self._rows(simulation))
+
+    def batches(self) -> Iterator[tuple[NDArray[np.int64], Trajectories]]:
+        """All simulations in order, as many at a time as memory is meant to hold.
+
+        Yields:
+            The numbers of some simulations, shape (simulation,), and what was recorded of them.
+
+        Raises:
+            DatasetError: A file is damaged, or the simulator has changed.
+        """
+        for shard in self._shards:
+            for numbers in plan.chunks(shard):
+                first, last = numbers[0], numbers[-1]
+                rows = {
+                    name: read_rows(self._file(name, shard), name, first, last)
+                    for name in self._tables
+                }
+                yield np.arange(first, last + 1), self._recorded(rows)
 
     def table(self, name: str) -> pa.Table:
         """A whole table as it is in the files.
@@ -210,6 +229,18 @@ class Dataset:
         """The rows of one simulation in every table that was kept."""
         return {name: self._part(name, simulation) for name in self._tables}
 
+    def _recorded(self, rows: Mapping[str, pa.Table]) -> Trajectories:
+        """What was recorded of some simulations, from their rows or simulated again."""
+        if "states" in rows:
+            return restore(rows, self.road)
+        again = self._simulator.simulate(restore_scenario(rows, self.road))
+        hashes = b"".join(rows["simulations"]["trace_hash"].to_pylist())
+        known = np.frombuffer(hashes, dtype="<u4").reshape(-1, 4)
+        changed = np.flatnonzero((again.trace_hash != known).any(axis=1))
+        if len(changed):
+            raise self._changed(rows["simulations"]["simulation"][int(changed[0])].as_py())
+        return again
+
     def _encoded(self, simulation: int) -> Mapping[str, pa.Table]:
         """Every table of one simulation that is simulated again."""
         return encode(self.trajectory(simulation), np.array([simulation]))
@@ -223,3 +254,10 @@ class Dataset:
             got=f"another from {self._simulator.name} {self._simulator.version}",
             next_step=f"simulate with {identity.simulator} {identity.simulator_version}",
         )
+
+
+def _decoded(table: pa.Table) -> pd.DataFrame:
+    """A table for people. Pandas is loaded here: writing a data set does not need it."""
+    from overtaking.tables.decode import decode
+
+    return decode(table)

@@ -9,7 +9,11 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
+
+from overtaking.tables.arrow import missing_in, to_numpy
 
 SUFFIXES = {
     "1": "",
@@ -113,6 +117,23 @@ def si_name(field: pa.Field) -> str:
     if unit not in STEPS:
         return field.name
     return field.name.removesuffix(SUFFIXES[unit]) + SUFFIXES[STEPS[unit][0]]
+
+
+def codes(values: pa.ChunkedArray | pa.Array, names: tuple[str, ...]) -> NDArray[np.int64]:
+    """The codes of an enumeration column, -1 where it is null.
+
+    The dictionary of a column that was read from a file holds only the names that occur, in the
+    order in which they occur; codes are those of the schema.
+    """
+    chunks = values.chunks if isinstance(values, pa.ChunkedArray) else [values]
+    known = {name: code for code, name in enumerate(names)}
+    parts = [np.empty(0, dtype=np.int64)]
+    for chunk in chunks:
+        meaning = np.array([known[name] for name in chunk.dictionary.to_pylist()] or [-1])
+        missing = missing_in(chunk.indices)
+        indices = np.where(missing, 0, to_numpy(chunk.indices))
+        parts.append(np.where(missing, -1, meaning[indices]))
+    return np.concatenate(parts)
 
 
 def _listed(field: pa.Field, key: bytes) -> tuple[str, ...]:

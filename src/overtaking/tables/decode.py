@@ -3,9 +3,8 @@
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-from numpy.typing import NDArray
 
-from overtaking.tables.columns import STEPS, flags_of, names_of, si_name, unit_of
+from overtaking.tables.columns import STEPS, codes, flags_of, names_of, si_name, unit_of
 
 
 def decode(table: pa.Table) -> pd.DataFrame:
@@ -25,22 +24,6 @@ def decode(table: pa.Table) -> pd.DataFrame:
         else:
             columns[si_name(field)] = _column(values, field)
     return pd.DataFrame(columns)
-
-
-def codes(values: pa.ChunkedArray | pa.Array, names: tuple[str, ...]) -> NDArray[np.int64]:
-    """The codes of an enumeration column, -1 where it is null.
-
-    The dictionary of a column that was read from a file holds only the names that occur, in the
-    order in which they occur; codes are those of the schema.
-    """
-    chunks = values.chunks if isinstance(values, pa.ChunkedArray) else [values]
-    known = {name: code for code, name in enumerate(names)}
-    parts = [np.empty(0, dtype=np.int64)]
-    for chunk in chunks:
-        meaning = [known[name] for name in chunk.dictionary.to_pylist()]
-        indices = chunk.indices.fill_null(len(meaning)).to_numpy(zero_copy_only=False)
-        parts.append(np.array([*meaning, -1], dtype=np.int64)[indices])
-    return np.concatenate(parts)
 
 
 def _column(values: pa.ChunkedArray, field: pa.Field) -> pd.Series:

@@ -1,14 +1,12 @@
 """A hash over what a table says, whatever the file or the batches it comes in."""
 
 import hashlib
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
-from overtaking.tables.columns import names_of
-from overtaking.tables.decode import codes
+from overtaking.tables.arrow import Array, Mask, missing_in, to_numpy
+from overtaking.tables.columns import codes, names_of
 
 
 class ContentDigest:
@@ -30,10 +28,10 @@ class ContentDigest:
         self.num_rows += table.num_rows
         for place, field in enumerate(self._schema):
             for chunk in table.column(place).chunks:
-                if field.nullable:
-                    missing = chunk.is_null().to_numpy(zero_copy_only=False)
+                missing = missing_in(chunk) if field.nullable else None
+                if missing is not None:
                     self._nulls[place].update(_little_endian(missing))
-                self._values[place].update(_little_endian(_values(chunk, field)))
+                self._values[place].update(_little_endian(_values(chunk, field, missing)))
 
     def hexdigest(self) -> str:
         """The hash over all rows so far, 64 hexadecimal digits."""
@@ -52,16 +50,17 @@ def content_of(table: pa.Table) -> str:
     return digest.hexdigest()
 
 
-def _values(chunk: pa.Array, field: pa.Field) -> NDArray[Any]:
+def _values(chunk: pa.Array, field: pa.Field, missing: Mask | None) -> Array:
     """The values of a chunk as an array whose bytes say all of them, with zero for null."""
     if names := names_of(field):
         return codes(chunk, names).astype(np.int8)
     if pa.types.is_string(field.type) or pa.types.is_fixed_size_binary(field.type):
         texts = b"".join(_bytes(value) for value in chunk.to_pylist())
         return np.frombuffer(texts, dtype=np.uint8)
-    if chunk.null_count:
-        chunk = chunk.fill_null(False if pa.types.is_boolean(field.type) else 0)
-    return chunk.to_numpy(zero_copy_only=False)
+    values = to_numpy(chunk)
+    if missing is None or not missing.any():
+        return values
+    return np.where(missing, np.zeros(1, dtype=values.dtype), values)
 
 
 def _bytes(value: str | bytes | None) -> bytes:
@@ -70,7 +69,7 @@ def _bytes(value: str | bytes | None) -> bytes:
     return len(text).to_bytes(8, "little") + text
 
 
-def _little_endian(values: NDArray[Any]) -> bytes | memoryview:
+def _little_endian(values: Array) -> bytes | memoryview:
     """The bytes of an array, the same on every machine."""
     ordered = values.astype(values.dtype.newbyteorder("<"), copy=False)
     return np.ascontiguousarray(ordered).data.cast("B") if len(ordered) else b""

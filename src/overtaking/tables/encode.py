@@ -1,7 +1,7 @@
 """Recorded simulations as tables: without padding, not rounded again, null where nothing is."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -13,6 +13,7 @@ from overtaking.model.road import Road
 from overtaking.model.trajectory import NO_VEHICLE, Percepts, Stage, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.model.weather import NO_PRESET
+from overtaking.tables.arrow import Array, Mask, to_arrow, to_names, to_texts
 from overtaking.tables.columns import names_of
 from overtaking.tables.schemas import (
     BODY_FIELDS,
@@ -25,11 +26,20 @@ from overtaking.tables.schemas import (
 )
 from overtaking.tables.surroundings import Surroundings
 
-Array = NDArray[Any]
 Numbers = NDArray[np.int64]
 """Numbers of the simulations in their data set, shape (simulation,)."""
 
 _INDICATOR_BITS = (1 << NUM_INDICATOR_BITS) - 1
+
+
+class Masked(NamedTuple):
+    """Values of a column and where they are null."""
+
+    values: Array
+    missing: Mask
+
+
+Column = Array | Masked | pa.Array
 
 
 def encode(
@@ -56,8 +66,8 @@ def simulations(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
             "simulation": numbers,
             "seed": np.full(count, scenario.seed, dtype=np.uint64),
             "index": scenario.index,
-            "profile": pa.array([scenario.profile] * count),
-            "road": pa.array([scenario.road.name] * count),
+            "profile": to_texts([scenario.profile] * count),
+            "road": to_texts([scenario.road.name] * count),
             "num_vehicles": scenario.num_vehicles.astype(np.uint8),
             "weather": numbers,
             "num_frames": trajectories.num_frames,
@@ -80,7 +90,7 @@ def weather(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
         "weather",
         {
             "weather": numbers,
-            "preset": pa.array(preset, pa.string()),
+            "preset": to_texts(preset),
             **{column: getattr(given, name) for name, column in WEATHER_FIELDS},
         },
     )
@@ -106,10 +116,10 @@ def vehicles(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
             "start_s_m": scenario.start_s[valid],
             "start_lane_id": lane_id[scenario.start_lane[valid]],
             "start_speed_mps": scenario.start_speed[valid],
-            "contact_vehicle": pa.array(contacts.partner[valid], mask=no_contact),
-            "contact_time_ms": pa.array(contacts.time[valid], mask=no_contact),
-            "contact_impulse_newton_s": pa.array(contacts.impulse[valid], mask=no_contact),
-            "contact_closing_speed_mmps": pa.array(contacts.closing_speed[valid], mask=no_contact),
+            "contact_vehicle": Masked(contacts.partner[valid], no_contact),
+            "contact_time_ms": Masked(contacts.time[valid], no_contact),
+            "contact_impulse_newton_s": Masked(contacts.impulse[valid], no_contact),
+            "contact_closing_speed_mmps": Masked(contacts.closing_speed[valid], no_contact),
         },
     )
 
@@ -127,14 +137,14 @@ def frames(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
             "frame": frame.astype(np.int32),
             "time_ms": trajectories.time_ms[frame],
             **_ego_lane(trajectories.road, lane),
-            "collided_with": pa.array(partner, mask=partner == NO_VEHICLE),
+            "collided_with": Masked(partner, partner == NO_VEHICLE),
             "overtaking": overtaking(trajectories)[simulation, frame],
             "stage": stage,
         },
     )
 
 
-def overtaking(trajectories: Trajectories) -> NDArray[np.bool_]:
+def overtaking(trajectories: Trajectories) -> Mask:
     """The paper's OV: the frames in which the ego first pulls out, and first returns after that.
 
     Shape (simulation, time); false beyond the last recorded frame.
@@ -171,7 +181,7 @@ def states(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
             "vehicle": _flat(slot, rows),
             "frame": _flat(frame, rows),
             **{column: _flat(getattr(recorded, name), rows) for name, column in STATE_FIELDS},
-            "lane_id": _masked(around.lane_id[lane], ~around.on_road[lane]),
+            "lane_id": Masked(around.lane_id[lane], ~around.on_road[lane]),
             "indicator": lights & _INDICATOR_BITS,
             "lights": lights >> NUM_INDICATOR_BITS,
         },
@@ -209,35 +219,30 @@ _ENCODERS = {
 }
 
 
-def _build(table: str, columns: Mapping[str, Array | pa.Array]) -> pa.Table:
+def _build(table: str, columns: Mapping[str, Column]) -> pa.Table:
     """The columns of a table in the order of its schema; enumerations are given as codes."""
     schema = SCHEMAS[table]
     arrays = [_array(columns[field.name], field) for field in schema]
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
-def _array(values: Array | pa.Array, field: pa.Field) -> pa.Array:
+def _array(column: Column, field: pa.Field) -> pa.Array:
+    if isinstance(column, pa.Array):
+        return column
+    values, missing = column if isinstance(column, Masked) else (column, None)
     if names := names_of(field):
-        codes = values.astype(np.int32) if isinstance(values, np.ndarray) else values
-        return pa.DictionaryArray.from_arrays(pa.array(codes, pa.int32()), pa.array(names))
-    array = pa.array(values) if isinstance(values, np.ndarray) else values
+        return to_names(values, names, missing)
+    array = to_arrow(values, missing)
     assert array.type == field.type, f"{field.name}: {array.type} instead of {field.type}"
     return array
 
 
-def _masked(values: Array, missing: NDArray[np.bool_]) -> pa.Array:
-    """Values with nulls where they are missing."""
-    return pa.array(values, mask=missing) if missing.any() else pa.array(values)
-
-
-def _attributes(
-    batch: Batch, fields: Iterable[tuple[str, str]], valid: NDArray[np.bool_]
-) -> dict[str, Array]:
+def _attributes(batch: Batch, fields: Iterable[tuple[str, str]], valid: Mask) -> dict[str, Array]:
     """The filled slots of some arrays of shape (simulation, vehicle), by column."""
     return {column: getattr(batch, name)[valid] for name, column in fields}
 
 
-def _rows(trajectories: Trajectories) -> NDArray[np.bool_] | None:
+def _rows(trajectories: Trajectories) -> Mask | None:
     """Where there is a state, shape (simulation, vehicle, time); None if that is everywhere."""
     vehicle, frame = trajectories.scenario.vehicles.valid, trajectories.frame_valid
     if vehicle.all() and frame.all():
@@ -245,30 +250,30 @@ def _rows(trajectories: Trajectories) -> NDArray[np.bool_] | None:
     return vehicle[:, :, None] & frame[:, None, :]
 
 
-def _flat(values: Array, rows: NDArray[np.bool_] | None) -> Array:
+def _flat(values: Array, rows: Mask | None) -> Array:
     """The rows of an array of shape (simulation, vehicle, time); a view where that is possible."""
     return values.reshape(-1) if rows is None else values[rows]
 
 
-def _ego_lane(road: Road, lane: NDArray[np.uint8]) -> dict[str, pa.Array]:
+def _ego_lane(road: Road, lane: NDArray[np.uint8]) -> dict[str, Column]:
     """What belongs to the lane that the ego is in, null where it is in none."""
     around = Surroundings.of(road)
     off = ~around.on_road[lane]
     no_right, no_left = off | ~around.has_right[lane], off | ~around.has_left[lane]
     return {
-        "lane_id": _masked(around.lane_id[lane], off),
-        "speed_limit_mps": _masked(np.full(len(lane), road.speed_limit), off),
-        "right_line": _masked(around.right_mark[lane], off),
-        "left_line": _masked(around.left_mark[lane], off),
-        "lane_width_m": _masked(around.width[lane], off),
-        "right_lane_id": _masked(around.right_id[lane], no_right),
-        "right_lane_width_m": _masked(around.right_width[lane], no_right),
-        "left_lane_id": _masked(around.left_id[lane], no_left),
-        "left_lane_width_m": _masked(around.left_width[lane], no_left),
+        "lane_id": Masked(around.lane_id[lane], off),
+        "speed_limit_mps": Masked(np.full(len(lane), road.speed_limit), off),
+        "right_line": Masked(around.right_mark[lane], off),
+        "left_line": Masked(around.left_mark[lane], off),
+        "lane_width_m": Masked(around.width[lane], off),
+        "right_lane_id": Masked(around.right_id[lane], no_right),
+        "right_lane_width_m": Masked(around.right_width[lane], no_right),
+        "left_lane_id": Masked(around.left_id[lane], no_left),
+        "left_lane_width_m": Masked(around.left_width[lane], no_left),
     }
 
 
-def _percept(believed: Percepts, place: int, who: str) -> dict[str, Array | pa.Array]:
+def _percept(believed: Percepts, place: int, who: str) -> dict[str, Column]:
     """The columns about one neighbour; `place` is its index on the last axis."""
 
     def rows(values: Array) -> Array:
@@ -277,10 +282,10 @@ def _percept(believed: Percepts, place: int, who: str) -> dict[str, Array | pa.A
     nobody = rows(believed.vehicle) == NO_VEHICLE
     unseen = ~rows(believed.detected)
     return {
-        f"{who}_vehicle": _masked(rows(believed.vehicle), nobody),
+        f"{who}_vehicle": Masked(rows(believed.vehicle), nobody),
         f"{who}_detected": ~unseen,
-        f"{who}_gap_mm": _masked(rows(believed.gap), unseen),
-        f"{who}_closing_speed_mmps": _masked(rows(believed.closing_speed), unseen),
-        f"{who}_true_gap_mm": _masked(rows(believed.true_gap), nobody),
-        f"{who}_true_closing_speed_mmps": _masked(rows(believed.true_closing_speed), nobody),
+        f"{who}_gap_mm": Masked(rows(believed.gap), unseen),
+        f"{who}_closing_speed_mmps": Masked(rows(believed.closing_speed), unseen),
+        f"{who}_true_gap_mm": Masked(rows(believed.true_gap), nobody),
+        f"{who}_true_closing_speed_mmps": Masked(rows(believed.true_closing_speed), nobody),
     }

@@ -24,7 +24,7 @@ from overtaking.model.trajectory import (
 from overtaking.model.vehicles import Role, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.sim.reference.perception import UNSEEN_GAP
-from overtaking.tables.decode import codes
+from overtaking.tables.columns import codes
 from overtaking.tables.schemas import (
     BODY_FIELDS,
     COLOURS,

@@ -7,7 +7,8 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 
-from overtaking.tables.decode import codes, decode
+from overtaking.tables.columns import codes
+from overtaking.tables.decode import decode
 from overtaking.tables.encode import encode
 from overtaking.tables.schemas import SCHEMAS
 
