@@ -21,7 +21,7 @@ from overtaking.tables.schemas import KEYS
 NUM_SIMULATIONS = 24
 SHARD_SIZE = 8
 SHORT = {"time.horizon_s": 0.2, "time.attempt_deadline_s": 0.2}
-SETTINGS = {"overrides": SHORT, "simulator": "reference", "shard_size": SHARD_SIZE}
+SETTINGS = {"overrides": SHORT, "shard_size": SHARD_SIZE}
 
 GENERATE = f"""
 import sys
@@ -56,7 +56,7 @@ def copy(undisturbed: api.Dataset, tmp_path: Path) -> Path:
 def start(out: Path, hold_at: int) -> subprocess.Popen[str]:
     """A process that generates, and waits for ever after so many simulations."""
     process = subprocess.Popen(
-        [sys.executable, "-W", "ignore", "-c", GENERATE, str(out), str(hold_at)],
+        [sys.executable, "-c", GENERATE, str(out), str(hold_at)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -93,8 +93,8 @@ def test_a_process_killed_at_any_moment_loses_nothing_and_repeats_nothing(reposi
     """Six of the moments of the full proof, which `make bench` takes."""
     done = subprocess.run(
         [
-            *(sys.executable, "-W", "ignore", str(repository / "benchmarks" / "kill_resume.py")),
-            *("--kills", "6", "--simulator", "reference", "--horizon", "0.2"),
+            *(sys.executable, str(repository / "benchmarks" / "kill_resume.py")),
+            *("--kills", "6", "--horizon", "0.2"),
             *("--simulations", str(NUM_SIMULATIONS), "--shard-size", str(SHARD_SIZE)),
             *("--seed", str(time.time_ns())),
         ],
@@ -134,7 +134,7 @@ def test_a_process_asked_to_end_cleans_up_and_says_how_to_go_on(
     assert_same(generate(out, resume=True), undisturbed)
 
 
-def test_what_is_finished_is_not_made_again(undisturbed, tmp_path: Path):
+def test_what_is_finished_is_not_made_again(tmp_path: Path):
     end(start(tmp_path / "data", 24), signal.SIGKILL)
     first = tmp_path / "data" / "states" / "part-00000.parquet"
     before = first.stat().st_mtime_ns

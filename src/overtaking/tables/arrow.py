@@ -60,6 +60,15 @@ def to_numpy(chunk: pa.Array) -> Array:
     return np.frombuffer(data, dtype=kind, count=len(chunk), offset=chunk.offset * kind.itemsize)
 
 
+def column_to_numpy(column: pa.ChunkedArray, missing: Any = 0) -> Array:
+    """The values of a column of numbers or of yes and no, with a value for its nulls."""
+    parts = [np.empty(0, dtype=column.type.to_pandas_dtype())]
+    for chunk in column.chunks:
+        values = to_numpy(chunk)
+        parts.append(np.where(missing_in(chunk), missing, values) if chunk.null_count else values)
+    return np.concatenate(parts, dtype=parts[0].dtype)
+
+
 def missing_in(chunk: pa.Array) -> Mask:
     """Where an array is null."""
     validity = chunk.buffers()[0]

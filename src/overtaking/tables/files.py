@@ -13,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from overtaking.core.errors import SchemaError
+from overtaking.tables.arrow import column_to_numpy
 from overtaking.tables.columns import names_of
 from overtaking.tables.digest import ContentDigest
 from overtaking.tables.schemas import FORMAT, KEYS, SCHEMAS, VERSION
@@ -167,7 +168,7 @@ def read_rows(path: Path, table: str, first: int, last: int) -> pa.Table:
             group for group in range(file.num_row_groups) if _overlaps(file, group, first, last)
         ]
         rows = file.read_row_groups(groups)
-        key = rows[KEYS[table][0]].to_numpy()
+        key = column_to_numpy(rows[KEYS[table][0]])
         start, stop = key.searchsorted(first, "left"), key.searchsorted(last, "right")
         return rows.slice(start, stop - start)
 

@@ -12,7 +12,7 @@ from overtaking.core.errors import SchemaError
 from overtaking.knowledge import presets
 from overtaking.model.drivers import Drivers
 from overtaking.model.road import Road
-from overtaking.model.scenario import Scenario
+from overtaking.model.scenario import MAX_VEHICLES, Scenario
 from overtaking.model.trajectory import (
     METRES_PER_STEP,
     NO_VEHICLE,
@@ -24,6 +24,7 @@ from overtaking.model.trajectory import (
 from overtaking.model.vehicles import Role, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.sim.reference.perception import UNSEEN_GAP
+from overtaking.tables.arrow import column_to_numpy
 from overtaking.tables.columns import codes
 from overtaking.tables.schemas import (
     BODY_FIELDS,
@@ -53,7 +54,7 @@ def restore_scenario(tables: Tables, road: Road) -> Scenario:
         road: Their road.
 
     Returns:
-        A batch with as many vehicle slots as the fullest of them needs.
+        A batch with as many vehicle slots as the sampler makes.
 
     Raises:
         SchemaError: The simulations do not fit into one batch.
@@ -88,7 +89,7 @@ def restore(tables: Tables, road: Road) -> Trajectories:
         road: Their road.
 
     Returns:
-        A batch with as many vehicle slots and frames as needed; padding is zero.
+        A batch with as many vehicle slots as the sampler makes, and as many frames as needed.
 
     Raises:
         SchemaError: The simulations do not fit into one batch.
@@ -125,7 +126,10 @@ class _Grid:
         """Arrays over the simulations and the keys named in `axes`, as long as needed."""
         numbers = _numbers(tables["simulations"], "simulation")
         places = [_numbers(table, axis) for axis in axes]
-        lengths = [int(place.max()) + 1 if len(place) else 0 for place in places]
+        # A table knows nothing of slots without a vehicle, which a sampled batch has.
+        least = [MAX_VEHICLES if axis == "vehicle" else 0 for axis in axes]
+        ends = [int(place.max()) + 1 if len(place) else 0 for place in places]
+        lengths = [max(pair) for pair in zip(least, ends, strict=True)]
         simulation = np.searchsorted(numbers, _numbers(table, "simulation"))
         return cls(place=(simulation, *places), shape=(len(numbers), *lengths))
 
@@ -164,9 +168,7 @@ def _one(table: pa.Table, column: str) -> pa.Array:
 
 def _numbers(table: pa.Table, column: str, missing: Any = 0) -> Array:
     """A column as an array of its own type, with a value for its nulls."""
-    values = table[column]
-    given = values if values.null_count == 0 else values.fill_null(int(missing))
-    return given.to_numpy(zero_copy_only=False)
+    return column_to_numpy(table[column], missing)
 
 
 def _shared(table: pa.Table, column: str) -> Any:

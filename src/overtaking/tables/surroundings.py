@@ -9,6 +9,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from overtaking.model.road import DrivingSide, Lane, Road
+from overtaking.tables.arrow import missing_in, to_numpy
 from overtaking.tables.schemas import MARKS
 
 NUM_LANE_CODES = 256
@@ -84,12 +85,13 @@ def lane_codes(road: Road, lane_id: pa.Array, d: NDArray[np.integer]) -> NDArray
     """
     ids = np.array([lane.lane_id for lane in road.lanes])
     order = np.argsort(ids)
-    given = lane_id.fill_null(int(ids[0])).to_numpy(zero_copy_only=False)
+    missing = missing_in(lane_id)
+    given = np.where(missing, ids[0], to_numpy(lane_id))
     code = order[np.searchsorted(ids, given, sorter=order)].astype(np.uint8)
     middle = (road.boundaries[0] + road.boundaries[-1]) * 0.5
     is_fast = road.side * (np.asarray(d) - middle * 1000.0) > 0
     outside = np.where(is_fast, np.uint8(road.num_lanes), np.uint8(BEYOND_SLOW_EDGE))
-    return np.where(lane_id.is_null().to_numpy(zero_copy_only=False), outside, code)
+    return np.where(missing, outside, code)
 
 
 def _table(values: Iterable[object], dtype: type[N]) -> NDArray[N]:

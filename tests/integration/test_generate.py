@@ -1,0 +1,432 @@
+"""A data set holds what was simulated, says what it is, and refuses what it is not."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import duckdb
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from overtaking import api
+from overtaking.core.errors import (
+    ConfigError,
+    DatasetError,
+    OvertakingError,
+    SchemaError,
+)
+from overtaking.datasets.load import load
+from overtaking.datasets.recipe import Simulator
+from overtaking.sim.engine import simulate
+from overtaking.tables.files import sha256_of
+from overtaking.tables.schemas import SCHEMAS
+
+if TYPE_CHECKING:
+    from overtaking.model.trajectory import Trajectories
+
+NUM_SIMULATIONS = 20
+HORIZON = {"time.horizon_s": 1.0, "time.attempt_deadline_s": 1.0}
+SETTINGS = {"overrides": HORIZON, "shard_size": 8}
+
+
+def generate(out: Path, simulations: int = NUM_SIMULATIONS, seed: int = 1, **changes):
+    return api.generate("pinto2023", simulations, seed, out, **{**SETTINGS, **changes})
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
+    return generate(tmp_path_factory.mktemp("frames") / "data")
+
+
+@pytest.fixture(scope="module")
+def summary(tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
+    return generate(tmp_path_factory.mktemp("summary") / "data", keep="summary")
+
+
+@pytest.fixture(scope="module")
+def runs() -> Trajectories:
+    """The same simulations without any file."""
+    scenarios = api.sample("pinto2023", NUM_SIMULATIONS, 1, overrides=HORIZON)
+    return api.simulate(scenarios)
+
+
+@pytest.fixture
+def copy(data: api.Dataset, tmp_path: Path) -> Path:
+    """A copy of the data set, to be changed."""
+    return shutil.copytree(data.path, tmp_path / "data")
+
+
+def assert_same(one, other, filled: np.ndarray) -> None:
+    """Same structure, types and values of two batches; empty slots may look like anything."""
+    for field in dataclasses.fields(one):
+        ours, theirs = getattr(one, field.name), getattr(other, field.name)
+        if isinstance(ours, np.ndarray):
+            assert ours.dtype == theirs.dtype, field.name
+            assert ours.shape == theirs.shape, field.name
+            part = filled if ours.shape[:2] == filled.shape else ...
+            assert np.array_equal(ours[part], theirs[part]), field.name
+        elif dataclasses.is_dataclass(ours) and field.name != "road":
+            assert_same(ours, theirs, filled)
+        else:
+            assert ours == theirs, field.name
+
+
+def only(runs: Trajectories, simulation: int) -> Trajectories:
+    """One simulation of a batch without the frames and decisions that it did not reach."""
+    one = runs.select(np.array([simulation]))
+    frames, decisions = int(one.num_frames[0]), int(one.percepts.valid.sum())
+
+    def cut(batch, *place):
+        return batch.replace(
+            **{f.name: getattr(batch, f.name)[place] for f in dataclasses.fields(batch)}
+        )
+
+    return one.replace(
+        states=cut(one.states, ..., slice(frames)),
+        stage=one.stage[:, :frames],
+        collided_with=one.collided_with[:, :frames],
+        percepts=cut(one.percepts, slice(None), slice(decisions)),
+    )
+
+
+@pytest.mark.parametrize("simulation", range(NUM_SIMULATIONS))
+def test_what_was_simulated_comes_back_from_the_files_bit_for_bit(simulation, data, runs):
+    expected = only(runs, simulation)
+    assert_same(data.trajectory(simulation), expected, expected.scenario.vehicles.valid)
+
+
+@pytest.mark.parametrize("simulation", [0, 9, NUM_SIMULATIONS - 1])
+def test_what_was_not_kept_is_simulated_again(simulation, data, summary):
+    assert not (summary.path / "states").exists()
+    assert summary.states(simulation).equals(data.states(simulation))
+    assert summary.frames(simulation).equals(data.frames(simulation))
+    again = summary.trajectory(simulation)
+    assert np.array_equal(again.trace_hash, data.trajectory(simulation).trace_hash)
+
+
+def test_batches_give_every_simulation_once(data, summary, runs):
+    for source in (data, summary):
+        numbers, hashes = zip(*((n, t.trace_hash) for n, t in source.batches()), strict=True)
+        assert np.concatenate(numbers).tolist() == list(range(NUM_SIMULATIONS))
+        assert np.array_equal(np.concatenate(hashes), runs.trace_hash)
+
+
+def test_a_summary_says_the_same_as_the_whole(data, summary):
+    for table in ("simulations", "weather", "vehicles", "percepts"):
+        assert summary.table(table).equals(data.table(table))
+
+
+def test_the_same_recipe_gives_the_same_bytes_elsewhere(data, tmp_path: Path):
+    other = generate(tmp_path / "elsewhere")
+    assert other.content_hash == data.content_hash
+    assert other.manifest.shards == data.manifest.shards
+
+
+def test_a_simulation_is_the_same_in_a_data_set_of_any_size(data, tmp_path: Path):
+    small = generate(tmp_path / "small", 3)
+    assert small.states(2).equals(data.states(2))
+
+
+def test_the_reference_writes_the_same_data_set(data, tmp_path: Path):
+    readable = generate(tmp_path / "readable", simulator="reference")
+    assert readable.content_hash == data.content_hash
+    assert readable.manifest.identity.differences(data.manifest.identity) == ["simulator"]
+
+
+def test_another_seed_is_another_data_set(data, tmp_path: Path):
+    assert generate(tmp_path / "other", seed=2).content_hash != data.content_hash
+
+
+def test_tables_come_as_pandas_in_si(data):
+    simulations, vehicles = data.simulations(), data.vehicles()
+    assert (
+        simulations["simulation"].tolist() == list(range(NUM_SIMULATIONS)) == list(range(len(data)))
+    )
+    assert simulations["num_vehicles"].tolist() == vehicles.groupby("simulation").size().tolist()
+    assert (vehicles.loc[vehicles["vehicle"] == 0, "role"] == "ego").all()
+    assert set(simulations["weather"]) <= set(data.weather()["weather"])
+    assert data.percepts()["leader_gap_m"].dtype == np.float64
+    speed = data.states(4)["speed_mps"]
+    assert speed.between(10, 60).all()  # 50 to 120 km/h, and not yet braked.
+
+
+def test_frames_are_the_22_variables_of_the_paper(data, runs):
+    frames = data.frames(4)
+    assert len(frames.columns) == 22
+    assert len(frames) == runs.num_frames[4]
+    assert frames["time_s"].tolist() == [n / 20 for n in range(len(frames))]
+    last = frames.iloc[-1]
+    count = int(runs.scenario.num_vehicles[4])
+    for name in ("dimensions_m", "positions_m", "speeds_mps", "directions_rad"):
+        assert len(last[name]) == count
+    at = (4, count - 1, len(frames) - 1)
+    x, y, lane_id = last["positions_m"][-1]
+    assert (x, y) == (runs.states.x[at] / 1000, runs.states.y[at] / 1000)
+    assert lane_id == runs.road.lanes[runs.states.lane[at]].lane_id
+    states = data.states(4)
+    end = states[(states["vehicle"] == count - 1) & (states["frame"] == at[2])]
+    norm = np.hypot(end["accel_lon_mps2"], end["accel_lat_mps2"]).item()
+    assert last["accelerations_mps2"][-1] == norm
+
+
+def test_the_folders_can_be_queried_by_anyone(data, runs):
+    query = f"""
+        select count(*), sum(x_mm::bigint)
+        from '{data.path}/states/*.parquet' join '{data.path}/simulations/*.parquet'
+        using (simulation) where profile = 'pinto2023'
+    """
+    valid = runs.scenario.vehicles.valid[:, :, None] & runs.frame_valid[:, None, :]
+    expected = (valid.sum(), runs.states.x[valid].astype(np.int64).sum())
+    assert duckdb.connect().execute(query).fetchone() == expected
+
+
+def test_the_manifest_says_how_to_make_it_again(data, tmp_path: Path):
+    manifest = json.loads((data.path / "dataset.json").read_text())
+    assert manifest["complete"]
+    identity = manifest["identity"]
+    assert (identity["profile"], identity["seed"]) == ("pinto2023", 1)
+    assert identity["spec"]["time"]["horizon_s"] == 1.0
+    again = api.generate(
+        identity["spec"],
+        identity["simulations"],
+        identity["seed"],
+        tmp_path / "again",
+        simulator=identity["simulator"],
+        shard_size=identity["shard_size"],
+    )
+    assert again.content_hash == manifest["content_hash"]
+    assert set(manifest["provenance"]) >= {"started", "finished", "package", "machine"}
+
+
+def test_progress_counts_every_simulation(tmp_path: Path):
+    heard: list[tuple[int, int]] = []
+    generate(tmp_path / "data", progress=lambda done, total: heard.append((done, total)))
+    assert heard == [(done, NUM_SIMULATIONS) for done in (0, 8, 16, 20)]
+
+
+def refused(error: type[OvertakingError], *parts: str):
+    """Expect an error of one line with these parts."""
+    pattern = ".*".join(re.escape(part) for part in parts)
+    return pytest.raises(error, match=rf"\A[^\n]*{pattern}[^\n]*\Z")
+
+
+def test_a_complete_data_set_is_not_overwritten(data):
+    with refused(DatasetError, str(data.path), "got one that is complete; choose another"):
+        generate(data.path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"seed": 2}, "seed of the data set: expected 2, got 1"),
+        ({"simulations": 21}, "simulations of the data set: expected 21, got 20"),
+        ({"keep": "summary"}, "keep of the data set: expected summary, got frames"),
+        ({"road": "motorway"}, "road of the data set: expected motorway, got town06"),
+        ({"overrides": None}, "spec of the data set"),
+    ],
+)
+def test_a_folder_with_another_data_set_is_refused(changes, said: str, data):
+    for resume in (False, True):
+        with refused(DatasetError, str(data.path), said, "choose another folder"):
+            generate(data.path, resume=resume, **changes)
+
+
+def test_a_folder_with_something_else_is_left_alone(tmp_path: Path):
+    (tmp_path / "thesis.txt").write_text("precious")
+    with refused(DatasetError, str(tmp_path), "got a folder with thesis.txt; choose another"):
+        generate(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def test_a_file_in_the_place_of_the_folder_is_left_alone(tmp_path: Path):
+    (tmp_path / "data").write_text("precious")
+    with refused(DatasetError, str(tmp_path / "data"), "got a file; choose another folder"):
+        generate(tmp_path / "data")
+    assert (tmp_path / "data").read_text() == "precious"
+
+
+def test_a_place_where_nothing_can_be_made_is_named():
+    # Nobody, not even root, can make a folder there.
+    with refused(DatasetError, "/proc/overtaking", "expected room and permission to write, got "):
+        generate(Path("/proc/overtaking/data"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"simulations": 0}, "simulations: expected 1 to"),
+        ({"simulations": -5}, "simulations: expected 1 to"),
+        ({"seed": -1}, "seed: expected 0 to"),
+        ({"seed": 2**64}, "seed: expected 0 to"),
+        ({"shard_size": 0}, "shard_size: expected 1 to"),
+        ({"keep": "everything"}, "keep: expected frames or summary, got everything"),
+        ({"simulator": "carma"}, "simulator: expected engine or reference, got carma"),
+        ({"road": "route66"}, "road"),
+        ({"overrides": {"time.horizon_s": -1.0}}, "horizon_s"),
+    ],
+)
+def test_what_cannot_be_made_is_said_before_anything_is_written(changes, said, tmp_path: Path):
+    with refused(ConfigError, said):
+        generate(tmp_path / "data", **changes)
+    assert not (tmp_path / "data").exists()
+
+
+def test_a_simulation_that_is_not_there_is_refused(data):
+    for number in (-1, NUM_SIMULATIONS):
+        with refused(ConfigError, f"simulation: expected 0 to 19, got {number}"):
+            data.states(number)
+
+
+def test_a_table_that_was_not_kept_is_refused(summary):
+    with refused(ConfigError, "table states: expected one of weather", "--keep frames"):
+        summary.table("states")
+
+
+def test_a_data_set_of_a_newer_version_says_to_upgrade(copy: Path):
+    manifest = json.loads((copy / "dataset.json").read_text())
+    (copy / "dataset.json").write_text(json.dumps({**manifest, "version": 2}))
+    with refused(SchemaError, "version of the manifest: expected at most 1, got 2; upgrade"):
+        api.load(copy)
+
+
+def test_a_table_of_a_newer_version_says_to_upgrade(copy: Path):
+    path = copy / "states" / "part-00000.parquet"
+    newer = {**SCHEMAS["states"].metadata, b"version": b"2"}
+    pq.write_table(pq.read_table(path).replace_schema_metadata(newer), path)
+    refresh(copy, path)
+    with refused(SchemaError, str(path), "expected at most 1, got 2; upgrade the package"):
+        api.load(copy).table("states")
+
+
+def refresh(folder: Path, path: Path) -> None:
+    """Let the manifest say that a file is as it should be."""
+    text = (folder / "dataset.json").read_text()
+    manifest = json.loads(text)
+    facts = manifest["shards"][0]["tables"][path.parent.name]
+    facts |= {"size_bytes": path.stat().st_size, "sha256": sha256_of(path)}
+    (folder / "dataset.json").write_text(json.dumps(manifest))
+
+
+def test_a_simulator_that_has_changed_is_noticed(summary):
+    def other(scenario):
+        runs = simulate(scenario)
+        return runs.replace(trace_hash=runs.trace_hash ^ np.uint32(1))
+
+    changed = load(summary.path, Simulator(name="other", version="9", simulate=other))
+    with refused(DatasetError, "simulation 5, simulated again", "got another from other 9"):
+        changed.trajectory(5)
+    with refused(DatasetError, "simulation 0, simulated again"):
+        next(iter(changed.batches()))
+
+
+UNTIL_FULL = """
+import shutil, sys
+from pathlib import Path
+from overtaking import api
+from overtaking.core.errors import DatasetError
+disk, room = Path(sys.argv[1]), int(sys.argv[2])
+ballast = disk / "ballast"
+ballast.write_bytes(bytes(shutil.disk_usage(disk).free - room))
+def generate(resume):
+    return api.generate("pinto2023", 20, 1, disk / "data", shard_size=8, resume=resume,
+                        overrides={"time.horizon_s": 1.0, "time.attempt_deadline_s": 1.0})
+try:
+    generate(resume=False)
+except DatasetError as error:
+    print(error)
+print((disk / "data" / ".partial").exists(), len(list(disk.glob("data/simulations/*"))))
+ballast.unlink()
+data = generate(resume=True)
+data.verify()
+print(data.content_hash)
+"""
+
+WITH_SMALL_DISK = 'mount -t tmpfs -o size=4m tmpfs "$1" && exec "$2" -c "$3" "$1" "$4"'
+
+
+def test_a_disk_that_fills_up_ends_in_one_line_and_loses_nothing(data, tmp_path: Path):
+    """On a disk of four megabytes that only this test sees (Linux, user namespaces)."""
+    sizes = [
+        sum(path.stat().st_size for path in data.path.glob(f"*/part-0000{n}*")) for n in (0, 1)
+    ]
+    room = sizes[0] + sizes[1] // 2 + 14 * 4096  # One shard, half of another, and its folders.
+    done = subprocess.run(
+        [
+            *("unshare", "-rm", "sh", "-c", WITH_SMALL_DISK, "sh"),
+            *(str(tmp_path), sys.executable, UNTIL_FULL, str(room)),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    message, left, content = done.stdout.splitlines()
+    assert str(tmp_path / "data") in message
+    assert "got No space left on device; make room or choose another folder; --resume" in message
+    assert left == "False 1"
+    assert content == data.content_hash
+
+
+LIMITED = """
+import resource, sys
+from overtaking import api
+from overtaking.core.errors import DatasetError
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
+try:
+    api.generate("pinto2023", 20, 1, sys.argv[1], shard_size=8,
+                 overrides={"time.horizon_s": 1.0, "time.attempt_deadline_s": 1.0})
+except DatasetError as error:
+    print(error, file=sys.stderr)
+    sys.exit(2)
+"""
+
+
+@pytest.mark.parametrize("missing", [1, 10_000])
+def test_a_file_that_may_not_grow_ends_in_one_line(missing: int, data, tmp_path: Path):
+    """The system's limit on the length of files: a write is refused wherever it happens to be."""
+    out = tmp_path / "data"
+    largest = max(path.stat().st_size for path in data.path.rglob("*.parquet"))
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, str(out), str(largest - missing)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert "expected room and permission to write, got File too large;" in done.stderr
+    assert not (out / ".partial").exists()
+    assert generate(out, resume=True).content_hash == data.content_hash
+
+
+MEASURED = """
+import resource, sys
+from overtaking import api
+api.generate("pinto2023", int(sys.argv[2]), 1, sys.argv[1], shard_size=2048,
+             overrides={"time.horizon_s": 2.0, "time.attempt_deadline_s": 2.0})
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def peak_memory(out: Path, simulations: int) -> int:
+    """The most memory that a process has needed, in the system's unit."""
+    command = [sys.executable, "-c", MEASURED, str(out), str(simulations)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    return int(done.stdout)
+
+
+def test_memory_is_flat_in_the_number_of_simulations(tmp_path: Path):
+    few, many = (peak_memory(tmp_path / str(n), n) for n in (1024, 8 * 1024))
+    # Allocators keep some slack; keeping all simulations would need several times as much.
+    assert many < 1.2 * few
