@@ -24,7 +24,7 @@ from overtaking.model.trajectory import (
 from overtaking.model.vehicles import Role, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.sim.reference.perception import UNSEEN_GAP
-from overtaking.tables.arrow import column_to_numpy
+from overtaking.tables.arrow import column_to_numpy, to_arrow
 from overtaking.tables.columns import codes
 from overtaking.tables.schemas import (
     BODY_FIELDS,
@@ -203,7 +203,8 @@ def _bodies(table: pa.Table, grid: _Grid) -> VehicleSpecs:
 
 def _weather(tables: Tables) -> Weather:
     key = _numbers(tables["simulations"], "weather")
-    table = tables["weather"].take(np.searchsorted(_numbers(tables["weather"], "weather"), key))
+    rows = np.searchsorted(_numbers(tables["weather"], "weather"), key)
+    table = tables["weather"].take(to_arrow(rows))
     code = {name: number for number, name in enumerate(presets())} | {None: NO_PRESET}
     preset = np.array([code[name] for name in table["preset"].to_pylist()], dtype=np.uint8)
     return Weather(

@@ -12,7 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as nps
 
-from overtaking.tables.arrow import missing_in, to_arrow, to_names, to_numpy, to_texts
+from overtaking.tables.arrow import (
+    column_to_numpy,
+    missing_in,
+    to_arrow,
+    to_names,
+    to_numpy,
+    to_texts,
+)
 
 KINDS = ["i1", "u1", "i2", "i4", "i8", "u8", "f4", "f8", "?"]
 LENGTH = st.integers(0, 40)
@@ -83,3 +90,12 @@ def test_writing_a_data_set_does_not_load_pandas(module: str):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"
+
+
+def test_a_column_in_pieces_is_one_array_with_a_value_for_its_nulls():
+    pieces = [pa.array([1, None, 3], pa.uint8()), pa.array([None, 5], pa.uint8()).slice(1)]
+    values = column_to_numpy(pa.chunked_array(pieces), 255)
+    assert values.dtype == np.uint8
+    assert values.tolist() == [1, 255, 3, 5]
+    assert column_to_numpy(pa.chunked_array([], pa.bool_())).dtype == np.bool_
+    assert column_to_numpy(pa.chunked_array([[True, None]]), missing=True).tolist() == [True, True]
