@@ -4,7 +4,6 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::MAX_VEHICLES;
-use crate::elementary::sincos;
 use crate::lanes::{M, V, choose, clamp, clamp_to, max, min, splat};
 use crate::state::{Each, State, World};
 
@@ -106,7 +105,7 @@ fn collide_pair<S: Simd>(
 
 #[inline(always)]
 fn corpus<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> Corpus<S> {
-    let (sine, cosine) = sincos(state.psi[i]);
+    let (sine, cosine) = (state.sine[i], state.cosine[i]);
     let (half_length, half_width) = (w.p[i].half_length, w.p[i].half_width);
     Corpus { s: state.s[i], d: state.d[i], sine, cosine, half_length, half_width }
 }

@@ -58,8 +58,8 @@ fn behind_old_leader<S: Simd>(
     let slot = choose(to_fast, near.slot[SLOW_LEAD], near.slot[FAST_LEAD]);
     let gap = choose(to_fast, believed.gap[SLOW_LEAD], believed.gap[FAST_LEAD]);
     let closing = choose(to_fast, believed.closing[SLOW_LEAD], believed.closing[FAST_LEAD]);
-    let aside = (pick(n, slot, |j| state.d[j]) - state.d[i]).abs();
-    let overlaps = aside.simd_lt(p.half_width + pick(n, slot, |j| w.p[j].half_width) + c.footprint_margin);
+    let aside = (pick!(n, slot, |j| state.d[j]) - state.d[i]).abs();
+    let overlaps = aside.simd_lt(p.half_width + pick!(n, slot, |j| w.p[j].half_width) + c.footprint_margin);
     let left = c.clear_fraction * state.path_duration[i] - state.path_time[i];
     let clears = left.simd_gt(0.0) & gap.simd_gt(closing * left);
     let matters = changing & slot.simd_ge(0.0) & overlaps & !clears;
@@ -80,10 +80,9 @@ pub fn set_acceleration<S: Simd>(
     let c = w.c;
     let old_leader = behind_old_leader(state, w, i, near, believed);
     let wanted = max(min(leader, old_leader), -w.p[i].hardest_decel);
-    let number = |value: f32| splat(w.simd, value);
-    let up = choose(state.accel[i].simd_lt(0.0), number(c.jerk_down), number(c.jerk_up)) * c.decision;
+    let up = choose(state.accel[i].simd_lt(0.0), splat(w.simd, c.jerk_down), splat(w.simd, c.jerk_up)) * c.decision;
     let hard = wanted.simd_lt(-c.emergency_decel);
-    let down = choose(hard, number(c.jerk_emergency), number(c.jerk_down)) * c.decision;
+    let down = choose(hard, splat(w.simd, c.jerk_emergency), splat(w.simd, c.jerk_down)) * c.decision;
     let changed = state.accel[i] + clamp(wanted - state.accel[i], -down, up);
-    state.accel[i] = choose(state.crashed[i].simd_gt(0.0), number(0.0), changed);
+    state.accel[i] = choose(state.crashed[i].simd_gt(0.0), splat(w.simd, 0.0), changed);
 }

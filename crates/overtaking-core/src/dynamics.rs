@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 
 use crate::elementary::sincos;
 use crate::fields::{Constants, Vehicle};
-use crate::lanes::{M, V, at_least, choose, clamp, clamp_to, max, min, splat};
+use crate::lanes::{V, at_least, choose, clamp, clamp_to, max, min, splat};
 use crate::state::{State, World};
 
 #[inline(always)]
@@ -19,10 +19,10 @@ fn fiala<S: Simd>(stiffness: V<S>, slope: V<S>, limit: V<S>) -> V<S> {
 }
 
 #[inline(always)]
-fn drive_force<S: Simd>(c: &Constants, p: &Vehicle<S>, speed: V<S>, accel: V<S>, resistance: V<S>) -> V<S> {
-    let wanted = p.mass * accel + resistance;
-    let engine = min(p.launch_force, p.power / at_least(speed, 1.0));
-    let throttle = clamp_to((p.max_speed + c.governor_band - speed) / c.governor_band, 0.0, 1.0);
+fn drive_force<S: Simd>(c: &Constants, p: &Vehicle<S>, state: &State<S>, i: usize, resistance: V<S>, inverse_speed: V<S>) -> V<S> {
+    let wanted = p.mass * state.accel[i] + resistance;
+    let engine = min(p.launch_force, p.power * inverse_speed);
+    let throttle = clamp_to((p.max_speed + c.governor_band - state.vx[i]) * (1.0 / c.governor_band), 0.0, 1.0);
     max(min(wanted, engine * throttle), -p.brake_force)
 }
 
@@ -52,7 +52,7 @@ struct Tyres<S: Simd> {
 }
 
 #[inline(always)]
-fn tyre_forces<S: Simd>(state: &State<S>, c: &Constants, p: &Vehicle<S>, i: usize, force: V<S>) -> Tyres<S> {
+fn tyre_forces<S: Simd>(state: &State<S>, c: &Constants, p: &Vehicle<S>, i: usize, force: V<S>, inverse_speed: V<S>) -> Tyres<S> {
     let shift = state.a_lon[i] * p.cg_height;
     let front_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_rear - shift);
     let rear_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_front + shift);
@@ -60,7 +60,6 @@ fn tyre_forces<S: Simd>(state: &State<S>, c: &Constants, p: &Vehicle<S>, i: usiz
     let (mu_fast, mu_slow) = (state.mu_fast[i], state.mu_slow[i]);
     let (front_x, front_split, front_limit) = axle_forces(c, mu_fast, mu_slow, share * force, front_load);
     let (rear_x, rear_split, rear_limit) = axle_forces(c, mu_fast, mu_slow, (1.0 - share) * force, rear_load);
-    let inverse_speed = 1.0 / at_least(state.vx[i], c.slip_speed);
     let (sine, cosine) = sincos(state.wheel[i]);
     let slip = (state.vy[i] + p.cg_front * state.r[i]) * inverse_speed;
     let front_slope = (slip * cosine - sine) / (cosine + slip * sine);
@@ -71,14 +70,15 @@ fn tyre_forces<S: Simd>(state: &State<S>, c: &Constants, p: &Vehicle<S>, i: usiz
     Tyres { front_x, rear_x, front_y, rear_y, moment, sine, cosine }
 }
 
-/// Advance vehicle `i` by one step (semi-implicit Euler).
+/// Accelerations of vehicle `i` by tyres and wind, kept in the state, and its new yaw rate.
 #[inline(always)]
-pub fn advance<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize) {
+pub fn accelerate<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize) -> V<S> {
     let (c, p) = (w.c, &w.p[i]);
+    let inverse_speed = 1.0 / at_least(state.vx[i], c.slip_speed);
     let air = state.vx[i] - state.tail_wind[i];
     let resistance = p.drag * air * air.abs() + p.rolling;
-    let force = drive_force(c, p, state.vx[i], state.accel[i], resistance);
-    let t = tyre_forces(state, c, p, i, force);
+    let force = drive_force(c, p, state, i, resistance, inverse_speed);
+    let t = tyre_forces(state, c, p, i, force, inverse_speed);
     let front_side = t.front_y * t.cosine + t.front_x * t.sine;
     let along = (t.front_x * t.cosine - t.front_y * t.sine + t.rear_x - resistance) * p.inverse_mass;
     let across = (front_side + t.rear_y + state.wind_force[i]) * p.inverse_mass;
@@ -89,13 +89,16 @@ pub fn advance<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize) {
     let rides = p.two_wheeler.simd_gt(0.0);
     let a_lon = choose(rides, (t.front_x + t.rear_x - resistance) * p.inverse_mass, along);
     let a_lat = choose(rides, lean, across);
-    let (wreck_lon, wreck_lat, wreck_turn) = wreck(state, c, p, i);
+    let turned = choose(rides, lean * inverse_speed, state.r[i] + c.step * turn);
+    (state.a_lon[i], state.a_lat[i]) = (a_lon, a_lat);
     let wrecked = state.crashed[i].simd_gt(0.0);
+    if !wrecked.any_true() {
+        return turned;
+    }
+    let (wreck_lon, wreck_lat, wreck_turn) = wreck(state, c, p, i);
     state.a_lon[i] = choose(wrecked, wreck_lon, a_lon);
     state.a_lat[i] = choose(wrecked, wreck_lat, a_lat);
-    let turned = choose(rides, lean / at_least(state.vx[i], c.slip_speed), state.r[i] + c.step * turn);
-    let r = choose(wrecked, state.r[i] + wreck_turn, turned);
-    integrate(state, c, i, r, rides & !wrecked, wrecked);
+    choose(wrecked, state.r[i] + wreck_turn, turned)
 }
 
 #[inline(always)]
@@ -108,9 +111,13 @@ fn wreck<S: Simd>(state: &State<S>, c: &Constants, p: &Vehicle<S>, i: usize) -> 
     (-share * vx, -share * vy, -clamp(state.r[i], -spin, spin))
 }
 
+/// New velocity of vehicle `i`, then its new position with it (semi-implicit Euler).
 #[inline(always)]
-fn integrate<S: Simd>(state: &mut State<S>, c: &Constants, i: usize, r: V<S>, rides: M<S>, wrecked: M<S>) {
+pub fn integrate<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize, r: V<S>) {
+    let c = w.c;
     let zero = splat(r.simd, 0.0);
+    let wrecked = state.crashed[i].simd_gt(0.0);
+    let rides = w.p[i].two_wheeler.simd_gt(0.0) & !wrecked;
     let turning = choose(rides, zero, state.vy[i] * state.r[i]);
     let vx = state.vx[i] + c.step * (state.a_lon[i] + turning);
     let vy = state.vy[i] + c.step * (state.a_lat[i] - state.vx[i] * state.r[i]);
@@ -122,6 +129,7 @@ fn integrate<S: Simd>(state: &mut State<S>, c: &Constants, i: usize, r: V<S>, ri
     state.r[i] = choose(stands, zero, r);
     state.psi[i] = state.psi[i] + c.step * state.r[i];
     let (sine, cosine) = sincos(state.psi[i]);
+    (state.sine[i], state.cosine[i]) = (sine, cosine);
     state.s[i] = state.s[i] + c.step * (state.vx[i] * cosine - state.vy[i] * sine);
     state.d[i] = state.d[i] + c.step * (state.vx[i] * sine + state.vy[i] * cosine);
 }

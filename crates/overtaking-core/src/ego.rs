@@ -113,25 +113,24 @@ pub fn decide<S: Simd>(
     let old = state.stage;
     let sound = state.crashed[EGO].simd_eq(0.0);
     let arrived = state.path_time[EGO].simd_ge(state.path_duration[EGO]);
-    let in_stage = |which: f32| sound & old.simd_eq(which);
     state.stage_time = state.stage_time + c.decision;
 
     let queues = view.gap[LEAD].simd_lt(c.waiting_time_gap * view.speed);
-    let waits = in_stage(stage::FOLLOW)
+    let waits = (sound & old.simd_eq(stage::FOLLOW))
         & view.detected[LEAD]
         & queues
         & own.desired_speed.simd_gt(view.leader_speed);
     state.waited = choose(waits, state.waited + c.decision, state.waited);
 
-    let free = in_stage(stage::FOLLOW) & arrived & state.since_change[EGO].simd_ge(c.abort_cooldown);
+    let free = (sound & old.simd_eq(stage::FOLLOW)) & arrived & state.since_change[EGO].simd_ge(c.abort_cooldown);
     let free = free & state.lane[EGO].simd_lt((w.road.num_lanes - 1) as f32);
     let start = free & wants_to_pass(&view) & may_pull_out(w, &view) & q.command.simd_ne(STAY);
     let start = start | (free & q.command.simd_eq(PULL_OUT_NOW) & state.attempted.simd_eq(0.0));
 
-    let slower_lane = in_stage(stage::PASS) & state.lane[EGO].simd_ge(1.0);
-    let target_s = pick(n, state.target, |j| state.s[j]);
+    let slower_lane = (sound & old.simd_eq(stage::PASS)) & state.lane[EGO].simd_ge(1.0);
+    let target_s = pick!(n, state.target, |j| state.s[j]);
     let behind = state.s[EGO] - target_s;
-    let bodies = own.half_length + pick(n, state.target, |j| w.p[j].half_length);
+    let bodies = own.half_length + pick!(n, state.target, |j| w.p[j].half_length);
     let passed = behind.simd_gt(bodies + c.clear_ahead);
     let stuck = state.stage_time.simd_gt(c.give_up_after) & state.s[EGO].simd_lt(target_s);
     let back = slower_lane & may_return(w, &view) & (passed | stuck);
@@ -141,7 +140,7 @@ pub fn decide<S: Simd>(
     let ready = state.signalled.simd_gt(own.signal_time);
     let (go_out, go_back) = (start & ready, back & ready);
 
-    let entering = in_stage(stage::PULL_OUT);
+    let entering = sound & old.simd_eq(stage::PULL_OUT);
     let early = state.path_time[EGO].simd_lt(c.abort_until * state.path_duration[EGO]);
     let abort = entering & early & (must_abort(w, &view) | q.command.simd_eq(ABORT_NOW));
 
@@ -159,19 +158,18 @@ pub fn decide<S: Simd>(
 
     let centre = 0.5 * (near.lane_low + near.lane_high);
     let finished = arrived & (state.d[EGO] - centre).abs().simd_lt(c.settled_offset);
-    let to = |which: f32| splat(w.simd, which);
-    let next = choose(go_out, to(stage::PULL_OUT), old);
-    let next = choose(entering & arrived, to(stage::PASS), next);
-    let next = choose(abort, to(stage::ABORT), next);
-    let next = choose(go_back, choose(passed, to(stage::RETURN), to(stage::ABORT)), next);
-    let next = choose(in_stage(stage::RETURN) & finished, to(stage::DONE), next);
-    let next = choose(in_stage(stage::ABORT) & finished, to(stage::FOLLOW), next);
+    let next = choose(go_out, splat(w.simd, stage::PULL_OUT), old);
+    let next = choose(entering & arrived, splat(w.simd, stage::PASS), next);
+    let next = choose(abort, splat(w.simd, stage::ABORT), next);
+    let next = choose(go_back, choose(passed, splat(w.simd, stage::RETURN), splat(w.simd, stage::ABORT)), next);
+    let next = choose((sound & old.simd_eq(stage::RETURN)) & finished, splat(w.simd, stage::DONE), next);
+    let next = choose((sound & old.simd_eq(stage::ABORT)) & finished, splat(w.simd, stage::FOLLOW), next);
     state.stage_time = choose(next.simd_ne(old), zero, state.stage_time);
     let over = next.simd_eq(stage::DONE) & old.simd_ne(stage::DONE);
     let now = splat(w.simd, step as f32);
     let after = now + (c.after_overtake / c.step).round_ties_even();
     state.end_step = choose(over, min(state.end_step, after), state.end_step);
-    let idle = in_stage(stage::FOLLOW)
+    let idle = (sound & old.simd_eq(stage::FOLLOW))
         & state.attempted.simd_eq(0.0)
         & !start
         & now.simd_ge(q.deadline_step);

@@ -254,9 +254,16 @@ fn surroundings<S: Simd>(state: &mut State<S>, w: &World<'_, S>, step: u32) {
 fn advance<S: Simd>(state: &mut State<S>, w: &World<'_, S>, pairs: &Pairs<S>, step: u32) {
     let before = (state.s, state.d);
     outlined!(w.simd, {
+        // Short passes over all vehicles, so that the CPU works on several of them at once.
         for i in 0..w.count {
             steering::steer(state, w, i);
-            dynamics::advance(state, w, i);
+        }
+        let mut turned = before.0;
+        for i in 0..w.count {
+            turned[i] = dynamics::accelerate(state, w, i);
+        }
+        for i in 0..w.count {
+            dynamics::integrate(state, w, i, turned[i]);
         }
     });
     outlined!(w.simd, crash(state, w, pairs, &before, step));

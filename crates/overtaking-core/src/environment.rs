@@ -22,15 +22,15 @@ pub fn move_random_processes<S: Simd>(state: &mut State<S>, w: &World<'_, S>, de
     let keep_error = exp(splat(w.simd, -c.decision / c.error_time));
     let keep_wander = exp(splat(w.simd, -c.decision / c.lane_time));
     for i in 0..w.count {
-        let draw = words(w.key, &w.index_low, &w.index_high, MOTION + i as u32, decision)
-            .map(|word| uniform(w.simd, word));
+        let [gust, distance, speed, lane] =
+            words(w.key, &w.index_low, &w.index_high, MOTION + i as u32, decision);
         let along = state.vx[i] - q.wind_along;
         let air_speed = (along * along + q.wind_across * q.wind_across).sqrt();
         let keep = exp(-(air_speed * c.decision) / c.gust_length_scale);
-        state.gust[i] = relaxed(state.gust[i], keep, draw[0]);
-        state.distance_error[i] = relaxed(state.distance_error[i], keep_error, draw[1]);
-        state.speed_error[i] = relaxed(state.speed_error[i], keep_error, draw[2]);
-        state.wander[i] = relaxed(state.wander[i], keep_wander, draw[3]);
+        state.gust[i] = relaxed(state.gust[i], keep, uniform(w.simd, gust));
+        state.distance_error[i] = relaxed(state.distance_error[i], keep_error, uniform(w.simd, distance));
+        state.speed_error[i] = relaxed(state.speed_error[i], keep_error, uniform(w.simd, speed));
+        state.wander[i] = relaxed(state.wander[i], keep_wander, uniform(w.simd, lane));
     }
 }
 
@@ -69,18 +69,20 @@ fn speed_columns<S: Simd>(c: &Constants, speed: V<S>, p: &Vehicle<S>) -> [V<S>; 
     let [v0, v1, v2] = c.friction_speeds;
     let low = clamp_to((speed - v0) / (v1 - v0), 0.0, 1.0);
     let high = clamp_to((speed - v1) / (v2 - v1), 0.0, 1.0);
-    core::array::from_fn(|knot| {
-        let row = |i: usize| {
-            c.friction_new[i][knot] + p.wear * (c.friction_worn[i][knot] - c.friction_new[i][knot])
-        };
-        let rows = [row(0), row(1), row(2)];
+    let mut columns = [splat(speed.simd, 0.0); 4];
+    for (knot, column) in columns.iter_mut().enumerate() {
+        let mut rows = [*column; 3];
+        for (row, (new, worn)) in rows.iter_mut().zip(c.friction_new.iter().zip(&c.friction_worn)) {
+            *row = new[knot] + p.wear * (worn[knot] - new[knot]);
+        }
         let change = low * (rows[1] - rows[0]) + high * (rows[2] - rows[1]);
-        match knot {
+        *column = match knot {
             0 => (1.0 + p.truck * (c.truck_dry_factor - 1.0)) * (rows[0] + change),
             1 => rows[0] + change,
             _ => rows[0] + (1.0 + p.truck * (c.truck_loss_factor - 1.0)) * change,
-        }
-    })
+        };
+    }
+    columns
 }
 
 #[inline(always)]
@@ -108,12 +110,13 @@ pub fn grip<S: Simd>(state: &mut State<S>, w: &World<'_, S>) {
         }
         let water = lane_film(w, lane_value(&road.film_path[..n], lane));
         let columns = speed_columns(w.c, state.vx[i], p);
-        let side = |offset: V<S>| {
+        for (offset, friction) in
+            [(p.half_track, &mut state.mu_fast[i]), (-p.half_track, &mut state.mu_slow[i])]
+        {
             let wheel_path = floor((state.d[i] + offset - road.boundaries[0]) / width);
             let depth = puddle(w, state.s[i], wheel_path);
-            at_film(w.c, &columns, water + w.q.puddle_film * depth)
-        };
-        (state.mu_fast[i], state.mu_slow[i]) = (side(p.half_track), side(-p.half_track));
+            *friction = at_film(w.c, &columns, water + w.q.puddle_film * depth);
+        }
     }
 }
 

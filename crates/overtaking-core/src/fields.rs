@@ -100,7 +100,7 @@ number_fields! {
         settled_offset, sight_range, mirror_range, detection_growth, blind_spot, looming_threshold,
         lane_deviation, error_time, lane_time, spray_coefficient, spray_film, spray_speed, spray_reach,
         rain_speed, inverse_stop_lamp, position_gain, velocity_gain, integral_gain, trim_limit,
-        steering_lag, steering_rate, steering_limit, steering_speed, slip_speed, abs_share,
+        steering_lag, steering_rate, steering_limit, slip_speed, abs_share,
         brake_front_share, governor_band, two_wheeler_lag, standstill, restitution, near_gap,
         near_side, sliding_ratio, friction_floor, truck_dry_factor, truck_loss_factor,
         turbulence_intensity, gust_length_scale, wind_angle_factor, gust_spacing, shelter_factor,

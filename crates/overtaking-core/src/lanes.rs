@@ -67,11 +67,19 @@ pub fn floor<S: Simd>(x: V<S>) -> V<S> {
 }
 
 /// The value of vehicle `slot` in each simulation; slot 0's where there is nobody.
-#[inline(always)]
-pub fn pick<S: Simd>(count: usize, slot: V<S>, value: impl Fn(usize) -> V<S>) -> V<S> {
-    let mut picked = value(0);
-    for j in 1..count {
-        picked = choose(slot.simd_eq(j as f32), value(j), picked);
-    }
-    picked
+///
+/// A macro, because a closure that the compiler leaves outside would lose the features of the CPU.
+macro_rules! pick {
+    ($count:expr, $slot:expr, |$j:ident| $value:expr) => {{
+        let slot = $slot;
+        let mut picked = {
+            let $j = 0;
+            $value
+        };
+        for $j in 1..$count {
+            picked = $crate::lanes::choose(slot.simd_eq($j as f32), $value, picked);
+        }
+        picked
+    }};
 }
+pub(crate) use pick;

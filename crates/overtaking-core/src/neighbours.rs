@@ -30,7 +30,8 @@ pub fn lane_borders<S: Simd>(w: &World<'_, S>, lane: V<S>, shift: f32) -> (V<S>,
 #[inline(always)]
 pub fn find_neighbours<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> Neighbours<S> {
     let c = w.c;
-    let bands = [0.0, 1.0, -1.0].map(|shift| lane_borders(w, state.lane[i], shift));
+    let lane = state.lane[i];
+    let bands = [lane_borders(w, lane, 0.0), lane_borders(w, lane, 1.0), lane_borders(w, lane, -1.0)];
     let mut slot = [splat(w.simd, NOBODY); ROLES];
     let mut nearest = [splat(w.simd, FAR); ROLES];
     for j in 0..w.count {
@@ -53,9 +54,9 @@ pub fn find_neighbours<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) ->
             slot[2 * k + 1] = choose(back, splat(w.simd, j as f32), slot[2 * k + 1]);
         }
     }
-    let gap = core::array::from_fn(|role| {
-        let half = pick(w.count, slot[role], |j| w.p[j].half_length);
-        nearest[role] - (half + w.p[i].half_length)
-    });
-    Neighbours { slot, gap, lane_low: bands[0].0, lane_high: bands[0].1 }
+    for (gap, slot) in nearest.iter_mut().zip(&slot) {
+        let half = pick!(w.count, *slot, |j| w.p[j].half_length);
+        *gap = *gap - (half + w.p[i].half_length);
+    }
+    Neighbours { slot, gap: nearest, lane_low: bands[0].0, lane_high: bands[0].1 }
 }

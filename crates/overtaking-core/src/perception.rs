@@ -1,17 +1,19 @@
 //! What each driver believes about the neighbours; see `overtaking.sim.reference.perception`.
 
-use fearless_simd::Simd;
 use fearless_simd::prelude::*;
+use fearless_simd::{Simd, i32x16};
 
 use crate::MAX_VEHICLES;
 use crate::elementary::exp;
 use crate::environment::{lane_film, lane_value};
-use crate::lanes::{LANES, M, V, at_least, at_most, choose, max, min, pick, splat};
+use crate::lanes::{LANES, M, V, at_least, at_most, choose, clamp_to, floor, max, min, pick, splat};
 use crate::neighbours::Neighbours;
 use crate::state::{HISTORY, LEAD, ROLES, State, World};
 
 /// Gap that a driver assumes where nobody was noticed [m].
 pub const UNSEEN_GAP: f32 = 1000.0;
+const FARTHEST: f32 = 1e4;
+const DEEPEST: f32 = 40.0;
 
 /// What one driver acts on, by role.
 #[derive(Clone, Copy)]
@@ -28,8 +30,14 @@ pub fn remember<S: Simd>(state: &mut State<S>, w: &World<'_, S>, decision: usize
     let row = decision % HISTORY;
     for i in 0..w.count {
         let (along, _) = state.road_velocity(i);
-        state.history_s[row][i] = state.s[i].to_array();
-        state.history_v[row][i] = along.to_array();
+        let (low, high) = state.s[i].interleave(along);
+        let place = (row * MAX_VEHICLES + i) * LANES;
+        for (pairs, offset) in [(low, 0), (high, LANES / 2)] {
+            let memory = &mut state.history[place + offset..place + offset + LANES / 2];
+            for (memory, pair) in memory.iter_mut().zip(pairs.as_array().as_chunks::<2>().0) {
+                *memory = *pair;
+            }
+        }
     }
 }
 
@@ -40,9 +48,9 @@ fn optical_depth<S: Simd>(state: &State<S>, w: &World<'_, S>, near: &Neighbours<
     let path = lane_value(&w.road.film_path[..w.road.num_lanes], state.lane[i]);
     let water = lane_film(w, path);
     let lead = near.slot[LEAD];
-    let speed = pick(w.count, lead, |j| state.vx[j]) / c.spray_speed;
+    let speed = pick!(w.count, lead, |j| state.vx[j]) / c.spray_speed;
     let wetness = at_most(water / c.spray_film, 1.0);
-    let spray = c.spray_coefficient * wetness * (speed * speed) * pick(w.count, lead, |j| w.p[j].spray);
+    let spray = c.spray_coefficient * wetness * (speed * speed) * pick!(w.count, lead, |j| w.p[j].spray);
     let close = lead.simd_ge(0.0) & near.gap[LEAD].simd_lt(c.spray_reach);
     (air, choose(close, spray, splat(w.simd, 0.0)))
 }
@@ -50,16 +58,16 @@ fn optical_depth<S: Simd>(state: &State<S>, w: &World<'_, S>, near: &Neighbours<
 #[inline(always)]
 fn is_hidden<S: Simd>(state: &State<S>, w: &World<'_, S>, near: &Neighbours<S>, i: usize, role: usize) -> M<S> {
     let (lead, other, n) = (near.slot[LEAD], near.slot[role], w.count);
-    let reach = pick(n, lead, |j| state.s[j]) - pick(n, lead, |j| w.p[j].half_length) - state.s[i];
+    let reach = pick!(n, lead, |j| state.s[j]) - pick!(n, lead, |j| w.p[j].half_length) - state.s[i];
     let reach = at_least(reach, 0.1);
-    let distance = pick(n, other, |j| state.s[j]) - state.s[i];
-    let aside = pick(n, other, |j| state.d[j]) - state.d[i];
+    let distance = pick!(n, other, |j| state.s[j]) - state.s[i];
+    let aside = pick!(n, other, |j| state.d[j]) - state.d[i];
     let crossing = aside * (reach / at_least(distance, 0.1));
-    let offset = (crossing - (pick(n, lead, |j| state.d[j]) - state.d[i])).abs();
+    let offset = (crossing - (pick!(n, lead, |j| state.d[j]) - state.d[i])).abs();
     let blocked = distance.simd_gt(reach)
-        & offset.simd_lt(pick(n, lead, |j| w.p[j].half_width))
+        & offset.simd_lt(pick!(n, lead, |j| w.p[j].half_width))
         & other.simd_ne(lead);
-    lead.simd_ge(0.0) & pick(n, lead, |j| w.p[j].tall).simd_gt(0.0) & blocked
+    lead.simd_ge(0.0) & pick!(n, lead, |j| w.p[j].tall).simd_gt(0.0) & blocked
 }
 
 #[inline(always)]
@@ -67,22 +75,22 @@ fn strain<S: Simd>(state: &State<S>, w: &World<'_, S>, near: &Neighbours<S>, rol
     let (c, q, n) = (w.c, &w.q, w.count);
     let is_front = role.is_multiple_of(2);
     let slot = near.slot[role];
-    let distance = at_least(near.gap[role], 1.0);
+    let distance = clamp_to(near.gap[role], 1.0, FARTHEST);
     let mut depth = depths.0 * distance;
     if is_front {
         depth = depth + depths.1 * at_most(distance, c.spray_reach);
     }
     let sensitivity = if is_front { q.sight_front } else { q.sight_rear };
-    let by_contrast = depth / at_least(pick(n, slot, |j| w.p[j].contrast) + sensitivity, 1e-3);
+    let by_contrast = depth / at_least(pick!(n, slot, |j| w.p[j].contrast) + sensitivity, 1e-3);
     let by_contrast = max(by_contrast, distance * q.inverse_lit_range);
     let lamp = if is_front {
-        let braking = pick(n, slot, |j| state.accel[j]).simd_lt(-0.5);
-        let lamp = pick(n, slot, |j| w.p[j].inverse_tail_lamp);
+        let braking = pick!(n, slot, |j| state.accel[j]).simd_lt(-0.5);
+        let lamp = pick!(n, slot, |j| w.p[j].inverse_tail_lamp);
         choose(braking, at_most(lamp, c.inverse_stop_lamp), lamp)
     } else {
-        pick(n, slot, |j| w.p[j].inverse_head_lamp)
+        pick!(n, slot, |j| w.p[j].inverse_head_lamp)
     };
-    let by_lamp = (distance * distance * (q.lamp_threshold * lamp) * exp(depth)).sqrt();
+    let by_lamp = (distance * distance * (q.lamp_threshold * lamp) * exp(at_most(depth, DEEPEST))).sqrt();
     min(by_contrast, by_lamp)
 }
 
@@ -122,17 +130,24 @@ fn notice<S: Simd>(
     visible & state.seen_time[i][role].simd_ge(needed)
 }
 
+/// 0, 1, 2 ... 15.
+#[inline(always)]
+fn numbered<S: Simd>(simd: S) -> V<S> {
+    let number: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
+    V::simd_from(simd, number)
+}
+
 /// Where and how fast the vehicles in `slot` were, `row` giving the line of the history.
 #[inline(always)]
-fn recall<S: Simd>(state: &State<S>, simd: S, row: &[usize; LANES], slot: V<S>) -> (V<S>, V<S>) {
-    let slot = slot.to_array();
-    let (mut s, mut v) = ([0.0; LANES], [0.0; LANES]);
-    for lane in 0..LANES {
-        let who = (slot[lane].max(0.0) as usize) & (MAX_VEHICLES - 1);
-        s[lane] = state.history_s[row[lane] & (HISTORY - 1)][who][lane];
-        v[lane] = state.history_v[row[lane] & (HISTORY - 1)][who][lane];
+fn recall<S: Simd>(state: &State<S>, simd: S, row: V<S>, slot: V<S>) -> (V<S>, V<S>) {
+    let who = at_least(slot, 0.0);
+    let place: i32x16<S> = (row * (MAX_VEHICLES * LANES) as f32 + who * LANES as f32 + numbered(simd)).to_int();
+    let place = place.to_array();
+    let (mut low, mut high) = ([0.0; LANES], [0.0; LANES]);
+    for (lane, pair) in low.as_chunks_mut::<2>().0.iter_mut().chain(high.as_chunks_mut::<2>().0).enumerate() {
+        *pair = state.history[place[lane] as usize & (HISTORY * MAX_VEHICLES * LANES - 1)];
     }
-    (V::simd_from(simd, s), V::simd_from(simd, v))
+    V::simd_from(simd, low).deinterleave(V::simd_from(simd, high))
 }
 
 /// What driver `i` believes about the six neighbours.
@@ -150,7 +165,7 @@ pub fn perceive<S: Simd>(
     let now = splat(w.simd, decision as f32);
     let then = at_least(now - p.reaction_ticks, 0.0);
     let elapsed = (now - then) * c.decision;
-    let row = then.to_array().map(|tick| tick as usize % HISTORY);
+    let row = then - HISTORY as f32 * floor(then * (1.0 / HISTORY as f32));
     let (own_speed, _) = state.road_velocity(i);
     let judged = exp(q.distance_error * state.distance_error[i]);
     let mut believed = Beliefs {
@@ -165,13 +180,13 @@ pub fn perceive<S: Simd>(
             #[inline(always)]
             || notice(state, w, near, i, role, depths),
         );
-        let (place, speed) = recall(state, w.simd, &row, slot);
+        let (place, speed) = recall(state, w.simd, row, slot);
         let place = place + speed * elapsed;
         let ahead = if is_front { place - state.s[i] } else { state.s[i] - place };
-        let gap = ahead - (pick(w.count, slot, |j| w.p[j].half_length) + p.half_length);
+        let gap = ahead - (pick!(w.count, slot, |j| w.p[j].half_length) + p.half_length);
         let closing = if is_front { own_speed - speed } else { speed - own_speed };
         let distance = at_least(gap, 1.0);
-        let width = pick(w.count, slot, |j| w.p[j].loom_width);
+        let width = pick!(w.count, slot, |j| w.p[j].loom_width);
         let looming = (width * closing.abs()).simd_gt(c.looming_threshold * (distance * distance));
         let sensed = closing * (1.0 + q.speed_error * state.speed_error[i]);
         believed.detected[role] = noticed;
@@ -192,8 +207,10 @@ pub fn swap_roles<S: Simd>(state: &mut State<S>, i: usize, moved: M<S>, towards_
     let (ids, times) = (state.seen_id[i], state.seen_time[i]);
     for (role, source) in order.into_iter().enumerate() {
         let simd = ids[role].simd;
-        let new_id = source.map_or(splat(simd, -1.0), |from| ids[from]);
-        let new_time = source.map_or(splat(simd, 0.0), |from| times[from]);
+        let (new_id, new_time) = match source {
+            Some(from) => (ids[from], times[from]),
+            None => (splat(simd, -1.0), splat(simd, 0.0)),
+        };
         state.seen_id[i][role] = choose(moved, new_id, ids[role]);
         state.seen_time[i][role] = choose(moved, new_time, times[role]);
     }

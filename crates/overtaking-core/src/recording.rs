@@ -12,7 +12,7 @@ use crate::state::{EGO, State, World};
 /// Decisions of the ego that are written down for a simulation.
 pub const MAX_PERCEPTS: usize = 4;
 /// Frames that are collected before they are moved to their place in memory.
-const TILE: usize = 16;
+const TILE: usize = 64;
 /// Recorded numbers of a vehicle in a frame.
 const WORDS: usize = 12;
 const NO_VEHICLE: i32 = 255;
@@ -181,7 +181,13 @@ impl<'a> Recorder<'a> {
     #[inline(always)]
     pub fn frame<S: Simd>(&mut self, state: &State<S>, w: &World<'_, S>, active: M<S>, number: usize) {
         let simd = w.simd;
-        let mut hash = self.hash.map(|word| u32x16::simd_from(simd, word));
+        let [h0, h1, h2, h3] = self.hash;
+        let mut hash = [
+            u32x16::simd_from(simd, h0),
+            u32x16::simd_from(simd, h1),
+            u32x16::simd_from(simd, h2),
+            u32x16::simd_from(simd, h3),
+        ];
         let at = number - self.flushed;
         for i in 0..w.count {
             let valid = w.p[i].valid.simd_gt(0.0);
@@ -201,7 +207,9 @@ impl<'a> Recorder<'a> {
         for (k, word) in [stage, partner, frame, zero].into_iter().enumerate() {
             hash[k] = mix(hash[k], word, active);
         }
-        self.hash = hash.map(|word| word.to_array());
+        for (kept, word) in self.hash.iter_mut().zip(hash) {
+            *kept = word.to_array();
+        }
         let room = self.out.frames;
         for lane in 0..self.lanes {
             if active.test(lane) {
@@ -403,20 +411,17 @@ fn vehicle_words<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> [i32x
     }
     let speed = (state.vx[i] * state.vx[i] + state.vy[i] * state.vy[i]).sqrt();
     let wheel = choose(p.two_wheeler.simd_gt(0.0), splat(w.simd, 0.0), state.wheel[i]);
-    let wide = |value: V<S>| rounded(value, 1000.0, INT32_LIMIT);
-    let angle = |value: V<S>| rounded(value, 10000.0, INT16_LIMIT);
-    let accel = |value: V<S>| rounded(value, 1000.0, INT16_LIMIT);
     [
-        wide(x0 + state.s[i] * cosine - d * sine),
-        wide(y0 + state.s[i] * sine + d * cosine),
-        wide(state.s[i]),
-        wide(d),
-        wide(speed),
-        angle(wrapped(heading + road.side * state.psi[i])),
-        angle(road.side * wheel),
-        accel(state.a_lon[i]),
-        accel(road.side * state.a_lat[i]),
-        angle(road.side * state.r[i]),
+        rounded(x0 + state.s[i] * cosine - d * sine, 1000.0, INT32_LIMIT),
+        rounded(y0 + state.s[i] * sine + d * cosine, 1000.0, INT32_LIMIT),
+        rounded(state.s[i], 1000.0, INT32_LIMIT),
+        rounded(d, 1000.0, INT32_LIMIT),
+        rounded(speed, 1000.0, INT32_LIMIT),
+        rounded(wrapped(heading + road.side * state.psi[i]), 10000.0, INT16_LIMIT),
+        rounded(road.side * wheel, 10000.0, INT16_LIMIT),
+        rounded(state.a_lon[i], 1000.0, INT16_LIMIT),
+        rounded(road.side * state.a_lat[i], 1000.0, INT16_LIMIT),
+        rounded(road.side * state.r[i], 10000.0, INT16_LIMIT),
         lane,
         lights(state, w, i),
     ]
@@ -424,11 +429,10 @@ fn vehicle_words<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> [i32x
 
 #[inline(always)]
 fn lights<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> i32x16<S> {
-    let number = |value: i32| i32x16::splat(w.simd, value);
     let towards_left = w.road.side * state.indicator[i];
-    let left = towards_left.simd_gt(0.0).select(number(1), number(0));
-    let right = towards_left.simd_lt(0.0).select(number(2), number(0));
+    let left = towards_left.simd_gt(0.0).select(i32x16::splat(w.simd, 1), i32x16::splat(w.simd, 0));
+    let right = towards_left.simd_lt(0.0).select(i32x16::splat(w.simd, 2), i32x16::splat(w.simd, 0));
     let braking = state.accel[i].simd_lt(-0.5) | state.crashed[i].simd_gt(0.0);
     let base: i32x16<S> = w.p[i].lights.to_int();
-    base + left + right + braking.select(number(4), number(0))
+    base + left + right + braking.select(i32x16::splat(w.simd, 4), i32x16::splat(w.simd, 0))
 }

@@ -3,7 +3,6 @@
 use fearless_simd::Simd;
 
 use crate::MAX_VEHICLES;
-use crate::elementary::sincos;
 use crate::fields::{Constants, Simulation, Vehicle};
 use crate::lanes::{LANES, V, splat};
 
@@ -115,8 +114,11 @@ pub struct State<S: Simd> {
     pub attempted: V<S>,
     pub end_step: V<S>,
     pub num_percepts: V<S>,
-    pub history_s: Vec<[[f32; LANES]; MAX_VEHICLES]>,
-    pub history_v: Vec<[[f32; LANES]; MAX_VEHICLES]>,
+    /// Sine and cosine of `psi`.
+    pub sine: Each<S>,
+    pub cosine: Each<S>,
+    /// Position and speed along the road by decision, vehicle and simulation.
+    pub history: Box<[[f32; 2]; HISTORY * MAX_VEHICLES * LANES]>,
 }
 
 impl<S: Simd> State<S> {
@@ -129,7 +131,6 @@ impl<S: Simd> State<S> {
         for (row, p) in path.iter_mut().zip(&w.p) {
             row[0] = p.start_d;
         }
-        let empty = || vec![[[0.0; LANES]; MAX_VEHICLES]; HISTORY];
         Self {
             s: w.p.map(|p| p.start_s),
             d: w.p.map(|p| p.start_d),
@@ -172,15 +173,16 @@ impl<S: Simd> State<S> {
             attempted: zero,
             end_step: w.q.last_step,
             num_percepts: zero,
-            history_s: empty(),
-            history_v: empty(),
+            sine: each(0.0),
+            cosine: each(1.0),
+            history: Box::new([[0.0; 2]; HISTORY * MAX_VEHICLES * LANES]),
         }
     }
 
     /// Velocity of vehicle `i` along and across the road [m/s].
     #[inline(always)]
     pub fn road_velocity(&self, i: usize) -> (V<S>, V<S>) {
-        let (sine, cosine) = sincos(self.psi[i]);
+        let (sine, cosine) = (self.sine[i], self.cosine[i]);
         (self.vx[i] * cosine - self.vy[i] * sine, self.vx[i] * sine + self.vy[i] * cosine)
     }
 }

@@ -3,7 +3,6 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::elementary::sincos;
 use crate::lanes::{M, V, at_least, choose, clamp, clamp_to, min, splat};
 use crate::state::{State, World};
 
@@ -54,14 +53,13 @@ pub fn hold_against_wind<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usi
 pub fn steer<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize) {
     let (c, p) = (w.c, &w.p[i]);
     let (place, speed, accel) = path_now(state, i);
-    let (sine, cosine) = sincos(state.psi[i]);
-    let sideways = state.vx[i] * sine + state.vy[i] * cosine;
+    let sideways = state.vx[i] * state.sine[i] + state.vy[i] * state.cosine[i];
     let wanted = accel + c.velocity_gain * (speed - sideways);
     let aim = place + c.lane_deviation * state.wander[i] - state.d[i];
     let wanted = wanted + c.position_gain * aim + state.trim[i];
     let wanted = clamp(wanted, -w.q.side_accel, w.q.side_accel);
-    let v = at_least(state.vx[i], c.steering_speed);
-    let angle = wanted * (p.wheelbase / (v * v) + p.understeer);
+    let inverse_speed = 1.0 / at_least(state.vx[i], c.slip_speed);
+    let angle = wanted * (p.wheelbase * (inverse_speed * inverse_speed) + p.understeer);
     let angle = clamp_to(angle, -c.steering_limit, c.steering_limit);
     let turn = (angle - state.wheel[i]) * (c.step / c.steering_lag);
     let turn = clamp_to(turn, -c.steering_rate * c.step, c.steering_rate * c.step);

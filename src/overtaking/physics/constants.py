@@ -59,7 +59,6 @@ _NAMES = {
     "steering_lag": "model.steering.lag",
     "steering_rate": "model.steering.rate",
     "steering_limit": "model.steering.limit",
-    "steering_speed": "model.steering.smallest_speed",
     "slip_speed": "model.dynamics.slip_speed",
     "abs_share": "model.dynamics.abs_share",
     "brake_front_share": "model.dynamics.brake_front_share",

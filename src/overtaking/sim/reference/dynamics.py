@@ -28,11 +28,12 @@ def fiala(stiffness: F32, slope: F32, limit: F32) -> F32:
     return -limit * np.where(size < _ONE, inner, outer)
 
 
-def drive_force(c: Constants, p: Fields, speed: F32, accel: F32, resistance: F32) -> F32:
+def drive_force(c: Constants, p: Fields, state: State, resistance: F32, inverse_speed: F32) -> F32:
     """Force asked of the tyres for an acceleration, within engine, governor and brakes [N]."""
-    wanted = p.mass * accel + resistance
-    engine = minimum(p.launch_force, p.power / maximum(speed, _ONE))
-    throttle = clamp((p.max_speed + c.governor_band - speed) / c.governor_band, np.float32(0.0), _ONE)
+    wanted = p.mass * state.accel + resistance
+    engine = minimum(p.launch_force, p.power * inverse_speed)
+    left = (p.max_speed + c.governor_band - state.vx) * (_ONE / c.governor_band)
+    throttle = clamp(left, np.float32(0.0), _ONE)
     return maximum(minimum(wanted, engine * throttle), -p.brake_force)
 
 
@@ -60,8 +61,9 @@ def move(state: State, c: Constants, p: Fields) -> None:
     """Advance every vehicle by one step (semi-implicit Euler)."""
     air = state.vx - state.tail_wind
     resistance = p.drag * air * np.abs(air) + p.rolling
-    force = drive_force(c, p, state.vx, state.accel, resistance)
-    tyre = _tyre_forces(state, c, p, force)
+    inverse_speed = _ONE / maximum(state.vx, c.slip_speed)
+    force = drive_force(c, p, state, resistance, inverse_speed)
+    tyre = _tyre_forces(state, c, p, force, inverse_speed)
     along, across, turn = _on_four_wheels(state, p, tyre, resistance)
     lean = clamp(
         state.wheel + state.wind_force * p.inverse_mass,
@@ -75,11 +77,13 @@ def move(state: State, c: Constants, p: Fields) -> None:
     wrecked = state.crashed > 0
     state.a_lon = np.where(wrecked, wreck_lon, a_lon)
     state.a_lat = np.where(wrecked, wreck_lat, a_lat)
-    turned = np.where(rides, lean / maximum(state.vx, c.slip_speed), state.r + c.step * turn)
+    turned = np.where(rides, lean * inverse_speed, state.r + c.step * turn)
     _integrate(state, c, np.where(wrecked, state.r + wreck_turn, turned), rides & ~wrecked, wrecked)
 
 
-def _tyre_forces(state: State, c: Constants, p: Fields, force: F32) -> tuple[F32, F32, F32, F32, F32]:
+def _tyre_forces(
+    state: State, c: Constants, p: Fields, force: F32, inverse_speed: F32
+) -> tuple[F32, F32, F32, F32, F32]:
     """Longitudinal front and rear, lateral front and rear [N], and the moment of split friction [N m]."""
     shift = state.a_lon * p.cg_height
     front_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_rear - shift)
@@ -87,7 +91,6 @@ def _tyre_forces(state: State, c: Constants, p: Fields, force: F32) -> tuple[F32
     share = np.where(force < 0, c.brake_front_share, p.front_drive)
     front_x, front_split, front_limit = axle_forces(c, state, share * force, front_load)
     rear_x, rear_split, rear_limit = axle_forces(c, state, (_ONE - share) * force, rear_load)
-    inverse_speed = _ONE / maximum(state.vx, c.slip_speed)
     sine, cosine = sincos(state.wheel)
     slip = (state.vy + p.cg_front * state.r) * inverse_speed
     front_slope = (slip * cosine - sine) / (cosine + slip * sine)

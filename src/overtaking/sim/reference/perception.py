@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, exp, maximum, minimum
+from overtaking.core.elementary import F32, Mask, clamp, exp, maximum, minimum
 from overtaking.physics import film
 from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.environment import lane_value
@@ -13,6 +13,10 @@ from overtaking.sim.reference.state import HISTORY, LEAD, Fields, State, pick, r
 
 UNSEEN_GAP = np.float32(1000.0)
 """Gap that a driver assumes where nobody was noticed [m]."""
+
+
+_FARTHEST = np.float32(1e4)
+_DEEPEST = np.float32(40.0)  # Nothing is seen through e**-40; larger exponents only overflow.
 
 
 @dataclass(slots=True, kw_only=True)
@@ -76,7 +80,7 @@ def strain(
     c = given.constants
     is_front = role % 2 == 0
     slot = near.slot[role]
-    distance = maximum(near.gap[role], np.float32(1.0))
+    distance = clamp(near.gap[role], np.float32(1.0), _FARTHEST)
     depth = depths[0] * distance
     if is_front:
         depth = depth + depths[1] * minimum(distance, c.spray_reach)
@@ -89,7 +93,7 @@ def strain(
         lamp = np.where(braking, minimum(lamp, c.inverse_stop_lamp), lamp)
     else:
         lamp = pick(p.inverse_head_lamp, slot)
-    by_lamp = np.sqrt(distance * distance * (q.lamp_threshold * lamp) * exp(depth))
+    by_lamp = np.sqrt(distance * distance * (q.lamp_threshold * lamp) * exp(minimum(depth, _DEEPEST)))
     return minimum(by_contrast, by_lamp)
 
 

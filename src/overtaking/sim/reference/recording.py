@@ -21,6 +21,7 @@ _THOUSAND = np.float32(1000.0)
 _TEN_THOUSAND = np.float32(10000.0)
 
 _PRIME_1, _PRIME_2, _PRIME_3 = np.uint32(2654435761), np.uint32(2246822519), np.uint32(3266489917)
+_START = tuple(word & 0xFFFF_FFFF for word in (2654435761 + 2246822519, 2246822519, 0, -2654435761))
 
 
 def rounded(value: F32, scale: np.float32, limit: np.float32 = _INT32_LIMIT) -> NDArray[np.int32]:
@@ -58,8 +59,7 @@ class Recorder:
             true_closing_speed=np.zeros(triple, np.int32),
         )  # fmt: skip
         self.scenario, self.given = scenario, given
-        start = (_PRIME_1 + _PRIME_2, _PRIME_2, np.uint32(0), np.uint32(0) - _PRIME_1)
-        self.hash = np.stack([np.full(n, word, np.uint32) for word in start])
+        self.hash = np.stack([np.full(n, word, np.uint32) for word in _START])
 
     def frame(self, state: State, p: Fields, active: Mask, number: int) -> None:
         """Write down one frame of the simulations that still run."""

@@ -58,8 +58,8 @@ def steer(state: State, c: Constants, p: Fields, side_accel: F32) -> None:
     wanted = accel + c.velocity_gain * (speed - sideways)
     wanted = wanted + c.position_gain * (place + c.lane_deviation * state.wander - state.d) + state.trim
     wanted = clamp(wanted, -side_accel, side_accel)
-    v = maximum(state.vx, c.steering_speed)
-    angle = clamp(wanted * (p.wheelbase / (v * v) + p.understeer), -c.steering_limit, c.steering_limit)
+    inverse_speed = np.float32(1.0) / maximum(state.vx, c.slip_speed)
+    angle = clamp(wanted * (p.wheelbase * (inverse_speed * inverse_speed) + p.understeer), -c.steering_limit, c.steering_limit)
     turn = (angle - state.wheel) * (c.step / c.steering_lag)
     turn = clamp(turn, -c.steering_rate * c.step, c.steering_rate * c.step)
     lean = (wanted - state.wheel) * (c.step / c.two_wheeler_lag)

@@ -1,0 +1,57 @@
+"""What would have happened: the same simulation with something changed from a frame on."""
+
+from collections.abc import Callable
+from enum import IntEnum
+
+from overtaking.core.errors import ConfigError
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import Trajectories
+from overtaking.model.weather import Weather
+from overtaking.sim import engine
+from overtaking.sim.parameters import parameters, with_command
+
+Run = Callable[..., Trajectories]
+
+
+class Decision(IntEnum):
+    """A decision that can be forced on the ego; it takes effect at the first instant that allows it."""
+
+    PULL_OUT = 1  # begin the overtake, whatever the gaps
+    ABORT = 2  # go back while pulling out
+    RETURN = 3  # change back to the slower lane, whatever is there
+    STAY = 4  # never begin an overtake
+
+
+def branch(
+    scenario: Scenario,
+    frame: int,
+    *,
+    decision: Decision | None = None,
+    weather: Weather | None = None,
+    run: Run = engine.run,
+) -> Trajectories:
+    """Simulate again, with a decision or the weather changed from `frame` on.
+
+    The part before the frame is simulated too, not read from a file, so the result is exact; with
+    nothing changed its trace hash is that of the undisturbed simulation.
+
+    Args:
+        scenario: A batch of scenarios.
+        frame: First frame that the change can affect, >= 0.
+        decision: Decision forced on every ego.
+        weather: Weather of every simulation from then on, shape as in `scenario`.
+        run: `engine.run`, or `reference.run` for the readable twin.
+
+    Raises:
+        ConfigError: The frame is negative.
+    """
+    if frame < 0:
+        raise ConfigError.of(
+            what="frame", where="branch", expected="0 or more", got=frame, next_step="choose a recorded frame"
+        )
+    given = parameters(scenario)
+    changed = scenario if weather is None else scenario.replace(weather=weather)
+    later = parameters(changed)
+    if decision is not None:
+        later = with_command(later, int(decision))
+    return run(scenario, given, later, frame * given.record_every)
