@@ -74,7 +74,7 @@ def _read(path: Path) -> dict[str, Any]:
     """The content of a TOML file."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, UnicodeDecodeError, RecursionError, tomllib.TOMLDecodeError) as error:
         unreadable = isinstance(error, OSError)
         raise ConfigError.of(
             what="file",
