@@ -17,6 +17,7 @@ import signal
 import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,6 +71,8 @@ def in_child(action: Callable[[], None]) -> int:
         try:
             action()
             code = 0
+        except BaseException:
+            traceback.print_exc()
         finally:
             os._exit(code)
     return child
@@ -191,7 +194,8 @@ def main() -> int:
     )
     with tempfile.TemporaryDirectory() as folder:
         done, wrong = trials(job, given.kills, given.seed, Path(folder))
-    print(f"{done} kills, {done - len(wrong)} resumed to the same content with nothing twice")
+    same = max(0, done - len(wrong))
+    print(f"{done} kills, {same} resumed to the same content with nothing twice")
     for line in wrong:
         print(line)
     return 1 if wrong or not done else 0

@@ -206,6 +206,29 @@ def test_the_manifest_says_how_to_make_it_again(data, tmp_path: Path):
     assert set(manifest["provenance"]) >= {"started", "finished", "package", "machine"}
 
 
+def test_the_data_card_says_how_to_make_and_read_it_and_is_right(copy: Path):
+    card = (copy / "README.md").read_text()
+    code = [line[4:] for line in card.splitlines() if line.startswith("    ")]
+    (query,) = (line.partition("   --")[0] for line in code if line.startswith("select"))
+    python = "\n".join(line for line in code if not line.startswith("select"))
+    # The card takes whole shards of the default size for granted, so their values are compared.
+    check = "again = ot.load('again'); assert again.states(17).equals(data.states(17))"
+    script = f"{python}\n{check}\nimport duckdb; assert duckdb.sql({query!r}).fetchall()"
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, cwd=copy, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_data_card_explains_every_column(data, summary):
+    for made in (data, summary):
+        card = (made.path / "README.md").read_text()
+        for name in made.manifest.identity.keep.tables:
+            assert f"## {name}: {made.table(name).num_rows} rows" in card
+            chapter = card.partition(f"## {name}:")[2].partition("## ")[0]
+            assert re.findall(r"^\| `(\w+)`", chapter, re.MULTILINE) == SCHEMAS[name].names
+    assert "## states" not in card
+
+
 def test_progress_counts_every_simulation(tmp_path: Path):
     heard: list[tuple[int, int]] = []
     generate(tmp_path / "data", progress=lambda done, total: heard.append((done, total)))

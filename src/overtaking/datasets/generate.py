@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 
 from overtaking.core.errors import ConfigError, DatasetError
-from overtaking.datasets import lock, manifest, plan, write
+from overtaking.datasets import card, lock, manifest, plan, write
 from overtaking.datasets.interruption import Terminated, termination_raises
 from overtaking.datasets.load import Dataset, load
 from overtaking.datasets.manifest import Identity, Manifest, Provenance, ShardRecord
@@ -104,8 +104,7 @@ class _Work:
             self._progress(0, self._recipe.num_simulations)
             for shard in self._shards:
                 self._records.append(self._finished(shard) if resume else self._write(shard))
-            if not current.complete or current.shards != tuple(self._records):
-                self._save(self._completed(current))
+            self._complete(current)
         finally:
             _sweep(self._out)
 
@@ -159,17 +158,17 @@ class _Work:
     def _save(self, current: Manifest) -> None:
         manifest.write_manifest(self._out, current, self._out / write.PARTIAL)
 
-    def _completed(self, current: Manifest) -> Manifest:
+    def _complete(self, current: Manifest) -> None:
+        """Say what is there, in the data card and last of all in the manifest."""
         shards = tuple(self._records)
+        content = manifest.content_hash(shards)
+        text = card.data_card(self._identity, shards, content)
+        manifest.put_text(self._out / card.FILE_NAME, text, self._out / write.PARTIAL)
+        if current.complete and current.shards == shards:
+            return
         finished = current.provenance.model_copy(update={"finished": _now()})
-        return current.model_copy(
-            update={
-                "complete": True,
-                "content_hash": manifest.content_hash(shards),
-                "shards": shards,
-                "provenance": finished,
-            }
-        )
+        changes = {"complete": True, "content_hash": content, "shards": shards}
+        self._save(current.model_copy(update={**changes, "provenance": finished}))
 
 
 def _check(recipe: Recipe) -> None:

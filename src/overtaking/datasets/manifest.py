@@ -167,13 +167,22 @@ def write_manifest(folder: Path, manifest: Manifest, partial: Path) -> None:
     Raises:
         OSError: It cannot be written.
     """
-    unfinished = partial / FILE_NAME
+    put_text(folder / FILE_NAME, manifest.model_dump_json(indent=2) + "\n", partial)
+
+
+def put_text(path: Path, text: str, partial: Path) -> None:
+    """Put a text into its place, whole or not at all; arguments as in `write_manifest`.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    unfinished = partial / path.name
     with unfinished.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(manifest.model_dump_json(indent=2) + "\n")
+        file.write(text)
         file.flush()
         os.fsync(file.fileno())
-    unfinished.replace(folder / FILE_NAME)
-    sync_folder(folder)
+    unfinished.replace(path)
+    sync_folder(path.parent)
 
 
 def read_manifest(folder: Path) -> Manifest:

@@ -1,0 +1,97 @@
+"""The data card: what lies in the folder of a data set, for whoever finds it."""
+
+import pyarrow as pa
+
+from overtaking.datasets.manifest import Identity, ShardRecord
+from overtaking.tables.columns import STEPS, flags_of, names_of, unit_of
+from overtaking.tables.schemas import KEYS, SCHEMAS
+
+FILE_NAME = "README.md"
+
+_HEAD = """\
+# {simulations} simulated overtaking scenes: {profile}
+
+Made by the Python package `overtaking`; no recording of real traffic is part of it. Run beside
+this file, the following makes the same values again on any machine:
+
+    import overtaking as ot
+    made = ot.load(".").manifest.identity
+    ot.generate(made.spec, made.simulations, made.seed, "again", road=made.road, keep=made.keep)
+
+| | |
+|---|---|
+| profile | {profile} |
+| specification | SHA-256 `{spec_hash}`, in full in `dataset.json` |
+| road | {road}, {lanes} lanes, {length:g} m |
+| seed | {seed} |
+| simulations | {simulations} |
+| simulator | {simulator}, model version {simulator_version} |
+| version of the tables | {table_version} |
+| content hash | `{content_hash}` |
+
+## Reading it
+
+Every folder below is a table, in Parquet files that any reader takes as one:
+
+    import overtaking as ot
+    data = ot.load(".")                  # pandas, SI units: data.states(17), data.vehicles(), ...
+
+    select * from 'states/*.parquet' join 'simulations/*.parquet' using (simulation)   -- DuckDB
+
+Integer columns count steps; the step is in the name. Null means that there is nothing to state.
+Vehicle 0 is the ego, the vehicle whose overtaking is studied. `d` and angles grow to the left, `x`
+and `y` are those of the OpenDRIVE road, right-handed, and positions are those of the centres of the
+bounding boxes. `dataset.json` holds the checksum of every file.
+"""
+
+_TABLE = """
+## {name}: {rows} rows
+
+One row for each {keys}.
+
+| column | type | unit | meaning |
+|---|---|---|---|
+"""
+
+
+def data_card(identity: Identity, shards: tuple[ShardRecord, ...], content_hash: str) -> str:
+    """The text of a data set's `README.md`.
+
+    Args:
+        identity: What decides the content.
+        shards: All shards.
+        content_hash: Hash over the values of all tables.
+    """
+    given = identity.model_dump(exclude={"spec", "road"})
+    road = identity.road
+    head = _HEAD.format(
+        **given,
+        road=road.name,
+        lanes=road.num_lanes,
+        length=road.length,
+        content_hash=content_hash,
+    )
+    return head + "".join(_table(name, shards) for name in SCHEMAS if name in identity.keep.tables)
+
+
+def _table(name: str, shards: tuple[ShardRecord, ...]) -> str:
+    """The chapter of one table."""
+    rows = sum(shard.tables[name].rows for shard in shards)
+    keys = ", ".join(f"`{key}`" for key in KEYS[name])
+    return _TABLE.format(name=name, rows=rows, keys=keys) + "".join(map(_row, SCHEMAS[name]))
+
+
+def _row(field: pa.Field) -> str:
+    """The row about one column."""
+    unit = unit_of(field)
+    step = f"{unit} = 1/{STEPS[unit][1]} {STEPS[unit][0]}" if unit in STEPS else unit
+    meaning = field.metadata[b"description"].decode()
+    kind = str(field.type)
+    if names := names_of(field):
+        kind, meaning = "name", f"{meaning}: {', '.join(names)}"
+    if flags := flags_of(field):
+        bits = ", ".join(f"{1 << place} {name}" for place, name in enumerate(flags))
+        meaning = f"{meaning}: {bits}"
+    if field.nullable:
+        meaning += "; may be null"
+    return f"| `{field.name}` | {kind} | {'' if unit == '1' else step} | {meaning} |\n"
