@@ -1,5 +1,5 @@
-"""The simulator: the readable reference, the engine, and branches of a simulation."""
+"""The simulator: the readable reference, the engine, and branches of a simulation.
 
-from overtaking.sim.branch import Decision, branch
-
-__all__ = ["Decision", "branch"]
+Import the parts by name: `sim.engine`, `sim.reference`, `sim.branch`. Nothing is imported here, so that
+the reference can be used where no compiled code is wanted.
+"""
