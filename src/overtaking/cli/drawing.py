@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 SYMBOLS = "E123456789abcdefghijklmnopqrstuvwxyz"
 """The letter of each vehicle slot; the ego is E."""
 
+_REACHES = (30.0, 50.0, 75.0, 100.0, 150.0)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Glyphs:
@@ -155,6 +157,16 @@ class Strip:
 
 
 def nice_reach(distances: NDArray[np.floating]) -> float:
-    """A round distance that shows most of what is around the ego [m]."""
-    wanted = float(np.percentile(distances, 70)) if distances.size else 0.0
-    return next((reach for reach in (30.0, 50.0, 75.0, 100.0, 150.0) if wanted <= reach), 200.0)
+    """A round distance that shows most of what is around the ego.
+
+    Args:
+        distances: From the ego to each other vehicle, (vehicle, instant) [m].
+
+    Returns:
+        Enough for most of all distances, and for nearly all to the vehicle that stays nearest [m].
+    """
+    if not distances.size:
+        return _REACHES[0]
+    nearest = distances[np.argmin(distances.mean(axis=1))]
+    wanted = max(np.percentile(distances, 70), np.percentile(nearest, 95))
+    return next((reach for reach in _REACHES if wanted <= reach), _REACHES[-1])

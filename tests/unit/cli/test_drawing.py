@@ -114,7 +114,10 @@ def test_every_line_of_a_strip_is_as_wide_as_asked_for(position, width):
         assert "E" in line
 
 
-def test_reach_is_round_and_shows_most_vehicles():
-    assert nice_reach(np.array([10.0, 20.0, 25.0, 28.0, 400.0])) == 30.0
-    assert nice_reach(np.array([900.0])) == 200.0
-    assert nice_reach(np.array([])) == 30.0
+def test_reach_is_round_and_shows_most_of_all_and_nearly_all_of_the_nearest():
+    near, far = np.linspace(0.0, 25.0, 50), np.full(50, 400.0)
+    assert nice_reach(near[None]) == 30.0
+    assert nice_reach(np.linspace(0.0, 80.0, 50)[None]) == 100.0
+    assert nice_reach(np.stack([near, near, near + 1.0, far])) == 30.0
+    assert nice_reach(far[None]) == 150.0
+    assert nice_reach(np.empty((0, 50))) == 30.0
