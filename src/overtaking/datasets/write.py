@@ -8,6 +8,7 @@ others, and without it the shard does not exist.
 import dataclasses
 import json
 from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -80,10 +81,7 @@ def write_shard(
         writers = {
             name: stack.enter_context(TableWriter(path, name)) for name, path in unfinished.items()
         }
-        for piece in pieces:
-            for name, writer in writers.items():
-                writer.write(piece[name])
-            on_piece(piece[MARK].num_rows)
+        _write_pieces(pieces, writers, on_piece)
         mark = writers.pop(MARK)
         facts = {name: writer.finish() for name, writer in writers.items()}
         notes = _notes(facts, content=mark.content, fingerprint=fingerprint)
@@ -133,6 +131,29 @@ def is_intact(path: Path, facts: FileFacts) -> bool:
         return path.stat().st_size == facts.size_bytes and sha256_of(path) == facts.sha256
     except OSError:
         return False
+
+
+def _write_pieces(
+    pieces: Iterable[Mapping[str, pa.Table]],
+    writers: Mapping[str, TableWriter],
+    on_piece: Callable[[int], None],
+) -> None:
+    """Write each piece, the tables beside each other, while the next piece is being made."""
+    with ThreadPoolExecutor(max_workers=len(writers)) as pool:
+        underway: list[Future[None]] = []
+        simulations = 0
+
+        def wait() -> None:
+            for future in underway:
+                future.result()
+            if underway:
+                on_piece(simulations)
+
+        for piece in pieces:
+            wait()
+            underway = [pool.submit(one.write, piece[name]) for name, one in writers.items()]
+            simulations = piece[MARK].num_rows
+        wait()
 
 
 def _notes(facts: Mapping[str, FileFacts], *, content: str, fingerprint: str) -> dict[str, str]:
