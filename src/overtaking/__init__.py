@@ -9,6 +9,7 @@ from importlib import import_module as _import_module
 
 _HOMES = {
     "Dataset": "overtaking.datasets.load",
+    "Decision": "overtaking.sim.branch",
     "Drivers": "overtaking.model.drivers",
     "Lane": "overtaking.model.road",
     "OvertakingError": "overtaking.core.errors",
@@ -17,6 +18,7 @@ _HOMES = {
     "Trajectories": "overtaking.model.trajectory",
     "VehicleSpecs": "overtaking.model.vehicles",
     "Weather": "overtaking.model.weather",
+    "branch": "overtaking.api",
     "generate": "overtaking.api",
     "load": "overtaking.api",
     "resume": "overtaking.api",

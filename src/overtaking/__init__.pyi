@@ -1,3 +1,4 @@
+from overtaking.api import branch as branch
 from overtaking.api import generate as generate
 from overtaking.api import load as load
 from overtaking.api import resume as resume
@@ -12,5 +13,6 @@ from overtaking.model.scenario import Scenario as Scenario
 from overtaking.model.trajectory import Trajectories as Trajectories
 from overtaking.model.vehicles import VehicleSpecs as VehicleSpecs
 from overtaking.model.weather import Weather as Weather
+from overtaking.sim.branch import Decision as Decision
 
 __version__: str

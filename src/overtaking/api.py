@@ -3,6 +3,7 @@
 import importlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,10 @@ from overtaking.exchange.roads import load_road
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
+from overtaking.model.weather import Weather
 from overtaking.scenarios import Spec
+from overtaking.sim.branch import Decision
+from overtaking.sim.branch import branch as branched
 
 Profile = str | Path | Mapping[str, Any] | Spec
 """A profile of the package, a TOML file, what a manifest recorded, or a specification."""
@@ -31,6 +35,9 @@ EXPORTS = ("pinto2023",)
 
 SIMULATORS = ("engine", "reference")
 """What can simulate: the compiled engine, and its readable twin with the same results."""
+
+MODEL_VERSION = "1"
+"""Changes whenever a simulated number changes; an unfinished data set then cannot be resumed."""
 
 
 def generate(
@@ -165,6 +172,30 @@ def simulate(scenario: Scenario, *, simulator: str = "engine") -> Trajectories:
     return _simulator(simulator).simulate(scenario)
 
 
+def branch(
+    scenario: Scenario,
+    frame: int,
+    *,
+    decision: Decision | None = None,
+    weather: Weather | None = None,
+    simulator: str = "engine",
+) -> Trajectories:
+    """Simulate again, with a decision or the weather changed from a frame on.
+
+    Args:
+        scenario: A batch of scenarios.
+        frame: First frame that the change can affect; up to it, all is as it was.
+        decision: Decision forced on every ego, at the first instant that allows it.
+        weather: Weather of every simulation from then on, as long as the batch.
+        simulator: One of `SIMULATORS`.
+
+    Raises:
+        ConfigError: The frame is negative, or there is no such simulator.
+    """
+    run = _module(simulator).run
+    return branched(scenario, frame, decision=decision, weather=weather, run=run)
+
+
 def export(
     data: Dataset | str | Path,
     out: str | Path,
@@ -210,7 +241,13 @@ def export(
 
 
 def _simulator(name: str) -> Simulator:
-    """A simulator by its name, loaded when it is asked for."""
+    """A simulator by its name."""
+    simulate: Callable[[Scenario], Trajectories] = _module(name).simulate
+    return Simulator(name=name, version=MODEL_VERSION, simulate=simulate)
+
+
+def _module(name: str) -> ModuleType:
+    """The module of a simulator, loaded when it is asked for."""
     if name not in SIMULATORS:
         raise ConfigError.of(
             what="simulator",
@@ -219,9 +256,7 @@ def _simulator(name: str) -> Simulator:
             got=name,
             next_step="choose one of them",
         )
-    module = importlib.import_module(f"overtaking.sim.{name}")
-    simulate: Callable[[Scenario], Trajectories] = module.simulate
-    return Simulator(name=name, version="1", simulate=simulate)
+    return importlib.import_module(f"overtaking.sim.{name}")
 
 
 def _keep(name: str) -> Keep:

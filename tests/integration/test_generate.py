@@ -135,6 +135,26 @@ def test_a_simulation_is_the_same_in_a_data_set_of_any_size(data, tmp_path: Path
     assert small.states(2).equals(data.states(2))
 
 
+@pytest.mark.parametrize("simulator", api.SIMULATORS)
+def test_a_branch_without_a_change_is_the_simulation_itself(simulator: str, runs):
+    again = api.branch(runs.scenario, 7, simulator=simulator)
+    assert np.array_equal(again.trace_hash, runs.trace_hash)
+
+
+def test_a_branch_is_the_same_up_to_its_frame_and_another_after_it(runs):
+    chosen = runs.select(np.flatnonzero(runs.num_frames > 15))
+    still = chosen.scenario.weather
+    storm = still.replace(wind=np.full_like(still.wind, 100.0))
+    other = api.branch(chosen.scenario, 7, weather=storm)
+    valid = chosen.scenario.vehicles.valid
+    before, after = (
+        np.abs(other.states.x[:, :, part] - chosen.states.x[:, :, part])[valid]
+        for part in (slice(8), slice(15, 16))
+    )
+    assert (before == 0).all()
+    assert (after > 0).any()
+
+
 def test_the_reference_writes_the_same_data_set(data, tmp_path: Path):
     readable = generate(tmp_path / "readable", simulator="reference")
     assert readable.content_hash == data.content_hash
