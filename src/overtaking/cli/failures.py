@@ -50,7 +50,7 @@ def explain(error: BaseException) -> tuple[str, int]:
 
 def _interrupted(error: KeyboardInterrupt) -> str:
     """The line after Ctrl-C; a command that can be resumed says how in the exception."""
-    return _one_line(str(error)) or "interrupted: nothing was left half-written"
+    return f"interrupted: {_one_line(str(error)) or 'nothing was left half-written'}"
 
 
 def _usage(error: typer.TyperException) -> str:

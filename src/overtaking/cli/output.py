@@ -6,10 +6,11 @@ import json as json_format
 import logging
 import sys
 import time
+import traceback
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from overtaking.cli.failures import explain
+from overtaking.cli.failures import FAULT, explain
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -60,7 +61,10 @@ class Output:
             self.log("command done")
         else:
             line, code = explain(error)
-            self.log("command failed", level=logging.ERROR, error=line, exit_status=code)
+            details = {"error": line, "exit_status": code}
+            if code == FAULT:
+                details["traceback"] = "".join(traceback.format_exception(error))
+            self.log("command failed", level=logging.ERROR, **details)
         if self._handler:
             self._logger.removeHandler(self._handler)
             self._handler.close()
@@ -191,8 +195,6 @@ class _JsonLines(logging.Formatter):
             "event": record.getMessage(),
             **getattr(record, "fields", {}),
         }
-        if record.exc_info:
-            line["traceback"] = self.formatException(record.exc_info)
         return json_format.dumps(line, ensure_ascii=False, default=str)
 
 

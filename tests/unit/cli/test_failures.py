@@ -54,10 +54,10 @@ def test_wrong_usage_says_where_help_is():
 
 
 def test_ctrl_c_is_told_with_the_way_on():
-    line, code = explain(KeyboardInterrupt("interrupted; go on with --resume"))
-    assert (line, code) == ("interrupted; go on with --resume", 130)
+    line, code = explain(KeyboardInterrupt("two shards are kept;\n go on with --resume"))
+    assert (line, code) == ("interrupted: two shards are kept; go on with --resume", 130)
     line, code = explain(KeyboardInterrupt())
-    assert line.startswith("interrupted")
+    assert line.startswith("interrupted: nothing was left half-written")
     assert code == 130
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import logging
+import re
+import sys
+import time
 
 import pytest
 import typer
@@ -112,6 +115,32 @@ def greeting() -> tuple[typer.Typer, list[object]]:
 
     command(app, greet, "greet --name me")
     return app, seen
+
+
+def test_progress_shows_rate_and_time_left_where_somebody_watches(monkeypatch, capsys):
+    monkeypatch.setattr("overtaking.cli.output._PATIENCE", 0.0)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with output() as out, out.progress("simulations") as meter:
+        for done in (100, 200, 300):
+            meter(done, 400)
+            time.sleep(0.15)
+    written = capsys.readouterr()
+    assert "simulations" in written.err
+    assert "/400" in written.err
+    assert "left" in written.err
+    assert re.search(r"[0-9,]+/s", written.err)
+    assert written.out == ""
+
+
+def test_a_fault_of_the_program_is_in_the_log_with_its_traceback(tmp_path):
+    path = tmp_path / "run.log"
+    with pytest.raises(ZeroDivisionError), output(log=path, quiet=True):
+        _ = 1 / 0
+    last = json.loads(path.read_text(encoding="utf-8").splitlines()[-1])
+    assert last["exit_status"] == 70
+    assert "ZeroDivisionError" in last["traceback"]
 
 
 def test_every_command_takes_the_options_that_all_have():
