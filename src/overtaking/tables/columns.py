@@ -21,6 +21,7 @@ SUFFIXES = {
     "m": "_m",
     "m^2": "_m2",
     "mm": "_mm",
+    "mm/h": "_mmph",
     "s": "_s",
     "ms": "_ms",
     "m/s": "_mps",

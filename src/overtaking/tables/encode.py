@@ -15,6 +15,7 @@ from overtaking.model.vehicles import Role
 from overtaking.model.weather import NO_PRESET
 from overtaking.tables.arrow import Array, Mask, to_arrow, to_names, to_texts
 from overtaking.tables.columns import names_of
+from overtaking.tables.derived import derived_weather
 from overtaking.tables.schemas import (
     BODY_FIELDS,
     DRIVER_FIELDS,
@@ -92,6 +93,7 @@ def weather(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
             "weather": numbers,
             "preset": to_texts(preset),
             **{column: getattr(given, name) for name, column in WEATHER_FIELDS},
+            **derived_weather(trajectories.scenario),
         },
     )
 

@@ -63,6 +63,15 @@ _BODY = (
     ("two_wheeler", "", "Moves as a point mass"),
     ("unlawful_presence", "", "May not be on a motorway at all"),
 )
+_DERIVED = (
+    ("rain", "mm/h", "Rain rate"),
+    ("water_film", "m", "Water above the texture of the slowest lane, outside puddles"),
+    ("friction", "1", "Peak friction of a half-worn car tyre at 100 km/h on that film"),
+    ("wind", "m/s", "Mean speed of the wind"),
+    ("optical_range", "m", "Meteorological optical range of the fog"),
+    ("sight_unlit", "m", "Distance at which a vehicle of contrast 0.5 is seen ahead, light or not"),
+    ("sight_lit", "m", "Distance at which rear lamps are seen"),
+)
 _DRIVER = (
     ("desired_speed", "m/s", "Speed wanted on a free road in good weather"),
     ("time_gap", "s", "Net time gap wanted behind a leader"),
@@ -184,6 +193,7 @@ WEATHER = _schema(
         ),
         column("night", pa.bool_(), "1", "Whether it is night"),
         column("horizon_line", pa.bool_(), "1", "Whether the sun stands low ahead"),
+        *_attributes(_DERIVED),
     ],
 )
 

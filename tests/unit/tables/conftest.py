@@ -41,8 +41,9 @@ class Source:
         low, high = info.min if low is None else low, info.max if high is None else high
         return self.random.integers(low, high, shape, dtype=dtype, endpoint=True)
 
-    def floats(self, shape):
-        return self.random.normal(0, 100, shape).astype(np.float32)
+    def floats(self, shape, *, low=0.5, high=2.0):
+        """Numbers that a body, a person or a duration can have."""
+        return self.random.uniform(low, high, shape).astype(np.float32)
 
     def yes_or_no(self, shape):
         return self.random.random(shape) < 0.5
@@ -117,10 +118,22 @@ def bodies(source: Source, valid: np.ndarray) -> VehicleSpecs:
     return source.batch(VehicleSpecs, shape, valid=valid, kind=kind, colour=colour)
 
 
-def scenario(source: Source, valid: np.ndarray, road: Road) -> Scenario:
-    count, shape = len(valid), valid.shape
+def weather(source: Source, count: int) -> Weather:
     preset = source.integers(np.uint8, count, low=0, high=8)
     preset[preset == 8] = NO_PRESET
+    percents = ("cloudiness", "rain", "puddles", "wind", "fog")
+    angles = ("wind_direction", "sun_altitude", "sun_azimuth")
+    return Weather(
+        preset=preset,
+        **{name: source.floats(count, low=0, high=100) for name in percents},
+        **{name: source.floats(count, low=-1.5, high=1.5) for name in angles},
+        night=source.yes_or_no(count),
+        horizon_line=source.yes_or_no(count),
+    )
+
+
+def scenario(source: Source, valid: np.ndarray, road: Road) -> Scenario:
+    count, shape = len(valid), valid.shape
     return Scenario(
         profile="by hand",
         road=road,
@@ -132,7 +145,7 @@ def scenario(source: Source, valid: np.ndarray, road: Road) -> Scenario:
         weight=source.random.random(count),
         vehicles=bodies(source, valid),
         drivers=source.batch(Drivers, shape),
-        weather=source.batch(Weather, count, preset=preset),
+        weather=weather(source, count),
         start_s=source.floats(shape),
         start_lane=source.integers(np.uint8, shape, low=0, high=road.num_lanes - 1),
         start_speed=source.floats(shape),
