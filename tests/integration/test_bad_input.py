@@ -3,30 +3,73 @@
 from __future__ import annotations
 
 import json
-import resource
 import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-COMMAND = [sys.executable, "-m", "overtaking.cli"]
 NUM_SIMULATIONS = 8
 
+# Importing takes longer than everything else that these commands do. So one process imports once,
+# and each command runs in a child of it: in a process of its own, with its own streams and limits.
+PARENT = """
+import json, os, resource, sys
+from overtaking import api
+from overtaking.cli import app, arguments, description, main, show, summary
+from overtaking.exchange import pinto2023
+for line in sys.stdin:
+    order = json.loads(line)
+    child = os.fork()
+    if not child:
+        for stream, path in ((1, order["stdout"]), (2, order["stderr"])):
+            os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), stream)
+        if order["largest_file"]:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (order["largest_file"],) * 2)
+        status = main(order["arguments"])
+        sys.stdout.flush()
+        os._exit(status)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
 
-def run(*arguments: object, limit: Callable[[], None] | None = None):
-    return subprocess.run(
-        [*COMMAND, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        preexec_fn=limit,
-    )
+_parents: list[tuple[subprocess.Popen[str], Path]] = []
+
+
+@pytest.fixture(scope="module", autouse=True)
+def parent(tmp_path_factory):
+    """The process whose children run the commands."""
+    command = [sys.executable, "-c", PARENT]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, text=True, stdin=pipe, stdout=pipe) as process:
+        _parents.append((process, tmp_path_factory.mktemp("streams")))
+        yield
+        _parents.clear()
+        process.communicate()
+
+
+def run(*arguments: object, largest_file: int = 0) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end.
+
+    Args:
+        arguments: Those of the command line.
+        largest_file: Bytes that a file may have, which is how a full disk looks to a process.
+    """
+    ((process, folder),) = _parents
+    assert process.stdin is not None
+    assert process.stdout is not None
+    given = [str(one) for one in arguments]
+    files = {name: folder / name for name in ("stdout", "stderr")}
+    order = {
+        "arguments": given,
+        "largest_file": largest_file,
+        **{k: str(v) for k, v in files.items()},
+    }
+    process.stdin.write(json.dumps(order) + "\n")
+    process.stdin.flush()
+    status = int(process.stdout.readline())
+    texts = {name: path.read_text(encoding="utf-8") for name, path in files.items()}
+    return subprocess.CompletedProcess(given, status, **texts)
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -265,15 +308,10 @@ def test_a_log_that_cannot_be_written(data, tmp_path):
     refused(tmp_path, "info", data, "--log", tmp_path / "no" / "run.log", says="run.log")
 
 
-def no_file_larger_than(size: int) -> Callable[[], None]:
-    """What a full disk looks like to a process."""
-    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
-
-
 def test_a_disk_that_is_full(made, tmp_path):
     out = tmp_path / "data"
     recipe = ("generate", "-n", NUM_SIMULATIONS, "--out", out)
-    process = run(*recipe, limit=no_file_larger_than(20_000))
+    process = run(*recipe, largest_file=20_000)
     assert process.returncode == 2
     (line,) = process.stderr.splitlines()
     assert line.startswith(f"error: {out}")
@@ -287,7 +325,7 @@ def test_a_disk_that_is_full(made, tmp_path):
 @pytest.mark.parametrize("name", ["table.csv", "table.parquet"])
 def test_a_disk_that_is_full_during_an_export(data, tmp_path, name):
     target = tmp_path / name
-    process = run("export", data, "--out", target, limit=no_file_larger_than(10_000))
+    process = run("export", data, "--out", target, largest_file=10_000)
     assert process.returncode == 2
     (line,) = process.stderr.splitlines()
     assert line.startswith(f"error: {target}: ")
