@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 
 use crate::MAX_VEHICLES;
 use crate::lanes::{M, V, choose, clamp, clamp_to, max, min, splat};
-use crate::state::{Each, State, World};
+use crate::state::{EGO, Each, State, World, stage};
 
 /// Which pairs may touch before the next decision, by (lower slot, higher slot).
 pub type Pairs<S> = [[Option<M<S>>; MAX_VEHICLES]; MAX_VEHICLES];
@@ -37,6 +37,32 @@ pub fn near_pairs<S: Simd>(state: &State<S>, w: &World<'_, S>) -> Pairs<S> {
     pairs
 }
 
+/// Who has left the lanes, or stands across them, is lost: a wreck that slides to rest.
+#[inline(always)]
+pub fn leave_road<S: Simd>(state: &mut State<S>, w: &World<'_, S>, step: u32) {
+    let (c, road) = (w.c, w.road);
+    for i in 0..w.count {
+        let beyond = state.d[i].simd_lt(road.boundaries[0] - c.edge_margin)
+            | state.d[i].simd_gt(road.boundaries[road.num_lanes] + c.edge_margin);
+        let lost = (beyond | state.psi[i].abs().simd_gt(c.spin_angle))
+            & w.p[i].valid.simd_gt(0.0)
+            & state.crashed[i].simd_eq(0.0);
+        state.crashed[i] = choose(lost, splat(w.simd, 1.0), state.crashed[i]);
+        if i == EGO {
+            end_with_ego(state, w, lost, step);
+        }
+    }
+}
+
+/// An accident of the ego ends the simulation soon.
+#[inline(always)]
+fn end_with_ego<S: Simd>(state: &mut State<S>, w: &World<'_, S>, crashed: M<S>, step: u32) {
+    let c = w.c;
+    state.stage = choose(crashed, splat(w.simd, stage::CRASHED), state.stage);
+    let after = splat(w.simd, step as f32 + (c.after_collision / c.step).round_ties_even());
+    state.end_step = choose(crashed, min(state.end_step, after), state.end_step);
+}
+
 /// Exchange momentum in every near pair that touched during the last step.
 #[inline(always)]
 pub fn collide<S: Simd>(
@@ -46,6 +72,7 @@ pub fn collide<S: Simd>(
     before: &(Each<S>, Each<S>),
     step: u32,
 ) {
+    let was_sound = state.crashed[EGO].simd_eq(0.0);
     for i in 0..w.count {
         for j in i + 1..w.count {
             if let Some(near) = pairs[i][j] {
@@ -56,6 +83,8 @@ pub fn collide<S: Simd>(
             }
         }
     }
+    let hit = was_sound & state.crashed[EGO].simd_gt(0.0);
+    end_with_ego(state, w, hit, step);
 }
 
 #[inline(always)]

@@ -58,7 +58,7 @@ fn behind_old_leader<S: Simd>(
     let slot = choose(to_fast, near.slot[SLOW_LEAD], near.slot[FAST_LEAD]);
     let gap = choose(to_fast, believed.gap[SLOW_LEAD], believed.gap[FAST_LEAD]);
     let closing = choose(to_fast, believed.closing[SLOW_LEAD], believed.closing[FAST_LEAD]);
-    let aside = (pick!(n, slot, |j| state.d[j]) - state.d[i]).abs();
+    let aside = choose(to_fast, near.aside[SLOW_LEAD], near.aside[FAST_LEAD]).abs();
     let overlaps = aside.simd_lt(p.half_width + pick!(n, slot, |j| w.p[j].half_width) + c.footprint_margin);
     let left = c.clear_fraction * state.path_duration[i] - state.path_time[i];
     let clears = left.simd_gt(0.0) & gap.simd_gt(closing * left);

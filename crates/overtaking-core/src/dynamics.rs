@@ -54,9 +54,10 @@ struct Tyres<S: Simd> {
 #[inline(always)]
 fn tyre_forces<S: Simd>(state: &State<S>, c: &Constants, p: &Vehicle<S>, i: usize, force: V<S>, inverse_speed: V<S>) -> Tyres<S> {
     let shift = state.a_lon[i] * p.cg_height;
-    let front_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_rear - shift);
+    let front_weight = p.inverse_wheelbase * (c.gravity * p.cg_rear - shift);
+    let front_load = p.mass * front_weight;
     let rear_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_front + shift);
-    let share = choose(force.simd_lt(0.0), splat(force.simd, c.brake_front_share), p.front_drive);
+    let share = choose(force.simd_lt(0.0), front_weight * (1.0 / c.gravity), p.front_drive);
     let (mu_fast, mu_slow) = (state.mu_fast[i], state.mu_slow[i]);
     let (front_x, front_split, front_limit) = axle_forces(c, mu_fast, mu_slow, share * force, front_load);
     let (rear_x, rear_split, rear_limit) = axle_forces(c, mu_fast, mu_slow, (1.0 - share) * force, rear_load);

@@ -55,13 +55,20 @@ pub fn log<S: Simd>(x: V<S>) -> V<S> {
     m + y + e * 0.693_359_375
 }
 
-/// Sine and cosine.
+/// Sine and cosine; angles up to an eighth of a turn need no reduction, which changes no bit.
 #[inline(always)]
 pub fn sincos<S: Simd>(x: V<S>) -> (V<S>, V<S>) {
-    let k = (x * 0.636_619_77).round_ties_even();
-    let r = x - k * 1.570_312_5 - k * 4.837_512_969_970_703e-4 - k * 7.549_789_95e-8;
-    let number: i32x16<S> = k.to_int();
-    let quadrant = number & 3;
+    if x.abs().simd_lt(0.78).all_true() {
+        return sincos_reduced(x + 0.0);
+    }
+    x.simd.vectorize(
+        #[inline(always)]
+        || sincos_full(x),
+    )
+}
+
+#[inline(always)]
+fn sincos_reduced<S: Simd>(r: V<S>) -> (V<S>, V<S>) {
     let z = r * r;
     let s = -1.951_529_6e-4 * z + 8.332_161e-3;
     let s = s * z + -1.666_665_5e-1;
@@ -69,6 +76,16 @@ pub fn sincos<S: Simd>(x: V<S>) -> (V<S>, V<S>) {
     let c = 2.443_315_7e-5 * z + -1.388_731_6e-3;
     let c = c * z + 4.166_664_6e-2;
     let c = c * (z * z) - 0.5 * z + 1.0;
+    (s, c)
+}
+
+#[inline(always)]
+fn sincos_full<S: Simd>(x: V<S>) -> (V<S>, V<S>) {
+    let k = (x * 0.636_619_77).round_ties_even();
+    let r = x - k * 1.570_312_5 - k * 4.837_512_969_970_703e-4 - k * 7.549_789_95e-8;
+    let number: i32x16<S> = k.to_int();
+    let quadrant = number & 3;
+    let (s, c) = sincos_reduced(r);
     let odd = (quadrant & 1).simd_eq(1);
     let sine = choose(odd, c, s);
     let cosine = choose(odd, s, c);

@@ -5,12 +5,12 @@ use fearless_simd::{Level, Simd};
 use rayon::prelude::*;
 
 use crate::MAX_VEHICLES;
-use crate::collisions::{Pairs, collide, near_pairs};
+use crate::collisions::{Pairs, collide, leave_road, near_pairs};
 use crate::fields::{Constants, Simulation, Vehicle};
-use crate::lanes::{LANES, choose, clamp_to, min, splat};
+use crate::lanes::{LANES, splat};
 use crate::neighbours::find_neighbours;
 use crate::recording::{Output, Recorder};
-use crate::state::{EGO, Each, Road, State, World, stage};
+use crate::state::{EGO, Road, State, World};
 use crate::{control, dynamics, ego, environment, mobil, perception, steering};
 
 /// Evaluate an expression in a function of its own that may use the SIMD features of the CPU.
@@ -98,6 +98,9 @@ pub fn current_level() -> &'static str {
 /// # Errors
 /// The SIMD level is unknown or not supported by this CPU.
 pub fn simulate(inputs: &Inputs<'_>, later: Option<&Later<'_>>, forced: Option<&str>, out: Output<'_>) -> Result<(), String> {
+    if !out.frames.is_multiple_of(LANES) {
+        return Err(format!("room for {} frames is not a multiple of {LANES}", out.frames));
+    }
     let Some(level) = level(forced) else {
         return Err(format!("SIMD level {} is not supported by this CPU", forced.unwrap_or("?")));
     };
@@ -196,9 +199,8 @@ fn run<S: Simd>(simd: S, inputs: &Inputs<'_>, later: Option<&Later<'_>>, block: 
     );
 }
 
-#[inline(always)]
 fn runs<S: Simd>(state: &State<S>, simd: S, step: u32) -> bool {
-    splat(simd, step as f32).simd_le(state.end_step).any_true()
+    outlined!(simd, splat(simd, step as f32).simd_le(state.end_step).any_true())
 }
 
 /// Everything that happens 20 times a second: weather, perception, decisions.
@@ -232,21 +234,19 @@ fn decide<S: Simd>(state: &mut State<S>, w: &World<'_, S>, recorder: &mut Record
 
 /// Time, memory, weather and wind of a decision.
 fn surroundings<S: Simd>(state: &mut State<S>, w: &World<'_, S>, step: u32) {
-    let c = w.c;
     let decision = step / SUBSTEPS;
-    for i in 0..w.count {
-        state.since_change[i] = state.since_change[i] + c.decision;
-    }
+    outlined!(w.simd, {
+        for i in 0..w.count {
+            state.since_change[i] = state.since_change[i] + w.c.decision;
+        }
+        leave_road(state, w, step);
+    });
     outlined!(w.simd, perception::remember(state, w, decision as usize));
     outlined!(w.simd, environment::move_random_processes(state, w, decision));
     outlined!(w.simd, environment::grip(state, w));
     outlined!(w.simd, environment::wind(state, w));
     for i in 0..w.count {
-        if step == 0 {
-            let steady = state.wind_force[i] * w.p[i].inverse_mass;
-            state.trim[i] = clamp_to(-steady, -c.trim_limit, c.trim_limit);
-        }
-        outlined!(w.simd, steering::hold_against_wind(state, w, i));
+        outlined!(w.simd, steering::hold_against_wind(state, w, i, step));
     }
 }
 
@@ -266,17 +266,5 @@ fn advance<S: Simd>(state: &mut State<S>, w: &World<'_, S>, pairs: &Pairs<S>, st
             dynamics::integrate(state, w, i, turned[i]);
         }
     });
-    outlined!(w.simd, crash(state, w, pairs, &before, step));
-}
-
-/// Contacts of the last step, and what an accident of the ego ends.
-#[inline(always)]
-fn crash<S: Simd>(state: &mut State<S>, w: &World<'_, S>, pairs: &Pairs<S>, before: &(Each<S>, Each<S>), step: u32) {
-    let c = w.c;
-    let was_sound = state.crashed[EGO].simd_eq(0.0);
-    collide(state, w, pairs, before, step);
-    let hit = was_sound & state.crashed[EGO].simd_gt(0.0);
-    state.stage = choose(hit, splat(w.simd, stage::CRASHED), state.stage);
-    let after = splat(w.simd, step as f32 + (c.after_collision / c.step).round_ties_even());
-    state.end_step = choose(hit, min(state.end_step, after), state.end_step);
+    outlined!(w.simd, collide(state, w, pairs, &before, step));
 }

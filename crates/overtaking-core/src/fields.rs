@@ -70,7 +70,7 @@ lane_fields! {
     Vehicle, VEHICLE_NAMES {
         valid, half_length, half_width, tall, mass, inverse_mass, inverse_inertia, cg_front, cg_rear,
         inverse_wheelbase, wheelbase, cg_height, front_stiffness, rear_stiffness, launch_force, power,
-        drag, rolling, max_speed, brake_force, front_drive, half_track, understeer, two_wheeler,
+        drag, rolling, max_speed, brake_force, front_drive, half_track, understeer, moment_angle, two_wheeler,
         side_wind, wind_centre, wind_arm, wear, truck, shelters, spray, loom_width, contrast,
         inverse_tail_lamp, inverse_head_lamp, lights, desired_speed, pass_speed, time_gap, min_gap,
         accel, decel, interaction, overspeed_exponent, hardest_decel, reaction_ticks, politeness,
@@ -99,10 +99,10 @@ number_fields! {
         abort_until, abort_factor, abort_cooldown, give_up_after, stay_time, clear_ahead,
         settled_offset, sight_range, mirror_range, detection_growth, blind_spot, looming_threshold,
         lane_deviation, error_time, lane_time, spray_coefficient, spray_film, spray_speed, spray_reach,
-        rain_speed, inverse_stop_lamp, position_gain, velocity_gain, integral_gain, trim_limit,
+        rain_speed, inverse_stop_lamp, position_gain, velocity_gain, yaw_gain, slip_share, wind_lag,
         steering_lag, steering_rate, steering_limit, slip_speed, abs_share,
-        brake_front_share, governor_band, two_wheeler_lag, standstill, restitution, near_gap,
-        near_side, sliding_ratio, friction_floor, truck_dry_factor, truck_loss_factor,
+        governor_band, two_wheeler_lag, standstill, restitution, near_gap,
+        near_side, edge_margin, spin_angle, sliding_ratio, friction_floor, truck_dry_factor, truck_loss_factor,
         turbulence_intensity, gust_length_scale, wind_angle_factor, gust_spacing, shelter_factor,
         shelter_reach, shelter_release, gravity, half_air_density,
     }

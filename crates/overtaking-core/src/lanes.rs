@@ -23,16 +23,20 @@ pub fn choose<S: Simd>(mask: M<S>, a: V<S>, b: V<S>) -> V<S> {
     mask.select(a, b)
 }
 
+/// Whether the CPU's own minimum and maximum return the second value where both are equal, as zeros
+/// of either sign are; x86 does, ARM orders the zeros.
+const SECOND_OF_EQUALS: bool = cfg!(any(target_arch = "x86", target_arch = "x86_64"));
+
 /// The smaller of two values; `b` where they are equal.
 #[inline(always)]
 pub fn min<S: Simd>(a: V<S>, b: V<S>) -> V<S> {
-    a.simd_lt(b).select(a, b)
+    if SECOND_OF_EQUALS { a.min(b) } else { a.simd_lt(b).select(a, b) }
 }
 
 /// The larger of two values; `b` where they are equal.
 #[inline(always)]
 pub fn max<S: Simd>(a: V<S>, b: V<S>) -> V<S> {
-    a.simd_gt(b).select(a, b)
+    if SECOND_OF_EQUALS { a.max(b) } else { a.simd_gt(b).select(a, b) }
 }
 
 /// `max` with a number.

@@ -14,6 +14,12 @@ const FAR: f32 = 1e9;
 pub struct Neighbours<S: Simd> {
     pub slot: [V<S>; ROLES],
     pub gap: [V<S>; ROLES],
+    /// Distance of the centres along the road [m].
+    pub distance: [V<S>; ROLES],
+    /// How far it is towards the fast side [m].
+    pub aside: [V<S>; ROLES],
+    /// Half of its length [m].
+    pub half_length: [V<S>; ROLES],
     pub lane_low: V<S>,
     pub lane_high: V<S>,
 }
@@ -34,11 +40,13 @@ pub fn find_neighbours<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) ->
     let bands = [lane_borders(w, lane, 0.0), lane_borders(w, lane, 1.0), lane_borders(w, lane, -1.0)];
     let mut slot = [splat(w.simd, NOBODY); ROLES];
     let mut nearest = [splat(w.simd, FAR); ROLES];
+    let mut aside = [splat(w.simd, 0.0); ROLES];
     for j in 0..w.count {
         if i == j {
             continue;
         }
         let ahead = state.s[j] - state.s[i];
+        let beside = state.d[j] - state.d[i];
         let other = w.p[j].valid.simd_gt(0.0);
         let low_side = state.d[j] - w.p[j].half_width;
         let high_side = state.d[j] + w.p[j].half_width;
@@ -50,13 +58,17 @@ pub fn find_neighbours<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) ->
             let back = inside & ahead.simd_lt(0.0) & (-ahead).simd_lt(nearest[2 * k + 1]);
             nearest[2 * k] = choose(front, ahead, nearest[2 * k]);
             slot[2 * k] = choose(front, splat(w.simd, j as f32), slot[2 * k]);
+            aside[2 * k] = choose(front, beside, aside[2 * k]);
             nearest[2 * k + 1] = choose(back, -ahead, nearest[2 * k + 1]);
             slot[2 * k + 1] = choose(back, splat(w.simd, j as f32), slot[2 * k + 1]);
+            aside[2 * k + 1] = choose(back, beside, aside[2 * k + 1]);
         }
     }
-    for (gap, slot) in nearest.iter_mut().zip(&slot) {
-        let half = pick!(w.count, *slot, |j| w.p[j].half_length);
-        *gap = *gap - (half + w.p[i].half_length);
+    let (mut gap, mut half_length) = (nearest, nearest);
+    for role in 0..ROLES {
+        half_length[role] = pick!(w.count, slot[role], |j| w.p[j].half_length);
+        gap[role] = nearest[role] - (half_length[role] + w.p[i].half_length);
     }
-    Neighbours { slot, gap: nearest, lane_low: bands[0].0, lane_high: bands[0].1 }
+    let (lane_low, lane_high) = bands[0];
+    Neighbours { slot, gap, distance: nearest, aside, half_length, lane_low, lane_high }
 }

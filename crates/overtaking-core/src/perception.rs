@@ -55,19 +55,21 @@ fn optical_depth<S: Simd>(state: &State<S>, w: &World<'_, S>, near: &Neighbours<
     (air, choose(close, spray, splat(w.simd, 0.0)))
 }
 
+/// What the leader hides: whether it is high, and its half width.
+struct Screen<S: Simd> {
+    tall: V<S>,
+    half_width: V<S>,
+}
+
 #[inline(always)]
-fn is_hidden<S: Simd>(state: &State<S>, w: &World<'_, S>, near: &Neighbours<S>, i: usize, role: usize) -> M<S> {
-    let (lead, other, n) = (near.slot[LEAD], near.slot[role], w.count);
-    let reach = pick!(n, lead, |j| state.s[j]) - pick!(n, lead, |j| w.p[j].half_length) - state.s[i];
-    let reach = at_least(reach, 0.1);
-    let distance = pick!(n, other, |j| state.s[j]) - state.s[i];
-    let aside = pick!(n, other, |j| state.d[j]) - state.d[i];
-    let crossing = aside * (reach / at_least(distance, 0.1));
-    let offset = (crossing - (pick!(n, lead, |j| state.d[j]) - state.d[i])).abs();
-    let blocked = distance.simd_gt(reach)
-        & offset.simd_lt(pick!(n, lead, |j| w.p[j].half_width))
-        & other.simd_ne(lead);
-    lead.simd_ge(0.0) & pick!(n, lead, |j| w.p[j].tall).simd_gt(0.0) & blocked
+fn is_hidden<S: Simd>(near: &Neighbours<S>, screen: &Screen<S>, role: usize) -> M<S> {
+    let (lead, other) = (near.slot[LEAD], near.slot[role]);
+    let reach = at_least(near.distance[LEAD] - near.half_length[LEAD], 0.1);
+    let distance = near.distance[role];
+    let crossing = near.aside[role] * (reach / at_least(distance, 0.1));
+    let offset = (crossing - near.aside[LEAD]).abs();
+    let blocked = distance.simd_gt(reach) & offset.simd_lt(screen.half_width) & other.simd_ne(lead);
+    lead.simd_ge(0.0) & screen.tall.simd_gt(0.0) & blocked
 }
 
 #[inline(always)]
@@ -102,6 +104,7 @@ fn notice<S: Simd>(
     i: usize,
     role: usize,
     depths: (V<S>, V<S>),
+    screen: &Screen<S>,
 ) -> M<S> {
     let c = w.c;
     let zero = splat(w.simd, 0.0);
@@ -111,7 +114,7 @@ fn notice<S: Simd>(
     let reach = if is_front { c.sight_range } else { c.mirror_range };
     let mut visible = slot.simd_ge(0.0) & effort.simd_le(1.0) & gap.simd_lt(reach);
     if is_front {
-        visible &= !is_hidden(state, w, near, i, role);
+        visible &= !is_hidden(near, screen, role);
     }
     if role >= 2 {
         let mut blind = gap.simd_lt(c.blind_spot) & w.p[i].checks_blind_spot.simd_eq(0.0);
@@ -162,6 +165,10 @@ pub fn perceive<S: Simd>(
     let (c, q, p) = (w.c, &w.q, &w.p[i]);
     let zero = splat(w.simd, 0.0);
     let depths = optical_depth(state, w, near, i);
+    let screen = Screen {
+        tall: pick!(w.count, near.slot[LEAD], |j| w.p[j].tall),
+        half_width: pick!(w.count, near.slot[LEAD], |j| w.p[j].half_width),
+    };
     let now = splat(w.simd, decision as f32);
     let then = at_least(now - p.reaction_ticks, 0.0);
     let elapsed = (now - then) * c.decision;
@@ -178,12 +185,12 @@ pub fn perceive<S: Simd>(
         let is_front = role.is_multiple_of(2);
         let noticed = w.simd.vectorize(
             #[inline(always)]
-            || notice(state, w, near, i, role, depths),
+            || notice(state, w, near, i, role, depths, &screen),
         );
         let (place, speed) = recall(state, w.simd, row, slot);
         let place = place + speed * elapsed;
         let ahead = if is_front { place - state.s[i] } else { state.s[i] - place };
-        let gap = ahead - (pick!(w.count, slot, |j| w.p[j].half_length) + p.half_length);
+        let gap = ahead - (near.half_length[role] + p.half_length);
         let closing = if is_front { own_speed - speed } else { speed - own_speed };
         let distance = at_least(gap, 1.0);
         let width = pick!(w.count, slot, |j| w.p[j].loom_width);

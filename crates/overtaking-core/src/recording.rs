@@ -36,7 +36,7 @@ macro_rules! output_fields {
         /// Where recorded numbers go; each slice leads with the simulation.
         pub struct Output<'a> {
             $($(#[$doc])* pub $field: &'a mut [$kind],)*
-            /// Frames that there is room for.
+            /// Frames that there is room for, a multiple of sixteen.
             pub frames: usize,
             /// Vehicle slots of a simulation.
             pub slots: usize,
@@ -219,33 +219,45 @@ impl<'a> Recorder<'a> {
             }
         }
         if at + 1 == TILE {
-            self.flush(w.count);
+            simd.vectorize(
+                #[inline(always)]
+                || self.flush(simd, w.count),
+            );
             self.flushed = number + 1;
         }
     }
 
     /// Move the collected frames to their place: the frames of one vehicle are adjacent.
-    fn flush(&mut self, count: usize) {
+    ///
+    /// Whole groups of sixteen frames are turned at once; what is written beyond the end of a simulation
+    /// is cleared when it is finished.
+    #[inline(always)]
+    fn flush<S: Simd>(&mut self, simd: S, count: usize) {
         let (slots, room, start) = (self.out.slots, self.out.frames, self.flushed);
-        let out = &mut self.out;
-        for lane in 0..self.lanes {
-            let end = self.frames[lane].clamp(start, start + TILE);
-            for i in 0..count.min(slots) {
-                let place = (lane * slots + i) * room;
-                let to = place + start..place + end;
-                let column = |k: usize| {
-                    let from = (k * MAX_VEHICLES + i) * TILE;
-                    self.tile[from..from + (end - start)].iter().map(move |row| row[lane])
-                };
-                for (k, wide) in [&mut *out.x, out.y, out.s, out.d, out.speed].into_iter().enumerate() {
-                    wide[to.clone()].iter_mut().zip(column(k)).for_each(|(slot, value)| *slot = value);
-                }
-                let halves = [&mut *out.heading, out.wheel_angle, out.accel_lon, out.accel_lat, out.yaw_rate];
-                for (k, half) in halves.into_iter().enumerate() {
-                    half[to.clone()].iter_mut().zip(column(k + 5)).for_each(|(slot, value)| *slot = value as i16);
-                }
-                for (k, byte) in [&mut *out.lane, out.lights].into_iter().enumerate() {
-                    byte[to.clone()].iter_mut().zip(column(k + 10)).for_each(|(slot, value)| *slot = value as u8);
+        let end = self.frames.iter().fold(start, |last, frames| last.max(*frames)).min(start + TILE);
+        for i in 0..count.min(slots) {
+            for group in (start..end).step_by(LANES) {
+                for k in 0..WORDS {
+                    let from = (k * MAX_VEHICLES + i) * TILE + group - start;
+                    let turned = transposed(simd, &self.tile[from..from + LANES]);
+                    let out = &mut self.out;
+                    for (lane, row) in turned.iter().enumerate().take(self.lanes) {
+                        let place = (lane * slots + i) * room + group;
+                        match k {
+                            0 => put(out.x, place, *row),
+                            1 => put(out.y, place, *row),
+                            2 => put(out.s, place, *row),
+                            3 => put(out.d, place, *row),
+                            4 => put(out.speed, place, *row),
+                            5 => put(out.heading, place, halves(row)),
+                            6 => put(out.wheel_angle, place, halves(row)),
+                            7 => put(out.accel_lon, place, halves(row)),
+                            8 => put(out.accel_lat, place, halves(row)),
+                            9 => put(out.yaw_rate, place, halves(row)),
+                            10 => put(out.lane, place, bytes(row)),
+                            _ => put(out.lights, place, bytes(row)),
+                        }
+                    }
                 }
             }
         }
@@ -305,7 +317,7 @@ impl<'a> Recorder<'a> {
     /// Write the rest: the last frames, zeros behind them, contacts and hashes.
     #[inline(always)]
     pub fn finish<S: Simd>(mut self, state: &State<S>, w: &World<'_, S>) {
-        self.flush(w.count);
+        self.flush(w.simd, w.count);
         self.clear_padding(w.count);
         self.contacts(state);
         for lane in 0..self.lanes {
@@ -388,6 +400,53 @@ impl<'a> Recorder<'a> {
             word ^ (word >> 16)
         })
     }
+}
+
+/// Sixteen frames of sixteen simulations, turned into sixteen simulations of sixteen frames.
+#[inline(always)]
+fn transposed<S: Simd>(simd: S, rows: &[[i32; LANES]]) -> [[i32; LANES]; LANES] {
+    let mut turned = [i32x16::splat(simd, 0); LANES];
+    for (vector, row) in turned.iter_mut().zip(rows) {
+        *vector = i32x16::simd_from(simd, *row);
+    }
+    // Four perfect shuffles of the rows turn the square.
+    for _ in 0..4 {
+        let before = turned;
+        for k in 0..LANES / 2 {
+            (turned[2 * k], turned[2 * k + 1]) = before[k].interleave(before[k + LANES / 2]);
+        }
+    }
+    let mut square = [[0; LANES]; LANES];
+    for (row, vector) in square.iter_mut().zip(turned) {
+        *row = vector.to_array();
+    }
+    square
+}
+
+/// Sixteen numbers to their place.
+#[inline(always)]
+fn put<T: Copy>(out: &mut [T], place: usize, row: [T; LANES]) {
+    if let Some(to) = out[place..].first_chunk_mut::<LANES>() {
+        *to = row;
+    }
+}
+
+#[inline(always)]
+fn halves(row: &[i32; LANES]) -> [i16; LANES] {
+    let mut narrow = [0; LANES];
+    for (narrow, wide) in narrow.iter_mut().zip(row) {
+        *narrow = *wide as i16;
+    }
+    narrow
+}
+
+#[inline(always)]
+fn bytes(row: &[i32; LANES]) -> [u8; LANES] {
+    let mut narrow = [0; LANES];
+    for (narrow, wide) in narrow.iter_mut().zip(row) {
+        *narrow = *wide as u8;
+    }
+    narrow
 }
 
 #[inline(always)]

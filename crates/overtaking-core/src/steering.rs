@@ -39,13 +39,17 @@ pub fn path_now<S: Simd>(state: &State<S>, i: usize) -> (V<S>, V<S>, V<S>) {
     (place, speed, accel)
 }
 
-/// Slowly learn the lateral acceleration that keeps the lane in a steady side wind.
+/// Answer the side wind after a lag; at the first frame it is held already.
 #[inline(always)]
-pub fn hold_against_wind<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize) {
-    let c = w.c;
-    let (place, _, _) = path_now(state, i);
-    let grown = state.trim[i] + c.integral_gain * (place - state.d[i]) * c.decision;
-    state.trim[i] = clamp_to(grown, -c.trim_limit, c.trim_limit);
+pub fn hold_against_wind<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize, step: u32) {
+    let (c, p) = (w.c, &w.p[i]);
+    let pushed = state.wind_force[i] * p.inverse_mass;
+    let angle = p.understeer * pushed + state.wind_moment[i] * p.moment_angle;
+    let target = -choose(p.two_wheeler.simd_gt(0.0), pushed, angle);
+    if step == 0 {
+        state.trim[i] = target;
+    }
+    state.trim[i] = state.trim[i] + (target - state.trim[i]) * (c.decision / c.wind_lag);
 }
 
 /// Turn the front wheels of vehicle `i`, or lean, towards the path for one step.
@@ -56,14 +60,17 @@ pub fn steer<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize) {
     let sideways = state.vx[i] * state.sine[i] + state.vy[i] * state.cosine[i];
     let wanted = accel + c.velocity_gain * (speed - sideways);
     let aim = place + c.lane_deviation * state.wander[i] - state.d[i];
-    let wanted = wanted + c.position_gain * aim + state.trim[i];
+    let wanted = wanted + c.position_gain * aim;
     let wanted = clamp(wanted, -w.q.side_accel, w.q.side_accel);
     let inverse_speed = 1.0 / at_least(state.vx[i], c.slip_speed);
-    let angle = wanted * (p.wheelbase * (inverse_speed * inverse_speed) + p.understeer);
-    let angle = clamp_to(angle, -c.steering_limit, c.steering_limit);
+    let felt = wanted + c.yaw_gain * (wanted - state.vx[i] * state.r[i]);
+    let angle = felt * (p.wheelbase * (inverse_speed * inverse_speed) + p.understeer) + state.trim[i];
+    let slip = (state.vy[i] + p.cg_front * state.r[i]) * inverse_speed;
+    let reach = c.slip_share * 0.5 * (state.mu_fast[i] + state.mu_slow[i]) / p.front_stiffness;
+    let angle = clamp_to(clamp(angle, slip - reach, slip + reach), -c.steering_limit, c.steering_limit);
     let turn = (angle - state.wheel[i]) * (c.step / c.steering_lag);
     let turn = clamp_to(turn, -c.steering_rate * c.step, c.steering_rate * c.step);
-    let lean = (wanted - state.wheel[i]) * (c.step / c.two_wheeler_lag);
+    let lean = (wanted + state.trim[i] - state.wheel[i]) * (c.step / c.two_wheeler_lag);
     let moved = choose(p.two_wheeler.simd_gt(0.0), state.wheel[i] + lean, state.wheel[i] + turn);
     state.wheel[i] = choose(state.crashed[i].simd_gt(0.0), splat(w.simd, 0.0), moved);
     state.path_time[i] = state.path_time[i] + c.step;

@@ -185,6 +185,7 @@ fn num_threads() -> usize {
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("MAX_VEHICLES", MAX_VEHICLES)?;
     module.add("MAX_PERCEPTS", MAX_PERCEPTS)?;
+    module.add("LANES", overtaking_core::LANES)?;
     module.add("VERSION", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(simulate, module)?)?;
     module.add_function(wrap_pyfunction!(vehicle_fields, module)?)?;

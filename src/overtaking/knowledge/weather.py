@@ -85,6 +85,8 @@ class Wind:
         turbulence_intensity: Standard deviation over mean.
         length_scale: Of the turbulence [m].
         peak_factor: Gust over mean.
+        restricted_gust: Gust above which exposed bridges reduce the speed limit [m/s].
+        restricted_speed: The reduced limit [m/s].
         angle_factor: On the relative wind's angle, in the side force.
     """
 
@@ -92,6 +94,8 @@ class Wind:
     turbulence_intensity: float
     length_scale: float
     peak_factor: float
+    restricted_gust: float
+    restricted_speed: float
     angle_factor: float
 
 

@@ -69,7 +69,8 @@ def run(
     buffers: Buffers | None = None,
 ) -> Trajectories:
     """Simulate a batch from its parameters; from step `switch` on with the parameters `later`."""
-    outputs = _outputs(scenario.num_simulations, scenario.num_slots, given.num_frames, buffers or Buffers())
+    room = -(-given.num_frames // _core.LANES) * _core.LANES
+    outputs = _outputs(scenario.num_simulations, scenario.num_slots, room, buffers or Buffers())
     forced = level or os.environ.get(SIMD_VARIABLE) or None
     flat = {name: array.reshape(-1) for name, array in outputs.items()}
     afterwards = None
@@ -78,7 +79,7 @@ def run(
     try:
         _core.simulate(
             vehicle=given.vehicle.reshape(-1), simulation=given.simulation.reshape(-1), index=given.index,
-            slots=scenario.num_slots, frames=given.num_frames, seed=given.seed, record_every=given.record_every,
+            slots=scenario.num_slots, frames=room, seed=given.seed, record_every=given.record_every,
             road=_road(given), constants=_constants(given), outputs=flat, later=afterwards, level=forced,
         )  # fmt: skip
     except ValueError as error:

@@ -26,7 +26,7 @@ SUBSTEPS = 5
 VEHICLE_FIELDS = (
     "valid", "half_length", "half_width", "tall", "mass", "inverse_mass", "inverse_inertia", "cg_front", "cg_rear",
     "inverse_wheelbase", "wheelbase", "cg_height", "front_stiffness", "rear_stiffness", "launch_force", "power",
-    "drag", "rolling", "max_speed", "brake_force", "front_drive", "half_track", "understeer", "two_wheeler",
+    "drag", "rolling", "max_speed", "brake_force", "front_drive", "half_track", "understeer", "moment_angle", "two_wheeler",
     "side_wind", "wind_centre", "wind_arm", "wear", "truck", "shelters", "spray", "loom_width", "contrast",
     "inverse_tail_lamp", "inverse_head_lamp", "lights", "desired_speed", "pass_speed", "time_gap", "min_gap",
     "accel", "decel", "interaction", "overspeed_exponent", "hardest_decel", "reaction_ticks", "politeness",
@@ -303,6 +303,7 @@ def _bodies(scenario: Scenario, c: Constants, world: dict[str, F32], effects: Ef
         "front_drive": v.front_drive_share,
         "half_track": np.float32(0.5) * v.track_width,
         "understeer": (np.float32(1.0) / v.front_stiffness - np.float32(1.0) / v.rear_stiffness) / c.gravity,
+        "moment_angle": _moment_angle(scenario, c),
         "two_wheeler": v.two_wheeler,
         "side_wind": c.half_air_density * v.side_area * v.wind_side_coefficient,
         "wind_centre": v.wind_centre_ratio * v.wheelbase,
@@ -321,6 +322,15 @@ def _bodies(scenario: Scenario, c: Constants, world: dict[str, F32], effects: Ef
         "start_speed": scenario.start_speed,
         "start_lane": scenario.start_lane,
     }
+
+
+def _moment_angle(scenario: Scenario, c: Constants) -> F32:
+    """Wheel angle that balances a yaw moment on a straight course, (1/C_f + 1/C_r) / l [rad/(N m)]."""
+    v = scenario.vehicles
+    cg_rear = v.wheelbase - v.cg_to_front
+    front = v.front_stiffness * v.mass * c.gravity * cg_rear / v.wheelbase
+    rear = v.rear_stiffness * v.mass * c.gravity * v.cg_to_front / v.wheelbase
+    return (np.float32(1.0) / front + np.float32(1.0) / rear) / v.wheelbase
 
 
 def _lane_centre(scenario: Scenario) -> F32:
@@ -354,7 +364,7 @@ def _people(scenario: Scenario, c: Constants, world: dict[str, F32], effects: Ef
         "threshold": p.lane_change_threshold if effects.mobil else np.full_like(p.lane_change_threshold, never),
         "bias": p.right_bias,
         "safe_decel": p.safe_decel,
-        "lane_change_duration": p.lane_change_duration,
+        "lane_change_duration": maximum(p.lane_change_duration, _quickest_change(scenario, world)[:, None]),
         "passing_gain": p.passing_gain,
         "inverse_patience": np.float32(1.0) / p.patience,
         "pull_out_time": p.pull_out_time,
@@ -366,11 +376,31 @@ def _people(scenario: Scenario, c: Constants, world: dict[str, F32], effects: Ef
     }
 
 
+def _quickest_change(scenario: Scenario, world: dict[str, F32]) -> F32:
+    """Shortest lane change that the believed grip allows, (simulation,) [s].
+
+    The quintic path peaks at 5.77 D / T^2; 0.7 of the lateral acceleration that the driver would use at
+    most leaves room for keeping the lane.
+    """
+    borders = road_parameters(scenario.road).boundaries
+    width = borders[1] - borders[0]
+    return np.sqrt(np.float32(5.77) * width / (np.float32(0.7) * world["side_accel"]))
+
+
+def _calm_speed(scenario: Scenario) -> F32:
+    """Speed that a fully cautious driver keeps in strong wind, (simulation,) [m/s]."""
+    gust = _number("weather", "wind.peak_factor") * _number("weather", "wind.full_speed")
+    gust = gust * (scenario.weather.wind * np.float32(0.01))
+    limited = gust > _number("weather", "wind.restricted_gust")
+    return np.where(limited, _number("weather", "wind.restricted_speed"), np.float32(1e3))
+
+
 def adapted_speed(scenario: Scenario, c: Constants, world: dict[str, F32]) -> F32:
     """Speed that each driver wants in this weather and light, (simulation, vehicle) [m/s].
 
-    A cautious driver slows for heavy rain as measured on motorways (10 to 19 km/h above 6.4 mm/h) and
-    to a speed from which the vehicle stops within sight of a lit one; a careless one does not.
+    A cautious driver slows for heavy rain as measured on motorways (10 to 19 km/h above 6.4 mm/h), for
+    strong wind to the speed that exposed bridges ask for, and to a speed from which the vehicle stops
+    within sight of a lit one; a careless one does not.
     """
     p = scenario.drivers
     rate = world["rate"]
@@ -382,7 +412,8 @@ def adapted_speed(scenario: Scenario, c: Constants, world: dict[str, F32]) -> F3
     by_lamp = visibility.lamp_range(extinction, tail + extinction * np.float32(0.0), maximum(world["lamp_threshold"], np.float32(1e-12)))
     seen = np.where(scenario.weather.night, by_lamp, maximum(by_contrast, by_lamp))
     decel = np.float32(0.8) * c.gravity * world["grip"]
-    safe = friction.stoppable_speed(seen, np.full_like(seen, np.float32(1.2)), decel)[:, None]
+    safe = friction.stoppable_speed(seen, np.full_like(seen, np.float32(1.2)), decel)
+    safe = minimum(safe, _calm_speed(scenario))[:, None]
     limit = np.float32(scenario.road.speed_limit)
     wanted = p.desired_speed - (np.float32(1.0) * p.limit_respect) * maximum(p.desired_speed - limit, p.desired_speed * np.float32(0.0))
     excess = maximum(wanted - slower[:, None] - safe, wanted * np.float32(0.0))

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.elementary import F32, Mask, clamp, maximum, minimum, sincos
+from overtaking.model.trajectory import Stage
+from overtaking.model.vehicles import Role
 from overtaking.physics.constants import Constants
 from overtaking.sim.reference.state import Fields, State
 
@@ -30,6 +32,29 @@ def is_near(state: State, c: Constants, p: Fields, i: int, j: int) -> Mask:
     return along & aside & (p.valid[i] > 0) & (p.valid[j] > 0)
 
 
+def leave_road(state: State, c: Constants, p: Fields, borders: F32, step: int) -> None:
+    """Who has left the lanes, or stands across them, is lost: a wreck that slides to rest.
+
+    Args:
+        state: State at a decision.
+        c: Constants.
+        p: Parameters.
+        borders: Slow and fast edge of the lanes [m].
+        step: Number of the step.
+    """
+    beyond = (state.d < borders[0] - c.edge_margin) | (state.d > borders[1] + c.edge_margin)
+    lost = (beyond | (np.abs(state.psi) > c.spin_angle)) & (p.valid > 0) & (state.crashed == 0)
+    state.crashed = np.where(lost, np.float32(1.0), state.crashed)
+    end_with_ego(state, c, lost[Role.EGO], step)
+
+
+def end_with_ego(state: State, c: Constants, crashed: Mask, step: int) -> None:
+    """An accident of the ego ends the simulation soon."""
+    state.stage = np.where(crashed, np.float32(Stage.CRASHED), state.stage)
+    after = np.float32(step) + np.rint(c.after_collision / c.step)
+    state.end_step = np.where(crashed, minimum(state.end_step, after), state.end_step)
+
+
 def collide(state: State, c: Constants, p: Fields, pairs: dict[tuple[int, int], Mask], before: tuple[F32, F32], step: int) -> None:
     """Exchange momentum in every near pair that touched during the last step.
 
@@ -41,9 +66,11 @@ def collide(state: State, c: Constants, p: Fields, pairs: dict[tuple[int, int], 
         before: Positions `s` and `d` before the step.
         step: Number of the step that began at `before`.
     """
+    was_sound = state.crashed[Role.EGO] == 0
     for (i, j), near in pairs.items():
         if near.any():
             _collide_pair(state, c, p, near, before, step, i, j)
+    end_with_ego(state, c, was_sound & (state.crashed[Role.EGO] > 0), step)
 
 
 def _collide_pair(

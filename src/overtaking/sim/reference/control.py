@@ -44,7 +44,7 @@ def behind_old_leader(state: State, given: Parameters, p: Fields, near: Neighbou
     slot = np.where(to_fast, near.slot[SLOW_LEAD], near.slot[FAST_LEAD])
     gap = np.where(to_fast, believed.gap[SLOW_LEAD], believed.gap[FAST_LEAD])
     closing = np.where(to_fast, believed.closing[SLOW_LEAD], believed.closing[FAST_LEAD])
-    aside = np.abs(pick(state.d, slot) - state.d)
+    aside = np.abs(np.where(to_fast, near.aside[SLOW_LEAD], near.aside[FAST_LEAD]))
     overlaps = aside < p.half_width + pick(p.half_width, slot) + c.footprint_margin
     left = c.clear_fraction * state.path_duration - state.path_time
     clears = (left > 0) & (gap > closing * left)

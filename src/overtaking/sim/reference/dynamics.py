@@ -86,9 +86,11 @@ def _tyre_forces(
 ) -> tuple[F32, F32, F32, F32, F32]:
     """Longitudinal front and rear, lateral front and rear [N], and the moment of split friction [N m]."""
     shift = state.a_lon * p.cg_height
-    front_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_rear - shift)
+    front_weight = p.inverse_wheelbase * (c.gravity * p.cg_rear - shift)
+    front_load = p.mass * front_weight
     rear_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_front + shift)
-    share = np.where(force < 0, c.brake_front_share, p.front_drive)
+    # Brakes follow the load, so that no axle locks before the other (UN R13-H asks for it).
+    share = np.where(force < 0, front_weight * (_ONE / c.gravity), p.front_drive)
     front_x, front_split, front_limit = axle_forces(c, state, share * force, front_load)
     rear_x, rear_split, rear_limit = axle_forces(c, state, (_ONE - share) * force, rear_load)
     sine, cosine = sincos(state.wheel)

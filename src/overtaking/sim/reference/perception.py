@@ -57,14 +57,13 @@ def optical_depth(
     return air, np.where(close, spray, np.float32(0.0))
 
 
-def is_hidden(state: State, p: Fields, near: Neighbours, role: int) -> Mask:
+def is_hidden(p: Fields, near: Neighbours, role: int) -> Mask:
     """Whether a high leader stands between a driver and the neighbour ahead in `role`."""
     lead, other = near.slot[LEAD], near.slot[role]
-    reach = maximum(pick(state.s, lead) - pick(p.half_length, lead) - state.s, np.float32(0.1))
-    distance = pick(state.s, other) - state.s
-    aside = pick(state.d, other) - state.d
-    crossing = aside * (reach / maximum(distance, np.float32(0.1)))
-    offset = np.abs(crossing - (pick(state.d, lead) - state.d))
+    reach = maximum(near.distance[LEAD] - near.half_length[LEAD], np.float32(0.1))
+    distance = near.distance[role]
+    crossing = near.aside[role] * (reach / maximum(distance, np.float32(0.1)))
+    offset = np.abs(crossing - near.aside[LEAD])
     blocked = (distance > reach) & (offset < pick(p.half_width, lead)) & (other != lead)
     return (lead >= 0) & (pick(p.tall, lead) > 0) & blocked
 
@@ -107,7 +106,7 @@ def notice(
     reach = c.sight_range if role % 2 == 0 else c.mirror_range
     visible = (slot >= 0) & (effort <= np.float32(1.0)) & (gap < reach)
     if role % 2 == 0:
-        visible = visible & ~is_hidden(state, p, near, role)
+        visible = visible & ~is_hidden(p, near, role)
     if role >= 2:
         blind = (gap < c.blind_spot) & (p.checks_blind_spot == 0)
         if role % 2 == 0:
@@ -146,7 +145,7 @@ def perceive(state: State, given: Parameters, p: Fields, q: Fields, near: Neighb
         speed = state.history_v[row, who, column]
         place = state.history_s[row, who, column] + speed * elapsed
         ahead = place - state.s if role % 2 == 0 else state.s - place
-        gap = ahead - (pick(p.half_length, slot) + p.half_length)
+        gap = ahead - (near.half_length[role] + p.half_length)
         closing = own_speed - speed if role % 2 == 0 else speed - own_speed
         distance = maximum(gap, np.float32(1.0))
         looming = pick(p.loom_width, slot) * np.abs(closing) > c.looming_threshold * (distance * distance)

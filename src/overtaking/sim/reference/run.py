@@ -2,10 +2,8 @@
 
 import numpy as np
 
-from overtaking.core.elementary import minimum
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Stage, Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.trajectory import Trajectories
 from overtaking.sim.parameters import SIMULATION_FIELDS, SUBSTEPS, VEHICLE_FIELDS, Parameters, parameters
 from overtaking.sim.reference import collisions, control, dynamics, ego, environment, mobil, perception, steering
 from overtaking.sim.reference.neighbours import find_neighbours
@@ -50,15 +48,14 @@ def decide(state: State, given: Parameters, p: Fields, q: Fields, recorder: Reco
     """Everything that happens 20 times a second: weather, perception, decisions."""
     c = given.constants
     decision = step // SUBSTEPS
+    road = given.road
     state.since_change = state.since_change + c.decision
+    collisions.leave_road(state, c, p, road.boundaries[[0, road.num_lanes]], step)
     perception.remember(state, decision)
     environment.move_random_processes(state, given, q, decision)
     environment.grip(state, given, p, q)
     environment.wind(state, given, p, q)
-    if step == 0:
-        steady = state.wind_force * p.inverse_mass
-        state.trim = np.where(steady > c.trim_limit, -c.trim_limit, np.where(steady < -c.trim_limit, c.trim_limit, -steady))
-    steering.hold_against_wind(state, c)
+    steering.hold_against_wind(state, c, p, step)
     near = find_neighbours(state, given, p)
     believed = perception.perceive(state, given, p, q, near, decision)
     leader = control.behind_leader(state, given, p, believed)
@@ -78,9 +75,4 @@ def advance(state: State, given: Parameters, p: Fields, q: Fields, pairs: Pairs,
     before = (state.s.copy(), state.d.copy())
     steering.steer(state, c, p, q.side_accel)
     dynamics.move(state, c, p)
-    was_sound = state.crashed[Role.EGO] == 0
     collisions.collide(state, c, p, pairs, before, step)
-    hit = was_sound & (state.crashed[Role.EGO] > 0)
-    state.stage = np.where(hit, np.float32(Stage.CRASHED), state.stage)
-    after = np.float32(step) + np.rint(c.after_collision / c.step)
-    state.end_step = np.where(hit, minimum(state.end_step, after), state.end_step)

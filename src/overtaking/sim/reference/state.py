@@ -39,7 +39,7 @@ class State:
         vx, vy: Velocity in the vehicle's axes [m/s].
         r: Yaw rate [rad/s].
         wheel: Front wheel angle, or the lateral acceleration of a two-wheeler [rad or m/s^2].
-        trim: Lateral acceleration held against a steady side wind [m/s^2].
+        trim: Part of the wheel angle, or of the lean, that holds against the wind [rad or m/s^2].
         accel: Acceleration asked of the vehicle [m/s^2].
         a_lon, a_lat: Acceleration by tyre and wind forces in the vehicle's axes [m/s^2].
         crashed: 1 after a collision.

@@ -43,11 +43,23 @@ def path_now(state: State) -> tuple[F32, F32, F32]:
     return place, speed, accel
 
 
-def hold_against_wind(state: State, c: Constants) -> None:
-    """Slowly learn the lateral acceleration that keeps the lane in a steady side wind."""
-    place, _, _ = path_now(state)
-    grown = state.trim + c.integral_gain * (place - state.d) * c.decision
-    state.trim = clamp(grown, -c.trim_limit, c.trim_limit)
+def wind_trim(p: Fields, force: F32, moment: F32) -> F32:
+    """Wheel angle, or lean, that holds a straight course in a side wind [rad or m/s^2].
+
+    The steady single-track equations with lateral force F and yaw moment M and no yaw rate:
+    delta = -K F / m - M (1 / C_f + 1 / C_r) / l with the understeer gradient K.
+    """
+    pushed = force * p.inverse_mass
+    angle = p.understeer * pushed + moment * p.moment_angle
+    return -np.where(p.two_wheeler > 0, pushed, angle)
+
+
+def hold_against_wind(state: State, c: Constants, p: Fields, step: int) -> None:
+    """Answer the side wind after a lag; at the first frame it is held already."""
+    target = wind_trim(p, state.wind_force, state.wind_moment)
+    if step == 0:
+        state.trim = target
+    state.trim = state.trim + (target - state.trim) * (c.decision / c.wind_lag)
 
 
 def steer(state: State, c: Constants, p: Fields, side_accel: F32) -> None:
@@ -56,13 +68,18 @@ def steer(state: State, c: Constants, p: Fields, side_accel: F32) -> None:
     sine, cosine = sincos(state.psi)
     sideways = state.vx * sine + state.vy * cosine
     wanted = accel + c.velocity_gain * (speed - sideways)
-    wanted = wanted + c.position_gain * (place + c.lane_deviation * state.wander - state.d) + state.trim
+    wanted = wanted + c.position_gain * (place + c.lane_deviation * state.wander - state.d)
     wanted = clamp(wanted, -side_accel, side_accel)
     inverse_speed = np.float32(1.0) / maximum(state.vx, c.slip_speed)
-    angle = clamp(wanted * (p.wheelbase * (inverse_speed * inverse_speed) + p.understeer), -c.steering_limit, c.steering_limit)
+    felt = wanted + c.yaw_gain * (wanted - state.vx * state.r)
+    angle = felt * (p.wheelbase * (inverse_speed * inverse_speed) + p.understeer) + state.trim
+    # Beyond this slip more angle gives no more force; a sliding vehicle is steered into the slide.
+    slip = (state.vy + p.cg_front * state.r) * inverse_speed
+    reach = c.slip_share * np.float32(0.5) * (state.mu_fast + state.mu_slow) / p.front_stiffness
+    angle = clamp(clamp(angle, slip - reach, slip + reach), -c.steering_limit, c.steering_limit)
     turn = (angle - state.wheel) * (c.step / c.steering_lag)
     turn = clamp(turn, -c.steering_rate * c.step, c.steering_rate * c.step)
-    lean = (wanted - state.wheel) * (c.step / c.two_wheeler_lag)
+    lean = (wanted + state.trim - state.wheel) * (c.step / c.two_wheeler_lag)
     moved = np.where(p.two_wheeler > 0, state.wheel + lean, state.wheel + turn)
     state.wheel = np.where(state.crashed > 0, np.float32(0.0), moved)
     state.path_time = state.path_time + c.step
