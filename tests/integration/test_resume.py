@@ -13,6 +13,8 @@ from pathlib import Path
 
 import duckdb
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from overtaking import api
 from overtaking.core.errors import DatasetError, LockedError
@@ -228,11 +230,32 @@ def test_other_simulations_can_be_read_beside_a_damaged_file(damage, undisturbed
         data.states(8)
 
 
+def forget(folder: Path) -> None:
+    """Let the manifest know nothing of the shards, as before the end of a `generate`."""
+    manifest = json.loads((folder / "dataset.json").read_text())
+    unfinished = {**manifest, "complete": False, "content_hash": None, "shards": []}
+    (folder / "dataset.json").write_text(json.dumps(unfinished))
+
+
+@given(share=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
+@settings(max_examples=15)
+def test_any_bit_of_a_commit_mark_may_be_wrong(share, bit, undisturbed, tmp_path_factory):
+    copy = shutil.copytree(undisturbed.path, tmp_path_factory.mktemp("flipped") / "data")
+    file = copy / "simulations" / "part-00001.parquet"
+    data = bytearray(file.read_bytes())
+    data[int(share * len(data))] ^= 1 << bit
+    file.write_bytes(data)
+    with pytest.raises(DatasetError, match="the bytes that were written, got others"):
+        api.load(copy).verify()
+    forget(copy)
+    resumed = api.resume(copy)
+    resumed.verify()
+    assert resumed.content_hash == undisturbed.content_hash
+
+
 def test_a_shard_of_another_data_set_is_not_taken_for_finished(undisturbed, copy: Path, tmp_path):
     other = generate(tmp_path / "other", seed=2)
     for file in other.path.rglob("part-00000.parquet"):
         shutil.copy(file, copy / file.relative_to(other.path))
-    manifest = json.loads((copy / "dataset.json").read_text())
-    unfinished = {**manifest, "complete": False, "content_hash": None, "shards": []}
-    (copy / "dataset.json").write_text(json.dumps(unfinished))
+    forget(copy)
     assert_same(api.resume(copy), undisturbed)

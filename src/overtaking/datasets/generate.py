@@ -103,7 +103,8 @@ class _Work:
             write.make_folders(self._out, self._tables)
             self._progress(0, self._recipe.num_simulations)
             for shard in self._shards:
-                self._records.append(self._finished(shard) if resume else self._write(shard))
+                known = self._finished(shard, current) if resume else None
+                self._records.append(known or self._write(shard))
             self._complete(current)
         finally:
             _sweep(self._out)
@@ -124,13 +125,13 @@ class _Work:
         self._save(first)
         return first
 
-    def _finished(self, shard: plan.Shard) -> ShardRecord:
-        """A shard of an earlier call, or a new one."""
+    def _finished(self, shard: plan.Shard, current: Manifest) -> ShardRecord | None:
+        """What is known of a shard of an earlier call, if it is there and as it was written."""
         known = write.finished_shard(
             self._out, shard, tables=self._tables, fingerprint=self._fingerprint
         )
-        if known is None:
-            return self._write(shard)
+        if known is None or (current.complete and current.shards[shard.number] != known):
+            return None
         self._count(shard.num_simulations)
         return known
 

@@ -6,6 +6,7 @@ others, and without it the shard does not exist.
 """
 
 import dataclasses
+import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -33,9 +34,7 @@ MARK = "simulations"
 PARTIAL = ".partial"
 """Folder in the data set for files that are not finished; what is left there has no meaning."""
 
-_FACTS = "overtaking.facts"
-_CONTENT = "overtaking.content"
-_FINGERPRINT = "overtaking.fingerprint"
+_FACTS, _SEAL = "overtaking.facts", "overtaking.seal"
 
 
 def path_of(folder: Path, table: str, shard: Shard) -> Path:
@@ -84,8 +83,9 @@ def write_shard(
         _write_pieces(pieces, writers, on_piece)
         mark = writers.pop(MARK)
         facts = {name: writer.finish() for name, writer in writers.items()}
-        notes = _notes(facts, content=mark.content, fingerprint=fingerprint)
-        facts[MARK] = mark.finish(notes)
+        known = json.dumps({name: dataclasses.asdict(one) for name, one in facts.items()})
+        seal = _seal(fingerprint, known, mark.content)
+        facts[MARK] = mark.finish({_FACTS: known, _SEAL: seal})
     for name in (*writers, MARK):
         target = path_of(folder, name, shard)
         unfinished[name].replace(target)
@@ -111,10 +111,10 @@ def finished_shard(
         notes, rows = read_notes(mark, MARK), read_table(mark, MARK)
     except SchemaError:
         return None
-    content = content_of(rows)
-    if notes.get(_FINGERPRINT) != fingerprint or notes.get(_CONTENT) != content:
+    known, content = notes.get(_FACTS, ""), content_of(rows)
+    if notes.get(_SEAL) != _seal(fingerprint, known, content):
         return None
-    facts = {name: FileFacts(**known) for name, known in json.loads(notes[_FACTS]).items()}
+    facts = {name: FileFacts(**one) for name, one in json.loads(known).items()}
     facts[MARK] = FileFacts(
         rows=rows.num_rows,
         size_bytes=mark.stat().st_size,
@@ -122,7 +122,7 @@ def finished_shard(
         content=content,
     )
     intact = (is_intact(path_of(folder, name, shard), facts[name]) for name in tables)
-    return _record(shard, facts) if set(facts) == set(tables) and all(intact) else None
+    return _record(shard, facts) if all(intact) else None
 
 
 def is_intact(path: Path, facts: FileFacts) -> bool:
@@ -156,14 +156,9 @@ def _write_pieces(
         wait()
 
 
-def _notes(facts: Mapping[str, FileFacts], *, content: str, fingerprint: str) -> dict[str, str]:
-    """What the commit mark carries."""
-    known = {name: dataclasses.asdict(one) for name, one in facts.items()}
-    return {
-        _FACTS: json.dumps(known, sort_keys=True),
-        _CONTENT: content,
-        _FINGERPRINT: fingerprint,
-    }
+def _seal(fingerprint: str, facts: str, content: str) -> str:
+    """Hash over all that a commit mark says: of which identity, of the other files, of its own."""
+    return hashlib.sha256(f"{fingerprint}\n{facts}\n{content}".encode()).hexdigest()
 
 
 def _record(shard: Shard, facts: Mapping[str, FileFacts]) -> ShardRecord:
