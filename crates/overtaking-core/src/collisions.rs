@@ -23,13 +23,17 @@ struct Corpus<S: Simd> {
 
 /// Which pairs may touch before the next decision.
 #[inline(always)]
-pub fn near_pairs<S: Simd>(state: &State<S>, w: &World<'_, S>) -> Pairs<S> {
+pub fn near_pairs<S: Simd>(state: &State<'_, S>, w: &World<'_, S>) -> Pairs<S> {
     let (c, p) = (w.c, &w.p);
     let mut pairs = [[None; MAX_VEHICLES]; MAX_VEHICLES];
     for i in 0..w.count {
         for j in i + 1..w.count {
-            let along = (state.s[j] - state.s[i]).abs().simd_lt(p[i].half_length + p[j].half_length + c.near_gap);
-            let aside = (state.d[j] - state.d[i]).abs().simd_lt(p[i].half_width + p[j].half_width + c.near_side);
+            let along = (state.s[j] - state.s[i])
+                .abs()
+                .simd_lt(p[i].half_length + p[j].half_length + c.near_gap);
+            let aside = (state.d[j] - state.d[i])
+                .abs()
+                .simd_lt(p[i].half_width + p[j].half_width + c.near_side);
             let near = along & aside & p[i].valid.simd_gt(0.0) & p[j].valid.simd_gt(0.0);
             pairs[i][j] = near.any_true().then_some(near);
         }
@@ -39,7 +43,7 @@ pub fn near_pairs<S: Simd>(state: &State<S>, w: &World<'_, S>) -> Pairs<S> {
 
 /// Who has left the lanes, or stands across them, is lost: a wreck that slides to rest.
 #[inline(always)]
-pub fn leave_road<S: Simd>(state: &mut State<S>, w: &World<'_, S>, step: u32) {
+pub fn leave_road<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, step: u32) {
     let (c, road) = (w.c, w.road);
     for i in 0..w.count {
         let beyond = state.d[i].simd_lt(road.boundaries[0] - c.edge_margin)
@@ -56,17 +60,20 @@ pub fn leave_road<S: Simd>(state: &mut State<S>, w: &World<'_, S>, step: u32) {
 
 /// An accident of the ego ends the simulation soon.
 #[inline(always)]
-fn end_with_ego<S: Simd>(state: &mut State<S>, w: &World<'_, S>, crashed: M<S>, step: u32) {
+fn end_with_ego<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, crashed: M<S>, step: u32) {
     let c = w.c;
     state.stage = choose(crashed, splat(w.simd, stage::CRASHED), state.stage);
-    let after = splat(w.simd, step as f32 + (c.after_collision / c.step).round_ties_even());
+    let after = splat(
+        w.simd,
+        step as f32 + (c.after_collision / c.step).round_ties_even(),
+    );
     state.end_step = choose(crashed, min(state.end_step, after), state.end_step);
 }
 
 /// Exchange momentum in every near pair that touched during the last step.
 #[inline(always)]
 pub fn collide<S: Simd>(
-    state: &mut State<S>,
+    state: &mut State<'_, S>,
     w: &World<'_, S>,
     pairs: &Pairs<S>,
     before: &(Each<S>, Each<S>),
@@ -89,7 +96,7 @@ pub fn collide<S: Simd>(
 
 #[inline(always)]
 fn collide_pair<S: Simd>(
-    state: &mut State<S>,
+    state: &mut State<'_, S>,
     w: &World<'_, S>,
     near: M<S>,
     before: &(Each<S>, Each<S>),
@@ -114,8 +121,9 @@ fn collide_pair<S: Simd>(
     let lever_a = arm_a.0 * across - arm_a.1 * along;
     let lever_b = arm_b.0 * across - arm_b.1 * along;
     let softness = p[i].inverse_mass + p[j].inverse_mass;
-    let softness =
-        softness + lever_a * lever_a * p[i].inverse_inertia + lever_b * lever_b * p[j].inverse_inertia;
+    let softness = softness
+        + lever_a * lever_a * p[i].inverse_inertia
+        + lever_b * lever_b * p[j].inverse_inertia;
     let zero = splat(w.simd, 0.0);
     let impulse = choose(hit, (1.0 + c.restitution) * approach / softness, zero);
     push(state, w, &a, i, -impulse, along, across, lever_a);
@@ -133,10 +141,17 @@ fn collide_pair<S: Simd>(
 }
 
 #[inline(always)]
-fn corpus<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> Corpus<S> {
+fn corpus<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> Corpus<S> {
     let (sine, cosine) = (state.sine[i], state.cosine[i]);
     let (half_length, half_width) = (w.p[i].half_length, w.p[i].half_width);
-    Corpus { s: state.s[i], d: state.d[i], sine, cosine, half_length, half_width }
+    Corpus {
+        s: state.s[i],
+        d: state.d[i],
+        sine,
+        cosine,
+        half_length,
+        half_width,
+    }
 }
 
 /// Start and end of the overlap as shares of the step, and the unit normal from a to b.
@@ -156,7 +171,12 @@ fn first_contact<S: Simd>(
         b.half_length + a.half_length * turn_cosine + a.half_width * turn_sine,
         b.half_width + a.half_length * turn_sine + a.half_width * turn_cosine,
     ];
-    let axes = [(a.cosine, a.sine), (-a.sine, a.cosine), (b.cosine, b.sine), (-b.sine, b.cosine)];
+    let axes = [
+        (a.cosine, a.sine),
+        (-a.sine, a.cosine),
+        (b.cosine, b.sine),
+        (-b.sine, b.cosine),
+    ];
     let (mut enter, mut leave) = (splat(simd, -1e9), splat(simd, 1e9));
     let (mut along, mut across) = (splat(simd, 0.0), splat(simd, 0.0));
     for ((axis_s, axis_d), limit) in axes.into_iter().zip(reach) {
@@ -181,20 +201,39 @@ fn contact_arms<S: Simd>(a: &Corpus<S>, b: &Corpus<S>) -> ((V<S>, V<S>), (V<S>, 
     let (ahead, aside) = (b.s - a.s, b.d - a.d);
     let near_a = nearest_point(a, ahead, aside);
     let near_b = nearest_point(b, -ahead, -aside);
-    let point = (0.5 * (near_a.0 + ahead + near_b.0), 0.5 * (near_a.1 + aside + near_b.1));
+    let point = (
+        0.5 * (near_a.0 + ahead + near_b.0),
+        0.5 * (near_a.1 + aside + near_b.1),
+    );
     (point, (point.0 - ahead, point.1 - aside))
 }
 
 #[inline(always)]
 fn nearest_point<S: Simd>(box_: &Corpus<S>, ahead: V<S>, aside: V<S>) -> (V<S>, V<S>) {
     let (sine, cosine) = (box_.sine, box_.cosine);
-    let along = clamp(ahead * cosine + aside * sine, -box_.half_length, box_.half_length);
-    let across = clamp(aside * cosine - ahead * sine, -box_.half_width, box_.half_width);
-    (along * cosine - across * sine, along * sine + across * cosine)
+    let along = clamp(
+        ahead * cosine + aside * sine,
+        -box_.half_length,
+        box_.half_length,
+    );
+    let across = clamp(
+        aside * cosine - ahead * sine,
+        -box_.half_width,
+        box_.half_width,
+    );
+    (
+        along * cosine - across * sine,
+        along * sine + across * cosine,
+    )
 }
 
 #[inline(always)]
-fn velocity<S: Simd>(state: &State<S>, box_: &Corpus<S>, i: usize, arm: (V<S>, V<S>)) -> (V<S>, V<S>) {
+fn velocity<S: Simd>(
+    state: &State<'_, S>,
+    box_: &Corpus<S>,
+    i: usize,
+    arm: (V<S>, V<S>),
+) -> (V<S>, V<S>) {
     let along = state.vx[i] * box_.cosine - state.vy[i] * box_.sine - state.r[i] * arm.1;
     let across = state.vx[i] * box_.sine + state.vy[i] * box_.cosine + state.r[i] * arm.0;
     (along, across)
@@ -203,7 +242,7 @@ fn velocity<S: Simd>(state: &State<S>, box_: &Corpus<S>, i: usize, arm: (V<S>, V
 #[allow(clippy::too_many_arguments)]
 #[inline(always)]
 fn push<S: Simd>(
-    state: &mut State<S>,
+    state: &mut State<'_, S>,
     w: &World<'_, S>,
     box_: &Corpus<S>,
     i: usize,

@@ -12,12 +12,12 @@ use crate::state::{EGO, FAST_LEAD, LEAD, SLOW_LEAD, State, World, stage};
 const FREE: f32 = 1e9;
 
 #[inline(always)]
-fn is_passing<S: Simd>(state: &State<S>) -> M<S> {
+fn is_passing<S: Simd>(state: &State<'_, S>) -> M<S> {
     state.stage.simd_eq(stage::PULL_OUT) | state.stage.simd_eq(stage::PASS)
 }
 
 #[inline(always)]
-fn desired_speed<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> V<S> {
+fn desired_speed<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
     let p = &w.p[i];
     if i == EGO {
         choose(is_passing(state), p.pass_speed, p.desired_speed)
@@ -28,12 +28,29 @@ fn desired_speed<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> V<S> 
 
 /// Acceleration behind the leader of the lane that is driven in or being entered.
 #[inline(always)]
-pub fn behind_leader<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize, believed: &Beliefs<S>) -> V<S> {
+pub fn behind_leader<S: Simd>(
+    state: &State<'_, S>,
+    w: &World<'_, S>,
+    i: usize,
+    believed: &Beliefs<S>,
+) -> V<S> {
     let desired = desired_speed(state, w, i);
-    let wanted = iidm(w.c, &w.p[i], state.vx[i], desired, believed.gap[LEAD], believed.closing[LEAD]);
+    let wanted = iidm(
+        w.c,
+        &w.p[i],
+        state.vx[i],
+        desired,
+        believed.gap[LEAD],
+        believed.closing[LEAD],
+    );
     if i == EGO {
         let eager = is_passing(state) & wanted.simd_gt(0.0);
-        wanted * choose(eager, splat(w.simd, w.c.accelerate_gain), splat(w.simd, 1.0))
+        wanted
+            * choose(
+                eager,
+                splat(w.simd, w.c.accelerate_gain),
+                splat(w.simd, 1.0),
+            )
     } else {
         wanted
     }
@@ -42,7 +59,7 @@ pub fn behind_leader<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize, beli
 /// Acceleration behind the one whose lane is being left, while the bodies overlap.
 #[inline(always)]
 fn behind_old_leader<S: Simd>(
-    state: &State<S>,
+    state: &State<'_, S>,
     w: &World<'_, S>,
     i: usize,
     near: &Neighbours<S>,
@@ -57,9 +74,14 @@ fn behind_old_leader<S: Simd>(
     let to_fast = (0.5 * (near.lane_low + near.lane_high)).simd_gt(state.d[i]);
     let slot = choose(to_fast, near.slot[SLOW_LEAD], near.slot[FAST_LEAD]);
     let gap = choose(to_fast, believed.gap[SLOW_LEAD], believed.gap[FAST_LEAD]);
-    let closing = choose(to_fast, believed.closing[SLOW_LEAD], believed.closing[FAST_LEAD]);
+    let closing = choose(
+        to_fast,
+        believed.closing[SLOW_LEAD],
+        believed.closing[FAST_LEAD],
+    );
     let aside = choose(to_fast, near.aside[SLOW_LEAD], near.aside[FAST_LEAD]).abs();
-    let overlaps = aside.simd_lt(p.half_width + pick!(n, slot, |j| w.p[j].half_width) + c.footprint_margin);
+    let overlaps =
+        aside.simd_lt(p.half_width + pick!(n, slot, |j| w.p[j].half_width) + c.footprint_margin);
     let left = c.clear_fraction * state.path_duration[i] - state.path_time[i];
     let clears = left.simd_gt(0.0) & gap.simd_gt(closing * left);
     let matters = changing & slot.simd_ge(0.0) & overlaps & !clears;
@@ -70,7 +92,7 @@ fn behind_old_leader<S: Simd>(
 /// Move the pedals of vehicle `i` towards the wanted acceleration.
 #[inline(always)]
 pub fn set_acceleration<S: Simd>(
-    state: &mut State<S>,
+    state: &mut State<'_, S>,
     w: &World<'_, S>,
     i: usize,
     near: &Neighbours<S>,
@@ -80,9 +102,17 @@ pub fn set_acceleration<S: Simd>(
     let c = w.c;
     let old_leader = behind_old_leader(state, w, i, near, believed);
     let wanted = max(min(leader, old_leader), -w.p[i].hardest_decel);
-    let up = choose(state.accel[i].simd_lt(0.0), splat(w.simd, c.jerk_down), splat(w.simd, c.jerk_up)) * c.decision;
+    let up = choose(
+        state.accel[i].simd_lt(0.0),
+        splat(w.simd, c.jerk_down),
+        splat(w.simd, c.jerk_up),
+    ) * c.decision;
     let hard = wanted.simd_lt(-c.emergency_decel);
-    let down = choose(hard, splat(w.simd, c.jerk_emergency), splat(w.simd, c.jerk_down)) * c.decision;
+    let down = choose(
+        hard,
+        splat(w.simd, c.jerk_emergency),
+        splat(w.simd, c.jerk_down),
+    ) * c.decision;
     let changed = state.accel[i] + clamp(wanted - state.accel[i], -down, up);
     state.accel[i] = choose(state.crashed[i].simd_gt(0.0), splat(w.simd, 0.0), changed);
 }

@@ -19,16 +19,33 @@ fn fiala<S: Simd>(stiffness: V<S>, slope: V<S>, limit: V<S>) -> V<S> {
 }
 
 #[inline(always)]
-fn drive_force<S: Simd>(c: &Constants, p: &Vehicle<S>, state: &State<S>, i: usize, resistance: V<S>, inverse_speed: V<S>) -> V<S> {
+fn drive_force<S: Simd>(
+    c: &Constants,
+    p: &Vehicle<S>,
+    state: &State<'_, S>,
+    i: usize,
+    resistance: V<S>,
+    inverse_speed: V<S>,
+) -> V<S> {
     let wanted = p.mass * state.accel[i] + resistance;
     let engine = min(p.launch_force, p.power * inverse_speed);
-    let throttle = clamp_to((p.max_speed + c.governor_band - state.vx[i]) * (1.0 / c.governor_band), 0.0, 1.0);
+    let throttle = clamp_to(
+        (p.max_speed + c.governor_band - state.vx[i]) * (1.0 / c.governor_band),
+        0.0,
+        1.0,
+    );
     max(min(wanted, engine * throttle), -p.brake_force)
 }
 
 /// Longitudinal force of an axle, its imbalance, and the lateral limit.
 #[inline(always)]
-fn axle_forces<S: Simd>(c: &Constants, mu_fast: V<S>, mu_slow: V<S>, force: V<S>, load: V<S>) -> (V<S>, V<S>, V<S>) {
+fn axle_forces<S: Simd>(
+    c: &Constants,
+    mu_fast: V<S>,
+    mu_slow: V<S>,
+    force: V<S>,
+    load: V<S>,
+) -> (V<S>, V<S>, V<S>) {
     let half_load = 0.5 * load;
     let bound_fast = c.abs_share * mu_fast * half_load;
     let bound_slow = c.abs_share * mu_slow * half_load;
@@ -52,15 +69,28 @@ struct Tyres<S: Simd> {
 }
 
 #[inline(always)]
-fn tyre_forces<S: Simd>(state: &State<S>, c: &Constants, p: &Vehicle<S>, i: usize, force: V<S>, inverse_speed: V<S>) -> Tyres<S> {
+fn tyre_forces<S: Simd>(
+    state: &State<'_, S>,
+    c: &Constants,
+    p: &Vehicle<S>,
+    i: usize,
+    force: V<S>,
+    inverse_speed: V<S>,
+) -> Tyres<S> {
     let shift = state.a_lon[i] * p.cg_height;
     let front_weight = p.inverse_wheelbase * (c.gravity * p.cg_rear - shift);
     let front_load = p.mass * front_weight;
     let rear_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_front + shift);
-    let share = choose(force.simd_lt(0.0), front_weight * (1.0 / c.gravity), p.front_drive);
+    let share = choose(
+        force.simd_lt(0.0),
+        front_weight * (1.0 / c.gravity),
+        p.front_drive,
+    );
     let (mu_fast, mu_slow) = (state.mu_fast[i], state.mu_slow[i]);
-    let (front_x, front_split, front_limit) = axle_forces(c, mu_fast, mu_slow, share * force, front_load);
-    let (rear_x, rear_split, rear_limit) = axle_forces(c, mu_fast, mu_slow, (1.0 - share) * force, rear_load);
+    let (front_x, front_split, front_limit) =
+        axle_forces(c, mu_fast, mu_slow, share * force, front_load);
+    let (rear_x, rear_split, rear_limit) =
+        axle_forces(c, mu_fast, mu_slow, (1.0 - share) * force, rear_load);
     let (sine, cosine) = sincos(state.wheel[i]);
     let slip = (state.vy[i] + p.cg_front * state.r[i]) * inverse_speed;
     let front_slope = (slip * cosine - sine) / (cosine + slip * sine);
@@ -68,12 +98,20 @@ fn tyre_forces<S: Simd>(state: &State<S>, c: &Constants, p: &Vehicle<S>, i: usiz
     let front_y = fiala(p.front_stiffness * front_load, front_slope, front_limit);
     let rear_y = fiala(p.rear_stiffness * rear_load, rear_slope, rear_limit);
     let moment = p.half_track * (front_split + rear_split);
-    Tyres { front_x, rear_x, front_y, rear_y, moment, sine, cosine }
+    Tyres {
+        front_x,
+        rear_x,
+        front_y,
+        rear_y,
+        moment,
+        sine,
+        cosine,
+    }
 }
 
 /// Accelerations of vehicle `i` by tyres and wind, kept in the state, and its new yaw rate.
 #[inline(always)]
-pub fn accelerate<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize) -> V<S> {
+pub fn accelerate<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
     let (c, p) = (w.c, &w.p[i]);
     let inverse_speed = 1.0 / at_least(state.vx[i], c.slip_speed);
     let air = state.vx[i] - state.tail_wind[i];
@@ -81,14 +119,23 @@ pub fn accelerate<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize) -> 
     let force = drive_force(c, p, state, i, resistance, inverse_speed);
     let t = tyre_forces(state, c, p, i, force, inverse_speed);
     let front_side = t.front_y * t.cosine + t.front_x * t.sine;
-    let along = (t.front_x * t.cosine - t.front_y * t.sine + t.rear_x - resistance) * p.inverse_mass;
+    let along =
+        (t.front_x * t.cosine - t.front_y * t.sine + t.rear_x - resistance) * p.inverse_mass;
     let across = (front_side + t.rear_y + state.wind_force[i]) * p.inverse_mass;
     let yaw = p.cg_front * front_side - p.cg_rear * t.rear_y + state.wind_moment[i] + t.moment;
     let turn = yaw * p.inverse_inertia;
     let bound = c.gravity * 0.5 * (state.mu_fast[i] + state.mu_slow[i]);
-    let lean = clamp(state.wheel[i] + state.wind_force[i] * p.inverse_mass, -bound, bound);
+    let lean = clamp(
+        state.wheel[i] + state.wind_force[i] * p.inverse_mass,
+        -bound,
+        bound,
+    );
     let rides = p.two_wheeler.simd_gt(0.0);
-    let a_lon = choose(rides, (t.front_x + t.rear_x - resistance) * p.inverse_mass, along);
+    let a_lon = choose(
+        rides,
+        (t.front_x + t.rear_x - resistance) * p.inverse_mass,
+        along,
+    );
     let a_lat = choose(rides, lean, across);
     let turned = choose(rides, lean * inverse_speed, state.r[i] + c.step * turn);
     (state.a_lon[i], state.a_lat[i]) = (a_lon, a_lat);
@@ -103,7 +150,12 @@ pub fn accelerate<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize) -> 
 }
 
 #[inline(always)]
-fn wreck<S: Simd>(state: &State<S>, c: &Constants, p: &Vehicle<S>, i: usize) -> (V<S>, V<S>, V<S>) {
+fn wreck<S: Simd>(
+    state: &State<'_, S>,
+    c: &Constants,
+    p: &Vehicle<S>,
+    i: usize,
+) -> (V<S>, V<S>, V<S>) {
     let (vx, vy) = (state.vx[i], state.vy[i]);
     let friction = c.sliding_ratio * c.gravity * 0.5 * (state.mu_fast[i] + state.mu_slow[i]);
     let speed = (vx * vx + vy * vy).sqrt();
@@ -114,7 +166,7 @@ fn wreck<S: Simd>(state: &State<S>, c: &Constants, p: &Vehicle<S>, i: usize) -> 
 
 /// New velocity of vehicle `i`, then its new position with it (semi-implicit Euler).
 #[inline(always)]
-pub fn integrate<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize, r: V<S>) {
+pub fn integrate<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, i: usize, r: V<S>) {
     let c = w.c;
     let zero = splat(r.simd, 0.0);
     let wrecked = state.crashed[i].simd_gt(0.0);

@@ -11,7 +11,9 @@ use crate::mobil::turn_to_lane;
 use crate::neighbours::Neighbours;
 use crate::perception::Beliefs;
 use crate::recording::{Kind, Recorder};
-use crate::state::{EGO, FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State, World, stage};
+use crate::state::{
+    EGO, FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State, World, stage,
+};
 
 const PULL_OUT_NOW: f32 = 1.0;
 const ABORT_NOW: f32 = 2.0;
@@ -33,20 +35,35 @@ struct View<'a, S: Simd> {
 #[inline(always)]
 fn own_braking<S: Simd>(w: &World<'_, S>, view: &View<'_, S>, role: usize) -> V<S> {
     let time_gap = view.own.time_gap * view.demand;
-    forced_braking(w.c, view.own, view.speed, view.gap[role], view.closing[role], time_gap)
+    forced_braking(
+        w.c,
+        view.own,
+        view.speed,
+        view.gap[role],
+        view.closing[role],
+        time_gap,
+    )
 }
 
 #[inline(always)]
 fn their_braking<S: Simd>(w: &World<'_, S>, view: &View<'_, S>, role: usize) -> V<S> {
     let time_gap = view.own.time_gap * view.demand;
     let speed = view.speed + view.closing[role];
-    forced_braking(w.c, view.own, speed, view.gap[role], view.closing[role], time_gap)
+    forced_braking(
+        w.c,
+        view.own,
+        speed,
+        view.gap[role],
+        view.closing[role],
+        time_gap,
+    )
 }
 
 #[inline(always)]
 fn wants_to_pass<S: Simd>(view: &View<'_, S>) -> M<S> {
     let own = view.own;
-    let slower = (own.desired_speed - view.leader_speed).simd_gt(own.passing_gain * view.impatience);
+    let slower =
+        (own.desired_speed - view.leader_speed).simd_gt(own.passing_gain * view.impatience);
     let soon = view.gap[LEAD].simd_lt(own.pull_out_time * view.closing[LEAD]);
     let close = view.gap[LEAD].simd_lt(1.5 * own.time_gap * view.speed + own.min_gap);
     view.detected[LEAD] & slower & (soon | close)
@@ -89,7 +106,7 @@ fn must_abort<S: Simd>(w: &World<'_, S>, view: &View<'_, S>) -> M<S> {
 /// One decision of every ego of the block.
 #[inline(always)]
 pub fn decide<S: Simd>(
-    state: &mut State<S>,
+    state: &mut State<'_, S>,
     w: &World<'_, S>,
     near: &Neighbours<S>,
     believed: &Beliefs<S>,
@@ -99,7 +116,10 @@ pub fn decide<S: Simd>(
     let (c, q, n) = (w.c, &w.q, w.count);
     let own = &w.p[EGO];
     let zero = splat(w.simd, 0.0);
-    let impatience = at_least(exp(-(state.waited * own.inverse_patience)), c.patience_floor);
+    let impatience = at_least(
+        exp(-(state.waited * own.inverse_patience)),
+        c.patience_floor,
+    );
     let view = View {
         own,
         speed: state.vx[EGO],
@@ -122,7 +142,9 @@ pub fn decide<S: Simd>(
         & own.desired_speed.simd_gt(view.leader_speed);
     state.waited = choose(waits, state.waited + c.decision, state.waited);
 
-    let free = (sound & old.simd_eq(stage::FOLLOW)) & arrived & state.since_change[EGO].simd_ge(c.abort_cooldown);
+    let free = (sound & old.simd_eq(stage::FOLLOW))
+        & arrived
+        & state.since_change[EGO].simd_ge(c.abort_cooldown);
     let free = free & state.lane[EGO].simd_lt((w.road.num_lanes - 1) as f32);
     let start = free & wants_to_pass(&view) & may_pull_out(w, &view) & q.command.simd_ne(STAY);
     let start = start | (free & q.command.simd_eq(PULL_OUT_NOW) & state.attempted.simd_eq(0.0));
@@ -145,15 +167,46 @@ pub fn decide<S: Simd>(
     let abort = entering & early & (must_abort(w, &view) | q.command.simd_eq(ABORT_NOW));
 
     let slow_roles = [LEAD, SLOW_LEAD, SLOW_REAR];
-    recorder.percepts(state, w, near, believed, go_out, Kind::PullOut, [LEAD, FAST_LEAD, FAST_REAR], step);
-    recorder.percepts(state, w, near, believed, abort, Kind::Abort, slow_roles, step);
-    recorder.percepts(state, w, near, believed, go_back, Kind::Return, slow_roles, step);
+    recorder.percepts(
+        state,
+        w,
+        near,
+        believed,
+        go_out,
+        Kind::PullOut,
+        [LEAD, FAST_LEAD, FAST_REAR],
+        step,
+    );
+    recorder.percepts(
+        state,
+        w,
+        near,
+        believed,
+        abort,
+        Kind::Abort,
+        slow_roles,
+        step,
+    );
+    recorder.percepts(
+        state,
+        w,
+        near,
+        believed,
+        go_back,
+        Kind::Return,
+        slow_roles,
+        step,
+    );
 
     state.target = choose(go_out, near.slot[LEAD], state.target);
     state.attempted = choose(go_out, splat(w.simd, 1.0), state.attempted);
     turn_to_lane(state, w, EGO, go_out, go_back | abort);
     let straight = arrived & !go_out & !go_back & !abort;
-    let side = choose(start, splat(w.simd, 1.0), choose(back, splat(w.simd, -1.0), zero));
+    let side = choose(
+        start,
+        splat(w.simd, 1.0),
+        choose(back, splat(w.simd, -1.0), zero),
+    );
     state.indicator[EGO] = choose(straight, side * own.uses_indicator, state.indicator[EGO]);
 
     let centre = 0.5 * (near.lane_low + near.lane_high);
@@ -161,9 +214,25 @@ pub fn decide<S: Simd>(
     let next = choose(go_out, splat(w.simd, stage::PULL_OUT), old);
     let next = choose(entering & arrived, splat(w.simd, stage::PASS), next);
     let next = choose(abort, splat(w.simd, stage::ABORT), next);
-    let next = choose(go_back, choose(passed, splat(w.simd, stage::RETURN), splat(w.simd, stage::ABORT)), next);
-    let next = choose((sound & old.simd_eq(stage::RETURN)) & finished, splat(w.simd, stage::DONE), next);
-    let next = choose((sound & old.simd_eq(stage::ABORT)) & finished, splat(w.simd, stage::FOLLOW), next);
+    let next = choose(
+        go_back,
+        choose(
+            passed,
+            splat(w.simd, stage::RETURN),
+            splat(w.simd, stage::ABORT),
+        ),
+        next,
+    );
+    let next = choose(
+        (sound & old.simd_eq(stage::RETURN)) & finished,
+        splat(w.simd, stage::DONE),
+        next,
+    );
+    let next = choose(
+        (sound & old.simd_eq(stage::ABORT)) & finished,
+        splat(w.simd, stage::FOLLOW),
+        next,
+    );
     state.stage_time = choose(next.simd_ne(old), zero, state.stage_time);
     let over = next.simd_eq(stage::DONE) & old.simd_ne(stage::DONE);
     let now = splat(w.simd, step as f32);

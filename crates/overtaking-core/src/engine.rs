@@ -9,8 +9,8 @@ use crate::collisions::{Pairs, collide, leave_road, near_pairs};
 use crate::fields::{Constants, Simulation, Vehicle};
 use crate::lanes::{LANES, splat};
 use crate::neighbours::find_neighbours;
-use crate::recording::{Output, Recorder};
-use crate::state::{EGO, Road, State, World};
+use crate::recording::{Output, Recorder, Tile};
+use crate::state::{EGO, History, Road, State, World};
 use crate::{control, dynamics, ego, environment, mobil, perception, steering};
 
 /// Evaluate an expression in a function of its own that may use the SIMD features of the CPU.
@@ -82,7 +82,9 @@ fn level(name: Option<&str>) -> Option<Level> {
 
 /// Every SIMD level that the engine has, and whether this CPU can run it.
 pub fn available_levels() -> Vec<(&'static str, bool)> {
-    ["avx512", "avx2", "portable"].map(|name| (name, level(Some(name)).is_some())).to_vec()
+    ["avx512", "avx2", "portable"]
+        .map(|name| (name, level(Some(name)).is_some()))
+        .to_vec()
 }
 
 /// Name of the SIMD level that is used when none is asked for.
@@ -97,30 +99,44 @@ pub fn current_level() -> &'static str {
 ///
 /// # Errors
 /// The SIMD level is unknown or not supported by this CPU.
-pub fn simulate(inputs: &Inputs<'_>, later: Option<&Later<'_>>, forced: Option<&str>, out: Output<'_>) -> Result<(), String> {
+pub fn simulate(
+    inputs: &Inputs<'_>,
+    later: Option<&Later<'_>>,
+    forced: Option<&str>,
+    out: Output<'_>,
+) -> Result<(), String> {
     if !out.frames.is_multiple_of(LANES) {
-        return Err(format!("room for {} frames is not a multiple of {LANES}", out.frames));
+        return Err(format!(
+            "room for {} frames is not a multiple of {LANES}",
+            out.frames
+        ));
     }
     let Some(level) = level(forced) else {
-        return Err(format!("SIMD level {} is not supported by this CPU", forced.unwrap_or("?")));
+        return Err(format!(
+            "SIMD level {} is not supported by this CPU",
+            forced.unwrap_or("?")
+        ));
     };
-    out.into_blocks().into_par_iter().enumerate().for_each(|(block, out)| match level {
-        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        Level::Avx512(simd) => run(simd, inputs, later, block, out),
-        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        Level::Avx2(simd) => run(simd, inputs, later, block, out),
-        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        Level::Sse4_2(_) | Level::Sse2(_) => {
-            if let Some(simd) = level.as_sse2() {
-                run(simd, inputs, later, block, out);
+    out.into_blocks().into_par_iter().enumerate().for_each_init(
+        Scratch::default,
+        |scratch, (block, out)| match level {
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Level::Avx512(simd) => run(simd, inputs, later, block, out, scratch),
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Level::Avx2(simd) => run(simd, inputs, later, block, out, scratch),
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Level::Sse4_2(_) | Level::Sse2(_) => {
+                if let Some(simd) = level.as_sse2() {
+                    run(simd, inputs, later, block, out, scratch);
+                }
             }
-        }
-        #[cfg(target_arch = "aarch64")]
-        Level::Neon(simd) => run(simd, inputs, later, block, out),
-        #[cfg(not(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64")))]
-        Level::Fallback(simd) => run(simd, inputs, later, block, out),
-        _ => unreachable!("every level of this architecture is handled"),
-    });
+            #[cfg(target_arch = "aarch64")]
+            Level::Neon(simd) => run(simd, inputs, later, block, out, scratch),
+            #[cfg(not(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64")))]
+            Level::Fallback(simd) => run(simd, inputs, later, block, out, scratch),
+            _ => unreachable!("every level of this architecture is handled"),
+        },
+    );
     Ok(())
 }
 
@@ -131,24 +147,50 @@ fn row(values: &[f32], batch: usize, row: usize, block: usize) -> [f32; LANES] {
 }
 
 #[inline(always)]
-fn load<S: Simd>(simd: S, vehicle: &[f32], simulation: &[f32], inputs: &Inputs<'_>, block: usize) -> ([Vehicle<S>; MAX_VEHICLES], Simulation<S>) {
+fn load<S: Simd>(
+    simd: S,
+    vehicle: &[f32],
+    simulation: &[f32],
+    inputs: &Inputs<'_>,
+    block: usize,
+) -> ([Vehicle<S>; MAX_VEHICLES], Simulation<S>) {
     let batch = inputs.index.len();
     let slots = inputs.slots;
     let p = core::array::from_fn(|slot| {
         if slot < slots {
-            Vehicle::load(simd, |field| row(vehicle, batch, field * slots + slot, block))
+            Vehicle::load(simd, |field| {
+                row(vehicle, batch, field * slots + slot, block)
+            })
         } else {
             Vehicle::load(simd, |_| [0.0; LANES])
         }
     });
-    (p, Simulation::load(simd, |field| row(simulation, batch, field, block)))
+    (
+        p,
+        Simulation::load(simd, |field| row(simulation, batch, field, block)),
+    )
+}
+
+/// Memory that a thread uses again for each of its blocks.
+#[derive(Default)]
+struct Scratch {
+    tile: Tile,
+    history: History,
 }
 
 /// Simulate one block.
-fn run<S: Simd>(simd: S, inputs: &Inputs<'_>, later: Option<&Later<'_>>, block: usize, out: Output<'_>) {
+fn run<S: Simd>(
+    simd: S,
+    inputs: &Inputs<'_>,
+    later: Option<&Later<'_>>,
+    block: usize,
+    out: Output<'_>,
+    scratch: &mut Scratch,
+) {
     let batch = inputs.index.len();
     let lanes = (batch - block * LANES).min(LANES);
-    let index: [u64; LANES] = core::array::from_fn(|lane| inputs.index[(block * LANES + lane).min(batch - 1)]);
+    let index: [u64; LANES] =
+        core::array::from_fn(|lane| inputs.index[(block * LANES + lane).min(batch - 1)]);
     let road = Road {
         num_lanes: inputs.num_lanes,
         boundaries: inputs.boundaries,
@@ -158,7 +200,10 @@ fn run<S: Simd>(simd: S, inputs: &Inputs<'_>, later: Option<&Later<'_>>, block: 
     };
     let (p, q) = load(simd, inputs.vehicle, inputs.simulation, inputs, block);
     let used = |slot: &usize| (0..LANES).any(|lane| p[*slot].valid[lane] > 0.0);
-    let count = (0..MAX_VEHICLES).filter(used).max().map_or(1, |last| last + 1);
+    let count = (0..MAX_VEHICLES)
+        .filter(used)
+        .max()
+        .map_or(1, |last| last + 1);
     let mut world = World {
         simd,
         c: inputs.constants,
@@ -170,8 +215,8 @@ fn run<S: Simd>(simd: S, inputs: &Inputs<'_>, later: Option<&Later<'_>>, block: 
         index_low: index.map(|number| number as u32),
         index_high: index.map(|number| (number >> 32) as u32),
     };
-    let mut state = State::new(&world);
-    let mut recorder = Recorder::new(out, lanes);
+    let mut state = State::new(&world, &mut scratch.history);
+    let mut recorder = Recorder::new(out, lanes, &mut scratch.tile);
     let mut pairs: Pairs<S> = [[None; MAX_VEHICLES]; MAX_VEHICLES];
     let mut step = 0;
     while runs(&state, simd, step) {
@@ -186,7 +231,12 @@ fn run<S: Simd>(simd: S, inputs: &Inputs<'_>, later: Option<&Later<'_>>, block: 
                 #[inline(always)]
                 || {
                     let active = splat(simd, step as f32).simd_le(state.end_step);
-                    recorder.frame(&state, &world, active, (step / inputs.record_every) as usize);
+                    recorder.frame(
+                        &state,
+                        &world,
+                        active,
+                        (step / inputs.record_every) as usize,
+                    );
                 },
             );
         }
@@ -199,41 +249,64 @@ fn run<S: Simd>(simd: S, inputs: &Inputs<'_>, later: Option<&Later<'_>>, block: 
     );
 }
 
-fn runs<S: Simd>(state: &State<S>, simd: S, step: u32) -> bool {
-    outlined!(simd, splat(simd, step as f32).simd_le(state.end_step).any_true())
+fn runs<S: Simd>(state: &State<'_, S>, simd: S, step: u32) -> bool {
+    outlined!(
+        simd,
+        splat(simd, step as f32).simd_le(state.end_step).any_true()
+    )
 }
 
 /// Everything that happens 20 times a second: weather, perception, decisions.
 ///
 /// Each part is a function of its own with the features of the CPU switched on; inlining them all into
 /// one makes the compiler slow and the code no faster.
-fn decide<S: Simd>(state: &mut State<S>, w: &World<'_, S>, recorder: &mut Recorder<'_>, step: u32) -> Pairs<S> {
+fn decide<S: Simd>(
+    state: &mut State<'_, S>,
+    w: &World<'_, S>,
+    recorder: &mut Recorder<'_>,
+    step: u32,
+) -> Pairs<S> {
     let decision = step / SUBSTEPS;
     surroundings(state, w, step);
     let mut near = [outlined!(w.simd, find_neighbours(state, w, EGO)); MAX_VEHICLES];
-    let mut believed = [outlined!(w.simd, perception::perceive(state, w, &near[EGO], EGO, decision as usize)); MAX_VEHICLES];
+    let mut believed = [outlined!(
+        w.simd,
+        perception::perceive(state, w, &near[EGO], EGO, decision as usize)
+    ); MAX_VEHICLES];
     for i in 1..w.count {
         near[i] = outlined!(w.simd, find_neighbours(state, w, i));
-        believed[i] = outlined!(w.simd, perception::perceive(state, w, &near[i], i, decision as usize));
+        believed[i] = outlined!(
+            w.simd,
+            perception::perceive(state, w, &near[i], i, decision as usize)
+        );
     }
     let mut leader = [splat(w.simd, 0.0); MAX_VEHICLES];
     for i in 0..w.count {
         leader[i] = outlined!(w.simd, control::behind_leader(state, w, i, &believed[i]));
     }
     for i in 0..w.count {
-        outlined!(w.simd, control::set_acceleration(state, w, i, &near[i], &believed[i], leader[i]));
+        outlined!(
+            w.simd,
+            control::set_acceleration(state, w, i, &near[i], &believed[i], leader[i])
+        );
     }
     if (decision as usize).is_multiple_of(mobil::INTERVAL) {
         for i in 1..w.count {
-            outlined!(w.simd, mobil::change_lanes(state, w, i, &believed[i], leader[i]));
+            outlined!(
+                w.simd,
+                mobil::change_lanes(state, w, i, &believed[i], leader[i])
+            );
         }
     }
-    outlined!(w.simd, ego::decide(state, w, &near[EGO], &believed[EGO], recorder, step));
+    outlined!(
+        w.simd,
+        ego::decide(state, w, &near[EGO], &believed[EGO], recorder, step)
+    );
     outlined!(w.simd, near_pairs(state, w))
 }
 
 /// Time, memory, weather and wind of a decision.
-fn surroundings<S: Simd>(state: &mut State<S>, w: &World<'_, S>, step: u32) {
+fn surroundings<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, step: u32) {
     let decision = step / SUBSTEPS;
     outlined!(w.simd, {
         for i in 0..w.count {
@@ -242,7 +315,10 @@ fn surroundings<S: Simd>(state: &mut State<S>, w: &World<'_, S>, step: u32) {
         leave_road(state, w, step);
     });
     outlined!(w.simd, perception::remember(state, w, decision as usize));
-    outlined!(w.simd, environment::move_random_processes(state, w, decision));
+    outlined!(
+        w.simd,
+        environment::move_random_processes(state, w, decision)
+    );
     outlined!(w.simd, environment::grip(state, w));
     outlined!(w.simd, environment::wind(state, w));
     for i in 0..w.count {
@@ -251,7 +327,7 @@ fn surroundings<S: Simd>(state: &mut State<S>, w: &World<'_, S>, step: u32) {
 }
 
 /// One step of 10 ms: steer, move, collide.
-fn advance<S: Simd>(state: &mut State<S>, w: &World<'_, S>, pairs: &Pairs<S>, step: u32) {
+fn advance<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, pairs: &Pairs<S>, step: u32) {
     let before = (state.s, state.d);
     outlined!(w.simd, {
         // Short passes over all vehicles, so that the CPU works on several of them at once.

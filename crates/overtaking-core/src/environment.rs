@@ -17,18 +17,27 @@ fn relaxed<S: Simd>(process: V<S>, keep: V<S>, word: V<S>) -> V<S> {
 
 /// Advance gusts, errors of judgement and wander in the lane by one decision.
 #[inline(always)]
-pub fn move_random_processes<S: Simd>(state: &mut State<S>, w: &World<'_, S>, decision: u32) {
+pub fn move_random_processes<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, decision: u32) {
     let (c, q) = (w.c, &w.q);
     let keep_error = exp(splat(w.simd, -c.decision / c.error_time));
     let keep_wander = exp(splat(w.simd, -c.decision / c.lane_time));
     for i in 0..w.count {
-        let [gust, distance, speed, lane] =
-            words(w.key, &w.index_low, &w.index_high, MOTION + i as u32, decision);
+        let [gust, distance, speed, lane] = words(
+            w.key,
+            &w.index_low,
+            &w.index_high,
+            MOTION + i as u32,
+            decision,
+        );
         let along = state.vx[i] - q.wind_along;
         let air_speed = (along * along + q.wind_across * q.wind_across).sqrt();
         let keep = exp(-(air_speed * c.decision) / c.gust_length_scale);
         state.gust[i] = relaxed(state.gust[i], keep, uniform(w.simd, gust));
-        state.distance_error[i] = relaxed(state.distance_error[i], keep_error, uniform(w.simd, distance));
+        state.distance_error[i] = relaxed(
+            state.distance_error[i],
+            keep_error,
+            uniform(w.simd, distance),
+        );
         state.speed_error[i] = relaxed(state.speed_error[i], keep_error, uniform(w.simd, speed));
         state.wander[i] = relaxed(state.wander[i], keep_wander, uniform(w.simd, lane));
     }
@@ -72,7 +81,10 @@ fn speed_columns<S: Simd>(c: &Constants, speed: V<S>, p: &Vehicle<S>) -> [V<S>; 
     let mut columns = [splat(speed.simd, 0.0); 4];
     for (knot, column) in columns.iter_mut().enumerate() {
         let mut rows = [*column; 3];
-        for (row, (new, worn)) in rows.iter_mut().zip(c.friction_new.iter().zip(&c.friction_worn)) {
+        for (row, (new, worn)) in rows
+            .iter_mut()
+            .zip(c.friction_new.iter().zip(&c.friction_worn))
+        {
             *row = new[knot] + p.wear * (worn[knot] - new[knot]);
         }
         let change = low * (rows[1] - rows[0]) + high * (rows[2] - rows[1]);
@@ -99,20 +111,25 @@ fn at_film<S: Simd>(c: &Constants, columns: &[V<S>; 4], film: V<S>) -> V<S> {
 
 /// Friction under the wheels of either side.
 #[inline(always)]
-pub fn grip<S: Simd>(state: &mut State<S>, w: &World<'_, S>) {
+pub fn grip<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>) {
     let (road, n) = (w.road, w.road.num_lanes);
     let width = (road.boundaries[n] - road.boundaries[0]) / (2 * n) as f32;
     for i in 0..w.count {
         let p = &w.p[i];
         let mut lane = splat(w.simd, 0.0);
         for k in 1..n {
-            lane = choose(state.d[i].simd_ge(road.boundaries[k]), splat(w.simd, k as f32), lane);
+            lane = choose(
+                state.d[i].simd_ge(road.boundaries[k]),
+                splat(w.simd, k as f32),
+                lane,
+            );
         }
         let water = lane_film(w, lane_value(&road.film_path[..n], lane));
         let columns = speed_columns(w.c, state.vx[i], p);
-        for (offset, friction) in
-            [(p.half_track, &mut state.mu_fast[i]), (-p.half_track, &mut state.mu_slow[i])]
-        {
+        for (offset, friction) in [
+            (p.half_track, &mut state.mu_fast[i]),
+            (-p.half_track, &mut state.mu_slow[i]),
+        ] {
             let wheel_path = floor((state.d[i] + offset - road.boundaries[0]) / width);
             let depth = puddle(w, state.s[i], wheel_path);
             *friction = at_film(w.c, &columns, water + w.q.puddle_film * depth);
@@ -122,7 +139,7 @@ pub fn grip<S: Simd>(state: &mut State<S>, w: &World<'_, S>) {
 
 /// Share of the side wind left beside high-sided vehicles upwind of vehicle `i`.
 #[inline(always)]
-fn shelter<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> V<S> {
+fn shelter<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
     let c = w.c;
     let mut share = splat(w.simd, 1.0);
     for j in 0..w.count {
@@ -131,7 +148,11 @@ fn shelter<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> V<S> {
         }
         let other = &w.p[j];
         let beyond = (state.s[i] - state.s[j]).abs() - other.half_length;
-        let u = clamp_to(beyond / (c.shelter_release * 2.0 * other.half_length), 0.0, 1.0);
+        let u = clamp_to(
+            beyond / (c.shelter_release * 2.0 * other.half_length),
+            0.0,
+            1.0,
+        );
         let open_share = c.shelter_factor + (1.0 - c.shelter_factor) * (u * u * (3.0 - 2.0 * u));
         let aside = state.d[i] - state.d[j];
         let reach = c.shelter_reach + w.p[i].half_width + other.half_width;
@@ -147,7 +168,7 @@ fn shelter<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> V<S> {
 
 /// The discrete gusts of bridges and cuttings, 0 to 1.
 #[inline(always)]
-fn gust_bump<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> V<S> {
+fn gust_bump<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
     let cell = state.s[i] / w.c.gust_spacing + w.q.gust_phase;
     let inside = (cell - floor(cell)) * w.c.gust_spacing / w.q.gust_length;
     let (_, cosine) = sincos(6.283_185_5 * at_most(inside, 1.0));
@@ -156,11 +177,12 @@ fn gust_bump<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> V<S> {
 
 /// Side force, yaw moment and tail wind of each vehicle.
 #[inline(always)]
-pub fn wind<S: Simd>(state: &mut State<S>, w: &World<'_, S>) {
+pub fn wind<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>) {
     let (c, q) = (w.c, &w.q);
     for i in 0..w.count {
         let p = &w.p[i];
-        let strength = 1.0 + c.turbulence_intensity * state.gust[i] + q.gust_gain * gust_bump(state, w, i);
+        let strength =
+            1.0 + c.turbulence_intensity * state.gust[i] + q.gust_gain * gust_bump(state, w, i);
         let strength = at_least(strength, 0.0);
         let across = q.wind_across * strength * shelter(state, w, i);
         state.tail_wind[i] = q.wind_along * strength;

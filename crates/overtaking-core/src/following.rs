@@ -15,7 +15,14 @@ fn wanted_gap<S: Simd>(p: &Vehicle<S>, speed: V<S>, closing: V<S>, time_gap: V<S
 
 /// Acceleration of the improved intelligent driver model [m/s^2].
 #[inline(always)]
-pub fn iidm<S: Simd>(c: &Constants, p: &Vehicle<S>, speed: V<S>, desired: V<S>, gap: V<S>, closing: V<S>) -> V<S> {
+pub fn iidm<S: Simd>(
+    c: &Constants,
+    p: &Vehicle<S>,
+    speed: V<S>,
+    desired: V<S>,
+    gap: V<S>,
+    closing: V<S>,
+) -> V<S> {
     speed.simd.vectorize(
         #[inline(always)]
         || iidm_here(c, p, speed, desired, gap, closing),
@@ -23,7 +30,14 @@ pub fn iidm<S: Simd>(c: &Constants, p: &Vehicle<S>, speed: V<S>, desired: V<S>, 
 }
 
 #[inline(always)]
-fn iidm_here<S: Simd>(c: &Constants, p: &Vehicle<S>, speed: V<S>, desired: V<S>, gap: V<S>, closing: V<S>) -> V<S> {
+fn iidm_here<S: Simd>(
+    c: &Constants,
+    p: &Vehicle<S>,
+    speed: V<S>,
+    desired: V<S>,
+    gap: V<S>,
+    closing: V<S>,
+) -> V<S> {
     let one = splat(speed.simd, 1.0);
     let z = wanted_gap(p, speed, closing, p.time_gap) / at_least(gap, c.smallest_gap);
     let ratio = speed / desired;

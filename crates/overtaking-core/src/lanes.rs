@@ -30,13 +30,21 @@ const SECOND_OF_EQUALS: bool = cfg!(any(target_arch = "x86", target_arch = "x86_
 /// The smaller of two values; `b` where they are equal.
 #[inline(always)]
 pub fn min<S: Simd>(a: V<S>, b: V<S>) -> V<S> {
-    if SECOND_OF_EQUALS { a.min(b) } else { a.simd_lt(b).select(a, b) }
+    if SECOND_OF_EQUALS {
+        a.min(b)
+    } else {
+        a.simd_lt(b).select(a, b)
+    }
 }
 
 /// The larger of two values; `b` where they are equal.
 #[inline(always)]
 pub fn max<S: Simd>(a: V<S>, b: V<S>) -> V<S> {
-    if SECOND_OF_EQUALS { a.max(b) } else { a.simd_gt(b).select(a, b) }
+    if SECOND_OF_EQUALS {
+        a.max(b)
+    } else {
+        a.simd_gt(b).select(a, b)
+    }
 }
 
 /// `max` with a number.

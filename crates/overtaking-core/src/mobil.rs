@@ -19,7 +19,13 @@ fn imposed<S: Simd>(w: &World<'_, S>, i: usize, speed: V<S>, gap: V<S>, closing:
 }
 
 #[inline(always)]
-fn incentives<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize, believed: &Beliefs<S>, own: V<S>) -> (V<S>, V<S>) {
+fn incentives<S: Simd>(
+    state: &State<'_, S>,
+    w: &World<'_, S>,
+    i: usize,
+    believed: &Beliefs<S>,
+    own: V<S>,
+) -> (V<S>, V<S>) {
     let (c, p, v) = (w.c, &w.p[i], state.vx[i]);
     let (gap, closing) = (&believed.gap, &believed.closing);
     let fast = iidm(c, p, v, p.desired_speed, gap[FAST_LEAD], closing[FAST_LEAD]);
@@ -30,17 +36,36 @@ fn incentives<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize, believed: &
     let body = 2.0 * p.half_length;
     let after = imposed(w, i, v, gap[FAST_REAR], closing[FAST_REAR]);
     let open_gap = gap[FAST_REAR] + gap[FAST_LEAD] + body;
-    let before = imposed(w, i, v - closing[FAST_LEAD], open_gap, closing[FAST_REAR] + closing[FAST_LEAD]);
+    let before = imposed(
+        w,
+        i,
+        v - closing[FAST_LEAD],
+        open_gap,
+        closing[FAST_REAR] + closing[FAST_LEAD],
+    );
     let relieved_gap = gap[REAR] + gap[LEAD] + body;
     let now = imposed(w, i, v, gap[REAR], closing[REAR]);
-    let relieved = imposed(w, i, v - closing[LEAD], relieved_gap, closing[REAR] + closing[LEAD]);
+    let relieved = imposed(
+        w,
+        i,
+        v - closing[LEAD],
+        relieved_gap,
+        closing[REAR] + closing[LEAD],
+    );
     let to_fast = fast - here + p.politeness * (after - before) - p.bias;
     let to_slow = there - own + p.politeness * (relieved - now) + p.bias;
     (to_fast, to_slow)
 }
 
 #[inline(always)]
-fn is_safe<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize, believed: &Beliefs<S>, front: usize, rear: usize) -> M<S> {
+fn is_safe<S: Simd>(
+    state: &State<'_, S>,
+    w: &World<'_, S>,
+    i: usize,
+    believed: &Beliefs<S>,
+    front: usize,
+    rear: usize,
+) -> M<S> {
     let (c, p, v) = (w.c, &w.p[i], state.vx[i]);
     let (gap, closing) = (&believed.gap, &believed.closing);
     let braking = imposed(w, i, v, gap[rear], closing[rear]);
@@ -51,7 +76,13 @@ fn is_safe<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize, believed: &Bel
 
 /// Let vehicle `i`, not the ego, change lanes where it pays and is safe.
 #[inline(always)]
-pub fn change_lanes<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize, believed: &Beliefs<S>, own: V<S>) {
+pub fn change_lanes<S: Simd>(
+    state: &mut State<'_, S>,
+    w: &World<'_, S>,
+    i: usize,
+    believed: &Beliefs<S>,
+    own: V<S>,
+) {
     let (c, p) = (w.c, &w.p[i]);
     let (to_fast, to_slow) = incentives(state, w, i, believed, own);
     let ready = state.path_time[i].simd_ge(state.path_duration[i])
@@ -76,7 +107,13 @@ pub fn change_lanes<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize, b
 
 /// Begin a lane change of vehicle `i` in the masked simulations.
 #[inline(always)]
-pub fn turn_to_lane<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize, fast: M<S>, slow: M<S>) {
+pub fn turn_to_lane<S: Simd>(
+    state: &mut State<'_, S>,
+    w: &World<'_, S>,
+    i: usize,
+    fast: M<S>,
+    slow: M<S>,
+) {
     if !(fast | slow).any_true() {
         return;
     }
@@ -85,7 +122,13 @@ pub fn turn_to_lane<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize, f
     let step = choose(fast, one, zero) - choose(slow, one, zero);
     state.lane[i] = state.lane[i] + step;
     let (low, high) = lane_borders(w, state.lane[i], 0.0);
-    begin_path(state, i, fast | slow, 0.5 * (low + high), p.lane_change_duration);
+    begin_path(
+        state,
+        i,
+        fast | slow,
+        0.5 * (low + high),
+        p.lane_change_duration,
+    );
     state.indicator[i] = choose(fast | slow, step * p.uses_indicator, state.indicator[i]);
     swap_roles(state, i, fast, true);
     swap_roles(state, i, slow, false);

@@ -24,20 +24,26 @@ pub struct Neighbours<S: Simd> {
     pub lane_high: V<S>,
 }
 
-
 /// Borders of the lane `shift` lanes from a vehicle's own [m].
 #[inline(always)]
 pub fn lane_borders<S: Simd>(w: &World<'_, S>, lane: V<S>, shift: f32) -> (V<S>, V<S>) {
     let borders = &w.road.boundaries[..=w.road.num_lanes];
-    (lane_value(borders, lane + shift), lane_value(borders, lane + (shift + 1.0)))
+    (
+        lane_value(borders, lane + shift),
+        lane_value(borders, lane + (shift + 1.0)),
+    )
 }
 
 /// The nearest vehicle ahead and behind of vehicle `i`, in the own, the faster and the slower lane.
 #[inline(always)]
-pub fn find_neighbours<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> Neighbours<S> {
+pub fn find_neighbours<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> Neighbours<S> {
     let c = w.c;
     let lane = state.lane[i];
-    let bands = [lane_borders(w, lane, 0.0), lane_borders(w, lane, 1.0), lane_borders(w, lane, -1.0)];
+    let bands = [
+        lane_borders(w, lane, 0.0),
+        lane_borders(w, lane, 1.0),
+        lane_borders(w, lane, -1.0),
+    ];
     let mut slot = [splat(w.simd, NOBODY); ROLES];
     let mut nearest = [splat(w.simd, FAR); ROLES];
     let mut aside = [splat(w.simd, 0.0); ROLES];
@@ -70,5 +76,13 @@ pub fn find_neighbours<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) ->
         gap[role] = nearest[role] - (half_length[role] + w.p[i].half_length);
     }
     let (lane_low, lane_high) = bands[0];
-    Neighbours { slot, gap, distance: nearest, aside, half_length, lane_low, lane_high }
+    Neighbours {
+        slot,
+        gap,
+        distance: nearest,
+        aside,
+        half_length,
+        lane_low,
+        lane_high,
+    }
 }

@@ -6,9 +6,11 @@ use fearless_simd::{Simd, i32x16};
 use crate::MAX_VEHICLES;
 use crate::elementary::exp;
 use crate::environment::{lane_film, lane_value};
-use crate::lanes::{LANES, M, V, at_least, at_most, choose, clamp_to, floor, max, min, pick, splat};
+use crate::lanes::{
+    LANES, M, V, at_least, at_most, choose, clamp_to, floor, max, min, pick, splat,
+};
 use crate::neighbours::Neighbours;
-use crate::state::{HISTORY, LEAD, ROLES, State, World};
+use crate::state::{HISTORY, LEAD, MOMENTS, ROLES, State, World};
 
 /// Gap that a driver assumes where nobody was noticed [m].
 pub const UNSEEN_GAP: f32 = 1000.0;
@@ -23,10 +25,9 @@ pub struct Beliefs<S: Simd> {
     pub closing: [V<S>; ROLES],
 }
 
-
 /// Write down where everybody is now.
 #[inline(always)]
-pub fn remember<S: Simd>(state: &mut State<S>, w: &World<'_, S>, decision: usize) {
+pub fn remember<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, decision: usize) {
     let row = decision % HISTORY;
     for i in 0..w.count {
         let (along, _) = state.road_velocity(i);
@@ -42,7 +43,12 @@ pub fn remember<S: Simd>(state: &mut State<S>, w: &World<'_, S>, decision: usize
 }
 
 #[inline(always)]
-fn optical_depth<S: Simd>(state: &State<S>, w: &World<'_, S>, near: &Neighbours<S>, i: usize) -> (V<S>, V<S>) {
+fn optical_depth<S: Simd>(
+    state: &State<'_, S>,
+    w: &World<'_, S>,
+    near: &Neighbours<S>,
+    i: usize,
+) -> (V<S>, V<S>) {
     let (c, q) = (w.c, &w.q);
     let air = q.fog_extinction + q.rain_extinction * (1.0 + state.vx[i] / c.rain_speed);
     let path = lane_value(&w.road.film_path[..w.road.num_lanes], state.lane[i]);
@@ -50,7 +56,8 @@ fn optical_depth<S: Simd>(state: &State<S>, w: &World<'_, S>, near: &Neighbours<
     let lead = near.slot[LEAD];
     let speed = pick!(w.count, lead, |j| state.vx[j]) / c.spray_speed;
     let wetness = at_most(water / c.spray_film, 1.0);
-    let spray = c.spray_coefficient * wetness * (speed * speed) * pick!(w.count, lead, |j| w.p[j].spray);
+    let spray =
+        c.spray_coefficient * wetness * (speed * speed) * pick!(w.count, lead, |j| w.p[j].spray);
     let close = lead.simd_ge(0.0) & near.gap[LEAD].simd_lt(c.spray_reach);
     (air, choose(close, spray, splat(w.simd, 0.0)))
 }
@@ -73,7 +80,13 @@ fn is_hidden<S: Simd>(near: &Neighbours<S>, screen: &Screen<S>, role: usize) -> 
 }
 
 #[inline(always)]
-fn strain<S: Simd>(state: &State<S>, w: &World<'_, S>, near: &Neighbours<S>, role: usize, depths: (V<S>, V<S>)) -> V<S> {
+fn strain<S: Simd>(
+    state: &State<'_, S>,
+    w: &World<'_, S>,
+    near: &Neighbours<S>,
+    role: usize,
+    depths: (V<S>, V<S>),
+) -> V<S> {
     let (c, q, n) = (w.c, &w.q, w.count);
     let is_front = role.is_multiple_of(2);
     let slot = near.slot[role];
@@ -82,7 +95,11 @@ fn strain<S: Simd>(state: &State<S>, w: &World<'_, S>, near: &Neighbours<S>, rol
     if is_front {
         depth = depth + depths.1 * at_most(distance, c.spray_reach);
     }
-    let sensitivity = if is_front { q.sight_front } else { q.sight_rear };
+    let sensitivity = if is_front {
+        q.sight_front
+    } else {
+        q.sight_rear
+    };
     let by_contrast = depth / at_least(pick!(n, slot, |j| w.p[j].contrast) + sensitivity, 1e-3);
     let by_contrast = max(by_contrast, distance * q.inverse_lit_range);
     let lamp = if is_front {
@@ -92,13 +109,14 @@ fn strain<S: Simd>(state: &State<S>, w: &World<'_, S>, near: &Neighbours<S>, rol
     } else {
         pick!(n, slot, |j| w.p[j].inverse_head_lamp)
     };
-    let by_lamp = (distance * distance * (q.lamp_threshold * lamp) * exp(at_most(depth, DEEPEST))).sqrt();
+    let by_lamp =
+        (distance * distance * (q.lamp_threshold * lamp) * exp(at_most(depth, DEEPEST))).sqrt();
     min(by_contrast, by_lamp)
 }
 
 #[inline(always)]
 fn notice<S: Simd>(
-    state: &mut State<S>,
+    state: &mut State<'_, S>,
     w: &World<'_, S>,
     near: &Neighbours<S>,
     i: usize,
@@ -111,7 +129,11 @@ fn notice<S: Simd>(
     let (slot, gap) = (near.slot[role], near.gap[role]);
     let is_front = role.is_multiple_of(2);
     let effort = strain(state, w, near, role, depths);
-    let reach = if is_front { c.sight_range } else { c.mirror_range };
+    let reach = if is_front {
+        c.sight_range
+    } else {
+        c.mirror_range
+    };
     let mut visible = slot.simd_ge(0.0) & effort.simd_le(1.0) & gap.simd_lt(reach);
     if is_front {
         visible &= !is_hidden(near, screen, role);
@@ -136,19 +158,28 @@ fn notice<S: Simd>(
 /// 0, 1, 2 ... 15.
 #[inline(always)]
 fn numbered<S: Simd>(simd: S) -> V<S> {
-    let number: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
+    let number: [f32; LANES] = [
+        0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0,
+    ];
     V::simd_from(simd, number)
 }
 
 /// Where and how fast the vehicles in `slot` were, `row` giving the line of the history.
 #[inline(always)]
-fn recall<S: Simd>(state: &State<S>, simd: S, row: V<S>, slot: V<S>) -> (V<S>, V<S>) {
+fn recall<S: Simd>(state: &State<'_, S>, simd: S, row: V<S>, slot: V<S>) -> (V<S>, V<S>) {
     let who = at_least(slot, 0.0);
-    let place: i32x16<S> = (row * (MAX_VEHICLES * LANES) as f32 + who * LANES as f32 + numbered(simd)).to_int();
+    let place: i32x16<S> =
+        (row * (MAX_VEHICLES * LANES) as f32 + who * LANES as f32 + numbered(simd)).to_int();
     let place = place.to_array();
     let (mut low, mut high) = ([0.0; LANES], [0.0; LANES]);
-    for (lane, pair) in low.as_chunks_mut::<2>().0.iter_mut().chain(high.as_chunks_mut::<2>().0).enumerate() {
-        *pair = state.history[place[lane] as usize & (HISTORY * MAX_VEHICLES * LANES - 1)];
+    for (lane, pair) in low
+        .as_chunks_mut::<2>()
+        .0
+        .iter_mut()
+        .chain(high.as_chunks_mut::<2>().0)
+        .enumerate()
+    {
+        *pair = state.history[place[lane] as usize & (MOMENTS - 1)];
     }
     V::simd_from(simd, low).deinterleave(V::simd_from(simd, high))
 }
@@ -156,7 +187,7 @@ fn recall<S: Simd>(state: &State<S>, simd: S, row: V<S>, slot: V<S>) -> (V<S>, V
 /// What driver `i` believes about the six neighbours.
 #[inline(always)]
 pub fn perceive<S: Simd>(
-    state: &mut State<S>,
+    state: &mut State<'_, S>,
     w: &World<'_, S>,
     near: &Neighbours<S>,
     i: usize,
@@ -189,9 +220,17 @@ pub fn perceive<S: Simd>(
         );
         let (place, speed) = recall(state, w.simd, row, slot);
         let place = place + speed * elapsed;
-        let ahead = if is_front { place - state.s[i] } else { state.s[i] - place };
+        let ahead = if is_front {
+            place - state.s[i]
+        } else {
+            state.s[i] - place
+        };
         let gap = ahead - (near.half_length[role] + p.half_length);
-        let closing = if is_front { own_speed - speed } else { speed - own_speed };
+        let closing = if is_front {
+            own_speed - speed
+        } else {
+            speed - own_speed
+        };
         let distance = at_least(gap, 1.0);
         let width = pick!(w.count, slot, |j| w.p[j].loom_width);
         let looming = (width * closing.abs()).simd_gt(c.looming_threshold * (distance * distance));
@@ -205,7 +244,7 @@ pub fn perceive<S: Simd>(
 
 /// After a decision to change lanes the same neighbours appear in other roles.
 #[inline(always)]
-pub fn swap_roles<S: Simd>(state: &mut State<S>, i: usize, moved: M<S>, towards_fast: bool) {
+pub fn swap_roles<S: Simd>(state: &mut State<'_, S>, i: usize, moved: M<S>, towards_fast: bool) {
     let order: [Option<usize>; ROLES] = if towards_fast {
         [Some(2), Some(3), None, None, Some(0), Some(1)]
     } else {

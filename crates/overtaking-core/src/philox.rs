@@ -52,8 +52,20 @@ mod tests {
     #[test]
     fn words_match_the_published_vectors() {
         let zero = words([0, 0], &[0; LANES], &[0; LANES], 0, 0);
-        assert_eq!(zero.map(|w| w[0]), [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]);
-        let pi = words([0xa409_3822, 0x299f_31d0], &[0x1319_8a2e; LANES], &[0x0370_7344; LANES], 0x85a3_08d3, 0x243f_6a88);
-        assert_eq!(pi.map(|w| w[7]), [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1]);
+        assert_eq!(
+            zero.map(|w| w[0]),
+            [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]
+        );
+        let pi = words(
+            [0xa409_3822, 0x299f_31d0],
+            &[0x1319_8a2e; LANES],
+            &[0x0370_7344; LANES],
+            0x85a3_08d3,
+            0x243f_6a88,
+        );
+        assert_eq!(
+            pi.map(|w| w[7]),
+            [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1]
+        );
     }
 }

@@ -123,7 +123,9 @@ output_fields! {
 
 #[inline(always)]
 fn rounded<S: Simd>(value: V<S>, scale: f32, limit: f32) -> i32x16<S> {
-    clamp_to(value * scale, -limit, limit).round_ties_even().to_int()
+    clamp_to(value * scale, -limit, limit)
+        .round_ties_even()
+        .to_int()
 }
 
 #[inline(always)]
@@ -134,7 +136,18 @@ fn wrapped<S: Simd>(angle: V<S>) -> V<S> {
 
 #[inline(always)]
 fn mix_word(hash: u32, word: u32) -> u32 {
-    hash.wrapping_add(word.wrapping_mul(PRIME_2)).rotate_left(13).wrapping_mul(PRIME_1)
+    hash.wrapping_add(word.wrapping_mul(PRIME_2))
+        .rotate_left(13)
+        .wrapping_mul(PRIME_1)
+}
+
+/// Memory for the frames that wait to be moved; what is in it before it is written means nothing.
+pub struct Tile(Vec<[i32; LANES]>);
+
+impl Default for Tile {
+    fn default() -> Self {
+        Self(vec![[0; LANES]; WORDS * MAX_VEHICLES * TILE])
+    }
 }
 
 /// Collects the recorded integers of a block and hashes them.
@@ -142,7 +155,7 @@ pub struct Recorder<'a> {
     out: Output<'a>,
     /// Simulations in the block; the lanes beyond repeat the last one and are not recorded.
     lanes: usize,
-    tile: Vec<[i32; LANES]>,
+    tile: &'a mut Tile,
     hash: [[u32; LANES]; 4],
     frames: [usize; LANES],
     flushed: usize,
@@ -150,12 +163,21 @@ pub struct Recorder<'a> {
 
 impl<'a> Recorder<'a> {
     /// A recorder into the part of the output that belongs to one block.
-    pub fn new(out: Output<'a>, lanes: usize) -> Self {
-        let start = [PRIME_1.wrapping_add(PRIME_2), PRIME_2, 0, 0u32.wrapping_sub(PRIME_1)];
+    pub fn new(out: Output<'a>, lanes: usize, tile: &'a mut Tile) -> Self {
+        let start = [
+            PRIME_1.wrapping_add(PRIME_2),
+            PRIME_2,
+            0,
+            0u32.wrapping_sub(PRIME_1),
+        ];
         out.percept_valid.fill(0);
         out.percept_vehicle.fill(255);
         out.collided_with.fill(255);
-        for slice in [&mut *out.percept_kind, &mut *out.percept_detected, &mut *out.stage] {
+        for slice in [
+            &mut *out.percept_kind,
+            &mut *out.percept_detected,
+            &mut *out.stage,
+        ] {
             slice.fill(0);
         }
         for slice in [
@@ -170,7 +192,7 @@ impl<'a> Recorder<'a> {
         Self {
             out,
             lanes,
-            tile: vec![[0; LANES]; WORDS * MAX_VEHICLES * TILE],
+            tile,
             hash: start.map(|word| [word; LANES]),
             frames: [0; LANES],
             flushed: 0,
@@ -179,7 +201,13 @@ impl<'a> Recorder<'a> {
 
     /// Write down one frame of the simulations that still run.
     #[inline(always)]
-    pub fn frame<S: Simd>(&mut self, state: &State<S>, w: &World<'_, S>, active: M<S>, number: usize) {
+    pub fn frame<S: Simd>(
+        &mut self,
+        state: &State<'_, S>,
+        w: &World<'_, S>,
+        active: M<S>,
+        number: usize,
+    ) {
         let simd = w.simd;
         let [h0, h1, h2, h3] = self.hash;
         let mut hash = [
@@ -194,7 +222,7 @@ impl<'a> Recorder<'a> {
             let words = vehicle_words(state, w, i);
             for (k, word) in words.into_iter().enumerate() {
                 let word = valid.select(word, i32x16::splat(simd, 0));
-                self.tile[(k * MAX_VEHICLES + i) * TILE + at] = word.to_array();
+                self.tile.0[(k * MAX_VEHICLES + i) * TILE + at] = word.to_array();
                 hash[k % 4] = mix(hash[k % 4], word, active & valid);
             }
         }
@@ -234,12 +262,16 @@ impl<'a> Recorder<'a> {
     #[inline(always)]
     fn flush<S: Simd>(&mut self, simd: S, count: usize) {
         let (slots, room, start) = (self.out.slots, self.out.frames, self.flushed);
-        let end = self.frames.iter().fold(start, |last, frames| last.max(*frames)).min(start + TILE);
+        let end = self
+            .frames
+            .iter()
+            .fold(start, |last, frames| last.max(*frames))
+            .min(start + TILE);
         for i in 0..count.min(slots) {
             for group in (start..end).step_by(LANES) {
                 for k in 0..WORDS {
                     let from = (k * MAX_VEHICLES + i) * TILE + group - start;
-                    let turned = transposed(simd, &self.tile[from..from + LANES]);
+                    let turned = transposed(simd, &self.tile.0[from..from + LANES]);
                     let out = &mut self.out;
                     for (lane, row) in turned.iter().enumerate().take(self.lanes) {
                         let place = (lane * slots + i) * room + group;
@@ -268,7 +300,7 @@ impl<'a> Recorder<'a> {
     #[inline(always)]
     pub fn percepts<S: Simd>(
         &mut self,
-        state: &mut State<S>,
+        state: &mut State<'_, S>,
         w: &World<'_, S>,
         near: &Neighbours<S>,
         believed: &Beliefs<S>,
@@ -278,7 +310,8 @@ impl<'a> Recorder<'a> {
         step: u32,
     ) {
         let now = splat(w.simd, step as f32);
-        let mask = mask & state.num_percepts.simd_lt(MAX_PERCEPTS as f32) & now.simd_le(state.end_step);
+        let mask =
+            mask & state.num_percepts.simd_lt(MAX_PERCEPTS as f32) & now.simd_le(state.end_step);
         if !mask.any_true() {
             return;
         }
@@ -289,7 +322,11 @@ impl<'a> Recorder<'a> {
             for j in 1..w.count {
                 speed = choose(slot.simd_eq(j as f32), state.road_velocity(j).0, speed);
             }
-            let closing = if role.is_multiple_of(2) { own - speed } else { speed - own };
+            let closing = if role.is_multiple_of(2) {
+                own - speed
+            } else {
+                speed - own
+            };
             let gap = rounded(believed.gap[role], 1000.0, INT32_LIMIT);
             let believed_closing = rounded(believed.closing[role], 1000.0, INT32_LIMIT);
             let true_gap = rounded(near.gap[role], 1000.0, INT32_LIMIT);
@@ -302,7 +339,8 @@ impl<'a> Recorder<'a> {
                 self.out.percept_gap[at] = gap[lane];
                 self.out.percept_closing_speed[at] = believed_closing[lane];
                 self.out.percept_true_gap[at] = if nobody { 0 } else { true_gap[lane] };
-                self.out.percept_true_closing_speed[at] = if nobody { 0 } else { true_closing[lane] };
+                self.out.percept_true_closing_speed[at] =
+                    if nobody { 0 } else { true_closing[lane] };
             }
         }
         for lane in (0..self.lanes).filter(|lane| mask.test(*lane)) {
@@ -316,7 +354,7 @@ impl<'a> Recorder<'a> {
 
     /// Write the rest: the last frames, zeros behind them, contacts and hashes.
     #[inline(always)]
-    pub fn finish<S: Simd>(mut self, state: &State<S>, w: &World<'_, S>) {
+    pub fn finish<S: Simd>(mut self, state: &State<'_, S>, w: &World<'_, S>) {
         self.flush(w.simd, w.count);
         self.clear_padding(w.count);
         self.contacts(state);
@@ -338,7 +376,13 @@ impl<'a> Recorder<'a> {
                 for wide in [&mut *out.x, out.y, out.s, out.d, out.speed] {
                     wide[rest.clone()].fill(0);
                 }
-                for half in [&mut *out.heading, out.wheel_angle, out.accel_lon, out.accel_lat, out.yaw_rate] {
+                for half in [
+                    &mut *out.heading,
+                    out.wheel_angle,
+                    out.accel_lon,
+                    out.accel_lat,
+                    out.yaw_rate,
+                ] {
                     half[rest.clone()].fill(0);
                 }
                 out.lane[rest.clone()].fill(0);
@@ -348,7 +392,7 @@ impl<'a> Recorder<'a> {
     }
 
     #[inline(always)]
-    fn contacts<S: Simd>(&mut self, state: &State<S>) {
+    fn contacts<S: Simd>(&mut self, state: &State<'_, S>) {
         let slots = self.out.slots;
         for i in 0..slots {
             let partner = state.contact_partner[i];
@@ -357,12 +401,21 @@ impl<'a> Recorder<'a> {
             let speed = rounded(state.contact_speed[i], 1000.0, INT32_LIMIT);
             for lane in 0..self.lanes {
                 let at = lane * slots + i;
-                let slot = if partner[lane] < 0.0 { 255 } else { partner[lane] as u8 };
+                let slot = if partner[lane] < 0.0 {
+                    255
+                } else {
+                    partner[lane] as u8
+                };
                 self.out.contact_partner[at] = slot;
                 self.out.contact_time[at] = time[lane];
                 self.out.contact_impulse[at] = impulse[lane];
                 self.out.contact_speed[at] = speed[lane];
-                let words = [u32::from(slot), time[lane] as u32, impulse[lane] as u32, speed[lane] as u32];
+                let words = [
+                    u32::from(slot),
+                    time[lane] as u32,
+                    impulse[lane] as u32,
+                    speed[lane] as u32,
+                ];
                 for (k, word) in words.into_iter().enumerate() {
                     self.hash[k][lane] = mix_word(self.hash[k][lane], word);
                 }
@@ -375,7 +428,10 @@ impl<'a> Recorder<'a> {
             if self.out.percept_valid[at] == 0 {
                 continue;
             }
-            let mut words = vec![u32::from(self.out.percept_kind[at]), self.out.percept_time[at] as u32];
+            let mut words = vec![
+                u32::from(self.out.percept_kind[at]),
+                self.out.percept_time[at] as u32,
+            ];
             for k in at * 3..at * 3 + 3 {
                 words.extend([
                     u32::from(self.out.percept_vehicle[k]),
@@ -459,7 +515,7 @@ fn mix<S: Simd>(hash: u32x16<S>, word: i32x16<S>, mask: M<S>) -> u32x16<S> {
 
 /// The recorded integers of vehicle `i`.
 #[inline(always)]
-fn vehicle_words<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> [i32x16<S>; WORDS] {
+fn vehicle_words<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> [i32x16<S>; WORDS] {
     let (road, p) = (w.road, &w.p[i]);
     let [x0, y0, heading, cosine, sine] = road.pose;
     let d = road.side * state.d[i];
@@ -469,14 +525,22 @@ fn vehicle_words<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> [i32x
         lane = beyond.select(i32x16::splat(w.simd, k as i32), lane);
     }
     let speed = (state.vx[i] * state.vx[i] + state.vy[i] * state.vy[i]).sqrt();
-    let wheel = choose(p.two_wheeler.simd_gt(0.0), splat(w.simd, 0.0), state.wheel[i]);
+    let wheel = choose(
+        p.two_wheeler.simd_gt(0.0),
+        splat(w.simd, 0.0),
+        state.wheel[i],
+    );
     [
         rounded(x0 + state.s[i] * cosine - d * sine, 1000.0, INT32_LIMIT),
         rounded(y0 + state.s[i] * sine + d * cosine, 1000.0, INT32_LIMIT),
         rounded(state.s[i], 1000.0, INT32_LIMIT),
         rounded(d, 1000.0, INT32_LIMIT),
         rounded(speed, 1000.0, INT32_LIMIT),
-        rounded(wrapped(heading + road.side * state.psi[i]), 10000.0, INT16_LIMIT),
+        rounded(
+            wrapped(heading + road.side * state.psi[i]),
+            10000.0,
+            INT16_LIMIT,
+        ),
         rounded(road.side * wheel, 10000.0, INT16_LIMIT),
         rounded(state.a_lon[i], 1000.0, INT16_LIMIT),
         rounded(road.side * state.a_lat[i], 1000.0, INT16_LIMIT),
@@ -487,10 +551,14 @@ fn vehicle_words<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> [i32x
 }
 
 #[inline(always)]
-fn lights<S: Simd>(state: &State<S>, w: &World<'_, S>, i: usize) -> i32x16<S> {
+fn lights<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> i32x16<S> {
     let towards_left = w.road.side * state.indicator[i];
-    let left = towards_left.simd_gt(0.0).select(i32x16::splat(w.simd, 1), i32x16::splat(w.simd, 0));
-    let right = towards_left.simd_lt(0.0).select(i32x16::splat(w.simd, 2), i32x16::splat(w.simd, 0));
+    let left = towards_left
+        .simd_gt(0.0)
+        .select(i32x16::splat(w.simd, 1), i32x16::splat(w.simd, 0));
+    let right = towards_left
+        .simd_lt(0.0)
+        .select(i32x16::splat(w.simd, 2), i32x16::splat(w.simd, 0));
     let braking = state.accel[i].simd_lt(-0.5) | state.crashed[i].simd_gt(0.0);
     let base: i32x16<S> = w.p[i].lights.to_int();
     base + left + right + braking.select(i32x16::splat(w.simd, 4), i32x16::splat(w.simd, 0))

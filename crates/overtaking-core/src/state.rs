@@ -71,8 +71,20 @@ pub struct World<'a, S: Simd> {
     pub index_high: [u32; LANES],
 }
 
+/// Places in the history.
+pub const MOMENTS: usize = HISTORY * MAX_VEHICLES * LANES;
+
+/// Memory for the history; what is in it before it is written means nothing.
+pub struct History(Box<[[f32; 2]; MOMENTS]>);
+
+impl Default for History {
+    fn default() -> Self {
+        Self(Box::new([[0.0; 2]; MOMENTS]))
+    }
+}
+
 /// Everything that changes.
-pub struct State<S: Simd> {
+pub struct State<'a, S: Simd> {
     pub s: Each<S>,
     pub d: Each<S>,
     pub psi: Each<S>,
@@ -118,13 +130,13 @@ pub struct State<S: Simd> {
     pub sine: Each<S>,
     pub cosine: Each<S>,
     /// Position and speed along the road by decision, vehicle and simulation.
-    pub history: Box<[[f32; 2]; HISTORY * MAX_VEHICLES * LANES]>,
+    pub history: &'a mut [[f32; 2]; MOMENTS],
 }
 
-impl<S: Simd> State<S> {
+impl<'a, S: Simd> State<'a, S> {
     /// The state at the first frame.
     #[inline(always)]
-    pub fn new(w: &World<'_, S>) -> Self {
+    pub fn new(w: &World<'_, S>, history: &'a mut History) -> Self {
         let zero = splat(w.simd, 0.0);
         let each = |value: f32| [splat(w.simd, value); MAX_VEHICLES];
         let mut path = [[zero; 6]; MAX_VEHICLES];
@@ -175,7 +187,7 @@ impl<S: Simd> State<S> {
             num_percepts: zero,
             sine: each(0.0),
             cosine: each(1.0),
-            history: Box::new([[0.0; 2]; HISTORY * MAX_VEHICLES * LANES]),
+            history: &mut history.0,
         }
     }
 
@@ -183,6 +195,9 @@ impl<S: Simd> State<S> {
     #[inline(always)]
     pub fn road_velocity(&self, i: usize) -> (V<S>, V<S>) {
         let (sine, cosine) = (self.sine[i], self.cosine[i]);
-        (self.vx[i] * cosine - self.vy[i] * sine, self.vx[i] * sine + self.vy[i] * cosine)
+        (
+            self.vx[i] * cosine - self.vy[i] * sine,
+            self.vx[i] * sine + self.vy[i] * cosine,
+        )
     }
 }

@@ -8,7 +8,13 @@ use crate::state::{State, World};
 
 /// Lay a quintic from where the path of vehicle `i` is now to the centre of another lane.
 #[inline(always)]
-pub fn begin_path<S: Simd>(state: &mut State<S>, i: usize, moved: M<S>, centre: V<S>, duration: V<S>) {
+pub fn begin_path<S: Simd>(
+    state: &mut State<'_, S>,
+    i: usize,
+    moved: M<S>,
+    centre: V<S>,
+    duration: V<S>,
+) {
     let (place, speed, accel) = path_now(state, i);
     let t = duration;
     let rest = centre - place - speed * t - 0.5 * accel * (t * t);
@@ -19,7 +25,10 @@ pub fn begin_path<S: Simd>(state: &mut State<S>, i: usize, moved: M<S>, centre: 
     let c3 = (10.0 * rest - 4.0 * (lost * t) + 0.5 * (bend * t2)) / t3;
     let c4 = (-15.0 * rest + 7.0 * (lost * t) - bend * t2) / (t3 * t);
     let c5 = (6.0 * rest - 3.0 * (lost * t) + 0.5 * (bend * t2)) / (t3 * t2);
-    for (k, value) in [place, speed, 0.5 * accel, c3, c4, c5].into_iter().enumerate() {
+    for (k, value) in [place, speed, 0.5 * accel, c3, c4, c5]
+        .into_iter()
+        .enumerate()
+    {
         state.path[i][k] = choose(moved, value, state.path[i][k]);
     }
     let zero = splat(t.simd, 0.0);
@@ -30,7 +39,7 @@ pub fn begin_path<S: Simd>(state: &mut State<S>, i: usize, moved: M<S>, centre: 
 
 /// Position, velocity and acceleration of the lateral path of vehicle `i` now.
 #[inline(always)]
-pub fn path_now<S: Simd>(state: &State<S>, i: usize) -> (V<S>, V<S>, V<S>) {
+pub fn path_now<S: Simd>(state: &State<'_, S>, i: usize) -> (V<S>, V<S>, V<S>) {
     let t = min(state.path_time[i], state.path_duration[i]);
     let [c0, c1, c2, c3, c4, c5] = state.path[i];
     let place = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))));
@@ -41,7 +50,7 @@ pub fn path_now<S: Simd>(state: &State<S>, i: usize) -> (V<S>, V<S>, V<S>) {
 
 /// Answer the side wind after a lag; at the first frame it is held already.
 #[inline(always)]
-pub fn hold_against_wind<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize, step: u32) {
+pub fn hold_against_wind<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, i: usize, step: u32) {
     let (c, p) = (w.c, &w.p[i]);
     let pushed = state.wind_force[i] * p.inverse_mass;
     let angle = p.understeer * pushed + state.wind_moment[i] * p.moment_angle;
@@ -54,7 +63,7 @@ pub fn hold_against_wind<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usi
 
 /// Turn the front wheels of vehicle `i`, or lean, towards the path for one step.
 #[inline(always)]
-pub fn steer<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize) {
+pub fn steer<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, i: usize) {
     let (c, p) = (w.c, &w.p[i]);
     let (place, speed, accel) = path_now(state, i);
     let sideways = state.vx[i] * state.sine[i] + state.vy[i] * state.cosine[i];
@@ -64,14 +73,23 @@ pub fn steer<S: Simd>(state: &mut State<S>, w: &World<'_, S>, i: usize) {
     let wanted = clamp(wanted, -w.q.side_accel, w.q.side_accel);
     let inverse_speed = 1.0 / at_least(state.vx[i], c.slip_speed);
     let felt = wanted + c.yaw_gain * (wanted - state.vx[i] * state.r[i]);
-    let angle = felt * (p.wheelbase * (inverse_speed * inverse_speed) + p.understeer) + state.trim[i];
+    let angle =
+        felt * (p.wheelbase * (inverse_speed * inverse_speed) + p.understeer) + state.trim[i];
     let slip = (state.vy[i] + p.cg_front * state.r[i]) * inverse_speed;
     let reach = c.slip_share * 0.5 * (state.mu_fast[i] + state.mu_slow[i]) / p.front_stiffness;
-    let angle = clamp_to(clamp(angle, slip - reach, slip + reach), -c.steering_limit, c.steering_limit);
+    let angle = clamp_to(
+        clamp(angle, slip - reach, slip + reach),
+        -c.steering_limit,
+        c.steering_limit,
+    );
     let turn = (angle - state.wheel[i]) * (c.step / c.steering_lag);
     let turn = clamp_to(turn, -c.steering_rate * c.step, c.steering_rate * c.step);
     let lean = (wanted + state.trim[i] - state.wheel[i]) * (c.step / c.two_wheeler_lag);
-    let moved = choose(p.two_wheeler.simd_gt(0.0), state.wheel[i] + lean, state.wheel[i] + turn);
+    let moved = choose(
+        p.two_wheeler.simd_gt(0.0),
+        state.wheel[i] + lean,
+        state.wheel[i] + turn,
+    );
     state.wheel[i] = choose(state.crashed[i].simd_gt(0.0), splat(w.simd, 0.0), moved);
     state.path_time[i] = state.path_time[i] + c.step;
 }

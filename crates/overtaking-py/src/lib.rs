@@ -1,7 +1,9 @@
 //! Thin Python binding of `overtaking-core`: arrays in, arrays filled in place.
 
 use numpy::{Element, PyReadonlyArray1, PyReadwriteArrayDyn};
-use overtaking_core::{Constants, Inputs, Later, MAX_PERCEPTS, MAX_VEHICLES, Output, SIMULATION_NAMES, VEHICLE_NAMES};
+use overtaking_core::{
+    Constants, Inputs, Later, MAX_PERCEPTS, MAX_VEHICLES, Output, SIMULATION_NAMES, VEHICLE_NAMES,
+};
 use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -45,12 +47,20 @@ fn expect_length(what: &str, got: usize, expected: usize) -> PyResult<()> {
     if got == expected {
         return Ok(());
     }
-    Err(PyValueError::new_err(format!("{what}: expected {expected} numbers, got {got}")))
+    Err(PyValueError::new_err(format!(
+        "{what}: expected {expected} numbers, got {got}"
+    )))
 }
 
 /// A writable array out of the dictionary of outputs, of the expected length.
-fn output<'py, T: Element>(arrays: &Bound<'py, PyDict>, name: &str, length: usize) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
-    let found = arrays.get_item(name)?.ok_or_else(|| PyKeyError::new_err(name.to_owned()))?;
+fn output<'py, T: Element>(
+    arrays: &Bound<'py, PyDict>,
+    name: &str,
+    length: usize,
+) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
+    let found = arrays
+        .get_item(name)?
+        .ok_or_else(|| PyKeyError::new_err(name.to_owned()))?;
     let array: PyReadwriteArrayDyn<'py, T> = found.extract()?;
     expect_length(name, array.len()?, length)?;
     Ok(array)
@@ -100,18 +110,34 @@ fn simulate(
     later: Option<(PyReadonlyArray1<'_, f32>, PyReadonlyArray1<'_, f32>, u32)>,
     level: Option<&str>,
 ) -> PyResult<()> {
-    let (vehicle, simulation, index) = (vehicle.as_slice()?, simulation.as_slice()?, index.as_slice()?);
+    let (vehicle, simulation, index) = (
+        vehicle.as_slice()?,
+        simulation.as_slice()?,
+        index.as_slice()?,
+    );
     let batch = index.len();
     if slots == 0 || slots > MAX_VEHICLES || record_every == 0 {
-        return Err(PyValueError::new_err(format!("slots: expected 1 to {MAX_VEHICLES}, got {slots}")));
+        return Err(PyValueError::new_err(format!(
+            "slots: expected 1 to {MAX_VEHICLES}, got {slots}"
+        )));
     }
-    expect_length("vehicle", vehicle.len(), VEHICLE_NAMES.len() * slots * batch)?;
-    expect_length("simulation", simulation.len(), SIMULATION_NAMES.len() * batch)?;
+    expect_length(
+        "vehicle",
+        vehicle.len(),
+        VEHICLE_NAMES.len() * slots * batch,
+    )?;
+    expect_length(
+        "simulation",
+        simulation.len(),
+        SIMULATION_NAMES.len() * batch,
+    )?;
     let constants = constants.constants()?;
     let later = match &later {
-        Some((vehicle, simulation, switch)) => {
-            Some(Later { vehicle: vehicle.as_slice()?, simulation: simulation.as_slice()?, switch: *switch })
-        }
+        Some((vehicle, simulation, switch)) => Some(Later {
+            vehicle: vehicle.as_slice()?,
+            simulation: simulation.as_slice()?,
+            switch: *switch,
+        }),
         None => None,
     };
     if let Some(later) = &later {
@@ -132,7 +158,9 @@ fn simulate(
         seed,
         record_every,
     };
-    let run = |out: Output<'_>| py.detach(|| overtaking_core::simulate(&inputs, later.as_ref(), level, out));
+    let run = |out: Output<'_>| {
+        py.detach(|| overtaking_core::simulate(&inputs, later.as_ref(), level, out))
+    };
     let done = with_outputs!(
         outputs, batch, slots, frames, run,
         num_frames: i32, x: i32, y: i32, s: i32, d: i32, speed: i32, heading: i16, wheel_angle: i16,
