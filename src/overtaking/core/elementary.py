@@ -54,7 +54,7 @@ def clamp(value: F32Like, low: F32Like, high: F32Like) -> F32:
 
 
 def exp(x: F32Like) -> F32:
-    """e to the power `x`, relative error below 2 ulp; `x` is clamped to [-87, 88]."""
+    """E to the power `x`, relative error below 2 ulp; `x` is clamped to [-87, 88]."""
     x = clamp(as_f32(x), np.float32(-87.0), np.float32(88.0))
     k = np.rint(x * _LOG2_E)
     r = x - k * _LN2_HIGH - k * _LN2_LOW

@@ -38,7 +38,9 @@ class Stream(enum.IntEnum):
     MOTION = 0x300  # + slot: gusts and errors of perception while driving
 
 
-def philox4x32(counter: tuple[U32, U32, U32, U32], key: tuple[int, int]) -> tuple[U32, U32, U32, U32]:
+def philox4x32(
+    counter: tuple[U32, U32, U32, U32], key: tuple[int, int]
+) -> tuple[U32, U32, U32, U32]:
     """One block of four 32-bit words for each counter.
 
     Args:
@@ -70,7 +72,9 @@ def words(seed: int, index: U64, stream: U32 | int, draw: int) -> tuple[U32, U32
         stream: `Stream` number(s), plus the vehicle slot where one applies.
         draw: Number of the block inside the stream.
     """
-    index, streams = np.broadcast_arrays(np.asarray(index, np.uint64), np.asarray(stream, np.uint32))
+    index, streams = np.broadcast_arrays(
+        np.asarray(index, np.uint64), np.asarray(stream, np.uint32)
+    )
     low = (index & _LOW).astype(np.uint32)
     high = (index >> np.uint64(32)).astype(np.uint32)
     draws = np.full(index.shape, draw, dtype=np.uint32)

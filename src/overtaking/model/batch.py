@@ -6,7 +6,6 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-
 B = TypeVar("B", bound="Batch")
 
 
@@ -21,7 +20,11 @@ class Batch:
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             value = getattr(self, field.name)
             if isinstance(value, np.ndarray | Batch):
-                changes[field.name] = value[simulations] if isinstance(value, np.ndarray) else value.select(simulations)
+                changes[field.name] = (
+                    value[simulations]
+                    if isinstance(value, np.ndarray)
+                    else value.select(simulations)
+                )
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
     def replace(self, **changes: Any) -> Self:

@@ -173,4 +173,6 @@ class Trajectories(Batch):
     @property
     def time_ms(self) -> I32:
         """Time of each frame since the start, shape (time,) [ms]."""
-        return np.arange(self.stage.shape[1], dtype=np.int32) * np.int32(self.scenario.frame_interval_ms)
+        return np.arange(self.stage.shape[1], dtype=np.int32) * np.int32(
+            self.scenario.frame_interval_ms
+        )

@@ -46,8 +46,14 @@ def glare_factor(sun_altitude: F32, angle: F32, cloudiness: F32) -> F32:
     theta = maximum(theta, _number("glare.smallest_angle_deg"))
     veil = _number("glare.coefficient") * _number("glare.sun_illuminance") / (theta * theta)
     luminance = _number("glare.road_luminance")
-    low = (sun_altitude >= _number("glare.lowest_sun")) & (sun_altitude <= _number("glare.highest_sun"))
-    dazzled = low & (angle < _number("glare.half_width")) & (cloudiness < _number("glare.most_cloud_percent"))
+    low = (sun_altitude >= _number("glare.lowest_sun")) & (
+        sun_altitude <= _number("glare.highest_sun")
+    )
+    dazzled = (
+        low
+        & (angle < _number("glare.half_width"))
+        & (cloudiness < _number("glare.most_cloud_percent"))
+    )
     return np.where(dazzled, luminance / (luminance + veil), np.float32(1.0))
 
 
@@ -81,4 +87,6 @@ def lamp_range(extinction: F32, intensity: F32, threshold: F32) -> F32:
 
 def contrast_range(extinction: F32, contrast: F32, threshold: F32) -> F32:
     """Distance at which `contrast` falls to `threshold` [m] (Koschmieder)."""
-    return maximum(log(contrast / threshold), np.float32(0.0)) / maximum(extinction, np.float32(1e-7))
+    return maximum(log(contrast / threshold), np.float32(0.0)) / maximum(
+        extinction, np.float32(1e-7)
+    )

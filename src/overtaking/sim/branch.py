@@ -47,7 +47,11 @@ def branch(
     """
     if frame < 0:
         raise ConfigError.of(
-            what="frame", where="branch", expected="0 or more", got=frame, next_step="choose a recorded frame"
+            what="frame",
+            where="branch",
+            expected="0 or more",
+            got=frame,
+            next_step="choose a recorded frame",
         )
     given = parameters(scenario)
     changed = scenario if weather is None else scenario.replace(weather=weather)

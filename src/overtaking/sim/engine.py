@@ -17,13 +17,27 @@ SIMD_VARIABLE = "OVERTAKING_SIMD"
 
 _WIDE, _HALF, _BYTE = np.int32, np.int16, np.uint8
 _STATE_TYPES = {
-    "x": _WIDE, "y": _WIDE, "s": _WIDE, "d": _WIDE, "speed": _WIDE, "heading": _HALF, "wheel_angle": _HALF,
-    "accel_lon": _HALF, "accel_lat": _HALF, "yaw_rate": _HALF, "lane": _BYTE, "lights": _BYTE,
-}  # fmt: skip
+    "x": _WIDE,
+    "y": _WIDE,
+    "s": _WIDE,
+    "d": _WIDE,
+    "speed": _WIDE,
+    "heading": _HALF,
+    "wheel_angle": _HALF,
+    "accel_lon": _HALF,
+    "accel_lat": _HALF,
+    "yaw_rate": _HALF,
+    "lane": _BYTE,
+    "lights": _BYTE,
+}
 _PERCEPT_TYPES = {
-    "vehicle": _BYTE, "detected": _BYTE, "gap": _WIDE, "closing_speed": _WIDE, "true_gap": _WIDE,
+    "vehicle": _BYTE,
+    "detected": _BYTE,
+    "gap": _WIDE,
+    "closing_speed": _WIDE,
+    "true_gap": _WIDE,
     "true_closing_speed": _WIDE,
-}  # fmt: skip
+}
 
 
 class Buffers:
@@ -45,7 +59,9 @@ class Buffers:
         return memory[:size].reshape(shape)
 
 
-def simulate(scenario: Scenario, *, level: str | None = None, buffers: Buffers | None = None) -> Trajectories:
+def simulate(
+    scenario: Scenario, *, level: str | None = None, buffers: Buffers | None = None
+) -> Trajectories:
     """Simulate a batch.
 
     Args:
@@ -78,15 +94,27 @@ def run(
         afterwards = (later.vehicle.reshape(-1), later.simulation.reshape(-1), switch)
     try:
         _core.simulate(
-            vehicle=given.vehicle.reshape(-1), simulation=given.simulation.reshape(-1), index=given.index,
-            slots=scenario.num_slots, frames=room, seed=given.seed, record_every=given.record_every,
-            road=_road(given), constants=_constants(given), outputs=flat, later=afterwards, level=forced,
-        )  # fmt: skip
+            vehicle=given.vehicle.reshape(-1),
+            simulation=given.simulation.reshape(-1),
+            index=given.index,
+            slots=scenario.num_slots,
+            frames=room,
+            seed=given.seed,
+            record_every=given.record_every,
+            road=_road(given),
+            constants=_constants(given),
+            outputs=flat,
+            later=afterwards,
+            level=forced,
+        )
     except ValueError as error:
         raise ConfigError.of(
-            what="SIMD level", where=SIMD_VARIABLE, expected=", ".join(n for n, ok in _core.simd_levels() if ok),
-            got=forced or str(error), next_step="unset it or choose another level",
-        ) from error  # fmt: skip
+            what="SIMD level",
+            where=SIMD_VARIABLE,
+            expected=", ".join(n for n, ok in _core.simd_levels() if ok),
+            got=forced or str(error),
+            next_step="unset it or choose another level",
+        ) from error
     return _trajectories(scenario, outputs)
 
 
@@ -94,9 +122,12 @@ def _road(given: Parameters) -> dict[str, Any]:
     road = given.road
     pose = [road.x0, road.y0, road.heading, road.cosine, road.sine]
     return {
-        "num_lanes": road.num_lanes, "boundaries": road.boundaries.tolist(), "film_path": road.film_path.tolist(),
-        "side": float(road.side), "pose": [float(number) for number in pose],
-    }  # fmt: skip
+        "num_lanes": road.num_lanes,
+        "boundaries": road.boundaries.tolist(),
+        "film_path": road.film_path.tolist(),
+        "side": float(road.side),
+        "pose": [float(number) for number in pose],
+    }
 
 
 def _constants(given: Parameters) -> dict[str, Any]:
@@ -112,14 +143,18 @@ def _constants(given: Parameters) -> dict[str, Any]:
 
 def _outputs(batch: int, slots: int, frames: int, buffers: Buffers) -> dict[str, NDArray[Any]]:
     array = buffers.array
-    outputs = {name: array(name, (batch, slots, frames), dtype) for name, dtype in _STATE_TYPES.items()}
+    outputs = {
+        name: array(name, (batch, slots, frames), dtype) for name, dtype in _STATE_TYPES.items()
+    }
     outputs |= {name: array(name, (batch, frames), _BYTE) for name in ("stage", "collided_with")}
     outputs["num_frames"] = array("num_frames", (batch,), _WIDE)
     outputs["contact_partner"] = array("contact_partner", (batch, slots), _BYTE)
     for name in ("contact_time", "contact_impulse", "contact_speed"):
         outputs[name] = array(name, (batch, slots), _WIDE)
     rows = (batch, _core.MAX_PERCEPTS)
-    outputs |= {f"percept_{name}": array(f"percept_{name}", rows, _BYTE) for name in ("valid", "kind")}
+    outputs |= {
+        f"percept_{name}": array(f"percept_{name}", rows, _BYTE) for name in ("valid", "kind")
+    }
     outputs["percept_time"] = array("percept_time", rows, _WIDE)
     for name, dtype in _PERCEPT_TYPES.items():
         outputs[f"percept_{name}"] = array(f"percept_{name}", (*rows, 3), dtype)
@@ -137,12 +172,17 @@ def _trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajector
         stage=out["stage"][:, :longest],
         collided_with=out["collided_with"][:, :longest],
         contacts=Contacts(
-            partner=out["contact_partner"], time=out["contact_time"], impulse=out["contact_impulse"],
+            partner=out["contact_partner"],
+            time=out["contact_time"],
+            impulse=out["contact_impulse"],
             closing_speed=out["contact_speed"],
         ),
         percepts=Percepts(
-            valid=out["percept_valid"].view(bool), kind=out["percept_kind"], time=out["percept_time"],
-            detected=out["percept_detected"].view(bool), **percepts,
+            valid=out["percept_valid"].view(bool),
+            kind=out["percept_kind"],
+            time=out["percept_time"],
+            detected=out["percept_detected"].view(bool),
+            **percepts,
         ),
         trace_hash=out["trace_hash"],
-    )  # fmt: skip
+    )

@@ -24,24 +24,100 @@ SUBSTEPS = 5
 """Steps between two decisions."""
 
 VEHICLE_FIELDS = (
-    "valid", "half_length", "half_width", "tall", "mass", "inverse_mass", "inverse_inertia", "cg_front", "cg_rear",
-    "inverse_wheelbase", "wheelbase", "cg_height", "front_stiffness", "rear_stiffness", "launch_force", "power",
-    "drag", "rolling", "max_speed", "brake_force", "front_drive", "half_track", "understeer", "moment_angle", "two_wheeler",
-    "side_wind", "wind_centre", "wind_arm", "wear", "truck", "shelters", "spray", "loom_width", "contrast",
-    "inverse_tail_lamp", "inverse_head_lamp", "lights", "desired_speed", "pass_speed", "time_gap", "min_gap",
-    "accel", "decel", "interaction", "overspeed_exponent", "hardest_decel", "reaction_ticks", "politeness",
-    "threshold", "bias", "safe_decel", "lane_change_duration", "passing_gain", "inverse_patience",
-    "pull_out_time", "gap_acceptance", "return_time_gap", "signal_time", "uses_indicator", "checks_blind_spot",
-    "start_s", "start_d", "start_speed", "start_lane",
-)  # fmt: skip
+    "valid",
+    "half_length",
+    "half_width",
+    "tall",
+    "mass",
+    "inverse_mass",
+    "inverse_inertia",
+    "cg_front",
+    "cg_rear",
+    "inverse_wheelbase",
+    "wheelbase",
+    "cg_height",
+    "front_stiffness",
+    "rear_stiffness",
+    "launch_force",
+    "power",
+    "drag",
+    "rolling",
+    "max_speed",
+    "brake_force",
+    "front_drive",
+    "half_track",
+    "understeer",
+    "moment_angle",
+    "two_wheeler",
+    "side_wind",
+    "wind_centre",
+    "wind_arm",
+    "wear",
+    "truck",
+    "shelters",
+    "spray",
+    "loom_width",
+    "contrast",
+    "inverse_tail_lamp",
+    "inverse_head_lamp",
+    "lights",
+    "desired_speed",
+    "pass_speed",
+    "time_gap",
+    "min_gap",
+    "accel",
+    "decel",
+    "interaction",
+    "overspeed_exponent",
+    "hardest_decel",
+    "reaction_ticks",
+    "politeness",
+    "threshold",
+    "bias",
+    "safe_decel",
+    "lane_change_duration",
+    "passing_gain",
+    "inverse_patience",
+    "pull_out_time",
+    "gap_acceptance",
+    "return_time_gap",
+    "signal_time",
+    "uses_indicator",
+    "checks_blind_spot",
+    "start_s",
+    "start_d",
+    "start_speed",
+    "start_lane",
+)
 """Per-vehicle parameters, in the order in which the engine receives them."""
 
 SIMULATION_FIELDS = (
-    "last_step", "deadline_step", "fog_extinction", "rain_extinction", "sight_front", "sight_rear",
-    "lamp_threshold", "inverse_lit_range", "detection_time", "distance_error", "speed_error", "wind_along",
-    "wind_across", "gust_gain", "gust_phase", "gust_length", "least_film", "film_rain", "texture",
-    "puddle_reach", "puddle_film", "puddle_phase_1", "puddle_phase_2", "side_accel", "command",
-)  # fmt: skip
+    "last_step",
+    "deadline_step",
+    "fog_extinction",
+    "rain_extinction",
+    "sight_front",
+    "sight_rear",
+    "lamp_threshold",
+    "inverse_lit_range",
+    "detection_time",
+    "distance_error",
+    "speed_error",
+    "wind_along",
+    "wind_across",
+    "gust_gain",
+    "gust_phase",
+    "gust_length",
+    "least_film",
+    "film_rain",
+    "texture",
+    "puddle_reach",
+    "puddle_film",
+    "puddle_phase_1",
+    "puddle_phase_2",
+    "side_accel",
+    "command",
+)
 """Per-simulation parameters, in the order in which the engine receives them."""
 
 
@@ -120,15 +196,23 @@ def road_parameters(road: Road) -> RoadParameters:
     """The road as the step sees it."""
     side = np.float32(1.0 if road.driving_side is DrivingSide.RIGHT else -1.0)
     borders = side * as_f32(road.boundaries)
-    padded = np.concatenate([borders, np.full(MAX_LANES + 1 - len(borders), borders[-1], np.float32)])
+    padded = np.concatenate(
+        [borders, np.full(MAX_LANES + 1 - len(borders), borders[-1], np.float32)]
+    )
     path = np.maximum(borders[-1] - (padded[1:] + padded[:-1]) * np.float32(0.5), np.float32(0.5))
     heading = np.float32(road.heading)
     sine, cosine = sincos(heading)
     return RoadParameters(
-        num_lanes=road.num_lanes, boundaries=padded, film_path=film.film_per_path(path), side=side,
-        x0=np.float32(road.x0), y0=np.float32(road.y0), heading=heading,
-        cosine=np.float32(cosine), sine=np.float32(sine),
-    )  # fmt: skip
+        num_lanes=road.num_lanes,
+        boundaries=padded,
+        film_path=film.film_per_path(path),
+        side=side,
+        x0=np.float32(road.x0),
+        y0=np.float32(road.y0),
+        heading=heading,
+        cosine=np.float32(cosine),
+        sine=np.float32(sine),
+    )
 
 
 def parameters(scenario: Scenario, effects: Effects | None = None) -> Parameters:
@@ -143,7 +227,9 @@ def parameters(scenario: Scenario, effects: Effects | None = None) -> Parameters
     world = _world(scenario, c, effects)
     bodies = _bodies(scenario, c, world, effects)
     people = _people(scenario, c, world, effects)
-    vehicle = np.stack([np.ascontiguousarray(as_f32((bodies | people)[name]).T) for name in VEHICLE_FIELDS])
+    vehicle = np.stack(
+        [np.ascontiguousarray(as_f32((bodies | people)[name]).T) for name in VEHICLE_FIELDS]
+    )
     return Parameters(
         vehicle=vehicle,
         simulation=np.stack([as_f32(world[name]) for name in SIMULATION_FIELDS]),
@@ -197,8 +283,14 @@ def _world(scenario: Scenario, c: Constants, effects: Effects) -> dict[str, F32]
     speed = _number("weather", "wind.full_speed") * (weather.wind * np.float32(0.01))
     side = road_parameters(scenario.road).side
     gusty = (weather.wind >= _number("weather", "gusts.from_percent")) & effects.gusts
-    ratio = (float(_number("weather", "gusts.smallest_ratio")), float(_number("weather", "gusts.largest_ratio")))
-    length = (float(_number("weather", "gusts.shortest")), float(_number("weather", "gusts.longest")))
+    ratio = (
+        float(_number("weather", "gusts.smallest_ratio")),
+        float(_number("weather", "gusts.largest_ratio")),
+    )
+    length = (
+        float(_number("weather", "gusts.shortest")),
+        float(_number("weather", "gusts.longest")),
+    )
     world = {
         "last_step": np.rint(scenario.horizon * np.float32(100.0)),
         "deadline_step": np.rint(scenario.attempt_deadline * np.float32(100.0)),
@@ -212,7 +304,9 @@ def _world(scenario: Scenario, c: Constants, effects: Effects) -> dict[str, F32]
         "least_film": least,
         "film_rain": film.film_per_rain(rate_on_road),
         "texture": zero + _number("weather", "film.texture_depth_mm"),
-        "puddle_reach": np.sqrt(np.float32(0.02) * _number("weather", "puddles.full_cover") * puddles),
+        "puddle_reach": np.sqrt(
+            np.float32(0.02) * _number("weather", "puddles.full_cover") * puddles
+        ),
         "puddle_film": _number("weather", "puddles.max_film_mm") * deep,
         "command": zero,
         "detection_time": np.where(weather.night, np.float32(0.6), np.float32(0.4)),
@@ -229,7 +323,9 @@ def _world(scenario: Scenario, c: Constants, effects: Effects) -> dict[str, F32]
     return world
 
 
-def _sight(scenario: Scenario, rate: F32, dusk: NDArray[np.bool_], effects: Effects) -> dict[str, F32]:
+def _sight(
+    scenario: Scenario, rate: F32, dusk: NDArray[np.bool_], effects: Effects
+) -> dict[str, F32]:
     weather = scenario.weather
     zero = np.zeros(scenario.num_simulations, np.float32)
     threshold = visibility.contrast_threshold(weather.night, dusk, rate)
@@ -239,9 +335,15 @@ def _sight(scenario: Scenario, rate: F32, dusk: NDArray[np.bool_], effects: Effe
         weather.sun_altitude, np.abs(np.float32(3.141_592_7) - turned), weather.cloudiness
     )
     foggy = visibility.meteorological_range(weather.fog) < np.float32(1000.0)
-    clear = np.where(weather.night, _number("weather", "errors.distance_cv_night"), _number("weather", "errors.distance_cv_day"))
+    clear = np.where(
+        weather.night,
+        _number("weather", "errors.distance_cv_night"),
+        _number("weather", "errors.distance_cv_day"),
+    )
     wet = rate > 0
-    lit = _number("weather", "headlamps.low_beam") * np.where(wet, _number("weather", "headlamps.wet_factor"), np.float32(1.0))
+    lit = _number("weather", "headlamps.low_beam") * np.where(
+        wet, _number("weather", "headlamps.wet_factor"), np.float32(1.0)
+    )
     on = np.float32(1.0 if effects.range else 0.0)
     error = np.where(foggy, _number("weather", "errors.distance_cv_fog"), clear)
     return {
@@ -263,7 +365,9 @@ def _believed_grip(c: Constants, world: dict[str, F32]) -> F32:
     return friction.peak_friction(c, zero + np.float32(25.0), h, zero + np.float32(0.5), zero)
 
 
-def _bodies(scenario: Scenario, c: Constants, world: dict[str, F32], effects: Effects) -> dict[str, F32]:
+def _bodies(
+    scenario: Scenario, c: Constants, world: dict[str, F32], effects: Effects
+) -> dict[str, F32]:
     v, weather = scenario.vehicles, scenario.weather
     per_sim = lambda value: value[:, None]  # noqa: E731
     truck = (v.kind == VehicleKind.T).astype(np.float32)
@@ -276,7 +380,9 @@ def _bodies(scenario: Scenario, c: Constants, world: dict[str, F32], effects: Ef
     bicycle = v.kind == VehicleKind.B
     fog_lamp = per_sim(world["fog_extinction"]) > np.float32(0.03)
     lights = np.where(lit & ~bicycle, np.float32(int(Lights.LOW_BEAM)), np.float32(0.0))
-    lights = lights + np.where(fog_lamp & ~bicycle, np.float32(int(Lights.REAR_FOG)), np.float32(0.0))
+    lights = lights + np.where(
+        fog_lamp & ~bicycle, np.float32(int(Lights.REAR_FOG)), np.float32(0.0)
+    )
     fog_intensity = _number("weather", "lamps.rear_fog")
     intensity = np.where(fog_lamp, fog_intensity, tail)
     return {
@@ -302,7 +408,8 @@ def _bodies(scenario: Scenario, c: Constants, world: dict[str, F32], effects: Ef
         "brake_force": v.mass * v.peak_decel,
         "front_drive": v.front_drive_share,
         "half_track": np.float32(0.5) * v.track_width,
-        "understeer": (np.float32(1.0) / v.front_stiffness - np.float32(1.0) / v.rear_stiffness) / c.gravity,
+        "understeer": (np.float32(1.0) / v.front_stiffness - np.float32(1.0) / v.rear_stiffness)
+        / c.gravity,
         "moment_angle": _moment_angle(scenario, c),
         "two_wheeler": v.two_wheeler,
         "side_wind": c.half_air_density * v.side_area * v.wind_side_coefficient,
@@ -339,15 +446,24 @@ def _lane_centre(scenario: Scenario) -> F32:
     return np.float32(0.5) * (borders[lane] + borders[lane + 1])
 
 
-def _people(scenario: Scenario, c: Constants, world: dict[str, F32], effects: Effects) -> dict[str, F32]:
+def _people(
+    scenario: Scenario, c: Constants, world: dict[str, F32], effects: Effects
+) -> dict[str, F32]:
     p, v = scenario.drivers, scenario.vehicles
     per_sim = lambda value: value[:, None]  # noqa: E731
     slow_reaction = np.where(per_sim(scenario.weather.night), np.float32(1.2), np.float32(1.0))
-    hazy = (per_sim(world["fog_extinction"]) > np.float32(0.003)) | (per_sim(world["rate"]) > np.float32(7.6))
+    hazy = (per_sim(world["fog_extinction"]) > np.float32(0.003)) | (
+        per_sim(world["rate"]) > np.float32(7.6)
+    )
     reaction = p.reaction_time * slow_reaction * np.where(hazy, np.float32(1.1), np.float32(1.0))
-    ticks = minimum(np.rint(reaction * np.float32(20.0)), _number("model", "perception.history") + reaction * np.float32(0.0))
+    ticks = minimum(
+        np.rint(reaction * np.float32(20.0)),
+        _number("model", "perception.history") + reaction * np.float32(0.0),
+    )
     desired = minimum(adapted_speed(scenario, c, world), v.max_speed)
-    hardest = minimum(v.peak_decel, _number("model", "following.grip_share") * c.gravity * per_sim(world["grip"]))
+    hardest = minimum(
+        v.peak_decel, _number("model", "following.grip_share") * c.gravity * per_sim(world["grip"])
+    )
     never = np.float32(1e9)
     return {
         "desired_speed": desired,
@@ -361,10 +477,14 @@ def _people(scenario: Scenario, c: Constants, world: dict[str, F32], effects: Ef
         "hardest_decel": hardest,
         "reaction_ticks": ticks if effects.delay else np.zeros_like(ticks),
         "politeness": p.politeness,
-        "threshold": p.lane_change_threshold if effects.mobil else np.full_like(p.lane_change_threshold, never),
+        "threshold": p.lane_change_threshold
+        if effects.mobil
+        else np.full_like(p.lane_change_threshold, never),
         "bias": p.right_bias,
         "safe_decel": p.safe_decel,
-        "lane_change_duration": maximum(p.lane_change_duration, _quickest_change(scenario, world)[:, None]),
+        "lane_change_duration": maximum(
+            p.lane_change_duration, _quickest_change(scenario, world)[:, None]
+        ),
         "passing_gain": p.passing_gain,
         "inverse_patience": np.float32(1.0) / p.patience,
         "pull_out_time": p.pull_out_time,
@@ -404,18 +524,30 @@ def adapted_speed(scenario: Scenario, c: Constants, world: dict[str, F32]) -> F3
     """
     p = scenario.drivers
     rate = world["rate"]
-    heavy = minimum(maximum((rate - np.float32(6.4)) / np.float32(43.6), rate * np.float32(0.0)), rate * np.float32(0.0) + np.float32(1.0))
-    slower = np.where(rate > np.float32(6.4), np.float32(2.8) + np.float32(2.5) * heavy, np.float32(0.0))
+    heavy = minimum(
+        maximum((rate - np.float32(6.4)) / np.float32(43.6), rate * np.float32(0.0)),
+        rate * np.float32(0.0) + np.float32(1.0),
+    )
+    slower = np.where(
+        rate > np.float32(6.4), np.float32(2.8) + np.float32(2.5) * heavy, np.float32(0.0)
+    )
     extinction = world["fog_extinction"] + np.float32(2.0) * world["rain_extinction"]
-    by_contrast = visibility.contrast_range(extinction, exp(world["sight_front"]) * np.float32(0.5), np.ones_like(extinction))
+    by_contrast = visibility.contrast_range(
+        extinction, exp(world["sight_front"]) * np.float32(0.5), np.ones_like(extinction)
+    )
     tail = _number("weather", "lamps.rear_position")
-    by_lamp = visibility.lamp_range(extinction, tail + extinction * np.float32(0.0), maximum(world["lamp_threshold"], np.float32(1e-12)))
+    by_lamp = visibility.lamp_range(
+        extinction,
+        tail + extinction * np.float32(0.0),
+        maximum(world["lamp_threshold"], np.float32(1e-12)),
+    )
     seen = np.where(scenario.weather.night, by_lamp, maximum(by_contrast, by_lamp))
     decel = np.float32(0.8) * c.gravity * world["grip"]
     safe = friction.stoppable_speed(seen, np.full_like(seen, np.float32(1.2)), decel)
     safe = minimum(safe, _calm_speed(scenario))[:, None]
     limit = np.float32(scenario.road.speed_limit)
-    wanted = p.desired_speed - (np.float32(1.0) * p.limit_respect) * maximum(p.desired_speed - limit, p.desired_speed * np.float32(0.0))
+    wanted = p.desired_speed - (np.float32(1.0) * p.limit_respect) * maximum(
+        p.desired_speed - limit, p.desired_speed * np.float32(0.0)
+    )
     excess = maximum(wanted - slower[:, None] - safe, wanted * np.float32(0.0))
     return wanted - p.caution * (slower[:, None] + excess)
-

@@ -55,7 +55,14 @@ def end_with_ego(state: State, c: Constants, crashed: Mask, step: int) -> None:
     state.end_step = np.where(crashed, minimum(state.end_step, after), state.end_step)
 
 
-def collide(state: State, c: Constants, p: Fields, pairs: dict[tuple[int, int], Mask], before: tuple[F32, F32], step: int) -> None:
+def collide(
+    state: State,
+    c: Constants,
+    p: Fields,
+    pairs: dict[tuple[int, int], Mask],
+    before: tuple[F32, F32],
+    step: int,
+) -> None:
     """Exchange momentum in every near pair that touched during the last step.
 
     Args:
@@ -74,7 +81,14 @@ def collide(state: State, c: Constants, p: Fields, pairs: dict[tuple[int, int], 
 
 
 def _collide_pair(
-    state: State, c: Constants, p: Fields, near: Mask, before: tuple[F32, F32], step: int, i: int, j: int
+    state: State,
+    c: Constants,
+    p: Fields,
+    near: Mask,
+    before: tuple[F32, F32],
+    step: int,
+    i: int,
+    j: int,
 ) -> None:
     a, b = _box(state, p, i), _box(state, p, j)
     then = (before[0][j] - before[0][i], before[1][j] - before[1][i])
@@ -88,8 +102,14 @@ def _collide_pair(
     lever_a = arm_a[0] * across - arm_a[1] * along
     lever_b = arm_b[0] * across - arm_b[1] * along
     softness = p.inverse_mass[i] + p.inverse_mass[j]
-    softness = softness + lever_a * lever_a * p.inverse_inertia[i] + lever_b * lever_b * p.inverse_inertia[j]
-    impulse = np.where(hit, (np.float32(1.0) + c.restitution) * approach / softness, np.float32(0.0))
+    softness = (
+        softness
+        + lever_a * lever_a * p.inverse_inertia[i]
+        + lever_b * lever_b * p.inverse_inertia[j]
+    )
+    impulse = np.where(
+        hit, (np.float32(1.0) + c.restitution) * approach / softness, np.float32(0.0)
+    )
     _push(state, p, a, i, -impulse, along, across, lever_a)
     _push(state, p, b, j, impulse, along, across, lever_b)
     instant = (np.float32(step) + clamp(enter, np.float32(0.0), np.float32(1.0))) * c.step
@@ -105,11 +125,18 @@ def _collide_pair(
 def _box(state: State, p: Fields, i: int) -> Box:
     sine, cosine = sincos(state.psi[i])
     return Box(
-        s=state.s[i], d=state.d[i], sine=sine, cosine=cosine, half_length=p.half_length[i], half_width=p.half_width[i]
+        s=state.s[i],
+        d=state.d[i],
+        sine=sine,
+        cosine=cosine,
+        half_length=p.half_length[i],
+        half_width=p.half_width[i],
     )
 
 
-def first_contact(a: Box, b: Box, then: tuple[F32, F32], now: tuple[F32, F32]) -> tuple[F32, F32, F32, F32]:
+def first_contact(
+    a: Box, b: Box, then: tuple[F32, F32], now: tuple[F32, F32]
+) -> tuple[F32, F32, F32, F32]:
     """When two boxes in relative motion begin and cease to overlap, and the contact normal.
 
     Separating axes of both boxes; along each the relative centre moves linearly, which gives the part
@@ -177,7 +204,9 @@ def _velocity(state: State, box: Box, i: int, arm: tuple[F32, F32]) -> tuple[F32
     return along, across
 
 
-def _push(state: State, p: Fields, box: Box, i: int, impulse: F32, along: F32, across: F32, lever: F32) -> None:
+def _push(
+    state: State, p: Fields, box: Box, i: int, impulse: F32, along: F32, across: F32, lever: F32
+) -> None:
     change = impulse * p.inverse_mass[i]
     state.vx[i] = state.vx[i] + change * (along * box.cosine + across * box.sine)
     state.vy[i] = state.vy[i] + change * (across * box.cosine - along * box.sine)

@@ -18,7 +18,9 @@ def behind_leader(state: State, given: Parameters, p: Fields, believed: Beliefs)
     """Acceleration behind the leader of the lane that is driven in or being entered [m/s^2]."""
     desired = _desired_speed(state, p)
     wanted = iidm(given.constants, p, state.vx, desired, believed.gap[LEAD], believed.closing[LEAD])
-    gain = np.where(_is_passing(state)[None, :] & (wanted > 0), given.constants.accelerate_gain, np.float32(1.0))
+    gain = np.where(
+        _is_passing(state)[None, :] & (wanted > 0), given.constants.accelerate_gain, np.float32(1.0)
+    )
     gain[1:] = np.float32(1.0)
     return wanted * gain
 
@@ -33,7 +35,9 @@ def _desired_speed(state: State, p: Fields) -> F32:
     return desired
 
 
-def behind_old_leader(state: State, given: Parameters, p: Fields, near: Neighbours, believed: Beliefs) -> F32:
+def behind_old_leader(
+    state: State, given: Parameters, p: Fields, near: Neighbours, believed: Beliefs
+) -> F32:
     """Acceleration behind the one whose lane is being left, as long as the bodies still overlap.
 
     Nobody brakes for a vehicle that the path clears before the gap is closed.
@@ -53,7 +57,9 @@ def behind_old_leader(state: State, given: Parameters, p: Fields, near: Neighbou
     return np.where(matters, wanted, _FREE)
 
 
-def set_acceleration(state: State, given: Parameters, p: Fields, leader: F32, old_leader: F32) -> None:
+def set_acceleration(
+    state: State, given: Parameters, p: Fields, leader: F32, old_leader: F32
+) -> None:
     """Move the pedals towards the wanted acceleration, within grip and jerk."""
     c = given.constants
     wanted = maximum(minimum(leader, old_leader), -p.hardest_decel)

@@ -13,7 +13,17 @@ from overtaking.sim.reference.mobil import turn_to_lane
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.recording import Recorder
-from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, Fields, State, pick
+from overtaking.sim.reference.state import (
+    FAST_LEAD,
+    FAST_REAR,
+    LEAD,
+    REAR,
+    SLOW_LEAD,
+    SLOW_REAR,
+    Fields,
+    State,
+    pick,
+)
 
 PULL_OUT_NOW, ABORT_NOW, RETURN_NOW, STAY = 1, 2, 3, 4
 """Decisions that `sim.branch` can force."""
@@ -36,25 +46,37 @@ class View:
 def look(state: State, given: Parameters, p: Fields, believed: Beliefs) -> View:
     """The ego's beliefs and how much it demands after its wait."""
     own = Fields(tuple(p.__dict__), tuple(row[Role.EGO] for row in p.__dict__.values()))  # type: ignore[arg-type]
-    impatience = maximum(exp(-(state.waited * own.inverse_patience)), given.constants.patience_floor)
+    impatience = maximum(
+        exp(-(state.waited * own.inverse_patience)), given.constants.patience_floor
+    )
     gap, closing = believed.gap[:, Role.EGO], believed.closing[:, Role.EGO]
     return View(
-        own=own, speed=state.vx[Role.EGO], gap=gap, closing=closing, detected=believed.detected[:, Role.EGO],
-        leader_speed=state.vx[Role.EGO] - closing[LEAD], demand=own.gap_acceptance * impatience, impatience=impatience,
-    )  # fmt: skip
+        own=own,
+        speed=state.vx[Role.EGO],
+        gap=gap,
+        closing=closing,
+        detected=believed.detected[:, Role.EGO],
+        leader_speed=state.vx[Role.EGO] - closing[LEAD],
+        demand=own.gap_acceptance * impatience,
+        impatience=impatience,
+    )
 
 
 def own_braking(given: Parameters, view: View, role: int) -> F32:
     """Acceleration that the vehicle ahead in `role` forces on the ego, with the gap that it demands now."""
     time_gap = view.own.time_gap * view.demand
-    return forced_braking(given.constants, view.own, view.speed, view.gap[role], view.closing[role], time_gap)
+    return forced_braking(
+        given.constants, view.own, view.speed, view.gap[role], view.closing[role], time_gap
+    )
 
 
 def their_braking(given: Parameters, view: View, role: int) -> F32:
     """Acceleration that the ego in front would force on the vehicle behind in `role`."""
     time_gap = view.own.time_gap * view.demand
     speed = view.speed + view.closing[role]
-    return forced_braking(given.constants, view.own, speed, view.gap[role], view.closing[role], time_gap)
+    return forced_braking(
+        given.constants, view.own, speed, view.gap[role], view.closing[role], time_gap
+    )
 
 
 def wants_to_pass(given: Parameters, view: View) -> Mask:
@@ -72,7 +94,9 @@ def may_pull_out(given: Parameters, view: View) -> Mask:
     front = own_braking(given, view, FAST_LEAD) >= -own.decel
     rear = their_braking(given, view, FAST_REAR) >= -(own.safe_decel / view.demand)
     rear = rear & (view.gap[FAST_REAR] > c.smallest_rear_gap * view.demand)
-    gain = (view.speed - view.closing[FAST_LEAD]) - view.leader_speed > own.passing_gain * view.impatience
+    gain = (
+        view.speed - view.closing[FAST_LEAD]
+    ) - view.leader_speed > own.passing_gain * view.impatience
     far = view.gap[FAST_LEAD] > view.gap[LEAD] + c.waiting_time_gap * view.speed
     return front & rear & (gain | far | ~view.detected[FAST_LEAD])
 
@@ -93,7 +117,9 @@ def must_abort(given: Parameters, view: View) -> Mask:
     c, own = given.constants, view.own
     bad_rear = their_braking(given, view, REAR) < -(c.abort_factor * own.safe_decel / view.demand)
     bad_front = own_braking(given, view, LEAD) < -(c.abort_factor * own.decel)
-    room = (own_braking(given, view, SLOW_LEAD) >= -own.hardest_decel) & (view.gap[SLOW_REAR] > c.smallest_rear_gap)
+    room = (own_braking(given, view, SLOW_LEAD) >= -own.hardest_decel) & (
+        view.gap[SLOW_REAR] > c.smallest_rear_gap
+    )
     return (bad_rear | bad_front) & room
 
 
@@ -105,9 +131,15 @@ def has_passed(state: State, given: Parameters, p: Fields) -> Mask:
 
 
 def decide(
-    state: State, given: Parameters, p: Fields, q: Fields, near: Neighbours, believed: Beliefs, recorder: Recorder,
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: Fields,
+    near: Neighbours,
+    believed: Beliefs,
+    recorder: Recorder,
     step: int,
-) -> None:  # fmt: skip
+) -> None:
     """One decision of every ego."""
     c = given.constants
     view = look(state, given, p, believed)
@@ -118,7 +150,12 @@ def decide(
     state.stage_time = state.stage_time + c.decision
 
     queues = view.gap[LEAD] < c.waiting_time_gap * view.speed
-    waits = is_stage[Stage.FOLLOW] & view.detected[LEAD] & queues & (view.own.desired_speed > view.leader_speed)
+    waits = (
+        is_stage[Stage.FOLLOW]
+        & view.detected[LEAD]
+        & queues
+        & (view.own.desired_speed > view.leader_speed)
+    )
     state.waited = np.where(waits, state.waited + c.decision, state.waited)
 
     free = is_stage[Stage.FOLLOW] & arrived & (state.since_change[Role.EGO] >= c.abort_cooldown)
@@ -141,9 +178,15 @@ def decide(
     early = state.path_time[Role.EGO] < c.abort_until * state.path_duration[Role.EGO]
     abort = entering & early & (must_abort(given, view) | (q.command == ABORT_NOW))
 
-    recorder.percepts(state, near, believed, go_out, DecisionKind.PULL_OUT, (LEAD, FAST_LEAD, FAST_REAR), step)
-    recorder.percepts(state, near, believed, abort, DecisionKind.ABORT, (LEAD, SLOW_LEAD, SLOW_REAR), step)
-    recorder.percepts(state, near, believed, go_back, DecisionKind.RETURN, (LEAD, SLOW_LEAD, SLOW_REAR), step)
+    recorder.percepts(
+        state, near, believed, go_out, DecisionKind.PULL_OUT, (LEAD, FAST_LEAD, FAST_REAR), step
+    )
+    recorder.percepts(
+        state, near, believed, abort, DecisionKind.ABORT, (LEAD, SLOW_LEAD, SLOW_REAR), step
+    )
+    recorder.percepts(
+        state, near, believed, go_back, DecisionKind.RETURN, (LEAD, SLOW_LEAD, SLOW_REAR), step
+    )
 
     state.target = np.where(go_out, near.slot[LEAD, Role.EGO], state.target)
     state.attempted = np.where(go_out, np.float32(1.0), state.attempted)
@@ -155,14 +198,21 @@ def decide(
     next_stage = np.where(go_out, np.float32(Stage.PULL_OUT), stage)
     next_stage = np.where(entering & arrived, np.float32(Stage.PASS), next_stage)
     next_stage = np.where(abort, np.float32(Stage.ABORT), next_stage)
-    next_stage = np.where(go_back, np.where(passed, np.float32(Stage.RETURN), np.float32(Stage.ABORT)), next_stage)
+    next_stage = np.where(
+        go_back, np.where(passed, np.float32(Stage.RETURN), np.float32(Stage.ABORT)), next_stage
+    )
     next_stage = np.where(is_stage[Stage.RETURN] & finished, np.float32(Stage.DONE), next_stage)
     next_stage = np.where(is_stage[Stage.ABORT] & finished, np.float32(Stage.FOLLOW), next_stage)
     state.stage_time = np.where(next_stage != stage, np.float32(0.0), state.stage_time)
     over = (next_stage == np.float32(Stage.DONE)) & (stage != np.float32(Stage.DONE))
     after = np.float32(step) + np.rint(c.after_overtake / c.step)
     state.end_step = np.where(over, minimum(state.end_step, after), state.end_step)
-    idle = is_stage[Stage.FOLLOW] & (state.attempted == 0) & ~start & (np.float32(step) >= q.deadline_step)
+    idle = (
+        is_stage[Stage.FOLLOW]
+        & (state.attempted == 0)
+        & ~start
+        & (np.float32(step) >= q.deadline_step)
+    )
     state.end_step = np.where(idle, minimum(state.end_step, np.float32(step)), state.end_step)
     state.stage = next_stage
 

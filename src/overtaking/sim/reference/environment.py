@@ -69,8 +69,12 @@ def shelter(state: State, given: Parameters, p: Fields, q: Fields) -> F32:
     one = np.float32(1.0)
     for j in range(state.s.shape[0]):
         beyond = np.abs(state.s - state.s[j]) - p.half_length[j]
-        u = clamp(beyond / (c.shelter_release * np.float32(2.0) * p.half_length[j]), np.float32(0.0), one)
-        open_share = c.shelter_factor + (one - c.shelter_factor) * (u * u * (np.float32(3.0) - np.float32(2.0) * u))
+        u = clamp(
+            beyond / (c.shelter_release * np.float32(2.0) * p.half_length[j]), np.float32(0.0), one
+        )
+        open_share = c.shelter_factor + (one - c.shelter_factor) * (
+            u * u * (np.float32(3.0) - np.float32(2.0) * u)
+        )
         aside = state.d - state.d[j]
         reach = c.shelter_reach + p.half_width + p.half_width[j]
         upwind = aside * q.wind_across > 0
@@ -86,7 +90,9 @@ def gust_bump(state: State, given: Parameters, q: Fields) -> F32:
     cell = state.s / c.gust_spacing + q.gust_phase
     inside = (cell - film.floor(cell)) * c.gust_spacing / q.gust_length
     _, cosine = sincos(np.float32(6.283_185_5) * minimum(inside, np.float32(1.0)))
-    return np.where(inside < np.float32(1.0), np.float32(0.5) - np.float32(0.5) * cosine, np.float32(0.0))
+    return np.where(
+        inside < np.float32(1.0), np.float32(0.5) - np.float32(0.5) * cosine, np.float32(0.0)
+    )
 
 
 def wind(state: State, given: Parameters, p: Fields, q: Fields) -> None:

@@ -35,14 +35,18 @@ def iidm(c: Constants, p: Fields, speed: F32, desired: F32, gap: F32, closing: F
     over = exp(-p.overspeed_exponent * log(maximum(ratio, one)))
     free_above = -p.decel * (one - over)
     interacting = p.accel * (one - z * z)
-    steepness = minimum(np.float32(2.0) * p.accel / maximum(free_below, np.float32(1e-3)), np.float32(1000.0))
+    steepness = minimum(
+        np.float32(2.0) * p.accel / maximum(free_below, np.float32(1e-3)), np.float32(1000.0)
+    )
     blended = free_below * (one - exp(steepness * log(clamp(z, np.float32(1e-6), one))))
     below = np.where(z >= one, interacting, blended)
     above = np.where(z >= one, free_above + interacting, free_above)
     return np.where(ratio <= one, below, above)
 
 
-def forced_braking(c: Constants, p: Fields, speed: F32, gap: F32, closing: F32, time_gap: F32) -> F32:
+def forced_braking(
+    c: Constants, p: Fields, speed: F32, gap: F32, closing: F32, time_gap: F32
+) -> F32:
     """Acceleration, never positive, of someone following at the speed that they want [m/s^2].
 
     The IIDM at its desired speed: what a leader in this place does to the one behind it.

@@ -8,7 +8,16 @@ from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.following import forced_braking, iidm
 from overtaking.sim.reference.neighbours import Neighbours, lane_borders
 from overtaking.sim.reference.perception import Beliefs, swap_roles
-from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, Fields, State
+from overtaking.sim.reference.state import (
+    FAST_LEAD,
+    FAST_REAR,
+    LEAD,
+    REAR,
+    SLOW_LEAD,
+    SLOW_REAR,
+    Fields,
+    State,
+)
 from overtaking.sim.reference.steering import begin_path
 
 INTERVAL = 4
@@ -20,7 +29,9 @@ def imposed(given: Parameters, p: Fields, speed: F32, gap: F32, closing: F32) ->
     return forced_braking(given.constants, p, speed + closing, gap, closing, p.time_gap)
 
 
-def incentives(state: State, given: Parameters, p: Fields, believed: Beliefs, own: F32) -> tuple[F32, F32]:
+def incentives(
+    state: State, given: Parameters, p: Fields, believed: Beliefs, own: F32
+) -> tuple[F32, F32]:
     """MOBIL's incentive to change to the fast and to the slow side, minus the politeness owed [m/s^2].
 
     European rule: to the fast side only the new follower counts, to the slow side the old one; above
@@ -39,7 +50,9 @@ def incentives(state: State, given: Parameters, p: Fields, believed: Beliefs, ow
     body = np.float32(2.0) * p.half_length
     after = imposed(given, p, v, gap[FAST_REAR], closing[FAST_REAR])
     open_gap = gap[FAST_REAR] + gap[FAST_LEAD] + body
-    before = imposed(given, p, v - closing[FAST_LEAD], open_gap, closing[FAST_REAR] + closing[FAST_LEAD])
+    before = imposed(
+        given, p, v - closing[FAST_LEAD], open_gap, closing[FAST_REAR] + closing[FAST_LEAD]
+    )
     relieved_gap = gap[REAR] + gap[LEAD] + body
     now = imposed(given, p, v, gap[REAR], closing[REAR])
     relieved = imposed(given, p, v - closing[LEAD], relieved_gap, closing[REAR] + closing[LEAD])
@@ -48,7 +61,9 @@ def incentives(state: State, given: Parameters, p: Fields, believed: Beliefs, ow
     return to_fast, to_slow
 
 
-def is_safe(state: State, given: Parameters, p: Fields, believed: Beliefs, front: int, rear: int) -> Mask:
+def is_safe(
+    state: State, given: Parameters, p: Fields, believed: Beliefs, front: int, rear: int
+) -> Mask:
     """Whether a lane change endangers neither the driver nor the new follower."""
     c = given.constants
     v, gap, closing = state.vx, believed.gap, believed.closing
@@ -58,7 +73,9 @@ def is_safe(state: State, given: Parameters, p: Fields, believed: Beliefs, front
     return room & (braking >= -p.safe_decel) & (own >= -p.safe_decel)
 
 
-def change_lanes(state: State, given: Parameters, p: Fields, near: Neighbours, believed: Beliefs, own: F32) -> None:
+def change_lanes(
+    state: State, given: Parameters, p: Fields, near: Neighbours, believed: Beliefs, own: F32
+) -> None:
     """Let everybody but the ego change lanes where it pays and is safe."""
     c, road = given.constants, given.road
     to_fast, to_slow = incentives(state, given, p, believed, own)
@@ -67,8 +84,18 @@ def change_lanes(state: State, given: Parameters, p: Fields, near: Neighbours, b
     ready[Role.EGO] = False
     exists_fast = state.lane < np.float32(road.num_lanes - 1)
     exists_slow = state.lane >= np.float32(1.0)
-    fast = ready & exists_fast & (to_fast > p.threshold) & is_safe(state, given, p, believed, FAST_LEAD, FAST_REAR)
-    slow = ready & exists_slow & (to_slow > p.threshold) & is_safe(state, given, p, believed, SLOW_LEAD, SLOW_REAR)
+    fast = (
+        ready
+        & exists_fast
+        & (to_fast > p.threshold)
+        & is_safe(state, given, p, believed, FAST_LEAD, FAST_REAR)
+    )
+    slow = (
+        ready
+        & exists_slow
+        & (to_slow > p.threshold)
+        & is_safe(state, given, p, believed, SLOW_LEAD, SLOW_REAR)
+    )
     slow = slow & ~fast
     turn_to_lane(state, given, p, fast, slow)
     done = state.path_time >= state.path_duration
@@ -77,7 +104,9 @@ def change_lanes(state: State, given: Parameters, p: Fields, near: Neighbours, b
 
 def turn_to_lane(state: State, given: Parameters, p: Fields, fast: Mask, slow: Mask) -> None:
     """Begin a lane change of the masked vehicles, with the indicator where it is used."""
-    step = np.where(fast, np.float32(1.0), np.float32(0.0)) - np.where(slow, np.float32(1.0), np.float32(0.0))
+    step = np.where(fast, np.float32(1.0), np.float32(0.0)) - np.where(
+        slow, np.float32(1.0), np.float32(0.0)
+    )
     state.lane = state.lane + step
     low, high = lane_borders(state, given, 0.0)
     begin_path(state, fast | slow, np.float32(0.5) * (low + high), p.lane_change_duration)

@@ -63,7 +63,11 @@ def find_neighbours(state: State, given: Parameters, p: Fields) -> Neighbours:
         low_side = state.d[j] - p.half_width[j]
         high_side = state.d[j] + p.half_width[j]
         for k, (low, high) in enumerate(bands):
-            inside = others & (high_side > low + c.corridor_margin) & (low_side < high - c.corridor_margin)
+            inside = (
+                others
+                & (high_side > low + c.corridor_margin)
+                & (low_side < high - c.corridor_margin)
+            )
             front = inside & (ahead >= 0) & (ahead < nearest[2 * k])
             back = inside & (ahead < 0) & (-ahead < nearest[2 * k + 1])
             nearest[2 * k] = np.where(front, ahead, nearest[2 * k])
@@ -74,6 +78,11 @@ def find_neighbours(state: State, given: Parameters, p: Fields) -> Neighbours:
             aside[2 * k + 1] = np.where(back, beside, aside[2 * k + 1])
     half = pick(p.half_length, slot)
     return Neighbours(
-        slot=slot, gap=nearest - (half + p.half_length), distance=nearest, aside=aside, half_length=half,
-        lane_low=bands[0][0], lane_high=bands[0][1],
-    )  # fmt: skip
+        slot=slot,
+        gap=nearest - (half + p.half_length),
+        distance=nearest,
+        aside=aside,
+        half_length=half,
+        lane_low=bands[0][0],
+        lane_high=bands[0][1],
+    )

@@ -69,7 +69,13 @@ def is_hidden(p: Fields, near: Neighbours, role: int) -> Mask:
 
 
 def strain(
-    state: State, given: Parameters, p: Fields, q: Fields, near: Neighbours, role: int, depths: tuple[F32, F32]
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: Fields,
+    near: Neighbours,
+    role: int,
+    depths: tuple[F32, F32],
 ) -> F32:
     """How close to the limit of sight a neighbour is: below 1 it can be seen.
 
@@ -92,12 +98,20 @@ def strain(
         lamp = np.where(braking, minimum(lamp, c.inverse_stop_lamp), lamp)
     else:
         lamp = pick(p.inverse_head_lamp, slot)
-    by_lamp = np.sqrt(distance * distance * (q.lamp_threshold * lamp) * exp(minimum(depth, _DEEPEST)))
+    by_lamp = np.sqrt(
+        distance * distance * (q.lamp_threshold * lamp) * exp(minimum(depth, _DEEPEST))
+    )
     return minimum(by_contrast, by_lamp)
 
 
 def notice(
-    state: State, given: Parameters, p: Fields, q: Fields, near: Neighbours, role: int, depths: tuple[F32, F32]
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: Fields,
+    near: Neighbours,
+    role: int,
+    depths: tuple[F32, F32],
 ) -> Mask:
     """Whether each driver has noticed the neighbour in `role`; advances the time in view."""
     c = given.constants
@@ -122,7 +136,9 @@ def notice(
     return visible & (state.seen_time[role] >= needed)
 
 
-def perceive(state: State, given: Parameters, p: Fields, q: Fields, near: Neighbours, decision: int) -> Beliefs:
+def perceive(
+    state: State, given: Parameters, p: Fields, q: Fields, near: Neighbours, decision: int
+) -> Beliefs:
     """What each driver believes about the six neighbours.
 
     Others are seen as they were a reaction time ago and carried on at constant speed, as in the human
@@ -148,7 +164,9 @@ def perceive(state: State, given: Parameters, p: Fields, q: Fields, near: Neighb
         gap = ahead - (near.half_length[role] + p.half_length)
         closing = own_speed - speed if role % 2 == 0 else speed - own_speed
         distance = maximum(gap, np.float32(1.0))
-        looming = pick(p.loom_width, slot) * np.abs(closing) > c.looming_threshold * (distance * distance)
+        looming = pick(p.loom_width, slot) * np.abs(closing) > c.looming_threshold * (
+            distance * distance
+        )
         sensed = closing * (np.float32(1.0) + q.speed_error * state.speed_error)
         detected.append(noticed)
         gaps.append(np.where(noticed, gap * judged, UNSEEN_GAP))

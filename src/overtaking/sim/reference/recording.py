@@ -5,7 +5,15 @@ from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask, clamp
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import NO_VEHICLE, Contacts, DecisionKind, Lights, Percepts, States, Trajectories
+from overtaking.model.trajectory import (
+    NO_VEHICLE,
+    Contacts,
+    DecisionKind,
+    Lights,
+    Percepts,
+    States,
+    Trajectories,
+)
 from overtaking.model.vehicles import Role
 from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.neighbours import Neighbours
@@ -45,31 +53,53 @@ class Recorder:
         half = lambda: np.zeros((n, slots, frames), np.int16)  # noqa: E731
         byte = lambda: np.zeros((n, slots, frames), np.uint8)  # noqa: E731
         self.states = States(
-            x=wide(), y=wide(), s=wide(), d=wide(), speed=wide(), heading=half(), wheel_angle=half(),
-            accel_lon=half(), accel_lat=half(), yaw_rate=half(), lane=byte(), lights=byte(),
-        )  # fmt: skip
+            x=wide(),
+            y=wide(),
+            s=wide(),
+            d=wide(),
+            speed=wide(),
+            heading=half(),
+            wheel_angle=half(),
+            accel_lon=half(),
+            accel_lat=half(),
+            yaw_rate=half(),
+            lane=byte(),
+            lights=byte(),
+        )
         self.stage = np.zeros((n, frames), np.uint8)
         self.collided_with = np.full((n, frames), NO_VEHICLE)
         self.num_frames = np.zeros(n, np.int32)
         triple = (n, MAX_PERCEPTS, 3)
         self.beliefs = Percepts(
-            valid=np.zeros(triple[:2], bool), kind=np.zeros(triple[:2], np.uint8), time=np.zeros(triple[:2], np.int32),
-            vehicle=np.full(triple, NO_VEHICLE), detected=np.zeros(triple, bool), gap=np.zeros(triple, np.int32),
-            closing_speed=np.zeros(triple, np.int32), true_gap=np.zeros(triple, np.int32),
+            valid=np.zeros(triple[:2], bool),
+            kind=np.zeros(triple[:2], np.uint8),
+            time=np.zeros(triple[:2], np.int32),
+            vehicle=np.full(triple, NO_VEHICLE),
+            detected=np.zeros(triple, bool),
+            gap=np.zeros(triple, np.int32),
+            closing_speed=np.zeros(triple, np.int32),
+            true_gap=np.zeros(triple, np.int32),
             true_closing_speed=np.zeros(triple, np.int32),
-        )  # fmt: skip
+        )
         self.scenario, self.given = scenario, given
         self.hash = np.stack([np.full(n, word, np.uint32) for word in _START])
 
     def frame(self, state: State, p: Fields, active: Mask, number: int) -> None:
         """Write down one frame of the simulations that still run."""
         filled = p.valid > 0
-        values = {name: np.where(filled, value, np.int32(0)) for name, value in self._values(state, p).items()}
+        values = {
+            name: np.where(filled, value, np.int32(0))
+            for name, value in self._values(state, p).items()
+        }
         for name, recorded in values.items():
             rows = getattr(self.states, name)
             rows[active, :, number] = recorded.T[active].astype(rows.dtype)
         stage = state.stage.astype(np.int32)
-        partner = np.where(state.contact_partner[Role.EGO] < 0, np.int32(NO_VEHICLE), state.contact_partner[Role.EGO].astype(np.int32))
+        partner = np.where(
+            state.contact_partner[Role.EGO] < 0,
+            np.int32(NO_VEHICLE),
+            state.contact_partner[Role.EGO].astype(np.int32),
+        )
         self.stage[active, number] = stage[active]
         self.collided_with[active, number] = partner[active]
         self.num_frames[active] = number + 1
@@ -92,8 +122,14 @@ class Recorder:
             "s": rounded(state.s, _THOUSAND),
             "d": rounded(d, _THOUSAND),
             "speed": rounded(np.sqrt(state.vx * state.vx + state.vy * state.vy), _THOUSAND),
-            "heading": rounded(wrapped(road.heading + side * state.psi), _TEN_THOUSAND, _INT16_LIMIT),
-            "wheel_angle": rounded(side * np.where(p.two_wheeler > 0, np.float32(0.0), state.wheel), _TEN_THOUSAND, _INT16_LIMIT),
+            "heading": rounded(
+                wrapped(road.heading + side * state.psi), _TEN_THOUSAND, _INT16_LIMIT
+            ),
+            "wheel_angle": rounded(
+                side * np.where(p.two_wheeler > 0, np.float32(0.0), state.wheel),
+                _TEN_THOUSAND,
+                _INT16_LIMIT,
+            ),
             "accel_lon": rounded(state.a_lon, _THOUSAND, _INT16_LIMIT),
             "accel_lat": rounded(side * state.a_lat, _THOUSAND, _INT16_LIMIT),
             "yaw_rate": rounded(side * state.r, _TEN_THOUSAND, _INT16_LIMIT),
@@ -106,12 +142,23 @@ class Recorder:
         left = np.where(towards_left > 0, np.int32(Lights.INDICATOR_LEFT), np.int32(0))
         right = np.where(towards_left < 0, np.int32(Lights.INDICATOR_RIGHT), np.int32(0))
         braking = (state.accel < np.float32(-0.5)) | (state.crashed > 0)
-        return p.lights.astype(np.int32) + left + right + np.where(braking, np.int32(Lights.BRAKE), np.int32(0))
+        return (
+            p.lights.astype(np.int32)
+            + left
+            + right
+            + np.where(braking, np.int32(Lights.BRAKE), np.int32(0))
+        )
 
     def percepts(
-        self, state: State, near: Neighbours, believed: Beliefs, mask: Mask, kind: DecisionKind,
-        roles: tuple[int, int, int], step: int,
-    ) -> None:  # fmt: skip
+        self,
+        state: State,
+        near: Neighbours,
+        believed: Beliefs,
+        mask: Mask,
+        kind: DecisionKind,
+        roles: tuple[int, int, int],
+        step: int,
+    ) -> None:
         """Write down what the ego believed at a decision, as long as there is room."""
         mask = mask & (state.num_percepts < MAX_PERCEPTS) & (np.float32(step) <= state.end_step)
         rows = np.flatnonzero(mask)
@@ -119,24 +166,36 @@ class Recorder:
             return
         at = state.num_percepts[rows].astype(np.int64)
         b = self.beliefs
-        b.valid[rows, at], b.kind[rows, at], b.time[rows, at] = True, np.uint8(kind), np.int32(step * 10)
+        b.valid[rows, at], b.kind[rows, at], b.time[rows, at] = (
+            True,
+            np.uint8(kind),
+            np.int32(step * 10),
+        )
         speed, _ = road_velocity(state)
         for column, role in enumerate(roles):
             slot = near.slot[role, Role.EGO]
             nobody = slot < 0
-            closing = speed[Role.EGO] - pick(speed, slot) if role % 2 == 0 else pick(speed, slot) - speed[Role.EGO]
+            closing = (
+                speed[Role.EGO] - pick(speed, slot)
+                if role % 2 == 0
+                else pick(speed, slot) - speed[Role.EGO]
+            )
             value = {
                 "vehicle": np.where(nobody, np.int32(NO_VEHICLE), slot.astype(np.int32)),
                 "detected": believed.detected[role, Role.EGO],
                 "gap": rounded(believed.gap[role, Role.EGO], _THOUSAND),
                 "closing_speed": rounded(believed.closing[role, Role.EGO], _THOUSAND),
-                "true_gap": np.where(nobody, np.int32(0), rounded(near.gap[role, Role.EGO], _THOUSAND)),
+                "true_gap": np.where(
+                    nobody, np.int32(0), rounded(near.gap[role, Role.EGO], _THOUSAND)
+                ),
                 "true_closing_speed": np.where(nobody, np.int32(0), rounded(closing, _THOUSAND)),
             }
             for name, numbers in value.items():
                 array = getattr(b, name)
                 array[rows, at, column] = numbers[rows].astype(array.dtype)
-        state.num_percepts = np.where(mask, state.num_percepts + np.float32(1.0), state.num_percepts)
+        state.num_percepts = np.where(
+            mask, state.num_percepts + np.float32(1.0), state.num_percepts
+        )
 
     def _mix(self, words: list[NDArray[np.int32]], mask: Mask) -> None:
         """One round of the hash: four words into four accumulators (xxHash32's round, Collet 2012)."""
@@ -148,7 +207,9 @@ class Recorder:
     def finish(self, state: State) -> Trajectories:
         """The recorded batch, trimmed to its longest simulation, with contacts and hashes."""
         contacts = Contacts(
-            partner=np.where(state.contact_partner < 0, np.float32(255.0), state.contact_partner).T.astype(np.uint8),
+            partner=np.where(
+                state.contact_partner < 0, np.float32(255.0), state.contact_partner
+            ).T.astype(np.uint8),
             time=rounded(state.contact_time, _THOUSAND).T.copy(),
             impulse=rounded(state.contact_impulse, np.float32(1.0)).T.copy(),
             closing_speed=rounded(state.contact_speed, _THOUSAND).T.copy(),
@@ -162,20 +223,32 @@ class Recorder:
             words = [b.kind[:, k], b.time[:, k]]
             for column in range(3):
                 words += [b.vehicle[:, k, column], b.detected[:, k, column], b.gap[:, k, column]]
-                words += [b.closing_speed[:, k, column], b.true_gap[:, k, column], b.true_closing_speed[:, k, column]]
+                words += [
+                    b.closing_speed[:, k, column],
+                    b.true_gap[:, k, column],
+                    b.true_closing_speed[:, k, column],
+                ]
             for at in range(0, len(words), 4):
                 self._mix([word.astype(np.int32) for word in words[at : at + 4]], b.valid[:, k])
         longest = int(self.num_frames.max()) if len(self.num_frames) else 0
         trimmed = {name: getattr(self.states, name)[:, :, :longest] for name in States.__slots__}
         return Trajectories(
-            scenario=self.scenario, num_frames=self.num_frames, states=States(**trimmed), stage=self.stage[:, :longest],
-            collided_with=self.collided_with[:, :longest], contacts=contacts, percepts=b, trace_hash=self._digest(),
-        )  # fmt: skip
+            scenario=self.scenario,
+            num_frames=self.num_frames,
+            states=States(**trimmed),
+            stage=self.stage[:, :longest],
+            collided_with=self.collided_with[:, :longest],
+            contacts=contacts,
+            percepts=b,
+            trace_hash=self._digest(),
+        )
 
     def _digest(self) -> NDArray[np.uint32]:
         words = []
         for k in range(4):
-            word = self.hash[k] + ((self.hash[(k + 1) % 4] << np.uint32(7)) | (self.hash[(k + 1) % 4] >> np.uint32(25)))
+            word = self.hash[k] + (
+                (self.hash[(k + 1) % 4] << np.uint32(7)) | (self.hash[(k + 1) % 4] >> np.uint32(25))
+            )
             word = (word ^ (word >> np.uint32(15))) * _PRIME_2
             word = (word ^ (word >> np.uint32(13))) * _PRIME_3
             words.append(word ^ (word >> np.uint32(16)))

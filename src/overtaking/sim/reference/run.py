@@ -4,8 +4,23 @@ import numpy as np
 
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
-from overtaking.sim.parameters import SIMULATION_FIELDS, SUBSTEPS, VEHICLE_FIELDS, Parameters, parameters
-from overtaking.sim.reference import collisions, control, dynamics, ego, environment, mobil, perception, steering
+from overtaking.sim.parameters import (
+    SIMULATION_FIELDS,
+    SUBSTEPS,
+    VEHICLE_FIELDS,
+    Parameters,
+    parameters,
+)
+from overtaking.sim.reference import (
+    collisions,
+    control,
+    dynamics,
+    ego,
+    environment,
+    mobil,
+    perception,
+    steering,
+)
 from overtaking.sim.reference.neighbours import find_neighbours
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import Fields, State, initial_state
@@ -25,7 +40,9 @@ def simulate(scenario: Scenario) -> Trajectories:
     return run(scenario, parameters(scenario))
 
 
-def run(scenario: Scenario, given: Parameters, later: Parameters | None = None, switch: int = 0) -> Trajectories:
+def run(
+    scenario: Scenario, given: Parameters, later: Parameters | None = None, switch: int = 0
+) -> Trajectories:
     """Simulate a batch from its parameters; from step `switch` on with the parameters `later`."""
     state = initial_state(given)
     recorder = Recorder(scenario, given)
@@ -34,7 +51,11 @@ def run(scenario: Scenario, given: Parameters, later: Parameters | None = None, 
     step = 0
     while (np.float32(step) <= state.end_step).any():
         if later is not None and step == switch:
-            given, p, q = later, Fields(VEHICLE_FIELDS, later.vehicle), Fields(SIMULATION_FIELDS, later.simulation)
+            given, p, q = (
+                later,
+                Fields(VEHICLE_FIELDS, later.vehicle),
+                Fields(SIMULATION_FIELDS, later.simulation),
+            )
         if step % SUBSTEPS == 0:
             pairs = decide(state, given, p, q, recorder, step)
         if step % given.record_every == 0:
@@ -44,7 +65,9 @@ def run(scenario: Scenario, given: Parameters, later: Parameters | None = None, 
     return recorder.finish(state)
 
 
-def decide(state: State, given: Parameters, p: Fields, q: Fields, recorder: Recorder, step: int) -> Pairs:
+def decide(
+    state: State, given: Parameters, p: Fields, q: Fields, recorder: Recorder, step: int
+) -> Pairs:
     """Everything that happens 20 times a second: weather, perception, decisions."""
     c = given.constants
     decision = step // SUBSTEPS

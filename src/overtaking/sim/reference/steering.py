@@ -22,9 +22,13 @@ def begin_path(state: State, moved: Mask, centre: F32, duration: F32) -> None:
     bend = -accel
     t2 = t * t
     t3 = t2 * t
-    c3 = (np.float32(10.0) * rest - np.float32(4.0) * (lost * t) + np.float32(0.5) * (bend * t2)) / t3
+    c3 = (
+        np.float32(10.0) * rest - np.float32(4.0) * (lost * t) + np.float32(0.5) * (bend * t2)
+    ) / t3
     c4 = (np.float32(-15.0) * rest + np.float32(7.0) * (lost * t) - bend * t2) / (t3 * t)
-    c5 = (np.float32(6.0) * rest - np.float32(3.0) * (lost * t) + np.float32(0.5) * (bend * t2)) / (t3 * t2)
+    c5 = (np.float32(6.0) * rest - np.float32(3.0) * (lost * t) + np.float32(0.5) * (bend * t2)) / (
+        t3 * t2
+    )
     for k, value in enumerate((place, speed, np.float32(0.5) * accel, c3, c4, c5)):
         state.path[k] = np.where(moved, value, state.path[k])
     state.path_time = np.where(moved, np.float32(0.0), state.path_time)
@@ -39,7 +43,9 @@ def path_now(state: State) -> tuple[F32, F32, F32]:
     two, three, four, five = (np.float32(k) for k in (2.0, 3.0, 4.0, 5.0))
     place = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
     speed = c1 + t * (two * c2 + t * (three * c3 + t * (four * c4 + t * (five * c5))))
-    accel = two * c2 + t * (np.float32(6.0) * c3 + t * (np.float32(12.0) * c4 + t * (np.float32(20.0) * c5)))
+    accel = two * c2 + t * (
+        np.float32(6.0) * c3 + t * (np.float32(12.0) * c4 + t * (np.float32(20.0) * c5))
+    )
     return place, speed, accel
 
 
