@@ -10,6 +10,9 @@ use crate::state::{EGO, Each, State, World, stage};
 /// Which pairs may touch before the next decision, by (lower slot, higher slot).
 pub type Pairs<S> = [[Option<M<S>>; MAX_VEHICLES]; MAX_VEHICLES];
 
+/// A vector along and across the road.
+type Vector<S> = (V<S>, V<S>);
+
 /// One vehicle of each simulation as an oriented box.
 #[derive(Clone, Copy)]
 struct Corpus<S: Simd> {
@@ -159,8 +162,8 @@ fn corpus<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> Corpus<S
 fn first_contact<S: Simd>(
     a: &Corpus<S>,
     b: &Corpus<S>,
-    then: (V<S>, V<S>),
-    now: (V<S>, V<S>),
+    then: Vector<S>,
+    now: Vector<S>,
 ) -> (V<S>, V<S>, V<S>, V<S>) {
     let simd = a.s.simd;
     let turn_cosine = (a.cosine * b.cosine + a.sine * b.sine).abs();
@@ -197,7 +200,7 @@ fn first_contact<S: Simd>(
 }
 
 #[inline(always)]
-fn contact_arms<S: Simd>(a: &Corpus<S>, b: &Corpus<S>) -> ((V<S>, V<S>), (V<S>, V<S>)) {
+fn contact_arms<S: Simd>(a: &Corpus<S>, b: &Corpus<S>) -> (Vector<S>, Vector<S>) {
     let (ahead, aside) = (b.s - a.s, b.d - a.d);
     let near_a = nearest_point(a, ahead, aside);
     let near_b = nearest_point(b, -ahead, -aside);
@@ -209,7 +212,7 @@ fn contact_arms<S: Simd>(a: &Corpus<S>, b: &Corpus<S>) -> ((V<S>, V<S>), (V<S>, 
 }
 
 #[inline(always)]
-fn nearest_point<S: Simd>(box_: &Corpus<S>, ahead: V<S>, aside: V<S>) -> (V<S>, V<S>) {
+fn nearest_point<S: Simd>(box_: &Corpus<S>, ahead: V<S>, aside: V<S>) -> Vector<S> {
     let (sine, cosine) = (box_.sine, box_.cosine);
     let along = clamp(
         ahead * cosine + aside * sine,
@@ -232,8 +235,8 @@ fn velocity<S: Simd>(
     state: &State<'_, S>,
     box_: &Corpus<S>,
     i: usize,
-    arm: (V<S>, V<S>),
-) -> (V<S>, V<S>) {
+    arm: Vector<S>,
+) -> Vector<S> {
     let along = state.vx[i] * box_.cosine - state.vy[i] * box_.sine - state.r[i] * arm.1;
     let across = state.vx[i] * box_.sine + state.vy[i] * box_.cosine + state.r[i] * arm.0;
     (along, across)
@@ -252,7 +255,7 @@ fn push<S: Simd>(
     lever: V<S>,
 ) {
     let change = impulse * w.p[i].inverse_mass;
-    state.vx[i] = state.vx[i] + change * (along * box_.cosine + across * box_.sine);
-    state.vy[i] = state.vy[i] + change * (across * box_.cosine - along * box_.sine);
-    state.r[i] = state.r[i] + impulse * lever * w.p[i].inverse_inertia;
+    state.vx[i] += change * (along * box_.cosine + across * box_.sine);
+    state.vy[i] += change * (across * box_.cosine - along * box_.sine);
+    state.r[i] += impulse * lever * w.p[i].inverse_inertia;
 }

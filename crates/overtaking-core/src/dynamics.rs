@@ -180,9 +180,9 @@ pub fn integrate<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, i: usize, 
     state.vx[i] = choose(stands, zero, vx);
     state.vy[i] = choose(stands, zero, vy);
     state.r[i] = choose(stands, zero, r);
-    state.psi[i] = state.psi[i] + c.step * state.r[i];
+    state.psi[i] += c.step * state.r[i];
     let (sine, cosine) = sincos(state.psi[i]);
     (state.sine[i], state.cosine[i]) = (sine, cosine);
-    state.s[i] = state.s[i] + c.step * (state.vx[i] * cosine - state.vy[i] * sine);
-    state.d[i] = state.d[i] + c.step * (state.vx[i] * sine + state.vy[i] * cosine);
+    state.s[i] += c.step * (state.vx[i] * cosine - state.vy[i] * sine);
+    state.d[i] += c.step * (state.vx[i] * sine + state.vy[i] * cosine);
 }

@@ -103,6 +103,21 @@ fn must_abort<S: Simd>(w: &World<'_, S>, view: &View<'_, S>) -> M<S> {
     (bad_rear | bad_front) & room
 }
 
+/// What the ego sets out to do at a decision.
+struct Intent<S: Simd> {
+    /// Wants to pull out, or to change back, and shows it.
+    start: M<S>,
+    back: M<S>,
+    /// Does it now.
+    go_out: M<S>,
+    go_back: M<S>,
+    abort: M<S>,
+    /// The target is behind.
+    passed: M<S>,
+    /// The last lane change is over.
+    arrived: M<S>,
+}
+
 /// One decision of every ego of the block.
 #[inline(always)]
 pub fn decide<S: Simd>(
@@ -113,12 +128,10 @@ pub fn decide<S: Simd>(
     recorder: &mut Recorder<'_>,
     step: u32,
 ) {
-    let (c, q, n) = (w.c, &w.q, w.count);
     let own = &w.p[EGO];
-    let zero = splat(w.simd, 0.0);
     let impatience = at_least(
         exp(-(state.waited * own.inverse_patience)),
-        c.patience_floor,
+        w.c.patience_floor,
     );
     let view = View {
         own,
@@ -130,118 +143,176 @@ pub fn decide<S: Simd>(
         demand: own.gap_acceptance * impatience,
         impatience,
     };
+    state.stage_time += w.c.decision;
+    wait(state, w, &view);
+    let intent = intend(state, w, &view);
+    let (out, back) = ([LEAD, FAST_LEAD, FAST_REAR], [LEAD, SLOW_LEAD, SLOW_REAR]);
+    recorder.percepts(
+        state,
+        w,
+        near,
+        believed,
+        intent.go_out,
+        Kind::PullOut,
+        out,
+        step,
+    );
+    recorder.percepts(
+        state,
+        w,
+        near,
+        believed,
+        intent.abort,
+        Kind::Abort,
+        back,
+        step,
+    );
+    recorder.percepts(
+        state,
+        w,
+        near,
+        believed,
+        intent.go_back,
+        Kind::Return,
+        back,
+        step,
+    );
     let old = state.stage;
-    let sound = state.crashed[EGO].simd_eq(0.0);
-    let arrived = state.path_time[EGO].simd_ge(state.path_duration[EGO]);
-    state.stage_time = state.stage_time + c.decision;
+    let next = next_stage(state, w, near, &intent);
+    act(state, w, near, &intent);
+    end(state, w, &intent, next, step);
+    state.stage_time = choose(next.simd_ne(old), splat(w.simd, 0.0), state.stage_time);
+    state.stage = next;
+}
 
-    let queues = view.gap[LEAD].simd_lt(c.waiting_time_gap * view.speed);
-    let waits = (sound & old.simd_eq(stage::FOLLOW))
+/// Whether the ego is sound and in a stage.
+#[inline(always)]
+fn in_stage<S: Simd>(state: &State<'_, S>, which: f32) -> M<S> {
+    state.crashed[EGO].simd_eq(0.0) & state.stage.simd_eq(which)
+}
+
+/// Count the time behind a slower leader.
+#[inline(always)]
+fn wait<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, view: &View<'_, S>) {
+    let queues = view.gap[LEAD].simd_lt(w.c.waiting_time_gap * view.speed);
+    let waits = in_stage(state, stage::FOLLOW)
         & view.detected[LEAD]
         & queues
-        & own.desired_speed.simd_gt(view.leader_speed);
-    state.waited = choose(waits, state.waited + c.decision, state.waited);
+        & view.own.desired_speed.simd_gt(view.leader_speed);
+    state.waited = choose(waits, state.waited + w.c.decision, state.waited);
+}
 
-    let free = (sound & old.simd_eq(stage::FOLLOW))
+#[inline(always)]
+fn intend<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, view: &View<'_, S>) -> Intent<S> {
+    let (c, q, n) = (w.c, &w.q, w.count);
+    let arrived = state.path_time[EGO].simd_ge(state.path_duration[EGO]);
+    let free = in_stage(state, stage::FOLLOW)
         & arrived
-        & state.since_change[EGO].simd_ge(c.abort_cooldown);
-    let free = free & state.lane[EGO].simd_lt((w.road.num_lanes - 1) as f32);
-    let start = free & wants_to_pass(&view) & may_pull_out(w, &view) & q.command.simd_ne(STAY);
+        & state.since_change[EGO].simd_ge(c.abort_cooldown)
+        & state.lane[EGO].simd_lt((w.road.num_lanes - 1) as f32);
+    let start = free & wants_to_pass(view) & may_pull_out(w, view) & q.command.simd_ne(STAY);
     let start = start | (free & q.command.simd_eq(PULL_OUT_NOW) & state.attempted.simd_eq(0.0));
 
-    let slower_lane = (sound & old.simd_eq(stage::PASS)) & state.lane[EGO].simd_ge(1.0);
+    let slower_lane = in_stage(state, stage::PASS) & state.lane[EGO].simd_ge(1.0);
     let target_s = pick!(n, state.target, |j| state.s[j]);
-    let behind = state.s[EGO] - target_s;
-    let bodies = own.half_length + pick!(n, state.target, |j| w.p[j].half_length);
-    let passed = behind.simd_gt(bodies + c.clear_ahead);
+    let bodies = view.own.half_length + pick!(n, state.target, |j| w.p[j].half_length);
+    let passed = (state.s[EGO] - target_s).simd_gt(bodies + c.clear_ahead);
     let stuck = state.stage_time.simd_gt(c.give_up_after) & state.s[EGO].simd_lt(target_s);
-    let back = slower_lane & may_return(w, &view) & (passed | stuck);
+    let back = slower_lane & may_return(w, view) & (passed | stuck);
     let back = back | (slower_lane & q.command.simd_eq(RETURN_NOW));
 
+    let zero = splat(w.simd, 0.0);
     state.signalled = choose(start | back, state.signalled + c.decision, zero);
-    let ready = state.signalled.simd_gt(own.signal_time);
-    let (go_out, go_back) = (start & ready, back & ready);
-
-    let entering = sound & old.simd_eq(stage::PULL_OUT);
+    let ready = state.signalled.simd_gt(view.own.signal_time);
     let early = state.path_time[EGO].simd_lt(c.abort_until * state.path_duration[EGO]);
-    let abort = entering & early & (must_abort(w, &view) | q.command.simd_eq(ABORT_NOW));
-
-    let slow_roles = [LEAD, SLOW_LEAD, SLOW_REAR];
-    recorder.percepts(
-        state,
-        w,
-        near,
-        believed,
-        go_out,
-        Kind::PullOut,
-        [LEAD, FAST_LEAD, FAST_REAR],
-        step,
-    );
-    recorder.percepts(
-        state,
-        w,
-        near,
-        believed,
-        abort,
-        Kind::Abort,
-        slow_roles,
-        step,
-    );
-    recorder.percepts(
-        state,
-        w,
-        near,
-        believed,
-        go_back,
-        Kind::Return,
-        slow_roles,
-        step,
-    );
-
-    state.target = choose(go_out, near.slot[LEAD], state.target);
-    state.attempted = choose(go_out, splat(w.simd, 1.0), state.attempted);
-    turn_to_lane(state, w, EGO, go_out, go_back | abort);
-    let straight = arrived & !go_out & !go_back & !abort;
-    let side = choose(
+    let abort = in_stage(state, stage::PULL_OUT)
+        & early
+        & (must_abort(w, view) | q.command.simd_eq(ABORT_NOW));
+    Intent {
         start,
-        splat(w.simd, 1.0),
-        choose(back, splat(w.simd, -1.0), zero),
-    );
-    state.indicator[EGO] = choose(straight, side * own.uses_indicator, state.indicator[EGO]);
+        back,
+        go_out: start & ready,
+        go_back: back & ready,
+        abort,
+        passed,
+        arrived,
+    }
+}
 
+#[inline(always)]
+fn next_stage<S: Simd>(
+    state: &State<'_, S>,
+    w: &World<'_, S>,
+    near: &Neighbours<S>,
+    intent: &Intent<S>,
+) -> V<S> {
     let centre = 0.5 * (near.lane_low + near.lane_high);
-    let finished = arrived & (state.d[EGO] - centre).abs().simd_lt(c.settled_offset);
-    let next = choose(go_out, splat(w.simd, stage::PULL_OUT), old);
-    let next = choose(entering & arrived, splat(w.simd, stage::PASS), next);
-    let next = choose(abort, splat(w.simd, stage::ABORT), next);
+    let settled = (state.d[EGO] - centre).abs().simd_lt(w.c.settled_offset);
+    let finished = intent.arrived & settled;
+    let [pull_out, pass, back, done, abort, follow] = [
+        stage::PULL_OUT,
+        stage::PASS,
+        stage::RETURN,
+        stage::DONE,
+        stage::ABORT,
+        stage::FOLLOW,
+    ];
+    let next = choose(intent.go_out, splat(w.simd, pull_out), state.stage);
     let next = choose(
-        go_back,
-        choose(
-            passed,
-            splat(w.simd, stage::RETURN),
-            splat(w.simd, stage::ABORT),
-        ),
+        in_stage(state, pull_out) & intent.arrived,
+        splat(w.simd, pass),
         next,
     );
-    let next = choose(
-        (sound & old.simd_eq(stage::RETURN)) & finished,
-        splat(w.simd, stage::DONE),
+    let next = choose(intent.abort, splat(w.simd, abort), next);
+    let returning = choose(intent.passed, splat(w.simd, back), splat(w.simd, abort));
+    let next = choose(intent.go_back, returning, next);
+    let next = choose(in_stage(state, back) & finished, splat(w.simd, done), next);
+    choose(
+        in_stage(state, abort) & finished,
+        splat(w.simd, follow),
         next,
+    )
+}
+
+/// Move over and show it.
+#[inline(always)]
+fn act<S: Simd>(
+    state: &mut State<'_, S>,
+    w: &World<'_, S>,
+    near: &Neighbours<S>,
+    intent: &Intent<S>,
+) {
+    let (zero, one) = (splat(w.simd, 0.0), splat(w.simd, 1.0));
+    let slower = intent.go_back | intent.abort;
+    state.target = choose(intent.go_out, near.slot[LEAD], state.target);
+    state.attempted = choose(intent.go_out, one, state.attempted);
+    turn_to_lane(state, w, EGO, intent.go_out, slower);
+    let straight = intent.arrived & !intent.go_out & !slower;
+    let side = choose(intent.start, one, choose(intent.back, -one, zero));
+    state.indicator[EGO] = choose(
+        straight,
+        side * w.p[EGO].uses_indicator,
+        state.indicator[EGO],
     );
-    let next = choose(
-        (sound & old.simd_eq(stage::ABORT)) & finished,
-        splat(w.simd, stage::FOLLOW),
-        next,
-    );
-    state.stage_time = choose(next.simd_ne(old), zero, state.stage_time);
-    let over = next.simd_eq(stage::DONE) & old.simd_ne(stage::DONE);
+}
+
+/// End the simulation some time after the overtake, or at the deadline without an attempt.
+#[inline(always)]
+fn end<S: Simd>(
+    state: &mut State<'_, S>,
+    w: &World<'_, S>,
+    intent: &Intent<S>,
+    next: V<S>,
+    step: u32,
+) {
+    let c = w.c;
     let now = splat(w.simd, step as f32);
+    let over = next.simd_eq(stage::DONE) & state.stage.simd_ne(stage::DONE);
     let after = now + (c.after_overtake / c.step).round_ties_even();
     state.end_step = choose(over, min(state.end_step, after), state.end_step);
-    let idle = (sound & old.simd_eq(stage::FOLLOW))
+    let idle = in_stage(state, stage::FOLLOW)
         & state.attempted.simd_eq(0.0)
-        & !start
-        & now.simd_ge(q.deadline_step);
+        & !intent.start
+        & now.simd_ge(w.q.deadline_step);
     state.end_step = choose(idle, min(state.end_step, now), state.end_step);
-    state.stage = next;
 }

@@ -1,5 +1,8 @@
 //! Elementary functions with the same bits on every machine; see `overtaking.core.elementary`.
 
+// The coefficients are written as in Python, so that both can be compared digit by digit.
+#![allow(clippy::excessive_precision, clippy::approx_constant)]
+
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16, u32x16};
 

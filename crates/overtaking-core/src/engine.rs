@@ -9,7 +9,8 @@ use crate::collisions::{Pairs, collide, leave_road, near_pairs};
 use crate::fields::{Constants, Simulation, Vehicle};
 use crate::lanes::{LANES, splat};
 use crate::neighbours::find_neighbours;
-use crate::recording::{Output, Recorder, Tile};
+use crate::output::Output;
+use crate::recording::{Recorder, Tile};
 use crate::state::{EGO, History, Road, State, World};
 use crate::{control, dynamics, ego, environment, mobil, perception, steering};
 
@@ -310,7 +311,7 @@ fn surroundings<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, step: u32) 
     let decision = step / SUBSTEPS;
     outlined!(w.simd, {
         for i in 0..w.count {
-            state.since_change[i] = state.since_change[i] + w.c.decision;
+            state.since_change[i] += w.c.decision;
         }
         leave_road(state, w, step);
     });

@@ -188,7 +188,10 @@ pub fn wind<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>) {
         state.tail_wind[i] = q.wind_along * strength;
         let along = at_least(state.vx[i] - state.tail_wind[i], 1.0);
         let angle = atan(across.abs() / along);
-        let (sine, _) = sincos(at_most(c.wind_angle_factor * angle, 1.570_796_3));
+        let (sine, _) = sincos(at_most(
+            c.wind_angle_factor * angle,
+            core::f32::consts::FRAC_PI_2,
+        ));
         let force = p.side_wind * (along * along + across * across) * sine;
         state.wind_force[i] = choose(across.simd_lt(0.0), -force, force);
         let cosine = along / (along * along + across * across).sqrt();

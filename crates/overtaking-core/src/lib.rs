@@ -16,6 +16,7 @@ mod following;
 mod lanes;
 mod mobil;
 mod neighbours;
+mod output;
 mod perception;
 mod philox;
 mod recording;
@@ -25,7 +26,7 @@ mod steering;
 pub use engine::{Inputs, Later, available_levels, current_level, simulate};
 pub use fields::{Constants, SIMULATION_NAMES, VEHICLE_NAMES};
 pub use lanes::LANES;
-pub use recording::{MAX_PERCEPTS, Output};
+pub use output::{MAX_PERCEPTS, Output};
 
 /// Vehicle slots of a simulation.
 pub const MAX_VEHICLES: usize = 8;

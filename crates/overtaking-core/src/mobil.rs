@@ -120,7 +120,7 @@ pub fn turn_to_lane<S: Simd>(
     let (zero, one) = (splat(w.simd, 0.0), splat(w.simd, 1.0));
     let p = &w.p[i];
     let step = choose(fast, one, zero) - choose(slow, one, zero);
-    state.lane[i] = state.lane[i] + step;
+    state.lane[i] += step;
     let (low, high) = lane_borders(w, state.lane[i], 0.0);
     begin_path(
         state,

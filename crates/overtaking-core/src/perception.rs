@@ -93,7 +93,7 @@ fn strain<S: Simd>(
     let distance = clamp_to(near.gap[role], 1.0, FARTHEST);
     let mut depth = depths.0 * distance;
     if is_front {
-        depth = depth + depths.1 * at_most(distance, c.spray_reach);
+        depth += depths.1 * at_most(distance, c.spray_reach);
     }
     let sensitivity = if is_front {
         q.sight_front

@@ -91,5 +91,5 @@ pub fn steer<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, i: usize) {
         state.wheel[i] + turn,
     );
     state.wheel[i] = choose(state.crashed[i].simd_gt(0.0), splat(w.simd, 0.0), moved);
-    state.path_time[i] = state.path_time[i] + c.step;
+    state.path_time[i] += c.step;
 }

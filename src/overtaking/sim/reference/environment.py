@@ -105,7 +105,7 @@ def wind(state: State, given: Parameters, p: Fields, q: Fields) -> None:
     state.tail_wind = q.wind_along * strength
     along = maximum(state.vx - state.tail_wind, one)
     angle = atan(np.abs(across) / along)
-    sine, _ = sincos(minimum(c.wind_angle_factor * angle, np.float32(1.570_796_3)))
+    sine, _ = sincos(minimum(c.wind_angle_factor * angle, np.float32(1.570_796_4)))
     force = p.side_wind * (along * along + across * across) * sine
     state.wind_force = np.where(across < 0, -force, force)
     cosine = along / np.sqrt(along * along + across * across)
