@@ -10,7 +10,7 @@ from overtaking.knowledge.friction import (
 )
 from overtaking.knowledge.presets import Preset, presets
 from overtaking.knowledge.quantity import Distribution, Quantity, Source
-from overtaking.knowledge.reader import quantities, read_section, sources
+from overtaking.knowledge.reader import number, quantities, read_section, sources
 from overtaking.knowledge.vehicles import (
     COLOUR_ORDER,
     VEHICLE_CLASS_ORDER,
@@ -36,6 +36,7 @@ __all__ = [
     "colours",
     "friction_table",
     "hydroplaning",
+    "number",
     "presets",
     "quantities",
     "read_section",

@@ -109,6 +109,31 @@ def quantities(file: str | Path) -> Mapping[str, Quantity | Distribution]:
     return MappingProxyType(dict(_walk(load(file), "", Path(file).name)))
 
 
+def number(file: str | Path, name: str) -> float:
+    """The value of one scalar quantity of a knowledge file.
+
+    Args:
+        file: A name inside the package's data folder, or an absolute path.
+        name: Dotted name of the entry, such as `fog.clear_range`.
+
+    Returns:
+        The value in SI, or in the unit that the name carries as a suffix.
+
+    Raises:
+        KnowledgeError: There is no such entry, or it is a distribution or a table of numbers.
+    """
+    entry = quantities(file).get(name)
+    if isinstance(entry, Quantity):
+        return entry.number
+    raise KnowledgeError.of(
+        what="entry",
+        where=_where(file, name),
+        expected="a quantity",
+        got="none" if entry is None else f"a {entry.kind} distribution",
+        next_step="correct the name, or draw from the distribution",
+    )
+
+
 def _source(id_: str, item: Any) -> Source:
     """One source from its table in the file of sources."""
     if not isinstance(item, dict):

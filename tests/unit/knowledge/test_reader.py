@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from overtaking.core.errors import KnowledgeError
-from overtaking.knowledge import Distribution, Quantity, quantities, read_section, sources
+from overtaking.knowledge import Distribution, Quantity, number, quantities, read_section, sources
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -144,6 +144,25 @@ def test_quantities_are_named_by_their_path_in_the_order_of_the_file(toml: Toml)
     assert list(found) == ["a.b.time", "a.b.count", "a.b.inner.gap", "a.b.length", "a.b.speeds"]
     assert isinstance(found["a.b.time"], Distribution)
     assert isinstance(found["a.b.length"], Quantity)
+
+
+def test_a_number_is_asked_for_by_its_path(toml: Toml):
+    assert number(toml(WHOLE), "a.b.length") == 4.4
+    assert number("friction.toml", "table.sliding_ratio") < 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("a.b.width", "example.toml [a.b.width]: entry: expected a quantity, got none"),
+        ("a.b.time", "example.toml [a.b.time]: entry: expected a quantity, got a uniform dist"),
+        ("a.b.speeds", "expected one number, got 2 entries"),
+    ],
+)
+def test_what_is_no_number_is_refused_as_one(toml: Toml, name: str, message: str):
+    with pytest.raises(KnowledgeError) as caught:
+        number(toml(WHOLE), name)
+    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize("bare", ["3", "3.5", "[1, 2]", "1979-05-27"])
