@@ -232,7 +232,7 @@ def test_the_data_card_says_how_to_make_and_read_it_and_is_right(copy: Path):
     (query,) = (line.partition("   --")[0] for line in code if line.startswith("select"))
     python = "\n".join(line for line in code if not line.startswith("select"))
     # The card takes whole shards of the default size for granted, so their values are compared.
-    check = "again = ot.load('again'); assert again.states(17).equals(data.states(17))"
+    check = "again = overtaking.load('again'); assert again.states(17).equals(data.states(17))"
     script = f"{python}\n{check}\nimport duckdb; assert duckdb.sql({query!r}).fetchall()"
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, cwd=copy, capture_output=True, text=True, check=False)

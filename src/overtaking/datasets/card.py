@@ -14,9 +14,11 @@ _HEAD = """\
 Made by the Python package `overtaking`; no recording of real traffic is part of it. Run beside
 this file, the following makes the same values again on any machine:
 
-    import overtaking as ot
-    made = ot.load(".").manifest.identity
-    ot.generate(made.spec, made.simulations, made.seed, "again", road=made.road, keep=made.keep)
+    import overtaking
+    made = overtaking.load(".").manifest.identity
+    overtaking.generate(
+        made.spec, made.simulations, made.seed, "again", road=made.road, keep=made.keep
+    )
 
 | | |
 |---|---|
@@ -33,8 +35,8 @@ this file, the following makes the same values again on any machine:
 
 Every folder below is a table, in Parquet files that any reader takes as one:
 
-    import overtaking as ot
-    data = ot.load(".")                  # pandas, SI units: data.states(17), data.vehicles(), ...
+    import overtaking
+    data = overtaking.load(".")          # pandas, SI units: data.states(17), data.vehicles(), ...
 
     select * from 'states/*.parquet' join 'simulations/*.parquet' using (simulation)   -- DuckDB
 
