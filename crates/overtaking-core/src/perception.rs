@@ -9,8 +9,9 @@ use crate::environment::{lane_film, lane_value};
 use crate::lanes::{
     LANES, M, V, at_least, at_most, choose, clamp_to, floor, max, min, pick, splat,
 };
+use crate::mobil::INTERVAL;
 use crate::neighbours::Neighbours;
-use crate::state::{HISTORY, LEAD, MOMENTS, ROLES, State, World};
+use crate::state::{EGO, HISTORY, LEAD, MOMENTS, ROLES, State, World};
 
 /// Gap that a driver assumes where nobody was noticed [m].
 pub const UNSEEN_GAP: f32 = 1000.0;
@@ -200,6 +201,11 @@ pub fn perceive<S: Simd>(
         tall: pick!(w.count, near.slot[LEAD], |j| w.p[j].tall),
         half_width: pick!(w.count, near.slot[LEAD], |j| w.p[j].half_width),
     };
+    // Beliefs that nobody acts on at this decision are not worked out; what is in view always is.
+    let all = i == EGO || decision.is_multiple_of(INTERVAL);
+    let leaving = state.path_time[i]
+        .simd_lt(state.path_duration[i])
+        .any_true();
     let now = splat(w.simd, decision as f32);
     let then = at_least(now - p.reaction_ticks, 0.0);
     let elapsed = (now - then) * c.decision;
@@ -218,6 +224,9 @@ pub fn perceive<S: Simd>(
             #[inline(always)]
             || notice(state, w, near, i, role, depths, &screen),
         );
+        if !(all || role == LEAD || (leaving && is_front)) {
+            continue;
+        }
         let (place, speed) = recall(state, w.simd, row, slot);
         let place = place + speed * elapsed;
         let ahead = if is_front {

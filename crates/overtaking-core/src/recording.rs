@@ -11,7 +11,7 @@ use crate::perception::Beliefs;
 use crate::state::{EGO, State, World};
 
 /// Frames that are collected before they are moved to their place in memory.
-const TILE: usize = 64;
+const TILE: usize = 16;
 /// Recorded numbers of a vehicle in a frame.
 const WORDS: usize = 12;
 const NO_VEHICLE: i32 = 255;
