@@ -1,0 +1,61 @@
+"""Would it have happened anyway? The same scenes with a decision or the weather changed.
+
+    python examples/what_if.py
+
+Looks for egos that pulled out and then collided, and simulates those scenes again: with a driver
+who stays in the lane, and with thick fog from two seconds before. Up to the change everything is as
+it was, to the last bit.
+"""
+
+import numpy as np
+
+import overtaking as ot
+from overtaking.model.trajectory import NO_VEHICLE, Stage
+from overtaking.sim.branch import Decision
+
+FOG_LEAD = 40  # Frames between the fog and the decision, 2 s.
+
+
+def crashes(runs: ot.Trajectories) -> np.ndarray:
+    """Numbers of the simulations whose ego pulls out and hits somebody after that."""
+    began = np.where(runs.percepts.valid[:, 0], runs.percepts.time[:, 0], np.inf)
+    hit = runs.contacts.partner[:, 0] != NO_VEHICLE
+    return np.flatnonzero(hit & (runs.contacts.time[:, 0] > began))
+
+
+def told(run: ot.Trajectories) -> str:
+    """How a single simulation went."""
+    last = int(run.num_frames[0]) - 1
+    partner = run.contacts.partner[0, 0]
+    if partner == NO_VEHICLE:
+        stage = Stage(int(run.stage[0, last])).name.lower().replace("_", " ")
+        return f"no collision; {stage} at {run.time_ms[last] / 1000:.1f} s"
+    speed = run.contacts.closing_speed[0, 0] * 3.6e-3
+    return f"vehicle {partner} at {run.contacts.time[0, 0] / 1000:.1f} s, {speed:.0f} km/h"
+
+
+def main() -> None:
+    """Print what happened, and what would have."""
+    # Who stays is watched for as long as who pulls out.
+    scenarios = ot.sample("pinto2023", 1000, seed=1, overrides={"time.attempt_deadline_s": 20.0})
+    runs = ot.simulate(scenarios)
+    found = crashes(runs)
+    print(f"{len(found)} of {len(runs.num_frames)} egos pulled out and hit somebody after that\n")
+    print(f"{'':6}{'as it was':30}{'had it stayed':40}had fog come")
+    avoided = 0
+    for number in found:
+        only = slice(number, number + 1)
+        scene, run = scenarios.select(only), runs.select(only)
+        pull_out = int(np.flatnonzero(run.stage[0] == Stage.PULL_OUT)[0])
+        stayed = ot.branch(scene, pull_out, decision=Decision.STAY)
+        assert (stayed.states.s[:, :, :pull_out] == run.states.s[:, :, :pull_out]).all()
+
+        fog = scene.weather.replace(fog=np.full_like(scene.weather.fog, 100.0))
+        fogged = ot.branch(scene, max(0, pull_out - FOG_LEAD), weather=fog)
+        print(f"{number:<6}{told(run):30}{told(stayed):40}{told(fogged)}")
+        avoided += int(stayed.contacts.partner[0, 0] == NO_VEHICLE)
+    print(f"\n{avoided} of them would not have collided in their lane")
+
+
+if __name__ == "__main__":
+    main()
