@@ -26,6 +26,7 @@ from overtaking.model.weather import Weather
 from overtaking.scenarios import Spec
 from overtaking.sim.branch import Decision
 from overtaking.sim.branch import branch as branched
+from overtaking.sim.version import MODEL_VERSION
 
 Profile = str | Path | Mapping[str, Any] | Spec
 """A profile of the package, a TOML file, what a manifest recorded, or a specification."""
@@ -35,9 +36,6 @@ EXPORTS = ("pinto2023",)
 
 SIMULATORS = ("engine", "reference")
 """What can simulate: the compiled engine, and its readable twin with the same results."""
-
-MODEL_VERSION = "1"
-"""Changes whenever a simulated number changes; an unfinished data set then cannot be resumed."""
 
 
 def generate(

@@ -265,7 +265,7 @@ impl<'a> Recorder<'a> {
     pub fn finish<S: Simd>(mut self, state: &State<'_, S>, w: &World<'_, S>) {
         self.flush(w.simd, w.count);
         self.clear_padding(w.count);
-        self.contacts(state);
+        self.contacts(state, w);
         for lane in 0..self.lanes {
             self.out.num_frames[lane] = self.frames[lane] as i32;
             self.mix_percepts(lane);
@@ -300,7 +300,7 @@ impl<'a> Recorder<'a> {
     }
 
     #[inline(always)]
-    fn contacts<S: Simd>(&mut self, state: &State<'_, S>) {
+    fn contacts<S: Simd>(&mut self, state: &State<'_, S>, w: &World<'_, S>) {
         let slots = self.out.slots;
         for i in 0..slots {
             let partner = state.contact_partner[i];
@@ -324,6 +324,10 @@ impl<'a> Recorder<'a> {
                     impulse[lane] as u32,
                     speed[lane] as u32,
                 ];
+                // Empty slots are no part of the hash, which is the same for any number of slots.
+                if w.p[i].valid[lane] == 0.0 {
+                    continue;
+                }
                 for (k, word) in words.into_iter().enumerate() {
                     self.hash[k][lane] = mix_word(self.hash[k][lane], word);
                 }

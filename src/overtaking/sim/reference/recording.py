@@ -214,10 +214,10 @@ class Recorder:
             impulse=rounded(state.contact_impulse, np.float32(1.0)).T.copy(),
             closing_speed=rounded(state.contact_speed, _THOUSAND).T.copy(),
         )
-        everyone = np.ones(len(self.num_frames), bool)
+        valid = self.scenario.vehicles.valid
         for i in range(contacts.partner.shape[1]):
             row = (contacts.partner, contacts.time, contacts.impulse, contacts.closing_speed)
-            self._mix([array[:, i].astype(np.int32) for array in row], everyone)
+            self._mix([array[:, i].astype(np.int32) for array in row], valid[:, i])
         b = self.beliefs
         for k in range(MAX_PERCEPTS):
             words = [b.kind[:, k], b.time[:, k]]
