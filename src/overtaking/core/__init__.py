@@ -1,1 +1,1 @@
-"""overtaking.core"""
+"""What every layer stands on: errors, units, elementary functions and random numbers."""

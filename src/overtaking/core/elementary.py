@@ -2,9 +2,10 @@
 
 NumPy's and libm's last bits depend on the CPU and the version, so the simulator uses these instead:
 only additions, multiplications, divisions, comparisons and integer shifts of float32, written once
-here and once in `crates/overtaking-core/src/elementary.rs` with the same operations in the same order.
-The argument reductions and minimax polynomials are those of the Cephes library, single precision
-(Moshier, *Methods and Programs for Mathematical Functions*, 1989). Tests bound the error against mpmath.
+here and once in `crates/overtaking-core/src/elementary.rs`, with the same operations in the same
+order. The argument reductions and minimax polynomials are those of the Cephes library, single
+precision (Moshier, *Methods and Programs for Mathematical Functions*, 1989). Tests bound the error
+against mpmath.
 """
 
 from typing import Any
@@ -68,7 +69,7 @@ def exp(x: F32Like) -> F32:
 
 
 def log(x: F32Like) -> F32:
-    """Natural logarithm of a positive normal `x`, error below 2 ulp or 1e-7; smaller values count as 1.2e-38."""
+    """Natural logarithm, error below 2 ulp or 1e-7; anything below 1.2e-38 counts as that."""
     x = maximum(as_f32(x), np.float32(1.175_494_4e-38))
     bits = x.view(np.int32)
     exponent = ((bits >> 23) - 126).astype(np.float32)

@@ -1,7 +1,7 @@
 """Counter-based random numbers: Philox 4x32-10.
 
-A draw is a pure function of (seed, simulation, stream, draw number), so a simulation is the same in any
-batch, on any worker and at any SIMD width.
+A draw is a pure function of (seed, simulation, stream, draw number), so a simulation is the same in
+any batch, on any worker and at any SIMD width.
 
 Source:
     Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC'11; constants and
@@ -82,7 +82,7 @@ def words(seed: int, index: U64, stream: U32 | int, draw: int) -> tuple[U32, U32
 
 
 def uniform(word: U32) -> F32:
-    """A 32-bit word as a number in the open interval (0, 1): 23 bits, each exactly representable."""
+    """A 32-bit word as a number in the open interval (0, 1): 23 bits, exactly representable."""
     return ((word >> np.uint32(9)).astype(np.float32) + np.float32(0.5)) * np.float32(2.0**-23)
 
 

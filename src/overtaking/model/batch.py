@@ -15,7 +15,7 @@ class Batch:
     __slots__ = ()
 
     def select(self, simulations: NDArray[np.integer] | slice) -> Self:
-        """The same batch, restricted to the given simulations (an index array, a mask or a slice)."""
+        """The same batch, restricted to some simulations (an index array, a mask or a slice)."""
         changes = {}
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             value = getattr(self, field.name)

@@ -13,6 +13,7 @@ from overtaking.model.vehicles import VehicleSpecs
 from overtaking.model.weather import Weather
 
 MAX_VEHICLES = 8
+"""Vehicle slots of a simulation; the engine has room for no more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +32,7 @@ class Scenario(Batch):
         vehicles: Bodies, (simulation, vehicle).
         drivers: People, (simulation, vehicle).
         weather: Weather, (simulation,).
-        start_s: Position of the centre along the road at the first frame, (simulation, vehicle) [m].
+        start_s: Position of the centre at the first frame, (simulation, vehicle) [m].
         start_lane: Lane index, 0 the slowest, (simulation, vehicle).
         start_speed: Speed at the first frame, (simulation, vehicle) [m/s].
     """

@@ -1,6 +1,7 @@
 """What happened: the recorded states of a batch of simulations, as integers of stated steps.
 
-Everything after the simulation reads these values, so that labels from memory and from a file agree.
+Everything after the simulation reads these values, so that labels from memory and from a file
+agree.
 """
 
 from dataclasses import dataclass
@@ -110,8 +111,10 @@ class Contacts(Batch):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Percepts(Batch):
-    """What the ego believed at each decision; shape (simulation, decision), or with a last axis of
-    three: leader, front of the target lane, rear of the target lane.
+    """What the ego believed at each decision.
+
+    Shape (simulation, decision), or with a last axis of three: leader, front of the target lane,
+    rear of the target lane.
 
     Attributes:
         valid: Whether the row holds a decision.
@@ -145,7 +148,8 @@ class Trajectories(Batch):
         num_frames: Recorded frames of each simulation, shape (simulation,).
         states: Padded to the longest simulation of the batch.
         stage: `Stage` of the ego, (simulation, time).
-        collided_with: Slot that the ego has collided with so far, `NO_VEHICLE` before, (simulation, time).
+        collided_with: Slot that the ego has collided with so far, `NO_VEHICLE` before,
+            (simulation, time).
         contacts: First collision of each vehicle.
         percepts: What the ego believed.
         trace_hash: 128-bit hash over the recorded integers, (simulation, 4) words.

@@ -9,6 +9,7 @@ from overtaking.core.elementary import F32, Mask
 from overtaking.model.batch import Batch
 
 NO_PRESET = np.uint8(255)
+"""Preset of a weather that is none of the presets."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,7 +17,8 @@ class Weather(Batch):
     """Weather of each simulation; every array has shape (simulation,).
 
     Attributes:
-        preset: Index into `knowledge.presets()`, or `NO_PRESET` where each quantity was drawn on its own.
+        preset: Index into `knowledge.presets()`, or `NO_PRESET` where each quantity was drawn on
+            its own.
         cloudiness: 0 to 100 [%].
         rain: CARLA's precipitation, 0 to 100 [%].
         puddles: CARLA's precipitation deposits, 0 to 100 [%].

@@ -1,16 +1,17 @@
 """The constants of the simulation step, as float32, gathered from the knowledge base.
 
-The reference reads them from here and the engine is handed the same values, so that no number of the
-model is written twice.
+The reference reads them from here and the engine is handed the same values, so that no number of
+the model is written twice.
 """
 
 import dataclasses
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
-from overtaking.knowledge import friction_table, quantities
+from overtaking.knowledge import friction_table, number
 
 _NAMES = {
     "step": "model.time.step",
@@ -86,7 +87,7 @@ _NAMES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Constants:
     """Every constant of the step; SI unless the name says otherwise.
 
@@ -120,22 +121,34 @@ class Constants:
         return dataclasses.replace(self, values=values)
 
 
+def known(path: str) -> np.float32:
+    """One number of the knowledge base, rounded once.
+
+    Args:
+        path: File and dotted name of the entry, such as `weather.fog.clear_range`.
+
+    Raises:
+        KnowledgeError: There is no such entry, or it is no single number.
+    """
+    file, _, name = path.partition(".")
+    return np.float32(number(f"{file}.toml", name))
+
+
 @cache
 def constants() -> Constants:
     """The constants of the model as published."""
-    files = {name: quantities(f"{name}.toml") for name in ("model", "weather", "friction")}
-    values = {}
-    for name, path in _NAMES.items():
-        file, _, key = path.partition(".")
-        values[name] = np.float32(files[file][key].number)
+    values = {name: known(path) for name, path in _NAMES.items()}
     values["inverse_stop_lamp"] = np.float32(1.0) / values["inverse_stop_lamp"]
     values["half_air_density"] = np.float32(0.5) * values["half_air_density"]
     table = friction_table()
-    rows = lambda nested: tuple(tuple(np.float32(x) for x in row) for row in nested)  # noqa: E731
     return Constants(
         values=values,
-        friction_new=rows(table.new),
-        friction_worn=rows(table.worn),
-        friction_speeds=tuple(np.float32(v) for v in table.speeds),
-        friction_films=tuple(np.float32(h) for h in table.films_mm),
+        friction_new=tuple(_row(row) for row in table.new),
+        friction_worn=tuple(_row(row) for row in table.worn),
+        friction_speeds=_row(table.speeds),
+        friction_films=_row(table.films_mm),
     )
+
+
+def _row(numbers: Iterable[float]) -> tuple[np.float32, ...]:
+    return tuple(np.float32(each) for each in numbers)

@@ -3,7 +3,16 @@
 import numpy as np
 
 from overtaking.core.elementary import F32, clamp, maximum, power
-from overtaking.knowledge import quantities
+from overtaking.physics.constants import known
+
+PERCENT = np.float32(0.01)
+
+# The field of puddles is part of the step, so the engine has these numbers too. The wave lengths
+# are a choice: patches of some metres, repeated after 851 m. The phases of neighbouring wheel paths
+# differ by the golden ratio, whose multiples fill a period evenly.
+_WAVES_PER_METRE = (np.float32(1.0 / 23.0), np.float32(1.0 / 37.0))
+_PHASES_PER_PATH = (np.float32(0.618_034), np.float32(0.381_966))
+_STEEPNESS = np.float32(5.0)  # Full depth where the field is 0.2 below the threshold.
 
 
 def rain_rate(rain: F32) -> F32:
@@ -12,31 +21,34 @@ def rain_rate(rain: F32) -> F32:
     Args:
         rain: 0 to 100 [%], any shape.
     """
-    weather = quantities("weather.toml")
-    share = np.asarray(rain, np.float32) * np.float32(0.01)
-    scaled = power(share, np.float32(weather["rain.exponent"].number))
-    rate = np.float32(weather["rain.max_rate_mmph"].number) * scaled
+    share = np.asarray(rain, np.float32) * PERCENT
+    rate = known("weather.rain.max_rate_mmph") * power(share, known("weather.rain.exponent"))
     return np.where(share > 0, rate, np.float32(0.0))
 
 
 def film_per_rain(rate: F32) -> F32:
     """Factor A(R) of the film above the texture, film = A(R) B(L) - MTD [mm].
 
+    Args:
+        rate: Rain rate, any shape [mm/h].
+
     Source:
         Gallaway et al. 1979, metric form.
     """
-    weather = quantities("weather.toml")
-    number = lambda name: np.float32(weather[f"film.{name}"].number)  # noqa: E731
-    texture = power(number("texture_depth_mm"), number("texture_exponent"))
-    slope = power(number("cross_slope"), number("slope_exponent"))
-    rain = power(np.asarray(rate, np.float32), number("rate_exponent"))
-    return np.where(rate > 0, number("coefficient") * texture * rain / slope, np.float32(0.0))
+    texture = power(known("weather.film.texture_depth_mm"), known("weather.film.texture_exponent"))
+    slope = power(known("weather.film.cross_slope"), known("weather.film.slope_exponent"))
+    rain = power(np.asarray(rate, np.float32), known("weather.film.rate_exponent"))
+    film = known("weather.film.coefficient") * texture * rain / slope
+    return np.where(rate > 0, film, np.float32(0.0))
 
 
 def film_per_path(path: F32) -> F32:
-    """Factor B(L) of a drainage path of `path` metres, so that outer lanes are wetter."""
-    exponent = np.float32(quantities("weather.toml")["film.path_exponent"].number)
-    return power(np.asarray(path, np.float32), exponent)
+    """Factor B(L) of a drainage path of `path` metres, so that outer lanes are wetter.
+
+    Source:
+        Gallaway et al. 1979, metric form.
+    """
+    return power(np.asarray(path, np.float32), known("weather.film.path_exponent"))
 
 
 def lane_film(least: F32, per_rain: F32, per_path: F32, texture: F32) -> F32:
@@ -68,6 +80,6 @@ def puddle(s: F32, path: F32, phase_1: F32, phase_2: F32, reach: F32) -> F32:
         phase_2: Another one.
         reach: Threshold; sqrt(2 x covered share).
     """
-    wave = triangle_wave(s * np.float32(1.0 / 23.0) + phase_1 + np.float32(0.618_034) * path)
-    wave = wave + triangle_wave(s * np.float32(1.0 / 37.0) + phase_2 + np.float32(0.381_966) * path)
-    return clamp((reach - wave) * np.float32(5.0), np.float32(0.0), np.float32(1.0))
+    wave = triangle_wave(s * _WAVES_PER_METRE[0] + phase_1 + _PHASES_PER_PATH[0] * path)
+    wave = wave + triangle_wave(s * _WAVES_PER_METRE[1] + phase_2 + _PHASES_PER_PATH[1] * path)
+    return clamp((reach - wave) * _STEEPNESS, np.float32(0.0), np.float32(1.0))

@@ -5,6 +5,9 @@ import numpy as np
 from overtaking.core.elementary import F32, clamp, maximum, minimum
 from overtaking.physics.constants import Constants
 
+_ENDLESS = np.float32(1e6)
+"""Distance beyond which sight does not limit the speed; its square still fits float32 [m]."""
+
 
 def speed_columns(c: Constants, speed: F32, wear: F32, truck: F32) -> list[F32]:
     """Friction at the four film knots for a speed, a tread and a type of tyre.
@@ -67,4 +70,4 @@ def stopping_distance(speed: F32, reaction_time: F32, decel: F32) -> F32:
 def stoppable_speed(distance: F32, reaction_time: F32, decel: F32) -> F32:
     """Speed from which one stops within `distance`, the inverse of `stopping_distance` [m/s]."""
     bt = decel * reaction_time
-    return np.sqrt(bt * bt + np.float32(2.0) * decel * minimum(distance, np.float32(1e6))) - bt
+    return np.sqrt(bt * bt + np.float32(2.0) * decel * minimum(distance, _ENDLESS)) - bt

@@ -2,32 +2,42 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, exp, log, maximum, minimum, power
-from overtaking.knowledge import Quantity, quantities
+from overtaking.core.elementary import F32, F32Like, Mask, as_f32, exp, log, maximum, minimum, power
+from overtaking.core.units import deg_from_rad
+from overtaking.physics.constants import known
+from overtaking.physics.film import PERCENT
 
+_LEAST_EXTINCTION = np.float32(1e-7)
+"""Keeps ranges finite in perfectly clear air [1/m]."""
 
-def _number(name: str) -> np.float32:
-    entry = quantities("weather.toml")[name]
-    if not isinstance(entry, Quantity):
-        raise TypeError(name)
-    return np.float32(entry.number)
+_NEWTON_STEPS = 8
+"""More than convergence to the last bit takes, for any lamp and any fog."""
 
 
 def meteorological_range(fog: F32) -> F32:
-    """Meteorological optical range of CARLA's fog density [m]."""
-    clear, thick = _number("fog.clear_range"), _number("fog.thick_range")
-    return clear * exp(np.asarray(fog, np.float32) * np.float32(0.01) * log(thick / clear))
+    """Meteorological optical range of CARLA's fog density [m].
+
+    Args:
+        fog: 0 to 100 [%], any shape.
+    """
+    clear, thick = known("weather.fog.clear_range"), known("weather.fog.thick_range")
+    return clear * exp(np.asarray(fog, np.float32) * PERCENT * log(thick / clear))
 
 
 def fog_extinction(fog: F32) -> F32:
-    """Extinction coefficient of fog [1/m] (Koschmieder)."""
-    return _number("fog.transmission_depth") / meteorological_range(fog)
+    """Extinction coefficient of CARLA's fog density [1/m]."""
+    return extinction_of_range(meteorological_range(fog))
+
+
+def extinction_of_range(optical_range: F32Like) -> F32:
+    """Extinction coefficient of air with a meteorological optical range [1/m] (Koschmieder)."""
+    return known("weather.fog.transmission_depth") / as_f32(optical_range)
 
 
 def rain_extinction(rate: F32) -> F32:
     """Extinction coefficient of falling rain at rest [1/m] (Marshall and Palmer)."""
-    scaled = power(np.asarray(rate, np.float32), _number("rain_sight.exponent"))
-    return np.where(rate > 0, _number("rain_sight.coefficient") * scaled, np.float32(0.0))
+    scaled = power(np.asarray(rate, np.float32), known("weather.rain_sight.exponent"))
+    return np.where(rate > 0, known("weather.rain_sight.coefficient") * scaled, np.float32(0.0))
 
 
 def glare_factor(sun_altitude: F32, angle: F32, cloudiness: F32) -> F32:
@@ -41,33 +51,40 @@ def glare_factor(sun_altitude: F32, angle: F32, cloudiness: F32) -> F32:
     Source:
         Veiling luminance of Stiles and Holladay.
     """
-    degrees = np.float32(57.295_78)
-    theta = np.sqrt(sun_altitude * sun_altitude + angle * angle) * degrees
-    theta = maximum(theta, _number("glare.smallest_angle_deg"))
-    veil = _number("glare.coefficient") * _number("glare.sun_illuminance") / (theta * theta)
-    luminance = _number("glare.road_luminance")
-    low = (sun_altitude >= _number("glare.lowest_sun")) & (
-        sun_altitude <= _number("glare.highest_sun")
+    theta = np.sqrt(sun_altitude * sun_altitude + angle * angle) * np.float32(deg_from_rad(1.0))
+    theta = maximum(theta, known("weather.glare.smallest_angle_deg"))
+    veil = (
+        known("weather.glare.coefficient")
+        * known("weather.glare.sun_illuminance")
+        / (theta * theta)
+    )
+    luminance = known("weather.glare.road_luminance")
+    low = (sun_altitude >= known("weather.glare.lowest_sun")) & (
+        sun_altitude <= known("weather.glare.highest_sun")
     )
     dazzled = (
         low
-        & (angle < _number("glare.half_width"))
-        & (cloudiness < _number("glare.most_cloud_percent"))
+        & (angle < known("weather.glare.half_width"))
+        & (cloudiness < known("weather.glare.most_cloud_percent"))
     )
     return np.where(dazzled, luminance / (luminance + veil), np.float32(1.0))
 
 
 def contrast_threshold(night: Mask, dusk: Mask, rate: F32) -> F32:
     """Smallest contrast that is seen through a wet windscreen [1]."""
-    dark = np.where(dusk, _number("contrast.threshold_dusk"), _number("contrast.threshold_day"))
-    threshold = np.where(night, _number("contrast.threshold_night"), dark)
-    return threshold * (np.float32(1.0) + rate / _number("rain_sight.screen_rate_mmph"))
+    dark = np.where(
+        dusk, known("weather.contrast.threshold_dusk"), known("weather.contrast.threshold_day")
+    )
+    threshold = np.where(night, known("weather.contrast.threshold_night"), dark)
+    return threshold * (np.float32(1.0) + rate / known("weather.rain_sight.screen_rate_mmph"))
 
 
 def lamp_threshold(night: Mask, dusk: Mask) -> F32:
     """Smallest illuminance at the eye at which a lamp is seen [lx] (Allard)."""
-    dark = np.where(dusk, _number("lamps.threshold_dusk"), _number("lamps.threshold_day"))
-    return np.where(night, _number("lamps.threshold_night"), dark)
+    dark = np.where(
+        dusk, known("weather.lamps.threshold_dusk"), known("weather.lamps.threshold_day")
+    )
+    return np.where(night, known("weather.lamps.threshold_night"), dark)
 
 
 def lamp_range(extinction: F32, intensity: F32, threshold: F32) -> F32:
@@ -77,8 +94,9 @@ def lamp_range(extinction: F32, intensity: F32, threshold: F32) -> F32:
     """
     target = log(intensity / threshold)
     clear = np.sqrt(intensity / threshold)
+    # No lamp is seen farther than in clear air, nor through more than a few optical depths.
     r = minimum(clear, np.float32(4.0) / maximum(extinction, np.float32(1e-6)))
-    for _ in range(8):
+    for _ in range(_NEWTON_STEPS):
         excess = np.float32(2.0) * log(r) + extinction * r - target
         r = r - r * excess / (np.float32(2.0) + extinction * r)
         r = maximum(r, np.float32(0.5))
@@ -87,6 +105,5 @@ def lamp_range(extinction: F32, intensity: F32, threshold: F32) -> F32:
 
 def contrast_range(extinction: F32, contrast: F32, threshold: F32) -> F32:
     """Distance at which `contrast` falls to `threshold` [m] (Koschmieder)."""
-    return maximum(log(contrast / threshold), np.float32(0.0)) / maximum(
-        extinction, np.float32(1e-7)
-    )
+    depth = maximum(log(contrast / threshold), np.float32(0.0))
+    return depth / maximum(extinction, _LEAST_EXTINCTION)
