@@ -3,7 +3,7 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::following::iidm;
+use crate::following::follow;
 use crate::lanes::{M, V, choose, clamp, max, min, pick, splat};
 use crate::neighbours::Neighbours;
 use crate::perception::Beliefs;
@@ -26,6 +26,18 @@ fn desired_speed<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V
     }
 }
 
+/// Time gap kept; who is about to pull out accepts a smaller one.
+#[inline(always)]
+fn time_gap<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
+    let own = w.p[i].time_gap;
+    if i == EGO {
+        let about_to = state.signalled.simd_gt(0.0) & state.stage.simd_eq(stage::FOLLOW);
+        choose(about_to, w.c.signalling_time_gap * own, own)
+    } else {
+        own
+    }
+}
+
 /// Acceleration behind the leader of the lane that is driven in or being entered.
 #[inline(always)]
 pub fn behind_leader<S: Simd>(
@@ -34,15 +46,11 @@ pub fn behind_leader<S: Simd>(
     i: usize,
     believed: &Beliefs<S>,
 ) -> V<S> {
+    let (c, p) = (w.c, &w.p[i]);
     let desired = desired_speed(state, w, i);
-    let wanted = iidm(
-        w.c,
-        &w.p[i],
-        state.vx[i],
-        desired,
-        believed.gap[LEAD],
-        believed.closing[LEAD],
-    );
+    let kept = time_gap(state, w, i);
+    let (gap, closing) = (believed.gap[LEAD], believed.closing[LEAD]);
+    let wanted = follow(c, p, state.vx[i], desired, gap, closing, kept);
     if i == EGO {
         let eager = is_passing(state) & wanted.simd_gt(0.0);
         wanted
@@ -85,7 +93,15 @@ fn behind_old_leader<S: Simd>(
     let left = c.clear_fraction * state.path_duration[i] - state.path_time[i];
     let clears = left.simd_gt(0.0) & gap.simd_gt(closing * left);
     let matters = changing & slot.simd_ge(0.0) & overlaps & !clears;
-    let wanted = iidm(c, p, state.vx[i], desired_speed(state, w, i), gap, closing);
+    let wanted = follow(
+        c,
+        p,
+        state.vx[i],
+        desired_speed(state, w, i),
+        gap,
+        closing,
+        p.time_gap,
+    );
     choose(matters, wanted, free)
 }
 
@@ -104,7 +120,7 @@ pub fn set_acceleration<S: Simd>(
     let wanted = max(min(leader, old_leader), -w.p[i].hardest_decel);
     let up = choose(
         state.accel[i].simd_lt(0.0),
-        splat(w.simd, c.jerk_down),
+        splat(w.simd, c.jerk_release),
         splat(w.simd, c.jerk_up),
     ) * c.decision;
     let hard = wanted.simd_lt(-c.emergency_decel);

@@ -13,33 +13,57 @@ fn wanted_gap<S: Simd>(p: &Vehicle<S>, speed: V<S>, closing: V<S>, time_gap: V<S
     p.min_gap + at_least(dynamic, 0.0)
 }
 
-/// Acceleration of the improved intelligent driver model [m/s^2].
+/// Acceleration behind a leader: the improved intelligent driver model, cooled [m/s^2].
 #[inline(always)]
-pub fn iidm<S: Simd>(
+pub fn follow<S: Simd>(
     c: &Constants,
     p: &Vehicle<S>,
     speed: V<S>,
     desired: V<S>,
     gap: V<S>,
     closing: V<S>,
+    time_gap: V<S>,
 ) -> V<S> {
     speed.simd.vectorize(
         #[inline(always)]
-        || iidm_here(c, p, speed, desired, gap, closing),
+        || {
+            cooled(
+                c,
+                p,
+                iidm(c, p, speed, desired, gap, closing, time_gap),
+                gap,
+                closing,
+            )
+        },
     )
 }
 
+/// A wanted acceleration without the alarm of car-following models at small gaps [m/s^2].
 #[inline(always)]
-fn iidm_here<S: Simd>(
+fn cooled<S: Simd>(c: &Constants, p: &Vehicle<S>, wanted: V<S>, gap: V<S>, closing: V<S>) -> V<S> {
+    let approach = at_least(closing, 0.0);
+    let needed = -(approach * approach) / (2.0 * at_least(gap, c.smallest_gap));
+    let excess = at_most(wanted - needed, 0.0);
+    let e = exp(2.0 * excess / p.decel);
+    let softened = needed + p.decel * ((e - 1.0) / (e + 1.0));
+    let alarmed = at_least(wanted, -c.gravity);
+    let calm = (1.0 - c.coolness) * alarmed + c.coolness * softened;
+    choose(wanted.simd_ge(needed), wanted, calm)
+}
+
+/// Acceleration of the improved intelligent driver model [m/s^2].
+#[inline(always)]
+fn iidm<S: Simd>(
     c: &Constants,
     p: &Vehicle<S>,
     speed: V<S>,
     desired: V<S>,
     gap: V<S>,
     closing: V<S>,
+    time_gap: V<S>,
 ) -> V<S> {
     let one = splat(speed.simd, 1.0);
-    let z = wanted_gap(p, speed, closing, p.time_gap) / at_least(gap, c.smallest_gap);
+    let z = wanted_gap(p, speed, closing, time_gap) / at_least(gap, c.smallest_gap);
     let ratio = speed / desired;
     let square = ratio * ratio;
     let free_below = p.accel * (one - square * square);
@@ -64,5 +88,5 @@ pub fn forced_braking<S: Simd>(
     time_gap: V<S>,
 ) -> V<S> {
     let z = wanted_gap(p, speed, closing, time_gap) / at_least(gap, c.smallest_gap);
-    at_most(p.accel * (1.0 - z * z), 0.0)
+    at_most(cooled(c, p, p.accel * (1.0 - z * z), gap, closing), 0.0)
 }

@@ -3,7 +3,7 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::following::{forced_braking, iidm};
+use crate::following::{follow, forced_braking};
 use crate::lanes::{M, V, choose, min, splat};
 use crate::neighbours::lane_borders;
 use crate::perception::{Beliefs, swap_roles};
@@ -28,8 +28,24 @@ fn incentives<S: Simd>(
 ) -> (V<S>, V<S>) {
     let (c, p, v) = (w.c, &w.p[i], state.vx[i]);
     let (gap, closing) = (&believed.gap, &believed.closing);
-    let fast = iidm(c, p, v, p.desired_speed, gap[FAST_LEAD], closing[FAST_LEAD]);
-    let slow = iidm(c, p, v, p.desired_speed, gap[SLOW_LEAD], closing[SLOW_LEAD]);
+    let fast = follow(
+        c,
+        p,
+        v,
+        p.desired_speed,
+        gap[FAST_LEAD],
+        closing[FAST_LEAD],
+        p.time_gap,
+    );
+    let slow = follow(
+        c,
+        p,
+        v,
+        p.desired_speed,
+        gap[SLOW_LEAD],
+        closing[SLOW_LEAD],
+        p.time_gap,
+    );
     let no_passing = v.simd_gt(c.no_passing_right_speed);
     let here = choose(no_passing, min(own, fast), own);
     let there = choose(no_passing, min(slow, own), slow);

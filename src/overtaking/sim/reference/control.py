@@ -5,8 +5,9 @@ import numpy as np
 from overtaking.core.elementary import F32, clamp, maximum, minimum
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
+from overtaking.physics.constants import Constants
 from overtaking.sim.parameters import Parameters
-from overtaking.sim.reference.following import iidm
+from overtaking.sim.reference.following import follow
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.state import FAST_LEAD, LEAD, SLOW_LEAD, Fields, State, pick
@@ -17,9 +18,11 @@ _FREE = np.float32(1e9)
 def behind_leader(state: State, given: Parameters, p: Fields, believed: Beliefs) -> F32:
     """Acceleration behind the leader of the lane that is driven in or being entered [m/s^2]."""
     desired = _desired_speed(state, p)
-    wanted = iidm(given.constants, p, state.vx, desired, believed.gap[LEAD], believed.closing[LEAD])
+    c = given.constants
+    gap, closing = believed.gap[LEAD], believed.closing[LEAD]
+    wanted = follow(c, p, state.vx, desired, gap, closing, _time_gap(state, c, p))
     gain = np.where(
-        _is_passing(state)[None, :] & (wanted > 0), given.constants.accelerate_gain, np.float32(1.0)
+        _is_passing(state)[None, :] & (wanted > 0), c.accelerate_gain, np.float32(1.0)
     )
     gain[1:] = np.float32(1.0)
     return wanted * gain
@@ -27,6 +30,16 @@ def behind_leader(state: State, given: Parameters, p: Fields, believed: Beliefs)
 
 def _is_passing(state: State) -> np.ndarray:
     return (state.stage == np.float32(Stage.PULL_OUT)) | (state.stage == np.float32(Stage.PASS))
+
+
+def _time_gap(state: State, c: Constants, p: Fields) -> F32:
+    """Time gap kept; who is about to pull out accepts a smaller one [s]."""
+    about_to = (state.signalled > 0) & (state.stage == np.float32(Stage.FOLLOW))
+    kept = p.time_gap.copy()
+    kept[Role.EGO] = np.where(
+        about_to, c.signalling_time_gap * p.time_gap[Role.EGO], p.time_gap[Role.EGO]
+    )
+    return kept
 
 
 def _desired_speed(state: State, p: Fields) -> F32:
@@ -53,7 +66,7 @@ def behind_old_leader(
     left = c.clear_fraction * state.path_duration - state.path_time
     clears = (left > 0) & (gap > closing * left)
     matters = changing & (slot >= 0) & overlaps & ~clears
-    wanted = iidm(c, p, state.vx, _desired_speed(state, p), gap, closing)
+    wanted = follow(c, p, state.vx, _desired_speed(state, p), gap, closing, p.time_gap)
     return np.where(matters, wanted, _FREE)
 
 
@@ -63,7 +76,7 @@ def set_acceleration(
     """Move the pedals towards the wanted acceleration, within grip and jerk."""
     c = given.constants
     wanted = maximum(minimum(leader, old_leader), -p.hardest_decel)
-    up = np.where(state.accel < 0, c.jerk_down, c.jerk_up) * c.decision
+    up = np.where(state.accel < 0, c.jerk_release, c.jerk_up) * c.decision
     down = np.where(wanted < -c.emergency_decel, c.jerk_emergency, c.jerk_down) * c.decision
     changed = state.accel + clamp(wanted - state.accel, -down, up)
     state.accel = np.where(state.crashed > 0, np.float32(0.0), changed)

@@ -13,7 +13,15 @@ def wanted_gap(p: Fields, speed: F32, closing: F32, time_gap: F32) -> F32:
     return p.min_gap + maximum(dynamic, np.float32(0.0))
 
 
-def iidm(c: Constants, p: Fields, speed: F32, desired: F32, gap: F32, closing: F32) -> F32:
+def iidm(
+    c: Constants,
+    p: Fields,
+    speed: F32,
+    desired: F32,
+    gap: F32,
+    closing: F32,
+    time_gap: F32 | None = None,
+) -> F32:
     """Acceleration of the improved intelligent driver model [m/s^2].
 
     Args:
@@ -23,12 +31,14 @@ def iidm(c: Constants, p: Fields, speed: F32, desired: F32, gap: F32, closing: F
         desired: Desired speed, > 0 [m/s].
         gap: Gap to the leader [m].
         closing: Own speed minus the leader's [m/s].
+        time_gap: Time gap wanted; None for the driver's own [s].
 
     Source:
         Treiber and Kesting, Traffic Flow Dynamics (2013), section 11.3.7.
     """
     one = np.float32(1.0)
-    z = wanted_gap(p, speed, closing, p.time_gap) / maximum(gap, c.smallest_gap)
+    wanted_time = p.time_gap if time_gap is None else time_gap
+    z = wanted_gap(p, speed, closing, wanted_time) / maximum(gap, c.smallest_gap)
     ratio = speed / desired
     square = ratio * ratio
     free_below = p.accel * (one - square * square)
@@ -44,12 +54,50 @@ def iidm(c: Constants, p: Fields, speed: F32, desired: F32, gap: F32, closing: F
     return np.where(ratio <= one, below, above)
 
 
+def cooled(c: Constants, p: Fields, wanted: F32, gap: F32, closing: F32) -> F32:
+    """A wanted acceleration without the alarm of car-following models at small gaps [m/s^2].
+
+    Where the model asks for more braking than the situation needs at constant speed of the leader,
+    the excess is limited to about the comfortable deceleration, so that a cut-in by a faster vehicle
+    frightens nobody.
+
+    Args:
+        c: Constants.
+        p: Driver parameters.
+        wanted: What the following model asks for [m/s^2].
+        gap: Gap to the leader [m].
+        closing: Own speed minus the leader's [m/s].
+
+    Source:
+        Kesting, Treiber, Helbing 2010 (ACC model); Treiber and Kesting (2013), section 11.3.8, with
+        the leader's acceleration taken as zero.
+    """
+    one = np.float32(1.0)
+    approach = maximum(closing, np.float32(0.0))
+    needed = -(approach * approach) / (np.float32(2.0) * maximum(gap, c.smallest_gap))
+    excess = minimum(wanted - needed, np.float32(0.0))
+    e = exp(np.float32(2.0) * excess / p.decel)
+    softened = needed + p.decel * ((e - one) / (e + one))
+    # No vehicle brakes harder than gravity, however small the gap that alarms the model.
+    alarmed = maximum(wanted, -c.gravity)
+    calm = (one - c.coolness) * alarmed + c.coolness * softened
+    return np.where(wanted >= needed, wanted, calm)
+
+
+def follow(
+    c: Constants, p: Fields, speed: F32, desired: F32, gap: F32, closing: F32, time_gap: F32
+) -> F32:
+    """Acceleration behind a leader: the IIDM, cooled; arguments as in `iidm` [m/s^2]."""
+    return cooled(c, p, iidm(c, p, speed, desired, gap, closing, time_gap), gap, closing)
+
+
 def forced_braking(
     c: Constants, p: Fields, speed: F32, gap: F32, closing: F32, time_gap: F32
 ) -> F32:
     """Acceleration, never positive, of someone following at the speed that they want [m/s^2].
 
-    The IIDM at its desired speed: what a leader in this place does to the one behind it.
+    The model at its desired speed: what a leader in this place does to the one behind it.
     """
     z = wanted_gap(p, speed, closing, time_gap) / maximum(gap, c.smallest_gap)
-    return minimum(p.accel * (np.float32(1.0) - z * z), np.float32(0.0))
+    wanted = p.accel * (np.float32(1.0) - z * z)
+    return minimum(cooled(c, p, wanted, gap, closing), np.float32(0.0))

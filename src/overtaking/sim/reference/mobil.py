@@ -5,7 +5,7 @@ import numpy as np
 from overtaking.core.elementary import F32, Mask, minimum
 from overtaking.model.vehicles import Role
 from overtaking.sim.parameters import Parameters
-from overtaking.sim.reference.following import forced_braking, iidm
+from overtaking.sim.reference.following import follow, forced_braking
 from overtaking.sim.reference.neighbours import Neighbours, lane_borders
 from overtaking.sim.reference.perception import Beliefs, swap_roles
 from overtaking.sim.reference.state import (
@@ -42,8 +42,9 @@ def incentives(
     """
     c = given.constants
     v, gap, closing = state.vx, believed.gap, believed.closing
-    fast = iidm(c, p, v, p.desired_speed, gap[FAST_LEAD], closing[FAST_LEAD])
-    slow = iidm(c, p, v, p.desired_speed, gap[SLOW_LEAD], closing[SLOW_LEAD])
+    desired, time = p.desired_speed, p.time_gap
+    fast = follow(c, p, v, desired, gap[FAST_LEAD], closing[FAST_LEAD], time)
+    slow = follow(c, p, v, desired, gap[SLOW_LEAD], closing[SLOW_LEAD], time)
     no_passing = v > c.no_passing_right_speed
     here = np.where(no_passing, minimum(own, fast), own)
     there = np.where(no_passing, minimum(slow, own), slow)
