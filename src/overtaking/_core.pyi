@@ -1,27 +1,10 @@
 """The compiled engine; its source is `crates/overtaking-py`. Use it through `sim.engine`."""
 
-from typing import Any, Final, TypedDict
+from collections.abc import Mapping
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-
-class _Road(TypedDict):
-    """Lateral positions grow towards the fast side [m]."""
-
-    num_lanes: int
-    boundaries: list[float]  # 9
-    film_path: list[float]  # 8
-    side: float
-    pose: list[float]  # x0, y0, heading, its cosine, its sine
-
-class _Constants(TypedDict):
-    """Numbers of the model; `values` in the order of `constant_fields`."""
-
-    values: list[float]
-    friction_new: list[list[float]]  # (speed, film)
-    friction_worn: list[list[float]]
-    friction_speeds: list[float]
-    friction_films: list[float]
 
 MAX_VEHICLES: Final[int]
 MAX_PERCEPTS: Final[int]
@@ -37,13 +20,33 @@ def simulate(
     frames: int,
     seed: int,
     record_every: int,
-    road: _Road,
-    constants: _Constants,
+    road: Mapping[str, Any],
+    constants: Mapping[str, Any],
     outputs: dict[str, NDArray[Any]],
     later: tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], int] | None = None,
     level: str | None = None,
 ) -> None:
-    """Simulate a batch and fill the flat arrays of `outputs`; ValueError for what does not fit."""
+    """Simulate a batch and fill the flat arrays of `outputs`.
+
+    Args:
+        vehicle: Flat (field, vehicle, simulation), fields as `vehicle_fields`.
+        simulation: Flat (field, simulation), fields as `simulation_fields`.
+        index: Number of each simulation.
+        slots: Vehicle slots, at most `MAX_VEHICLES`.
+        frames: Frames that the outputs have room for, a multiple of `LANES`.
+        seed: Key of the random numbers.
+        record_every: Steps between recorded frames.
+        road: num_lanes, boundaries (9), film_path (8), side, and pose: x0, y0, heading, cosine,
+            sine.
+        constants: values as `constant_fields`, friction_new and friction_worn (3 x 4),
+            friction_speeds (3), friction_films (4).
+        outputs: Flat arrays by name.
+        later: vehicle and simulation parameters from a step on, and that step.
+        level: SIMD level; None for the best of this CPU.
+
+    Raises:
+        ValueError: An array has another length, or the SIMD level is unknown or not available.
+    """
 
 def vehicle_fields() -> list[str]:
     """Names of the vehicle parameters, in order."""

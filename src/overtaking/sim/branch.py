@@ -14,7 +14,7 @@ Run = Callable[..., Trajectories]
 
 
 class Decision(IntEnum):
-    """A decision that can be forced on the ego; it takes effect at the first instant that allows it."""
+    """A decision that can be forced on the ego, from the first instant that allows it."""
 
     PULL_OUT = 1  # begin the overtake, whatever the gaps
     ABORT = 2  # go back while pulling out

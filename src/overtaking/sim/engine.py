@@ -66,7 +66,8 @@ def simulate(
 
     Args:
         scenario: A batch of scenarios.
-        level: SIMD level; None for `OVERTAKING_SIMD` or the best of this CPU. The result is the same.
+        level: SIMD level; None for `OVERTAKING_SIMD` or the best of this CPU. The result is the
+            same.
         buffers: Memory to use again; the returned batch is then valid until the next call with it.
 
     Raises:

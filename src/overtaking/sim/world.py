@@ -171,7 +171,7 @@ def _water(scenario: Scenario, rate: F32, draws: Draws, effects: Effects) -> Wat
 
 def _believed_grip(c: Constants, water: Water) -> F32:
     """What a driver takes the friction for: one tyre at one speed, outside puddles."""
-    path = known("model.believed_grip.path_factor")
+    path = np.full_like(water.film_rain, known("model.believed_grip.path_factor"))
     h = film.lane_film(water.least_film, water.film_rain, path, water.texture)
     speed = np.full_like(h, known("model.believed_grip.speed"))
     wear = np.full_like(h, known("model.believed_grip.tyre_wear"))
