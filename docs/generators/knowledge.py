@@ -1,0 +1,216 @@
+"""The reference of the knowledge base: every number with its unit, source and reason."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from generators.markdown import page, section, table, unit
+
+from overtaking.knowledge import VEHICLE_CLASS_ORDER, Distribution, Quantity, quantities, sources
+from overtaking.model.drivers import Drivers
+from overtaking.scenarios.populations import TRAITS, ClassFactors, Temper
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    Entry = Quantity | Distribution
+
+POPULATION = "mixed"
+FILES = {
+    "model.toml": "Drivers, steering, perception, collisions",
+    "weather.toml": "Weather, sight and wind",
+    "friction.toml": "Tyres and road",
+}
+
+
+CONSTANTS = """\
+Every number of the model that belongs neither to a vehicle class nor to a driver. A value whose
+source is *choice* is ours, for the reason given; the others come from [sources](sources.md). They
+live in `src/overtaking/knowledge/data/`.
+"""
+VEHICLES = """\
+The seven vehicle classes of the study: small, medium and large car, van, rigid truck, motorcycle,
+and bicycle with rider. `±` is one standard deviation; what varies is drawn for each vehicle,
+within two standard deviations or the limits that `vehicles.toml` states.
+"""
+DRIVERS = f"""\
+What each driver is like, from the population `{POPULATION}`. A driver has a hidden *temper*,
+uniform from 0 (careful) to 1 (reckless) unless a specification narrows it. Each parameter has a
+distribution for careful and one for reckless drivers; for a temper in between, its parameters lie
+in between in proportion (the median of a lognormal on a logarithmic scale). Draws are cut off at
+2.5 standard deviations and at the limits in brackets.
+"""
+SPEEDS = """\
+`cruise_factor`, `speed_over_leader` and `wants_to_overtake` are not kept: together with the
+speeds that the profile draws they make `desired_speed`. That of the traffic is the speed it came
+with, times the factor; that of the ego is at least its leader's plus the gain, unless it is
+content to follow.
+"""
+SOURCES = """\
+What the numbers of the knowledge base rest on. *Read* says whether the values were read in the
+source or in a faithful reprint of it; the others are common knowledge of the field, and should be
+looked up before they are quoted in a paper.
+"""
+
+
+def constants() -> str:
+    """The page `reference/constants.md`."""
+    return page("Constants", CONSTANTS, *(_file(name, title) for name, title in FILES.items()))
+
+
+def vehicles() -> str:
+    """The page `reference/vehicles.md`."""
+    entries = quantities("vehicles.toml")
+    first = f"{VEHICLE_CLASS_ORDER[0]}."
+    names = [name.removeprefix(first) for name in entries if name.startswith(first)]
+    values = table(
+        ("quantity", "unit", *VEHICLE_CLASS_ORDER), [_of_classes(entries, name) for name in names]
+    )
+    reasons = table(("quantity", "source", "why"), [_reason(entries, name) for name in names])
+    return page("Vehicle classes", VEHICLES, values, section("Where they come from", reasons))
+
+
+def drivers() -> str:
+    """The page `reference/drivers.md`."""
+    own, temper = _meanings(Drivers), _meanings(Temper)
+    header = ("parameter", "meaning", "unit", "careful", "reckless", "sources", "why")
+    rows = [_of_temper(name, own.get(name) or temper[name]) for name in TRAITS]
+    return page(
+        "Drivers",
+        DRIVERS,
+        section("Parameters", table(header, rows), SPEEDS),
+        section("What the vehicle changes", table(*_factors())),
+    )
+
+
+def bibliography() -> str:
+    """The page `reference/sources.md`."""
+    rows = [
+        (f'<a id="{one.id}"></a>`{one.id}`', one.citation, one.kind, _yes(one.checked))
+        for one in sources().values()
+    ]
+    return page("Sources", SOURCES, table(("id", "what", "kind", "read"), rows))
+
+
+def source_link(id_: str) -> str:
+    """A source as a link to its line."""
+    return "*choice*" if id_ == "choice" else f"[{id_}](sources.md#{id_})"
+
+
+def shown(entry: Entry) -> str:
+    """A value, with its spread if it has one, in the unit in which it is written."""
+    if isinstance(entry, Distribution):
+        return _spread(entry)
+    if isinstance(entry.value, tuple):
+        return _nested(entry.value, _unscaled(entry))
+    value = _rounded(_unscaled(entry)(entry.number))
+    return value if entry.sigma is None else f"{value} ± {_rounded(_unscaled(entry)(entry.sigma))}"
+
+
+def _file(name: str, title: str) -> str:
+    rows = [
+        (
+            f"`{key}`",
+            shown(entry),
+            unit(entry.quoted_unit),
+            source_link(entry.source),
+            entry.rationale or "",
+        )
+        for key, entry in quantities(name).items()
+    ]
+    header = ("entry", "value", "unit", "source", "why")
+    return section(f"{title}: `{name}`", table(header, rows))
+
+
+def _of_classes(entries: Mapping[str, Entry], name: str) -> tuple[str, ...]:
+    of_class = [entries[f"{kind}.{name}"] for kind in VEHICLE_CLASS_ORDER]
+    return f"`{name}`", unit(of_class[0].quoted_unit), *map(shown, of_class)
+
+
+def _reason(entries: Mapping[str, Entry], name: str) -> tuple[str, ...]:
+    of_class = [entries[f"{kind}.{name}"] for kind in VEHICLE_CLASS_ORDER]
+    origins = dict.fromkeys(source_link(entry.source) for entry in of_class)
+    reasons = dict.fromkeys(entry.rationale for entry in of_class if entry.rationale)
+    return f"`{name}`", ", ".join(origins), " · ".join(reasons)
+
+
+def _of_temper(name: str, meaning: str) -> tuple[str, ...]:
+    entries = quantities("drivers.toml")
+    careful, reckless = (entries[f"{POPULATION}.{end}.{name}"] for end in ("careful", "reckless"))
+    origins = dict.fromkeys(source_link(entry.source) for entry in (careful, reckless))
+    reasons = dict.fromkeys(
+        entry.rationale
+        for entry in (careful, reckless)
+        if entry.rationale and "See care" not in entry.rationale
+    )
+    cells = (unit(careful.quoted_unit), shown(careful), shown(reckless))
+    return f"`{name}`", meaning, *cells, ", ".join(origins), " · ".join(reasons)
+
+
+def _factors() -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    entries = quantities("drivers.toml")
+    prefix = f"{POPULATION}.classes."
+    rows = [
+        (
+            key.removeprefix(prefix).partition(".")[0],
+            f"`{key.rpartition('.')[2]}`",
+            _meanings(ClassFactors)[key.rpartition(".")[2]].rstrip("."),
+            shown(entry),
+            source_link(entry.source),
+            entry.rationale or "",
+        )
+        for key, entry in entries.items()
+        if key.startswith(prefix)
+    ]
+    return ("class", "factor", "on", "value", "source", "why"), rows
+
+
+def _meanings(cls: type) -> dict[str, str]:
+    """The first sentence that a docstring gives for each attribute, without its unit."""
+    text = cls.__doc__ or ""
+    found = re.findall(r"^ {4,}(\w+): (.*(?:\n {10,}.*)*)", text, re.MULTILINE)
+    return {
+        name: re.sub(r"\s*\[[^]]*\]", "", " ".join(words.split())).rstrip(".").removeprefix("On ")
+        for name, words in found
+    }
+
+
+def _spread(entry: Distribution) -> str:
+    value = lambda name: _rounded(entry.parameter(name))  # noqa: E731
+    limits = f"[{_rounded(entry.low)}, {_rounded(entry.high)}]"
+    match entry.kind:
+        case "constant":
+            return value("value")
+        case "bernoulli":
+            return f"yes in {_rounded(100 * entry.parameter('probability'))} %"
+        case "uniform":
+            return f"uniform {limits}"
+        case "normal":
+            return f"{value('mean')} ± {value('sigma')} {limits}"
+        case _:
+            return f"{value('median')} ×/÷ e^{value('sigma')} {limits}"
+
+
+def _unscaled(entry: Quantity) -> Callable[[float], float]:
+    """From the unit in which a value is kept back to that in which it is written."""
+    from overtaking.knowledge.conversion import converter
+
+    if entry.unit == entry.quoted_unit:
+        return float
+    factor = converter(entry.quoted_unit, where="documentation")(1.0)
+    return lambda number: number / factor
+
+
+def _nested(value: object, convert: Callable[[float], float]) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(_nested(item, convert) for item in value)}]"
+    return _rounded(convert(float(value)))  # type: ignore[arg-type]
+
+
+def _rounded(value: float) -> str:
+    return f"{value:.5g}"
+
+
+def _yes(is_so: bool) -> str:
+    return "yes" if is_so else "no"

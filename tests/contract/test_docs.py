@@ -1,0 +1,341 @@
+"""What the pages say is true: links lead somewhere, snippets run, commands and names exist."""
+
+from __future__ import annotations
+
+import dataclasses
+import doctest
+import importlib
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from overtaking.cli import main
+from overtaking.knowledge import quantities
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted(
+    str(path.relative_to(ROOT)) for path in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+)
+EXECUTED = ["README.md", *(page for page in PAGES if page.startswith("docs/tutorials/"))]
+EXAMPLES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "examples").glob("*.py"))
+
+FENCE = re.compile(r"^( *)```(\w+)\n(.*?)^ *```$", re.DOTALL | re.MULTILINE)
+LINK = re.compile(r"\[[^]]*\]\(([^)\s]+)\)|(?:src|srcset)=\"([^\"]+)\"")
+PACKAGES = {"core", "knowledge", "model", "physics", "scenarios", "sim", "tables", "exchange"}
+PACKAGES |= {"datasets", "cli", "api"}
+CLASSES = {
+    "Contacts": "model.trajectory",
+    "Dataset": "datasets.load",
+    "Drivers": "model.drivers",
+    "Lane": "model.road",
+    "Percepts": "model.trajectory",
+    "Road": "model.road",
+    "Scenario": "model.scenario",
+    "Stage": "model.trajectory",
+    "State": "sim.reference.state",
+    "Trajectories": "model.trajectory",
+    "VehicleSpecs": "model.vehicles",
+    "Weather": "model.weather",
+}
+ENTRIES = {
+    entry for file in ("model", "weather", "friction") for entry in quantities(f"{file}.toml")
+}
+NOT_NAMES = (".py", ".rs", ".md", ".toml", ".json", ".txt", ".xml")
+
+
+def read(page: str | Path) -> str:
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+def blocks(text: str) -> Iterator[tuple[str, str]]:
+    """The fenced blocks of a page in order, as (language, content)."""
+    for indent, language, content in FENCE.findall(text):
+        yield language, re.sub(f"^{indent}", "", content, flags=re.MULTILINE)
+
+
+def prose(text: str) -> str:
+    """A page without its fenced blocks."""
+    return FENCE.sub("", text)
+
+
+def words(text: str) -> list[str]:
+    """The inline code of a page."""
+    return re.findall(r"`([^`\n]+)`", prose(text))
+
+
+def commands(text: str) -> list[str]:
+    """The command lines of a page, in blocks and in its prose."""
+    lines = [
+        line for kind, block in blocks(text) if kind == "console" for line in block.split("\n")
+    ]
+    inline = [
+        word for word in words(text) if re.match(r"(?:[A-Z_]+=\S+ )?(overtaking|make) ", word)
+    ]
+    return [line.strip() for line in [*lines, *inline] if line.strip()]
+
+
+# --- links ---
+
+
+def anchors(text: str) -> set[str]:
+    """What a link into a page can name: its headings as GitHub spells them, and explicit ids."""
+    found = set(re.findall(r'<a id="([^"]+)"', text))
+    for heading in re.findall(r"^#+ (.+)$", prose(text), re.MULTILINE):
+        plain = re.sub(r"[^\w\- ]", "", heading.lower())
+        found.add(plain.replace(" ", "-"))
+    return found
+
+
+def broken_links(text: str, folder: Path) -> list[str]:
+    """The links of a page that lead nowhere; addresses of other sites are not visited."""
+    broken: list[str] = []
+    for pair in LINK.findall(re.sub(r"`[^`\n]*`", "", prose(text))):
+        target = pair[0] or pair[1]
+        if re.match(r"https://|mailto:", target):
+            continue
+        name, _, anchor = target.partition("#")
+        path = folder / name if name else None
+        content = (
+            text if path is None else read(path) if path.suffix == ".md" and path.exists() else ""
+        )
+        if (path and not path.exists()) or (anchor and anchor not in anchors(content)):
+            broken.append(target)
+    return broken
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_link_leads_somewhere(page: str):
+    assert broken_links(read(page), (ROOT / page).parent) == []
+
+
+def test_a_broken_link_is_seen():
+    text = "# One\n[a](missing.md) [b](README.md#nowhere) [c](#two) [d](#one) `[e](x.md)`"
+    assert broken_links(text, ROOT) == ["missing.md", "README.md#nowhere", "#two"]
+
+
+# --- commands ---
+
+
+def faults(line: str) -> list[str]:
+    """What is wrong with a command line: an unknown command or option, or an unknown target."""
+    program, *arguments = [word for word in shlex.split(line) if not re.match(r"[A-Z_]+=", word)]
+    if program == "make":
+        return [word for word in arguments if not re.search(rf"^{word}:", read("Makefile"), re.M)]
+    if program != "overtaking":
+        return [program]
+    import typer.main
+
+    from overtaking.cli.app import build
+
+    group: Any = typer.main.get_command(build())
+    options = {option for one in group.params for option in one.opts} | {"--help"}
+    verb, given = arguments[0], arguments[1:]
+    if not verb.startswith("-"):
+        if verb not in group.commands:
+            return [verb]
+        parameters = group.commands[verb].params
+        options = {option for one in parameters for option in [*one.opts, *one.secondary_opts]}
+    else:
+        given = arguments
+    return [word for word in given if re.match(r"--?[a-z]", word) and word not in options]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_command_exists(page: str):
+    assert {line: faults(line) for line in commands(read(page)) if faults(line)} == {}
+
+
+def test_a_command_that_does_not_exist_is_seen():
+    assert faults("overtaking generate -n 5 --out x --seeds 1") == ["--seeds"]
+    assert faults("overtaking fly away") == ["fly"]
+    assert faults("make coffee") == ["coffee"]
+    assert faults("OVERTAKING_SIMD=avx2 overtaking doctor --json") == []
+    assert commands("`overtaking a b`\n```console\nmake c\n```\n") == ["make c", "overtaking a b"]
+
+
+# --- snippets ---
+
+
+@pytest.mark.parametrize("page", EXECUTED)
+def test_what_a_page_tells_to_run_runs(
+    page: str, workdir: Path, capsys: pytest.CaptureFixture[str]
+):
+    names: dict[str, Any] = {"__name__": "page"}
+    ran = 0
+    for language, content in blocks(read(page)):
+        if language == "python":
+            exec(compile(content, page, "exec"), names)
+        elif language == "pycon":
+            check(content, names, page)
+        elif language == "console":
+            for line in content.splitlines():
+                program, *arguments = shlex.split(line)
+                assert program == "make" or main(arguments) == 0, line
+        ran += language in ("python", "pycon", "console")
+    assert ran
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def check(content: str, names: dict[str, Any], page: str) -> None:
+    """Run an interactive session and compare what it prints."""
+    test = doctest.DocTestParser().get_doctest(content, names, page, page, 0)
+    report: list[str] = []
+    result = doctest.DocTestRunner().run(test, out=report.append, clear_globs=False)
+    assert result.failed == 0, "".join(report)
+    names.update(test.globs)
+
+
+def test_an_interactive_session_with_another_output_is_seen():
+    check(">>> 1 + 1\n2\n", {}, "page")
+    with pytest.raises(AssertionError, match="Expected"):
+        check(">>> 1 + 1\n3\n", {}, "page")
+
+
+@pytest.mark.parametrize("script", EXAMPLES)
+def test_an_example_runs(script: str, workdir: Path):
+    done = subprocess.run(
+        [sys.executable, "-W", "error", ROOT / script], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert len(done.stdout.splitlines()) > 3
+    assert list(workdir.iterdir()) == [], "an example leaves nothing behind"
+
+
+# --- names ---
+
+
+def is_name(word: str) -> bool:
+    """Whether a word of code looks like something of the package."""
+    if not re.fullmatch(r"[A-Za-z_]\w*(\.\w+)+", word) or word.endswith(NOT_NAMES):
+        return False
+    if word in ENTRIES:  # Those of the section [overtaking] look like names of the package.
+        return False
+    first = word.removeprefix("overtaking.").split(".")[0]
+    return first in PACKAGES or first in CLASSES or word.startswith("overtaking.")
+
+
+def exists(word: str) -> bool:
+    """Whether a dotted name leads to a module, a class, a function, or a field of a class."""
+    first, *rest = word.removeprefix("overtaking.").split(".")
+    if first in CLASSES:
+        path = ["overtaking", *CLASSES[first].split("."), first, *rest]
+    else:
+        path = ["overtaking", first, *rest]
+    found: Any = importlib.import_module(path.pop(0))
+    for name in path:
+        if dataclasses.is_dataclass(found) and name in {
+            one.name for one in dataclasses.fields(found)
+        }:
+            return name == path[-1]
+        try:
+            found = getattr(found, name) if hasattr(found, name) else submodule(found, name)
+        except ImportError:
+            return False
+    return True
+
+
+def submodule(module: Any, name: str) -> Any:
+    """A module inside a package."""
+    if not hasattr(module, "__path__"):
+        raise ImportError(name)
+    return importlib.import_module(f"{module.__name__}.{name}")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_name_exists(page: str):
+    assert [word for word in words(read(page)) if is_name(word) and not exists(word)] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "is_there"),
+    [
+        ("sim.reference.following.iidm", True),
+        ("sim.reference.following.idm", False),
+        ("Drivers.time_gap", True),
+        ("Drivers.time_gaps", False),
+        ("overtaking.branch", True),
+        ("overtaking.label", False),
+        ("model.drivers.Drivers.patience.more", False),
+    ],
+)
+def test_names_are_told_apart(name: str, is_there: bool):
+    assert is_name(name)
+    assert exists(name) == is_there
+
+
+def test_every_word_of_the_glossary_has_a_home():
+    rows = re.findall(r"^\| (?!name|-)(.+?) \| (.+?) \|", read("docs/reference/glossary.md"), re.M)
+    assert len(rows) > 50
+    homeless = [name for name, home in rows if not any(map(is_name, re.findall("`(.+?)`", home)))]
+    assert homeless == []
+
+
+def test_what_is_no_name_is_not_taken_for_one():
+    assert not any(map(is_name, ["a.b", "vehicles.toml", "steering.rate", "overtaking.stay_time"]))
+
+
+# --- the map ---
+
+
+def test_the_map_names_every_package_and_both_halves_of_the_model():
+    text = read("ARCHITECTURE.md")
+    source = ROOT / "src" / "overtaking"
+    packages = {path.stem for path in source.iterdir() if path.suffix == ".py" or path.is_dir()}
+    missing = [
+        name for name in sorted(packages) if not name.startswith("_") and f"| `{name}`" not in text
+    ]
+    assert [name for name in missing if name not in ("exchange", "py")] == []
+    for folder, ending in (
+        (source / "sim" / "reference", ".py"),
+        (ROOT / "crates/overtaking-core/src", ".rs"),
+    ):
+        files = {path.name for path in folder.glob(f"*{ending}")} - {"__init__.py"}
+        assert files - set(re.findall(rf"(\w+\{ending})", text)) == set()
+
+
+def test_no_two_decisions_have_the_same_number():
+    pages = sorted((ROOT / "docs" / "adr").glob("*.md"))
+    numbers = [path.name[:4] for path in pages]
+    assert len(set(numbers)) == len(numbers)
+    for path in pages:
+        assert path.read_text(encoding="utf-8").startswith(f"# {int(path.name[:4])}. ")
+
+
+def test_every_decision_is_listed():
+    listed = re.findall(r"\(adr/(.+?\.md)\)", read("docs/README.md"))
+    assert listed == sorted(path.name for path in (ROOT / "docs" / "adr").glob("*.md"))
+
+
+# --- generated pages ---
+
+
+def generate(root: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, root / "docs" / "generate.py", "--check"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_generated_pages_and_pictures_are_current():
+    done = generate(ROOT)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_page_that_is_out_of_date_is_seen(tmp_path: Path):
+    shutil.copytree(ROOT / "docs", tmp_path / "docs")
+    page = tmp_path / "docs" / "reference" / "constants.md"
+    page.write_text(page.read_text(encoding="utf-8").replace("9.81", "9.82"), encoding="utf-8")
+    done = generate(tmp_path)
+    assert done.returncode == 1
+    assert "docs/reference/constants.md is out of date: run python docs/generate.py" in done.stderr
