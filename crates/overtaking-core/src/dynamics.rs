@@ -164,25 +164,31 @@ fn wreck<S: Simd>(
     (-share * vx, -share * vy, -clamp(state.r[i], -spin, spin))
 }
 
-/// New velocity of vehicle `i`, then its new position with it (semi-implicit Euler).
+/// New velocity of vehicle `i`, then its new position with the mean of both.
 #[inline(always)]
 pub fn integrate<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, i: usize, r: V<S>) {
     let c = w.c;
     let zero = splat(r.simd, 0.0);
     let wrecked = state.crashed[i].simd_gt(0.0);
     let rides = w.p[i].two_wheeler.simd_gt(0.0) & !wrecked;
-    let turning = choose(rides, zero, state.vy[i] * state.r[i]);
-    let vx = state.vx[i] + c.step * (state.a_lon[i] + turning);
+    let (sine, cosine) = (state.sine[i], state.cosine[i]);
+    let along = state.vx[i] * cosine - state.vy[i] * sine;
+    let across = state.vx[i] * sine + state.vy[i] * cosine;
+    let turning = state.r[i];
+    let swept = choose(rides, zero, state.vy[i] * state.r[i]);
+    let vx = state.vx[i] + c.step * (state.a_lon[i] + swept);
     let vy = state.vy[i] + c.step * (state.a_lat[i] - state.vx[i] * state.r[i]);
     let vy = choose(rides, zero, vy);
-    let stands = !wrecked & vx.simd_lt(c.standstill) & state.accel[i].simd_le(0.0);
+    let creeps = vx.simd_lt(c.standstill) & vy.abs().simd_lt(c.standstill);
+    let stands = !wrecked & creeps & state.accel[i].simd_le(0.0);
     let vx = choose(wrecked, vx, max(vx, zero));
     state.vx[i] = choose(stands, zero, vx);
     state.vy[i] = choose(stands, zero, vy);
     state.r[i] = choose(stands, zero, r);
-    state.psi[i] += c.step * state.r[i];
+    let half = c.step * 0.5;
+    state.psi[i] += half * (turning + state.r[i]);
     let (sine, cosine) = sincos(state.psi[i]);
     (state.sine[i], state.cosine[i]) = (sine, cosine);
-    state.s[i] += c.step * (state.vx[i] * cosine - state.vy[i] * sine);
-    state.d[i] += c.step * (state.vx[i] * sine + state.vy[i] * cosine);
+    state.s[i] += half * (along + (state.vx[i] * cosine - state.vy[i] * sine));
+    state.d[i] += half * (across + (state.vx[i] * sine + state.vy[i] * cosine));
 }

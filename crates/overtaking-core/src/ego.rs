@@ -221,8 +221,9 @@ fn intend<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, view: &View<'_, S
     let back = slower_lane & may_return(w, view) & (passed | stuck);
     let back = back | (slower_lane & q.command.simd_eq(RETURN_NOW));
 
-    let zero = splat(w.simd, 0.0);
-    state.signalled = choose(start | back, state.signalled + c.decision, zero);
+    let longer = state.signalled + c.decision;
+    let fading = at_least(state.signalled - c.decision, 0.0);
+    state.signalled = choose(start | back, longer, fading);
     let ready = state.signalled.simd_gt(view.own.signal_time);
     let early = state.path_time[EGO].simd_lt(c.abort_until * state.path_duration[EGO]);
     let abort = in_stage(state, stage::PULL_OUT)
@@ -287,13 +288,12 @@ fn act<S: Simd>(
     state.target = choose(intent.go_out, near.slot[LEAD], state.target);
     state.attempted = choose(intent.go_out, one, state.attempted);
     turn_to_lane(state, w, EGO, intent.go_out, slower);
-    let straight = intent.arrived & !intent.go_out & !slower;
-    let side = choose(intent.start, one, choose(intent.back, -one, zero));
-    state.indicator[EGO] = choose(
-        straight,
-        side * w.p[EGO].uses_indicator,
-        state.indicator[EGO],
-    );
+    let moved = intent.go_out | slower;
+    let kept = choose(state.signalled.simd_gt(0.0), state.indicator[EGO], zero);
+    let used = w.p[EGO].uses_indicator;
+    let shown = choose(intent.start, used, choose(intent.back, -used, kept));
+    state.indicator[EGO] = choose(intent.arrived & !moved, shown, state.indicator[EGO]);
+    state.signalled = choose(moved, zero, state.signalled);
 }
 
 /// End the simulation some time after the overtake, or at the deadline without an attempt.

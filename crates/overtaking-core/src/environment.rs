@@ -19,8 +19,10 @@ fn relaxed<S: Simd>(process: V<S>, keep: V<S>, word: V<S>) -> V<S> {
 #[inline(always)]
 pub fn move_random_processes<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, decision: u32) {
     let (c, q) = (w.c, &w.q);
-    let keep_error = exp(splat(w.simd, -c.decision / c.error_time));
-    let keep_wander = exp(splat(w.simd, -c.decision / c.lane_time));
+    // The first draw is the stationary state: nothing of a past is kept.
+    let kept = if decision == 0 { 0.0 } else { 1.0 };
+    let keep_error = kept * exp(splat(w.simd, -c.decision / c.error_time));
+    let keep_wander = kept * exp(splat(w.simd, -c.decision / c.lane_time));
     for i in 0..w.count {
         let [gust, distance, speed, lane] = words(
             w.key,
@@ -31,7 +33,7 @@ pub fn move_random_processes<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>
         );
         let along = state.vx[i] - q.wind_along;
         let air_speed = (along * along + q.wind_across * q.wind_across).sqrt();
-        let keep = exp(-(air_speed * c.decision) / c.gust_length_scale);
+        let keep = kept * exp(-(air_speed * c.decision) / c.gust_length_scale);
         state.gust[i] = relaxed(state.gust[i], keep, uniform(w.simd, gust));
         state.distance_error[i] = relaxed(
             state.distance_error[i],

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, log
+from overtaking.core.elementary import F32, log, maximum
 from overtaking.model.road import MAX_LANES
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Lights
@@ -40,7 +40,7 @@ def body_parameters(scenario: Scenario, c: Constants, world: World, effects: Eff
     return (
         _shape(v, effects)
         | _inertia(v)
-        | _drive(v, c)
+        | _drive(scenario, c)
         | _tyres(v, c)
         | _wind_surface(v, c)
         | _lamps(v, scenario.weather, world)
@@ -79,13 +79,16 @@ def _inertia(v: VehicleSpecs) -> Rows:
     }
 
 
-def _drive(v: VehicleSpecs, c: Constants) -> Rows:
+def _drive(scenario: Scenario, c: Constants) -> Rows:
+    v = scenario.vehicles
+    # The study's bicycles drive at 50 km/h and more: let them hold the speed that they start with.
+    lifted = maximum(v.max_speed, scenario.start_speed)
     return {
         "launch_force": v.mass * v.launch_accel,
         "power": known("model.dynamics.power_share") * v.power,
         "drag": c.half_air_density * v.drag_area,
         "rolling": v.rolling_resistance * v.mass * c.gravity,
-        "max_speed": v.max_speed,
+        "max_speed": np.where(v.unlawful_presence, lifted, v.max_speed),
         "brake_force": v.mass * v.peak_decel,
         "front_drive": v.front_drive_share,
     }

@@ -58,7 +58,7 @@ def axle_forces(c: Constants, state: State, force: F32, load: F32) -> tuple[F32,
 
 
 def move(state: State, c: Constants, p: Fields) -> None:
-    """Advance every vehicle by one step (semi-implicit Euler)."""
+    """Advance every vehicle by one step: new velocity first, then the trapezoid for the position."""
     air = state.vx - state.tail_wind
     resistance = p.drag * air * np.abs(air) + p.rolling
     inverse_speed = _ONE / maximum(state.vx, c.slip_speed)
@@ -125,18 +125,25 @@ def _wreck(state: State, c: Constants, p: Fields) -> tuple[F32, F32, F32]:
     return -share * state.vx, -share * state.vy, -clamp(state.r, -spin, spin)
 
 
-def _integrate(state: State, c: Constants, r: F32, rides: np.ndarray, wrecked: np.ndarray) -> None:
-    """New velocity, then new position with it."""
+def _integrate(
+    state: State, c: Constants, r: F32, rides: np.ndarray, wrecked: np.ndarray
+) -> None:
+    """New velocity, then new position with the mean of the old and the new velocity."""
+    sine, cosine = sincos(state.psi)
+    along = state.vx * cosine - state.vy * sine
+    across = state.vx * sine + state.vy * cosine
+    turning = state.r
     vx = state.vx + c.step * (state.a_lon + np.where(rides, np.float32(0.0), state.vy * state.r))
     vy = state.vy + c.step * (state.a_lat - state.vx * state.r)
     vy = np.where(rides, np.float32(0.0), vy)
-    stands = ~wrecked & (vx < c.standstill) & (state.accel <= 0)
+    creeps = (vx < c.standstill) & (np.abs(vy) < c.standstill)
+    stands = ~wrecked & creeps & (state.accel <= 0)
     vx = np.where(wrecked, vx, maximum(vx, np.float32(0.0)))
-    vx = np.where(stands, np.float32(0.0), vx)
-    state.vx = vx
+    state.vx = np.where(stands, np.float32(0.0), vx)
     state.vy = np.where(stands, np.float32(0.0), vy)
     state.r = np.where(stands, np.float32(0.0), r)
-    state.psi = state.psi + c.step * state.r
+    half = c.step * np.float32(0.5)
+    state.psi = state.psi + half * (turning + state.r)
     sine, cosine = sincos(state.psi)
-    state.s = state.s + c.step * (state.vx * cosine - state.vy * sine)
-    state.d = state.d + c.step * (state.vx * sine + state.vy * cosine)
+    state.s = state.s + half * (along + (state.vx * cosine - state.vy * sine))
+    state.d = state.d + half * (across + (state.vx * sine + state.vy * cosine))

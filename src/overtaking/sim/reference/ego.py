@@ -79,7 +79,7 @@ def their_braking(given: Parameters, view: View, role: int) -> F32:
     )
 
 
-def wants_to_pass(given: Parameters, view: View) -> Mask:
+def wants_to_pass(view: View) -> Mask:
     """Whether the leader is slow enough, and near enough, that an overtake is wanted now."""
     own = view.own
     slower = own.desired_speed - view.leader_speed > own.passing_gain * view.impatience
@@ -130,6 +130,29 @@ def has_passed(state: State, given: Parameters, p: Fields) -> Mask:
     return behind > bodies + given.constants.clear_ahead
 
 
+@dataclass(slots=True, kw_only=True)
+class Intent:
+    """What the ego sets out to do at a decision; masks of shape (simulation,).
+
+    Attributes:
+        start: Wants to pull out, and shows it.
+        back: Wants to change back, and shows it.
+        go_out: Pulls out now.
+        go_back: Changes back now.
+        abort: Gives up pulling out now.
+        passed: The target is behind.
+        arrived: The last lane change is over.
+    """
+
+    start: Mask
+    back: Mask
+    go_out: Mask
+    go_back: Mask
+    abort: Mask
+    passed: Mask
+    arrived: Mask
+
+
 def decide(
     state: State,
     given: Parameters,
@@ -141,90 +164,128 @@ def decide(
     step: int,
 ) -> None:
     """One decision of every ego."""
-    c = given.constants
     view = look(state, given, p, believed)
-    stage = state.stage
-    sound = state.crashed[Role.EGO] == 0
-    arrived = state.path_time[Role.EGO] >= state.path_duration[Role.EGO]
-    is_stage = {each: sound & (stage == np.float32(each)) for each in Stage}
-    state.stage_time = state.stage_time + c.decision
-
-    queues = view.gap[LEAD] < c.waiting_time_gap * view.speed
-    waits = (
-        is_stage[Stage.FOLLOW]
-        & view.detected[LEAD]
-        & queues
-        & (view.own.desired_speed > view.leader_speed)
-    )
-    state.waited = np.where(waits, state.waited + c.decision, state.waited)
-
-    free = is_stage[Stage.FOLLOW] & arrived & (state.since_change[Role.EGO] >= c.abort_cooldown)
-    free = free & (state.lane[Role.EGO] < np.float32(given.road.num_lanes - 1))
-    start = free & wants_to_pass(given, view) & may_pull_out(given, view) & (q.command != STAY)
-    start = start | (free & (q.command == PULL_OUT_NOW) & (state.attempted == 0))
-
-    slower_lane = is_stage[Stage.PASS] & (state.lane[Role.EGO] >= np.float32(1.0))
-    passed = has_passed(state, given, p)
-    stuck = (state.stage_time > c.give_up_after) & (state.s[Role.EGO] < pick(state.s, state.target))
-    back = slower_lane & may_return(given, view) & (passed | stuck)
-    back = back | (slower_lane & (q.command == RETURN_NOW))
-
-    signals = start | back
-    state.signalled = np.where(signals, state.signalled + c.decision, np.float32(0.0))
-    ready = state.signalled > view.own.signal_time
-    go_out, go_back = start & ready, back & ready
-
-    entering = is_stage[Stage.PULL_OUT]
-    early = state.path_time[Role.EGO] < c.abort_until * state.path_duration[Role.EGO]
-    abort = entering & early & (must_abort(given, view) | (q.command == ABORT_NOW))
-
-    recorder.percepts(
-        state, near, believed, go_out, DecisionKind.PULL_OUT, (LEAD, FAST_LEAD, FAST_REAR), step
-    )
-    recorder.percepts(
-        state, near, believed, abort, DecisionKind.ABORT, (LEAD, SLOW_LEAD, SLOW_REAR), step
-    )
-    recorder.percepts(
-        state, near, believed, go_back, DecisionKind.RETURN, (LEAD, SLOW_LEAD, SLOW_REAR), step
-    )
-
-    state.target = np.where(go_out, near.slot[LEAD, Role.EGO], state.target)
-    state.attempted = np.where(go_out, np.float32(1.0), state.attempted)
-    _move_over(state, given, p, go_out, go_back | abort)
-    _show_indicator(state, view, start, back, arrived & ~go_out & ~go_back & ~abort)
-
-    centre = np.float32(0.5) * (near.lane_low[Role.EGO] + near.lane_high[Role.EGO])
-    finished = arrived & (np.abs(state.d[Role.EGO] - centre) < c.settled_offset)
-    next_stage = np.where(go_out, np.float32(Stage.PULL_OUT), stage)
-    next_stage = np.where(entering & arrived, np.float32(Stage.PASS), next_stage)
-    next_stage = np.where(abort, np.float32(Stage.ABORT), next_stage)
-    next_stage = np.where(
-        go_back, np.where(passed, np.float32(Stage.RETURN), np.float32(Stage.ABORT)), next_stage
-    )
-    next_stage = np.where(is_stage[Stage.RETURN] & finished, np.float32(Stage.DONE), next_stage)
-    next_stage = np.where(is_stage[Stage.ABORT] & finished, np.float32(Stage.FOLLOW), next_stage)
-    state.stage_time = np.where(next_stage != stage, np.float32(0.0), state.stage_time)
-    over = (next_stage == np.float32(Stage.DONE)) & (stage != np.float32(Stage.DONE))
-    after = np.float32(step) + np.rint(c.after_overtake / c.step)
-    state.end_step = np.where(over, minimum(state.end_step, after), state.end_step)
-    idle = (
-        is_stage[Stage.FOLLOW]
-        & (state.attempted == 0)
-        & ~start
-        & (np.float32(step) >= q.deadline_step)
-    )
-    state.end_step = np.where(idle, minimum(state.end_step, np.float32(step)), state.end_step)
+    state.stage_time = state.stage_time + given.constants.decision
+    _wait(state, given, view)
+    intent = _intend(state, given, p, q, view)
+    for mask, kind, roles in (
+        (intent.go_out, DecisionKind.PULL_OUT, (LEAD, FAST_LEAD, FAST_REAR)),
+        (intent.abort, DecisionKind.ABORT, (LEAD, SLOW_LEAD, SLOW_REAR)),
+        (intent.go_back, DecisionKind.RETURN, (LEAD, SLOW_LEAD, SLOW_REAR)),
+    ):
+        recorder.percepts(state, near, believed, mask, kind, roles, step)
+    next_stage = _next_stage(state, given, near, intent)
+    _act(state, given, p, near, view, intent)
+    _end(state, given, q, intent, next_stage, step)
+    state.stage_time = np.where(next_stage != state.stage, np.float32(0.0), state.stage_time)
     state.stage = next_stage
 
 
-def _move_over(state: State, given: Parameters, p: Fields, out: Mask, back: Mask) -> None:
+def _in_stage(state: State, stage: Stage) -> Mask:
+    """Whether the ego is sound and in a stage."""
+    return (state.crashed[Role.EGO] == 0) & (state.stage == np.float32(stage))
+
+
+def _wait(state: State, given: Parameters, view: View) -> None:
+    """Count the time behind a slower leader."""
+    c = given.constants
+    queues = view.gap[LEAD] < c.waiting_time_gap * view.speed
+    slower = view.own.desired_speed > view.leader_speed
+    waits = _in_stage(state, Stage.FOLLOW) & view.detected[LEAD] & queues & slower
+    state.waited = np.where(waits, state.waited + c.decision, state.waited)
+
+
+def _intend(state: State, given: Parameters, p: Fields, q: Fields, view: View) -> Intent:
+    """What the ego wants, and what of it is done now that it has signalled long enough."""
+    c = given.constants
+    arrived = state.path_time[Role.EGO] >= state.path_duration[Role.EGO]
+    start = _starts(state, given, q, view, arrived)
+    passed = has_passed(state, given, p)
+    back = _turns_back(state, given, q, view, passed)
+    longer = state.signalled + c.decision
+    # Doubts while waiting do not switch the indicator off at once.
+    fading = maximum(state.signalled - c.decision, np.float32(0.0))
+    state.signalled = np.where(start | back, longer, fading)
+    ready = state.signalled > view.own.signal_time
+    early = state.path_time[Role.EGO] < c.abort_until * state.path_duration[Role.EGO]
+    danger = must_abort(given, view) | (q.command == ABORT_NOW)
+    abort = _in_stage(state, Stage.PULL_OUT) & early & danger
+    return Intent(
+        start=start,
+        back=back,
+        go_out=start & ready,
+        go_back=back & ready,
+        abort=abort,
+        passed=passed,
+        arrived=arrived,
+    )
+
+
+def _starts(state: State, given: Parameters, q: Fields, view: View, arrived: Mask) -> Mask:
+    """Whether an overtake is wanted and looks possible, or is forced by a branch."""
+    c = given.constants
+    rested = state.since_change[Role.EGO] >= c.abort_cooldown
+    has_lane = state.lane[Role.EGO] < np.float32(given.road.num_lanes - 1)
+    free = _in_stage(state, Stage.FOLLOW) & arrived & rested & has_lane
+    wanted = free & wants_to_pass(view) & may_pull_out(given, view) & (q.command != STAY)
+    return wanted | (free & (q.command == PULL_OUT_NOW) & (state.attempted == 0))
+
+
+def _turns_back(state: State, given: Parameters, q: Fields, view: View, passed: Mask) -> Mask:
+    """Whether the ego may return: past the target, or stuck beside it, or forced by a branch."""
+    c = given.constants
+    has_lane = _in_stage(state, Stage.PASS) & (state.lane[Role.EGO] >= np.float32(1.0))
+    late = state.stage_time > c.give_up_after
+    stuck = late & (state.s[Role.EGO] < pick(state.s, state.target))
+    wanted = has_lane & may_return(given, view) & (passed | stuck)
+    return wanted | (has_lane & (q.command == RETURN_NOW))
+
+
+def _next_stage(state: State, given: Parameters, near: Neighbours, intent: Intent) -> F32:
+    """The stage after this decision."""
+    centre = np.float32(0.5) * (near.lane_low[Role.EGO] + near.lane_high[Role.EGO])
+    settled = np.abs(state.d[Role.EGO] - centre) < given.constants.settled_offset
+    finished = intent.arrived & settled
+    returning = np.where(intent.passed, np.float32(Stage.RETURN), np.float32(Stage.ABORT))
+    stage = np.where(intent.go_out, np.float32(Stage.PULL_OUT), state.stage)
+    entered = _in_stage(state, Stage.PULL_OUT) & intent.arrived
+    stage = np.where(entered, np.float32(Stage.PASS), stage)
+    stage = np.where(intent.abort, np.float32(Stage.ABORT), stage)
+    stage = np.where(intent.go_back, returning, stage)
+    stage = np.where(_in_stage(state, Stage.RETURN) & finished, np.float32(Stage.DONE), stage)
+    return np.where(_in_stage(state, Stage.ABORT) & finished, np.float32(Stage.FOLLOW), stage)
+
+
+def _act(
+    state: State, given: Parameters, p: Fields, near: Neighbours, view: View, intent: Intent
+) -> None:
+    """Move over and show it."""
+    state.target = np.where(intent.go_out, near.slot[LEAD, Role.EGO], state.target)
+    state.attempted = np.where(intent.go_out, np.float32(1.0), state.attempted)
+    slower = intent.go_back | intent.abort
     fast = np.zeros(state.s.shape, bool)
     slow = np.zeros(state.s.shape, bool)
-    fast[Role.EGO], slow[Role.EGO] = out, back
+    fast[Role.EGO], slow[Role.EGO] = intent.go_out, slower
     turn_to_lane(state, given, p, fast, slow)
+    moved = intent.go_out | slower
+    fading = state.signalled > 0
+    kept = np.where(fading, state.indicator[Role.EGO], np.float32(0.0))
+    used = view.own.uses_indicator
+    shown = np.where(intent.start, used, np.where(intent.back, -used, kept))
+    straight = intent.arrived & ~moved
+    state.indicator[Role.EGO] = np.where(straight, shown, state.indicator[Role.EGO])
+    state.signalled = np.where(moved, np.float32(0.0), state.signalled)
 
 
-def _show_indicator(state: State, view: View, start: Mask, back: Mask, straight: Mask) -> None:
-    side = np.where(start, np.float32(1.0), np.where(back, np.float32(-1.0), np.float32(0.0)))
-    shown = np.where(straight, side * view.own.uses_indicator, state.indicator[Role.EGO])
-    state.indicator[Role.EGO] = shown
+def _end(
+    state: State, given: Parameters, q: Fields, intent: Intent, next_stage: F32, step: int
+) -> None:
+    """End the simulation some time after the overtake, or at the deadline without an attempt."""
+    c = given.constants
+    now = np.float32(step)
+    over = (next_stage == np.float32(Stage.DONE)) & (state.stage != np.float32(Stage.DONE))
+    after = now + np.rint(c.after_overtake / c.step)
+    state.end_step = np.where(over, minimum(state.end_step, after), state.end_step)
+    idle = _in_stage(state, Stage.FOLLOW) & (state.attempted == 0) & ~intent.start
+    late = idle & (now >= q.deadline_step)
+    state.end_step = np.where(late, minimum(state.end_step, now), state.end_step)

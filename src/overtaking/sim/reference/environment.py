@@ -28,12 +28,14 @@ def move_random_processes(state: State, given: Parameters, q: Fields, decision: 
     draw = [uniform(word) for word in words(given.seed, given.index[None, :], slots, decision)]
     along = state.vx - q.wind_along
     air_speed = np.sqrt(along * along + q.wind_across * q.wind_across)
-    keep = exp(-(air_speed * c.decision) / c.gust_length_scale)
+    # The first draw is the stationary state: nothing of a past is kept.
+    kept = np.float32(0.0 if decision == 0 else 1.0)
+    keep = kept * exp(-(air_speed * c.decision) / c.gust_length_scale)
     state.gust = _relaxed(state.gust, keep, draw[0])
-    keep_error = exp(-c.decision / c.error_time)
+    keep_error = kept * exp(-c.decision / c.error_time)
     state.distance_error = _relaxed(state.distance_error, keep_error, draw[1])
     state.speed_error = _relaxed(state.speed_error, keep_error, draw[2])
-    state.wander = _relaxed(state.wander, exp(-c.decision / c.lane_time), draw[3])
+    state.wander = _relaxed(state.wander, kept * exp(-c.decision / c.lane_time), draw[3])
 
 
 def lane_value(values: F32, lane: F32, count: int) -> F32:
