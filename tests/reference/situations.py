@@ -1,0 +1,256 @@
+"""Scenes that together make the model do everything that it can do, and how two runs are compared.
+
+Also a program, so that a test can look at what another process simulates, with other threads or
+another SIMD level: `python -m tests.reference.situations 8` prints a digest of every situation.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import sys
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from overtaking.exchange.roads import load_road
+from overtaking.model.batch import Batch
+from overtaking.scenarios import sample, spec
+from overtaking.sim import engine
+from overtaking.sim.branch import Decision
+from overtaking.sim.parameters import SIMULATION_FIELDS, parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from numpy.typing import NDArray
+
+    from overtaking.model.scenario import Scenario
+    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.weather import Weather
+    from overtaking.sim.parameters import Parameters
+
+    Run = Callable[..., Trajectories]
+
+SMALL = 192
+"""Simulations of all situations together in a test."""
+
+ROUGH = {
+    "weather.mode": "independent",
+    "weather.rain_probability": 0.8,
+    "weather.rain_percent": [50.0, 100.0],
+    "weather.puddles_percent": [60.0, 100.0],
+    "weather.wind_percent": [60.0, 100.0],
+    "weather.fog_probability": 0.4,
+    "weather.fog_percent": [30.0, 100.0],
+    "drivers.temper": [0.6, 1.0],
+    "starts.allow_doomed": True,
+    "starts.min_gap_m": 3.0,
+    "traffic.vehicles": [4, 6],
+}
+"""Storm, standing water, fog, reckless drivers close together: collisions, aborts, aquaplaning."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Situation:
+    """A kind of scene.
+
+    Attributes:
+        name: What it is called in a test.
+        road: Name of the road.
+        mirrored: Whether traffic keeps left.
+        seed: Seed of its random numbers.
+        first: Number of its first simulation.
+        share: Simulations out of `SMALL`.
+        switch: Step at which decisions and weather change, as in a branch; None if they do not.
+        overrides: Changes of the profile `pinto2023`.
+        numbers: Simulations that come before the others, because something rare happens in them.
+        placed: What moves the vehicles to where they shall start; None leaves them.
+    """
+
+    name: str
+    road: str = "town06"
+    mirrored: bool = False
+    seed: int = 1
+    first: int = 0
+    share: int
+    switch: int | None = None
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    numbers: tuple[int, ...] = ()
+    placed: Callable[[Scenario], Scenario] | None = None
+
+    def scenario(self, count: int) -> Scenario:
+        """The first `count` scenarios."""
+        road = load_road(self.road)
+        road = road.mirrored() if self.mirrored else road
+        rest = np.uint64(self.first) + np.arange(count, dtype=np.uint64)
+        index = np.concatenate([np.array(self.numbers, np.uint64), rest])[:count]
+        drawn = sample(spec("pinto2023", self.overrides), road, self.seed, index)
+        return self.placed(drawn) if self.placed else drawn
+
+    def run(self, scenario: Scenario, run: Run) -> Trajectories:
+        """Simulate a part of the scenarios with `engine.run` or `reference.run`."""
+        given = parameters(scenario)
+        if self.switch is None:
+            return run(scenario, given)
+        return run(scenario, given, disturbed(scenario), self.switch)
+
+
+def in_a_gap(scenario: Scenario) -> Scenario:
+    """Vehicle 2 thinks about the lane beside it, and owes something to the one behind.
+
+    In half of the scenes it would move to the fast side in front of vehicle 5, which follows 4; in
+    the others it would move out of the way of 5 to the slow side, behind 3. The distance to 3 grows
+    from scene to scene, so that in some of them the politeness decides.
+    """
+    turn = (scenario.index % 24).astype(np.float32)
+    goes_out = turn < 12
+    lead = np.float32(0.4) * turn + np.where(goes_out, np.float32(12.0), np.float32(17.7))
+    front = np.where(goes_out, np.float32(21.0), np.float32(40.0))
+    length = scenario.vehicles.length
+    start, lane = scenario.start_s.copy(), scenario.start_lane.copy()
+    start[:, 0], start[:, 1], start[:, 2] = 60.0, 120.0, 240.0
+    for slot, gap in ((3, lead), (4, front), (5, np.float32(-21.0))):
+        body = np.float32(0.5) * (length[:, 2] + length[:, slot])
+        start[:, slot] = start[:, 2] + gap + np.copysign(body, gap)
+    lane[:, :2] = 0
+    lane[:, 2] = np.where(goes_out, 0, 2)
+    lane[:, 3] = np.where(goes_out, 0, 1)
+    lane[:, 4:] = np.where(goes_out, 1, 2)[:, None]
+    speed = np.full_like(scenario.start_speed, np.float32(18.0))
+    speed[:, 4] = np.where(goes_out, np.float32(16.5), np.float32(14.0))
+    drivers = scenario.drivers
+    owed = np.where(goes_out, np.float32(1.0), np.float32(0.3))[:, None]
+    drivers = drivers.replace(politeness=owed + np.float32(0.0) * drivers.politeness)
+    return scenario.replace(start_s=start, start_lane=lane, start_speed=speed, drivers=drivers)
+
+
+SITUATIONS = (
+    Situation(name="study", share=56, numbers=(1047,), overrides={"time.horizon_s": 10.0}),
+    Situation(
+        name="storm",
+        seed=2**64 - 1,
+        first=2**32 - 20,
+        share=40,
+        overrides={**ROUGH, "time.horizon_s": 6.0, "time.attempt_deadline_s": 5.0}
+        | {"profile.frame_interval_ms": 10},
+    ),
+    Situation(
+        name="left-hand traffic",
+        mirrored=True,
+        seed=2**63 + 12345,
+        first=2**64 - 5000,
+        share=24,
+        overrides={"time.horizon_s": 8.0, "profile.frame_interval_ms": 100}
+        | {
+            "traffic.types": {"T": 2, "MC": 1, "B": 1, "V": 1},
+            "traffic.ego_types": {"T": 1, "S": 2},
+        }
+        | {"weather.presets": {"HardRainNoon": 1, "ClearSunset": 1}},
+    ),
+    Situation(
+        name="slow motorway",
+        road="motorway",
+        seed=3,
+        share=24,
+        overrides={"time.horizon_s": 6.0, "time.attempt_deadline_s": 6.0}
+        | {"traffic.vehicles": [6, 8], "traffic.speed_kmh": [50.0, 66.0]}
+        | {"traffic.lead_speed_kmh": [50.0, 55.0], "traffic.spawn_s_m": [50.0, 150.0]}
+        | {"starts.min_gap_m": 3.0, "starts.allow_doomed": True}
+        | {"drivers.fixed": {"lane_change_threshold_mps2": 0.02, "right_bias_mps2": 0.0}},
+    ),
+    Situation(
+        name="branched",
+        seed=5,
+        first=2**40,
+        share=24,
+        switch=100,
+        overrides={"time.horizon_s": 15.0, "traffic.vehicles": [2, 5]},
+    ),
+    Situation(
+        name="gap",
+        road="motorway",
+        seed=8,
+        share=24,
+        placed=in_a_gap,
+        overrides={"time.horizon_s": 3.0, "time.attempt_deadline_s": 3.0}
+        | {"traffic.vehicles": [6, 6], "traffic.types": {"S": 1}, "traffic.ego_types": {"S": 1}}
+        | {"traffic.spawn_s_m": [50.0, 400.0], "weather.presets": {"ClearNoon": 1}}
+        | {
+            "drivers.fixed": {"time_gap_s": 3.0, "accel_mps2": 1.4, "decel_mps2": 2.0}
+            | {"lane_change_threshold_mps2": 0.0, "safe_decel_mps2": 20.0}
+        },
+    ),
+)
+"""Everything: every vehicle type, 2 to 8 vehicles, both traffic sides, three frame intervals, both
+roads, large seeds and numbers, branches; what happens in them is in `test_engine`."""
+
+
+def turned_round(weather: Weather) -> Weather:
+    """Rain for sunshine, storm for calm, night for day."""
+    return weather.replace(
+        rain=np.float32(100.0) - weather.rain,
+        puddles=np.float32(100.0) - weather.puddles,
+        wind=np.float32(100.0) - weather.wind,
+        fog=np.float32(70.0) - weather.fog,
+        night=~weather.night,
+    )
+
+
+def disturbed(scenario: Scenario) -> Parameters:
+    """Parameters with the weather turned round and a decision forced that the number chooses."""
+    later = parameters(scenario.replace(weather=turned_round(scenario.weather)))
+    simulation = later.simulation.copy()
+    simulation[SIMULATION_FIELDS.index("command")] = scenario.index % (len(Decision) + 1)
+    return dataclasses.replace(later, simulation=simulation)
+
+
+def arrays(batch: Batch, prefix: str = "") -> dict[str, NDArray[Any]]:
+    """Every recorded array of a batch by its dotted name; the scenario is not recorded."""
+    found: dict[str, NDArray[Any]] = {}
+    for each in dataclasses.fields(batch):  # type: ignore[arg-type]
+        value = getattr(batch, each.name)
+        if isinstance(value, np.ndarray):
+            found[prefix + each.name] = value
+        elif isinstance(value, Batch) and each.name != "scenario":
+            found |= arrays(value, f"{prefix}{each.name}.")
+    return found
+
+
+def difference(one: Trajectories, other: Trajectories) -> str:
+    """The first difference between two runs, in words; empty if every array has the same bits."""
+    left, right = arrays(one), arrays(other)
+    for name, values in left.items():
+        against = right[name]
+        if (values.dtype, values.shape) != (against.dtype, against.shape):
+            return f"{name}: {values.dtype}{values.shape} against {against.dtype}{against.shape}"
+        where = np.argwhere(values != against)
+        if len(where):
+            at = tuple(int(number) for number in where[0])
+            text = f"{name}{list(at)}: {values[at]} against {against[at]}"
+            simulations = np.unique(where[:, 0]).tolist()
+            return f"{text}, and {len(where) - 1} more; simulations {simulations}"
+    return ""
+
+
+def digest(run: Trajectories) -> str:
+    """SHA-256 of every recorded array, with names, types and shapes."""
+    total = hashlib.sha256()
+    for name, values in arrays(run).items():
+        total.update(f"{name} {values.dtype.str} {values.shape}".encode())
+        total.update(np.ascontiguousarray(values).tobytes())
+    return total.hexdigest()
+
+
+def digests(scale: int) -> list[str]:
+    """One line for each situation, simulated by the engine with `scale` times its share."""
+    lines: list[str] = []
+    for situation in SITUATIONS:
+        scenario = situation.scenario(situation.share * scale)
+        lines.append(f"{situation.name} {digest(situation.run(scenario, engine.run))}")
+    return lines
+
+
+if __name__ == "__main__":
+    print("\n".join(digests(int(sys.argv[1]))))
