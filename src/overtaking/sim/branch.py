@@ -1,25 +1,19 @@
 """What would have happened: the same simulation with something changed from a frame on."""
 
 from collections.abc import Callable
-from enum import IntEnum
 
 from overtaking.core.errors import ConfigError
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
 from overtaking.model.weather import Weather
 from overtaking.sim import engine
+from overtaking.sim.decision import Decision
 from overtaking.sim.parameters import parameters, with_command
 
+__all__ = ["Decision", "Run", "branch"]
+
 Run = Callable[..., Trajectories]
-
-
-class Decision(IntEnum):
-    """A decision that can be forced on the ego, from the first instant that allows it."""
-
-    PULL_OUT = 1  # begin the overtake, whatever the gaps
-    ABORT = 2  # go back while pulling out
-    RETURN = 3  # change back to the slower lane, whatever is there
-    STAY = 4  # never begin an overtake
+"""`engine.run`, or `reference.run`."""
 
 
 def branch(

@@ -1,9 +1,6 @@
 """From a driver to the parameters of the step, and the speed that each thinks right."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, clamp, exp, maximum, minimum
 from overtaking.model.drivers import Drivers
@@ -11,13 +8,11 @@ from overtaking.model.scenario import Scenario
 from overtaking.physics import friction, visibility
 from overtaking.physics.constants import Constants, known
 from overtaking.physics.film import PERCENT
+from overtaking.sim.bodies import Rows
 from overtaking.sim.clock import DECISIONS_PER_SECOND
 from overtaking.sim.effects import Effects
 from overtaking.sim.lanes import road_parameters
 from overtaking.sim.world import World
-
-Rows = dict[str, NDArray[Any]]
-"""Parameters by their names in `parameters.VEHICLE_FIELDS`, each (simulation, vehicle)."""
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)

@@ -21,9 +21,7 @@ def behind_leader(state: State, given: Parameters, p: Fields, believed: Beliefs)
     c = given.constants
     gap, closing = believed.gap[LEAD], believed.closing[LEAD]
     wanted = follow(c, p, state.vx, desired, gap, closing, _time_gap(state, c, p))
-    gain = np.where(
-        _is_passing(state)[None, :] & (wanted > 0), c.accelerate_gain, np.float32(1.0)
-    )
+    gain = np.where(_is_passing(state)[None, :] & (wanted > 0), c.accelerate_gain, np.float32(1.0))
     gain[1:] = np.float32(1.0)
     return wanted * gain
 

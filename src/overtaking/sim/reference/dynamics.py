@@ -125,9 +125,7 @@ def _wreck(state: State, c: Constants, p: Fields) -> tuple[F32, F32, F32]:
     return -share * state.vx, -share * state.vy, -clamp(state.r, -spin, spin)
 
 
-def _integrate(
-    state: State, c: Constants, r: F32, rides: np.ndarray, wrecked: np.ndarray
-) -> None:
+def _integrate(state: State, c: Constants, r: F32, rides: np.ndarray, wrecked: np.ndarray) -> None:
     """New velocity, then new position with the mean of the old and the new velocity."""
     sine, cosine = sincos(state.psi)
     along = state.vx * cosine - state.vy * sine

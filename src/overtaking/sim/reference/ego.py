@@ -7,6 +7,7 @@ import numpy as np
 from overtaking.core.elementary import F32, Mask, exp, maximum, minimum
 from overtaking.model.trajectory import DecisionKind, Stage
 from overtaking.model.vehicles import Role
+from overtaking.sim.decision import Decision
 from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.following import forced_braking
 from overtaking.sim.reference.mobil import turn_to_lane
@@ -25,13 +26,24 @@ from overtaking.sim.reference.state import (
     pick,
 )
 
-PULL_OUT_NOW, ABORT_NOW, RETURN_NOW, STAY = 1, 2, 3, 4
-"""Decisions that `sim.branch` can force."""
+_CLOSE = np.float32(1.5)
+"""A gap below this multiple of the wanted time gap counts as close; the engine has it too."""
 
 
 @dataclass(slots=True, kw_only=True)
 class View:
-    """What the ego knows when it decides; arrays of shape (simulation,), or (role, simulation)."""
+    """What the ego knows when it decides; arrays of shape (simulation,), or (role, simulation).
+
+    Attributes:
+        own: Its parameters.
+        speed: Its speed [m/s].
+        gap: Believed gaps, by role [m].
+        closing: Believed speeds of approach, by role [m/s].
+        detected: Whether it has noticed the neighbour, by role.
+        leader_speed: Believed speed of the leader [m/s].
+        demand: Factor on the gaps that it asks for now [1].
+        impatience: What waiting has left of its demands, 1 at first [1].
+    """
 
     own: Fields
     speed: F32
@@ -45,7 +57,7 @@ class View:
 
 def look(state: State, given: Parameters, p: Fields, believed: Beliefs) -> View:
     """The ego's beliefs and how much it demands after its wait."""
-    own = Fields(tuple(p.__dict__), tuple(row[Role.EGO] for row in p.__dict__.values()))  # type: ignore[arg-type]
+    own = p.of(Role.EGO)
     impatience = maximum(
         exp(-(state.waited * own.inverse_patience)), given.constants.patience_floor
     )
@@ -63,7 +75,7 @@ def look(state: State, given: Parameters, p: Fields, believed: Beliefs) -> View:
 
 
 def own_braking(given: Parameters, view: View, role: int) -> F32:
-    """Acceleration that the vehicle ahead in `role` forces on the ego, with the gap that it demands now."""
+    """Acceleration that the vehicle ahead in `role` forces on the ego at the gap demanded now."""
     time_gap = view.own.time_gap * view.demand
     return forced_braking(
         given.constants, view.own, view.speed, view.gap[role], view.closing[role], time_gap
@@ -84,7 +96,7 @@ def wants_to_pass(view: View) -> Mask:
     own = view.own
     slower = own.desired_speed - view.leader_speed > own.passing_gain * view.impatience
     soon = view.gap[LEAD] < own.pull_out_time * view.closing[LEAD]
-    close = view.gap[LEAD] < np.float32(1.5) * own.time_gap * view.speed + own.min_gap
+    close = view.gap[LEAD] < _CLOSE * own.time_gap * view.speed + own.min_gap
     return view.detected[LEAD] & slower & (soon | close)
 
 
@@ -94,9 +106,8 @@ def may_pull_out(given: Parameters, view: View) -> Mask:
     front = own_braking(given, view, FAST_LEAD) >= -own.decel
     rear = their_braking(given, view, FAST_REAR) >= -(own.safe_decel / view.demand)
     rear = rear & (view.gap[FAST_REAR] > c.smallest_rear_gap * view.demand)
-    gain = (
-        view.speed - view.closing[FAST_LEAD]
-    ) - view.leader_speed > own.passing_gain * view.impatience
+    next_speed = view.speed - view.closing[FAST_LEAD]
+    gain = next_speed - view.leader_speed > own.passing_gain * view.impatience
     far = view.gap[FAST_LEAD] > view.gap[LEAD] + c.waiting_time_gap * view.speed
     return front & rear & (gain | far | ~view.detected[FAST_LEAD])
 
@@ -113,7 +124,7 @@ def may_return(given: Parameters, view: View) -> Mask:
 
 
 def must_abort(given: Parameters, view: View) -> Mask:
-    """Whether the lane that the ego is entering has turned dangerous, and the old one still has room."""
+    """Whether the lane being entered has turned dangerous, and the old one still has room."""
     c, own = given.constants, view.own
     bad_rear = their_braking(given, view, REAR) < -(c.abort_factor * own.safe_decel / view.demand)
     bad_front = own_braking(given, view, LEAD) < -(c.abort_factor * own.decel)
@@ -207,15 +218,12 @@ def _intend(state: State, given: Parameters, p: Fields, q: Fields, view: View) -
     fading = maximum(state.signalled - c.decision, np.float32(0.0))
     state.signalled = np.where(start | back, longer, fading)
     ready = state.signalled > view.own.signal_time
-    early = state.path_time[Role.EGO] < c.abort_until * state.path_duration[Role.EGO]
-    danger = must_abort(given, view) | (q.command == ABORT_NOW)
-    abort = _in_stage(state, Stage.PULL_OUT) & early & danger
     return Intent(
         start=start,
         back=back,
         go_out=start & ready,
         go_back=back & ready,
-        abort=abort,
+        abort=_gives_up(state, given, q, view),
         passed=passed,
         arrived=arrived,
     )
@@ -227,8 +235,8 @@ def _starts(state: State, given: Parameters, q: Fields, view: View, arrived: Mas
     rested = state.since_change[Role.EGO] >= c.abort_cooldown
     has_lane = state.lane[Role.EGO] < np.float32(given.road.num_lanes - 1)
     free = _in_stage(state, Stage.FOLLOW) & arrived & rested & has_lane
-    wanted = free & wants_to_pass(view) & may_pull_out(given, view) & (q.command != STAY)
-    return wanted | (free & (q.command == PULL_OUT_NOW) & (state.attempted == 0))
+    wanted = free & wants_to_pass(view) & may_pull_out(given, view) & (q.command != Decision.STAY)
+    return wanted | (free & (q.command == Decision.PULL_OUT) & (state.attempted == 0))
 
 
 def _turns_back(state: State, given: Parameters, q: Fields, view: View, passed: Mask) -> Mask:
@@ -238,11 +246,19 @@ def _turns_back(state: State, given: Parameters, q: Fields, view: View, passed: 
     late = state.stage_time > c.give_up_after
     stuck = late & (state.s[Role.EGO] < pick(state.s, state.target))
     wanted = has_lane & may_return(given, view) & (passed | stuck)
-    return wanted | (has_lane & (q.command == RETURN_NOW))
+    return wanted | (has_lane & (q.command == Decision.RETURN))
+
+
+def _gives_up(state: State, given: Parameters, q: Fields, view: View) -> Mask:
+    """Whether the ego goes back while pulling out: in danger, or forced by a branch."""
+    halfway = given.constants.abort_until * state.path_duration[Role.EGO]
+    early = state.path_time[Role.EGO] < halfway
+    danger = must_abort(given, view) | (q.command == Decision.ABORT)
+    return _in_stage(state, Stage.PULL_OUT) & early & danger
 
 
 def _next_stage(state: State, given: Parameters, near: Neighbours, intent: Intent) -> F32:
-    """The stage after this decision."""
+    """The stage after this decision; an abort wins over an arrival, a return over both."""
     centre = np.float32(0.5) * (near.lane_low[Role.EGO] + near.lane_high[Role.EGO])
     settled = np.abs(state.d[Role.EGO] - centre) < given.constants.settled_offset
     finished = intent.arrived & settled
@@ -259,7 +275,7 @@ def _next_stage(state: State, given: Parameters, near: Neighbours, intent: Inten
 def _act(
     state: State, given: Parameters, p: Fields, near: Neighbours, view: View, intent: Intent
 ) -> None:
-    """Move over and show it."""
+    """Move over and show it; who pulls out remembers whom it is overtaking."""
     state.target = np.where(intent.go_out, near.slot[LEAD, Role.EGO], state.target)
     state.attempted = np.where(intent.go_out, np.float32(1.0), state.attempted)
     slower = intent.go_back | intent.abort
@@ -267,7 +283,11 @@ def _act(
     slow = np.zeros(state.s.shape, bool)
     fast[Role.EGO], slow[Role.EGO] = intent.go_out, slower
     turn_to_lane(state, given, p, fast, slow)
-    moved = intent.go_out | slower
+    _show(state, view, intent, intent.go_out | slower)
+
+
+def _show(state: State, view: View, intent: Intent, moved: Mask) -> None:
+    """Signal an intention while it lasts; during a lane change its own indicator stays on."""
     fading = state.signalled > 0
     kept = np.where(fading, state.indicator[Role.EGO], np.float32(0.0))
     used = view.own.uses_indicator

@@ -6,7 +6,7 @@ from overtaking.core.elementary import F32, Mask, minimum
 from overtaking.model.vehicles import Role
 from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.following import follow, forced_braking
-from overtaking.sim.reference.neighbours import Neighbours, lane_borders
+from overtaking.sim.reference.neighbours import lane_borders
 from overtaking.sim.reference.perception import Beliefs, swap_roles
 from overtaking.sim.reference.state import (
     FAST_LEAD,
@@ -25,17 +25,17 @@ INTERVAL = 4
 
 
 def imposed(given: Parameters, p: Fields, speed: F32, gap: F32, closing: F32) -> F32:
-    """Acceleration that a vehicle in front imposes on a follower, judged by the driver's own standard."""
+    """Acceleration imposed on a follower, judged by the standard of the driver in front [m/s^2]."""
     return forced_braking(given.constants, p, speed + closing, gap, closing, p.time_gap)
 
 
 def incentives(
     state: State, given: Parameters, p: Fields, believed: Beliefs, own: F32
 ) -> tuple[F32, F32]:
-    """MOBIL's incentive to change to the fast and to the slow side, minus the politeness owed [m/s^2].
+    """MOBIL's incentives to change to the fast and to the slow side [m/s^2].
 
-    European rule: to the fast side only the new follower counts, to the slow side the old one; above
-    60 km/h nobody expects to be faster than the traffic on the fast side (no passing on the slow side).
+    European rule: to the fast side only the new follower counts, to the slow side the old one;
+    above 60 km/h nobody expects to be faster than the traffic on the fast side.
 
     Source:
         Kesting, Treiber, Helbing 2007, equations 10 to 13.
@@ -74,33 +74,36 @@ def is_safe(
     return room & (braking >= -p.safe_decel) & (own >= -p.safe_decel)
 
 
-def change_lanes(
-    state: State, given: Parameters, p: Fields, near: Neighbours, believed: Beliefs, own: F32
-) -> None:
-    """Let everybody but the ego change lanes where it pays and is safe."""
-    c, road = given.constants, given.road
+def change_lanes(state: State, given: Parameters, p: Fields, believed: Beliefs, own: F32) -> None:
+    """Let everybody but the ego change lanes where it pays and is safe.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        believed: What drivers believe about their neighbours.
+        own: Acceleration behind the present leader, (vehicle, simulation) [m/s^2].
+    """
     to_fast, to_slow = incentives(state, given, p, believed, own)
-    ready = (state.path_time >= state.path_duration) & (state.since_change >= c.cooldown)
-    ready = ready & (state.crashed == 0) & (p.valid > 0)
-    ready[Role.EGO] = False
-    exists_fast = state.lane < np.float32(road.num_lanes - 1)
-    exists_slow = state.lane >= np.float32(1.0)
-    fast = (
-        ready
-        & exists_fast
-        & (to_fast > p.threshold)
-        & is_safe(state, given, p, believed, FAST_LEAD, FAST_REAR)
-    )
-    slow = (
-        ready
-        & exists_slow
-        & (to_slow > p.threshold)
-        & is_safe(state, given, p, believed, SLOW_LEAD, SLOW_REAR)
-    )
-    slow = slow & ~fast
+    ready = _is_ready(state, given, p)
+    has_fast = state.lane < np.float32(given.road.num_lanes - 1)
+    has_slow = state.lane >= np.float32(1.0)
+    safe_fast = is_safe(state, given, p, believed, FAST_LEAD, FAST_REAR)
+    safe_slow = is_safe(state, given, p, believed, SLOW_LEAD, SLOW_REAR)
+    fast = ready & has_fast & safe_fast & (to_fast > p.threshold)
+    slow = ready & has_slow & safe_slow & (to_slow > p.threshold) & ~fast
     turn_to_lane(state, given, p, fast, slow)
     done = state.path_time >= state.path_duration
     state.indicator[1:] = np.where(done[1:], np.float32(0.0), state.indicator[1:])
+
+
+def _is_ready(state: State, given: Parameters, p: Fields) -> Mask:
+    """Who may change lanes by MOBIL: everybody sound but the ego, a while after the last change."""
+    arrived = state.path_time >= state.path_duration
+    rested = state.since_change >= given.constants.cooldown
+    ready = arrived & rested & (state.crashed == 0) & (p.valid > 0)
+    ready[Role.EGO] = False
+    return ready
 
 
 def turn_to_lane(state: State, given: Parameters, p: Fields, fast: Mask, slow: Mask) -> None:

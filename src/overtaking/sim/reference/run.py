@@ -85,7 +85,7 @@ def decide(
     old_leader = control.behind_old_leader(state, given, p, near, believed)
     control.set_acceleration(state, given, p, leader, old_leader)
     if decision % mobil.INTERVAL == 0:
-        mobil.change_lanes(state, given, p, near, believed, leader)
+        mobil.change_lanes(state, given, p, believed, leader)
     ego.decide(state, given, p, q, near, believed, recorder, step)
     count = len(p.valid)
     every = [(i, j) for i in range(count) for j in range(i + 1, count)]

@@ -1,5 +1,6 @@
 """The state of a batch between two steps, and named access to its parameters."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,22 +12,34 @@ from overtaking.sim.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Paramet
 HISTORY = 64
 """Decisions whose kinematics are remembered; longer than any reaction time."""
 
+UNKNOWN = np.float32(-2.0)
+"""In `State.seen_id` before the first decision: nothing was looked at yet."""
+
 LEAD, REAR, FAST_LEAD, FAST_REAR, SLOW_LEAD, SLOW_REAR = range(6)
 """Neighbours of a vehicle: in its lane, in the next lane to the fast side, and to the slow side."""
 
 NOBODY = np.float32(-1.0)
+"""Slot of a neighbour, a target or a partner that does not exist."""
+
+# Before the first decision: no lane change holds anyone back, and on friction nothing depends yet.
+_LONG_AGO = np.float32(10.0)
+_ANY_FRICTION = np.float32(0.8)
 
 
 class Fields:
     """Rows of a parameter array by name, as attributes."""
 
-    def __init__(self, names: tuple[str, ...], rows: F32) -> None:
+    def __init__(self, names: Iterable[str], rows: Iterable[F32]) -> None:
         """Name the rows of an array of shape (field, ...)."""
         self.__dict__.update(zip(names, rows, strict=True))
 
     def __getattr__(self, name: str) -> F32:
         """Only reached for a name that does not exist."""
         raise AttributeError(name)
+
+    def of(self, slot: int) -> "Fields":
+        """The same rows, of one vehicle only."""
+        return Fields(self.__dict__, [row[slot] for row in self.__dict__.values()])
 
 
 @dataclass(slots=True, kw_only=True)
@@ -51,8 +64,10 @@ class State:
         indicator: +1 towards the fast side, -1 towards the slow side, 0 off.
         gust, distance_error, speed_error, wander: Ornstein-Uhlenbeck processes of unit variance.
         mu_fast, mu_slow: Friction under the wheels of either side.
-        wind_force, wind_moment, tail_wind: Side force [N], yaw moment [N m], wind along the axis [m/s].
-        seen_id, seen_time: Neighbour in each role and for how long it has been in view, (6, vehicle, simulation).
+        wind_force, wind_moment: Side force [N] and yaw moment [N m].
+        tail_wind: Wind along the axis [m/s].
+        seen_id, seen_time: Neighbour in each role, `UNKNOWN` at first, and for how long it has been
+            in view, (6, vehicle, simulation).
         contact_partner, contact_time, contact_impulse, contact_speed: First collision.
         stage: Of the ego.
         target: Slot of the vehicle that is being overtaken.
@@ -62,6 +77,8 @@ class State:
         attempted: 1 once an overtake was begun.
         end_step: Last step of the simulation.
         num_percepts: Decisions written down.
+        history_s, history_v: Position and speed along the road at the last decisions,
+            (HISTORY, vehicle, simulation).
     """
 
     s: F32
@@ -134,18 +151,18 @@ def initial_state(given: Parameters) -> State:
         path_time=zero + 1.0,
         path_duration=zero + 1.0,
         lane=p.start_lane.copy(),
-        since_change=zero + 10.0,
+        since_change=zero + _LONG_AGO,
         indicator=zero.copy(),
         gust=zero.copy(),
         distance_error=zero.copy(),
         speed_error=zero.copy(),
         wander=zero.copy(),
-        mu_fast=zero + 0.8,
-        mu_slow=zero + 0.8,
+        mu_fast=zero + _ANY_FRICTION,
+        mu_slow=zero + _ANY_FRICTION,
         wind_force=zero.copy(),
         wind_moment=zero.copy(),
         tail_wind=zero.copy(),
-        seen_id=np.full((6, *zero.shape), -2.0, np.float32),
+        seen_id=np.full((6, *zero.shape), UNKNOWN),
         seen_time=np.zeros((6, *zero.shape), np.float32),
         contact_partner=zero + NOBODY,
         contact_time=zero.copy(),
