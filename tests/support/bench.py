@@ -1,0 +1,134 @@
+"""A test bench: vehicles on an endless plain, steered and braked by the test instead of a driver."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from overtaking.sim.parameters import (
+    SIMULATION_FIELDS,
+    SUBSTEPS,
+    VEHICLE_FIELDS,
+    Effects,
+    Parameters,
+    parameters,
+)
+from overtaking.sim.reference import dynamics, environment
+from overtaking.sim.reference.state import Fields, State, initial_state
+
+from .worlds import Vehicle, scenario, wide_road
+
+if TYPE_CHECKING:
+    from overtaking.physics.constants import Constants
+
+F64 = np.ndarray
+
+LANE = 7
+"""Its centre lies 3 m from d = 0, where float32 is finest."""
+
+RECORDED = ("s", "d", "psi", "vx", "vy", "r", "a_lon", "a_lat")
+
+Action = Callable[["Bench", float], None]
+
+
+@dataclass(slots=True, kw_only=True)
+class Bench:
+    """Vehicles of a batch, one to a simulation, and the state that they are in.
+
+    Attributes:
+        given: Parameters of the batch.
+        state: Current state, arrays of shape (1, simulation).
+        c: Constants; their `step` may have been changed.
+        p: Vehicle parameters by name.
+        q: Simulation parameters by name.
+        grips: Whether friction follows from the weather at each decision.
+        blows: Whether the wind does.
+    """
+
+    given: Parameters
+    state: State
+    c: Constants
+    p: Fields
+    q: Fields
+    grips: bool
+    blows: bool
+
+    def drive(self, duration: float, action: Action | None = None) -> dict[str, F64]:
+        """Advance by `duration` seconds.
+
+        Args:
+            duration: Time to drive [s].
+            action: Called before each step with the time since the start of this call; it moves
+                the wheel and the pedals of the state.
+
+        Returns:
+            What happened: `t` of shape (step + 1,) and the fields of `RECORDED` of shape
+            (step + 1, simulation), the start included.
+        """
+        step = float(self.c.step)
+        count = round(duration / step)
+        rows = {name: [getattr(self.state, name)[0].copy()] for name in RECORDED}
+        for k in range(count):
+            if k % SUBSTEPS == 0:
+                self.decide()
+            if action is not None:
+                action(self, k * step)
+            dynamics.move(self.state, self.c, self.p)
+            for name, values in rows.items():
+                values.append(getattr(self.state, name)[0].copy())
+        history = {name: np.array(values, np.float64) for name, values in rows.items()}
+        return history | {"t": np.arange(count + 1) * step}
+
+
+    def hold(self, *, wheel: float | F64 = 0.0, accel: float | F64 = 0.0) -> None:
+        """Put the wheels, one angle or one for each simulation, and the pedals somewhere."""
+        zero = np.zeros_like(self.state.s)
+        self.state.wheel = zero + np.asarray(wheel, np.float32)
+        self.state.accel = zero + np.asarray(accel, np.float32)
+
+    def decide(self) -> None:
+        """What the world does to the vehicles at a decision."""
+        if self.grips:
+            environment.grip(self.state, self.given, self.p, self.q)
+        if self.blows:
+            environment.wind(self.state, self.given, self.p, self.q)
+
+
+def bench(
+    *vehicles: Vehicle,
+    friction: float | Sequence[float] | None = 0.9,
+    sky: dict[str, float] | None = None,
+    step: float = 0.01,
+) -> Bench:
+    """Put vehicles on the bench, straight ahead at their start speed.
+
+    Args:
+        vehicles: One for each simulation; their lanes do not matter.
+        friction: Of each simulation, or None for that of the weather at each decision.
+        sky: Differences of the weather from a clear sky; with it the wind blows, without gusts.
+        step: Time step [s].
+    """
+    world = scenario(
+        *[[replace(one, lane=LANE)] for one in vehicles],
+        road=wide_road(lanes=8, width=6.0),
+        weather=sky,
+        num_slots=1,
+    )
+    given = parameters(world, Effects(gusts=False, wake=False))
+    constants = given.constants.replace(step=step)
+    state = initial_state(given)
+    if friction is not None:
+        state.mu_fast = state.s * np.float32(0.0) + np.asarray(friction, np.float32)
+        state.mu_slow = state.mu_fast.copy()
+    return Bench(
+        given=replace(given, constants=constants),
+        state=state,
+        c=constants,
+        p=Fields(VEHICLE_FIELDS, given.vehicle),
+        q=Fields(SIMULATION_FIELDS, given.simulation),
+        grips=friction is None,
+        blows=sky is not None,
+    )
