@@ -59,8 +59,8 @@ def _following(scenario: Scenario, c: Constants, world: World) -> Rows:
     """Parameters of the intelligent driver model.
 
     Source:
-        Treiber and Kesting, Traffic Flow Dynamics (2013), equations 11.15 and 11.26: the factor
-        of v dv in s* is 1 / (2 sqrt(a b)), the exponent above the desired speed 4 a / b.
+        Treiber and Kesting, Traffic Flow Dynamics (2013), chapter 11: the factor of v dv in s* is
+        1 / (2 sqrt(a b)), the exponent above the desired speed 4 a / b.
     """
     p = scenario.drivers
     usable = known("model.following.grip_share") * c.gravity * world.grip[:, None]

@@ -10,7 +10,8 @@ from overtaking.model.vehicles import Role
 from overtaking.physics.constants import Constants
 from overtaking.sim.reference.state import Fields, State
 
-_TINY = np.float32(1e-6)
+_TINY = np.float32(1e-6)  # Keeps the instant of contact finite without relative motion [m].
+_EVER = np.float32(1e9)  # Steps before and after which nothing happens.
 
 
 @dataclass(slots=True, kw_only=True)
@@ -80,6 +81,27 @@ def collide(
     end_with_ego(state, c, was_sound & (state.crashed[Role.EGO] > 0), step)
 
 
+@dataclass(slots=True, kw_only=True)
+class Hit:
+    """A contact of two vehicles in each simulation; arrays of shape (simulation,).
+
+    Attributes:
+        mask: Where there is one.
+        along, across: Unit normal from the first to the second.
+        lever_a, lever_b: Levers of the impulse about both centres [m].
+        approach: Speed of approach along the normal [m/s].
+        instant: When they touched [s].
+    """
+
+    mask: Mask
+    along: F32
+    across: F32
+    lever_a: F32
+    lever_b: F32
+    approach: F32
+    instant: F32
+
+
 def _collide_pair(
     state: State,
     c: Constants,
@@ -91,35 +113,69 @@ def _collide_pair(
     j: int,
 ) -> None:
     a, b = _box(state, p, i), _box(state, p, j)
+    hit = _contact(state, c, a, b, near, before, step, (i, j))
+    impulse = _impulse(c, p, hit, i, j)
+    _push(state, p, a, i, -impulse, hit.along, hit.across, hit.lever_a)
+    _push(state, p, b, j, impulse, hit.along, hit.across, hit.lever_b)
+    for own, other in ((i, j), (j, i)):
+        _write_down(state, hit, impulse, own, other)
+
+
+def _contact(
+    state: State,
+    c: Constants,
+    a: Box,
+    b: Box,
+    near: Mask,
+    before: tuple[F32, F32],
+    step: int,
+    pair: tuple[int, int],
+) -> Hit:
+    """Whether, where and how fast a pair touched during the step; none once it is over."""
+    i, j = pair
     then = (before[0][j] - before[0][i], before[1][j] - before[1][i])
-    now = (b.s - a.s, b.d - a.d)
-    enter, leave, along, across = first_contact(a, b, then, now)
+    enter, leave, along, across = first_contact(a, b, then, (b.s - a.s, b.d - a.d))
     touching = near & (enter <= leave) & (enter <= np.float32(1.0)) & (leave >= np.float32(0.0))
     arm_a, arm_b = _contact_arms(a, b)
     velocity_a, velocity_b = _velocity(state, a, i, arm_a), _velocity(state, b, j, arm_b)
     approach = (velocity_a[0] - velocity_b[0]) * along + (velocity_a[1] - velocity_b[1]) * across
-    hit = touching & (approach > 0) & (np.float32(step) < state.end_step)
-    lever_a = arm_a[0] * across - arm_a[1] * along
-    lever_b = arm_b[0] * across - arm_b[1] * along
+    share = clamp(enter, np.float32(0.0), np.float32(1.0))
+    return Hit(
+        mask=touching & (approach > 0) & (np.float32(step) < state.end_step),
+        along=along,
+        across=across,
+        lever_a=arm_a[0] * across - arm_a[1] * along,
+        lever_b=arm_b[0] * across - arm_b[1] * along,
+        approach=approach,
+        instant=(np.float32(step) + share) * c.step,
+    )
+
+
+def _impulse(c: Constants, p: Fields, hit: Hit, i: int, j: int) -> F32:
+    """Impulse along the normal of two rigid bodies without friction between them [N s].
+
+    Source:
+        Newton's law of restitution; Brach and Brach, Vehicle Accident Analysis and Reconstruction
+        Methods (2011), planar impact mechanics.
+    """
     softness = p.inverse_mass[i] + p.inverse_mass[j]
     softness = (
         softness
-        + lever_a * lever_a * p.inverse_inertia[i]
-        + lever_b * lever_b * p.inverse_inertia[j]
+        + hit.lever_a * hit.lever_a * p.inverse_inertia[i]
+        + hit.lever_b * hit.lever_b * p.inverse_inertia[j]
     )
-    impulse = np.where(
-        hit, (np.float32(1.0) + c.restitution) * approach / softness, np.float32(0.0)
-    )
-    _push(state, p, a, i, -impulse, along, across, lever_a)
-    _push(state, p, b, j, impulse, along, across, lever_b)
-    instant = (np.float32(step) + clamp(enter, np.float32(0.0), np.float32(1.0))) * c.step
-    for own, other in ((i, j), (j, i)):
-        first = hit & (state.contact_partner[own] < 0)
-        state.contact_partner[own] = np.where(first, np.float32(other), state.contact_partner[own])
-        state.contact_time[own] = np.where(first, instant, state.contact_time[own])
-        state.contact_impulse[own] = np.where(first, impulse, state.contact_impulse[own])
-        state.contact_speed[own] = np.where(first, approach, state.contact_speed[own])
-        state.crashed[own] = np.where(hit, np.float32(1.0), state.crashed[own])
+    impulse = (np.float32(1.0) + c.restitution) * hit.approach / softness
+    return np.where(hit.mask, impulse, np.float32(0.0))
+
+
+def _write_down(state: State, hit: Hit, impulse: F32, own: int, other: int) -> None:
+    """Keep the first contact of a vehicle, and make it a wreck."""
+    first = hit.mask & (state.contact_partner[own] < 0)
+    state.contact_partner[own] = np.where(first, np.float32(other), state.contact_partner[own])
+    state.contact_time[own] = np.where(first, hit.instant, state.contact_time[own])
+    state.contact_impulse[own] = np.where(first, impulse, state.contact_impulse[own])
+    state.contact_speed[own] = np.where(first, hit.approach, state.contact_speed[own])
+    state.crashed[own] = np.where(hit.mask, np.float32(1.0), state.crashed[own])
 
 
 def _box(state: State, p: Fields, i: int) -> Box:
@@ -139,8 +195,9 @@ def first_contact(
 ) -> tuple[F32, F32, F32, F32]:
     """When two boxes in relative motion begin and cease to overlap, and the contact normal.
 
-    Separating axes of both boxes; along each the relative centre moves linearly, which gives the part
-    of the step in which the projections overlap. The axis that starts to overlap last is the normal.
+    Separating axes of both boxes; along each the relative centre moves linearly, which gives the
+    part of the step in which the projections overlap. The axis that starts to overlap last is the
+    normal.
 
     Args:
         a: First box at the end of the step.
@@ -154,19 +211,10 @@ def first_contact(
     Source:
         Ericson, Real-Time Collision Detection (2005), sections 4.4 and 5.5.8.
     """
-    turn_cosine = np.abs(a.cosine * b.cosine + a.sine * b.sine)
-    turn_sine = np.abs(a.sine * b.cosine - a.cosine * b.sine)
-    reach = (
-        a.half_length + b.half_length * turn_cosine + b.half_width * turn_sine,
-        a.half_width + b.half_length * turn_sine + b.half_width * turn_cosine,
-        b.half_length + a.half_length * turn_cosine + a.half_width * turn_sine,
-        b.half_width + a.half_length * turn_sine + a.half_width * turn_cosine,
-    )
     axes = ((a.cosine, a.sine), (-a.sine, a.cosine), (b.cosine, b.sine), (-b.sine, b.cosine))
-    enter = np.full_like(a.s, np.float32(-1e9))
-    leave = np.full_like(a.s, np.float32(1e9))
+    enter, leave = np.full_like(a.s, -_EVER), np.full_like(a.s, _EVER)
     along, across = np.zeros_like(a.s), np.zeros_like(a.s)
-    for (axis_s, axis_d), limit in zip(axes, reach, strict=True):
+    for (axis_s, axis_d), limit in zip(axes, _reaches(a, b), strict=True):
         start = then[0] * axis_s + then[1] * axis_d
         change = now[0] * axis_s + now[1] * axis_d - start
         change = np.where(np.abs(change) < _TINY, _TINY, change)
@@ -182,8 +230,20 @@ def first_contact(
     return enter, leave, along, across
 
 
+def _reaches(a: Box, b: Box) -> tuple[F32, F32, F32, F32]:
+    """Distance of the centres along each axis of both boxes below which projections overlap [m]."""
+    turn_cosine = np.abs(a.cosine * b.cosine + a.sine * b.sine)
+    turn_sine = np.abs(a.sine * b.cosine - a.cosine * b.sine)
+    return (
+        a.half_length + b.half_length * turn_cosine + b.half_width * turn_sine,
+        a.half_width + b.half_length * turn_sine + b.half_width * turn_cosine,
+        b.half_length + a.half_length * turn_cosine + a.half_width * turn_sine,
+        b.half_width + a.half_length * turn_sine + a.half_width * turn_cosine,
+    )
+
+
 def _contact_arms(a: Box, b: Box) -> tuple[tuple[F32, F32], tuple[F32, F32]]:
-    """Contact point relative to both centres: midway between each box's point nearest to the other."""
+    """Contact point relative to both centres, midway between the points nearest to the other."""
     ahead, aside = b.s - a.s, b.d - a.d
     near_a = _nearest_point(a, ahead, aside)
     near_b = _nearest_point(b, -ahead, -aside)

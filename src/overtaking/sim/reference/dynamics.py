@@ -1,4 +1,4 @@
-"""Motion of a vehicle over one step: single-track with Fiala tyres, point mass on two wheels, wreck."""
+"""Motion over one step: single-track with Fiala tyres, point mass on two wheels, wreck."""
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from overtaking.sim.reference.state import Fields, State
 
 _ONE = np.float32(1.0)
 _HALF = np.float32(0.5)
+_TINY = np.float32(1e-3)  # Keeps the direction of a wreck at rest finite [m/s].
 
 
 def fiala(stiffness: F32, slope: F32, limit: F32) -> F32:
@@ -43,8 +44,8 @@ def axle_forces(c: Constants, state: State, force: F32, load: F32) -> tuple[F32,
     Each side transmits what its own friction allows, which turns the vehicle on split friction.
 
     Returns:
-        Force on the axle [N], force of the slow side minus that of the fast side [N], and the lateral
-        force left by the friction circle [N].
+        Force on the axle [N], force of the slow side minus that of the fast side [N], and the
+        lateral force left by the friction circle [N].
     """
     half_load = _HALF * load
     bound_fast = c.abs_share * state.mu_fast * half_load
@@ -58,7 +59,7 @@ def axle_forces(c: Constants, state: State, force: F32, load: F32) -> tuple[F32,
 
 
 def move(state: State, c: Constants, p: Fields) -> None:
-    """Advance every vehicle by one step: new velocity first, then the trapezoid for the position."""
+    """Advance every vehicle by one step: new velocity first, then the position by the trapezoid."""
     air = state.vx - state.tail_wind
     resistance = p.drag * air * np.abs(air) + p.rolling
     inverse_speed = _ONE / maximum(state.vx, c.slip_speed)
@@ -84,7 +85,14 @@ def move(state: State, c: Constants, p: Fields) -> None:
 def _tyre_forces(
     state: State, c: Constants, p: Fields, force: F32, inverse_speed: F32
 ) -> tuple[F32, F32, F32, F32, F32]:
-    """Longitudinal front and rear, lateral front and rear [N], and the moment of split friction [N m]."""
+    """Forces of the axles, and the yaw moment of split friction.
+
+    Returns:
+        Longitudinal front and rear [N], lateral front and rear [N], moment [N m].
+
+    Source:
+        The single-track model with load transfer of Althoff, Koschi and Manzinger (CommonRoad).
+    """
     shift = state.a_lon * p.cg_height
     front_weight = p.inverse_wheelbase * (c.gravity * p.cg_rear - shift)
     front_load = p.mass * front_weight
@@ -120,7 +128,7 @@ def _wreck(state: State, c: Constants, p: Fields) -> tuple[F32, F32, F32]:
     """A wreck slides to rest with locked wheels: accelerations and change of yaw rate."""
     friction = c.sliding_ratio * c.gravity * _HALF * (state.mu_fast + state.mu_slow)
     speed = np.sqrt(state.vx * state.vx + state.vy * state.vy)
-    share = minimum(friction, speed / c.step) / maximum(speed, np.float32(1e-3))
+    share = minimum(friction, speed / c.step) / maximum(speed, _TINY)
     spin = friction * p.mass * p.inverse_inertia * _HALF * p.wheelbase * c.step
     return -share * state.vx, -share * state.vy, -clamp(state.r, -spin, spin)
 

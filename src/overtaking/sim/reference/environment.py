@@ -1,4 +1,4 @@
-"""What the weather does to each vehicle at a decision: friction under its wheels, wind on its side."""
+"""What the weather does to each vehicle at a decision: friction under it, wind beside it."""
 
 import numpy as np
 
@@ -8,7 +8,9 @@ from overtaking.physics import film, friction
 from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.state import Fields, State
 
-_ROOT_3 = np.float32(1.732_050_8)
+_ROOT_3 = np.float32(1.732_050_8)  # A uniform number of unit variance lies within +- sqrt(3).
+_TURN = np.float32(6.283_185_5)
+_QUARTER_TURN = np.float32(1.570_796_4)
 
 
 def _relaxed(process: F32, keep: F32, word: F32) -> F32:
@@ -65,7 +67,12 @@ def grip(state: State, given: Parameters, p: Fields, q: Fields) -> None:
 
 
 def shelter(state: State, given: Parameters, p: Fields, q: Fields) -> F32:
-    """Share of the side wind left beside high-sided vehicles upwind, (vehicle, simulation)."""
+    """Share of the side wind left beside high-sided vehicles upwind, (vehicle, simulation).
+
+    Source:
+        Full beside the body, back as a smooth step over a part of its length (a choice); side winds
+        on what passes a truck: Coleman and Baker 1990.
+    """
     c = given.constants
     share = np.ones_like(state.s)
     one = np.float32(1.0)
@@ -87,18 +94,27 @@ def shelter(state: State, given: Parameters, p: Fields, q: Fields) -> F32:
 
 
 def gust_bump(state: State, given: Parameters, q: Fields) -> F32:
-    """The discrete gusts of bridges and cuttings, 0 to 1: one every `gust_spacing`, 1 - cos shaped."""
+    """The single gusts of bridges and cuttings, 0 to 1: one every `gust_spacing`, 1 - cos shaped.
+
+    Source:
+        The shape of discrete gusts in certification rules, such as EASA CS-25.341.
+    """
     c = given.constants
     cell = state.s / c.gust_spacing + q.gust_phase
     inside = (cell - film.floor(cell)) * c.gust_spacing / q.gust_length
-    _, cosine = sincos(np.float32(6.283_185_5) * minimum(inside, np.float32(1.0)))
+    _, cosine = sincos(_TURN * minimum(inside, np.float32(1.0)))
     return np.where(
         inside < np.float32(1.0), np.float32(0.5) - np.float32(0.5) * cosine, np.float32(0.0)
     )
 
 
 def wind(state: State, given: Parameters, p: Fields, q: Fields) -> None:
-    """Side force, yaw moment and tail wind of each vehicle."""
+    """Side force, yaw moment and tail wind of each vehicle.
+
+    Source:
+        Gillespie, Fundamentals of Vehicle Dynamics (1992), chapter 4: coefficients on the side area
+        at the relative wind, growing with its angle; the growth saturates (a choice).
+    """
     c = given.constants
     one = np.float32(1.0)
     strength = one + c.turbulence_intensity * state.gust + q.gust_gain * gust_bump(state, given, q)
@@ -107,7 +123,7 @@ def wind(state: State, given: Parameters, p: Fields, q: Fields) -> None:
     state.tail_wind = q.wind_along * strength
     along = maximum(state.vx - state.tail_wind, one)
     angle = atan(np.abs(across) / along)
-    sine, _ = sincos(minimum(c.wind_angle_factor * angle, np.float32(1.570_796_4)))
+    sine, _ = sincos(minimum(c.wind_angle_factor * angle, _QUARTER_TURN))
     force = p.side_wind * (along * along + across * across) * sine
     state.wind_force = np.where(across < 0, -force, force)
     cosine = along / np.sqrt(along * along + across * across)

@@ -58,8 +58,8 @@ def cooled(c: Constants, p: Fields, wanted: F32, gap: F32, closing: F32) -> F32:
     """A wanted acceleration without the alarm of car-following models at small gaps [m/s^2].
 
     Where the model asks for more braking than the situation needs at constant speed of the leader,
-    the excess is limited to about the comfortable deceleration, so that a cut-in by a faster vehicle
-    frightens nobody.
+    the excess is limited to about the comfortable deceleration, so that a cut-in by a faster
+    vehicle frightens nobody.
 
     Args:
         c: Constants.

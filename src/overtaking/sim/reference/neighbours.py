@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F32
+from overtaking.core.elementary import F32, Mask
 from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.state import NOBODY, Fields, State, pick
 
-_FAR = np.float32(1e9)
+_FAR = np.float32(1e9)  # Where nobody is [m].
 
 
 @dataclass(slots=True, kw_only=True)
@@ -19,7 +19,8 @@ class Neighbours:
     Attributes:
         slot: Whole-number slots or `NOBODY`, (role, vehicle, simulation).
         gap: Bumper-to-bumper gap, negative when alongside, (role, vehicle, simulation) [m].
-        distance: Distance of the centres along the road, never negative, (role, vehicle, simulation) [m].
+        distance: Distance of the centres along the road, never negative,
+            (role, vehicle, simulation) [m].
         aside: How far it is towards the fast side, (role, vehicle, simulation) [m].
         half_length: Half of its length, (role, vehicle, simulation) [m].
         lane_low: Slow-side border of the own lane, (vehicle, simulation) [m].
@@ -49,40 +50,46 @@ def find_neighbours(state: State, given: Parameters, p: Fields) -> Neighbours:
     A vehicle counts in every lane that its body overlaps by more than the margin, so one that
     straddles a line is seen by both lanes.
     """
-    c = given.constants
     bands = [lane_borders(state, given, shift) for shift in (0.0, 1.0, -1.0)]
-    shape = (6, *state.s.shape)
-    slot = np.full(shape, NOBODY, np.float32)
-    nearest = np.full(shape, _FAR, np.float32)
-    aside = np.zeros(shape, np.float32)
+    found = _Nearest(state.s.shape)
     for j in range(state.s.shape[0]):
-        ahead = state.s[j] - state.s
-        beside = state.d[j] - state.d
+        ahead, beside = state.s[j] - state.s, state.d[j] - state.d
         others = np.broadcast_to(p.valid[j] > 0, ahead.shape).copy()
         others[j] = False
-        low_side = state.d[j] - p.half_width[j]
-        high_side = state.d[j] + p.half_width[j]
         for k, (low, high) in enumerate(bands):
-            inside = (
-                others
-                & (high_side > low + c.corridor_margin)
-                & (low_side < high - c.corridor_margin)
-            )
-            front = inside & (ahead >= 0) & (ahead < nearest[2 * k])
-            back = inside & (ahead < 0) & (-ahead < nearest[2 * k + 1])
-            nearest[2 * k] = np.where(front, ahead, nearest[2 * k])
-            slot[2 * k] = np.where(front, np.float32(j), slot[2 * k])
-            aside[2 * k] = np.where(front, beside, aside[2 * k])
-            nearest[2 * k + 1] = np.where(back, -ahead, nearest[2 * k + 1])
-            slot[2 * k + 1] = np.where(back, np.float32(j), slot[2 * k + 1])
-            aside[2 * k + 1] = np.where(back, beside, aside[2 * k + 1])
-    half = pick(p.half_length, slot)
+            inside = others & _overlaps(state, given, p, j, low, high)
+            found.offer(2 * k, j, inside & (ahead >= 0), ahead, beside)
+            found.offer(2 * k + 1, j, inside & (ahead < 0), -ahead, beside)
+    half = pick(p.half_length, found.slot)
     return Neighbours(
-        slot=slot,
-        gap=nearest - (half + p.half_length),
-        distance=nearest,
-        aside=aside,
+        slot=found.slot,
+        gap=found.distance - (half + p.half_length),
+        distance=found.distance,
+        aside=found.aside,
         half_length=half,
         lane_low=bands[0][0],
         lane_high=bands[0][1],
     )
+
+
+def _overlaps(state: State, given: Parameters, p: Fields, j: int, low: F32, high: F32) -> Mask:
+    """Whether the body of vehicle `j` is in the lane between two borders, for each driver."""
+    margin = given.constants.corridor_margin
+    low_side, high_side = state.d[j] - p.half_width[j], state.d[j] + p.half_width[j]
+    return (high_side > low + margin) & (low_side < high - margin)
+
+
+class _Nearest:
+    """The nearest vehicle found so far in each role, (role, vehicle, simulation)."""
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self.slot = np.full((6, *shape), NOBODY)
+        self.distance = np.full((6, *shape), _FAR)
+        self.aside = np.zeros((6, *shape), np.float32)
+
+    def offer(self, role: int, j: int, mask: Mask, distance: F32, aside: F32) -> None:
+        """Take vehicle `j` for a role where it is nearer; the lower slot wins a tie."""
+        nearer = mask & (distance < self.distance[role])
+        self.distance[role] = np.where(nearer, distance, self.distance[role])
+        self.slot[role] = np.where(nearer, np.float32(j), self.slot[role])
+        self.aside[role] = np.where(nearer, aside, self.aside[role])

@@ -6,17 +6,37 @@ import numpy as np
 
 from overtaking.core.elementary import F32, Mask, clamp, exp, maximum, minimum
 from overtaking.physics import film
+from overtaking.physics.constants import Constants
 from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.neighbours import Neighbours
-from overtaking.sim.reference.state import HISTORY, LEAD, Fields, State, pick, road_velocity
+from overtaking.sim.reference.state import (
+    FAST_LEAD,
+    FAST_REAR,
+    HISTORY,
+    LEAD,
+    NOBODY,
+    REAR,
+    SLOW_LEAD,
+    SLOW_REAR,
+    UNKNOWN,
+    Fields,
+    State,
+    pick,
+    road_velocity,
+)
 
 UNSEEN_GAP = np.float32(1000.0)
 """Gap that a driver assumes where nobody was noticed [m]."""
 
-
-_FARTHEST = np.float32(1e4)
+# The engine has these numbers too.
+_NEAREST = np.float32(1.0)  # Who touches is as visible, and looms as much, as at this gap [m].
+_FARTHEST = np.float32(1e4)  # Beyond this every limit of sight has been passed [m].
 _DEEPEST = np.float32(40.0)  # Nothing is seen through e**-40; larger exponents only overflow.
+_LEAST_CONTRAST = np.float32(1e-3)  # Logarithm at which contrast is as good as gone.
+_LEAST_REACH = np.float32(0.1)  # Keeps sight lines finite alongside [m].
+_BRAKES = np.float32(-0.5)  # Acceleration below which stop lamps are lit [m/s^2].
+_ALL_ALONG = np.float32(10.0)  # Time in view of what is there at the first decision [s].
 
 
 @dataclass(slots=True, kw_only=True)
@@ -26,7 +46,8 @@ class Beliefs:
     Attributes:
         detected: Whether the neighbour was noticed.
         gap: Believed gap, `UNSEEN_GAP` where nobody was noticed [m].
-        closing: Believed speed of approach, positive when the gap shrinks, 0 where nobody was noticed [m/s].
+        closing: Believed speed of approach, positive when the gap shrinks, 0 where nobody was
+            noticed [m/s].
     """
 
     detected: Mask
@@ -44,7 +65,7 @@ def remember(state: State, decision: int) -> None:
 def optical_depth(
     state: State, given: Parameters, p: Fields, q: Fields, near: Neighbours
 ) -> tuple[F32, F32]:
-    """Extinction per metre around each driver and that of the spray ahead, (vehicle, simulation)."""
+    """Extinction around each driver and that of the spray ahead, (vehicle, simulation) [1/m]."""
     c = given.constants
     air = q.fog_extinction + q.rain_extinction * (np.float32(1.0) + state.vx / c.rain_speed)
     path = lane_value(given.road.film_path, state.lane, given.road.num_lanes)
@@ -60,9 +81,9 @@ def optical_depth(
 def is_hidden(p: Fields, near: Neighbours, role: int) -> Mask:
     """Whether a high leader stands between a driver and the neighbour ahead in `role`."""
     lead, other = near.slot[LEAD], near.slot[role]
-    reach = maximum(near.distance[LEAD] - near.half_length[LEAD], np.float32(0.1))
+    reach = maximum(near.distance[LEAD] - near.half_length[LEAD], _LEAST_REACH)
     distance = near.distance[role]
-    crossing = near.aside[role] * (reach / maximum(distance, np.float32(0.1)))
+    crossing = near.aside[role] * (reach / maximum(distance, _LEAST_REACH))
     offset = np.abs(crossing - near.aside[LEAD])
     blocked = (distance > reach) & (offset < pick(p.half_width, lead)) & (other != lead)
     return (lead >= 0) & (pick(p.tall, lead) > 0) & blocked
@@ -79,29 +100,32 @@ def strain(
 ) -> F32:
     """How close to the limit of sight a neighbour is: below 1 it can be seen.
 
-    By contrast the value is the distance over the range of sight (Koschmieder), by lamps the root of
-    threshold over illuminance (Allard), which in clear air is the distance over the range as well.
+    By contrast the value is the distance over the range of sight (Koschmieder), by lamps the root
+    of threshold over illuminance (Allard), which in clear air is the distance over the range as
+    well.
     """
     c = given.constants
     is_front = role % 2 == 0
     slot = near.slot[role]
-    distance = clamp(near.gap[role], np.float32(1.0), _FARTHEST)
+    distance = clamp(near.gap[role], _NEAREST, _FARTHEST)
     depth = depths[0] * distance
     if is_front:
         depth = depth + depths[1] * minimum(distance, c.spray_reach)
     sensitivity = q.sight_front if is_front else q.sight_rear
-    by_contrast = depth / maximum(pick(p.contrast, slot) + sensitivity, np.float32(1e-3))
+    by_contrast = depth / maximum(pick(p.contrast, slot) + sensitivity, _LEAST_CONTRAST)
     by_contrast = maximum(by_contrast, distance * q.inverse_lit_range)
-    if is_front:
-        braking = pick(state.accel, slot) < np.float32(-0.5)
-        lamp = pick(p.inverse_tail_lamp, slot)
-        lamp = np.where(braking, minimum(lamp, c.inverse_stop_lamp), lamp)
-    else:
-        lamp = pick(p.inverse_head_lamp, slot)
+    lamp = _tail_lamp(state, c, p, slot) if is_front else pick(p.inverse_head_lamp, slot)
     by_lamp = np.sqrt(
         distance * distance * (q.lamp_threshold * lamp) * exp(minimum(depth, _DEEPEST))
     )
     return minimum(by_contrast, by_lamp)
+
+
+def _tail_lamp(state: State, c: Constants, p: Fields, slot: F32) -> F32:
+    """One over the intensity of what shines at the rear of a vehicle [1/cd]."""
+    lamp = pick(p.inverse_tail_lamp, slot)
+    braking = pick(state.accel, slot) < _BRAKES
+    return np.where(braking, minimum(lamp, c.inverse_stop_lamp), lamp)
 
 
 def notice(
@@ -127,9 +151,9 @@ def notice(
             blind = blind & (gap < 0)
         visible = visible & ~blind
     same = slot == state.seen_id[role]
-    first = state.seen_id[role] < np.float32(-1.5)
+    first = state.seen_id[role] == UNKNOWN
     longer = np.where(same, state.seen_time[role] + c.decision, np.float32(0.0))
-    longer = np.where(first, np.float32(10.0), longer)
+    longer = np.where(first, _ALL_ALONG, longer)
     state.seen_time[role] = np.where(visible, longer, np.float32(0.0))
     state.seen_id[role] = slot
     needed = q.detection_time * (np.float32(1.0) + c.detection_growth * (effort * effort * effort))
@@ -141,9 +165,9 @@ def perceive(
 ) -> Beliefs:
     """What each driver believes about the six neighbours.
 
-    Others are seen as they were a reaction time ago and carried on at constant speed, as in the human
-    driver model of Treiber, Kesting and Helbing (2006); their distance is misjudged by a slowly
-    varying factor and their approach is noticed only above the threshold of looming.
+    Others are seen as they were a reaction time ago and carried on at constant speed, as in the
+    human driver model of Treiber, Kesting and Helbing (2006); their distance is misjudged by a
+    slowly varying factor and their approach is noticed only above the threshold of looming.
     """
     c = given.constants
     depths = optical_depth(state, given, p, q, near)
@@ -163,7 +187,7 @@ def perceive(
         ahead = place - state.s if role % 2 == 0 else state.s - place
         gap = ahead - (near.half_length[role] + p.half_length)
         closing = own_speed - speed if role % 2 == 0 else speed - own_speed
-        distance = maximum(gap, np.float32(1.0))
+        distance = maximum(gap, _NEAREST)
         looming = pick(p.loom_width, slot) * np.abs(closing) > c.looming_threshold * (
             distance * distance
         )
@@ -175,11 +199,12 @@ def perceive(
 
 
 def swap_roles(state: State, moved: Mask, towards_fast: bool) -> None:
-    """After a decision to change lanes the same neighbours appear in other roles; keep the time in view."""
-    order = [2, 3, -1, -1, 0, 1] if towards_fast else [4, 5, 0, 1, -1, -1]
+    """Keep the time in view: in another lane the same neighbours appear in other roles."""
+    from_fast = (FAST_LEAD, FAST_REAR, None, None, LEAD, REAR)
+    from_slow = (SLOW_LEAD, SLOW_REAR, LEAD, REAR, None, None)
     ids, times = state.seen_id.copy(), state.seen_time.copy()
-    for role, source in enumerate(order):
-        new_id = ids[source] if source >= 0 else np.full_like(ids[0], np.float32(-1.0))
-        new_time = times[source] if source >= 0 else np.zeros_like(times[0])
+    for role, source in enumerate(from_fast if towards_fast else from_slow):
+        new_id = np.full_like(ids[0], NOBODY) if source is None else ids[source]
+        new_time = np.zeros_like(times[0]) if source is None else times[source]
         state.seen_id[role] = np.where(moved, new_id, ids[role])
         state.seen_time[role] = np.where(moved, new_time, times[role])

@@ -15,6 +15,7 @@ from overtaking.model.trajectory import (
     Trajectories,
 )
 from overtaking.model.vehicles import Role
+from overtaking.sim.clock import STEP_MS
 from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.perception import Beliefs
@@ -25,6 +26,7 @@ MAX_PERCEPTS = 4
 
 _INT16_LIMIT = np.float32(32767.0)
 _INT32_LIMIT = np.float32(2.0e9)
+_BRAKES = np.float32(-0.5)  # Acceleration below which stop lamps are lit; the engine has it too.
 _THOUSAND = np.float32(1000.0)
 _TEN_THOUSAND = np.float32(10000.0)
 
@@ -141,7 +143,7 @@ class Recorder:
         towards_left = self.given.road.side * state.indicator
         left = np.where(towards_left > 0, np.int32(Lights.INDICATOR_LEFT), np.int32(0))
         right = np.where(towards_left < 0, np.int32(Lights.INDICATOR_RIGHT), np.int32(0))
-        braking = (state.accel < np.float32(-0.5)) | (state.crashed > 0)
+        braking = (state.accel < _BRAKES) | (state.crashed > 0)
         return (
             p.lights.astype(np.int32)
             + left
@@ -169,7 +171,7 @@ class Recorder:
         b.valid[rows, at], b.kind[rows, at], b.time[rows, at] = (
             True,
             np.uint8(kind),
-            np.int32(step * 10),
+            np.int32(step * STEP_MS),
         )
         speed, _ = road_velocity(state)
         for column, role in enumerate(roles):
@@ -198,7 +200,7 @@ class Recorder:
         )
 
     def _mix(self, words: list[NDArray[np.int32]], mask: Mask) -> None:
-        """One round of the hash: four words into four accumulators (xxHash32's round, Collet 2012)."""
+        """One round of the hash, that of xxHash32 (Collet 2012): a word into each accumulator."""
         for k, word in enumerate(words):
             mixed = self.hash[k] + word.astype(np.uint32) * _PRIME_2
             mixed = ((mixed << np.uint32(13)) | (mixed >> np.uint32(19))) * _PRIME_1
