@@ -1,0 +1,331 @@
+"""Contacts against another package's geometry, and impacts against mechanics."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely import affinity
+
+from overtaking.sim import engine
+from overtaking.sim.parameters import VEHICLE_FIELDS, Effects, parameters
+from overtaking.sim.reference import collisions
+from overtaking.sim.reference.collisions import Box, first_contact
+from overtaking.sim.reference.state import Fields, State, initial_state
+from tests.support.worlds import Vehicle, body_of, scenario, wide_road
+
+RESTITUTION = 0.1
+STEP = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pose:
+    """A box around (0, 0)."""
+
+    half_length: float
+    half_width: float
+    heading: float
+
+    def polygon(self) -> shapely.Polygon:
+        box = shapely.box(-self.half_length, -self.half_width, self.half_length, self.half_width)
+        return affinity.rotate(box, self.heading, use_radians=True, origin=(0, 0))
+
+    def ours(self) -> Box:
+        numbers = [math.sin(self.heading), math.cos(self.heading), self.half_length, self.half_width]
+        sine, cosine, half_length, half_width = (np.array([x], np.float32) for x in numbers)
+        zero = np.zeros(1, np.float32)
+        return Box(
+            s=zero, d=zero, sine=sine, cosine=cosine, half_length=half_length, half_width=half_width
+        )
+
+
+def obstacle(a: Pose, b: Pose) -> shapely.Polygon:
+    """Where the centre of b must not be, seen from the centre of a: the Minkowski difference."""
+    corners_a = np.array(a.polygon().exterior.coords)
+    corners_b = np.array(b.polygon().exterior.coords)
+    sums = (corners_a[:, None, :] - corners_b[None, :, :]).reshape(-1, 2)
+    return shapely.MultiPoint(sums).convex_hull
+
+
+poses = st.builds(
+    Pose,
+    half_length=st.floats(0.5, 6.0),
+    half_width=st.floats(0.3, 1.5),
+    heading=st.floats(-math.pi, math.pi),
+)
+places = st.tuples(st.floats(-9.0, 9.0), st.floats(-6.0, 6.0))
+moves = st.tuples(st.floats(-8.0, 8.0), st.floats(-8.0, 8.0))
+
+
+def contact(a: Pose, b: Pose, start: tuple[float, float], end: tuple[float, float]) -> list[float]:
+    then, now = ([np.array([x], np.float32) for x in point] for point in (start, end))
+    return [float(x[0]) for x in first_contact(a.ours(), b.ours(), tuple(then), tuple(now))]
+
+
+@given(a=poses, b=poses, start=places, move=moves)
+@settings(max_examples=300)
+def test_boxes_touch_when_shapely_says(
+    a: Pose, b: Pose, start: tuple[float, float], move: tuple[float, float]
+):
+    length = math.hypot(*move)
+    if length < 1e-3:
+        return
+    end = (start[0] + move[0], start[1] + move[1])
+    enter, leave, _, _ = contact(a, b, start, end)
+    touches = enter <= leave and enter <= 1.0 and leave >= 0.0
+    forbidden = obstacle(a, b)
+    path = shapely.LineString([start, end])
+    inside = path.intersection(forbidden)
+    graze = shapely.distance(path, forbidden.exterior)
+    if not touches or inside.is_empty:
+        # Both must agree unless the path ends or passes within 0.1 mm of the border.
+        assert touches is (not inside.is_empty) or graze < 1e-4
+        return
+    if inside.length < 1e-3:
+        return
+    first = min(shapely.Point(start).distance(shapely.Point(p)) for p in inside.coords)
+    last = max(shapely.Point(start).distance(shapely.Point(p)) for p in inside.coords)
+    # Float32 over up to 20 m: 0.01 mm, more where the path grazes a side.
+    sharpness = 2e-4 * max(1.0, length)
+    assert max(enter, 0.0) * length == pytest.approx(first, abs=sharpness)
+    assert min(leave, 1.0) * length == pytest.approx(last, abs=sharpness)
+
+
+@given(a=poses, b=poses, move=moves)
+def test_the_contact_normal_is_that_of_the_side_that_is_hit(
+    a: Pose, b: Pose, move: tuple[float, float]
+):
+    length = math.hypot(*move)
+    if length < 0.5:
+        return
+    # Come from far away towards the middle, so that the path enters once.
+    start = (-30.0 * move[0] / length, -30.0 * move[1] / length)
+    enter, _, along, across = contact(a, b, start, (0.0, 0.0))
+    forbidden = obstacle(a, b)
+    hit = np.array(start) * (1.0 - enter)
+    ring = np.array(forbidden.exterior.coords)
+    corner = min(np.hypot(*(ring - hit).T))
+    if corner < 1e-3:
+        return  # At a corner either side is right.
+    sides = [shapely.LineString(pair) for pair in zip(ring, ring[1:], strict=False)]
+    side = min(sides, key=lambda s: s.distance(shapely.Point(*hit)))
+    (x0, y0), (x1, y1) = side.coords
+    # The normal is a unit vector, at right angles to the side, and points from a to b.
+    assert math.hypot(along, across) == pytest.approx(1.0, abs=1e-5)
+    cosine = ((x1 - x0) * along + (y1 - y0) * across) / math.hypot(x1 - x0, y1 - y0)
+    assert abs(cosine) < 1e-3
+    assert along * hit[0] + across * hit[1] > 0.0
+
+
+@dataclass(slots=True, kw_only=True)
+class Crash:
+    """Two vehicles before and after they may have met.
+
+    Attributes:
+        before: State at the end of a step, the impact not yet dealt with.
+        after: The same with momentum exchanged.
+        p: Vehicle parameters.
+        relative: Where the second was, seen from the first, when the step began and when it ended.
+    """
+
+    before: State
+    after: State
+    p: Fields
+    relative: list[tuple[np.ndarray, np.ndarray]]
+
+
+def crash(
+    kinds: tuple[str, str],
+    *,
+    place: tuple[float, float],
+    motion: tuple[tuple[float, float, float], tuple[float, float, float]],
+    heading: tuple[float, float] = (0.0, 0.0),
+) -> Crash:
+    """Let the second vehicle be at `place` from the first at the end of a step.
+
+    Args:
+        kinds: Classes.
+        place: Centre of the second minus that of the first [m].
+        motion: Speed ahead, speed to the left and yaw rate of each, in its own axes.
+        heading: Of each [rad].
+    """
+    world = scenario([Vehicle(kind=kind) for kind in kinds], road=wide_road(), num_slots=2)
+    given_ = parameters(world)
+    state = initial_state(given_)
+    p = Fields(VEHICLE_FIELDS, given_.vehicle)
+    for i in range(2):
+        state.psi[i] = heading[i]
+        state.vx[i], state.vy[i], state.r[i] = motion[i]
+    state.s[0], state.d[0] = 100.0, -5.0
+    state.s[1], state.d[1] = 100.0 + place[0], -5.0 + place[1]
+    velocity = [road_velocity(state, i) for i in range(2)]
+    before = (
+        np.stack([state.s[i] - np.float32(STEP * velocity[i][0]) for i in range(2)]),
+        np.stack([state.d[i] - np.float32(STEP * velocity[i][1]) for i in range(2)]),
+    )
+    old = copied(state)
+    near = {(0, 1): np.array([True])}
+    collisions.collide(state, given_.constants, p, near, before, 7)
+    relative = [(s[1] - s[0], d[1] - d[0]) for s, d in (before, (old.s, old.d))]
+    return Crash(before=old, after=state, p=p, relative=relative)
+
+
+def copied(state: State) -> State:
+    return State(**{name: np.copy(getattr(state, name)) for name in State.__slots__})
+
+
+def road_velocity(state: State, i: int) -> tuple[float, float]:
+    cosine, sine = math.cos(float(state.psi[i, 0])), math.sin(float(state.psi[i, 0]))
+    vx, vy = float(state.vx[i, 0]), float(state.vy[i, 0])
+    return vx * cosine - vy * sine, vx * sine + vy * cosine
+
+
+def momentum(state: State, p: Fields) -> np.ndarray:
+    """Along, across, and about the origin."""
+    total = np.zeros(3)
+    for i in range(2):
+        mass, inertia = 1.0 / float(p.inverse_mass[i, 0]), 1.0 / float(p.inverse_inertia[i, 0])
+        along, across = road_velocity(state, i)
+        s, d = float(state.s[i, 0]) - 100.0, float(state.d[i, 0]) + 5.0
+        spin = mass * (s * across - d * along) + inertia * float(state.r[i, 0])
+        total += (mass * along, mass * across, spin)
+    return total
+
+
+def energy(state: State, p: Fields) -> float:
+    total = 0.0
+    for i in range(2):
+        mass, inertia = 1.0 / float(p.inverse_mass[i, 0]), 1.0 / float(p.inverse_inertia[i, 0])
+        speed = math.hypot(float(state.vx[i, 0]), float(state.vy[i, 0]))
+        total += 0.5 * mass * speed**2 + 0.5 * inertia * float(state.r[i, 0]) ** 2
+    return total
+
+
+def approach(ran: Crash, state: State) -> float:
+    """Speed at which the touching points of a state approach each other along the normal [m/s]."""
+    boxes = [collisions._box(ran.after, ran.p, i) for i in range(2)]
+    _, _, along, across = first_contact(*boxes, ran.relative[0], ran.relative[1])
+    arms = collisions._contact_arms(*boxes)
+    closing = 0.0
+    for i, sign in ((0, 1.0), (1, -1.0)):
+        ahead, aside = road_velocity(state, i)
+        spin = float(state.r[i, 0])
+        ahead -= spin * float(arms[i][1][0])
+        aside += spin * float(arms[i][0][0])
+        closing += sign * (ahead * float(along[0]) + aside * float(across[0]))
+    return closing
+
+
+motions = st.tuples(st.floats(0.0, 40.0), st.floats(-4.0, 4.0), st.floats(-1.0, 1.0))
+
+
+@given(
+    kinds=st.tuples(*[st.sampled_from(["S", "M", "L", "V", "T", "MC"])] * 2),
+    place=st.tuples(st.floats(-6.0, 6.0), st.floats(-2.2, 2.2)),
+    motion=st.tuples(motions, motions),
+    heading=st.tuples(st.floats(-0.8, 0.8), st.floats(-0.8, 0.8)),
+)
+@settings(max_examples=200)
+def test_an_impact_keeps_momentum_and_spin_and_never_makes_energy(kinds, place, motion, heading):
+    ran = crash(kinds, place=place, motion=motion, heading=heading)
+    size = 20_000.0 * 40.0
+    # Float32: 1e-6 of the momentum of a lorry at speed; its lever is 6 m.
+    lost = momentum(ran.after, ran.p) - momentum(ran.before, ran.p)
+    assert np.abs(lost[:2]).max() <= 2e-6 * size
+    assert abs(lost[2]) <= 2e-5 * size
+    before, after = energy(ran.before, ran.p), energy(ran.after, ran.p)
+    assert after <= before * (1.0 + 1e-5) + 1.0
+    touched = bool(ran.after.crashed[0, 0])
+    assert touched == bool(ran.after.crashed[1, 0])
+    if not touched:
+        assert after == before
+
+
+@given(
+    kinds=st.tuples(*[st.sampled_from(["S", "M", "V", "T"])] * 2),
+    aside=st.floats(-1.5, 1.5),
+    speeds=st.tuples(st.floats(5.0, 40.0), st.floats(5.0, 40.0)),
+    heading=st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)),
+)
+def test_after_an_impact_the_contact_opens_at_a_tenth_of_the_speed(kinds, aside, speeds, heading):
+    gap = 0.5 * (body_of(kinds[0])["length"] + body_of(kinds[1])["length"]) - 0.05
+    still = (0.0, 0.0)
+    motion = ((speeds[0], *still), (speeds[1], *still))
+    ran = crash(kinds, place=(gap, aside), motion=motion, heading=heading)
+    if not ran.after.crashed[0, 0]:
+        return
+    impulse, closing = float(ran.after.contact_impulse[0, 0]), float(ran.after.contact_speed[0, 0])
+    assert closing > 0.0
+    # The work of the impulse is closing (1 - e) / 2 of it, whatever the geometry.
+    work = energy(ran.before, ran.p) - energy(ran.after, ran.p)
+    scale = energy(ran.before, ran.p)
+    expected = 0.5 * (1.0 - RESTITUTION) * closing * impulse
+    assert work == pytest.approx(expected, rel=1e-3, abs=2e-6 * scale)
+    # Newton's law of impact at the contact point, along the normal.
+    assert approach(ran, ran.before) == pytest.approx(closing, rel=1e-4, abs=1e-4)
+    assert approach(ran, ran.after) == pytest.approx(-RESTITUTION * closing, rel=1e-2, abs=1e-3)
+
+
+@pytest.mark.parametrize(("striker", "struck"), [("M", "M"), ("T", "S"), ("S", "T"), ("V", "MC")])
+def test_a_rear_end_at_10_mps_gives_the_closed_form_in_one_dimension(striker: str, struck: str):
+    gap = 0.5 * (body_of(striker)["length"] + body_of(struck)["length"]) - 0.02
+    ran = crash((striker, struck), place=(gap, 0.0), motion=((30.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
+    m1, m2 = body_of(striker)["mass"], body_of(struck)["mass"]
+    common = (m1 * 30.0 + m2 * 20.0) / (m1 + m2)
+    expected = [common - RESTITUTION * 10.0 * m2 / (m1 + m2), common + RESTITUTION * 10.0 * m1 / (m1 + m2)]
+    np.testing.assert_allclose(ran.after.vx[:, 0], expected, rtol=1e-5)
+    assert (ran.after.vy == 0.0).all()
+    assert (ran.after.r == 0.0).all()
+    impulse = (1.0 + RESTITUTION) * 10.0 * m1 * m2 / (m1 + m2)
+    assert float(ran.after.contact_impulse[0, 0]) == pytest.approx(impulse, rel=1e-5)
+    assert float(ran.after.contact_speed[1, 0]) == pytest.approx(10.0, rel=1e-5)
+
+
+def test_an_off_centre_rear_end_turns_both_the_way_that_mechanics_says():
+    gap = 0.5 * body_of("M")["length"] * 2.0 - 0.02
+    ran = crash(("M", "M"), place=(gap, 1.0), motion=((30.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
+    # The struck car is hit on its right rear: pushed forwards there, it turns to the left. The
+    # striking one is held on its left front and turns to the left as well.
+    assert float(ran.after.r[1, 0]) > 0.1
+    assert float(ran.after.r[0, 0]) > 0.1
+    # Contact in the middle of the overlap, 0.5 m from each axis: softness by the textbook.
+    m, inertia = body_of("M")["mass"], body_of("M")["yaw_inertia"]
+    impulse = 1.1 * 10.0 / (2.0 / m + 2.0 * 0.5**2 / inertia)
+    assert float(ran.after.contact_impulse[0, 0]) == pytest.approx(impulse, rel=1e-3)
+    np.testing.assert_allclose(ran.after.r[:, 0], 0.5 * impulse / inertia, rtol=1e-3)
+
+
+def test_vehicles_that_slide_along_each_other_lose_no_speed():
+    width = body_of("M")["width"]
+    ran = crash(("M", "M"), place=(0.5, width - 0.01), motion=((30.0, 0.3, 0.0), (25.0, -0.3, 0.0)))
+    assert bool(ran.after.crashed[0, 0])
+    np.testing.assert_allclose(ran.after.vx[:, 0], [30.0, 25.0], atol=1e-5)
+
+
+def test_the_time_of_a_collision_is_that_of_the_kinematics():
+    # A standing car 100 m ahead of one whose driver sees nothing: 25 m/s, held by the pedal.
+    blind = {"time_gap": 0.0, "desired_speed": 25.0}
+    cars = [
+        Vehicle(s=0.0, speed=25.0, driver=blind),
+        Vehicle(s=100.0 + body_of("M")["length"], speed=0.0, driver={"desired_speed": 0.01}),
+    ]
+    world = scenario(cars, road=wide_road(lanes=1), weather={"fog": 100.0}, horizon=10.0)
+    given_ = parameters(world, Effects(gusts=False, distance_error=False))
+    # Nobody can be seen farther than a millimetre.
+    unseen = given_.constants.replace(sight_range=1e-3)
+    ran = engine.run(world, replace(given_, constants=unseen))
+    assert ran.contacts.partner[0, 0] == 1
+    frame = int(ran.contacts.time[0, 0]) // 50
+    before = ran.states.s[0, :2, frame] / 1000.0
+    speed = ran.states.speed[0, 0, frame] / 1000.0
+    room = before[1] - before[0] - body_of("M")["length"]
+    # From the last frame before it at constant speed; drag is held off by the pedal. One step.
+    expected = frame * 50.0 + room / speed * 1000.0
+    assert int(ran.contacts.time[0, 0]) == pytest.approx(expected, abs=10.0)
+    # The striking speed is the speed of approach, and nothing moved before.
+    assert int(ran.contacts.closing_speed[0, 0]) == pytest.approx(speed * 1000.0, rel=1e-3)
