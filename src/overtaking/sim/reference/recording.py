@@ -1,5 +1,7 @@
 """Rounding once: from the state to recorded integers, and the hash over them."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,6 +29,7 @@ MAX_PERCEPTS = 4
 _INT16_LIMIT = np.float32(32767.0)
 _INT32_LIMIT = np.float32(2.0e9)
 _BRAKES = np.float32(-0.5)  # Acceleration below which stop lamps are lit; the engine has it too.
+_BEYOND_SLOW_EDGE = 255  # Lane of what has left the lanes there.
 _THOUSAND = np.float32(1000.0)
 _TEN_THOUSAND = np.float32(10000.0)
 
@@ -45,44 +48,76 @@ def wrapped(angle: F32) -> F32:
     return angle - turns * np.float32(6.283_185_5)
 
 
+def _empty_states(shape: tuple[int, int, int]) -> States:
+    """Zeros of shape (simulation, vehicle, time)."""
+    types: dict[str, Any] = dict.fromkeys(("x", "y", "s", "d", "speed"), np.int32)
+    types |= dict.fromkeys(("lane", "lights"), np.uint8)
+    arrays: dict[str, Any] = {
+        name: np.zeros(shape, types.get(name, np.int16)) for name in States.__slots__
+    }
+    return States(**arrays)
+
+
+def _empty_percepts(num_simulations: int) -> Percepts:
+    pair = (num_simulations, MAX_PERCEPTS)
+    triple = (*pair, 3)
+    return Percepts(
+        valid=np.zeros(pair, bool),
+        kind=np.zeros(pair, np.uint8),
+        time=np.zeros(pair, np.int32),
+        vehicle=np.full(triple, NO_VEHICLE),
+        detected=np.zeros(triple, bool),
+        gap=np.zeros(triple, np.int32),
+        closing_speed=np.zeros(triple, np.int32),
+        true_gap=np.zeros(triple, np.int32),
+        true_closing_speed=np.zeros(triple, np.int32),
+    )
+
+
+def _belief_and_truth(
+    state: State, near: Neighbours, believed: Beliefs, role: int
+) -> dict[str, NDArray[Any]]:
+    """What the ego believes of the neighbour in `role`, and the truth, by field of `Percepts`."""
+    slot = near.slot[role, Role.EGO]
+    nobody = slot < 0
+    speed, _ = road_velocity(state)
+    own, other = speed[Role.EGO], pick(speed, slot)
+    closing = own - other if role % 2 == 0 else other - own
+    true_gap = rounded(near.gap[role, Role.EGO], _THOUSAND)
+    zero = np.int32(0)
+    return {
+        "vehicle": np.where(nobody, np.int32(NO_VEHICLE), slot.astype(np.int32)),
+        "detected": believed.detected[role, Role.EGO],
+        "gap": rounded(believed.gap[role, Role.EGO], _THOUSAND),
+        "closing_speed": rounded(believed.closing[role, Role.EGO], _THOUSAND),
+        "true_gap": np.where(nobody, zero, true_gap),
+        "true_closing_speed": np.where(nobody, zero, rounded(closing, _THOUSAND)),
+    }
+
+
+def _contacts(state: State) -> Contacts:
+    """The first contact of each vehicle, (simulation, vehicle)."""
+    nobody = state.contact_partner < 0
+    partner = np.where(nobody, np.float32(NO_VEHICLE), state.contact_partner)
+    return Contacts(
+        partner=partner.T.astype(np.uint8),
+        time=rounded(state.contact_time, _THOUSAND).T.copy(),
+        impulse=rounded(state.contact_impulse, np.float32(1.0)).T.copy(),
+        closing_speed=rounded(state.contact_speed, _THOUSAND).T.copy(),
+    )
+
+
 class Recorder:
     """Collects the recorded integers of a batch and hashes them."""
 
     def __init__(self, scenario: Scenario, given: Parameters) -> None:
         """Make room for the longest simulation."""
         n, slots, frames = scenario.num_simulations, scenario.num_slots, given.num_frames
-        wide = lambda: np.zeros((n, slots, frames), np.int32)  # noqa: E731
-        half = lambda: np.zeros((n, slots, frames), np.int16)  # noqa: E731
-        byte = lambda: np.zeros((n, slots, frames), np.uint8)  # noqa: E731
-        self.states = States(
-            x=wide(),
-            y=wide(),
-            s=wide(),
-            d=wide(),
-            speed=wide(),
-            heading=half(),
-            wheel_angle=half(),
-            accel_lon=half(),
-            accel_lat=half(),
-            yaw_rate=half(),
-            lane=byte(),
-            lights=byte(),
-        )
+        self.states = _empty_states((n, slots, frames))
         self.stage = np.zeros((n, frames), np.uint8)
         self.collided_with = np.full((n, frames), NO_VEHICLE)
         self.num_frames = np.zeros(n, np.int32)
-        triple = (n, MAX_PERCEPTS, 3)
-        self.beliefs = Percepts(
-            valid=np.zeros(triple[:2], bool),
-            kind=np.zeros(triple[:2], np.uint8),
-            time=np.zeros(triple[:2], np.int32),
-            vehicle=np.full(triple, NO_VEHICLE),
-            detected=np.zeros(triple, bool),
-            gap=np.zeros(triple, np.int32),
-            closing_speed=np.zeros(triple, np.int32),
-            true_gap=np.zeros(triple, np.int32),
-            true_closing_speed=np.zeros(triple, np.int32),
-        )
+        self.beliefs = _empty_percepts(n)
         self.scenario, self.given = scenario, given
         self.hash = np.stack([np.full(n, word, np.uint32) for word in _START])
 
@@ -115,7 +150,7 @@ class Recorder:
     def _values(self, state: State, p: Fields) -> dict[str, NDArray[np.int32]]:
         road, side = self.given.road, self.given.road.side
         d = side * state.d
-        lane = np.full(d.shape, np.int32(255))
+        lane = np.full(d.shape, np.int32(_BEYOND_SLOW_EDGE))
         for k in range(road.num_lanes + 1):
             lane = np.where(state.d >= road.boundaries[k], np.int32(k), lane)
         return {
@@ -168,31 +203,10 @@ class Recorder:
             return
         at = state.num_percepts[rows].astype(np.int64)
         b = self.beliefs
-        b.valid[rows, at], b.kind[rows, at], b.time[rows, at] = (
-            True,
-            np.uint8(kind),
-            np.int32(step * STEP_MS),
-        )
-        speed, _ = road_velocity(state)
+        b.valid[rows, at], b.kind[rows, at] = True, np.uint8(kind)
+        b.time[rows, at] = np.int32(step * STEP_MS)
         for column, role in enumerate(roles):
-            slot = near.slot[role, Role.EGO]
-            nobody = slot < 0
-            closing = (
-                speed[Role.EGO] - pick(speed, slot)
-                if role % 2 == 0
-                else pick(speed, slot) - speed[Role.EGO]
-            )
-            value = {
-                "vehicle": np.where(nobody, np.int32(NO_VEHICLE), slot.astype(np.int32)),
-                "detected": believed.detected[role, Role.EGO],
-                "gap": rounded(believed.gap[role, Role.EGO], _THOUSAND),
-                "closing_speed": rounded(believed.closing[role, Role.EGO], _THOUSAND),
-                "true_gap": np.where(
-                    nobody, np.int32(0), rounded(near.gap[role, Role.EGO], _THOUSAND)
-                ),
-                "true_closing_speed": np.where(nobody, np.int32(0), rounded(closing, _THOUSAND)),
-            }
-            for name, numbers in value.items():
+            for name, numbers in _belief_and_truth(state, near, believed, role).items():
                 array = getattr(b, name)
                 array[rows, at, column] = numbers[rows].astype(array.dtype)
         state.num_percepts = np.where(
@@ -208,30 +222,9 @@ class Recorder:
 
     def finish(self, state: State) -> Trajectories:
         """The recorded batch, trimmed to its longest simulation, with contacts and hashes."""
-        contacts = Contacts(
-            partner=np.where(
-                state.contact_partner < 0, np.float32(255.0), state.contact_partner
-            ).T.astype(np.uint8),
-            time=rounded(state.contact_time, _THOUSAND).T.copy(),
-            impulse=rounded(state.contact_impulse, np.float32(1.0)).T.copy(),
-            closing_speed=rounded(state.contact_speed, _THOUSAND).T.copy(),
-        )
-        valid = self.scenario.vehicles.valid
-        for i in range(contacts.partner.shape[1]):
-            row = (contacts.partner, contacts.time, contacts.impulse, contacts.closing_speed)
-            self._mix([array[:, i].astype(np.int32) for array in row], valid[:, i])
-        b = self.beliefs
-        for k in range(MAX_PERCEPTS):
-            words = [b.kind[:, k], b.time[:, k]]
-            for column in range(3):
-                words += [b.vehicle[:, k, column], b.detected[:, k, column], b.gap[:, k, column]]
-                words += [
-                    b.closing_speed[:, k, column],
-                    b.true_gap[:, k, column],
-                    b.true_closing_speed[:, k, column],
-                ]
-            for at in range(0, len(words), 4):
-                self._mix([word.astype(np.int32) for word in words[at : at + 4]], b.valid[:, k])
+        contacts = _contacts(state)
+        self._mix_contacts(contacts)
+        self._mix_percepts()
         longest = int(self.num_frames.max()) if len(self.num_frames) else 0
         trimmed = {name: getattr(self.states, name)[:, :, :longest] for name in States.__slots__}
         return Trajectories(
@@ -241,9 +234,24 @@ class Recorder:
             stage=self.stage[:, :longest],
             collided_with=self.collided_with[:, :longest],
             contacts=contacts,
-            percepts=b,
+            percepts=self.beliefs,
             trace_hash=self._digest(),
         )
+
+    def _mix_contacts(self, contacts: Contacts) -> None:
+        valid = self.scenario.vehicles.valid
+        row = (contacts.partner, contacts.time, contacts.impulse, contacts.closing_speed)
+        for i in range(contacts.partner.shape[1]):
+            self._mix([array[:, i].astype(np.int32) for array in row], valid[:, i])
+
+    def _mix_percepts(self) -> None:
+        b = self.beliefs
+        triples = (b.vehicle, b.detected, b.gap, b.closing_speed, b.true_gap, b.true_closing_speed)
+        for k in range(MAX_PERCEPTS):
+            words = [b.kind[:, k], b.time[:, k]]
+            words += [array[:, k, column] for column in range(3) for array in triples]
+            for at in range(0, len(words), 4):
+                self._mix([word.astype(np.int32) for word in words[at : at + 4]], b.valid[:, k])
 
     def _digest(self) -> NDArray[np.uint32]:
         words = []
