@@ -1,0 +1,139 @@
+"""The random processes of a drive: Ornstein-Uhlenbeck, of unit variance, independent of each other.
+
+Stationary moments and the autocorrelation exp(-t / tau) are the textbook's (Gardiner, Stochastic
+Methods, section 3.8.4). Sampling errors are three standard deviations.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.stats import kurtosis, skew
+
+from overtaking.sim.parameters import SIMULATION_FIELDS, Parameters, parameters
+from overtaking.sim.reference import environment
+from overtaking.sim.reference.state import Fields, initial_state
+from tests.support.worlds import Vehicle, scenario, wide_road
+
+DECISION = 0.05
+NAMES = ("gust", "distance_error", "speed_error", "wander")
+SPEED, WIND = 25.0, 15.0
+
+AIR_SPEED = math.hypot(SPEED, WIND)
+TIMES = {"gust": 100.0 / AIR_SPEED, "distance_error": 20.0, "speed_error": 20.0, "wander": 4.0}
+"""Correlation times [s]; a moving vehicle meets eddies of 100 m."""
+
+SIMULATIONS, SLOTS = 2000, 8
+SAMPLES = SIMULATIONS * SLOTS
+
+
+@dataclass(frozen=True, kw_only=True)
+class Runs:
+    """Values of each process at a few decisions, (vehicle, simulation)."""
+
+    values: dict[int, dict[str, np.ndarray]]
+
+    def at(self, decision: int, name: str) -> np.ndarray:
+        return self.values[decision][name].ravel().astype(np.float64)
+
+
+LATER = (0, 20, 40, 80, 160, 400)
+
+
+def started(index: list[int], seed: int = 5) -> tuple[Parameters, Fields]:
+    vehicles = [Vehicle(kind="M", s=30.0 * k, speed=SPEED) for k in range(SLOTS)]
+    world = scenario(
+        *[vehicles] * len(index), road=wide_road(), index=index, seed=seed,
+        weather={"wind": 5.0 * WIND, "wind_direction": math.pi / 2.0},
+    )  # fmt: skip
+    given = parameters(world)
+    return given, Fields(SIMULATION_FIELDS, given.simulation)
+
+
+@pytest.fixture(scope="module")
+def runs() -> Runs:
+    given, q = started(list(range(SIMULATIONS)))
+    state = initial_state(given)
+    kept = {}
+    for decision in range(LATER[-1] + 1):
+        environment.move_random_processes(state, given, q, decision)
+        if decision in LATER:
+            kept[decision] = {name: getattr(state, name).copy() for name in NAMES}
+    return Runs(values=kept)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("decision", LATER)
+def test_the_variance_is_one_from_the_first_decision_on(runs: Runs, name: str, decision: int):
+    values = runs.at(decision, name)
+    assert abs(values.mean()) < 3.0 / math.sqrt(SAMPLES)
+    assert values.var() == pytest.approx(1.0, abs=3.0 * math.sqrt(2.0 / SAMPLES))
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("early", "late"), [(0, 20), (20, 40), (0, 80), (80, 160), (160, 400)])
+def test_the_autocorrelation_falls_exponentially(runs: Runs, name: str, early: int, late: int):
+    value = float(np.mean(runs.at(early, name) * runs.at(late, name)))
+    expected = math.exp(-(late - early) * DECISION / TIMES[name])
+    assert value == pytest.approx(expected, abs=3.0 * math.sqrt(2.0 / SAMPLES))
+
+
+@pytest.mark.parametrize("name", ["gust", "wander"])
+def test_after_a_few_correlation_times_the_values_are_normal(runs: Runs, name: str):
+    # 20 s are five correlation times and more. The innovations are uniform, whose excess kurtosis
+    # of -1.2 is left to the part (1 - k^2) / (1 + k^2), below 2 %, k the correlation over a decision.
+    values = runs.at(400, name)
+    keep = math.exp(-DECISION / TIMES[name])
+    expected = -1.2 * (1.0 - keep**2) / (1.0 + keep**2)
+    assert kurtosis(values) == pytest.approx(expected, abs=3.0 * math.sqrt(24.0 / SAMPLES))
+    assert abs(skew(values)) < 3.0 * math.sqrt(6.0 / SAMPLES)
+
+
+@pytest.mark.parametrize("name", ["distance_error", "speed_error"])
+def test_slow_processes_begin_bounded_and_become_normal(runs: Runs, name: str):
+    # The first draw is uniform: nobody begins with an error of more than sqrt(3) deviations. Its
+    # excess kurtosis of -1.2 fades with the fourth power of the correlation, to 2 % after 20 s.
+    assert np.abs(runs.at(0, name)).max() < math.sqrt(3.0)
+    kept = math.exp(-20.0 / TIMES[name])
+    values = runs.at(400, name)
+    assert kurtosis(values) == pytest.approx(
+        -1.2 * kept**4, abs=0.01 + 3.0 * math.sqrt(24.0 / SAMPLES)
+    )
+
+
+def test_processes_vehicles_and_simulations_are_independent(runs: Runs):
+    bound = 4.0 / math.sqrt(SAMPLES)
+    columns = [runs.at(160, name) for name in NAMES]
+    table = np.corrcoef(columns)
+    assert np.abs(table - np.eye(len(NAMES))).max() < bound
+    for name in NAMES:
+        rows = runs.values[160][name].astype(np.float64)
+        slots = np.corrcoef(rows)
+        # 28 pairs of 2000 samples each.
+        assert np.abs(slots - np.eye(SLOTS)).max() < 4.0 / math.sqrt(SIMULATIONS)
+        assert abs(np.mean(rows[:, 1:] * rows[:, :-1])) < bound
+
+
+def test_a_simulation_has_the_same_gusts_in_any_batch():
+    alone, together = started([77]), started([3, 77, 500])
+    states = [initial_state(given) for given, _ in (alone, together)]
+    for decision in range(30):
+        for state, (given, q) in zip(states, (alone, together), strict=True):
+            environment.move_random_processes(state, given, q, decision)
+    for name in NAMES:
+        one, three = (getattr(state, name) for state in states)
+        np.testing.assert_array_equal(one[:, 0], three[:, 1])
+        assert (one[:, 0] != three[:, 0]).all()
+
+
+def test_another_seed_gives_other_gusts():
+    states = []
+    for seed in (5, 6):
+        given, q = started([1], seed)
+        state = initial_state(given)
+        environment.move_random_processes(state, given, q, 0)
+        states.append(state)
+    assert (states[0].gust != states[1].gust).all()
