@@ -50,7 +50,16 @@ pub fn behind_leader<S: Simd>(
     let desired = desired_speed(state, w, i);
     let kept = time_gap(state, w, i);
     let (gap, closing) = (believed.gap[LEAD], believed.closing[LEAD]);
-    let wanted = follow(c, p, state.vx[i], desired, gap, closing, kept);
+    let wanted = follow(
+        c,
+        p,
+        state.vx[i],
+        desired,
+        gap,
+        closing,
+        kept,
+        believed.leader_accel,
+    );
     if i == EGO {
         let eager = is_passing(state) & wanted.simd_gt(0.0);
         wanted
@@ -101,6 +110,7 @@ fn behind_old_leader<S: Simd>(
         gap,
         closing,
         p.time_gap,
+        splat(w.simd, 0.0),
     );
     choose(matters, wanted, free)
 }

@@ -14,6 +14,7 @@ fn wanted_gap<S: Simd>(p: &Vehicle<S>, speed: V<S>, closing: V<S>, time_gap: V<S
 }
 
 /// Acceleration behind a leader: the improved intelligent driver model, cooled [m/s^2].
+#[allow(clippy::too_many_arguments)]
 #[inline(always)]
 pub fn follow<S: Simd>(
     c: &Constants,
@@ -23,26 +24,44 @@ pub fn follow<S: Simd>(
     gap: V<S>,
     closing: V<S>,
     time_gap: V<S>,
+    leader_accel: V<S>,
 ) -> V<S> {
     speed.simd.vectorize(
         #[inline(always)]
         || {
+            let wanted = iidm(c, p, speed, desired, gap, closing, time_gap);
             cooled(
                 c,
                 p,
-                iidm(c, p, speed, desired, gap, closing, time_gap),
-                gap,
-                closing,
+                wanted,
+                needed_braking(c, speed, gap, closing, leader_accel),
             )
         },
     )
 }
 
+/// Acceleration that just avoids a contact if the leader keeps braking as it does [m/s^2].
+#[inline(always)]
+fn needed_braking<S: Simd>(
+    c: &Constants,
+    speed: V<S>,
+    gap: V<S>,
+    closing: V<S>,
+    leader_accel: V<S>,
+) -> V<S> {
+    let room = 2.0 * at_least(gap, c.smallest_gap);
+    let leader_speed = speed - closing;
+    let approach = at_least(closing, 0.0);
+    let moving = leader_accel - (approach * approach) / room;
+    let way = leader_speed * leader_speed - room * leader_accel;
+    let stopping = speed * speed * leader_accel / at_least(way, 1e-3);
+    let stops_first = (leader_speed * closing).simd_lt(-(room * leader_accel));
+    choose(stops_first, stopping, moving)
+}
+
 /// A wanted acceleration without the alarm of car-following models at small gaps [m/s^2].
 #[inline(always)]
-fn cooled<S: Simd>(c: &Constants, p: &Vehicle<S>, wanted: V<S>, gap: V<S>, closing: V<S>) -> V<S> {
-    let approach = at_least(closing, 0.0);
-    let needed = -(approach * approach) / (2.0 * at_least(gap, c.smallest_gap));
+fn cooled<S: Simd>(c: &Constants, p: &Vehicle<S>, wanted: V<S>, needed: V<S>) -> V<S> {
     let excess = at_most(wanted - needed, 0.0);
     let e = exp(2.0 * excess / p.decel);
     let softened = needed + p.decel * ((e - 1.0) / (e + 1.0));
@@ -88,5 +107,6 @@ pub fn forced_braking<S: Simd>(
     time_gap: V<S>,
 ) -> V<S> {
     let z = wanted_gap(p, speed, closing, time_gap) / at_least(gap, c.smallest_gap);
-    at_most(cooled(c, p, p.accel * (1.0 - z * z), gap, closing), 0.0)
+    let needed = needed_braking(c, speed, gap, closing, splat(speed.simd, 0.0));
+    at_most(cooled(c, p, p.accel * (1.0 - z * z), needed), 0.0)
 }

@@ -28,6 +28,7 @@ fn incentives<S: Simd>(
 ) -> (V<S>, V<S>) {
     let (c, p, v) = (w.c, &w.p[i], state.vx[i]);
     let (gap, closing) = (&believed.gap, &believed.closing);
+    let steady = splat(w.simd, 0.0);
     let fast = follow(
         c,
         p,
@@ -36,6 +37,7 @@ fn incentives<S: Simd>(
         gap[FAST_LEAD],
         closing[FAST_LEAD],
         p.time_gap,
+        steady,
     );
     let slow = follow(
         c,
@@ -45,6 +47,7 @@ fn incentives<S: Simd>(
         gap[SLOW_LEAD],
         closing[SLOW_LEAD],
         p.time_gap,
+        steady,
     );
     let no_passing = v.simd_gt(c.no_passing_right_speed);
     let here = choose(no_passing, min(own, fast), own);

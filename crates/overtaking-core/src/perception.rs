@@ -15,6 +15,8 @@ use crate::state::{EGO, HISTORY, LEAD, MOMENTS, ROLES, State, World};
 
 /// Gap that a driver assumes where nobody was noticed [m].
 pub const UNSEEN_GAP: f32 = 1000.0;
+/// Decisions over which a leader's braking is judged.
+const BRAKE_MEMORY: f32 = 4.0;
 const FARTHEST: f32 = 1e4;
 const DEEPEST: f32 = 40.0;
 
@@ -24,6 +26,8 @@ pub struct Beliefs<S: Simd> {
     pub detected: [M<S>; ROLES],
     pub gap: [V<S>; ROLES],
     pub closing: [V<S>; ROLES],
+    /// Believed acceleration of the leader in the own lane, never positive [m/s^2].
+    pub leader_accel: V<S>,
 }
 
 /// Write down where everybody is now.
@@ -216,6 +220,7 @@ pub fn perceive<S: Simd>(
         detected: [zero.simd_lt(zero); ROLES],
         gap: [zero; ROLES],
         closing: [zero; ROLES],
+        leader_accel: zero,
     };
     for role in 0..ROLES {
         let slot = near.slot[role];
@@ -228,6 +233,13 @@ pub fn perceive<S: Simd>(
             continue;
         }
         let (place, speed) = recall(state, w.simd, row, slot);
+        if role == LEAD {
+            let before = at_least(then - BRAKE_MEMORY, 0.0);
+            let row = before - HISTORY as f32 * floor(before * (1.0 / HISTORY as f32));
+            let (_, early) = recall(state, w.simd, row, slot);
+            let change = (speed - early) / (BRAKE_MEMORY * c.decision);
+            believed.leader_accel = choose(noticed, at_most(change, 0.0), zero);
+        }
         let place = place + speed * elapsed;
         let ahead = if is_front {
             place - state.s[i]

@@ -197,7 +197,10 @@ def _sight(scenario: Scenario, rate: F32, effects: Effects) -> Sight:
         inverse_lit_range=np.where(weather.night, limited / _low_beam_range(rate), zero),
         detection_time=_detection_time(weather.night) if effects.delay else zero,
         distance_error=_distance_error(scenario) if effects.distance_error else zero,
-        speed_error=np.full_like(rate, known("weather.errors.closing_speed_cv")),
+        speed_error=np.full_like(
+            rate,
+            known("weather.errors.closing_speed_cv") if effects.distance_error else np.float32(0.0),
+        ),
     )
 
 

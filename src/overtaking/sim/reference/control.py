@@ -20,7 +20,8 @@ def behind_leader(state: State, given: Parameters, p: Fields, believed: Beliefs)
     desired = _desired_speed(state, p)
     c = given.constants
     gap, closing = believed.gap[LEAD], believed.closing[LEAD]
-    wanted = follow(c, p, state.vx, desired, gap, closing, _time_gap(state, c, p))
+    kept = _time_gap(state, c, p)
+    wanted = follow(c, p, state.vx, desired, gap, closing, kept, believed.leader_accel)
     gain = np.where(_is_passing(state)[None, :] & (wanted > 0), c.accelerate_gain, np.float32(1.0))
     gain[1:] = np.float32(1.0)
     return wanted * gain

@@ -6,6 +6,9 @@ from overtaking.core.elementary import F32, clamp, exp, log, maximum, minimum
 from overtaking.physics.constants import Constants
 from overtaking.sim.reference.state import Fields
 
+_STEADY = np.float32(0.0)
+_LEAST_WAY = np.float32(1e-3)  # Keeps the quotient finite behind a standing leader [m^2/s^2].
+
 
 def wanted_gap(p: Fields, speed: F32, closing: F32, time_gap: F32) -> F32:
     """s* of the intelligent driver model [m]."""
@@ -54,27 +57,48 @@ def iidm(
     return np.where(ratio <= one, below, above)
 
 
-def cooled(c: Constants, p: Fields, wanted: F32, gap: F32, closing: F32) -> F32:
+def needed_braking(
+    c: Constants, speed: F32, gap: F32, closing: F32, leader_accel: F32 | np.float32
+) -> F32:
+    """Acceleration that just avoids a contact if the leader keeps braking as it does [m/s^2].
+
+    Args:
+        c: Constants.
+        speed: Own speed [m/s].
+        gap: Gap to the leader [m].
+        closing: Own speed minus the leader's [m/s].
+        leader_accel: The leader's acceleration, never positive [m/s^2].
+
+    Source:
+        Constant-acceleration heuristic of Kesting, Treiber, Helbing 2010, equation 2.5.
+    """
+    zero = np.float32(0.0)
+    room = np.float32(2.0) * maximum(gap, c.smallest_gap)
+    leader_speed = speed - closing
+    approach = maximum(closing, zero)
+    moving = leader_accel - (approach * approach) / room
+    way = leader_speed * leader_speed - room * leader_accel
+    stopping = speed * speed * leader_accel / maximum(way, _LEAST_WAY)
+    stops_first = leader_speed * closing < -(room * leader_accel)
+    return np.where(stops_first, stopping, moving)
+
+
+def cooled(c: Constants, p: Fields, wanted: F32, needed: F32) -> F32:
     """A wanted acceleration without the alarm of car-following models at small gaps [m/s^2].
 
-    Where the model asks for more braking than the situation needs at constant speed of the leader,
-    the excess is limited to about the comfortable deceleration, so that a cut-in by a faster
-    vehicle frightens nobody.
+    Where the model asks for more braking than is needed, the excess is limited to about the
+    comfortable deceleration, so that a cut-in by a faster vehicle frightens nobody.
 
     Args:
         c: Constants.
         p: Driver parameters.
         wanted: What the following model asks for [m/s^2].
-        gap: Gap to the leader [m].
-        closing: Own speed minus the leader's [m/s].
+        needed: `needed_braking` [m/s^2].
 
     Source:
-        Kesting, Treiber, Helbing 2010 (ACC model); Treiber and Kesting (2013), section 11.3.8, with
-        the leader's acceleration taken as zero.
+        Kesting, Treiber, Helbing 2010 (ACC model); Treiber and Kesting (2013), section 11.3.8.
     """
     one = np.float32(1.0)
-    approach = maximum(closing, np.float32(0.0))
-    needed = -(approach * approach) / (np.float32(2.0) * maximum(gap, c.smallest_gap))
     excess = minimum(wanted - needed, np.float32(0.0))
     e = exp(np.float32(2.0) * excess / p.decel)
     softened = needed + p.decel * ((e - one) / (e + one))
@@ -85,10 +109,21 @@ def cooled(c: Constants, p: Fields, wanted: F32, gap: F32, closing: F32) -> F32:
 
 
 def follow(
-    c: Constants, p: Fields, speed: F32, desired: F32, gap: F32, closing: F32, time_gap: F32
+    c: Constants,
+    p: Fields,
+    speed: F32,
+    desired: F32,
+    gap: F32,
+    closing: F32,
+    time_gap: F32,
+    leader_accel: F32 | np.float32 = _STEADY,
 ) -> F32:
-    """Acceleration behind a leader: the IIDM, cooled; arguments as in `iidm` [m/s^2]."""
-    return cooled(c, p, iidm(c, p, speed, desired, gap, closing, time_gap), gap, closing)
+    """Acceleration behind a leader: the IIDM, cooled [m/s^2].
+
+    Arguments as in `iidm` and `needed_braking`.
+    """
+    wanted = iidm(c, p, speed, desired, gap, closing, time_gap)
+    return cooled(c, p, wanted, needed_braking(c, speed, gap, closing, leader_accel))
 
 
 def forced_braking(
@@ -96,8 +131,10 @@ def forced_braking(
 ) -> F32:
     """Acceleration, never positive, of someone following at the speed that they want [m/s^2].
 
-    The model at its desired speed: what a leader in this place does to the one behind it.
+    The model at its desired speed behind a steady leader: what somebody in this place does to the
+    one behind.
     """
     z = wanted_gap(p, speed, closing, time_gap) / maximum(gap, c.smallest_gap)
     wanted = p.accel * (np.float32(1.0) - z * z)
-    return minimum(cooled(c, p, wanted, gap, closing), np.float32(0.0))
+    needed = needed_braking(c, speed, gap, closing, _STEADY)
+    return minimum(cooled(c, p, wanted, needed), np.float32(0.0))

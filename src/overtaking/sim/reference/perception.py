@@ -36,6 +36,7 @@ _DEEPEST = np.float32(40.0)  # Nothing is seen through e**-40; larger exponents 
 _LEAST_CONTRAST = np.float32(1e-3)  # Logarithm at which contrast is as good as gone.
 _LEAST_REACH = np.float32(0.1)  # Keeps sight lines finite alongside [m].
 _BRAKES = np.float32(-0.5)  # Acceleration below which stop lamps are lit [m/s^2].
+_BRAKE_MEMORY = np.float32(4.0)  # Decisions over which a leader's braking is judged.
 _ALL_ALONG = np.float32(10.0)  # Time in view of what is there at the first decision [s].
 
 
@@ -48,11 +49,14 @@ class Beliefs:
         gap: Believed gap, `UNSEEN_GAP` where nobody was noticed [m].
         closing: Believed speed of approach, positive when the gap shrinks, 0 where nobody was
             noticed [m/s].
+        leader_accel: Believed acceleration of the leader in the own lane, never positive, shape
+            (vehicle, simulation) [m/s^2].
     """
 
     detected: Mask
     gap: F32
     closing: F32
+    leader_accel: F32
 
 
 def remember(state: State, decision: int) -> None:
@@ -195,7 +199,25 @@ def perceive(
         detected.append(noticed)
         gaps.append(np.where(noticed, gap * judged, UNSEEN_GAP))
         closings.append(np.where(noticed & looming, sensed, np.float32(0.0)))
-    return Beliefs(detected=np.stack(detected), gap=np.stack(gaps), closing=np.stack(closings))
+    return Beliefs(
+        detected=np.stack(detected),
+        gap=np.stack(gaps),
+        closing=np.stack(closings),
+        leader_accel=_braking_of_leader(state, c, near, then, detected[LEAD]),
+    )
+
+
+def _braking_of_leader(
+    state: State, c: Constants, near: Neighbours, then: F32, noticed: Mask
+) -> F32:
+    """How hard the leader braked a reaction time ago, (vehicle, simulation) [m/s^2]."""
+    before = maximum(then - _BRAKE_MEMORY, np.float32(0.0))
+    who = near.slot[LEAD].astype(np.int64).clip(0)
+    column = np.arange(state.s.shape[1])
+    late = state.history_v[then.astype(np.int64) % HISTORY, who, column]
+    early = state.history_v[before.astype(np.int64) % HISTORY, who, column]
+    change = (late - early) / (_BRAKE_MEMORY * c.decision)
+    return np.where(noticed, minimum(change, np.float32(0.0)), np.float32(0.0))
 
 
 def swap_roles(state: State, moved: Mask, towards_fast: bool) -> None:
