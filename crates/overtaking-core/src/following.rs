@@ -50,7 +50,7 @@ fn needed_braking<S: Simd>(
     leader_accel: V<S>,
 ) -> V<S> {
     let room = 2.0 * at_least(gap, c.smallest_gap);
-    let leader_speed = speed - closing;
+    let leader_speed = at_least(speed - closing, 0.0);
     let approach = at_least(closing, 0.0);
     let moving = leader_accel - (approach * approach) / room;
     let way = leader_speed * leader_speed - room * leader_accel;

@@ -74,7 +74,7 @@ def needed_braking(
     """
     zero = np.float32(0.0)
     room = np.float32(2.0) * maximum(gap, c.smallest_gap)
-    leader_speed = speed - closing
+    leader_speed = maximum(speed - closing, zero)
     approach = maximum(closing, zero)
     moving = leader_accel - (approach * approach) / room
     way = leader_speed * leader_speed - room * leader_accel
