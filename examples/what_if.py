@@ -11,7 +11,7 @@ import numpy as np
 
 import overtaking as ot
 from overtaking.model.trajectory import NO_VEHICLE, Stage
-from overtaking.sim.branch import Decision
+from overtaking.sim.decision import Decision
 
 FOG_LEAD = 40  # Frames between the fog and the decision, 2 s.
 

@@ -25,7 +25,7 @@ KINDS = {"S": "small car", "M": "medium car", "L": "large car", "V": "van", "T":
 
 @dataclass(frozen=True, kw_only=True)
 class Theme:
-    """Colours; ego and overtaken are vermillion and blue of Okabe and Ito's palette, or lighter."""
+    """Colours; ego and overtaken are vermilion and blue of Okabe and Ito's palette, or lighter."""
 
     name: str
     paper: str
@@ -156,7 +156,7 @@ class Above:
         """Road, trail and everybody who is in view."""
         size = (WIDTH - LEFT - RIGHT, self.height(self.scene))
         clip = element("clipPath", box((LEFT, self.top), size, "none"), id=self.clip)
-        others = [int(slot) for slot in self.scene.slots if slot != Role.EGO]
+        others = [slot for slot in self.scene.slots if slot != Role.EGO]
         inside = [*self.road(), *self.trail(), *map(self.vehicle, [*others, int(Role.EGO)])]
         return [clip, group(inside, clip_path=f"url(#{self.clip})")]
 

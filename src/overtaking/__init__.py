@@ -9,7 +9,7 @@ from importlib import import_module as _import_module
 
 _HOMES = {
     "Dataset": "overtaking.datasets.load",
-    "Decision": "overtaking.sim.branch",
+    "Decision": "overtaking.sim.decision",
     "Drivers": "overtaking.model.drivers",
     "Lane": "overtaking.model.road",
     "OvertakingError": "overtaking.core.errors",

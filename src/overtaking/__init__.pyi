@@ -13,6 +13,6 @@ from overtaking.model.scenario import Scenario as Scenario
 from overtaking.model.trajectory import Trajectories as Trajectories
 from overtaking.model.vehicles import VehicleSpecs as VehicleSpecs
 from overtaking.model.weather import Weather as Weather
-from overtaking.sim.branch import Decision as Decision
+from overtaking.sim.decision import Decision as Decision
 
 __version__: str

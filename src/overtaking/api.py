@@ -24,8 +24,8 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
 from overtaking.model.weather import Weather
 from overtaking.scenarios import Spec
-from overtaking.sim.branch import Decision
 from overtaking.sim.branch import branch as branched
+from overtaking.sim.decision import Decision
 from overtaking.sim.version import MODEL_VERSION
 
 Profile = str | Path | Mapping[str, Any] | Spec
