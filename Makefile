@@ -25,7 +25,7 @@ CRATES := $(shell find crates -type f)
 LOCK   := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes \
           --no-header --no-emit-index-url --no-emit-find-links --quiet $(LOCK_FLAGS)
 
-.PHONY: help demo test check check-python check-rust test-rust test-python bench lock build format clean
+.PHONY: help demo test check check-python check-rust test-rust test-python bench docs lock build format clean
 
 help:  ## List what can be made
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1|\2/p' $(firstword $(MAKEFILE_LIST)) \
@@ -61,6 +61,9 @@ test-python: build
 
 bench: build $(VENV)/.bench  ## Measure the speed against its peers
 	$(BIN)/python benchmarks/run.py
+
+docs: build  ## Write the pages and pictures that are made from the project anew
+	$(BIN)/python docs/generate.py
 
 build: $(VENV)/.build  ## Make .venv with the locked packages and the compiled engine in it
 

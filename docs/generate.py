@@ -44,7 +44,7 @@ def main(arguments: list[str]) -> int:
     names = stale(files)
     if arguments == ["--check"]:
         for name in names:
-            print(f"docs/{name} is out of date: run python docs/generate.py", file=sys.stderr)
+            print(f"docs/{name} is out of date: run make docs", file=sys.stderr)
         return 1 if names else 0
     for name in names:
         (HERE / name).write_text(files[name], encoding="utf-8", newline="\n")

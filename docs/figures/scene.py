@@ -27,7 +27,7 @@ class Scene:
         self.heading = states.heading[0, :, :count] * 1e-4 - run.road.heading
         self.lights = states.lights[0, :, :count]
         bodies = run.scenario.vehicles
-        self.slots = np.flatnonzero(bodies.valid[0])
+        self.slots: list[int] = np.flatnonzero(bodies.valid[0]).tolist()
         self.length, self.width = bodies.length[0].astype(float), bodies.width[0].astype(float)
         self.kinds = [VehicleKind(int(kind)).name for kind in bodies.kind[0]]
         self.target = int(run.percepts.vehicle[0, 0, 0])
