@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,13 +12,13 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import affinity
+from tests.support.worlds import Vehicle, body_of, scenario, wide_road
 
 from overtaking.sim import engine
 from overtaking.sim.parameters import VEHICLE_FIELDS, Effects, parameters
 from overtaking.sim.reference import collisions
 from overtaking.sim.reference.collisions import Box, first_contact
 from overtaking.sim.reference.state import Fields, State, initial_state
-from tests.support.worlds import Vehicle, body_of, scenario, wide_road
 
 RESTITUTION = 0.1
 STEP = 0.01
@@ -31,12 +32,19 @@ class Pose:
     half_width: float
     heading: float
 
-    def polygon(self) -> shapely.Polygon:
+    def corners(self) -> np.ndarray:
+        """Shape (corner, 2), by another package."""
         box = shapely.box(-self.half_length, -self.half_width, self.half_length, self.half_width)
-        return affinity.rotate(box, self.heading, use_radians=True, origin=(0, 0))
+        turned = affinity.rotate(box, self.heading, use_radians=True, origin=(0, 0))
+        return shapely.get_coordinates(turned)
 
     def ours(self) -> Box:
-        numbers = [math.sin(self.heading), math.cos(self.heading), self.half_length, self.half_width]
+        numbers = [
+            math.sin(self.heading),
+            math.cos(self.heading),
+            self.half_length,
+            self.half_width,
+        ]
         sine, cosine, half_length, half_width = (np.array([x], np.float32) for x in numbers)
         zero = np.zeros(1, np.float32)
         return Box(
@@ -46,10 +54,10 @@ class Pose:
 
 def obstacle(a: Pose, b: Pose) -> shapely.Polygon:
     """Where the centre of b must not be, seen from the centre of a: the Minkowski difference."""
-    corners_a = np.array(a.polygon().exterior.coords)
-    corners_b = np.array(b.polygon().exterior.coords)
-    sums = (corners_a[:, None, :] - corners_b[None, :, :]).reshape(-1, 2)
-    return shapely.MultiPoint(sums).convex_hull
+    sums = (a.corners()[:, None, :] - b.corners()[None, :, :]).reshape(-1, 2)
+    hull = shapely.MultiPoint(sums).convex_hull
+    assert isinstance(hull, shapely.Polygon)
+    return hull
 
 
 poses = st.builds(
@@ -63,8 +71,9 @@ moves = st.tuples(st.floats(-8.0, 8.0), st.floats(-8.0, 8.0))
 
 
 def contact(a: Pose, b: Pose, start: tuple[float, float], end: tuple[float, float]) -> list[float]:
-    then, now = ([np.array([x], np.float32) for x in point] for point in (start, end))
-    return [float(x[0]) for x in first_contact(a.ours(), b.ours(), tuple(then), tuple(now))]
+    """`first_contact` of two boxes, the second moving from `start` to `end` seen from the first."""
+    s0, d0, s1, d1 = (np.array([x], np.float32) for x in (*start, *end))
+    return [float(x[0]) for x in first_contact(a.ours(), b.ours(), (s0, d0), (s1, d1))]
 
 
 @given(a=poses, b=poses, start=places, move=moves)
@@ -112,7 +121,7 @@ def test_the_contact_normal_is_that_of_the_side_that_is_hit(
     corner = min(np.hypot(*(ring - hit).T))
     if corner < 1e-3:
         return  # At a corner either side is right.
-    sides = [shapely.LineString(pair) for pair in zip(ring, ring[1:], strict=False)]
+    sides = [shapely.LineString(pair) for pair in pairwise(ring)]
     side = min(sides, key=lambda s: s.distance(shapely.Point(*hit)))
     (x0, y0), (x1, y1) = side.coords
     # The normal is a unit vector, at right angles to the side, and points from a to b.
@@ -136,7 +145,7 @@ class Crash:
     before: State
     after: State
     p: Fields
-    relative: list[tuple[np.ndarray, np.ndarray]]
+    relative: tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def crash(
@@ -171,7 +180,8 @@ def crash(
     old = copied(state)
     near = {(0, 1): np.array([True])}
     collisions.collide(state, given_.constants, p, near, before, 7)
-    relative = [(s[1] - s[0], d[1] - d[0]) for s, d in (before, (old.s, old.d))]
+    then = (before[0][1] - before[0][0], before[1][1] - before[1][0])
+    relative = then, (old.s[1] - old.s[0], old.d[1] - old.d[0])
     return Crash(before=old, after=state, p=p, relative=relative)
 
 
@@ -209,8 +219,8 @@ def energy(state: State, p: Fields) -> float:
 def approach(ran: Crash, state: State) -> float:
     """Speed at which the touching points of a state approach each other along the normal [m/s]."""
     boxes = [collisions._box(ran.after, ran.p, i) for i in range(2)]
-    _, _, along, across = first_contact(*boxes, ran.relative[0], ran.relative[1])
-    arms = collisions._contact_arms(*boxes)
+    _, _, along, across = first_contact(boxes[0], boxes[1], *ran.relative)
+    arms = collisions._contact_arms(boxes[0], boxes[1])
     closing = 0.0
     for i, sign in ((0, 1.0), (1, -1.0)):
         ahead, aside = road_velocity(state, i)
@@ -277,7 +287,10 @@ def test_a_rear_end_at_10_mps_gives_the_closed_form_in_one_dimension(striker: st
     ran = crash((striker, struck), place=(gap, 0.0), motion=((30.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
     m1, m2 = body_of(striker)["mass"], body_of(struck)["mass"]
     common = (m1 * 30.0 + m2 * 20.0) / (m1 + m2)
-    expected = [common - RESTITUTION * 10.0 * m2 / (m1 + m2), common + RESTITUTION * 10.0 * m1 / (m1 + m2)]
+    expected = [
+        common - RESTITUTION * 10.0 * m2 / (m1 + m2),
+        common + RESTITUTION * 10.0 * m1 / (m1 + m2),
+    ]
     np.testing.assert_allclose(ran.after.vx[:, 0], expected, rtol=1e-5)
     assert (ran.after.vy == 0.0).all()
     assert (ran.after.r == 0.0).all()

@@ -1,4 +1,4 @@
-"""Water and grip: the handbook's table by SciPy, Gallaway's film in float64, and hand-worked figures."""
+"""Water and grip: the handbook's table by SciPy, Gallaway's film, figures worked out by hand."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
+from tests.support.bench import bench
+from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.knowledge import friction_table
 from overtaking.physics import film, friction
 from overtaking.physics.constants import constants
 from overtaking.sim.parameters import SIMULATION_FIELDS, parameters
 from overtaking.sim.reference.state import Fields
-from tests.support.bench import bench
-from tests.support.worlds import Vehicle, scenario, wide_road
 
 KMH = 1.0 / 3.6
 
@@ -33,7 +33,9 @@ def handbook(speed: float, film_mm: float, wear: float) -> float:
         float(np.clip(speed, HANDBOOK_SPEEDS[0], HANDBOOK_SPEEDS[-1])),
         float(np.clip(film_mm, HANDBOOK_FILMS[0], HANDBOOK_FILMS[-1])),
     )
-    grids = [RegularGridInterpolator((HANDBOOK_SPEEDS, HANDBOOK_FILMS), rows) for rows in (NEW, WORN)]
+    grids = [
+        RegularGridInterpolator((HANDBOOK_SPEEDS, HANDBOOK_FILMS), rows) for rows in (NEW, WORN)
+    ]
     new, worn = (float(grid(point)) for grid in grids)
     return max(new + wear * (worn - new), FLOOR)
 
@@ -124,7 +126,7 @@ def test_puddles_cover_half_of_the_square_of_their_reach(cover: float):
         float(np.mean(film.puddle(s, np.float32(path), np.float32(u), np.float32(w), reach) > 0.0))
         for path, u, w in ((0, 0.1, 0.7), (3, 0.5, 0.2), (7, 0.9, 0.4))
     ]
-    # Float32 places to 4 mm at 40 km, of puddles metres long; 1000 periods of waves sampled.
+    # Float32 places lie 4 mm apart at 40 km, puddles are metres long; 1000 waves are sampled.
     np.testing.assert_allclose(shares, cover, atol=0.004)
 
 
@@ -169,7 +171,7 @@ def test_a_puddle_under_one_side_turns_a_braking_car_towards_the_dry_side():
     b = bench(Vehicle(speed=30.0))
     b.state.mu_fast = b.state.mu_fast * np.float32(0.3)
     ran = b.drive(0.3, lambda test, _: test.hold(accel=-6.0))
-    # The left wheels (towards the fast side) hold less, so the right ones turn it to the right, with
+    # The left wheels, those towards the fast side, hold less, so the right ones turn it there, with
     # a moment of half the track times the difference of the brake forces, growing over 0.3 s.
     assert ran["r"][-1, 0] < -0.1
     table = friction_table()

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from scipy.stats import kurtosis, skew
+from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.sim.parameters import SIMULATION_FIELDS, Parameters, parameters
 from overtaking.sim.reference import environment
 from overtaking.sim.reference.state import Fields, initial_state
-from tests.support.worlds import Vehicle, scenario, wide_road
 
 DECISION = 0.05
 NAMES = ("gust", "distance_error", "speed_error", "wander")
@@ -84,7 +84,7 @@ def test_the_autocorrelation_falls_exponentially(runs: Runs, name: str, early: i
 @pytest.mark.parametrize("name", ["gust", "wander"])
 def test_after_a_few_correlation_times_the_values_are_normal(runs: Runs, name: str):
     # 20 s are five correlation times and more. The innovations are uniform, whose excess kurtosis
-    # of -1.2 is left to the part (1 - k^2) / (1 + k^2), below 2 %, k the correlation over a decision.
+    # of -1.2 is left to the part (1 - k^2) / (1 + k^2), below 2 %; k: the correlation over 50 ms.
     values = runs.at(400, name)
     keep = math.exp(-DECISION / TIMES[name])
     expected = -1.2 * (1.0 - keep**2) / (1.0 + keep**2)

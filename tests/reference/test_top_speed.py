@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-
 from tests.support.bench import Bench, bench
 from tests.support.worlds import FOUR_WHEELERS, Vehicle, body_of
 

@@ -1,4 +1,4 @@
-"""Sight: Koschmieder, Allard, Stiles and Holladay, Marshall and Palmer in float64, and known ranges."""
+"""Sight: Koschmieder, Allard, Stiles and Holladay, Marshall and Palmer, and known ranges."""
 
 from __future__ import annotations
 
@@ -25,13 +25,17 @@ def f32(*values: float) -> list[np.float32]:
     [(0, 10_000), (7, 6_900), (20, 3_470), (40, 1_200), (60, 416), (80, 144), (100, 50)],
 )
 def test_fog_takes_sight_as_worked_out_by_hand(fog: float, metres: float):
-    assert float(visibility.meteorological_range(np.float32(fog))) == pytest.approx(metres, rel=5e-3)
+    assert float(visibility.meteorological_range(np.float32(fog))) == pytest.approx(
+        metres, rel=5e-3
+    )
 
 
 @given(st.floats(0.0, 100.0))
 def test_the_range_falls_by_the_same_factor_over_each_part_of_the_scale(fog: float):
     expected = CLEAR * (THICK / CLEAR) ** (fog / 100.0)
-    assert float(visibility.meteorological_range(np.float32(fog))) == pytest.approx(expected, rel=1e-5)
+    assert float(visibility.meteorological_range(np.float32(fog))) == pytest.approx(
+        expected, rel=1e-5
+    )
     assert float(visibility.fog_extinction(np.float32(fog))) == pytest.approx(
         DEPTH / expected, rel=1e-5
     )
@@ -49,9 +53,7 @@ def test_falling_rain_alone_hardly_limits_sight(rate: float, mor_km: float):
     assert DEPTH / beta / 1000.0 == pytest.approx(mor_km, abs=0.05)
 
 
-@given(
-    beta=st.floats(1e-4, 0.1), contrast=st.floats(0.05, 1.0), threshold=st.floats(0.02, 0.3)
-)
+@given(beta=st.floats(1e-4, 0.1), contrast=st.floats(0.05, 1.0), threshold=st.floats(0.02, 0.3))
 def test_contrast_falls_to_the_threshold_at_its_range(
     beta: float, contrast: float, threshold: float
 ):

@@ -1,4 +1,4 @@
-"""Wind on vehicles: side force against published figures, the shape of gusts, the lee of a lorry."""
+"""Wind on vehicles: side force against others' figures, gusts, the lee of a lorry."""
 
 from __future__ import annotations
 
@@ -6,19 +6,21 @@ import math
 
 import numpy as np
 import pytest
+from tests.support.bench import bench
+from tests.support.single_track import side_wind
+from tests.support.worlds import FOUR_WHEELERS, Vehicle, body_of, scenario, wide_road
 
 from overtaking.sim.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Effects, parameters
 from overtaking.sim.reference import environment
 from overtaking.sim.reference.state import Fields, initial_state
-from tests.support.bench import bench
-from tests.support.single_track import side_wind
-from tests.support.worlds import FOUR_WHEELERS, Vehicle, body_of, scenario, wide_road
 
 ACROSS = math.pi / 2.0
 KMH = 1.0 / 3.6
 
 
-def blown(kind: str, *, speed_kmh: float, percent: float, peak: float = 1.0, **body: float) -> float:
+def blown(
+    kind: str, *, speed_kmh: float, percent: float, peak: float = 1.0, **body: float
+) -> float:
     """Lateral acceleration by a side wind before any tyre answers [m/s^2]."""
     vehicle = Vehicle(kind=kind, speed=speed_kmh * KMH, body=body)
     b = bench(vehicle, sky={"wind": peak * percent, "wind_direction": ACROSS})
@@ -99,7 +101,11 @@ def gust_along(length_of_road: float = 1200.0) -> tuple[np.ndarray, np.ndarray, 
     state = initial_state(given)
     state.s = np.repeat(places.astype(np.float32)[None, :, None], 1, axis=2)[0].T
     q = Fields(SIMULATION_FIELDS, given.simulation)
-    return places, environment.gust_bump(state, given, q)[0].astype(np.float64), float(q.gust_length[0])
+    return (
+        places,
+        environment.gust_bump(state, given, q)[0].astype(np.float64),
+        float(q.gust_length[0]),
+    )
 
 
 def test_gusts_have_the_shape_of_one_minus_cosine_and_come_every_600_m():

@@ -7,7 +7,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-
 from tests.support.bench import bench
 from tests.support.worlds import FOUR_WHEELERS, Vehicle, body_of
 

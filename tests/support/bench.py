@@ -1,4 +1,4 @@
-"""A test bench: vehicles on an endless plain, steered and braked by the test instead of a driver."""
+"""A test bench: vehicles on an endless plain, steered by the test instead of a driver."""
 
 from __future__ import annotations
 
@@ -81,7 +81,6 @@ class Bench:
                 values.append(getattr(self.state, name)[0].copy())
         history = {name: np.array(values, np.float64) for name, values in rows.items()}
         return history | {"t": np.arange(count + 1) * step}
-
 
     def hold(self, *, wheel: float | F64 = 0.0, accel: float | F64 = 0.0) -> None:
         """Put the wheels, one angle or one for each simulation, and the pedals somewhere."""

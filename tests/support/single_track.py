@@ -1,4 +1,4 @@
-"""The single-track model once more, in float64 and from its equations alone, for SciPy to integrate.
+"""The single-track model once more, in float64 and from its equations, for SciPy to integrate.
 
 Fiala's tyre, the friction circle, brakes that follow the load of the axles, drag, and a side wind;
 see Pacejka, Tyre and Vehicle Dynamics (2012), sections 1.3 and 3.2. Nothing here comes from the
@@ -8,11 +8,14 @@ package but the numbers of a vehicle.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.integrate import solve_ivp
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 GRAVITY = 9.81
 AIR_DENSITY = 1.2
@@ -100,8 +103,8 @@ def accelerations(
 def derivative(body: dict[str, float], motion: np.ndarray, drive: Drive, time: float) -> np.ndarray:
     """Rate of change of (s, d, heading, vx, vy, yaw rate)."""
     _, _, psi, vx, vy, r = motion
-    along = 0.0
-    for _ in range(8):  # The load follows the acceleration that it causes.
+    along, across, yaw = accelerations(body, motion, drive, time, 0.0)
+    for _ in range(7):  # The load follows the acceleration that it causes.
         along, across, yaw = accelerations(body, motion, drive, time, along)
     return np.array(
         [

@@ -13,16 +13,16 @@ from overtaking.model.drivers import Drivers
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.model.scenario import MAX_VEHICLES, Scenario
-from overtaking.model.vehicles import Colour, VehicleKind, VehicleSpecs
+from overtaking.model.vehicles import Colour, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
 
 FOUR_WHEELERS = ("S", "M", "L", "V", "T")
 
 SAME_NAME = (
-    "length", "width", "height", "mass", "wheelbase", "cg_height", "front_stiffness", "rear_stiffness",
-    "launch_accel", "drag_area", "side_area", "rolling_resistance", "peak_decel",
-    "wind_side_coefficient", "wind_centre_ratio", "front_drive_share", "track_width", "spray_factor",
-    "lamp_separation",
+    "length", "width", "height", "mass", "wheelbase", "cg_height", "front_stiffness",
+    "rear_stiffness", "launch_accel", "drag_area", "side_area", "rolling_resistance", "peak_decel",
+    "wind_side_coefficient", "wind_centre_ratio", "front_drive_share", "track_width",
+    "spray_factor", "lamp_separation",
 )  # fmt: skip
 
 CALM_DRIVER: dict[str, float] = {
@@ -44,7 +44,7 @@ CLEAR: dict[str, float] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Vehicle:
-    """One vehicle of a hand-made scenario: its class's middle values, and what differs from them."""
+    """One vehicle of a hand-made scenario: the middle values of its class, or what differs."""
 
     kind: str = "M"
     s: float = 0.0
@@ -64,7 +64,10 @@ def body_of(kind: str, **changes: float) -> dict[str, float]:
         "kind": float(VEHICLE_CLASS_ORDER.index(kind)),
         "colour": float(Colour.GREY),
         "cg_to_front": front,
-        "yaw_inertia": one.inertia_factor.number * body["mass"] * front * (body["wheelbase"] - front),
+        "yaw_inertia": one.inertia_factor.number
+        * body["mass"]
+        * front
+        * (body["wheelbase"] - front),
         "power": one.specific_power.number * body["mass"],
         "max_speed": float(one.governed_speed.number),
         "tyre_wear": 0.0,
@@ -102,9 +105,14 @@ def scenario(
     batch = len(simulations)
     skies = weather if isinstance(weather, list) else [weather or {}] * batch
     rows = [[*one, *[None] * (num_slots - len(one))] for one in simulations]
-    bodies = [[body_of(v.kind) | v.body if v else body_of("M", valid=0.0) for v in row] for row in rows]
+    bodies = [
+        [body_of(v.kind) | v.body if v else body_of("M", valid=0.0) for v in row] for row in rows
+    ]
     people = [[CALM_DRIVER | (v.driver if v else {}) for v in row] for row in rows]
-    start = lambda name, empty: _table([[getattr(v, name) if v else empty for v in row] for row in rows])  # noqa: E731
+    start = {
+        name: np.array([[getattr(v, name) if v else 0.0 for v in row] for row in rows])
+        for name in ("s", "lane", "speed")
+    }
     return Scenario(
         profile="by hand",
         road=road or known_road("town06").extended(10_000.0),
@@ -117,9 +125,9 @@ def scenario(
         vehicles=_filled(VehicleSpecs, bodies),
         drivers=_filled(Drivers, people),
         weather=_filled(Weather, [CLEAR | sky for sky in skies]),
-        start_s=start("s", 0.0).astype(np.float32),
-        start_lane=start("lane", 0).astype(np.uint8),
-        start_speed=start("speed", 0.0).astype(np.float32),
+        start_s=start["s"].astype(np.float32),
+        start_lane=start["lane"].astype(np.uint8),
+        start_speed=start["speed"].astype(np.float32),
     )
 
 
@@ -140,22 +148,18 @@ def wide_road(*, lanes: int = 3, width: float = 3.5, limit: float = 50.0) -> Roa
     )
 
 
-def kind_name(kind: int) -> str:
-    """Name of a vehicle class by its number."""
-    return VehicleKind(kind).name
-
-
-def _table(rows: list[list[Any]]) -> np.ndarray:
-    return np.array(rows, np.float64)
-
-
 def _filled(cls: type, rows: Any) -> Any:
-    """A batch whose fields are taken by name from nested lists of dictionaries, in its own types."""
+    """A batch whose fields are taken by name from nested lists of dictionaries."""
     columns = {}
     for each in dataclasses.fields(cls):
-        pick = lambda row, name=each.name: [pick(one) for one in row] if isinstance(row, list) else row[name]  # noqa: E731
-        columns[each.name] = np.array(pick(rows), np.float64).astype(_type_of(str(each.type)))
+        values = np.array(_picked(rows, each.name), np.float64)
+        columns[each.name] = values.astype(_type_of(str(each.type)))
     return cls(**columns)
+
+
+def _picked(rows: Any, name: str) -> Any:
+    """The value called `name` of every dictionary in nested lists."""
+    return [_picked(row, name) for row in rows] if isinstance(rows, list) else rows[name]
 
 
 def _type_of(annotation: str) -> type[np.generic]:

@@ -1,0 +1,277 @@
+"""Car following against the formulas of its authors, and against what they promise."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from tests.support.worlds import Vehicle, scenario, wide_road
+
+from overtaking.physics.constants import constants
+from overtaking.sim import engine
+from overtaking.sim.parameters import Effects, parameters
+from overtaking.sim.reference.following import (
+    follow,
+    forced_braking,
+    iidm,
+    needed_braking,
+)
+from overtaking.sim.reference.state import Fields
+
+EXPONENT = 4.0
+
+# What drivers see without delay, error or limits, so that only the following itself is tested.
+PERFECT = Effects(
+    gusts=False, wake=False, range=False, delay=False, distance_error=False, looming=False,
+    occlusion=False, mobil=False,
+)  # fmt: skip
+
+DRIVERS = {
+    "time_gap": (0.5, 3.0), "min_gap": (1.0, 4.0), "accel": (0.4, 2.5), "decel": (1.0, 3.5),
+}  # fmt: skip
+
+
+def person(**changes: float) -> dict[str, float]:
+    return {"time_gap": 1.2, "min_gap": 2.0, "accel": 1.5, "decel": 2.0} | changes
+
+
+def as_fields(driver: dict[str, float], shape: tuple[int, ...]) -> Fields:
+    """The driver as the model's step sees it, spread over an array."""
+    a, b = driver["accel"], driver["decel"]
+    numbers = driver | {
+        "interaction": 0.5 / math.sqrt(a * b),
+        "overspeed_exponent": EXPONENT * a / b,
+    }
+    rows = np.stack([np.full(shape, value, np.float32) for value in numbers.values()])
+    return Fields(tuple(numbers), rows)
+
+
+def model(
+    driver: dict[str, float], speed: object, desired: object, gap: object, closing: object
+) -> np.ndarray:
+    """The model's acceleration [m/s^2]."""
+    arrays = np.broadcast_arrays(
+        *(np.asarray(x, np.float32) for x in (speed, desired, gap, closing))
+    )
+    return iidm(constants(), as_fields(driver, arrays[0].shape), *arrays).astype(np.float64)
+
+
+def textbook(driver: dict[str, float], v: float, v0: float, s: float, dv: float) -> float:
+    """Equations 11.15, 11.25 and 11.26 of the book, in float64 [m/s^2]."""
+    a, b, s0, t = (driver[name] for name in ("accel", "decel", "min_gap", "time_gap"))
+    wanted = s0 + max(0.0, v * t + v * dv / (2.0 * math.sqrt(a * b)))
+    z = wanted / s
+    if v <= v0:
+        free = a * (1.0 - (v / v0) ** EXPONENT)
+        if z >= 1.0:
+            return a * (1.0 - z**2)
+        return free * (1.0 - z ** (2.0 * a / free)) if free > 0.0 else 0.0
+    free = -b * (1.0 - (v0 / v) ** (a * EXPONENT / b))
+    return free + a * (1.0 - z**2) if z >= 1.0 else free
+
+
+drivers = st.fixed_dictionaries(
+    {name: st.floats(low, high) for name, (low, high) in DRIVERS.items()}
+)
+
+
+@given(
+    driver=drivers,
+    v=st.floats(0.0, 45.0),
+    v0=st.floats(8.0, 45.0),
+    s=st.floats(1.0, 400.0),
+    dv=st.floats(-15.0, 25.0),
+)
+def test_the_acceleration_is_that_of_the_book(
+    driver: dict[str, float], v: float, v0: float, s: float, dv: float
+):
+    expected = textbook(driver, v, v0, s, dv)
+    # Float32 powers: an exponent up to 1000 magnifies the last bit of z into 1e-4 of the result,
+    # and the published form jumps where z passes 1 above v0, by as little as z is rounded.
+    assert float(model(driver, v, v0, s, dv)) == pytest.approx(expected, rel=2e-3, abs=2e-3)
+
+
+@given(driver=drivers, share=st.floats(0.0, 0.99), v0=st.floats(8.0, 45.0))
+def test_below_the_desired_speed_the_equilibrium_gap_is_exactly_s0_plus_v_t(
+    driver: dict[str, float], share: float, v0: float
+):
+    # Unlike the IDM's, which is s0 + v T over sqrt(1 - (v / v0)^4).
+    v = share * v0
+    gap = driver["min_gap"] + v * driver["time_gap"]
+    steep = 2.0 * driver["accel"] / gap * max(1.0, gap)  # Slope in the gap, for its rounding.
+    assert abs(float(model(driver, v, v0, gap, 0.0))) <= 1e-5 * max(1.0, steep * gap)
+    assert float(model(driver, v, v0, 0.98 * gap, 0.0)) < 0.0
+    assert float(model(driver, v, v0, 1.5 * gap, 0.0)) > 0.0
+
+
+@given(driver=drivers, v=st.floats(0.0, 40.0), v0=st.floats(8.0, 45.0))
+def test_on_a_free_road_the_acceleration_stays_between_a_and_minus_b(
+    driver: dict[str, float], v: float, v0: float
+):
+    value = float(model(driver, v, v0, 1e3 * (v + 1.0), 0.0))
+    free = driver["accel"] * (1.0 - (v / v0) ** EXPONENT)
+    assert -driver["decel"] <= value <= driver["accel"]
+    if v < 0.9 * v0:
+        assert value == pytest.approx(free, rel=0.01, abs=1e-3)
+
+
+@given(driver=drivers, v=st.floats(1.0, 40.0), dv=st.floats(-10.0, 20.0))
+def test_more_room_or_a_faster_leader_never_asks_for_harder_braking(
+    driver: dict[str, float], v: float, dv: float
+):
+    gaps = np.linspace(1.0, 300.0, 600)
+    # Rounding of float32 in a value of up to thousands of m/s^2.
+    along = model(driver, v, 30.0, gaps, dv)
+    assert (np.diff(along) >= -1e-5 * np.abs(along[:-1]) - 1e-4).all()
+    closings = np.linspace(20.0, -20.0, 400)
+    across = model(driver, v, 30.0, 40.0, closings)
+    assert (np.diff(across) >= -1e-5 * np.abs(across[:-1]) - 1e-4).all()
+
+
+def test_a_standing_vehicle_is_no_less_of_a_danger_when_its_approach_is_overestimated():
+    # Believed to approach at 24 m/s by one who drives 20: it stands, it does not come closer.
+    judged = [np.float32(x) for x in (20.0, 50.0, 24.0, 0.0)]
+    expected = -(24.0**2) / (2.0 * 50.0)
+    assert float(needed_braking(constants(), *judged)) == pytest.approx(expected, rel=1e-5)
+
+
+def needed(v: float, s: float, dv: float, leader: float) -> float:
+    """The constant-acceleration heuristic, equation 2.5 of Kesting, Treiber and Helbing (2010)."""
+    ahead = v - dv
+    if ahead * dv < -2.0 * s * leader:
+        return v**2 * leader / (ahead**2 - 2.0 * s * leader)
+    return leader - max(dv, 0.0) ** 2 / (2.0 * s)
+
+
+def cool(driver: dict[str, float], wanted: float, least: float) -> float:
+    """The ACC model, equation 2.7 of the same paper, with its coolness of 0.99."""
+    coolness, b = 0.99, driver["decel"]
+    if wanted >= least:
+        return wanted
+    # Our addition: the model's alarm is never above gravity, however small the gap.
+    alarmed = max(wanted, -9.81)
+    return (1.0 - coolness) * alarmed + coolness * (least + b * math.tanh((wanted - least) / b))
+
+
+@given(
+    driver=drivers,
+    v=st.floats(0.0, 45.0),
+    v0=st.floats(8.0, 45.0),
+    s=st.floats(1.0, 400.0),
+    ahead=st.floats(0.0, 45.0),
+    leader=st.floats(-9.0, 0.0),
+)
+def test_drivers_keep_as_cool_as_the_acc_model(
+    driver: dict[str, float], v: float, v0: float, s: float, ahead: float, leader: float
+):
+    dv = v - ahead
+    arrays = [np.float32(x) for x in (v, v0, s, dv, driver["time_gap"], leader)]
+    value = float(follow(constants(), as_fields(driver, ()), *arrays))
+    expected = cool(driver, textbook(driver, v, v0, s, dv), needed(v, s, dv, leader))
+    assert value == pytest.approx(expected, rel=2e-3, abs=2e-3)
+
+
+@given(
+    v=st.floats(1.0, 40.0), ahead=st.floats(1.0, 40.0), s=st.floats(2.0, 200.0),
+    leader=st.floats(-8.0, -0.5),
+)  # fmt: skip
+def test_braking_as_hard_as_needed_stops_exactly_at_the_bumper(
+    v: float, ahead: float, s: float, leader: float
+):
+    arrays = [np.float32(x) for x in (v, s, v - ahead, leader)]
+    decel = -float(needed_braking(constants(), *arrays))
+    if ahead * (v - ahead) >= -2.0 * s * leader:
+        return  # They would meet while both move: another branch, another formula.
+    # The leader stops after v^2 / (2 b); the follower has that way and the gap.
+    assert v**2 / (2.0 * decel) == pytest.approx(s + ahead**2 / (2.0 * -leader), rel=1e-4)
+
+
+def test_a_cut_in_by_a_faster_vehicle_frightens_nobody():
+    # 5 m behind someone 1 m/s faster the plain model brakes with 50 m/s^2.
+    driver = person()
+    arrays = [np.float32(x) for x in (30.0, 35.0, 5.0, -1.0, driver["time_gap"])]
+    p = as_fields(driver, ())
+    assert float(iidm(constants(), p, *arrays)) < -20.0
+    assert float(follow(constants(), p, *arrays)) > -1.1 * driver["decel"]
+
+
+@given(driver=drivers, v=st.floats(1.0, 40.0), s=st.floats(2.0, 100.0), ahead=st.floats(0.0, 50.0))
+def test_who_follows_at_the_desired_speed_is_braked_but_never_pushed(
+    driver: dict[str, float], v: float, s: float, ahead: float
+):
+    dv = v - ahead
+    args = [np.float32(x) for x in (v, s, dv, driver["time_gap"])]
+    forced = float(forced_braking(constants(), as_fields(driver, ()), *args))
+    root = 2.0 * math.sqrt(driver["accel"] * driver["decel"])
+    wanted = driver["min_gap"] + max(0.0, v * driver["time_gap"] + v * dv / root)
+    expected = cool(driver, driver["accel"] * (1.0 - (wanted / s) ** 2), needed(v, s, dv, 0.0))
+    assert forced == pytest.approx(min(0.0, expected), rel=1e-3, abs=1e-3)
+
+
+@pytest.mark.parametrize("speed", [8.0, 15.0, 25.0])
+@pytest.mark.parametrize("time_gap", [0.8, 1.6])
+def test_a_queue_settles_at_the_gap_of_the_formula(speed: float, time_gap: float):
+    driver = person(time_gap=time_gap, desired_speed=35.0)
+    leader = Vehicle(s=400.0, speed=speed, driver={"desired_speed": speed})
+    queue = [Vehicle(s=400.0 - 60.0 * k, speed=speed, driver=driver) for k in range(1, 6)]
+    world = scenario([*queue, leader], road=wide_road(lanes=1), horizon=120.0)
+    ran = engine.run(world, parameters(world, PERFECT))
+    last = int(ran.num_frames[0]) - 1
+    s = ran.states.s[0, :, last] / 1000.0
+    lengths = world.vehicles.length[0]
+    gaps = [s[5] - s[0], *(s[k] - s[k + 1] for k in range(4))]
+    room = [gap - 0.5 * (lengths[0] + lengths[5]) for gap in gaps]
+    held = ran.states.speed[0, :6, last] / 1000.0
+    # The leader's pedals answer v - v0 softly, so it is 1 mm/s short of its own speed at the end.
+    np.testing.assert_allclose(held, speed, rtol=2e-3)
+    np.testing.assert_allclose(room, 2.0 + speed * time_gap, rtol=5e-3)
+
+
+def test_alone_a_driver_accelerates_as_the_free_branch_says():
+    a, v0, start = 0.5, 30.0, 15.0
+    alone = Vehicle(speed=start, driver=person(accel=a, desired_speed=v0), body={"power": 2e5})
+    world = scenario([alone], road=wide_road(), horizon=60.0)
+    ran = engine.run(world, parameters(world, PERFECT))
+    times = np.arange(0, ran.num_frames[0], 100) * 0.05
+    # The pedal moves at 2.5 m/s^3, which delays everything by half of a / 2.5 s.
+    late = np.maximum(times - 0.5 * a / 2.5, 0.0)
+    right = solve_ivp(
+        lambda _, v: a * (1.0 - (v / v0) ** EXPONENT), (0.0, 60.0), [start], t_eval=late, rtol=1e-8
+    )
+    speeds = ran.states.speed[0, 0, : ran.num_frames[0] : 100] / 1000.0
+    np.testing.assert_allclose(speeds, right.y[0], rtol=2e-3)
+
+
+@st.composite
+def queues(draw: st.DrawFn) -> list[Vehicle]:
+    """Three vehicles one behind the other, at rest towards each other, and a standing one ahead."""
+    speed = draw(st.floats(8.0, 38.0))
+    place, vehicles = 0.0, []
+    for _ in range(3):
+        driver = draw(drivers) | {"desired_speed": draw(st.floats(speed, 45.0))}
+        vehicles.append(Vehicle(s=place, speed=speed, driver=driver))
+        place -= driver["min_gap"] + speed * driver["time_gap"] + 5.0
+    # Room to stop with half of the comfortable deceleration.
+    room = speed**2 / min(v.driver["decel"] for v in vehicles) + 60.0
+    return [*vehicles, Vehicle(s=room, speed=0.0, driver={"desired_speed": 0.01})]
+
+
+@given(rows=st.lists(queues(), min_size=8, max_size=8))
+@settings(max_examples=8)
+def test_from_a_safe_start_nobody_ever_touches(rows: list[list[Vehicle]]):
+    world = scenario(*rows, road=wide_road(lanes=1), horizon=90.0)
+    ran = engine.run(world, parameters(world, PERFECT))
+    assert (ran.contacts.partner == 255).all()
+    s, lengths = ran.states.s[:, :4] / 1000.0, world.vehicles.length[:, :4]
+    order = [3, 0, 1, 2]
+    for ahead, behind in pairwise(order):
+        reach = 0.5 * (lengths[:, ahead] + lengths[:, behind])
+        gap = s[:, ahead] - s[:, behind] - reach[:, None]
+        assert gap[ran.frame_valid].min() > 0.3
+    ends = ran.states.speed[np.arange(8), :3, ran.num_frames[:, None] - 1]
+    assert (ends < 500).all()
