@@ -1,0 +1,268 @@
+"""Removes one effect at a time and shows what it moves.
+
+    python benchmarks/ablations.py                      # 20,000 simulations an arm, minutes
+    python benchmarks/ablations.py --simulations 4000
+
+Both arms simulate the same scenarios with the same random numbers; the statistic of each simulation
+with the effect removed is compared with its own value in the full model, so the standard error is
+that of the paired difference. Where `pinto2023` as it is has too little of what an effect needs
+(wind, lorries, fog), the table says which overrides were used. Exits with 1 if an effect does not
+move its statistic in the stated direction by more than three standard errors.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.exchange.roads import load_road
+from overtaking.model.trajectory import NO_VEHICLE, DecisionKind, Trajectories
+from overtaking.scenarios import sample, spec
+from overtaking.sim import engine
+from overtaking.sim.parameters import Effects, parameters
+
+Values = NDArray[np.float64]
+
+PIECE = 1000
+"""Simulations in memory at a time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ablation:
+    """One effect and what removing it should do.
+
+    Attributes:
+        effect: Name of the switch in `Effects`.
+        statistic: What is compared, for people.
+        measure: The statistic of each simulation; NaN where it has none.
+        rises: Whether removing the effect raises it.
+        overrides: Changes to `pinto2023`.
+    """
+
+    effect: str
+    statistic: str
+    measure: Callable[[Trajectories], Values]
+    rises: bool
+    overrides: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+
+def departures(runs: Trajectories) -> Values:
+    """Share of the vehicles that leave the lanes."""
+    valid = runs.scenario.vehicles.valid
+    lane, filled = runs.states.lane, runs.frame_valid[:, None, :] & valid[:, :, None]
+    out = ((lane == NO_VEHICLE) | (lane >= runs.road.num_lanes)) & filled
+    return out.any(axis=2).sum(axis=1) / valid.sum(axis=1)
+
+
+def contacts(runs: Trajectories) -> Values:
+    """Share of the vehicles that touch another."""
+    valid = runs.scenario.vehicles.valid
+    return ((runs.contacts.partner != NO_VEHICLE) & valid).sum(axis=1) / valid.sum(axis=1)
+
+
+def sway(runs: Trajectories) -> Values:
+    """Standard deviation of the ego's lateral acceleration [m/s^2]."""
+    values = runs.states.accel_lat[:, 0] / 1e3
+    valid = runs.frame_valid
+    mean = (values * valid).sum(axis=1) / runs.num_frames
+    return np.sqrt((((values - mean[:, None]) ** 2) * valid).sum(axis=1) / runs.num_frames)
+
+
+def sway_beside(runs: Trajectories) -> Values:
+    """The same over the frames in which another vehicle is beside the ego; NaN below a second."""
+    s, d = runs.states.s / 1e3, runs.states.d / 1e3
+    valid = runs.scenario.vehicles.valid[:, 1:, None]
+    near = (np.abs(s[:, 1:] - s[:, :1]) < 10.0) & (np.abs(d[:, 1:] - d[:, :1]) < 5.0) & valid
+    beside = near.any(axis=1) & runs.frame_valid & (runs.collided_with == NO_VEHICLE)
+    count = beside.sum(axis=1)
+    values = runs.states.accel_lat[:, 0] / 1e3
+    mean = (values * beside).sum(axis=1) / np.maximum(count, 1)
+    square = ((values - mean[:, None]) ** 2 * beside).sum(axis=1) / np.maximum(count, 1)
+    return np.where(count >= 20, np.sqrt(square), np.nan)
+
+
+def attempts(runs: Trajectories) -> Values:
+    """Whether the ego pulls out."""
+    return ((runs.stage == 1) & runs.frame_valid).any(axis=1).astype(np.float64)
+
+
+def lane_changes(runs: Trajectories) -> Values:
+    """Times that the other vehicles enter another lane."""
+    lane = runs.states.lane[:, 1:].astype(np.int64)
+    both = (runs.frame_valid[:, 1:] & runs.frame_valid[:, :-1])[:, None, :]
+    changed = (lane[:, :, 1:] != lane[:, :, :-1]) & both
+    return changed.sum(axis=(1, 2)).astype(np.float64)
+
+
+def first_percept(runs: Trajectories, column: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Where the first decision is to pull out past a neighbour in `column`; whether it was seen."""
+    p = runs.percepts
+    is_out = p.valid[:, 0] & (p.kind[:, 0] == DecisionKind.PULL_OUT)
+    return is_out & (p.vehicle[:, 0, column] != NO_VEHICLE), p.detected[:, 0, column]
+
+
+def gap_error(runs: Trajectories) -> Values:
+    """Misjudgement of the leader's gap when pulling out [m]."""
+    there, seen = first_percept(runs, 0)
+    p = runs.percepts
+    error = np.abs(p.gap[:, 0, 0] - p.true_gap[:, 0, 0]) / 1e3
+    return np.where(there & seen, error, np.nan)
+
+
+def closing_error(runs: Trajectories) -> Values:
+    """Misjudgement of the speed of approach to the leader when pulling out [m/s]."""
+    there, seen = first_percept(runs, 0)
+    p = runs.percepts
+    error = np.abs(p.closing_speed[:, 0, 0] - p.true_closing_speed[:, 0, 0]) / 1e3
+    return np.where(there & seen, error, np.nan)
+
+
+def seen_ahead(runs: Trajectories) -> Values:
+    """Whether who drives ahead in the next lane is noticed when pulling out."""
+    there, seen = first_percept(runs, 1)
+    return np.where(there, seen.astype(np.float64), np.nan)
+
+
+def hardest_braking(runs: Trajectories) -> Values:
+    """Hardest braking of the ego [m/s^2]."""
+    slowest = np.where(runs.frame_valid, runs.states.accel_lon[:, 0], 0).min(axis=1)
+    return -slowest / 1e3
+
+
+STORM = {"weather.presets": ["HardRainNoon"]}
+FOG = {"weather.presets": ["HardRainNight"]}
+LORRIES = {"traffic.types": {"T": 1.0, "V": 1.0}}
+
+ABLATIONS = (
+    Ablation(
+        effect="film",
+        statistic="share of vehicles that leave the lanes, hard rain",
+        measure=departures,
+        rises=False,
+        overrides=STORM,
+    ),
+    Ablation(
+        effect="gusts",
+        statistic="sway of the ego [m/s^2], storm",
+        measure=sway,
+        rises=False,
+        overrides=STORM,
+    ),
+    Ablation(
+        effect="wake",
+        statistic="sway of the ego beside others [m/s^2], storm, lorries",
+        measure=sway_beside,
+        rises=False,
+        overrides=STORM | LORRIES,
+    ),
+    Ablation(
+        effect="range",
+        statistic="share of egos that pull out, night in fog",
+        measure=attempts,
+        rises=True,
+        overrides=FOG,
+    ),
+    Ablation(
+        effect="delay",
+        statistic="share of vehicles that touch another",
+        measure=contacts,
+        rises=False,
+    ),
+    Ablation(
+        effect="distance_error",
+        statistic="misjudged gap to the leader [m]",
+        measure=gap_error,
+        rises=False,
+    ),
+    Ablation(
+        effect="looming",
+        statistic="misjudged closing speed to the leader [m/s]",
+        measure=closing_error,
+        rises=False,
+    ),
+    Ablation(
+        effect="occlusion",
+        statistic="share noticed ahead in the next lane, lorries",
+        measure=seen_ahead,
+        rises=True,
+        overrides=LORRIES,
+    ),
+    Ablation(
+        effect="mobil",
+        statistic="lane changes of the others, per simulation",
+        measure=lane_changes,
+        rises=False,
+    ),
+)
+
+
+def arms(ablation: Ablation, simulations: int, seed: int) -> tuple[Values, Values]:
+    """The statistic of every simulation, in the full model and without the effect."""
+    given = spec("pinto2023", overrides=dict(ablation.overrides))
+    road, buffers = load_road("town06"), engine.Buffers()
+    full, without = list[Values](), list[Values]()
+    for begin in range(0, simulations, PIECE):
+        index = np.arange(begin, min(begin + PIECE, simulations), dtype=np.uint64)
+        scenario = sample(given, road, seed, index)
+        for effects, kept in ((Effects(), full), (Effects(**{ablation.effect: False}), without)):
+            runs = engine.run(scenario, parameters(scenario, effects), buffers=buffers)
+            kept.append(ablation.measure(runs))
+    return np.concatenate(full), np.concatenate(without)
+
+
+def row(ablation: Ablation, simulations: int, seed: int) -> dict[str, Any]:
+    """One line of the table."""
+    full, without = arms(ablation, simulations, seed)
+    both = np.isfinite(full) & np.isfinite(without)
+    change = without[both] - full[both]
+    error = float(change.std(ddof=1) / np.sqrt(len(change)))
+    z = float(change.mean()) / error if error > 0 else 0.0
+    return {
+        "effect": ablation.effect,
+        "statistic": ablation.statistic,
+        "full": float(full[both].mean()),
+        "removed": float(without[both].mean()),
+        "change": float(change.mean()),
+        "standard_error": error,
+        "z": z,
+        "expected": "rises" if ablation.rises else "falls",
+        "met": (z > 3.0) if ablation.rises else (z < -3.0),
+        "pairs": len(change),
+    }
+
+
+def main() -> int:
+    """Print the table; 1 if an effect does not do what it should."""
+    options = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    options.add_argument("--simulations", type=int, default=20_000)
+    options.add_argument("--seed", type=int, default=1)
+    options.add_argument("--only", nargs="*", help="effects to look at")
+    options.add_argument("--json", action="store_true", help="print the table for machines")
+    given = options.parse_args()
+    chosen = [each for each in ABLATIONS if not given.only or each.effect in given.only]
+    rows = list[dict[str, Any]]()
+    for ablation in chosen:
+        rows.append(row(ablation, given.simulations, given.seed))
+        if not given.json:
+            print(_line(rows[-1]), flush=True)
+    if given.json:
+        print(json.dumps(rows, indent=1))
+    return 0 if all(each["met"] for each in rows) else 1
+
+
+def _line(each: Mapping[str, Any]) -> str:
+    numbers = f"{each['full']:>8.4f} -> {each['removed']:>8.4f}  z {each['z']:>8.1f}"
+    verdict = "as expected" if each["met"] else "NOT AS EXPECTED"
+    return (
+        f"{each['effect']:<15} {each['statistic']:<50} {numbers}"
+        f"  {each['expected']:<6} {verdict}  ({each['pairs']:,} pairs)"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

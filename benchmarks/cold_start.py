@@ -1,0 +1,91 @@
+"""Times what a user waits for: an import, the study's data set, and memory at two sizes.
+
+    python benchmarks/cold_start.py
+
+Every number is that of a process of its own; the median of several counts.
+"""
+
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from measure import Measure, parser, report
+
+ROUNDS = 5
+
+PEAK = """
+import resource, sys
+from overtaking import api
+api.generate("pinto2023", int(sys.argv[1]), 1, sys.argv[2], keep="summary")
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+IMPORT = "import time; t = time.perf_counter(); import overtaking; print(time.perf_counter() - t)"
+
+
+def seconds(*arguments: str) -> float:
+    """Wall time of a process [s]."""
+    begin = time.perf_counter()
+    subprocess.run([sys.executable, *arguments], check=True, capture_output=True)
+    return time.perf_counter() - begin
+
+
+def generation(folder: Path) -> float:
+    """Median time of `overtaking generate -n 276`, all tables, from a cold start [s]."""
+    shared = ["-m", "overtaking.cli", "generate", "-n", "276", "--seed", "1", "--quiet"]
+    return statistics.median(
+        seconds(*shared, "--profile", "pinto2023", "--out", str(folder / f"set{k}"))
+        for k in range(ROUNDS)
+    )
+
+
+def importing() -> float:
+    """Median time of `import overtaking` [s]."""
+    told = [
+        subprocess.run([sys.executable, "-c", IMPORT], check=True, capture_output=True, text=True)
+        for _ in range(ROUNDS)
+    ]
+    return statistics.median(float(one.stdout) for one in told)
+
+
+def peak(simulations: int, folder: Path) -> float:
+    """Peak memory of generating a data set without frames [MiB]."""
+    command = [sys.executable, "-c", PEAK, str(simulations), str(folder / f"peak{simulations}")]
+    told = subprocess.run(command, check=True, capture_output=True, text=True)
+    return int(told.stdout.split()[-1]) / 1024.0
+
+
+def rate(folder: Path) -> Measure:
+    """Simulations a second without frames, sampling and all small tables included."""
+    from overtaking import api
+
+    count = 16384
+    begin = time.perf_counter()
+    data = api.generate("pinto2023", count, 2, folder / "rate", keep="summary")
+    taken = time.perf_counter() - begin
+    frames = data.simulations()["frames"].mean()
+    note = f"{count:,} simulations of {frames:.0f} frames on average"
+    return Measure(name="generate, no frames kept", value=count / taken, unit="/s", note=note)
+
+
+def measures() -> list[Measure]:
+    """What a user waits for."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        small, large = peak(4096, folder), peak(32768, folder)
+        ratio = {"name": "memory of 32,768 over 4,096 simulations", "unit": "times"}
+        return [
+            Measure(name="import overtaking", value=importing(), unit="s", at_most=0.1),
+            Measure(name="generate -n 276, cold", value=generation(folder), unit="s", at_most=2.0),
+            rate(folder),
+            Measure(name="memory of 4,096 simulations", value=small, unit="MiB"),
+            Measure(value=large / small, at_most=1.2, **ratio),
+        ]
+
+
+if __name__ == "__main__":
+    arguments = parser(__doc__).parse_args()
+    sys.exit(report(measures(), as_json=arguments.json))
