@@ -66,7 +66,7 @@ def rate(folder: Path) -> Measure:
     begin = time.perf_counter()
     data = api.generate("pinto2023", count, 2, folder / "rate", keep="summary")
     taken = time.perf_counter() - begin
-    frames = data.simulations()["frames"].mean()
+    frames = data.simulations()["num_frames"].mean()
     note = f"{count:,} simulations of {frames:.0f} frames on average"
     return Measure(name="generate, no frames kept", value=count / taken, unit="/s", note=note)
 

@@ -1,0 +1,194 @@
+"""Sixteen scenes, chosen by what happens in them, whose trace hashes are pinned.
+
+Whoever changes the model on purpose writes the hashes anew and reviews the difference:
+
+    .venv/bin/python -m tests.golden.trace_scenes
+
+The first simulation of each kind in which it happens is taken, so the numbers may change as well.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from overtaking.exchange.roads import load_road
+from overtaking.model.trajectory import NO_VEHICLE, Stage, Trajectories
+from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.scenarios import sample, spec
+from overtaking.sim import engine
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from numpy.typing import NDArray
+
+PINNED = Path(__file__).with_name("trace_hashes.json")
+BATCH = 256
+MOST = 400 * BATCH
+"""A scene that does not happen in this many simulations is too rare to be pinned."""
+
+
+def done(run: Trajectories) -> NDArray[np.bool_]:
+    """The ego has overtaken and is back."""
+    return visits(run, Stage.DONE)
+
+
+def visits(run: Trajectories, stage: Stage) -> NDArray[np.bool_]:
+    """The ego is in a stage at some frame."""
+    return ((run.stage == stage) & run.frame_valid).any(axis=1)
+
+
+def ego_hit(run: Trajectories) -> NDArray[np.bool_]:
+    """The ego collides."""
+    return run.contacts.partner[:, Role.EGO] != NO_VEHICLE
+
+
+def others_hit(run: Trajectories) -> NDArray[np.bool_]:
+    """Two others collide with each other, and not with the ego."""
+    return (run.contacts.partner != NO_VEHICLE).any(axis=1) & ~ego_hit(run)
+
+
+def overtakes(run: Trajectories, kind: VehicleKind) -> NDArray[np.bool_]:
+    """The ego has overtaken a vehicle of a kind that began ahead of it."""
+    return done(run) & (run.scenario.vehicles.kind[:, 1] == kind)
+
+
+def only(preset: str) -> dict[str, Any]:
+    """The change of the profile that leaves one weather."""
+    return {"weather.presets": {preset: 1}}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """A kind of scene, and what has to happen in it.
+
+    Attributes:
+        name: What it is called.
+        happens: Which simulations of a batch show it.
+        overrides: Changes of the profile `pinto2023`.
+        road: Name of the road.
+        mirrored: Whether traffic keeps left.
+        seed: Seed.
+        first: Number of the simulation from which on to look.
+    """
+
+    name: str
+    happens: Callable[[Trajectories], NDArray[np.bool_]]
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    road: str = "town06"
+    mirrored: bool = False
+    seed: int = 1
+    first: int = 0
+
+    def run(self, index: NDArray[np.uint64]) -> Trajectories:
+        """The simulations of these numbers."""
+        road = load_road(self.road)
+        road = road.mirrored() if self.mirrored else road
+        return engine.simulate(sample(spec("pinto2023", self.overrides), road, self.seed, index))
+
+    def find(self) -> int:
+        """Number of the first simulation in which it happens.
+
+        Raises:
+            LookupError: It is too rare.
+        """
+        for begin in range(0, MOST, BATCH):
+            index = np.uint64(self.first + begin) + np.arange(BATCH, dtype=np.uint64)
+            found = np.flatnonzero(self.happens(self.run(index)))
+            if len(found):
+                return int(index[found[0]])
+        raise LookupError(f"{self.name}: not in {MOST} simulations")
+
+
+FOG = {
+    "weather.mode": "independent",
+    "weather.rain_probability": 0.0,
+    "weather.fog_probability": 1.0,
+}
+SCENES = (
+    Scene(name="clear-day-overtake", happens=done, overrides=only("ClearNoon")),
+    Scene(
+        name="clear-night-no-attempt",
+        happens=lambda run: ~visits(run, Stage.PULL_OUT),
+        overrides=only("ClearNight"),
+    ),
+    Scene(name="hard-rain-night-collision", happens=ego_hit, overrides=only("HardRainNight")),
+    Scene(
+        name="hard-rain-noon-aborted",
+        happens=lambda run: visits(run, Stage.ABORT),
+        overrides=only("HardRainNoon"),
+    ),
+    Scene(name="low-sun-overtake", happens=done, overrides=only("ClearSunset"), seed=2),
+    Scene(name="bicycle-overtaken", happens=lambda run: overtakes(run, VehicleKind.B)),
+    Scene(name="motorcycle-overtaken", happens=lambda run: overtakes(run, VehicleKind.MC)),
+    Scene(name="truck-overtaken", happens=lambda run: overtakes(run, VehicleKind.T)),
+    Scene(
+        name="truck-overtakes-in-the-storm",
+        happens=done,
+        overrides={**only("HardRainNoon"), "traffic.ego_types": {"T": 1}},
+    ),
+    Scene(name="others-collide", happens=others_hit, overrides={"starts.allow_doomed": True}),
+    Scene(
+        name="six-vehicles-two-tries",
+        happens=lambda run: (run.percepts.valid & (run.percepts.kind == 0)).sum(axis=1) > 1,
+        overrides={"traffic.vehicles": [6, 6]},
+    ),
+    Scene(name="two-vehicles-overtake", happens=done, overrides={"traffic.vehicles": [2, 2]}),
+    Scene(
+        name="dense-fog-collision",
+        happens=ego_hit,
+        overrides={**FOG, "weather.fog_percent": [90.0, 100.0]},
+    ),
+    Scene(
+        name="left-hand-traffic-overtake",
+        happens=done,
+        mirrored=True,
+        overrides={"profile.frame_interval_ms": 100},
+    ),
+    Scene(
+        name="motorway-overtake-at-100-hz",
+        happens=done,
+        road="motorway",
+        overrides={"traffic.spawn_s_m": [50.0, 180.0], "profile.frame_interval_ms": 10},
+    ),
+    Scene(name="last-numbers-overtake", happens=done, seed=2**64 - 1, first=2**64 - MOST),
+)
+"""By what happens in them."""
+
+
+def hexadecimal(run: Trajectories) -> str:
+    """The trace hash of a single simulation, as the command line shows it."""
+    return run.trace_hash[0].astype("<u4").tobytes().hex()
+
+
+def entry(scene: Scene) -> dict[str, Any]:
+    """What is pinned of a scene: enough to simulate it again, and what came of it."""
+    index = scene.find()
+    run = scene.run(np.array([index], np.uint64))
+    return {
+        "name": scene.name,
+        "profile": "pinto2023",
+        "overrides": dict(scene.overrides),
+        "road": scene.road,
+        "mirrored": scene.mirrored,
+        "seed": scene.seed,
+        "index": index,
+        "frames": int(run.num_frames[0]),
+        "trace_hash": hexadecimal(run),
+    }
+
+
+def main() -> None:
+    """Write the pinned hashes anew."""
+    lines = [json.dumps(entry(scene)) for scene in SCENES]
+    PINNED.write_text("[\n  " + ",\n  ".join(lines) + "\n]\n", encoding="utf-8")
+    print(f"{PINNED}: {len(lines)} scenes; review the difference")
+
+
+if __name__ == "__main__":
+    main()
