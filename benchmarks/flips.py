@@ -22,9 +22,12 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 STEP_FILES = (
@@ -37,54 +40,8 @@ VARIABLE = "OVERTAKING_FLIP"
 PANIC = 100  # Exit code of a process in which the engine failed; situations count from 1.
 LONGEST_RUN = 60  # Seconds, forty times what an unflipped run takes: a flip may never end.
 
-INSTRUMENT = """//! Operators that can be flipped one at a time; only in this copy.
-use std::sync::LazyLock;
-use fearless_simd::prelude::*;
-use fearless_simd::{Simd, f32x16, i32x16, mask32x16};
-use crate::lanes;
-static FLIPPED: LazyLock<u32> = LazyLock::new(|| {
-    std::env::var("OVERTAKING_FLIP").ok().and_then(|text| text.parse().ok()).unwrap_or(u32::MAX)
-});
-#[inline(always)]
-fn is_flipped(number: u32) -> bool { *FLIPPED == number }
-#[inline(always)]
-pub fn sign(number: u32) -> f32 { if is_flipped(number) { -1.0 } else { 1.0 } }
-#[inline(always)]
-pub fn role(number: u32, role: usize) -> usize { if is_flipped(number) { role ^ 1 } else { role } }
-type V<S> = f32x16<S>;
-#[inline(always)]
-pub fn flip_min<S: Simd>(number: u32, a: V<S>, b: V<S>) -> V<S> {
-    if is_flipped(number) { lanes::max(a, b) } else { lanes::min(a, b) }
-}
-#[inline(always)]
-pub fn flip_max<S: Simd>(number: u32, a: V<S>, b: V<S>) -> V<S> {
-    if is_flipped(number) { lanes::min(a, b) } else { lanes::max(a, b) }
-}
-#[inline(always)]
-pub fn flip_at_most<S: Simd>(number: u32, a: V<S>, b: f32) -> V<S> {
-    if is_flipped(number) { lanes::at_least(a, b) } else { lanes::at_most(a, b) }
-}
-#[inline(always)]
-pub fn flip_at_least<S: Simd>(number: u32, a: V<S>, b: f32) -> V<S> {
-    if is_flipped(number) { lanes::at_most(a, b) } else { lanes::at_least(a, b) }
-}
-macro_rules! comparisons { ($($own:ident: $normal:ident $flipped:ident),*) => {
-    pub trait Flip<S: Simd>: Sized {
-        $(fn $own(self, number: u32, other: impl SimdInto<Self, S>) -> mask32x16<S>;)*
-    }
-    macro_rules! for_kind { ($kind:ident) => { impl<S: Simd> Flip<S> for $kind<S> { $(
-        #[inline(always)]
-        fn $own(self, number: u32, other: impl SimdInto<Self, S>) -> mask32x16<S> {
-            let other: Self = other.simd_into(self.simd);
-            if is_flipped(number) { self.$flipped(other) } else { self.$normal(other) }
-        }
-    )* } } }
-    for_kind!(f32x16);
-    for_kind!(i32x16);
-} }
-comparisons!(flip_lt: simd_lt simd_gt, flip_gt: simd_gt simd_lt, flip_le: simd_le simd_ge,
-    flip_ge: simd_ge simd_le, flip_eq: simd_eq simd_ne, flip_ne: simd_ne simd_eq);
-"""
+INSTRUMENT = Path(__file__).with_name("flip.rs")
+"""The operators that can be flipped, in Rust."""
 
 OPERATORS = (
     ("comparison", re.compile(r"\.simd_(lt|gt|le|ge|eq|ne)\("), r".flip_\1(#, "),
@@ -106,9 +63,10 @@ EQUIVALENT = {
         "`recall` takes the row modulo the length of the history once more"
     ),
     "detected: [zero«.simd_lt(zero); ROLES],": "overwritten for every role before it is read",
-    "(self.vx[i] * cosine - self.vy[i] * sine, self.vx[i] * sine «+ self.vy[i] * cosine)": (
-        "nobody reads the speed across the road"
-    ),
+    "self.vx[i] * sine «+ self.vy[i] * cosine,": "nobody reads the speed across the road",
+    "return sincos_reduced(x «+ 0.0);": "only the sign of a zero changes",
+    "a«.simd_lt(b).select(a, b)": "only for other CPUs than x86",
+    "a«.simd_gt(b).select(a, b)": "only for other CPUs than x86",
 }
 """Flips that change nothing that is recorded, and why: no test can notice them."""
 
@@ -152,10 +110,12 @@ def flips_of(folder: Path) -> list[Flip]:
     found: list[Flip] = []
     for name in STEP_FILES:
         lines = (folder / f"{name}.rs").read_text(encoding="utf-8").splitlines()
+        imports = False
         for number, text in enumerate(lines, 1):
             if text.startswith("#[cfg(test)]"):
                 break
-            if _LEFT_ALONE.match(text):
+            imports = text.startswith("use ") or (imports and not lines[number - 2].endswith(";"))
+            if imports or _LEFT_ALONE.match(text):
                 continue
             code = text.partition(" //")[0]
             for kind, pattern, _ in OPERATORS:
@@ -182,7 +142,7 @@ def _is_index(text: str, column: int) -> bool:
 
 def instrument(folder: Path, flips: list[Flip]) -> None:
     """Let every operator of `flips` in a copy of the sources ask whether it is the flipped one."""
-    (folder / "flip.rs").write_text(INSTRUMENT, encoding="utf-8")
+    shutil.copy2(INSTRUMENT, folder / "flip.rs")
     library = folder / "lib.rs"
     library.write_text(library.read_text(encoding="utf-8") + "\nmod flip;\n", encoding="utf-8")
     for name in {flip.file for flip in flips}:
@@ -190,8 +150,7 @@ def instrument(folder: Path, flips: list[Flip]) -> None:
         for flip in sorted(flips, key=lambda one: -one.column):
             if flip.file == name:
                 lines[flip.line - 1] = _instrumented(lines[flip.line - 1], flip)
-        first = next(at for at, text in enumerate(lines) if not text.startswith("//!"))
-        lines.insert(first, "#[allow(unused_imports)]\nuse crate::flip::{self, Flip};")
+        lines.append("#[allow(unused_imports)]\nuse crate::flip::{self, Flip};")
         (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -204,25 +163,33 @@ def _instrumented(text: str, flip: Flip) -> str:
     raise AssertionError(flip)
 
 
-def build(folder: Path) -> tuple[Path | None, set[tuple[str, int]]]:
-    """Build a copy of the workspace; the library, or the (file, line)s that do not compile."""
-    command = [
-        *("cargo", "build", "--release", "--locked", "-p", "overtaking-py"),
-        *("--features", "pyo3/extension-module", "--message-format", "json"),
-    ]
+def cargo(folder: Path) -> subprocess.CompletedProcess[str]:
+    """Build the binding of a copy of the workspace, quickly rather than well."""
     settings = {"CARGO_TARGET_DIR": str(folder / "target"), "PYO3_PYTHON": sys.executable}
     settings |= {"CARGO_PROFILE_RELEASE_LTO": "off", "CARGO_PROFILE_RELEASE_OPT_LEVEL": "1"}
-    done = subprocess.run(
-        command,
+    return subprocess.run(
+        [
+            *("cargo", "build", "--release", "--locked", "-p", "overtaking-py"),
+            *("--features", "pyo3/extension-module", "--message-format", "json"),
+        ],
         cwd=folder,
         env={**os.environ, **settings},
         capture_output=True,
         text=True,
         check=False,
     )
+
+
+def built_library(folder: Path) -> Path:
+    """What `cargo` built."""
+    return next((folder / "target" / "release").glob("*_core.*[!d]"))
+
+
+def build(folder: Path) -> tuple[Path | None, set[tuple[str, int]]]:
+    """Build a copy of the workspace; the library, or the (file, line)s that do not compile."""
+    done = cargo(folder)
     if done.returncode == 0:
-        library = next((folder / "target" / "release").glob("*_core.*[!d]"))
-        return library, set()
+        return built_library(folder), set()
     wrong: set[tuple[str, int]] = set()
     for line in done.stdout.splitlines():
         message = json.loads(line).get("message") or {}
@@ -258,9 +225,7 @@ def instrumented_engine(folder: Path) -> tuple[Path, list[Flip], list[Flip]]:
         library, wrong = build(folder)
         if library is not None:
             return library, left, [flip for flip in every if flip not in left]
-        # The instrumented files have two more lines before the code.
-        bad = {(file, line - 2) for file, line in wrong}
-        on_bad_line = {flip for flip in left if (flip.file, flip.line) in bad}
+        on_bad_line = {flip for flip in left if (flip.file, flip.line) in wrong}
         # Comparisons are rarely the reason; they are left out only if the line still is wrong.
         signs = {flip for flip in on_bad_line if flip.kind == "sign"}
         left = [flip for flip in left if flip not in (signs or on_bad_line)]
@@ -282,9 +247,10 @@ def load_engine(library: Path) -> Any:
 class Sweep:
     """Runs the instrumented engine in a process for each flip, and compares with the reference."""
 
-    def __init__(self, situations: Any) -> None:
+    def __init__(self, situations: Any, memory: Path) -> None:
         """Simulate every situation with the reference."""
         self.situations = situations
+        self.memory = memory
         self.engine = importlib.import_module("overtaking.sim.engine")
         reference = importlib.import_module("overtaking.sim.reference")
         self.expected = [
@@ -299,8 +265,33 @@ class Sweep:
                 return number
         return 0
 
-    def start(self, flip: Flip | None) -> int:
-        """Start a process in which `flip` is flipped; its number."""
+    def hashes(self, scale: int) -> int:
+        """Write the trace hashes of `scale` times as many simulations to `self.memory`."""
+        runs = [
+            one.run(one.scenario(one.share * scale), self.engine.run)
+            for one in self.situations.SITUATIONS
+        ]
+        self.memory.write_bytes(b"".join(run.trace_hash.tobytes() for run in runs))
+        return 0
+
+    def search(self, flip: Flip, scale: int) -> str:
+        """Where, among `scale` times as many simulations, a flip would be noticed."""
+        found: list[Any] = []
+        for each in (None, flip):
+            self.result(self.start(each, lambda: self.hashes(scale)))
+            words = np.frombuffer(self.memory.read_bytes(), np.uint32)
+            found.append(words.reshape(-1, 4))
+        different = np.flatnonzero((found[0] != found[1]).any(axis=1))
+        names = [one for one in self.situations.SITUATIONS for _ in range(one.share * scale)]
+        where = [f"{len(different)} of {len(names)}"]
+        for at in different[:4]:
+            situation = names[at]
+            index = situation.scenario(situation.share * scale).index[at - names.index(situation)]
+            where.append(f"{situation.name} {index}")
+        return ", ".join(where)
+
+    def start(self, flip: Flip | None, act: Callable[[], int] | None = None) -> int:
+        """Start a process that does something with `flip` flipped; its number."""
         child = os.fork()
         if child:
             return child
@@ -308,7 +299,7 @@ class Sweep:
         try:
             os.environ[VARIABLE] = str(flip.number) if flip else ""
             os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # A panic would print where it happened.
-            code = self.noticed()
+            code = (act or self.noticed)()
         finally:
             os._exit(code)
 
@@ -332,11 +323,15 @@ def main() -> int:
     """Flip, compare, print what noticed and what did not."""
     parser = argparse.ArgumentParser(description="Flip every operator of the engine's step.")
     parser.add_argument("--file", help="only those of one file, such as ego.rs")
+    parser.add_argument(
+        "--search", type=int, default=0, metavar="N",
+        help="look for simulations, in N times as many, that would notice the unnoticed",
+    )  # fmt: skip
     given = parser.parse_args()
     os.environ.setdefault("RAYON_NUM_THREADS", "1")
     with tempfile.TemporaryDirectory() as name:
         library, flips, left_out = instrumented_engine(Path(name))
-        sweep = Sweep(load_engine(library))
+        sweep = Sweep(load_engine(library), Path(name) / "hashes")
         if sweep.result(sweep.start(None)):
             raise SystemExit(
                 "the instrumented engine differs from the reference with nothing flipped"
@@ -350,7 +345,8 @@ def main() -> int:
                 print(f"equivalent {flip}: {EQUIVALENT[flip.marked]}", flush=True)
             elif not found:
                 survivors.append(flip)
-                print(f"UNNOTICED  {flip}", flush=True)
+                where = sweep.search(flip, given.search) if given.search else ""
+                print(f"UNNOTICED  {flip}  {where}", flush=True)
     kinds = Counter(flip.kind for flip in chosen)
     print(f"{len(chosen)} flips ({', '.join(f'{kinds[kind]} {kind}' for kind in sorted(kinds))})")
     print(f"noticed by: {dict(by)}; {len(survivors)} unnoticed that should not be")

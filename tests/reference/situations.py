@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     Run = Callable[..., Trajectories]
 
-SMALL = 192
+SMALL = 240
 """Simulations of all situations together in a test."""
 
 ROUGH = {
@@ -60,6 +60,7 @@ class Situation:
         name: What it is called in a test.
         road: Name of the road.
         mirrored: Whether traffic keeps left.
+        heading: Direction of the road, None for its own [rad].
         seed: Seed of its random numbers.
         first: Number of its first simulation.
         share: Simulations out of `SMALL`.
@@ -72,6 +73,7 @@ class Situation:
     name: str
     road: str = "town06"
     mirrored: bool = False
+    heading: float | None = None
     seed: int = 1
     first: int = 0
     share: int
@@ -84,6 +86,8 @@ class Situation:
         """The first `count` scenarios."""
         road = load_road(self.road)
         road = road.mirrored() if self.mirrored else road
+        if self.heading is not None:
+            road = dataclasses.replace(road, heading=self.heading)
         rest = np.uint64(self.first) + np.arange(count, dtype=np.uint64)
         index = np.concatenate([np.array(self.numbers, np.uint64), rest])[:count]
         drawn = sample(spec("pinto2023", self.overrides), road, self.seed, index)
@@ -123,11 +127,20 @@ def in_a_gap(scenario: Scenario) -> Scenario:
     drivers = scenario.drivers
     owed = np.where(goes_out, np.float32(1.0), np.float32(0.3))[:, None]
     drivers = drivers.replace(politeness=owed + np.float32(0.0) * drivers.politeness)
-    return scenario.replace(start_s=start, start_lane=lane, start_speed=speed, drivers=drivers)
+    limit = scenario.vehicles.max_speed.copy()
+    limit[:, 0] = 17.2  # The ego begins above its governor.
+    vehicles = scenario.vehicles.replace(max_speed=limit)
+    placed = scenario.replace(start_s=start, start_lane=lane, start_speed=speed)
+    return placed.replace(vehicles=vehicles, drivers=drivers)
 
 
 SITUATIONS = (
-    Situation(name="study", share=56, numbers=(1047,), overrides={"time.horizon_s": 10.0}),
+    Situation(
+        name="study",
+        share=56,
+        numbers=(101, 161, 544, 746, 1047, 2066),
+        overrides={"time.horizon_s": 10.0},
+    ),
     Situation(
         name="storm",
         seed=2**64 - 1,
@@ -139,10 +152,12 @@ SITUATIONS = (
     Situation(
         name="left-hand traffic",
         mirrored=True,
+        heading=3.14159,  # Vehicles turn across the seam of angles.
         seed=2**63 + 12345,
         first=2**64 - 5000,
         share=24,
         overrides={"time.horizon_s": 8.0, "profile.frame_interval_ms": 100}
+        | {"traffic.spawn_s_m": [100.0, 230.0]}
         | {
             "traffic.types": {"T": 2, "MC": 1, "B": 1, "V": 1},
             "traffic.ego_types": {"T": 1, "S": 2},
@@ -166,13 +181,18 @@ SITUATIONS = (
         first=2**40,
         share=24,
         switch=100,
-        overrides={"time.horizon_s": 15.0, "traffic.vehicles": [2, 5]},
+        numbers=(1099511627976, 1099511627952, 1099511627811),
+        overrides={"time.horizon_s": 15.0, "traffic.vehicles": [2, 5], "starts.allow_doomed": True}
+        | {
+            "drivers.fixed": {"return_time_gap_s": 0.2, "gap_acceptance": 1.2, "time_gap_s": 1.8}
+            | {"safe_decel_mps2": 0.3}
+        },
     ),
     Situation(
         name="gap",
         road="motorway",
         seed=8,
-        share=24,
+        share=72,
         placed=in_a_gap,
         overrides={"time.horizon_s": 3.0, "time.attempt_deadline_s": 3.0}
         | {"traffic.vehicles": [6, 6], "traffic.types": {"S": 1}, "traffic.ego_types": {"S": 1}}

@@ -117,7 +117,7 @@ def hash_in_plain_integers(run: Trajectories, n: int) -> list[int]:
             mix([int(values[slot, frame]) for values in states.values()])
         mix([int(run.stage[n, frame]), int(run.collided_with[n, frame]), frame, 0])
     c, p = run.contacts, run.percepts
-    for slot in range(c.partner.shape[1]):
+    for slot in valid:
         mix([int(values[n, slot]) for values in (c.partner, c.time, c.impulse, c.closing_speed)])
     triples = (p.vehicle, p.detected, p.gap, p.closing_speed, p.true_gap, p.true_closing_speed)
     for k in np.flatnonzero(p.valid[n]):
