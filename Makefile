@@ -33,7 +33,7 @@ help:  ## List what can be made
 
 demo: build  ## Generate the paper's 276 simulations and show one
 	$(BIN)/overtaking generate --profile pinto2023 -n 276 --seed 1 --out $(DEMO) $(if $(wildcard $(DEMO)),--resume)
-	$(BIN)/overtaking show $(DEMO) 1
+	$(BIN)/overtaking show $(DEMO) 3
 	@echo "The data set is in $(abspath $(DEMO))."
 
 test: check test-rust test-python  ## Everything that must pass: checks, then the tests of both languages
