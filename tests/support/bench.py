@@ -82,6 +82,11 @@ class Bench:
         history = {name: np.array(values, np.float64) for name, values in rows.items()}
         return history | {"t": np.arange(count + 1) * step}
 
+    def drive_one(self) -> dict[str, float]:
+        """Advance the first simulation, and whatever else is there, by one step."""
+        dynamics.move(self.state, self.c, self.p)
+        return {name: float(getattr(self.state, name)[0, 0]) for name in RECORDED}
+
     def hold(self, *, wheel: float | F64 = 0.0, accel: float | F64 = 0.0) -> None:
         """Put the wheels, one angle or one for each simulation, and the pedals somewhere."""
         zero = np.zeros_like(self.state.s)

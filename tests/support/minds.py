@@ -1,0 +1,86 @@
+"""A moment of traffic written by hand, and what the drivers in it see and believe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from overtaking.sim.parameters import (
+    SIMULATION_FIELDS,
+    VEHICLE_FIELDS,
+    Effects,
+    Parameters,
+    parameters,
+)
+from overtaking.sim.reference import perception
+from overtaking.sim.reference.neighbours import Neighbours, find_neighbours
+from overtaking.sim.reference.state import Fields, State, initial_state
+
+from .worlds import Vehicle, scenario, wide_road
+
+if TYPE_CHECKING:
+    from overtaking.model.road import Road
+    from overtaking.sim.reference.perception import Beliefs
+
+CLEAR_MINDED = Effects(
+    gusts=False, wake=False, range=False, delay=False, distance_error=False, looming=False,
+    occlusion=False,
+)  # fmt: skip
+"""Everything is seen at once and as it is."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Moment:
+    """The state of a batch at a decision.
+
+    Attributes:
+        given: Parameters.
+        state: State, changed by `look`.
+        p: Vehicle parameters by name.
+        q: Simulation parameters by name.
+        decision: Number of the next decision.
+    """
+
+    given: Parameters
+    state: State
+    p: Fields
+    q: Fields
+    decision: int = 0
+
+    def neighbours(self) -> Neighbours:
+        """Who drives around whom."""
+        return find_neighbours(self.state, self.given, self.p)
+
+    def look(self) -> Beliefs:
+        """One decision's worth of looking around."""
+        perception.remember(self.state, self.decision)
+        believed = perception.perceive(
+            self.state, self.given, self.p, self.q, self.neighbours(), self.decision
+        )
+        self.decision += 1
+        return believed
+
+    def pass_time(self, decisions: int = 1) -> None:
+        """Everybody drives on straight at the same speed."""
+        step = np.float32(0.05 * decisions)
+        self.state.s = self.state.s + step * self.state.vx
+
+
+def moment(
+    *simulations: list[Vehicle],
+    effects: Effects = CLEAR_MINDED,
+    road: Road | None = None,
+    weather: dict[str, float] | None = None,
+    num_slots: int = 8,
+) -> Moment:
+    """Put vehicles on a road; the first of each list is the ego."""
+    world = scenario(*simulations, road=road or wide_road(), weather=weather, num_slots=num_slots)
+    given = parameters(world, effects)
+    return Moment(
+        given=given,
+        state=initial_state(given),
+        p=Fields(VEHICLE_FIELDS, given.vehicle),
+        q=Fields(SIMULATION_FIELDS, given.simulation),
+    )

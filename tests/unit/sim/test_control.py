@@ -1,0 +1,113 @@
+"""Pedals: jerk, the hardest braking, whom a lane change still brakes for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.support.minds import moment
+from tests.support.worlds import Vehicle
+
+from overtaking.model.trajectory import Stage
+from overtaking.sim.reference import control, steering
+
+JERK = {"up": 2.5, "down": 5.0, "emergency": 20.0, "release": 5.0}
+
+
+def press(now: float, leader: float, old_leader: float = 1e9) -> float:
+    """Acceleration after one decision that wants what both leaders allow [m/s^2]."""
+    m = moment([Vehicle(speed=20.0)])
+    m.state.accel = np.full_like(m.state.accel, now)
+    wanted = [np.full_like(m.state.accel, value) for value in (leader, old_leader)]
+    control.set_acceleration(m.state, m.given, m.p, *wanted)
+    return float(m.state.accel[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("now", "wanted", "jerk"),
+    [
+        (0.0, 3.0, "up"),
+        (1.0, -1.0, "down"),
+        (0.0, -2.9, "down"),
+        (0.0, -6.0, "emergency"),
+    ],
+)
+def test_pedals_move_no_faster_than_feet(now: float, wanted: float, jerk: str):
+    change = press(now, wanted) - now
+    assert abs(change) == pytest.approx(JERK[jerk] * 0.05, rel=1e-5)
+    assert np.sign(change) == np.sign(wanted - now)
+
+
+def test_a_small_wish_is_fulfilled_at_once():
+    assert press(1.0, 1.05) == pytest.approx(1.05)
+    assert press(-1.0, -1.02) == pytest.approx(-1.02)
+
+
+def test_the_more_careful_of_two_leaders_counts():
+    assert press(0.0, 2.0, -0.1) == pytest.approx(-0.1)
+    assert press(0.0, -0.1, 2.0) == pytest.approx(-0.1)
+
+
+def test_nobody_asks_for_more_than_brakes_and_believed_grip_give():
+    accel = 0.0
+    for _ in range(40):
+        accel = press(accel, -50.0)
+    # 0.9 of the friction of a half-worn tyre at 90 km/h, 0.875, times g.
+    assert accel == pytest.approx(-0.9 * 0.875 * 9.81, rel=1e-4)
+
+
+def test_a_wreck_has_no_pedals():
+    m = moment([Vehicle(speed=20.0)])
+    m.state.accel = np.full_like(m.state.accel, -4.0)
+    m.state.crashed = np.ones_like(m.state.crashed)
+    still = np.zeros_like(m.state.accel)
+    control.set_acceleration(m.state, m.given, m.p, still, still)
+    assert (m.state.accel == 0.0).all()
+
+
+def test_the_ego_uses_more_of_the_engine_while_it_passes():
+    m = moment([Vehicle(speed=20.0), Vehicle(s=-100.0, speed=20.0)])
+    believed = m.look()
+    following = control.behind_leader(m.state, m.given, m.p, believed)
+    m.state.stage = np.full_like(m.state.stage, np.float32(Stage.PASS))
+    passing = control.behind_leader(m.state, m.given, m.p, believed)
+    # 1.3 times, towards a tenth more speed; the others are not in a hurry.
+    faster = 1.5 * (1.0 - (20.0 / 33.0) ** 4)
+    assert float(passing[0, 0]) == pytest.approx(1.3 * faster, rel=1e-3)
+    assert float(passing[1, 0]) == pytest.approx(float(following[1, 0]))
+
+
+def brakes_for_the_old_leader(*, gap: float, done: float, duration: float = 5.0) -> bool:
+    """Whether somebody at 30 m/s who leaves the lane of one at 20 m/s still brakes for it."""
+    length = 4.4
+    m = moment([Vehicle(s=0.0, lane=1, speed=30.0), Vehicle(s=gap + length, lane=0, speed=20.0)])
+    low, high = float(m.state.d[1, 0]), float(m.state.d[0, 0])
+    zero = np.zeros_like(m.state.s)
+    m.state.path[0] = m.state.d
+    m.state.path[0][0] = low
+    mask = zero == 1.0
+    mask[0] = True
+    steering.begin_path(m.state, mask, zero + np.float32(high), zero + np.float32(duration))
+    m.state.path_time[0] = done
+    m.state.d[0] = float(steering.path_now(m.state)[0][0, 0])
+    near, believed = m.neighbours(), m.look()
+    wanted = control.behind_old_leader(m.state, m.given, m.p, near, believed)
+    return bool(wanted[0, 0] < 0.0)
+
+
+def test_who_pulls_out_late_brakes_until_the_bodies_are_clear():
+    assert brakes_for_the_old_leader(gap=10.0, done=0.5)
+    # 10 m/s closing, 3 s until clear: 45 m are enough, 20 m are not.
+    assert not brakes_for_the_old_leader(gap=45.0, done=0.0)
+    assert brakes_for_the_old_leader(gap=20.0, done=0.0)
+
+
+def test_who_is_beside_the_old_leader_does_not_brake():
+    # After 70 % of the path 2.9 of 3.5 m are covered, more than both half widths and the margin.
+    assert not brakes_for_the_old_leader(gap=10.0, done=3.5)
+
+
+def test_who_keeps_the_lane_does_not_brake_for_the_next():
+    m = moment([Vehicle(s=0.0, lane=1, speed=30.0), Vehicle(s=15.0, lane=0, speed=20.0)])
+    near, believed = m.neighbours(), m.look()
+    wanted = control.behind_old_leader(m.state, m.given, m.p, near, believed)
+    assert float(wanted[0, 0]) > 1e6

@@ -1,0 +1,133 @@
+"""Lane changes of the others: Kesting, Treiber and Helbing's rules, and no accidents by them."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from tests.support.minds import CLEAR_MINDED, Moment, moment
+from tests.support.worlds import Vehicle, scenario, wide_road
+
+from overtaking.sim import engine
+from overtaking.sim.parameters import parameters
+from overtaking.sim.reference import control, mobil
+
+WILLING = {"lane_change_threshold": 0.1, "right_bias": 0.2, "politeness": 0.2}
+FAR_AWAY = Vehicle(s=5000.0, lane=0)
+"""The ego, which does not change lanes by MOBIL, where it is in nobody's way."""
+
+
+def changed(*others: Vehicle, lanes: int = 3) -> np.ndarray:
+    """By how many lanes each of the others sets out to change, to the fast side positive."""
+    m = moment([FAR_AWAY, *others], road=wide_road(lanes=lanes))
+    before = m.state.lane.copy()
+    decide(m)
+    return (m.state.lane - before)[1 : 1 + len(others), 0]
+
+
+def decide(m: Moment) -> None:
+    believed = m.look()
+    own = control.behind_leader(m.state, m.given, m.p, believed)
+    mobil.change_lanes(m.state, m.given, m.p, believed, own)
+
+
+def car(s: float, lane: int, speed: float, **driver: float) -> Vehicle:
+    return Vehicle(s=s, lane=lane, speed=speed, driver=WILLING | {"desired_speed": 33.0} | driver)
+
+
+def at_lane(vehicle: Vehicle, lane: int) -> Vehicle:
+    return dataclasses.replace(vehicle, lane=lane)
+
+
+def test_a_slow_leader_is_passed_on_the_fast_side():
+    assert changed(car(0.0, 1, 30.0), car(45.0, 1, 20.0, desired_speed=20.0))[0] == 1.0
+
+
+def test_on_an_empty_road_everybody_keeps_to_the_slow_side():
+    assert changed(car(0.0, 2, 30.0))[0] == -1.0
+    assert changed(car(0.0, 0, 30.0))[0] == 0.0
+
+
+def test_nobody_moves_into_a_vehicle_beside_or_right_behind():
+    slow = car(45.0, 1, 20.0, desired_speed=20.0)
+    for place in (-3.0, 0.0, 3.0, -6.0):
+        assert changed(car(0.0, 0, 30.0), at_lane(slow, 0), car(place, 1, 30.0))[0] == 0.0
+
+
+def test_nobody_cuts_in_before_someone_much_faster():
+    slow = car(45.0, 1, 20.0, desired_speed=20.0)
+    # 50 m behind at 20 m/s more: braking with 4 m/s^2, the most imposed, would not do.
+    slow = at_lane(slow, 0)
+    assert changed(car(0.0, 0, 22.0), slow, car(-50.0, 1, 42.0))[0] == 0.0
+    assert changed(car(0.0, 0, 22.0), slow, car(-250.0, 1, 30.0))[0] == 1.0
+
+
+def test_above_60_kmh_nobody_gains_by_the_slow_side():
+    # The fast lane is blocked by a slow leader, the slow lane is free: legal to pass there only in
+    # slow traffic.
+    for speed, step in ((25.0, 0.0), (14.0, -1.0)):
+        blocked = car(30.0, 1, speed - 6.0, desired_speed=speed - 6.0)
+        beside = changed(car(0.0, 1, speed, right_bias=0.0), blocked, lanes=2)[0]
+        assert beside == step
+
+
+def test_politeness_lets_a_follower_by():
+    # Somebody faster comes up behind in the fast lane; the slow lane is as fast as this one.
+    leader = car(60.0, 1, 28.0, desired_speed=28.0)
+    slow = car(75.0, 0, 28.0, desired_speed=28.0)
+    behind = car(-22.0, 1, 33.0)
+    own = {"right_bias": 0.0, "desired_speed": 28.0}
+    rude = changed(car(0.0, 1, 28.0, politeness=0.0, **own), leader, slow, behind, lanes=2)
+    polite = changed(car(0.0, 1, 28.0, politeness=1.0, **own), leader, slow, behind, lanes=2)
+    assert rude[0] == 0.0
+    assert polite[0] == -1.0
+
+
+def test_after_a_change_there_is_a_pause():
+    m = moment([FAR_AWAY, car(0.0, 2, 30.0)])
+    m.state.path_time[1] = m.state.path_duration[1] = 1.0
+    m.state.since_change[1] = 9.9
+    before = m.state.lane.copy()
+    decide(m)
+    np.testing.assert_array_equal(m.state.lane, before)
+    m.state.since_change[1] = 10.1
+    decide(m)
+    assert float(m.state.lane[1, 0]) == 1.0
+
+
+def test_the_ego_and_wrecks_and_empty_slots_do_not_change_lanes():
+    m = moment([car(0.0, 2, 30.0), car(500.0, 2, 30.0)])
+    m.state.crashed[1] = 1.0
+    before = m.state.lane.copy()
+    decide(m)
+    np.testing.assert_array_equal(m.state.lane, before)
+
+
+def test_a_change_is_signalled_by_who_uses_the_indicator():
+    for uses in (0.0, 1.0):
+        m = moment([FAR_AWAY, car(0.0, 2, 30.0, uses_indicator=uses)])
+        decide(m)
+        assert float(m.state.indicator[1, 0]) == -uses
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_dense_traffic_of_clear_minds_changes_lanes_without_an_accident(seed: int):
+    # Seven cars on three lanes, 40 to 90 m apart, at different wishes, for a minute: they change
+    # lanes many times. (No error of perception, no wander, no wind.)
+    random = np.random.default_rng(seed)
+    rows = []
+    for _ in range(16):
+        row = [Vehicle(s=-3000.0, lane=0)]
+        for k in range(7):
+            wish = float(random.uniform(22.0, 36.0))
+            speed = float(random.uniform(22.0, 30.0))
+            place = 60.0 * k + float(random.uniform(-10.0, 10.0))
+            row.append(car(place, int(random.integers(3)), speed, desired_speed=wish))
+        rows.append(row)
+    world = scenario(*rows, road=wide_road(), horizon=60.0)
+    given = parameters(world, dataclasses.replace(CLEAR_MINDED, mobil=True))
+    ran = engine.run(world, given)
+    lanes = ran.states.lane[:, 1:8].astype(int)
+    assert (np.abs(np.diff(lanes, axis=2)) > 0).sum() > 100
+    assert (ran.contacts.partner == 255).all()
