@@ -62,6 +62,9 @@ EQUIVALENT = {
     "let row = then «- HISTORY as f32 * floor(then * (1.0 / HISTORY as f32));": (
         "`recall` takes the row modulo the length of the history once more"
     ),
+    "let row = before «- HISTORY as f32 * floor(before * (1.0 / HISTORY as f32));": (
+        "`recall` takes the row modulo the length of the history once more"
+    ),
     "detected: [zero«.simd_lt(zero); ROLES],": "overwritten for every role before it is read",
     "self.vx[i] * sine «+ self.vy[i] * cosine,": "nobody reads the speed across the road",
     "return sincos_reduced(x «+ 0.0);": "only the sign of a zero changes",
