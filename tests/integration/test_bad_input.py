@@ -146,7 +146,7 @@ def test_a_recipe_that_makes_no_sense(tmp_path, arguments, says):
 
 
 def test_an_unknown_command_comes_with_a_suggestion(tmp_path):
-    refused(tmp_path, "generat", "--out", tmp_path / "data", says="'generate'")
+    refused(tmp_path, "generte", "--out", tmp_path / "data", says="'generate'")
     refused(tmp_path, "simulate", says="see overtaking --help")
     refused(tmp_path, "generate", says="--out")
 
