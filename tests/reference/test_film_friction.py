@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -165,6 +167,25 @@ def test_outer_lanes_are_wetter():
     water = film.lane_film(q.least_film, q.film_rain, given_.road.film_path[:5], q.texture)
     assert (np.diff(water) <= 0.0).all()  # Lane 0 is the outermost, farthest from the crown.
     assert water[0] > 2.0 * water[4]
+
+
+def test_each_side_has_the_grip_of_the_water_in_its_own_wheel_path():
+    # Puddles of the whole road at many places: the sides differ where only one stands in water.
+    cars = [Vehicle(s=3.0 * k, speed=30.0, body={"tyre_wear": 0.3}) for k in range(200)]
+    b = bench(*cars, friction=None, sky={"puddles": 90.0})
+    b.decide()
+    d, s = float(b.state.d[0, 0]), b.state.s[0]
+    number = lambda name: getattr(b.q, name)  # noqa: E731
+    width = 0.5 * 6.0  # Two wheel paths to each lane of 6 m.
+    for side, grip in ((0.5, b.state.mu_fast[0]), (-0.5, b.state.mu_slow[0])):
+        path = math.floor((d + side * 1.55 + 48.0) / width)
+        phases = number("puddle_phase_1"), number("puddle_phase_2"), number("puddle_reach")
+        depth = film.puddle(s, np.float32(path), *phases)
+        # 2 mm at 100 % of deposits, none at 50 %; the rest of the road has the film of any wet one.
+        water = 0.2 + 2.0 * 0.8 * depth
+        expected = [handbook(30.0, float(h), 0.3) for h in water]
+        np.testing.assert_allclose(grip, expected, atol=3e-6)
+    assert (b.state.mu_fast != b.state.mu_slow).any()
 
 
 def test_a_puddle_under_one_side_turns_a_braking_car_towards_the_dry_side():

@@ -48,6 +48,15 @@ def test_weak_brakes_take_v_squared_over_twice_their_deceleration():
     np.testing.assert_allclose(stop(bench(*vehicles), 9.0), 30.0**2 / (2.0 * 4.0), rtol=SAME)
 
 
+def test_constant_braking_covers_the_way_of_the_textbook_to_the_millimetre():
+    # v t - b t^2 / 2: the mean of old and new speed is exact at constant force, whatever the step.
+    ran = bench(Vehicle(speed=30.0, body=NO_RESISTANCE | {"peak_decel": 4.0})).drive(
+        5.0, lambda test, _: test.hold(accel=-50.0)
+    )
+    expected = 30.0 * ran["t"] - 0.5 * 4.0 * ran["t"] ** 2
+    np.testing.assert_allclose(ran["s"][:, 0], expected, atol=2e-3)
+
+
 def test_the_air_helps_to_brake_by_the_closed_form():
     # m dv/dt = -(B + k v^2) stops within m / (2 k) ln(1 + k v^2 / B).
     friction, speed = 0.3, 35.0

@@ -79,6 +79,23 @@ def test_a_head_wind_brakes_and_does_not_push_aside():
     assert ran["vx"][-1, 0] == pytest.approx(still["vx"][-1, 0], rel=1e-3)
 
 
+@pytest.mark.parametrize("direction", [0.0, math.pi])
+def test_drag_is_that_of_the_air_not_of_the_road(direction: float):
+    speed, wind = 30.0, 20.0
+    b = bench(
+        Vehicle(speed=speed, body={"max_speed": 100.0}),
+        sky={"wind": 100.0, "wind_direction": direction},
+        friction=2.0,
+    )
+    accel = float(b.drive(0.01, lambda test, _: test.hold(accel=50.0))["a_lon"][-1, 0])
+    body = body_of("M")
+    air = speed - wind * math.cos(direction)
+    drag = 0.5 * 1.2 * body["drag_area"] * air * abs(air)
+    rolling = body["rolling_resistance"] * body["mass"] * 9.81
+    expected = (0.9 * body["power"] / speed - drag - rolling) / body["mass"]
+    assert accel == pytest.approx(expected, rel=1e-4)
+
+
 def test_wind_from_either_side_pushes_equally_hard():
     pushed = [
         bench(Vehicle(kind="V", speed=30.0), sky={"wind": 70.0, "wind_direction": side * ACROSS})

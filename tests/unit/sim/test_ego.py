@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.support.minds import CLEAR_MINDED
+from tests.support.minds import CLEAR_MINDED, Moment, moment
 from tests.support.worlds import Vehicle, scenario, wide_road
+
+from overtaking.sim.reference import ego as ego_module
 
 if TYPE_CHECKING:
     from overtaking.model.road import Road
@@ -173,6 +175,61 @@ def test_what_it_believed_is_written_down_at_each_decision():
     np.testing.assert_allclose(
         b.closing_speed[0, 0, [0, 2]], b.true_closing_speed[0, 0, [0, 2]], atol=2
     )
+
+
+def view_of(*vehicles: Vehicle) -> tuple[Moment, ego_module.View]:
+    """What the ego knows at one moment."""
+    m = moment(list(vehicles))
+    return m, ego_module.look(m.state, m.given, m.p, m.look())
+
+
+@pytest.mark.parametrize(
+    ("front", "behind", "allowed"),
+    [
+        (None, None, True),
+        (other(60.0, 0, 30.0), None, True),
+        (other(8.0, 0, 22.0), None, False),  # It would have to brake hard at once.
+        (other(5.5, 0, 30.5), None, False),  # On the bumper, faster or not.
+        (other(60.0, 0, 22.0), None, False),  # It would have to pull out again within 8 s.
+        (None, other(-40.0, 0, 20.0), True),
+        (None, other(-20.0, 0, 20.0), False),  # 16 m are less than the second that it leaves.
+        (None, other(-45.0, 0, 48.0), False),  # It would be braked for.
+    ],
+)
+def test_it_returns_only_where_there_is_room_ahead_and_behind(front, behind, allowed: bool):
+    around = [one for one in (front, behind) if one is not None]
+    m, view = view_of(ego(lane=1), *around)
+    assert bool(ego_module.may_return(m.given, view)[0]) is allowed
+
+
+@pytest.mark.parametrize(
+    ("around", "allowed"),
+    [
+        ((), True),
+        ((other(-30.0, 1, 30.0),), True),
+        ((other(-5.0, 1, 30.0),), False),  # Beside its own bumper.
+        ((other(-30.0, 1, 48.0),), False),
+        ((other(12.0, 1, 20.0),), False),  # No faster there, and near.
+        ((other(150.0, 1, 29.0),), True),
+    ],
+)
+def test_it_pulls_out_only_where_there_is_room_and_a_gain(around, allowed: bool):
+    m, view = view_of(ego(), other(40.0, 0, 20.0), *around)
+    assert bool(ego_module.may_pull_out(m.given, view)[0]) is allowed
+
+
+@pytest.mark.parametrize(
+    ("distance", "leader", "wanted"),
+    [
+        (40.0, 20.0, True),  # Close: 36 m are under 1.5 times its time gap.
+        (62.0, 20.0, True),  # Six seconds before it would touch.
+        (70.0, 20.0, False),  # Not yet.
+        (40.0, 32.5, False),  # Not slower by what makes it worth it.
+    ],
+)
+def test_it_wants_to_pass_whoever_is_slow_and_near(distance: float, leader: float, wanted: bool):
+    _, view = view_of(ego(), other(distance, 0, leader))
+    assert bool(ego_module.wants_to_pass(view)[0]) is wanted
 
 
 def branched(decision: Decision, seconds: float, *vehicles: Vehicle) -> Trajectories:
