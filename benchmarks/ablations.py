@@ -1,6 +1,6 @@
 """Removes one effect at a time and shows what it moves.
 
-    python benchmarks/ablations.py                      # 20,000 simulations an arm, minutes
+    python benchmarks/ablations.py                      # 20,000 simulations an arm, a minute
     python benchmarks/ablations.py --simulations 4000
 
 Both arms simulate the same scenarios with the same random numbers; the statistic of each simulation
@@ -13,7 +13,7 @@ move its statistic in the stated direction by more than three standard errors.
 import argparse
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,7 +24,8 @@ from overtaking.exchange.roads import load_road
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind, Trajectories
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine
-from overtaking.sim.parameters import Effects, parameters
+from overtaking.sim.effects import Effects
+from overtaking.sim.parameters import parameters
 
 Values = NDArray[np.float64]
 
@@ -236,6 +237,36 @@ def row(ablation: Ablation, simulations: int, seed: int) -> dict[str, Any]:
     }
 
 
+HEADER = (
+    "removed",
+    "statistic",
+    "full",
+    "without",
+    "change",
+    "std. error",
+    "z",
+    "pairs",
+    "expected",
+)
+
+
+def cells(each: Mapping[str, Any]) -> tuple[str, ...]:
+    """A line of the table, as texts."""
+    numbers = (f"{each[name]:.4f}" for name in ("full", "removed"))
+    verdict = each["expected"] if each["met"] else f"NOT: {each['expected']}"
+    change = (f"{each['change']:+.4f}", f"{each['standard_error']:.4f}", f"{each['z']:+.1f}")
+    change = (*change, f"{each['pairs']:,}")
+    return (each["effect"].replace("_", " "), each["statistic"], *numbers, *change, verdict)
+
+
+def line(texts: Sequence[str], *, markdown: bool) -> str:
+    """A line of the table."""
+    if markdown:
+        return f"| {' | '.join(texts)} |"
+    effect, statistic, *numbers, verdict = texts
+    return f"{effect:<15}{statistic:<58}{''.join(f'{text:>11}' for text in numbers)}  {verdict}"
+
+
 def main() -> int:
     """Print the table; 1 if an effect does not do what it should."""
     options = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -243,25 +274,21 @@ def main() -> int:
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--only", nargs="*", help="effects to look at")
     options.add_argument("--json", action="store_true", help="print the table for machines")
+    options.add_argument("--markdown", action="store_true", help="print the table for the docs")
     given = options.parse_args()
     chosen = [each for each in ABLATIONS if not given.only or each.effect in given.only]
+    if not given.json:
+        print(line(HEADER, markdown=given.markdown))
+    if given.markdown:
+        print(line(["---"] * len(HEADER), markdown=True))
     rows = list[dict[str, Any]]()
     for ablation in chosen:
         rows.append(row(ablation, given.simulations, given.seed))
         if not given.json:
-            print(_line(rows[-1]), flush=True)
+            print(line(cells(rows[-1]), markdown=given.markdown), flush=True)
     if given.json:
         print(json.dumps(rows, indent=1))
     return 0 if all(each["met"] for each in rows) else 1
-
-
-def _line(each: Mapping[str, Any]) -> str:
-    numbers = f"{each['full']:>8.4f} -> {each['removed']:>8.4f}  z {each['z']:>8.1f}"
-    verdict = "as expected" if each["met"] else "NOT AS EXPECTED"
-    return (
-        f"{each['effect']:<15} {each['statistic']:<50} {numbers}"
-        f"  {each['expected']:<6} {verdict}  ({each['pairs']:,} pairs)"
-    )
 
 
 if __name__ == "__main__":
