@@ -173,6 +173,8 @@ class Trajectories(Batch):
         trace_hash: 128-bit hash over the recorded integers, (simulation, 4) words.
         unknown: What the source of the recording could not tell, names of `UNKNOWNS`; the values
             are there and mean nothing. Empty for simulations of this package.
+        present: Which vehicles were recorded in which frame, (simulation, vehicle, time); None
+            where every vehicle is there from the first frame to the last.
     """
 
     scenario: Scenario
@@ -184,6 +186,13 @@ class Trajectories(Batch):
     percepts: Percepts
     trace_hash: NDArray[np.uint32]
     unknown: frozenset[str] = frozenset()
+    present: NDArray[np.bool_] | None = None
+
+    @property
+    def state_valid(self) -> NDArray[np.bool_]:
+        """Where there is a recorded state, shape (simulation, vehicle, time)."""
+        rows = self.scenario.vehicles.valid[:, :, None] & self.frame_valid[:, None, :]
+        return rows if self.present is None else rows & self.present
 
     @property
     def road(self) -> Road:
