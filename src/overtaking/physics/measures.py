@@ -1,0 +1,261 @@
+"""How near two vehicles are to touching: gaps as times, distances and decelerations.
+
+One vehicle follows another along the road. `gap` is from bumper to bumper, negative while they
+overlap; `closing_speed` is positive while the gap shrinks. Every function takes arrays that
+broadcast and gives float32; what never happens takes an infinite time.
+"""
+
+import numpy as np
+
+from overtaking.core.elementary import F32, F32Like, as_f32, maximum, minimum
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_HALF = np.float32(0.5)
+_NEVER = np.float32(np.inf)
+
+
+def time_gap(gap: F32Like, speed: F32Like) -> F32:
+    """Time until the rear bumper ahead is reached at one's own speed [s].
+
+    Args:
+        gap: [m].
+        speed: Of the vehicle behind [m/s].
+
+    Returns:
+        gap / speed; 0 where they overlap, infinite at a standstill.
+    """
+    moving = speed > 0
+    time = maximum(gap, _ZERO) / np.where(moving, speed, _ONE)
+    return np.where(moving | (gap <= 0), time, _NEVER)
+
+
+def headway(gap: F32Like, lead_length: F32Like, speed: F32Like) -> F32:
+    """Time between the two front bumpers at a point of the road, THW [s].
+
+    Args:
+        gap: [m].
+        lead_length: Length of the vehicle ahead [m].
+        speed: Of the vehicle behind [m/s].
+    """
+    return time_gap(gap + lead_length, speed)
+
+
+def ttc(gap: F32Like, closing_speed: F32Like) -> F32:
+    """Time to collision at constant speeds [s]; 0 where they overlap, infinite if not closing.
+
+    Source:
+        Hayward (1972), Near-miss determination through use of a scale of danger.
+    """
+    closing = closing_speed > 0
+    time = maximum(gap, _ZERO) / np.where(closing, closing_speed, _ONE)
+    return np.where(closing | (gap <= 0), time, _NEVER)
+
+
+def ttc_accel(gap: F32Like, closing_speed: F32Like, closing_accel: F32Like) -> F32:
+    """Time to collision at constant accelerations, MTTC [s].
+
+    The first t > 0 with closing_accel t^2 / 2 + closing_speed t = gap; 0 where they overlap,
+    infinite if there is none. A vehicle that has stopped is thought to go on backwards, as in the
+    source.
+
+    Args:
+        gap: [m].
+        closing_speed: [m/s].
+        closing_accel: Acceleration of the vehicle behind minus that of the one ahead [m/s^2].
+
+    Source:
+        Ozbay, Yang, Bartin, Mudigonda (2008), TRB 2083, 105-113.
+    """
+    distance = maximum(gap, _ZERO)
+    square = closing_speed * closing_speed + _TWO * closing_accel * distance
+    root = np.sqrt(maximum(square, _ZERO))
+    # Each form of the root where it loses no digits: the sum of two numbers of one sign.
+    opening = closing_speed < 0
+    below = np.where(opening, closing_accel, closing_speed + root)
+    above = np.where(opening, root - closing_speed, _TWO * distance)
+    meets = (square >= 0) & (below > 0)
+    time = above / np.where(meets, below, _ONE)
+    return np.where(gap <= 0, _ZERO, np.where(meets, time, _NEVER))
+
+
+def drac(gap: F32Like, closing_speed: F32Like) -> F32:
+    """Deceleration that just avoids a collision with a steady leader, DRAC [m/s^2].
+
+    Never negative: 0 if not closing, infinite where they overlap and close.
+
+    Source:
+        Cooper and Ferguson (1976), via AASHTO's comfortable 3.4 m/s^2 as a usual threshold.
+    """
+    approach = maximum(closing_speed, _ZERO)
+    room = gap > 0
+    needed = approach * approach / (_TWO * np.where(room, gap, _ONE))
+    return np.where(room | (approach == 0), needed, _NEVER)
+
+
+def usable_decel(friction: F32Like, *, share: F32Like, limit: F32Like, gravity: F32Like) -> F32:
+    """Deceleration that a careful driver may count on: min(limit, share mu g) [m/s^2]."""
+    return minimum(share * gravity * friction, limit)
+
+
+def safe_distance(
+    rear_speed: F32Like,
+    lead_speed: F32Like,
+    *,
+    reaction_time: F32Like,
+    rear_decel: F32Like,
+    lead_decel: F32Like,
+) -> F32:
+    """Gap at which the rear vehicle can still stop behind one that brakes suddenly [m].
+
+    rear_speed t + rear_speed^2 / (2 b_rear) - lead_speed^2 / (2 b_lead), never negative. It
+    compares the places of standstill. So it is exact for equal decelerations; a rear vehicle that
+    brakes harder than the leader could touch it on the way.
+
+    Args:
+        rear_speed: [m/s].
+        lead_speed: [m/s].
+        reaction_time: Before the rear vehicle brakes [s].
+        rear_decel: Positive [m/s^2].
+        lead_decel: Positive [m/s^2].
+
+    Source:
+        Maierhofer et al. (2020), Formalization of interstate traffic rules in temporal logic;
+        Rizaldi et al. (2016), A formally verified checker of the safe distance traffic rules.
+    """
+    return maximum(
+        -picud(
+            _ZERO,
+            rear_speed,
+            lead_speed,
+            reaction_time=reaction_time,
+            rear_decel=rear_decel,
+            lead_decel=lead_decel,
+        ),
+        _ZERO,
+    )
+
+
+def picud(
+    gap: F32Like,
+    rear_speed: F32Like,
+    lead_speed: F32Like,
+    *,
+    reaction_time: F32Like,
+    rear_decel: F32Like,
+    lead_decel: F32Like,
+) -> F32:
+    """Gap that is left when both have stopped after sudden braking, PICUD [m]; negative: unsafe.
+
+    Arguments as in `safe_distance`, to which it is the margin.
+
+    Source:
+        Uno, Iida, Itsubo, Yasuhara (2002), A microscopic analysis of traffic conflict caused by
+        lane-changing vehicle at weaving section.
+    """
+    rear = rear_speed * (reaction_time + rear_speed / (_TWO * rear_decel))
+    return as_f32(gap - rear + lead_speed * lead_speed / (_TWO * lead_decel))
+
+
+def rss_longitudinal(
+    rear_speed: F32Like,
+    lead_speed: F32Like,
+    *,
+    reaction_time: F32Like,
+    accel: F32Like,
+    rear_decel: F32Like,
+    lead_decel: F32Like,
+) -> F32:
+    """Safe gap of responsibility-sensitive safety, same direction [m].
+
+    Args:
+        rear_speed: [m/s].
+        lead_speed: [m/s].
+        reaction_time: During which the rear vehicle may still accelerate [s].
+        accel: Of the rear vehicle during that time [m/s^2].
+        rear_decel: That the rear vehicle is sure to reach [m/s^2].
+        lead_decel: Hardest braking of the leader [m/s^2].
+
+    Source:
+        Shalev-Shwartz, Shammah, Shashua (2017), arXiv:1708.06374, Lemma 2.
+    """
+    reached = rear_speed + reaction_time * accel
+    reaction = (rear_speed + _HALF * accel * reaction_time) * reaction_time
+    stop = reached * reached / (_TWO * rear_decel)
+    return maximum(reaction + stop - lead_speed * lead_speed / (_TWO * lead_decel), _ZERO)
+
+
+def rss_opposite(
+    speed: F32Like,
+    oncoming_speed: F32Like,
+    *,
+    reaction_time: F32Like,
+    accel: F32Like,
+    correct_decel: F32Like,
+    oncoming_decel: F32Like,
+) -> F32:
+    """Safe gap of responsibility-sensitive safety between oncoming vehicles [m].
+
+    Args:
+        speed: Of the vehicle in its own lane [m/s].
+        oncoming_speed: Of the one in the wrong lane, positive [m/s].
+        reaction_time: During which both may accelerate [s].
+        accel: During that time [m/s^2].
+        correct_decel: Of the one in its own lane [m/s^2].
+        oncoming_decel: Of the other [m/s^2].
+
+    Source:
+        Shalev-Shwartz, Shammah, Shashua (2017), arXiv:1708.06374, section 3.2.
+    """
+    return _halt(speed, reaction_time, accel, correct_decel) + _halt(
+        oncoming_speed, reaction_time, accel, oncoming_decel
+    )
+
+
+def rss_lateral(
+    left_speed: F32Like,
+    right_speed: F32Like,
+    *,
+    reaction_time: F32Like,
+    accel: F32Like,
+    decel: F32Like,
+    margin: F32Like,
+) -> F32:
+    """Safe distance of responsibility-sensitive safety between two vehicles side by side [m].
+
+    Args:
+        left_speed: Lateral speed of the vehicle on the left, positive to the right [m/s].
+        right_speed: Lateral speed of the one on the right, positive to the right [m/s].
+        reaction_time: During which both may steer towards each other [s].
+        accel: Lateral, during that time [m/s^2].
+        decel: Lateral, after it [m/s^2].
+        margin: For swaying within the lane [m].
+
+    Source:
+        Shalev-Shwartz, Shammah, Shashua (2017), arXiv:1708.06374, Definition 6 and Lemma 4.
+    """
+    left = _swerve(left_speed, reaction_time, accel, decel)
+    right = _swerve(right_speed, reaction_time, -accel, decel)
+    return margin + maximum(left - right, _ZERO)
+
+
+def imposed_braking(gap: F32Like, closing_speed: F32Like) -> F32:
+    """Acceleration that a steady vehicle ahead forces on the one behind, never positive [m/s^2].
+
+    The negative of `drac`.
+    """
+    return as_f32(-drac(gap, closing_speed))
+
+
+def _halt(speed: F32Like, reaction_time: F32Like, accel: F32Like, decel: F32Like) -> F32:
+    """Way of a vehicle that accelerates until it reacts and then stops [m]."""
+    reached = speed + reaction_time * accel
+    return as_f32(_HALF * (speed + reached) * reaction_time + reached * reached / (_TWO * decel))
+
+
+def _swerve(speed: F32Like, reaction_time: F32Like, accel: F32Like, decel: F32Like) -> F32:
+    """Way across the road until lateral speed is nil, positive to the right [m]."""
+    reached = speed + reaction_time * accel
+    stop = reached * np.abs(reached) / (_TWO * decel)
+    return as_f32(_HALF * (speed + reached) * reaction_time + stop)
