@@ -61,6 +61,7 @@ def write_shard(
     tables: tuple[str, ...],
     fingerprint: str,
     on_piece: Callable[[int], None],
+    schemas: Mapping[str, pa.Schema] | None = None,
 ) -> ShardRecord:
     """Write the files of a shard and put them into place.
 
@@ -71,14 +72,17 @@ def write_shard(
         tables: The tables to write.
         fingerprint: Of the identity that the shard belongs to.
         on_piece: Called with the number of simulations of each piece that was written.
+        schemas: Schemas of the tables where they are not those of simulations.
 
     Raises:
         OSError: The disk is full or cannot be written.
     """
+    known_schemas = schemas or {}
     unfinished = {name: folder / PARTIAL / f"{name}-{shard.file_name}" for name in tables}
     with ExitStack() as stack:
         writers = {
-            name: stack.enter_context(TableWriter(path, name)) for name, path in unfinished.items()
+            name: stack.enter_context(TableWriter(path, name, known_schemas.get(name)))
+            for name, path in unfinished.items()
         }
         _write_pieces(pieces, writers, on_piece)
         mark = writers.pop(MARK)

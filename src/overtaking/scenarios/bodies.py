@@ -76,6 +76,25 @@ def lifted(vehicles: VehicleSpecs, desired_speed: F32) -> VehicleSpecs:
     )
 
 
+def typical_bodies(kind: U8, colour: U8) -> VehicleSpecs:
+    """Vehicles as they usually are, half worn, with the drive of most of their type.
+
+    Args:
+        kind: Vehicle types, shape (simulation, vehicle).
+        colour: `Colour`, same shape.
+    """
+    half = np.full(kind.shape, 0.5, np.float32)
+    return _assembled(
+        kind,
+        colour,
+        half,
+        of_kind("front_drive_share", kind) > half,
+        of_kind("length", kind),
+        of_kind("mass", kind),
+        of_kind("wind_centre_ratio", kind),
+    )
+
+
 def top_speeds() -> F32:
     """Highest speed of each vehicle type, the bicycle's lifted, shape (type,) [m/s]."""
     speeds = _table("governed_speed").copy()

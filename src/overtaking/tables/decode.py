@@ -37,16 +37,24 @@ def _column(values: pa.ChunkedArray, field: pa.Field) -> pd.Series:
         return pd.Series(pd.Categorical.from_codes(codes(values, names), dtype=known))
     if pa.types.is_fixed_size_binary(field.type):
         return pd.Series([value.hex() for value in values.to_pylist()], dtype="str")
-    if pa.types.is_integer(field.type) and field.nullable:
-        return values.to_pandas(types_mapper=_NULLABLE_INTEGERS.get)
+    if field.nullable and (pa.types.is_integer(field.type) or pa.types.is_boolean(field.type)):
+        return values.to_pandas(types_mapper=_NULLABLE.get)
     return values.to_pandas()
 
 
-_NULLABLE_INTEGERS = {pa.uint8(): pd.UInt8Dtype(), pa.int16(): pd.Int16Dtype()}
-"""How integers that are no counts of a step, and may be null, come back."""
+_NULLABLE = {
+    pa.uint8(): pd.UInt8Dtype(),
+    pa.int16(): pd.Int16Dtype(),
+    pa.uint64(): pd.UInt64Dtype(),
+    pa.bool_(): pd.BooleanDtype(),
+}
+"""How integers that are no counts of a step, and yes or no, come back if they may be null."""
 
 
 def _bits(values: pa.ChunkedArray, flags: tuple[str, ...]) -> dict[str, pd.Series]:
     """One boolean column for each bit."""
+    if values.null_count == len(values) > 0:  # Nobody knows any of them.
+        unknown = pd.Series(pd.array([pd.NA] * len(values), dtype="boolean"))
+        return dict.fromkeys(flags, unknown)
     bits = values.to_numpy()
     return {name: pd.Series((bits >> place & 1).astype(bool)) for place, name in enumerate(flags)}

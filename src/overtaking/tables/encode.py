@@ -1,6 +1,6 @@
 """Recorded simulations as tables: without padding, not rounded again, null where nothing is."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +26,7 @@ from overtaking.tables.schemas import (
     WEATHER_FIELDS,
 )
 from overtaking.tables.surroundings import Surroundings
+from overtaking.tables.unknown import schema_of, silent_columns
 
 Numbers = NDArray[np.int64]
 """Numbers of the simulations in their data set, shape (simulation,)."""
@@ -44,7 +45,10 @@ Column = Array | Masked | pa.Array
 
 
 def encode(
-    trajectories: Trajectories, numbers: Numbers, tables: Iterable[str] = tuple(SCHEMAS)
+    trajectories: Trajectories,
+    numbers: Numbers,
+    tables: Iterable[str] = tuple(SCHEMAS),
+    sources: Sequence[str] | None = None,
 ) -> dict[str, pa.Table]:
     """The tables of a batch, by the names of their folders.
 
@@ -52,8 +56,14 @@ def encode(
         trajectories: The recorded simulations.
         numbers: Number of each simulation in its data set, growing, shape (simulation,).
         tables: Which tables; all if left out.
+        sources: Where in a recording each simulation comes from; None for what was simulated.
     """
-    return {name: _ENCODERS[name](trajectories, numbers) for name in tables}
+    made = {name: _ENCODERS[name](trajectories, numbers) for name in tables}
+    if trajectories.unknown:
+        made = {name: _silenced(name, table, trajectories) for name, table in made.items()}
+    if sources is not None and "simulations" in made:
+        made["simulations"] = _recorded(made["simulations"], sources)
+    return made
 
 
 def simulations(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
@@ -228,6 +238,30 @@ def _build(table: str, columns: Mapping[str, Column]) -> pa.Table:
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
+def _silenced(name: str, table: pa.Table, trajectories: Trajectories) -> pa.Table:
+    """A table with null in the columns of which the source of the recording says nothing."""
+    silent = silent_columns(name, trajectories.unknown)
+    arrays = [
+        _nulls(field, table.num_rows) if field.name in silent else table.column(place)
+        for place, field in enumerate(table.schema)
+    ]
+    return pa.Table.from_arrays(arrays, schema=schema_of(name, trajectories.unknown))
+
+
+def _nulls(field: pa.Field, count: int) -> pa.Array:
+    """A column without values."""
+    if names := names_of(field):
+        return to_names(np.zeros(count, np.int32), names, np.ones(count, np.bool_))
+    return pa.nulls(count, field.type)
+
+
+def _recorded(table: pa.Table, sources: Sequence[str]) -> pa.Table:
+    """The `simulations` of a recording: where they come from, and no seed."""
+    new = {"seed": pa.nulls(len(sources), pa.uint64()), "source_recording": to_texts(sources)}
+    arrays = [new.get(name, table[name]) for name in table.schema.names]
+    return pa.Table.from_arrays(arrays, schema=schema_of("simulations", recorded=True))
+
+
 def _array(column: Column, field: pa.Field) -> pa.Array:
     if isinstance(column, pa.Array):
         return column
@@ -246,6 +280,8 @@ def _attributes(batch: Batch, fields: Iterable[tuple[str, str]], valid: Mask) ->
 
 def _rows(trajectories: Trajectories) -> Mask | None:
     """Where there is a state, shape (simulation, vehicle, time); None if that is everywhere."""
+    if trajectories.present is not None:
+        return trajectories.state_valid
     vehicle, frame = trajectories.scenario.vehicles.valid, trajectories.frame_valid
     if vehicle.all() and frame.all():
         return None

@@ -50,20 +50,22 @@ class TableWriter:
     Used as a context manager, it closes the file in any case; `finish` alone makes it complete.
     """
 
-    def __init__(self, path: Path, table: str) -> None:
+    def __init__(self, path: Path, table: str, schema: pa.Schema | None = None) -> None:
         """Create the file.
 
         Args:
             path: Where; what is there is replaced.
             table: Name of one of the `SCHEMAS`.
+            schema: What `schema_of` makes of it where not everything is known.
 
         Raises:
             OSError: The file cannot be created.
         """
-        self._digest = ContentDigest(SCHEMAS[table])
+        schema = SCHEMAS[table] if schema is None else schema
+        self._digest = ContentDigest(schema)
         self._file = _HashedFile(path)
         try:
-            self._writer = pq.ParquetWriter(self._file, SCHEMAS[table], **_options(table))
+            self._writer = pq.ParquetWriter(self._file, schema, **_options(table))
         except BaseException:
             self._file.close()
             raise

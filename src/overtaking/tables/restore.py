@@ -1,6 +1,6 @@
 """From tables back to memory: the same values, so that labels from memory and from file agree."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -23,6 +23,7 @@ from overtaking.model.trajectory import (
 )
 from overtaking.model.vehicles import Role, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
+from overtaking.scenarios.assumed import KIND, assumed_bodies, assumed_drivers, assumed_weather
 from overtaking.sim.reference.perception import UNSEEN_GAP
 from overtaking.tables.arrow import column_to_numpy, to_arrow
 from overtaking.tables.columns import codes
@@ -46,12 +47,13 @@ Tables = Mapping[str, pa.Table]
 B = TypeVar("B", VehicleSpecs, Drivers)
 
 
-def restore_scenario(tables: Tables, road: Road) -> Scenario:
+def restore_scenario(tables: Tables, road: Road, unknown: Collection[str] = ()) -> Scenario:
     """The scenarios of some simulations.
 
     Args:
         tables: `simulations`, `weather` and `vehicles` of the same simulations, sorted by key.
         road: Their road.
+        unknown: What the tables do not tell, names of `UNKNOWNS`.
 
     Returns:
         A batch with as many vehicle slots as the sampler makes.
@@ -66,27 +68,28 @@ def restore_scenario(tables: Tables, road: Road) -> Scenario:
     return Scenario(
         profile=_shared(rows, "profile"),
         road=road,
-        seed=_shared(rows, "seed"),
+        seed=_shared(rows, "seed") or 0,  # A recording has none.
         frame_interval_ms=_shared(rows, "frame_interval_ms"),
         index=_numbers(rows, "index"),
         horizon=_numbers(rows, "horizon_s"),
         attempt_deadline=_numbers(rows, "attempt_deadline_s"),
         weight=_numbers(rows, "weight"),
-        vehicles=_bodies(tables["vehicles"], vehicles),
-        drivers=Drivers(**_attributes(tables["vehicles"], DRIVER_FIELDS, vehicles)),
-        weather=_weather(tables),
+        vehicles=_bodies(tables["vehicles"], vehicles, unknown),
+        drivers=_drivers(tables["vehicles"], vehicles, unknown),
+        weather=assumed_weather(len(rows)) if "weather" in unknown else _weather(tables),
         start_s=vehicles.like_ego(_numbers(tables["vehicles"], "start_s_m")),
         start_lane=vehicles.like_ego(lane),
         start_speed=vehicles.like_ego(_numbers(tables["vehicles"], "start_speed_mps")),
     )
 
 
-def restore(tables: Tables, road: Road) -> Trajectories:
+def restore(tables: Tables, road: Road, unknown: Collection[str] = ()) -> Trajectories:
     """The recorded simulations that `encode` has made tables of.
 
     Args:
         tables: Every table of the same simulations, sorted by key.
         road: Their road.
+        unknown: What the tables do not tell, names of `UNKNOWNS`.
 
     Returns:
         A batch with as many vehicle slots as the sampler makes, and as many frames as needed.
@@ -97,16 +100,20 @@ def restore(tables: Tables, road: Road) -> Trajectories:
     rows, frames = tables["simulations"], tables["frames"]
     grid = _Grid.of(tables, frames, "frame")
     hashes = b"".join(rows["trace_hash"].to_pylist())
-    return Trajectories(
-        scenario=restore_scenario(tables, road),
+    restored = Trajectories(
+        scenario=restore_scenario(tables, road, unknown),
         num_frames=_numbers(rows, "num_frames"),
         states=_states(tables, road),
-        stage=grid.filled(codes(frames["stage"], STAGES.names).astype(np.uint8)),
+        stage=grid.filled(_codes(frames, "stage", STAGES.names)),
         collided_with=grid.filled(_numbers(frames, "collided_with", NO_VEHICLE), NO_VEHICLE),
         contacts=_contacts(tables),
         percepts=_percepts(tables),
         trace_hash=np.frombuffer(hashes, dtype="<u4").reshape(-1, 4).astype(np.uint32),
+        unknown=frozenset(unknown),
     )
+    if tables["states"].num_rows == np.count_nonzero(restored.state_valid):
+        return restored
+    return restored.replace(present=_present(tables))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,14 +198,36 @@ def _attributes(
     return {name: grid.like_ego(_numbers(table, column)) for name, column in fields}
 
 
-def _bodies(table: pa.Table, grid: _Grid) -> VehicleSpecs:
-    kind, colour = codes(table["kind"], KINDS.names), codes(table["colour"], COLOURS.names)
+def _codes(table: pa.Table, column: str, names: tuple[str, ...], missing: int = 0) -> Array:
+    """The codes of an enumeration, with one for its nulls."""
+    found = codes(table[column], names)
+    return np.where(found < 0, missing, found).astype(np.uint8)
+
+
+def _present(tables: Tables) -> NDArray[np.bool_]:
+    """Where there is a row of the states, shape (simulation, vehicle, time)."""
+    grid = _Grid.of(tables, tables["states"], "vehicle", "frame")
+    return grid.filled(np.ones(grid.num_rows, dtype=np.bool_), padding=False)
+
+
+def _bodies(table: pa.Table, grid: _Grid, unknown: Collection[str]) -> VehicleSpecs:
+    valid = grid.filled(np.ones(grid.num_rows, dtype=np.bool_))
+    kind = grid.like_ego(_codes(table, "kind", KINDS.names, KIND))
+    if "bodies" in unknown:
+        length, width = (grid.like_ego(_numbers(table, name)) for name in ("length_m", "width_m"))
+        return assumed_bodies(valid, kind, length, width)
     return VehicleSpecs(
-        valid=grid.filled(np.ones(grid.num_rows, dtype=np.bool_)),
-        kind=grid.like_ego(kind.astype(np.uint8)),
-        colour=grid.like_ego(colour.astype(np.uint8)),
+        valid=valid,
+        kind=kind,
+        colour=grid.like_ego(_codes(table, "colour", COLOURS.names)),
         **_attributes(table, BODY_FIELDS, grid),
     )
+
+
+def _drivers(table: pa.Table, grid: _Grid, unknown: Collection[str]) -> Drivers:
+    if "drivers" in unknown:
+        return assumed_drivers((grid.shape[0], grid.shape[1]))
+    return Drivers(**_attributes(table, DRIVER_FIELDS, grid))
 
 
 def _weather(tables: Tables) -> Weather:
@@ -216,7 +245,7 @@ def _states(tables: Tables, road: Road) -> States:
     table = tables["states"]
     grid = _Grid.of(tables, table, "vehicle", "frame")
     lights = _numbers(table, "lights") << NUM_INDICATOR_BITS
-    indicator = codes(table["indicator"], INDICATORS.names).astype(np.uint8)
+    indicator = _codes(table, "indicator", INDICATORS.names)
     lane = lane_codes(road, _one(table, "lane_id"), _numbers(table, "d_mm"))
     return States(
         lane=grid.filled(lane),

@@ -1,0 +1,70 @@
+"""What stands where a recording is silent: finite values that can be computed with.
+
+A recording of real traffic shows length, width and movement of a vehicle, rarely its mass, never
+its driver. `Trajectories.unknown` says what is not known; the values made here only keep formulas
+from dividing by zero, and nothing that depends on them may be reported. They follow from what is
+known alone, so that a recording from memory and from a file has the same ones.
+"""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import F32, Mask
+from overtaking.model.drivers import Drivers
+from overtaking.model.vehicles import Colour, VehicleKind, VehicleSpecs
+from overtaking.model.weather import NO_PRESET, Weather
+from overtaking.scenarios.bodies import typical_bodies
+
+U8 = NDArray[np.uint8]
+
+KIND = VehicleKind.M
+"""Type of a vehicle whose type is not known."""
+
+_HIGH_SUN = np.float32(0.8)  # Neither night nor glare.
+_ABEAM = np.float32(1.57)
+
+
+def assumed_bodies(valid: Mask, kind: U8, length: F32, width: F32) -> VehicleSpecs:
+    """Bodies of which length and width are known, the rest being typical of their type.
+
+    Args:
+        valid: Whether the slot holds a vehicle, shape (simulation, vehicle).
+        kind: `VehicleKind`, same shape.
+        length: Same shape [m].
+        width: Same shape [m].
+    """
+    colour = np.full(kind.shape, Colour.GREY, np.uint8)
+    bodies = typical_bodies(kind, colour)
+    return bodies.replace(valid=valid, length=length, width=width)
+
+
+def assumed_drivers(shape: tuple[int, int]) -> Drivers:
+    """Drivers of whom nothing is known, shape (simulation, vehicle)."""
+    values: dict[str, Any] = {
+        field.name: np.zeros(shape, np.bool_)
+        if "Mask" in str(field.type)
+        else np.ones(shape, np.float32)
+        for field in dataclasses.fields(Drivers)
+    }
+    return Drivers(**values)
+
+
+def assumed_weather(num_simulations: int) -> Weather:
+    """A dry, clear day for recordings that do not tell their weather."""
+    nothing = np.zeros(num_simulations, np.float32)
+    no = np.zeros(num_simulations, np.bool_)
+    percentages: dict[str, Any] = dict.fromkeys(
+        ("cloudiness", "rain", "puddles", "wind", "fog"), nothing
+    )
+    return Weather(
+        preset=np.full(num_simulations, NO_PRESET, np.uint8),
+        wind_direction=nothing,
+        sun_altitude=nothing + _HIGH_SUN,
+        sun_azimuth=nothing + _ABEAM,
+        night=no,
+        horizon_line=no,
+        **percentages,
+    )
