@@ -1,7 +1,7 @@
 """The public functions: what to call from Python, and which simulator they call."""
 
 import importlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -34,8 +34,18 @@ Profile = str | Path | Mapping[str, Any] | Spec
 EXPORTS = ("pinto2023",)
 """The formats that a data set can be written in."""
 
-SIMULATORS = ("engine", "reference")
-"""What can simulate: the compiled engine, and its readable twin with the same results."""
+SIMULATORS = ("engine", "reference", "sumo")
+"""What can simulate: the compiled engine, its readable twin with the same results, and SUMO."""
+
+_HOMES = {
+    "engine": "overtaking.sim.engine",
+    "reference": "overtaking.sim.reference",
+    "sumo": "overtaking.simulators.sumo",
+}
+"""The module of each simulator, loaded when it is asked for."""
+
+BRANCHING = ("engine", "reference")
+"""The simulators of our own model, which can go on from the middle of a simulation."""
 
 
 def generate(
@@ -126,7 +136,9 @@ def load(path: str | Path) -> Dataset:
         DatasetError: There is none, or it is not complete.
         SchemaError: It is of a newer version.
     """
-    return reading.load(Path(path), _simulator("engine"))
+    by = read_manifest(Path(path)).identity.simulator
+    is_foreign = by in SIMULATORS and by not in BRANCHING
+    return reading.load(Path(path), _simulator(by if is_foreign else "engine"))
 
 
 def sample(
@@ -162,10 +174,12 @@ def simulate(scenario: Scenario, *, simulator: str = "engine") -> Trajectories:
 
     Args:
         scenario: A batch of scenarios.
-        simulator: One of `SIMULATORS`; the results are the same, bit for bit.
+        simulator: One of `SIMULATORS`; the results of `engine` and `reference` are the same, bit
+            for bit.
 
     Raises:
-        ConfigError: There is no such simulator.
+        ConfigError: There is no such simulator, or it cannot run the scenario.
+        MissingExtraError: The simulator is not installed.
     """
     return _simulator(simulator).simulate(scenario)
 
@@ -185,12 +199,12 @@ def branch(
         frame: First frame that the change can affect; up to it, all is as it was.
         decision: Decision forced on every ego, at the first instant that allows it.
         weather: Weather of every simulation from then on, as long as the batch.
-        simulator: One of `SIMULATORS`.
+        simulator: One of `BRANCHING`.
 
     Raises:
         ConfigError: The frame is negative, or there is no such simulator.
     """
-    run = _module(simulator).run
+    run = _module(simulator, BRANCHING).run
     return branched(scenario, frame, decision=decision, weather=weather, run=run)
 
 
@@ -240,21 +254,22 @@ def export(
 
 def _simulator(name: str) -> Simulator:
     """A simulator by its name."""
-    simulate: Callable[[Scenario], Trajectories] = _module(name).simulate
-    return Simulator(name=name, version=MODEL_VERSION, simulate=simulate)
+    module = _module(name)
+    version = MODEL_VERSION if name in BRANCHING else module.version()
+    return Simulator(name=name, version=version, simulate=module.simulate)
 
 
-def _module(name: str) -> ModuleType:
-    """The module of a simulator, loaded when it is asked for."""
-    if name not in SIMULATORS:
+def _module(name: str, among: tuple[str, ...] = SIMULATORS) -> ModuleType:
+    """The module of a simulator."""
+    if name not in among:
         raise ConfigError.of(
             what="simulator",
             where="simulate",
-            expected=" or ".join(SIMULATORS),
+            expected=" or ".join(among),
             got=name,
             next_step="choose one of them",
         )
-    return importlib.import_module(f"overtaking.sim.{name}")
+    return importlib.import_module(_HOMES[name])
 
 
 def _keep(name: str) -> Keep:

@@ -135,7 +135,7 @@ def test_a_simulation_is_the_same_in_a_data_set_of_any_size(data, tmp_path: Path
     assert small.states(2).equals(data.states(2))
 
 
-@pytest.mark.parametrize("simulator", api.SIMULATORS)
+@pytest.mark.parametrize("simulator", api.BRANCHING)
 def test_a_branch_without_a_change_is_the_simulation_itself(simulator: str, runs):
     again = api.branch(runs.scenario, 7, simulator=simulator)
     assert np.array_equal(again.trace_hash, runs.trace_hash)
@@ -311,7 +311,7 @@ def test_a_place_where_nothing_can_be_made_is_named():
         ({"seed": 2**64}, "seed: expected 0 to"),
         ({"shard_size": 0}, "shard_size: expected 1 to"),
         ({"keep": "everything"}, "keep: expected frames or summary, got everything"),
-        ({"simulator": "carma"}, "simulator: expected engine or reference, got carma"),
+        ({"simulator": "carma"}, "simulator: expected engine or reference or sumo, got carma"),
         ({"road": "route66"}, "road"),
         ({"overrides": {"time.horizon_s": -1.0}}, "horizon_s"),
     ],

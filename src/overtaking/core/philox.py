@@ -33,6 +33,7 @@ class Stream(enum.IntEnum):
     LAYOUT = 2
     FIELD = 3
     LABEL = 4
+    SIMULATOR = 5  # Seeds for simulators with random numbers of their own.
     VEHICLE = 0x100  # + slot: the vehicle's body
     DRIVER = 0x200  # + slot: the person in it
     MOTION = 0x300  # + slot: gusts and errors of perception while driving

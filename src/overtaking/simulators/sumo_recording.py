@@ -1,0 +1,193 @@
+"""From what SUMO says of its vehicles to the recorded integers, rounded once."""
+
+import hashlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.model.road import Road
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import (
+    METRES_PER_SECOND_PER_STEP,
+    METRES_PER_SECOND_SQUARED_PER_STEP,
+    METRES_PER_STEP,
+    NO_VEHICLE,
+    RADIANS_PER_STEP,
+    Contacts,
+    Lights,
+    Percepts,
+    States,
+    Trajectories,
+)
+
+UNKNOWN = frozenset({"lamps", "wheel_angle", "yaw_rate", "impulse", "percepts"})
+"""What SUMO cannot say: it has no wheels, no headlamps, no masses that meet and no beliefs."""
+
+RAW = ("front", "d", "speed", "drift", "accel", "angle", "signals")
+"""What is read of a vehicle in each frame, lateral axis towards the fast side, angle in degrees."""
+
+F64 = NDArray[np.float64]
+
+_RIGHT, _LEFT, _BRAKE = 1, 2, 8  # SUMO's VEH_SIGNAL_BLINKER_RIGHT, _BLINKER_LEFT, _BRAKELIGHT.
+_NORTH = 90.0  # SUMO counts angles clockwise from y; its x is our `s`.
+_BEYOND_SLOW_EDGE = 255
+_WIDE, _HALF, _BYTE = np.int32, np.int16, np.uint8
+_TYPES: dict[str, type[np.generic]] = {
+    **dict.fromkeys(("x", "y", "s", "d", "speed"), _WIDE),
+    **dict.fromkeys(("heading", "wheel_angle", "accel_lon", "accel_lat", "yaw_rate"), _HALF),
+    **dict.fromkeys(("lane", "lights"), _BYTE),
+}
+
+
+@dataclass(slots=True, kw_only=True)
+class Run:
+    """One simulation as it was read.
+
+    Attributes:
+        raw: What `RAW` names, shape (field, vehicle, frame); empty slots hold zeros.
+        stage: Stage of the ego, shape (frame,).
+        collided_with: Partner of the ego so far, shape (frame,).
+        contacts: Partner, time [ms] and speed of approach [m/s] by slot.
+    """
+
+    raw: F64
+    stage: NDArray[np.uint8]
+    collided_with: NDArray[np.uint8]
+    contacts: dict[int, tuple[int, int, float]]
+
+
+class Recording:
+    """The recorded integers of a batch.
+
+    Args:
+        scenario: The batch.
+        frames: Frames of the longest simulation that it allows.
+    """
+
+    def __init__(self, scenario: Scenario, frames: int) -> None:
+        """Make room."""
+        n, slots = scenario.num_simulations, scenario.num_slots
+        self._scenario = scenario
+        self._states = {k: np.zeros((n, slots, frames), kind) for k, kind in _TYPES.items()}
+        self._stage = np.zeros((n, frames), np.uint8)
+        self._collided_with = np.full((n, frames), NO_VEHICLE)
+        self._num_frames = np.zeros(n, np.int32)
+        self._partner = np.full((n, slots), NO_VEHICLE)
+        self._contact = {k: np.zeros((n, slots), np.int32) for k in ("time", "closing_speed")}
+        self._hash = np.zeros((n, 4), np.uint32)
+
+    def put(self, row: int, run: Run) -> None:
+        """Write down one simulation."""
+        count = run.raw.shape[2]
+        frame_time = 1e-3 * self._scenario.frame_interval_ms
+        values = _values(self._scenario, row, run.raw, frame_time)
+        for name, array in values.items():
+            self._states[name][row, :, :count] = array
+        self._stage[row, :count], self._collided_with[row, :count] = run.stage, run.collided_with
+        self._num_frames[row] = count
+        for slot, (partner, time_ms, closing) in run.contacts.items():
+            self._partner[row, slot] = partner
+            self._contact["time"][row, slot] = time_ms
+            self._contact["closing_speed"][row, slot] = _steps(closing, METRES_PER_SECOND_PER_STEP)
+        self._hash[row] = self._digest(row, count)
+
+    def finish(self) -> Trajectories:
+        """The whole batch, trimmed to its longest simulation."""
+        longest = int(self._num_frames.max()) if len(self._num_frames) else 0
+        states: dict[str, Any] = {k: v[:, :, :longest] for k, v in self._states.items()}
+        return Trajectories(
+            scenario=self._scenario,
+            num_frames=self._num_frames,
+            states=States(**states),
+            stage=self._stage[:, :longest],
+            collided_with=self._collided_with[:, :longest],
+            contacts=Contacts(
+                partner=self._partner,
+                time=self._contact["time"],
+                impulse=np.zeros_like(self._contact["time"]),
+                closing_speed=self._contact["closing_speed"],
+            ),
+            percepts=_no_percepts(self._scenario.num_simulations),
+            trace_hash=self._hash,
+            unknown=UNKNOWN,
+        )
+
+    def _digest(self, row: int, count: int) -> NDArray[np.uint32]:
+        """128 bits over the recorded integers of one simulation (BLAKE2b, RFC 7693)."""
+        total = hashlib.blake2b(digest_size=16)
+        valid = self._scenario.vehicles.valid[row]
+        parts = [self._states[name][row, valid, :count] for name in _TYPES]
+        parts += [self._stage[row, :count], self._collided_with[row, :count]]
+        parts += [self._partner[row, valid], *(a[row, valid] for a in self._contact.values())]
+        for part in parts:
+            total.update(np.ascontiguousarray(part.astype("<i4")).tobytes())
+        return np.frombuffer(total.digest(), "<u4")
+
+
+def _values(scenario: Scenario, row: int, raw: F64, frame_time: float) -> dict[str, Any]:
+    """The columns of `States` for one simulation, each (vehicle, frame)."""
+    road, half = scenario.road, 0.5 * scenario.vehicles.length[row].astype(np.float64)[:, None]
+    front, d, speed, drift, accel, angle, signals = raw
+    s, left = front - half, road.side * d
+    x, y = road.world(s, left)
+    heading = road.heading + road.side * np.radians(_NORTH - angle)
+    # Lateral acceleration is what the lateral speed changed by since the frame before.
+    sideways = np.diff(drift, axis=1, prepend=drift[:, :1]) / frame_time
+    filled = scenario.vehicles.valid[row][:, None]
+    values = {
+        "x": _steps(x, METRES_PER_STEP),
+        "y": _steps(y, METRES_PER_STEP),
+        "s": _steps(s, METRES_PER_STEP),
+        "d": _steps(left, METRES_PER_STEP),
+        "speed": _steps(np.sqrt(speed * speed + drift * drift), METRES_PER_SECOND_PER_STEP),
+        "heading": _steps(_wrapped(heading), RADIANS_PER_STEP),
+        "accel_lon": _steps(accel, METRES_PER_SECOND_SQUARED_PER_STEP, _HALF),
+        "accel_lat": _steps(road.side * sideways, METRES_PER_SECOND_SQUARED_PER_STEP, _HALF),
+        "lane": _lane(road, left),
+        "lights": _lights(road, signals),
+    }
+    return {name: np.where(filled, array, 0) for name, array in values.items()}
+
+
+def _steps(value: Any, step: float, kind: type[np.signedinteger[Any]] = _WIDE) -> Any:
+    """A value in whole steps, half to even, clamped to what the type holds."""
+    limit = np.iinfo(kind).max
+    return np.rint(np.clip(np.asarray(value) * (1.0 / step), -limit, limit)).astype(kind)
+
+
+def _wrapped(angle: F64) -> F64:
+    """`angle` in (-pi, pi]."""
+    return angle - np.rint(angle / (2.0 * np.pi)) * (2.0 * np.pi)
+
+
+def _lane(road: Road, d: F64) -> NDArray[np.int64]:
+    index = road.lane_index(d)
+    return np.where(index < 0, _BEYOND_SLOW_EDGE, index)
+
+
+def _lights(road: Road, signals: F64) -> NDArray[np.int64]:
+    """Indicators and stop lamps; SUMO's right is our slow side."""
+    bits = signals.astype(np.int64)
+    fast, slow = Lights.INDICATOR_LEFT.value, Lights.INDICATOR_RIGHT.value
+    if road.side < 0:
+        fast, slow = slow, fast
+    lit = np.where(bits & _LEFT, fast, 0) + np.where(bits & _RIGHT, slow, 0)
+    return lit + np.where(bits & _BRAKE, Lights.BRAKE.value, 0)
+
+
+def _no_percepts(count: int) -> Percepts:
+    """Percepts of drivers of whom nothing is known: no row."""
+    pair, triple = (count, 0), (count, 0, 3)
+    return Percepts(
+        valid=np.zeros(pair, bool),
+        kind=np.zeros(pair, np.uint8),
+        time=np.zeros(pair, np.int32),
+        vehicle=np.full(triple, NO_VEHICLE),
+        detected=np.zeros(triple, bool),
+        gap=np.zeros(triple, np.int32),
+        closing_speed=np.zeros(triple, np.int32),
+        true_gap=np.zeros(triple, np.int32),
+        true_closing_speed=np.zeros(triple, np.int32),
+    )

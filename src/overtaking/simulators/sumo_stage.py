@@ -1,0 +1,73 @@
+"""What the ego is doing, told from its movement: SUMO's drivers have no stages of an overtake."""
+
+from dataclasses import dataclass
+
+from overtaking.model.trajectory import Stage
+
+SIDEWAYS = 0.15
+"""Lateral speed from which somebody is changing lanes [m/s].
+
+The one that tells an attempt from keeping the lane in this package's labels; in SUMO nobody wanders
+within a lane.
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sight:
+    """What is looked at in one instant, lateral axis towards the fast side.
+
+    Attributes:
+        lane: Lane index of the ego.
+        offset: Distance of its centre from the middle of that lane [m].
+        drift: Its lateral speed [m/s].
+        leader: Slot of the nearest vehicle ahead in its lane, or None.
+        passed: Slots of the vehicles whose front is behind the ego's rear.
+    """
+
+    lane: int
+    offset: float
+    drift: float
+    leader: int | None
+    passed: frozenset[int]
+
+
+@dataclass(slots=True, kw_only=True)
+class Watch:
+    """Follows the stage of the ego from instant to instant.
+
+    Attributes:
+        settled: Distance from the middle of a lane at which a lane change is over [m].
+        stage: The stage now.
+        attempted: Whether it ever pulled out.
+        target: Slot of the vehicle that it overtakes, None before.
+    """
+
+    settled: float
+    stage: Stage = Stage.FOLLOW
+    attempted: bool = False
+    target: int | None = None
+
+    def look(self, sight: Sight) -> Stage:
+        """The stage after one more instant."""
+        self.stage = self._next(sight)
+        return self.stage
+
+    def crash(self) -> None:
+        """The ego has hit something, for good."""
+        self.stage = Stage.CRASHED
+
+    def _next(self, sight: Sight) -> Stage:
+        outwards, back = sight.drift > SIDEWAYS, sight.drift < -SIDEWAYS
+        settled = abs(sight.offset) < self.settled and not (outwards or back)
+        if self.stage is Stage.FOLLOW and outwards and sight.leader is not None:
+            self.attempted, self.target = True, sight.leader
+            return Stage.PULL_OUT
+        if self.stage is Stage.PULL_OUT:
+            return Stage.ABORT if back else Stage.PASS if settled else self.stage
+        if self.stage is Stage.PASS and back:
+            return Stage.RETURN if self.target in sight.passed else Stage.ABORT
+        if self.stage is Stage.RETURN and settled:
+            return Stage.DONE
+        if self.stage is Stage.ABORT and settled:
+            return Stage.FOLLOW
+        return self.stage

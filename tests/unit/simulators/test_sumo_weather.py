@@ -1,0 +1,41 @@
+"""What SUMO is told of the weather."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.support.worlds import Vehicle, scenario
+
+from overtaking.simulators.sumo_weather import distance_error, is_wet, lane_friction
+from overtaking.tables.derived import derived_weather
+
+SKIES = [{}, {"rain": 30.0}, {"rain": 100.0}, {"puddles": 50.0}, {"puddles": 10.0}]
+
+
+def batch(*skies):
+    return scenario(*[[Vehicle()]] * len(skies), weather=list(skies))
+
+
+def test_rain_and_deposits_make_the_road_wet():
+    assert is_wet(batch(*SKIES)).tolist() == [False, True, True, True, False]
+
+
+def test_friction_is_that_of_the_weather_table_up_to_its_speed():
+    """The table has the slowest lane at 100 km/h, SUMO gets it at 90, where there is more grip."""
+    world = batch(*SKIES)
+    table = derived_weather(world)["friction"]
+    told = lane_friction(world)[:, 0]
+    assert (told >= table).all()
+    assert told == pytest.approx(table, abs=0.06)
+
+
+def test_lanes_far_from_the_crown_are_never_less_slippery():
+    friction = lane_friction(batch(*SKIES))
+    assert (np.diff(friction, axis=1) >= 0).all()
+    assert friction[2, 0] < friction[2, -1]
+    assert np.ptp(friction[0]) == 0
+
+
+def test_distances_are_judged_worse_at_night_and_worst_in_fog():
+    errors = distance_error(batch({}, {"night": 1.0}, {"fog": 90.0}, {"night": 1.0, "fog": 90.0}))
+    assert errors == pytest.approx([0.10, 0.18, 0.25, 0.25])
