@@ -1,0 +1,199 @@
+"""One overtake in space and time: the numbers of its two diagrams."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.model.events import NEVER, Events
+from overtaking.model.road import RoadMark
+from overtaking.model.trajectory import METRES_PER_STEP, NO_VEHICLE, Trajectories
+from overtaking.model.vehicles import Role
+
+F64 = NDArray[np.float64]
+
+_MS_PER_S = 1000.0
+
+MARKS = (
+    ("attempt", "a"),
+    ("line_crossed", "x₁"),
+    ("overlap_begin", "o₁"),
+    ("overlap_end", "o₂"),
+    ("return_begin", "b"),
+    ("return_end", "x₂"),
+    ("abort", "abort"),
+    ("back", "back"),
+    ("collision", "collision"),
+    ("road_departure", "off the road"),
+)
+"""Events with the symbols that the figures show, in the paper's manner."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Phase:
+    """A span of the simulation.
+
+    Attributes:
+        name: What the ego is doing.
+        begin: Start [s].
+        end: End [s].
+    """
+
+    name: str
+    begin: float
+    end: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Track:
+    """One vehicle.
+
+    Attributes:
+        slot: Its number.
+        is_ego: Whether it is the ego.
+        is_target: Whether it is the one to overtake.
+        length: Its length [m].
+        width: Its width [m].
+        ahead: Position of its centre along the road, less that of the mark that moves with the
+            target's mean speed (or the ego's), shape (frame,) [m].
+        lateral: Position across the road, from the slow edge to the fast edge, shape (frame,) [m].
+    """
+
+    slot: int
+    is_ego: bool
+    is_target: bool
+    length: float
+    width: float
+    ahead: F64
+    lateral: F64
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagram:
+    """One simulation in space and time.
+
+    Attributes:
+        time: Time of each frame, shape (frame,) [s].
+        reference_speed: Speed of the moving mark that `ahead` is measured from [m/s].
+        tracks: The vehicles near the ego, the ego first, then the target.
+        lines: Position across the road of each line, with whether it is solid, slow edge first [m].
+        phases: What the ego does, in order, without gaps.
+        marks: Instants of the events that happened, with their symbols [s].
+        has_contact: Whether the ego collided.
+    """
+
+    time: F64
+    reference_speed: float
+    tracks: tuple[Track, ...]
+    lines: tuple[tuple[float, bool], ...]
+    phases: tuple[Phase, ...]
+    marks: tuple[tuple[str, float], ...]
+    has_contact: bool
+
+
+def diagram(trajectories: Trajectories, events: Events) -> Diagram:
+    """The numbers of the diagrams of one simulation.
+
+    Args:
+        trajectories: A batch of one simulation.
+        events: What happened in it.
+    """
+    frames = int(trajectories.num_frames[0])
+    time = trajectories.time_ms[:frames] / _MS_PER_S
+    target = int(events.target[0])
+    followed = Role.EGO if target == NO_VEHICLE else target
+    s = trajectories.states.s[0, :, :frames].astype(np.float64) * METRES_PER_STEP
+    mark = s[followed, 0] + (s[followed, -1] - s[followed, 0]) * np.linspace(0.0, 1.0, frames)
+    duration = float(time[-1]) if frames > 1 else 0.0
+    return Diagram(
+        time=time,
+        reference_speed=float(s[followed, -1] - s[followed, 0]) / duration if duration else 0.0,
+        tracks=tuple(
+            _track(trajectories, slot, s[slot] - mark, target)
+            for slot in _shown(trajectories, s, target)
+        ),
+        lines=_lines(trajectories),
+        phases=_phases(events, time),
+        marks=_marks(events, time),
+        has_contact=bool(events.collision[0] != NEVER),
+    )
+
+
+MAX_TRACKS = 8
+_NEAR = 250.0  # Metres from the ego: farther vehicles have no part in the overtake.
+
+
+def _shown(trajectories: Trajectories, s: F64, target: int) -> list[int]:
+    """Slots of the ego, of the target, and of those that come near the ego, the nearest first."""
+    present = np.flatnonzero(trajectories.scenario.vehicles.valid[0])
+    nearest = np.abs(s - s[Role.EGO]).min(axis=1)
+    others = [
+        int(slot)
+        for slot in present[np.argsort(nearest[present], kind="stable")]
+        if slot not in (Role.EGO, target) and nearest[slot] < _NEAR
+    ]
+    first = [int(Role.EGO)] if target == NO_VEHICLE else [int(Role.EGO), target]
+    return [*first, *others][:MAX_TRACKS]
+
+
+def _track(trajectories: Trajectories, slot: int, ahead: F64, target: int) -> Track:
+    """One vehicle."""
+    road, vehicles = trajectories.road, trajectories.scenario.vehicles
+    d = trajectories.states.d[0, slot, : len(ahead)].astype(np.float64) * METRES_PER_STEP
+    return Track(
+        slot=slot,
+        is_ego=slot == Role.EGO,
+        is_target=slot == target,
+        length=float(vehicles.length[0, slot]),
+        width=float(vehicles.width[0, slot]),
+        ahead=ahead,
+        lateral=(d - road.boundaries[0]) * int(road.side),
+    )
+
+
+def _lines(trajectories: Trajectories) -> tuple[tuple[float, bool], ...]:
+    """Where the lines of the road are, measured from its slow edge."""
+    road = trajectories.road
+    across = (np.asarray(road.boundaries) - road.boundaries[0]) * int(road.side)
+    return tuple(
+        (float(place), number in (0, len(across) - 1) or _is_solid(trajectories, number - 1))
+        for number, place in enumerate(across)
+    )
+
+
+def _is_solid(trajectories: Trajectories, lane: int) -> bool:
+    """Whether the line at the fast side of a lane is not broken."""
+    road = trajectories.road
+    mark = road.lanes[lane].left_mark if int(road.side) > 0 else road.lanes[lane].right_mark
+    return mark in (RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN)
+
+
+def _phases(events: Events, time: F64) -> tuple[Phase, ...]:
+    """What the ego does, from its events; without an attempt it follows all the time."""
+    starts = [("follows", int(events.first[0]))]
+    names = {
+        "attempt": "pulls out",
+        "line_crossed": "passes",
+        "return_begin": "returns",
+        "return_end": "done",
+        "abort": "gives up",
+        "back": "follows again",
+        "collision": "after the collision",
+    }
+    for attribute, name in names.items():
+        frame = int(getattr(events, attribute)[0])
+        if frame != NEVER:
+            starts.append((name, frame))
+    starts.sort(key=lambda one: one[1])
+    ends = [frame for _, frame in starts[1:]] + [min(int(events.last[0]), len(time) - 1)]
+    return tuple(
+        Phase(name=name, begin=float(time[begin]), end=float(time[max(begin, end)]))
+        for (name, begin), end in zip(starts, ends, strict=True)
+        if end > begin or len(starts) == 1
+    )
+
+
+def _marks(events: Events, time: F64) -> tuple[tuple[str, float], ...]:
+    """The instants of the events that happened."""
+    found = [(symbol, int(getattr(events, name)[0])) for name, symbol in MARKS]
+    return tuple((symbol, float(time[frame])) for symbol, frame in found if frame != NEVER)

@@ -1,0 +1,94 @@
+"""A table as it will be read: exact values, and how each is written."""
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import pandas as pd
+
+NO_VALUE = "–"
+
+
+class Style(Enum):
+    """How a value is written."""
+
+    TEXT = "text"
+    COUNT = "count"
+    NUMBER = "number"
+    SHARE = "share"
+    P_VALUE = "p-value"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A table.
+
+    Attributes:
+        name: Short name, for files.
+        title: One line.
+        note: How to read it.
+        rows: The exact values; columns of text come first.
+        styles: How the values of each row are written, or, if `by_column`, of each column.
+        num_texts: How many of the first columns are text.
+        by_column: Whether `styles` goes by columns.
+    """
+
+    name: str
+    title: str
+    note: str
+    rows: pd.DataFrame
+    styles: tuple[Style, ...]
+    num_texts: int
+    by_column: bool = False
+
+    @property
+    def header(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(str(name) for name in self.rows.columns)
+
+    def cells(self) -> list[list[str]]:
+        """Every row as a person reads it."""
+        written: list[list[str]] = []
+        for number, row in enumerate(self.rows.itertuples(index=False, name=None)):
+            styles = self.styles if self.by_column else (self.styles[number],) * len(row)
+            texts, values = row[: self.num_texts], row[self.num_texts :]
+            cells = [str(text) for text in texts]
+            cells += [
+                write(value, style)
+                for value, style in zip(values, styles[self.num_texts :], strict=True)
+            ]
+            written.append(cells)
+        return written
+
+    def records(self) -> list[dict[str, Any]]:
+        """Every row as plain values for JSON; null where there is none."""
+        return [
+            {str(name): _plain(value) for name, value in row.items()}
+            for row in self.rows.to_dict(orient="records")
+        ]
+
+
+def write(value: Any, style: Style) -> str:
+    """A value as a person reads it."""
+    if isinstance(value, str):
+        return value
+    if value is None or math.isnan(value):
+        return NO_VALUE
+    if style is Style.SHARE:
+        return f"{100.0 * value:.1f} %"
+    if style is Style.P_VALUE:
+        return "< 0.001" if value < 1e-3 else f"{value:.3f}"
+    if style is Style.COUNT:
+        return f"{value:,.0f}" if float(value).is_integer() else f"{value:,.1f}"
+    return f"{value:,.2f}"
+
+
+def _plain(value: Any) -> Any:
+    """A value that JSON knows."""
+    if isinstance(value, str) or value is None:
+        return value
+    number = float(value)
+    if math.isnan(number):
+        return None
+    return int(number) if number.is_integer() and not isinstance(value, float) else number
