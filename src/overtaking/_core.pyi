@@ -48,6 +48,30 @@ def simulate(
         ValueError: An array has another length, or the SIMD level is unknown or not available.
     """
 
+def signals(
+    *,
+    states: Mapping[str, NDArray[Any] | None],
+    around: Mapping[str, Any],
+    constants: Mapping[str, Any],
+    outputs: dict[str, NDArray[Any]],
+    level: str | None = None,
+) -> None:
+    """Work out the signals of a recording and fill the arrays of `outputs`.
+
+    Args:
+        states: s, d, speed, heading, accel, lane and present (or None), shape (simulation, vehicle,
+            time), the frames of a vehicle adjacent.
+        around: num_frames, valid, length, width, film (simulation, 8), wear, truck, fog, rain,
+            contrast_depth, lamp_depth, lamp_clear, unlit_limit, all flat; and the numbers
+            attention, side, heading, num_lanes, interval_ms, half_window.
+        constants: As in `simulate`.
+        outputs: Arrays of shape (simulation, time) or (simulation, 6, time) by name.
+        level: SIMD level; None for the best of this CPU.
+
+    Raises:
+        ValueError: An array has another shape, or the SIMD level is unknown or not available.
+    """
+
 def vehicle_fields() -> list[str]:
     """Names of the vehicle parameters, in order."""
 

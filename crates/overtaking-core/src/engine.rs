@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::MAX_VEHICLES;
 use crate::collisions::{Pairs, collide, leave_road, near_pairs};
 use crate::fields::{Constants, Simulation, Vehicle};
-use crate::lanes::{LANES, splat};
+use crate::lanes::{LANES, dispatch, splat};
 use crate::neighbours::find_neighbours;
 use crate::output::Output;
 use crate::recording::{Recorder, Tile};
@@ -68,7 +68,7 @@ pub struct Later<'a> {
 }
 
 /// The SIMD level `name`, or the best one; `None` if this CPU lacks it.
-fn level(name: Option<&str>) -> Option<Level> {
+pub(crate) fn level(name: Option<&str>) -> Option<Level> {
     let best = Level::new();
     match name {
         None => Some(best),
@@ -120,22 +120,8 @@ pub fn simulate(
     };
     out.into_blocks().into_par_iter().enumerate().for_each_init(
         Scratch::default,
-        |scratch, (block, out)| match level {
-            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-            Level::Avx512(simd) => run(simd, inputs, later, block, out, scratch),
-            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-            Level::Avx2(simd) => run(simd, inputs, later, block, out, scratch),
-            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-            Level::Sse4_2(_) | Level::Sse2(_) => {
-                if let Some(simd) = level.as_sse2() {
-                    run(simd, inputs, later, block, out, scratch);
-                }
-            }
-            #[cfg(target_arch = "aarch64")]
-            Level::Neon(simd) => run(simd, inputs, later, block, out, scratch),
-            #[cfg(not(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64")))]
-            Level::Fallback(simd) => run(simd, inputs, later, block, out, scratch),
-            _ => unreachable!("every level of this architecture is handled"),
+        |scratch, (block, out)| {
+            dispatch!(level, |simd| run(simd, inputs, later, block, out, scratch));
         },
     );
     Ok(())

@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::elementary::{atan, exp, sincos};
-use crate::fields::{Constants, Vehicle};
+use crate::fields::Constants;
 use crate::lanes::{V, at_least, at_most, choose, clamp_to, floor, max, min, splat};
 use crate::philox::{MOTION, uniform, words};
 use crate::state::{State, World};
@@ -76,7 +76,7 @@ fn puddle<S: Simd>(w: &World<'_, S>, s: V<S>, path: V<S>) -> V<S> {
 }
 
 #[inline(always)]
-fn speed_columns<S: Simd>(c: &Constants, speed: V<S>, p: &Vehicle<S>) -> [V<S>; 4] {
+pub fn speed_columns<S: Simd>(c: &Constants, speed: V<S>, wear: V<S>, truck: V<S>) -> [V<S>; 4] {
     let [v0, v1, v2] = c.friction_speeds;
     let low = clamp_to((speed - v0) / (v1 - v0), 0.0, 1.0);
     let high = clamp_to((speed - v1) / (v2 - v1), 0.0, 1.0);
@@ -87,20 +87,20 @@ fn speed_columns<S: Simd>(c: &Constants, speed: V<S>, p: &Vehicle<S>) -> [V<S>; 
             .iter_mut()
             .zip(c.friction_new.iter().zip(&c.friction_worn))
         {
-            *row = new[knot] + p.wear * (worn[knot] - new[knot]);
+            *row = new[knot] + wear * (worn[knot] - new[knot]);
         }
         let change = low * (rows[1] - rows[0]) + high * (rows[2] - rows[1]);
         *column = match knot {
-            0 => (1.0 + p.truck * (c.truck_dry_factor - 1.0)) * (rows[0] + change),
+            0 => (1.0 + truck * (c.truck_dry_factor - 1.0)) * (rows[0] + change),
             1 => rows[0] + change,
-            _ => rows[0] + (1.0 + p.truck * (c.truck_loss_factor - 1.0)) * change,
+            _ => rows[0] + (1.0 + truck * (c.truck_loss_factor - 1.0)) * change,
         };
     }
     columns
 }
 
 #[inline(always)]
-fn at_film<S: Simd>(c: &Constants, columns: &[V<S>; 4], film: V<S>) -> V<S> {
+pub fn at_film<S: Simd>(c: &Constants, columns: &[V<S>; 4], film: V<S>) -> V<S> {
     let [h0, h1, h2, h3] = c.friction_films;
     let a = clamp_to((film - h0) / (h1 - h0), 0.0, 1.0);
     let b = clamp_to((film - h1) / (h2 - h1), 0.0, 1.0);
@@ -127,7 +127,7 @@ pub fn grip<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>) {
             );
         }
         let water = lane_film(w, lane_value(&road.film_path[..n], lane));
-        let columns = speed_columns(w.c, state.vx[i], p);
+        let columns = speed_columns(w.c, state.vx[i], p.wear, p.truck);
         for (offset, friction) in [
             (p.half_track, &mut state.mu_fast[i]),
             (-p.half_track, &mut state.mu_slow[i]),

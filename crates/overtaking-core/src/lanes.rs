@@ -78,6 +78,30 @@ pub fn floor<S: Simd>(x: V<S>) -> V<S> {
     choose(nearest.simd_gt(x), nearest - 1.0, nearest)
 }
 
+/// Evaluate an expression with the SIMD type of a level.
+macro_rules! dispatch {
+    ($level:expr, |$simd:ident| $body:expr) => {
+        match $level {
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            fearless_simd::Level::Avx512($simd) => $body,
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            fearless_simd::Level::Avx2($simd) => $body,
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            fearless_simd::Level::Sse4_2(_) | fearless_simd::Level::Sse2(_) => {
+                if let Some($simd) = $level.as_sse2() {
+                    $body
+                }
+            }
+            #[cfg(target_arch = "aarch64")]
+            fearless_simd::Level::Neon($simd) => $body,
+            #[cfg(not(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64")))]
+            fearless_simd::Level::Fallback($simd) => $body,
+            _ => unreachable!("every level of this architecture is handled"),
+        }
+    };
+}
+pub(crate) use dispatch;
+
 /// The value of vehicle `slot` in each simulation; slot 0's where there is nobody.
 ///
 /// A macro, because a closure that the compiler leaves outside would lose the features of the CPU.

@@ -20,6 +20,7 @@ mod output;
 mod perception;
 mod philox;
 mod recording;
+pub mod signals;
 mod state;
 mod steering;
 

@@ -114,6 +114,7 @@ class TargetSignals(Batch):
         lead: Centre of the ego minus its centre, along the road: negative while it is ahead [m].
         overlaps: Whether ego and target overlap along the road.
         gap: Between their bumpers, whichever is ahead; negative while they overlap [m].
+        lateral: Its position across the road, as `Signals.lateral` [m].
         lateral_gap: Between the sides of their bodies [m].
         lane: Its lane index, as `Signals.lane`.
         speed: Its speed [m/s].
@@ -127,6 +128,7 @@ class TargetSignals(Batch):
     lead: F32
     overlaps: Mask
     gap: F32
+    lateral: F32
     lateral_gap: F32
     lane: U8
     speed: F32

@@ -7,7 +7,7 @@ from overtaking.core.units import deg_from_rad
 from overtaking.physics.constants import known
 from overtaking.physics.film import PERCENT
 
-_LEAST_EXTINCTION = np.float32(1e-7)
+LEAST_EXTINCTION = np.float32(1e-7)
 """Keeps ranges finite in perfectly clear air [1/m]."""
 
 _NEWTON_STEPS = 8
@@ -106,4 +106,4 @@ def lamp_range(extinction: F32, intensity: F32, threshold: F32) -> F32:
 def contrast_range(extinction: F32, contrast: F32, threshold: F32) -> F32:
     """Distance at which `contrast` falls to `threshold` [m] (Koschmieder)."""
     depth = maximum(log(contrast / threshold), np.float32(0.0))
-    return depth / maximum(extinction, _LEAST_EXTINCTION)
+    return depth / maximum(extinction, LEAST_EXTINCTION)

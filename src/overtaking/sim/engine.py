@@ -10,6 +10,7 @@ from overtaking import _core
 from overtaking.core.errors import ConfigError
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Contacts, Percepts, States, Trajectories
+from overtaking.physics.constants import Constants
 from overtaking.sim.parameters import Parameters, parameters
 
 SIMD_VARIABLE = "OVERTAKING_SIMD"
@@ -103,7 +104,7 @@ def run(
             seed=given.seed,
             record_every=given.record_every,
             road=_road(given),
-            constants=_constants(given),
+            constants=constant_values(given.constants),
             outputs=flat,
             later=afterwards,
             level=forced,
@@ -131,8 +132,8 @@ def _road(given: Parameters) -> dict[str, Any]:
     }
 
 
-def _constants(given: Parameters) -> dict[str, Any]:
-    c = given.constants
+def constant_values(c: Constants) -> dict[str, Any]:
+    """The constants as the compiled engine takes them."""
     return {
         "values": [float(c.values[name]) for name in _core.constant_fields()],
         "friction_new": [[float(x) for x in row] for row in c.friction_new],

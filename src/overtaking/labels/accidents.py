@@ -1,0 +1,60 @@
+"""Collisions of the ego, who ran into whom, and leaving the road."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import Mask
+from overtaking.labels.frames import at, first_true, only
+from overtaking.model.events import NEVER
+from overtaking.model.signals import Signals
+from overtaking.model.trajectory import NO_VEHICLE, Trajectories
+from overtaking.signals import signals_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Accidents:
+    """What may end an overtake early; every array has shape (simulation,), see `Events`."""
+
+    collision: NDArray[np.int32]
+    road_departure: NDArray[np.int32]
+    partner: NDArray[np.uint8]
+    struck: Mask
+
+
+def accidents(trajectories: Trajectories, seen: Signals) -> Accidents:
+    """The accidents of a batch."""
+    hit = trajectories.collided_with
+    collision = first_true(seen.valid & (hit != NO_VEHICLE))
+    partner = np.where(collision == NEVER, NO_VEHICLE, at(hit, collision))
+    departed = first_true(seen.valid & (seen.lane >= trajectories.road.num_lanes))
+    return Accidents(
+        collision=collision,
+        road_departure=departed,
+        partner=partner,
+        struck=_is_struck(trajectories, seen, partner, collision),
+    )
+
+
+def _is_struck(
+    trajectories: Trajectories,
+    seen: Signals,
+    partner: NDArray[np.uint8],
+    collision: NDArray[np.int32],
+) -> Mask:
+    """Whether the other one ran into the ego.
+
+    In the last frame before the contact: where the two are apart along the road, the one behind
+    runs into the one ahead; where they are side by side, the one that moves towards the other
+    faster does.
+    """
+    before = only(np.maximum(collision - 1, 0), collision != NEVER)
+    other = signals_of(trajectories, seen, partner)
+    lead, gap, aside = (at(each, before) for each in (other.lead, other.gap, other.lateral_gap))
+    is_left = at(seen.lateral, before) > at(other.lateral, before)
+    own, others = at(seen.lateral_speed, before), at(other.lateral_speed, before)
+    # Towards the other: to the right for the one on the left.
+    towards, towards_ego = np.where(is_left, -own, own), np.where(is_left, others, -others)
+    beside = (gap < 0) & (aside > gap)
+    return (collision != NEVER) & np.where(beside, towards_ego > towards, lead > 0)
