@@ -228,8 +228,8 @@ def test_it_pulls_out_only_where_there_is_room_and_a_gain(around, allowed: bool)
     ],
 )
 def test_it_wants_to_pass_whoever_is_slow_and_near(distance: float, leader: float, wanted: bool):
-    _, view = view_of(ego(), other(distance, 0, leader))
-    assert bool(ego_module.wants_to_pass(view)[0]) is wanted
+    m, view = view_of(ego(), other(distance, 0, leader))
+    assert bool(ego_module.wants_to_pass(m.given, view)[0]) is wanted
 
 
 def branched(decision: Decision, seconds: float, *vehicles: Vehicle) -> Trajectories:

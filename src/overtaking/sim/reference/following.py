@@ -9,6 +9,11 @@ from overtaking.sim.reference.state import Fields
 _STEADY = np.float32(0.0)
 _LEAST_WAY = np.float32(1e-3)  # Keeps the quotient finite behind a standing leader [m^2/s^2].
 
+# Near the desired speed the free acceleration vanishes and the exponent that blends it grows.
+_LEAST_FREE = np.float32(1e-3)  # [m/s^2]
+_STEEPEST = np.float32(1000.0)
+_LEAST_RATIO = np.float32(1e-6)  # Of the wanted to the actual gap, for its logarithm.
+
 
 def wanted_gap(p: Fields, speed: F32, closing: F32, time_gap: F32) -> F32:
     """s* of the intelligent driver model [m]."""
@@ -48,10 +53,8 @@ def iidm(
     over = exp(-p.overspeed_exponent * log(maximum(ratio, one)))
     free_above = -p.decel * (one - over)
     interacting = p.accel * (one - z * z)
-    steepness = minimum(
-        np.float32(2.0) * p.accel / maximum(free_below, np.float32(1e-3)), np.float32(1000.0)
-    )
-    blended = free_below * (one - exp(steepness * log(clamp(z, np.float32(1e-6), one))))
+    steepness = minimum(np.float32(2.0) * p.accel / maximum(free_below, _LEAST_FREE), _STEEPEST)
+    blended = free_below * (one - exp(steepness * log(clamp(z, _LEAST_RATIO, one))))
     below = np.where(z >= one, interacting, blended)
     above = np.where(z >= one, free_above + interacting, free_above)
     return np.where(ratio <= one, below, above)
