@@ -125,7 +125,12 @@ def test_puddles_cover_half_of_the_square_of_their_reach(cover: float):
     # 40 km of one wheel path, and many phases: the two waves together are then uniform.
     s = np.linspace(0.0, 40_000.0, 400_001, dtype=np.float32)
     shares = [
-        float(np.mean(film.puddle(s, np.float32(path), np.float32(u), np.float32(w), reach) > 0.0))
+        float(
+            np.mean(
+                film.puddle(constants(), s, np.float32(path), np.float32(u), np.float32(w), reach)
+                > 0.0
+            )
+        )
         for path, u, w in ((0, 0.1, 0.7), (3, 0.5, 0.2), (7, 0.9, 0.4))
     ]
     # Float32 places lie 4 mm apart at 40 km, puddles are metres long; 1000 waves are sampled.
@@ -135,8 +140,8 @@ def test_puddles_cover_half_of_the_square_of_their_reach(cover: float):
 def test_puddles_lie_still_and_are_metres_long():
     s = np.linspace(0.0, 5_000.0, 50_001, dtype=np.float32)
     args = (np.float32(0.3), np.float32(0.6), np.float32(0.8))
-    water = film.puddle(s, np.float32(2.0), *args)
-    np.testing.assert_array_equal(water, film.puddle(s, np.float32(2.0), *args))
+    water = film.puddle(constants(), s, np.float32(2.0), *args)
+    np.testing.assert_array_equal(water, film.puddle(constants(), s, np.float32(2.0), *args))
     assert ((water >= 0.0) & (water <= 1.0)).all()
     edges = np.flatnonzero(np.diff((water > 0.0).astype(int)))
     lengths = np.diff(s[edges])[int(water[edges[0]] > 0.0) :: 2]
@@ -148,7 +153,9 @@ def test_puddles_lie_still_and_are_metres_long():
 def test_neighbouring_wheel_paths_have_puddles_of_their_own():
     s = np.linspace(0.0, 2_000.0, 20_001, dtype=np.float32)
     args = (np.float32(0.3), np.float32(0.6), np.float32(0.8))
-    left, right = (film.puddle(s, np.float32(path), *args) > 0.0 for path in (4.0, 5.0))
+    left, right = (
+        film.puddle(constants(), s, np.float32(path), *args) > 0.0 for path in (4.0, 5.0)
+    )
     both = float(np.mean(left & right))
     # Were they the same, it would be the share itself, 0.32.
     assert both < 0.75 * float(np.mean(left))
@@ -180,7 +187,7 @@ def test_each_side_has_the_grip_of_the_water_in_its_own_wheel_path():
     for side, grip in ((0.5, b.state.mu_fast[0]), (-0.5, b.state.mu_slow[0])):
         path = math.floor((d + side * 1.55 + 48.0) / width)
         phases = number("puddle_phase_1"), number("puddle_phase_2"), number("puddle_reach")
-        depth = film.puddle(s, np.float32(path), *phases)
+        depth = film.puddle(constants(), s, np.float32(path), *phases)
         # 2 mm at 100 % of deposits, none at 50 %; the rest of the road has the film of any wet one.
         water = 0.2 + 2.0 * 0.8 * depth
         expected = [handbook(30.0, float(h), 0.3) for h in water]

@@ -7,6 +7,11 @@ use crate::MAX_VEHICLES;
 use crate::lanes::{M, V, choose, clamp, clamp_to, max, min, splat};
 use crate::state::{EGO, Each, State, World, stage};
 
+/// Keeps the instant of contact finite without relative motion [m].
+const TINY: f32 = 1e-6;
+/// Steps before and after which nothing happens.
+const EVER: f32 = 1e9;
+
 /// Which pairs may touch before the next decision, by (lower slot, higher slot).
 pub type Pairs<S> = [[Option<M<S>>; MAX_VEHICLES]; MAX_VEHICLES];
 
@@ -180,12 +185,12 @@ fn first_contact<S: Simd>(
         (b.cosine, b.sine),
         (-b.sine, b.cosine),
     ];
-    let (mut enter, mut leave) = (splat(simd, -1e9), splat(simd, 1e9));
+    let (mut enter, mut leave) = (splat(simd, -EVER), splat(simd, EVER));
     let (mut along, mut across) = (splat(simd, 0.0), splat(simd, 0.0));
     for ((axis_s, axis_d), limit) in axes.into_iter().zip(reach) {
         let start = then.0 * axis_s + then.1 * axis_d;
         let change = now.0 * axis_s + now.1 * axis_d - start;
-        let change = choose(change.abs().simd_lt(1e-6), splat(simd, 1e-6), change);
+        let change = choose(change.abs().simd_lt(TINY), splat(simd, TINY), change);
         let (one, two) = ((-limit - start) / change, (limit - start) / change);
         let (begin, end) = (min(one, two), max(one, two));
         let later = begin.simd_gt(enter);

@@ -8,6 +8,11 @@ use crate::fields::{Constants, Vehicle};
 use crate::lanes::{V, at_least, choose, clamp, clamp_to, max, min, splat};
 use crate::state::{State, World};
 
+/// Keeps the direction of a wreck at rest finite [m/s].
+const TINY: f32 = 1e-3;
+/// Left sideways by full braking, squared, to divide by [N^2].
+const LEAST_GRIP: f32 = 1.0;
+
 #[inline(always)]
 fn fiala<S: Simd>(stiffness: V<S>, slope: V<S>, limit: V<S>) -> V<S> {
     let z = stiffness * slope / (3.0 * limit);
@@ -53,7 +58,7 @@ fn axle_forces<S: Simd>(
     let slow = clamp(0.5 * force, -bound_slow, bound_slow);
     let total = fast + slow;
     let grip = (mu_fast + mu_slow) * half_load;
-    let left = at_least(grip * grip - total * total, 1.0);
+    let left = at_least(grip * grip - total * total, LEAST_GRIP);
     (total, slow - fast, left.sqrt())
 }
 
@@ -159,7 +164,7 @@ fn wreck<S: Simd>(
     let (vx, vy) = (state.vx[i], state.vy[i]);
     let friction = c.sliding_ratio * c.gravity * 0.5 * (state.mu_fast[i] + state.mu_slow[i]);
     let speed = (vx * vx + vy * vy).sqrt();
-    let share = min(friction, speed / c.step) / at_least(speed, 1e-3);
+    let share = min(friction, speed / c.step) / at_least(speed, TINY);
     let spin = friction * p.mass * p.inverse_inertia * 0.5 * p.wheelbase * c.step;
     (-share * vx, -share * vy, -clamp(state.r[i], -spin, spin))
 }

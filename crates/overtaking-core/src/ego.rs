@@ -60,12 +60,13 @@ fn their_braking<S: Simd>(w: &World<'_, S>, view: &View<'_, S>, role: usize) -> 
 }
 
 #[inline(always)]
-fn wants_to_pass<S: Simd>(view: &View<'_, S>) -> M<S> {
+fn wants_to_pass<S: Simd>(w: &World<'_, S>, view: &View<'_, S>) -> M<S> {
     let own = view.own;
     let slower =
         (own.desired_speed - view.leader_speed).simd_gt(own.passing_gain * view.impatience);
     let soon = view.gap[LEAD].simd_lt(own.pull_out_time * view.closing[LEAD]);
-    let close = view.gap[LEAD].simd_lt(1.5 * own.time_gap * view.speed + own.min_gap);
+    let near = w.c.close_time_gap * own.time_gap * view.speed + own.min_gap;
+    let close = view.gap[LEAD].simd_lt(near);
     view.detected[LEAD] & slower & (soon | close)
 }
 
@@ -210,7 +211,7 @@ fn intend<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, view: &View<'_, S
         & arrived
         & state.since_change[EGO].simd_ge(c.abort_cooldown)
         & state.lane[EGO].simd_lt((w.road.num_lanes - 1) as f32);
-    let start = free & wants_to_pass(view) & may_pull_out(w, view) & q.command.simd_ne(STAY);
+    let start = free & wants_to_pass(w, view) & may_pull_out(w, view) & q.command.simd_ne(STAY);
     let start = start | (free & q.command.simd_eq(PULL_OUT_NOW) & state.attempted.simd_eq(0.0));
 
     let slower_lane = in_stage(state, stage::PASS) & state.lane[EGO].simd_ge(1.0);

@@ -277,7 +277,7 @@ fn decide<S: Simd>(
             control::set_acceleration(state, w, i, &near[i], &believed[i], leader[i])
         );
     }
-    if (decision as usize).is_multiple_of(mobil::INTERVAL) {
+    if mobil::is_due(w.c, decision as usize) {
         for i in 1..w.count {
             outlined!(
                 w.simd,

@@ -9,9 +9,17 @@ use crate::lanes::{V, at_least, at_most, choose, clamp_to, floor, max, min, spla
 use crate::philox::{MOTION, uniform, words};
 use crate::state::{State, World};
 
+/// A uniform number of unit variance lies within +- sqrt(3).
+const ROOT_3: f32 = 1.732_050_8;
+/// Phases of neighbouring wheel paths differ by the golden ratio, and by its square.
+const GOLDEN: f32 = 0.618_034;
+const GOLDEN_SQUARE: f32 = 0.381_966;
+/// Keeps the angle of the wind finite at rest [m/s].
+const LEAST_AIR_SPEED: f32 = 1.0;
+
 #[inline(always)]
 fn relaxed<S: Simd>(process: V<S>, keep: V<S>, word: V<S>) -> V<S> {
-    let innovation = 1.732_050_8 * (2.0 * word - 1.0);
+    let innovation = ROOT_3 * (2.0 * word - 1.0);
     keep * process + (1.0 - keep * keep).sqrt() * innovation
 }
 
@@ -69,10 +77,11 @@ fn triangle_wave<S: Simd>(x: V<S>) -> V<S> {
 /// Depth of the puddle at a point, 0 to 1.
 #[inline(always)]
 fn puddle<S: Simd>(w: &World<'_, S>, s: V<S>, path: V<S>) -> V<S> {
-    let q = &w.q;
-    let wave = triangle_wave(s * (1.0 / 23.0) + q.puddle_phase_1 + 0.618_034 * path);
-    let wave = wave + triangle_wave(s * (1.0 / 37.0) + q.puddle_phase_2 + 0.381_966 * path);
-    clamp_to((q.puddle_reach - wave) * 5.0, 0.0, 1.0)
+    let (c, q) = (w.c, &w.q);
+    let wave = triangle_wave(s * c.inverse_puddle_wave_1 + q.puddle_phase_1 + GOLDEN * path);
+    let wave =
+        wave + triangle_wave(s * c.inverse_puddle_wave_2 + q.puddle_phase_2 + GOLDEN_SQUARE * path);
+    clamp_to((q.puddle_reach - wave) * c.puddle_slope, 0.0, 1.0)
 }
 
 #[inline(always)]
@@ -173,7 +182,7 @@ fn shelter<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
 fn gust_bump<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
     let cell = state.s[i] / w.c.gust_spacing + w.q.gust_phase;
     let inside = (cell - floor(cell)) * w.c.gust_spacing / w.q.gust_length;
-    let (_, cosine) = sincos(6.283_185_5 * at_most(inside, 1.0));
+    let (_, cosine) = sincos(core::f32::consts::TAU * at_most(inside, 1.0));
     choose(inside.simd_lt(1.0), 0.5 - 0.5 * cosine, splat(w.simd, 0.0))
 }
 
@@ -188,7 +197,7 @@ pub fn wind<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>) {
         let strength = at_least(strength, 0.0);
         let across = q.wind_across * strength * shelter(state, w, i);
         state.tail_wind[i] = q.wind_along * strength;
-        let along = at_least(state.vx[i] - state.tail_wind[i], 1.0);
+        let along = at_least(state.vx[i] - state.tail_wind[i], LEAST_AIR_SPEED);
         let angle = atan(across.abs() / along);
         let (sine, _) = sincos(at_most(
             c.wind_angle_factor * angle,

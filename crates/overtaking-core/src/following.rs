@@ -7,6 +7,15 @@ use crate::elementary::{exp, log};
 use crate::fields::{Constants, Vehicle};
 use crate::lanes::{V, at_least, at_most, choose, clamp_to, splat};
 
+/// Keeps the quotient finite behind a standing leader [m^2/s^2].
+const LEAST_WAY: f32 = 1e-3;
+/// Near the desired speed the free acceleration vanishes [m/s^2] ...
+const LEAST_FREE: f32 = 1e-3;
+/// ... and the exponent that blends it grows.
+const STEEPEST: f32 = 1000.0;
+/// Of the wanted to the actual gap, for its logarithm.
+const LEAST_RATIO: f32 = 1e-6;
+
 #[inline(always)]
 fn wanted_gap<S: Simd>(p: &Vehicle<S>, speed: V<S>, closing: V<S>, time_gap: V<S>) -> V<S> {
     let dynamic = speed * time_gap + speed * closing * p.interaction;
@@ -54,7 +63,7 @@ fn needed_braking<S: Simd>(
     let approach = at_least(closing, 0.0);
     let moving = leader_accel - (approach * approach) / room;
     let way = leader_speed * leader_speed - room * leader_accel;
-    let stopping = speed * speed * leader_accel / at_least(way, 1e-3);
+    let stopping = speed * speed * leader_accel / at_least(way, LEAST_WAY);
     let stops_first = (leader_speed * closing).simd_lt(-(room * leader_accel));
     choose(stops_first, stopping, moving)
 }
@@ -89,8 +98,8 @@ fn iidm<S: Simd>(
     let over = exp(-p.overspeed_exponent * log(at_least(ratio, 1.0)));
     let free_above = -p.decel * (one - over);
     let interacting = p.accel * (one - z * z);
-    let steepness = at_most(2.0 * p.accel / at_least(free_below, 1e-3), 1000.0);
-    let blended = free_below * (one - exp(steepness * log(clamp_to(z, 1e-6, 1.0))));
+    let steepness = at_most(2.0 * p.accel / at_least(free_below, LEAST_FREE), STEEPEST);
+    let blended = free_below * (one - exp(steepness * log(clamp_to(z, LEAST_RATIO, 1.0))));
     let below = choose(z.simd_ge(one), interacting, blended);
     let above = choose(z.simd_ge(one), free_above + interacting, free_above);
     choose(ratio.simd_le(one), below, above)
@@ -107,6 +116,5 @@ pub fn forced_braking<S: Simd>(
     time_gap: V<S>,
 ) -> V<S> {
     let z = wanted_gap(p, speed, closing, time_gap) / at_least(gap, c.smallest_gap);
-    let needed = needed_braking(c, speed, gap, closing, splat(speed.simd, 0.0));
-    at_most(cooled(c, p, p.accel * (1.0 - z * z), needed), 0.0)
+    at_most(p.accel * (1.0 - z * z), 0.0)
 }

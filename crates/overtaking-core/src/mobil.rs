@@ -3,6 +3,7 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
+use crate::fields::Constants;
 use crate::following::{follow, forced_braking};
 use crate::lanes::{M, V, choose, min, splat};
 use crate::neighbours::lane_borders;
@@ -10,8 +11,11 @@ use crate::perception::{Beliefs, swap_roles};
 use crate::state::{FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State, World};
 use crate::steering::begin_path;
 
-/// Lane changes are considered at every fourth decision.
-pub const INTERVAL: usize = 4;
+/// Whether lane changes are considered at a decision.
+#[inline(always)]
+pub fn is_due(c: &Constants, decision: usize) -> bool {
+    decision.is_multiple_of(c.mobil_interval as usize)
+}
 
 #[inline(always)]
 fn imposed<S: Simd>(w: &World<'_, S>, i: usize, speed: V<S>, gap: V<S>, closing: V<S>) -> V<S> {

@@ -9,16 +9,20 @@ use crate::environment::{lane_film, lane_value};
 use crate::lanes::{
     LANES, M, V, at_least, at_most, choose, clamp_to, floor, max, min, pick, splat,
 };
-use crate::mobil::INTERVAL;
+use crate::mobil::is_due;
 use crate::neighbours::Neighbours;
-use crate::state::{EGO, HISTORY, LEAD, MOMENTS, ROLES, State, World};
+use crate::state::{EGO, HISTORY, LEAD, MOMENTS, NOBODY, ROLES, State, UNKNOWN, World};
 
-/// Gap that a driver assumes where nobody was noticed [m].
-pub const UNSEEN_GAP: f32 = 1000.0;
-/// Decisions over which a leader's braking is judged.
-const BRAKE_MEMORY: f32 = 4.0;
+/// Who touches is as visible, and looms as much, as at this gap [m].
+const NEAREST: f32 = 1.0;
+/// Beyond this every limit of sight has been passed [m].
 const FARTHEST: f32 = 1e4;
+/// Nothing is seen through e^-40; larger exponents only overflow.
 const DEEPEST: f32 = 40.0;
+/// Logarithm at which contrast is as good as gone.
+const LEAST_CONTRAST: f32 = 1e-3;
+/// Keeps sight lines finite alongside [m].
+const LEAST_REACH: f32 = 0.1;
 
 /// What one driver acts on, by role.
 #[derive(Clone, Copy)]
@@ -76,9 +80,9 @@ struct Screen<S: Simd> {
 #[inline(always)]
 fn is_hidden<S: Simd>(near: &Neighbours<S>, screen: &Screen<S>, role: usize) -> M<S> {
     let (lead, other) = (near.slot[LEAD], near.slot[role]);
-    let reach = at_least(near.distance[LEAD] - near.half_length[LEAD], 0.1);
+    let reach = at_least(near.distance[LEAD] - near.half_length[LEAD], LEAST_REACH);
     let distance = near.distance[role];
-    let crossing = near.aside[role] * (reach / at_least(distance, 0.1));
+    let crossing = near.aside[role] * (reach / at_least(distance, LEAST_REACH));
     let offset = (crossing - near.aside[LEAD]).abs();
     let blocked = distance.simd_gt(reach) & offset.simd_lt(screen.half_width) & other.simd_ne(lead);
     lead.simd_ge(0.0) & screen.tall.simd_gt(0.0) & blocked
@@ -95,7 +99,7 @@ fn strain<S: Simd>(
     let (c, q, n) = (w.c, &w.q, w.count);
     let is_front = role.is_multiple_of(2);
     let slot = near.slot[role];
-    let distance = clamp_to(near.gap[role], 1.0, FARTHEST);
+    let distance = clamp_to(near.gap[role], NEAREST, FARTHEST);
     let mut depth = depths.0 * distance;
     if is_front {
         depth += depths.1 * at_most(distance, c.spray_reach);
@@ -105,10 +109,14 @@ fn strain<S: Simd>(
     } else {
         q.sight_rear
     };
-    let by_contrast = depth / at_least(pick!(n, slot, |j| w.p[j].contrast) + sensitivity, 1e-3);
+    let by_contrast = depth
+        / at_least(
+            pick!(n, slot, |j| w.p[j].contrast) + sensitivity,
+            LEAST_CONTRAST,
+        );
     let by_contrast = max(by_contrast, distance * q.inverse_lit_range);
     let lamp = if is_front {
-        let braking = pick!(n, slot, |j| state.accel[j]).simd_lt(-0.5);
+        let braking = pick!(n, slot, |j| state.accel[j]).simd_lt(-c.stop_lamp_decel);
         let lamp = pick!(n, slot, |j| w.p[j].inverse_tail_lamp);
         choose(braking, at_most(lamp, c.inverse_stop_lamp), lamp)
     } else {
@@ -151,9 +159,9 @@ fn notice<S: Simd>(
         visible &= !blind;
     }
     let same = slot.simd_eq(state.seen_id[i][role]);
-    let first = state.seen_id[i][role].simd_lt(-1.5);
+    let first = state.seen_id[i][role].simd_eq(UNKNOWN);
     let longer = choose(same, state.seen_time[i][role] + c.decision, zero);
-    let longer = choose(first, splat(w.simd, 10.0), longer);
+    let longer = choose(first, splat(w.simd, c.seen_before), longer);
     state.seen_time[i][role] = choose(visible, longer, zero);
     state.seen_id[i][role] = slot;
     let needed = w.q.detection_time * (1.0 + c.detection_growth * (effort * effort * effort));
@@ -206,7 +214,7 @@ pub fn perceive<S: Simd>(
         half_width: pick!(w.count, near.slot[LEAD], |j| w.p[j].half_width),
     };
     // Beliefs that nobody acts on at this decision are not worked out; what is in view always is.
-    let all = i == EGO || decision.is_multiple_of(INTERVAL);
+    let all = i == EGO || is_due(c, decision);
     let leaving = state.path_time[i]
         .simd_lt(state.path_duration[i])
         .any_true();
@@ -234,10 +242,10 @@ pub fn perceive<S: Simd>(
         }
         let (place, speed) = recall(state, w.simd, row, slot);
         if role == LEAD {
-            let before = at_least(then - BRAKE_MEMORY, 0.0);
+            let before = at_least(then - c.brake_memory, 0.0);
             let row = before - HISTORY as f32 * floor(before * (1.0 / HISTORY as f32));
             let (_, early) = recall(state, w.simd, row, slot);
-            let change = (speed - early) / (BRAKE_MEMORY * c.decision);
+            let change = (speed - early) / (c.brake_memory * c.decision);
             believed.leader_accel = choose(noticed, at_most(change, 0.0), zero);
         }
         let place = place + speed * elapsed;
@@ -252,12 +260,12 @@ pub fn perceive<S: Simd>(
         } else {
             speed - own_speed
         };
-        let distance = at_least(gap, 1.0);
+        let distance = at_least(gap, NEAREST);
         let width = pick!(w.count, slot, |j| w.p[j].loom_width);
         let looming = (width * closing.abs()).simd_gt(c.looming_threshold * (distance * distance));
         let sensed = closing * (1.0 + q.speed_error * state.speed_error[i]);
         believed.detected[role] = noticed;
-        believed.gap[role] = choose(noticed, gap * judged, splat(w.simd, UNSEEN_GAP));
+        believed.gap[role] = choose(noticed, gap * judged, splat(w.simd, c.unseen_gap));
         believed.closing[role] = choose(noticed & looming, sensed, zero);
     }
     believed
@@ -276,7 +284,7 @@ pub fn swap_roles<S: Simd>(state: &mut State<'_, S>, i: usize, moved: M<S>, towa
         let simd = ids[role].simd;
         let (new_id, new_time) = match source {
             Some(from) => (ids[from], times[from]),
-            None => (splat(simd, -1.0), splat(simd, 0.0)),
+            None => (splat(simd, NOBODY), splat(simd, 0.0)),
         };
         state.seen_id[i][role] = choose(moved, new_id, ids[role]);
         state.seen_time[i][role] = choose(moved, new_time, times[role]);

@@ -17,6 +17,12 @@ const WORDS: usize = 12;
 const NO_VEHICLE: i32 = 255;
 const INT16_LIMIT: f32 = 32767.0;
 const INT32_LIMIT: f32 = 2.0e9;
+const TURNS_PER_RADIAN: f32 = 0.159_154_94;
+const THOUSAND: f32 = 1000.0;
+const TEN_THOUSAND: f32 = 10000.0;
+const INDICATOR_LEFT: i32 = 1;
+const INDICATOR_RIGHT: i32 = 2;
+const BRAKE: i32 = 4;
 const PRIME_1: u32 = 2_654_435_761;
 const PRIME_2: u32 = 2_246_822_519;
 const PRIME_3: u32 = 3_266_489_917;
@@ -38,8 +44,8 @@ fn rounded<S: Simd>(value: V<S>, scale: f32, limit: f32) -> i32x16<S> {
 
 #[inline(always)]
 fn wrapped<S: Simd>(angle: V<S>) -> V<S> {
-    let turns = (angle * 0.159_154_94).round_ties_even();
-    angle - turns * 6.283_185_5
+    let turns = (angle * TURNS_PER_RADIAN).round_ties_even();
+    angle - turns * core::f32::consts::TAU
 }
 
 #[inline(always)]
@@ -235,10 +241,10 @@ impl<'a> Recorder<'a> {
             } else {
                 speed - own
             };
-            let gap = rounded(believed.gap[role], 1000.0, INT32_LIMIT);
-            let believed_closing = rounded(believed.closing[role], 1000.0, INT32_LIMIT);
-            let true_gap = rounded(near.gap[role], 1000.0, INT32_LIMIT);
-            let true_closing = rounded(closing, 1000.0, INT32_LIMIT);
+            let gap = rounded(believed.gap[role], THOUSAND, INT32_LIMIT);
+            let believed_closing = rounded(believed.closing[role], THOUSAND, INT32_LIMIT);
+            let true_gap = rounded(near.gap[role], THOUSAND, INT32_LIMIT);
+            let true_closing = rounded(closing, THOUSAND, INT32_LIMIT);
             for lane in (0..self.lanes).filter(|lane| mask.test(*lane)) {
                 let at = (lane * MAX_PERCEPTS + state.num_percepts[lane] as usize) * 3 + column;
                 let nobody = slot[lane] < 0.0;
@@ -304,9 +310,9 @@ impl<'a> Recorder<'a> {
         let slots = self.out.slots;
         for i in 0..slots {
             let partner = state.contact_partner[i];
-            let time = rounded(state.contact_time[i], 1000.0, INT32_LIMIT);
+            let time = rounded(state.contact_time[i], THOUSAND, INT32_LIMIT);
             let impulse = rounded(state.contact_impulse[i], 1.0, INT32_LIMIT);
-            let speed = rounded(state.contact_speed[i], 1000.0, INT32_LIMIT);
+            let speed = rounded(state.contact_speed[i], THOUSAND, INT32_LIMIT);
             for lane in 0..self.lanes {
                 let at = lane * slots + i;
                 let slot = if partner[lane] < 0.0 {
@@ -443,20 +449,20 @@ fn vehicle_words<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> [
         state.wheel[i],
     );
     [
-        rounded(x0 + state.s[i] * cosine - d * sine, 1000.0, INT32_LIMIT),
-        rounded(y0 + state.s[i] * sine + d * cosine, 1000.0, INT32_LIMIT),
-        rounded(state.s[i], 1000.0, INT32_LIMIT),
-        rounded(d, 1000.0, INT32_LIMIT),
-        rounded(speed, 1000.0, INT32_LIMIT),
+        rounded(x0 + state.s[i] * cosine - d * sine, THOUSAND, INT32_LIMIT),
+        rounded(y0 + state.s[i] * sine + d * cosine, THOUSAND, INT32_LIMIT),
+        rounded(state.s[i], THOUSAND, INT32_LIMIT),
+        rounded(d, THOUSAND, INT32_LIMIT),
+        rounded(speed, THOUSAND, INT32_LIMIT),
         rounded(
             wrapped(heading + road.side * state.psi[i]),
-            10000.0,
+            TEN_THOUSAND,
             INT16_LIMIT,
         ),
-        rounded(road.side * wheel, 10000.0, INT16_LIMIT),
-        rounded(state.a_lon[i], 1000.0, INT16_LIMIT),
-        rounded(road.side * state.a_lat[i], 1000.0, INT16_LIMIT),
-        rounded(road.side * state.r[i], 10000.0, INT16_LIMIT),
+        rounded(road.side * wheel, TEN_THOUSAND, INT16_LIMIT),
+        rounded(state.a_lon[i], THOUSAND, INT16_LIMIT),
+        rounded(road.side * state.a_lat[i], THOUSAND, INT16_LIMIT),
+        rounded(road.side * state.r[i], TEN_THOUSAND, INT16_LIMIT),
         lane,
         lights(state, w, i),
     ]
@@ -465,13 +471,15 @@ fn vehicle_words<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> [
 #[inline(always)]
 fn lights<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> i32x16<S> {
     let towards_left = w.road.side * state.indicator[i];
-    let left = towards_left
-        .simd_gt(0.0)
-        .select(i32x16::splat(w.simd, 1), i32x16::splat(w.simd, 0));
-    let right = towards_left
-        .simd_lt(0.0)
-        .select(i32x16::splat(w.simd, 2), i32x16::splat(w.simd, 0));
-    let braking = state.accel[i].simd_lt(-0.5) | state.crashed[i].simd_gt(0.0);
+    let left = towards_left.simd_gt(0.0).select(
+        i32x16::splat(w.simd, INDICATOR_LEFT),
+        i32x16::splat(w.simd, 0),
+    );
+    let right = towards_left.simd_lt(0.0).select(
+        i32x16::splat(w.simd, INDICATOR_RIGHT),
+        i32x16::splat(w.simd, 0),
+    );
+    let braking = state.accel[i].simd_lt(-w.c.stop_lamp_decel) | state.crashed[i].simd_gt(0.0);
     let base: i32x16<S> = w.p[i].lights.to_int();
-    base + left + right + braking.select(i32x16::splat(w.simd, 4), i32x16::splat(w.simd, 0))
+    base + left + right + braking.select(i32x16::splat(w.simd, BRAKE), i32x16::splat(w.simd, 0))
 }

@@ -24,6 +24,12 @@ pub const SLOW_REAR: usize = 5;
 pub const ROLES: usize = 6;
 /// Slot number of nobody.
 pub const NOBODY: f32 = -1.0;
+/// In `State::seen_id` before the first decision: nothing was looked at yet.
+pub const UNKNOWN: f32 = -2.0;
+/// Before the first decision no lane change holds anyone back [s].
+const LONG_AGO: f32 = 10.0;
+/// On friction nothing depends yet.
+const ANY_FRICTION: f32 = 0.8;
 
 /// Slot of the ego.
 pub const EGO: usize = 0;
@@ -160,14 +166,14 @@ impl<'a, S: Simd> State<'a, S> {
             path_time: each(1.0),
             path_duration: each(1.0),
             lane: w.p.map(|p| p.start_lane),
-            since_change: each(10.0),
+            since_change: each(LONG_AGO),
             indicator: each(0.0),
             gust: each(0.0),
             distance_error: each(0.0),
             speed_error: each(0.0),
             wander: each(0.0),
-            mu_fast: each(0.8),
-            mu_slow: each(0.8),
+            mu_fast: each(ANY_FRICTION),
+            mu_slow: each(ANY_FRICTION),
             wind_force: each(0.0),
             wind_moment: each(0.0),
             tail_wind: each(0.0),

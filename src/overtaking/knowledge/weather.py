@@ -65,15 +65,17 @@ class Puddles:
         max_film_mm: At 100 percent [mm].
         from_percent: Deposits below which there is no puddle.
         full_cover: Part of the lane under puddles at 100 percent.
-        shortest: Length of a patch [m].
-        longest: Length of a patch [m].
+        first_wave: Length of one of the two waves that make the field [m].
+        second_wave: Length of the other [m].
+        slope: Share of the full depth per unit of the field below its threshold.
     """
 
     max_film_mm: float
     from_percent: float
     full_cover: float
-    shortest: float
-    longest: float
+    first_wave: float
+    second_wave: float
+    slope: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

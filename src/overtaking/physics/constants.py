@@ -30,9 +30,11 @@ _NAMES = {
     "footprint_margin": "model.lane_change.footprint_margin",
     "clear_fraction": "model.lane_change.clear_fraction",
     "cooldown": "model.lane_change.cooldown",
+    "mobil_interval": "model.lane_change.mobil_interval",
     "no_passing_right_speed": "model.lane_change.no_passing_right_speed",
     "smallest_rear_gap": "model.lane_change.smallest_rear_gap",
     "patience_floor": "model.overtaking.patience_floor",
+    "close_time_gap": "model.overtaking.close_time_gap",
     "waiting_time_gap": "model.overtaking.waiting_time_gap",
     "accelerate_gain": "model.overtaking.accelerate_gain",
     "abort_until": "model.overtaking.abort_until",
@@ -44,12 +46,19 @@ _NAMES = {
     "settled_offset": "model.overtaking.settled_offset",
     "sight_range": "model.perception.range",
     "mirror_range": "model.perception.mirror_range",
+    "unseen_gap": "model.perception.unseen_gap",
+    "seen_before": "model.perception.seen_before",
+    "brake_memory": "model.perception.brake_memory",
+    "stop_lamp_decel": "model.lights.stop_lamp_decel",
     "detection_growth": "model.perception.detection_growth",
     "blind_spot": "model.perception.blind_spot",
     "looming_threshold": "model.perception.looming_threshold",
     "lane_deviation": "model.perception.lane_deviation",
     "error_time": "model.perception.error_time",
     "lane_time": "model.perception.lane_time",
+    "inverse_puddle_wave_1": "weather.puddles.first_wave",
+    "inverse_puddle_wave_2": "weather.puddles.second_wave",
+    "puddle_slope": "weather.puddles.slope",
     "spray_coefficient": "weather.spray.coefficient",
     "spray_film": "weather.spray.full_film_mm",
     "spray_speed": "weather.spray.speed_scale",
@@ -141,7 +150,9 @@ def known(path: str) -> np.float32:
 def constants() -> Constants:
     """The constants of the model as published."""
     values = {name: known(path) for name, path in _NAMES.items()}
-    values["inverse_stop_lamp"] = np.float32(1.0) / values["inverse_stop_lamp"]
+    for name in values:
+        if name.startswith("inverse_"):
+            values[name] = np.float32(1.0) / values[name]
     values["half_air_density"] = np.float32(0.5) * values["half_air_density"]
     table = friction_table()
     return Constants(

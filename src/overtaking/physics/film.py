@@ -3,16 +3,14 @@
 import numpy as np
 
 from overtaking.core.elementary import F32, clamp, maximum, power
-from overtaking.physics.constants import known
+from overtaking.physics.constants import Constants, known
 
 PERCENT = np.float32(0.01)
 
-# The field of puddles is part of the step, so the engine has these numbers too. The wave lengths
-# are a choice: patches of some metres, repeated after 851 m. The phases of neighbouring wheel paths
-# differ by the golden ratio, whose multiples fill a period evenly.
-_WAVES_PER_METRE = (np.float32(1.0 / 23.0), np.float32(1.0 / 37.0))
-_PHASES_PER_PATH = (np.float32(0.618_034), np.float32(0.381_966))
-_STEEPNESS = np.float32(5.0)  # Full depth where the field is 0.2 below the threshold.
+# The phases of neighbouring wheel paths differ by the golden ratio, whose multiples fill a period
+# evenly, and by its square. The field of puddles is part of the step: the engine has them too.
+_GOLDEN = np.float32(0.618_034)
+_GOLDEN_SQUARE = np.float32(0.381_966)
 
 
 def rain_rate(rain: F32) -> F32:
@@ -67,19 +65,20 @@ def triangle_wave(x: F32) -> F32:
     return np.abs(np.float32(2.0) * (x - floor(x)) - np.float32(1.0))
 
 
-def puddle(s: F32, path: F32, phase_1: F32, phase_2: F32, reach: F32) -> F32:
+def puddle(c: Constants, s: F32, path: F32, phase_1: F32, phase_2: F32, reach: F32) -> F32:
     """Depth of the puddle at a point, 0 to 1 of its full depth.
 
     Two triangle waves of incommensurate length add up to a field whose share below `reach` is
     reach**2 / 2 for reach <= 1: the share of the wheel path that is under water.
 
     Args:
+        c: Constants.
         s: Position along the road [m].
         path: Number of the wheel path, two to a lane.
         phase_1: Random phase of the simulation in [0, 1).
         phase_2: Another one.
         reach: Threshold; sqrt(2 x covered share).
     """
-    wave = triangle_wave(s * _WAVES_PER_METRE[0] + phase_1 + _PHASES_PER_PATH[0] * path)
-    wave = wave + triangle_wave(s * _WAVES_PER_METRE[1] + phase_2 + _PHASES_PER_PATH[1] * path)
-    return clamp((reach - wave) * _STEEPNESS, np.float32(0.0), np.float32(1.0))
+    wave = triangle_wave(s * c.inverse_puddle_wave_1 + phase_1 + _GOLDEN * path)
+    wave = wave + triangle_wave(s * c.inverse_puddle_wave_2 + phase_2 + _GOLDEN_SQUARE * path)
+    return clamp((reach - wave) * c.puddle_slope, np.float32(0.0), np.float32(1.0))

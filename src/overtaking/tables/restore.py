@@ -23,8 +23,8 @@ from overtaking.model.trajectory import (
 )
 from overtaking.model.vehicles import Role, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
+from overtaking.physics.constants import constants
 from overtaking.scenarios.assumed import KIND, assumed_bodies, assumed_drivers, assumed_weather
-from overtaking.sim.reference.perception import UNSEEN_GAP
 from overtaking.tables.arrow import column_to_numpy, to_arrow
 from overtaking.tables.columns import codes
 from overtaking.tables.schemas import (
@@ -273,7 +273,7 @@ def _percepts(tables: Tables) -> Percepts:
         values = [_numbers(table, f"{who}_{column}", missing) for who in NEIGHBOURS]
         return grid.filled(np.stack(values, axis=-1), missing)
 
-    unseen_mm = round(float(UNSEEN_GAP) / METRES_PER_STEP)
+    unseen_mm = round(float(constants().unseen_gap) / METRES_PER_STEP)
 
     return Percepts(
         valid=grid.filled(np.ones(grid.num_rows, dtype=np.bool_)),

@@ -180,7 +180,7 @@ def test_ranges_and_thresholds_are_in_order():
     assert contrast.marking_wet < contrast.marking_dry
     assert heads.marking_wet < heads.marking_dry
     assert heads.low_beam.number < heads.low_beam_within < heads.high_beam.number
-    assert maps.puddles.shortest < maps.puddles.longest
+    assert maps.puddles.first_wave < maps.puddles.second_wave
     assert maps.gusts.shortest < maps.gusts.longest
     assert maps.errors.distance_cv_day < maps.errors.distance_cv_night < maps.errors.distance_cv_fog
     assert list(maps.fog.band_edges) == sorted(maps.fog.band_edges)

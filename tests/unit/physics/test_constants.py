@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import overtaking
 from overtaking.knowledge import Quantity, friction_table, quantities
 from overtaking.physics.constants import constants
 
@@ -44,6 +48,9 @@ def test_a_decision_is_a_whole_number_of_steps():
 def test_derived_constants_are_what_their_names_say():
     c = constants()
     assert float(c.half_air_density) == pytest.approx(0.5 * 1.2)
+    assert float(c.inverse_puddle_wave_1) == pytest.approx(
+        1.0 / number("weather", "puddles.first_wave")
+    )
     assert float(c.inverse_stop_lamp) == pytest.approx(1.0 / number("weather", "lamps.stop"))
 
 
@@ -67,3 +74,14 @@ def test_a_name_that_does_not_exist_is_refused():
         constants().replace(bounce=1.0)
     with pytest.raises(AttributeError):
         _ = constants().bounce
+
+
+def test_every_entry_of_the_model_is_read_somewhere():
+    package = Path(overtaking.__file__).parent
+    text = "".join(path.read_text(encoding="utf-8") for path in package.rglob("*.py"))
+    # Some are read in a row, as in f"model.perception.detection_time_{light}".
+    places = [re.sub(r"{\w+}", r"\\w+", each) for each in re.findall(r'"model\.([\w.{}]+)"', text)]
+    names = list(quantities("model.toml"))
+    unread = [name for name in names if not any(re.fullmatch(each, name) for each in places)]
+    assert len(names) > 50
+    assert unread == []

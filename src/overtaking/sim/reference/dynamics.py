@@ -9,6 +9,7 @@ from overtaking.sim.reference.state import Fields, State
 _ONE = np.float32(1.0)
 _HALF = np.float32(0.5)
 _TINY = np.float32(1e-3)  # Keeps the direction of a wreck at rest finite [m/s].
+_LEAST_GRIP = np.float32(1.0)  # Left sideways by full braking, squared, to divide by [N^2].
 
 
 def fiala(stiffness: F32, slope: F32, limit: F32) -> F32:
@@ -54,7 +55,7 @@ def axle_forces(c: Constants, state: State, force: F32, load: F32) -> tuple[F32,
     slow = clamp(_HALF * force, -bound_slow, bound_slow)
     total = fast + slow
     grip = (state.mu_fast + state.mu_slow) * half_load
-    left = maximum(grip * grip - total * total, _ONE)
+    left = maximum(grip * grip - total * total, _LEAST_GRIP)
     return total, slow - fast, np.sqrt(left)
 
 

@@ -26,9 +26,6 @@ from overtaking.sim.reference.state import (
     pick,
 )
 
-_CLOSE = np.float32(1.5)
-"""A gap below this multiple of the wanted time gap counts as close; the engine has it too."""
-
 
 @dataclass(slots=True, kw_only=True)
 class View:
@@ -91,12 +88,13 @@ def their_braking(given: Parameters, view: View, role: int) -> F32:
     )
 
 
-def wants_to_pass(view: View) -> Mask:
+def wants_to_pass(given: Parameters, view: View) -> Mask:
     """Whether the leader is slow enough, and near enough, that an overtake is wanted now."""
     own = view.own
     slower = own.desired_speed - view.leader_speed > own.passing_gain * view.impatience
     soon = view.gap[LEAD] < own.pull_out_time * view.closing[LEAD]
-    close = view.gap[LEAD] < _CLOSE * own.time_gap * view.speed + own.min_gap
+    near = given.constants.close_time_gap * own.time_gap * view.speed + own.min_gap
+    close = view.gap[LEAD] < near
     return view.detected[LEAD] & slower & (soon | close)
 
 
@@ -235,7 +233,9 @@ def _starts(state: State, given: Parameters, q: Fields, view: View, arrived: Mas
     rested = state.since_change[Role.EGO] >= c.abort_cooldown
     has_lane = state.lane[Role.EGO] < np.float32(given.road.num_lanes - 1)
     free = _in_stage(state, Stage.FOLLOW) & arrived & rested & has_lane
-    wanted = free & wants_to_pass(view) & may_pull_out(given, view) & (q.command != Decision.STAY)
+    wanted = (
+        free & wants_to_pass(given, view) & may_pull_out(given, view) & (q.command != Decision.STAY)
+    )
     return wanted | (free & (q.command == Decision.PULL_OUT) & (state.attempted == 0))
 
 

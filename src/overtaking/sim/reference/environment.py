@@ -11,6 +11,7 @@ from overtaking.sim.reference.state import Fields, State
 _ROOT_3 = np.float32(1.732_050_8)  # A uniform number of unit variance lies within +- sqrt(3).
 _TURN = np.float32(6.283_185_5)
 _QUARTER_TURN = np.float32(1.570_796_4)
+_LEAST_AIR_SPEED = np.float32(1.0)  # Keeps the angle of the wind finite at rest [m/s].
 
 
 def _relaxed(process: F32, keep: F32, word: F32) -> F32:
@@ -61,7 +62,9 @@ def grip(state: State, given: Parameters, p: Fields, q: Fields) -> None:
     sides = []
     for offset in (p.half_track, -p.half_track):
         wheel_path = film.floor((state.d + offset - road.boundaries[0]) / width)
-        depth = film.puddle(state.s, wheel_path, q.puddle_phase_1, q.puddle_phase_2, q.puddle_reach)
+        depth = film.puddle(
+            c, state.s, wheel_path, q.puddle_phase_1, q.puddle_phase_2, q.puddle_reach
+        )
         sides.append(friction.at_film(c, columns, water + q.puddle_film * depth))
     state.mu_fast, state.mu_slow = sides
 
@@ -121,7 +124,7 @@ def wind(state: State, given: Parameters, p: Fields, q: Fields) -> None:
     strength = maximum(strength, np.float32(0.0))
     across = q.wind_across * strength * shelter(state, given, p, q)
     state.tail_wind = q.wind_along * strength
-    along = maximum(state.vx - state.tail_wind, one)
+    along = maximum(state.vx - state.tail_wind, _LEAST_AIR_SPEED)
     angle = atan(np.abs(across) / along)
     sine, _ = sincos(minimum(c.wind_angle_factor * angle, _QUARTER_TURN))
     force = p.side_wind * (along * along + across * across) * sine

@@ -9,6 +9,11 @@ from overtaking.sim.reference.state import Fields
 _STEADY = np.float32(0.0)
 _LEAST_WAY = np.float32(1e-3)  # Keeps the quotient finite behind a standing leader [m^2/s^2].
 
+# Near the desired speed the free acceleration vanishes and the exponent that blends it grows.
+_LEAST_FREE = np.float32(1e-3)  # [m/s^2]
+_STEEPEST = np.float32(1000.0)
+_LEAST_RATIO = np.float32(1e-6)  # Of the wanted to the actual gap, for its logarithm.
+
 
 def wanted_gap(p: Fields, speed: F32, closing: F32, time_gap: F32) -> F32:
     """s* of the intelligent driver model [m]."""
@@ -48,10 +53,8 @@ def iidm(
     over = exp(-p.overspeed_exponent * log(maximum(ratio, one)))
     free_above = -p.decel * (one - over)
     interacting = p.accel * (one - z * z)
-    steepness = minimum(
-        np.float32(2.0) * p.accel / maximum(free_below, np.float32(1e-3)), np.float32(1000.0)
-    )
-    blended = free_below * (one - exp(steepness * log(clamp(z, np.float32(1e-6), one))))
+    steepness = minimum(np.float32(2.0) * p.accel / maximum(free_below, _LEAST_FREE), _STEEPEST)
+    blended = free_below * (one - exp(steepness * log(clamp(z, _LEAST_RATIO, one))))
     below = np.where(z >= one, interacting, blended)
     above = np.where(z >= one, free_above + interacting, free_above)
     return np.where(ratio <= one, below, above)
@@ -131,10 +134,12 @@ def forced_braking(
 ) -> F32:
     """Acceleration, never positive, of someone following at the speed that they want [m/s^2].
 
-    The model at its desired speed behind a steady leader: what somebody in this place does to the
-    one behind.
+    The bare model at its desired speed: what somebody in this place does to the one behind. It is
+    not cooled, since a cool head only counts on the gap that it has: who is to give room to
+    somebody else judges by the gap that is wanted.
+
+    Source:
+        Kesting, Treiber, Helbing 2007, whose safety criterion is in the terms of the plain model.
     """
     z = wanted_gap(p, speed, closing, time_gap) / maximum(gap, c.smallest_gap)
-    wanted = p.accel * (np.float32(1.0) - z * z)
-    needed = needed_braking(c, speed, gap, closing, _STEADY)
-    return minimum(cooled(c, p, wanted, needed), np.float32(0.0))
+    return minimum(p.accel * (np.float32(1.0) - z * z), np.float32(0.0))

@@ -4,6 +4,7 @@ import numpy as np
 
 from overtaking.core.elementary import F32, Mask, minimum
 from overtaking.model.vehicles import Role
+from overtaking.physics.constants import Constants
 from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.following import follow, forced_braking
 from overtaking.sim.reference.neighbours import lane_borders
@@ -20,8 +21,10 @@ from overtaking.sim.reference.state import (
 )
 from overtaking.sim.reference.steering import begin_path
 
-INTERVAL = 4
-"""Lane changes are considered at every fourth decision."""
+
+def is_due(c: Constants, decision: int) -> bool:
+    """Whether lane changes are considered at a decision."""
+    return decision % int(c.mobil_interval) == 0
 
 
 def imposed(given: Parameters, p: Fields, speed: F32, gap: F32, closing: F32) -> F32:

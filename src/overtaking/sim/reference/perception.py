@@ -26,18 +26,12 @@ from overtaking.sim.reference.state import (
     road_velocity,
 )
 
-UNSEEN_GAP = np.float32(1000.0)
-"""Gap that a driver assumes where nobody was noticed [m]."""
-
 # The engine has these numbers too.
 _NEAREST = np.float32(1.0)  # Who touches is as visible, and looms as much, as at this gap [m].
 _FARTHEST = np.float32(1e4)  # Beyond this every limit of sight has been passed [m].
 _DEEPEST = np.float32(40.0)  # Nothing is seen through e**-40; larger exponents only overflow.
 _LEAST_CONTRAST = np.float32(1e-3)  # Logarithm at which contrast is as good as gone.
 _LEAST_REACH = np.float32(0.1)  # Keeps sight lines finite alongside [m].
-_BRAKES = np.float32(-0.5)  # Acceleration below which stop lamps are lit [m/s^2].
-_BRAKE_MEMORY = np.float32(4.0)  # Decisions over which a leader's braking is judged.
-_ALL_ALONG = np.float32(10.0)  # Time in view of what is there at the first decision [s].
 
 
 @dataclass(slots=True, kw_only=True)
@@ -46,7 +40,7 @@ class Beliefs:
 
     Attributes:
         detected: Whether the neighbour was noticed.
-        gap: Believed gap, `UNSEEN_GAP` where nobody was noticed [m].
+        gap: Believed gap, `Constants.unseen_gap` where nobody was noticed [m].
         closing: Believed speed of approach, positive when the gap shrinks, 0 where nobody was
             noticed [m/s].
         leader_accel: Believed acceleration of the leader in the own lane, never positive, shape
@@ -128,7 +122,7 @@ def strain(
 def _tail_lamp(state: State, c: Constants, p: Fields, slot: F32) -> F32:
     """One over the intensity of what shines at the rear of a vehicle [1/cd]."""
     lamp = pick(p.inverse_tail_lamp, slot)
-    braking = pick(state.accel, slot) < _BRAKES
+    braking = pick(state.accel, slot) < -c.stop_lamp_decel
     return np.where(braking, minimum(lamp, c.inverse_stop_lamp), lamp)
 
 
@@ -157,7 +151,7 @@ def notice(
     same = slot == state.seen_id[role]
     first = state.seen_id[role] == UNKNOWN
     longer = np.where(same, state.seen_time[role] + c.decision, np.float32(0.0))
-    longer = np.where(first, _ALL_ALONG, longer)
+    longer = np.where(first, c.seen_before, longer)
     state.seen_time[role] = np.where(visible, longer, np.float32(0.0))
     state.seen_id[role] = slot
     needed = q.detection_time * (np.float32(1.0) + c.detection_growth * (effort * effort * effort))
@@ -197,7 +191,7 @@ def perceive(
         )
         sensed = closing * (np.float32(1.0) + q.speed_error * state.speed_error)
         detected.append(noticed)
-        gaps.append(np.where(noticed, gap * judged, UNSEEN_GAP))
+        gaps.append(np.where(noticed, gap * judged, c.unseen_gap))
         closings.append(np.where(noticed & looming, sensed, np.float32(0.0)))
     return Beliefs(
         detected=np.stack(detected),
@@ -211,12 +205,12 @@ def _braking_of_leader(
     state: State, c: Constants, near: Neighbours, then: F32, noticed: Mask
 ) -> F32:
     """How hard the leader braked a reaction time ago, (vehicle, simulation) [m/s^2]."""
-    before = maximum(then - _BRAKE_MEMORY, np.float32(0.0))
+    before = maximum(then - c.brake_memory, np.float32(0.0))
     who = near.slot[LEAD].astype(np.int64).clip(0)
     column = np.arange(state.s.shape[1])
     late = state.history_v[then.astype(np.int64) % HISTORY, who, column]
     early = state.history_v[before.astype(np.int64) % HISTORY, who, column]
-    change = (late - early) / (_BRAKE_MEMORY * c.decision)
+    change = (late - early) / (c.brake_memory * c.decision)
     return np.where(noticed, minimum(change, np.float32(0.0)), np.float32(0.0))
 
 

@@ -28,8 +28,9 @@ MAX_PERCEPTS = 4
 
 _INT16_LIMIT = np.float32(32767.0)
 _INT32_LIMIT = np.float32(2.0e9)
-_BRAKES = np.float32(-0.5)  # Acceleration below which stop lamps are lit; the engine has it too.
 _BEYOND_SLOW_EDGE = 255  # Lane of what has left the lanes there.
+_TURN = np.float32(6.283_185_5)
+_TURNS_PER_RADIAN = np.float32(0.159_154_94)
 _THOUSAND = np.float32(1000.0)
 _TEN_THOUSAND = np.float32(10000.0)
 
@@ -44,8 +45,8 @@ def rounded(value: F32, scale: np.float32, limit: np.float32 = _INT32_LIMIT) -> 
 
 def wrapped(angle: F32) -> F32:
     """`angle` in (-pi, pi]."""
-    turns = np.rint(angle * np.float32(0.159_154_94))
-    return angle - turns * np.float32(6.283_185_5)
+    turns = np.rint(angle * _TURNS_PER_RADIAN)
+    return angle - turns * _TURN
 
 
 def _empty_states(shape: tuple[int, int, int]) -> States:
@@ -178,7 +179,7 @@ class Recorder:
         towards_left = self.given.road.side * state.indicator
         left = np.where(towards_left > 0, np.int32(Lights.INDICATOR_LEFT), np.int32(0))
         right = np.where(towards_left < 0, np.int32(Lights.INDICATOR_RIGHT), np.int32(0))
-        braking = (state.accel < _BRAKES) | (state.crashed > 0)
+        braking = (state.accel < -self.given.constants.stop_lamp_decel) | (state.crashed > 0)
         return (
             p.lights.astype(np.int32)
             + left

@@ -84,7 +84,7 @@ def decide(
     leader = control.behind_leader(state, given, p, believed)
     old_leader = control.behind_old_leader(state, given, p, near, believed)
     control.set_acceleration(state, given, p, leader, old_leader)
-    if decision % mobil.INTERVAL == 0:
+    if mobil.is_due(c, decision):
         mobil.change_lanes(state, given, p, believed, leader)
     ego.decide(state, given, p, q, near, believed, recorder, step)
     count = len(p.valid)
