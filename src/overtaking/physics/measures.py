@@ -7,7 +7,7 @@ broadcast and gives float32; what never happens takes an infinite time.
 
 import numpy as np
 
-from overtaking.core.elementary import F32, F32Like, as_f32, maximum, minimum
+from overtaking.core.elementary import F32, F32Like, as_f32
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -27,7 +27,7 @@ def time_gap(gap: F32Like, speed: F32Like) -> F32:
         gap / speed; 0 where they overlap, infinite at a standstill.
     """
     moving = speed > 0
-    time = maximum(gap, _ZERO) / np.where(moving, speed, _ONE)
+    time = np.maximum(gap, _ZERO) / np.where(moving, speed, _ONE)
     return np.where(moving | (gap <= 0), time, _NEVER)
 
 
@@ -49,7 +49,7 @@ def ttc(gap: F32Like, closing_speed: F32Like) -> F32:
         Hayward (1972), Near-miss determination through use of a scale of danger.
     """
     closing = closing_speed > 0
-    time = maximum(gap, _ZERO) / np.where(closing, closing_speed, _ONE)
+    time = np.maximum(gap, _ZERO) / np.where(closing, closing_speed, _ONE)
     return np.where(closing | (gap <= 0), time, _NEVER)
 
 
@@ -68,9 +68,9 @@ def ttc_accel(gap: F32Like, closing_speed: F32Like, closing_accel: F32Like) -> F
     Source:
         Ozbay, Yang, Bartin, Mudigonda (2008), TRB 2083, 105-113.
     """
-    distance = maximum(gap, _ZERO)
+    distance = np.maximum(gap, _ZERO)
     square = closing_speed * closing_speed + _TWO * closing_accel * distance
-    root = np.sqrt(maximum(square, _ZERO))
+    root = np.sqrt(np.maximum(square, _ZERO))
     # Each form of the root where it loses no digits: the sum of two numbers of one sign.
     opening = closing_speed < 0
     below = np.where(opening, closing_accel, closing_speed + root)
@@ -88,7 +88,7 @@ def drac(gap: F32Like, closing_speed: F32Like) -> F32:
     Source:
         Cooper and Ferguson (1976), via AASHTO's comfortable 3.4 m/s^2 as a usual threshold.
     """
-    approach = maximum(closing_speed, _ZERO)
+    approach = np.maximum(closing_speed, _ZERO)
     room = gap > 0
     needed = approach * approach / (_TWO * np.where(room, gap, _ONE))
     return np.where(room | (approach == 0), needed, _NEVER)
@@ -96,7 +96,7 @@ def drac(gap: F32Like, closing_speed: F32Like) -> F32:
 
 def usable_decel(friction: F32Like, *, share: F32Like, limit: F32Like, gravity: F32Like) -> F32:
     """Deceleration that a careful driver may count on: min(limit, share mu g) [m/s^2]."""
-    return minimum(share * gravity * friction, limit)
+    return np.minimum(share * gravity * friction, limit)
 
 
 def safe_distance(
@@ -124,7 +124,7 @@ def safe_distance(
         Maierhofer et al. (2020), Formalization of interstate traffic rules in temporal logic;
         Rizaldi et al. (2016), A formally verified checker of the safe distance traffic rules.
     """
-    return maximum(
+    return np.maximum(
         -picud(
             _ZERO,
             rear_speed,
@@ -183,7 +183,7 @@ def rss_longitudinal(
     reached = rear_speed + reaction_time * accel
     reaction = (rear_speed + _HALF * accel * reaction_time) * reaction_time
     stop = reached * reached / (_TWO * rear_decel)
-    return maximum(reaction + stop - lead_speed * lead_speed / (_TWO * lead_decel), _ZERO)
+    return np.maximum(reaction + stop - lead_speed * lead_speed / (_TWO * lead_decel), _ZERO)
 
 
 def rss_opposite(
@@ -237,7 +237,7 @@ def rss_lateral(
     """
     left = _swerve(left_speed, reaction_time, accel, decel)
     right = _swerve(right_speed, reaction_time, -accel, decel)
-    return margin + maximum(left - right, _ZERO)
+    return margin + np.maximum(left - right, _ZERO)
 
 
 def imposed_braking(gap: F32Like, closing_speed: F32Like) -> F32:

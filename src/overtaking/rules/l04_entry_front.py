@@ -1,0 +1,38 @@
+"""L4: room behind the vehicle ahead in the lane that is entered."""
+
+from overtaking.model.labels import Case
+from overtaking.model.signals import Around
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.rules.beliefs import FRONT, belief, pull_out
+from overtaking.rules.distances import margin_ahead, sure_decel
+from overtaking.rules.frames import at, beside, instant
+from overtaking.rules.rule import Check, Grade, Rule
+
+
+def check(case: Case) -> Check:
+    """When the line is crossed, the leader on the left is at a lawful gap, 3 s or more away."""
+    seen, frame, place = case.signals, case.events.line_crossed, Around.LEFT_LEADER
+    margin = margin_ahead(
+        beside(seen.gap, place, frame),
+        at(seen.speed, frame),
+        beside(seen.closing_speed, place, frame),
+        sure_decel(at(seen.friction, frame)),
+    )
+    believed = belief(case, pull_out(case), {FRONT: margin_ahead})
+    return instant(frame, margin, beside(seen.vehicle, place, frame) != NO_VEHICLE, belief=believed)
+
+
+RULE = Rule(
+    id="pt.ce.38-1.front@2013",
+    code="L4",
+    law="Article 38(1) and (2)(a)",
+    title="Room ahead in the lane entered",
+    gloss="Do not begin to overtake unless sure of no danger of colliding with traffic in the "
+    "same direction; the carriageway must be free over the length that is needed.",
+    predicate="At line_crossed: gap to the leader in the lane on the left >= safe distance (as "
+    "L3), and time to collision >= 3 s.",
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["weather"]),
+    check=check,
+)

@@ -1,0 +1,37 @@
+"""L5: room in front of the vehicle behind in the lane that is entered."""
+
+from overtaking.model.labels import Case
+from overtaking.model.signals import Around
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.rules.beliefs import REAR, belief, pull_out
+from overtaking.rules.distances import margin_behind, sure_decel
+from overtaking.rules.frames import at, beside, instant
+from overtaking.rules.rule import Check, Grade, Rule
+
+
+def check(case: Case) -> Check:
+    """When the line is crossed, the follower on the left has a lawful gap and need not brake."""
+    seen, frame, place = case.signals, case.events.line_crossed, Around.LEFT_FOLLOWER
+    margin = margin_behind(
+        beside(seen.gap, place, frame),
+        at(seen.speed, frame),
+        beside(seen.closing_speed, place, frame),
+        sure_decel(at(seen.friction, frame)),
+    )
+    believed = belief(case, pull_out(case), {REAR: margin_behind})
+    return instant(frame, margin, beside(seen.vehicle, place, frame) != NO_VEHICLE, belief=believed)
+
+
+RULE = Rule(
+    id="pt.ce.35@2013",
+    code="L5",
+    law="Articles 35 and 38(2)(c)",
+    title="Room behind in the lane entered",
+    gloss="Change lane only where no danger to or obstruction of traffic results.",
+    predicate="At line_crossed: gap to the follower in the lane on the left >= its safe distance "
+    "(as L3), and the braking that is forced on it, closing speed^2 / (2 gap), <= 2 m/s^2.",
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["weather"]),
+    check=check,
+)

@@ -1,0 +1,55 @@
+"""L6: nobody behind has begun to overtake."""
+
+import numpy as np
+
+from overtaking.core.elementary import F32, Mask, maximum
+from overtaking.model.labels import Case
+from overtaking.physics.constants import known
+from overtaking.rules.frames import at, instant
+from overtaking.rules.others import Others, others_at, out_indicator
+from overtaking.rules.rule import Check, Grade, Rule
+
+
+def check(case: Case) -> Check:
+    """At the start nobody comes up on the left within 4 s, and no follower is pulling out."""
+    frame = case.events.attempt
+    others, own_lane = others_at(case, frame), at(case.signals.lane, frame)[:, None]
+    behind = others.valid & ~others.oncoming & (others.lead > 0)
+    left = behind & (others.lane == own_lane + 1)
+    same = behind & (others.lane == own_lane) & (others.gap <= known("law.others.reach"))
+    moving = same & (others.lateral_speed > known("law.others.lateral_speed"))
+    hidden = "indicators" in case.trajectories.unknown
+    shown = same & ((others.lights & out_indicator(case)) != 0) & (not hidden)
+    begun = (moving | shown).any(axis=1)
+    arrival = np.where(begun, np.float32(0.0), _arrival(case, others, left))
+    return instant(
+        frame,
+        arrival - known("law.others.arrival"),
+        (left | same).any(axis=1),
+        doubtful=same.any(axis=1) & hidden,
+    )
+
+
+def _arrival(case: Case, others: Others, left: Mask) -> F32:
+    """Time until the first on the left is beside the ego at constant speeds [s], at most 60."""
+    longest = known("law.others.longest_arrival")
+    closing = others.speed - at(case.signals.speed, case.events.attempt)[:, None]
+    comes = left & (closing > 0)
+    time = maximum(others.gap, np.float32(0.0)) / np.where(comes, closing, np.float32(1.0))
+    return np.where(comes & (time < longest), time, longest).min(axis=1)
+
+
+RULE = Rule(
+    id="pt.ce.38-2-c@2013",
+    code="L6",
+    law="Article 38(2)(c)",
+    title="Nobody overtakes already",
+    gloss="Do not begin to overtake if a follower in the same lane or in the one on the left has "
+    "begun to.",
+    predicate="At attempt: nobody behind in the lane on the left arrives beside the ego within 4 "
+    "s, and nobody within 100 m behind in its lane signals left or moves left at over 0.2 m/s.",
+    unit="s",
+    grade=Grade.BY_ROAD,
+    partly=frozenset(["indicators"]),
+    check=check,
+)

@@ -1,0 +1,44 @@
+"""L8: return to the right without danger to those there."""
+
+import numpy as np
+
+from overtaking.core.elementary import minimum
+from overtaking.model.labels import Case
+from overtaking.model.signals import Around
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.rules.beliefs import FRONT, REAR, belief, going_back
+from overtaking.rules.distances import margin_behind, margin_of_gap, sure_decel
+from overtaking.rules.frames import at, beside, instant
+from overtaking.rules.rule import Check, Grade, Rule
+
+_FAR = np.float32(3.0e38)
+
+
+def check(case: Case) -> Check:
+    """When the ego is back, the gaps behind and ahead of it are lawful."""
+    seen, frame = case.signals, case.events.return_end
+    speed, decel = at(seen.speed, frame), sure_decel(at(seen.friction, frame))
+    margins, anybody = [], np.zeros(len(frame), np.bool_)
+    for place, margin in ((Around.FOLLOWER, margin_behind), (Around.LEADER, margin_of_gap)):
+        there = beside(seen.vehicle, place, frame) != NO_VEHICLE
+        gap, closing = (beside(of, place, frame) for of in (seen.gap, seen.closing_speed))
+        margins.append(np.where(there, margin(gap, speed, closing, decel), _FAR))
+        anybody |= there
+    believed = belief(case, going_back(case), {REAR: margin_behind, FRONT: margin_of_gap})
+    return instant(frame, minimum(*margins), anybody, belief=believed)
+
+
+RULE = Rule(
+    id="pt.ce.38-2-b@2013",
+    code="L8",
+    law="Article 38(2)(b)",
+    title="Safe return",
+    gloss="Overtake only if one can return to the right without danger to those who drive there.",
+    predicate="At return_end: gap to the vehicle behind, the overtaken one or whoever came "
+    "between, >= its safe distance (as L3); the braking forced on it <= 2 m/s^2; gap to the "
+    "vehicle ahead >= the ego's safe distance.",
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["weather"]),
+    check=check,
+)

@@ -1,0 +1,31 @@
+"""L10: enough distance to the side of a motor vehicle."""
+
+from overtaking.model.labels import Case
+from overtaking.physics.constants import known
+from overtaking.rules.frames import alongside, always_at
+from overtaking.rules.kinds import target_may_be_motor
+from overtaking.rules.rule import Check, Grade, Rule
+
+
+def check(case: Case) -> Check:
+    """Alongside a motor vehicle, the bodies are at least 0.8 m apart."""
+    rows, frames = alongside(case)
+    motor = target_may_be_motor(case)[rows]
+    rows, frames = rows[motor], frames[motor]
+    margin = case.target.lateral_gap[rows, frames] - known("law.side.motor")
+    return always_at(margin, rows, frames, case.signals.num_simulations)
+
+
+RULE = Rule(
+    id="pt.ce.18-2@2013",
+    code="L10",
+    law="Article 18(2)",
+    title="Lateral distance",
+    gloss="Keep a lateral distance to vehicles on the same carriageway that avoids accidents.",
+    predicate="While ego and target overlap, the target being no bicycle: distance between their "
+    "sides >= 0.8 m.",
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["kinds"]),
+    check=check,
+)

@@ -1,0 +1,88 @@
+"""L15 and L15s: do not overtake where one does not see far enough."""
+
+import numpy as np
+
+from overtaking.core.elementary import F32
+from overtaking.model.events import NEVER
+from overtaking.model.labels import Case
+from overtaking.physics.constants import known
+from overtaking.rules.frames import Span, always, at, is_two_way, manoeuvre, seconds_of
+from overtaking.rules.rule import Check, Grade, Rule
+
+
+def check_lit(case: Case) -> Check:
+    """From the start until the target is passed, a lit vehicle is seen far enough away."""
+    return _check(case, case.signals.sight_lit)
+
+
+def check_unlit(case: Case) -> Check:
+    """From the start until the target is passed, an unlit obstacle is seen far enough away."""
+    return _check(case, case.signals.sight_unlit)
+
+
+def _check(case: Case, sight: F32) -> Check:
+    events = case.events
+    stop = manoeuvre(case).stop
+    passed = np.where(events.overlap_end != NEVER, np.minimum(events.overlap_end, stop), stop)
+    start = np.where(events.attempted, events.attempt, passed + 1)
+    margin = sight - known("law.sight.least")
+    if is_two_way(case.trajectories.road):
+        row = np.flatnonzero(events.attempted)
+        first = events.attempt[row]
+        needed = passing_sight(case)[row]
+        margin[row, first] = np.minimum(margin[row, first], sight[row, first] - needed)
+    return always(margin, Span(start=start, stop=passed))
+
+
+def passing_sight(case: Case) -> F32:
+    """Sight that an overtake against oncoming traffic takes, shape (simulation,) [m].
+
+    The ways of ego and an oncoming vehicle at the speed limit in the time that the ego was on the
+    left, and 1 s more. Where it did not come back, that time is nil.
+
+    Source:
+        AASHTO (2018), section 3.2.4, in the form of a time on the left at both speeds.
+    """
+    events = case.events
+    back = np.where(events.return_end != NEVER, events.return_end, events.back)
+    was_out = (events.line_crossed != NEVER) & (back != NEVER)
+    out = seconds_of(case, np.where(was_out, back - events.line_crossed, 0))
+    both = at(case.signals.speed, events.attempt) + np.float32(case.trajectories.road.speed_limit)
+    return both * (out + known("law.sight.oncoming_margin"))
+
+
+_GLOSS = (
+    "Do not overtake where visibility is insufficient, that is, where the carriageway cannot be"
+    " seen over 50 m; with oncoming traffic, where it is not clear over the length that is "
+    "needed."
+)
+_PREDICATE = (
+    "From attempt to overlap_end, or to the end: {} is seen at 50 m or more. Two-way roads, at "
+    "attempt: at (v + limit) (time on the left + 1 s) or more."
+)
+
+RULE = Rule(
+    id="pt.ce.41-1-f@2013",
+    code="L15",
+    law="Articles 41(1)(f) and 19",
+    title="Sufficient visibility",
+    gloss=_GLOSS,
+    predicate=_PREDICATE.format("a lit vehicle"),
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["weather"]),
+    check=check_lit,
+)
+
+STRICT_RULE = Rule(
+    id="pt.ce.41-1-f.unlit@2013",
+    code="L15s",
+    law="Articles 41(1)(f) and 19, strictly",
+    title="Sufficient visibility, for the unlit",
+    gloss=_GLOSS,
+    predicate=_PREDICATE.format("an unlit obstacle"),
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["weather", "lamps"]),
+    check=check_unlit,
+)

@@ -1,0 +1,81 @@
+"""L19: lamps that are needed, and none that dazzle."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import F32, Mask
+from overtaking.model.labels import Case
+from overtaking.model.signals import Around
+from overtaking.model.trajectory import NO_VEHICLE, Lights
+from overtaking.model.vehicles import Role
+from overtaking.physics.constants import known
+from overtaking.physics.film import rain_rate
+from overtaking.physics.visibility import extinction_of_range, fog_extinction, rain_extinction
+from overtaking.rules.frames import Span, conduct, ends_in, reduced, seconds_of
+from overtaking.rules.others import others_at
+from overtaking.rules.rule import Check, Grade, Rule, decided
+
+_HIGH = int(Lights.HIGH_BEAM)
+_BEAMS = int(Lights.LOW_BEAM) | _HIGH
+_FOG = int(Lights.REAR_FOG)
+
+
+def check(case: Case) -> Check:
+    """Low beam by night and in thick fog, fog lamps in that alone, no high beam that dazzles."""
+    span, thick = conduct(case), is_thick(case)
+    lights = case.trajectories.states.lights[:, Role.EGO]
+    needed = case.trajectories.scenario.weather.night | thick
+    rows = np.flatnonzero(span.exists & _suspect(lights, span, needed, thick))
+    wrong = needed[rows, None] & ((lights[rows] & _BEAMS) == 0)
+    wrong |= ((lights[rows] & _FOG) != 0) != thick[rows, None]
+    row, frames = np.nonzero((lights[rows] & _HIGH) != 0)
+    if row.size:
+        wrong[row, frames] |= _dazzles(case, rows[row], frames)
+    first, last = ends_in(span, rows, wrong)
+    breach = np.zeros(len(thick), np.int32)
+    breach[rows] = (wrong & span.mask(rows, lights.shape[1])).sum(axis=1, dtype=np.int32)
+    return decided(span.exists, -seconds_of(case, breach), first, last)
+
+
+def _suspect(lights: NDArray[np.uint8], span: Span, needed: Mask, thick: Mask) -> Mask:
+    """Whether a frame may be wrong, from what is on ever and always, shape (simulation,)."""
+    ever, always_on = (reduced(by, lights, span) for by in (np.bitwise_or, np.bitwise_and))
+    dark = needed & ((always_on & _BEAMS) == 0)
+    fog = np.where(thick, (always_on & _FOG) == 0, (ever & _FOG) != 0)
+    return dark | fog | ((ever & _HIGH) != 0)
+
+
+def is_thick(case: Case) -> Mask:
+    """Whether the meteorological range in fog and rain is below 100 m, shape (simulation,)."""
+    weather = case.trajectories.scenario.weather
+    air: F32 = fog_extinction(weather.fog) + rain_extinction(rain_rate(weather.rain))
+    return air > extinction_of_range(known("law.lamps.sight"))
+
+
+def _dazzles(case: Case, rows: NDArray[np.intp], frames: NDArray[np.intp]) -> Mask:
+    """Whether high beam would dazzle somebody ahead or oncoming, at single frames."""
+    seen, place = case.signals, Around.LEADER
+    there = seen.vehicle[rows, place, frames] != NO_VEHICLE
+    behind = there & (seen.gap[rows, place, frames] < known("law.lamps.high_beam_behind"))
+    others = others_at(case.select(rows), frames.astype(np.int32))
+    meets = others.valid & others.oncoming & (others.lead < 0)
+    near = others.gap < known("law.lamps.high_beam_oncoming")
+    return behind | (meets & near).any(axis=1)
+
+
+RULE = Rule(
+    id="pt.ce.61@2013",
+    code="L19",
+    law="Articles 60 and 61",
+    title="Lamps",
+    gloss="Low beam from dusk to dawn and wherever visibility asks for it; no high beam when "
+    "meeting or less than 100 m behind another; rear fog lamps when required and only then.",
+    predicate="At every frame: low or high beam at night and where the meteorological range is "
+    "below 100 m; rear fog lamps exactly there; no high beam under 100 m behind the leader or "
+    "under 200 m from an oncoming vehicle. The margin is the time in breach.",
+    unit="s",
+    grade=Grade.LIGHT,
+    needs=frozenset(["lamps", "weather"]),
+    without_attempt=True,
+    check=check,
+)

@@ -1,0 +1,39 @@
+"""Whether the slower lane has room for the ego."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import F32, clamp, maximum, minimum
+from overtaking.model.labels import Case
+from overtaking.model.signals import Around
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.physics.constants import known
+from overtaking.rules.distances import lawful_gap, sure_decel
+
+Index = NDArray[np.intp]
+
+
+def slow_lane_room(case: Case, rows: Index, frames: Index) -> F32:
+    """Room for the ego in the lane to its right, negative where it is taken [m].
+
+    The smallest of three margins: to the safe distance ahead and behind, and to the vehicle ahead
+    being reached within 10 s; at most 200 m either way. A lane that does not exist counts as empty.
+
+    Args:
+        case: The batch.
+        rows: Simulations, shape (instant,).
+        frames: A frame of each, same shape.
+    """
+    seen = case.signals
+    reach = known("law.return.reach")
+    speed, decel = seen.speed[rows, frames], sure_decel(seen.friction[rows, frames])
+    room = np.full(len(rows), reach, np.float32)
+    for place in (Around.RIGHT_LEADER, Around.RIGHT_FOLLOWER):
+        gap, closing = (of[rows, place, frames] for of in (seen.gap, seen.closing_speed))
+        behind = speed if place is Around.RIGHT_LEADER else speed + closing
+        needed = lawful_gap(behind, closing, decel)
+        if place is Around.RIGHT_LEADER:
+            needed = maximum(needed, known("law.return.free_time") * closing)
+        there = seen.vehicle[rows, place, frames] != NO_VEHICLE
+        room = np.where(there, minimum(room, gap - needed), room)
+    return clamp(room, -reach, reach)

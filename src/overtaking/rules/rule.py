@@ -1,0 +1,159 @@
+"""What a rule is, and what it says of a batch."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import F32, Mask
+from overtaking.model.batch import Batch
+from overtaking.model.events import NEVER
+from overtaking.model.labels import Belief, Case, Severity, Verdict
+
+I32 = NDArray[np.int32]
+U8 = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check(Batch):
+    """What one rule says of each simulation; every array has shape (simulation,).
+
+    Attributes:
+        verdict: `Verdict`.
+        margin: How far from the border of the law, in the unit of the rule, negative in a breach,
+            0 where the verdict is neither legal nor illegal.
+        first: First frame of the breach, `NEVER` without one.
+        last: Last frame of the breach, `NEVER` without one.
+        severity: `Severity` of the breach.
+        belief: `Belief`.
+    """
+
+    verdict: U8
+    margin: F32
+    first: I32
+    last: I32
+    severity: U8
+    belief: U8
+
+
+class Grade(Enum):
+    """How severity follows from a breach (Articles 145 and 146)."""
+
+    BY_ROAD = "very serious on a motorway (146), serious elsewhere (145)"
+    LIGHT = "light"
+    SERIOUS = "serious (145)"
+    BY_BREACH = "as the breach is, see the rule"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rule:
+    """One rule of law.
+
+    Attributes:
+        id: Versioned id: jurisdiction, code of law, article, `@` and the year of the text.
+        code: Short name, the column of every table.
+        law: Article and paragraph.
+        title: A few words.
+        gloss: What the law asks, in English, in our words.
+        predicate: What is checked; times in frames of `model.events`.
+        unit: Of the margin.
+        grade: How severe a breach is.
+        source: Id of the source of the text.
+        needs: Names of `UNKNOWNS` without which the rule is undecidable.
+        partly: Names of `UNKNOWNS` without which it is undecidable in some simulations.
+        without_attempt: Whether it also judges a recording without an attempt, all of it.
+        of_ego: Whether the duty is the ego's; no policy requires the others' duties.
+        check: The rule itself, for recordings that know all that it needs.
+    """
+
+    id: str
+    code: str
+    law: str
+    title: str
+    gloss: str
+    predicate: str
+    unit: str
+    grade: Grade
+    source: str = "pt-highway-code-2013"
+    needs: frozenset[str] = frozenset()
+    partly: frozenset[str] = frozenset()
+    without_attempt: bool = False
+    of_ego: bool = True
+    check: Callable[[Case], Check]
+
+
+def decided(
+    applies: Mask,
+    margin: F32,
+    first: NDArray[np.integer],
+    last: NDArray[np.integer],
+    *,
+    doubtful: Mask | None = None,
+    belief: U8 | None = None,
+) -> Check:
+    """A check from margins.
+
+    Args:
+        applies: Whether the rule is about this simulation at all, shape (simulation,).
+        margin: Negative in a breach, same shape.
+        first: First frame of the breach, read where there is one.
+        last: Last frame of the breach.
+        doubtful: Whether what is unknown could still break the rule.
+        belief: `Belief`, read where the rule applies.
+    """
+    broken = applies & (margin < 0)
+    verdict = np.where(applies, np.uint8(Verdict.LEGAL), np.uint8(Verdict.NOT_APPLICABLE))
+    if doubtful is not None:
+        verdict[applies & doubtful] = Verdict.UNDECIDABLE
+    verdict[broken] = Verdict.ILLEGAL
+    known = broken | (verdict == Verdict.LEGAL)
+    if belief is None:
+        belief = np.full(len(applies), Belief.NONE, np.uint8)
+    return Check(
+        verdict=verdict,
+        # The sum makes a negative zero positive.
+        margin=np.where(known, margin, np.float32(0.0)) + np.float32(0.0),
+        first=np.where(broken, first, NEVER).astype(np.int32),
+        last=np.where(broken, last, NEVER).astype(np.int32),
+        severity=np.zeros(len(applies), np.uint8),
+        belief=np.where(applies, belief, np.uint8(Belief.NONE)),
+    )
+
+
+def inapplicable(num_simulations: int) -> Check:
+    """The check of a rule that says nothing of any simulation."""
+    never = np.full(num_simulations, NEVER)
+    nothing = np.zeros(num_simulations, np.float32)
+    return decided(np.zeros(num_simulations, np.bool_), nothing, never, never)
+
+
+def judge(rule: Rule, case: Case) -> Check:
+    """What a rule says of a batch, with severity, and undecidable where it lacks what it needs."""
+    found = rule.check(case)
+    if rule.needs & case.trajectories.unknown:
+        return _undecided(found)
+    if rule.grade is Grade.BY_BREACH:
+        return found
+    broken = found.verdict == Verdict.ILLEGAL
+    severity = np.where(broken, np.uint8(_severity(rule.grade, case)), np.uint8(Severity.NONE))
+    return found.replace(severity=severity)
+
+
+def _severity(grade: Grade, case: Case) -> Severity:
+    """Severity of any breach of a rule with this grade."""
+    if grade is Grade.LIGHT:
+        return Severity.LIGHT
+    trajectories = case.trajectories
+    motorway = trajectories.road.kind == "motorway" and "road_kind" not in trajectories.unknown
+    return Severity.VERY_SERIOUS if grade is Grade.BY_ROAD and motorway else Severity.SERIOUS
+
+
+def _undecided(found: Check) -> Check:
+    """The same check where nothing can be said of simulations that the rule is about."""
+    about = found.verdict != Verdict.NOT_APPLICABLE
+    n = len(about)
+    nothing = np.zeros(n, np.float32)
+    never = np.full(n, NEVER)
+    return decided(about, nothing, never, never, doubtful=np.ones(n, np.bool_))
