@@ -19,6 +19,7 @@ _HOMES = {
     "VehicleSpecs": "overtaking.model.vehicles",
     "Weather": "overtaking.model.weather",
     "branch": "overtaking.api",
+    "compare": "overtaking.api",
     "generate": "overtaking.api",
     "load": "overtaking.api",
     "resume": "overtaking.api",

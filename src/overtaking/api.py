@@ -19,6 +19,7 @@ from overtaking.datasets.manifest import read_manifest
 from overtaking.datasets.plan import SHARD_SIZE
 from overtaking.datasets.recipe import Keep, Recipe, Simulator
 from overtaking.exchange.roads import load_road
+from overtaking.model.batch import concatenate
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
@@ -27,6 +28,7 @@ from overtaking.scenarios import Spec
 from overtaking.sim.branch import branch as branched
 from overtaking.sim.decision import Decision
 from overtaking.sim.version import MODEL_VERSION
+from overtaking.simulators.comparison import Comparison
 
 Profile = str | Path | Mapping[str, Any] | Spec
 """A profile of the package, a TOML file, what a manifest recorded, or a specification."""
@@ -184,6 +186,46 @@ def simulate(scenario: Scenario, *, simulator: str = "engine") -> Trajectories:
     return _simulator(simulator).simulate(scenario)
 
 
+def compare(
+    profile: Profile,
+    simulations: int,
+    seed: int,
+    *,
+    simulators: tuple[str, str] = ("engine", "sumo"),
+    overrides: Mapping[str, Any] | None = None,
+    road: str | Path | Road | None = None,
+    progress: Progress | None = None,
+) -> Comparison:
+    """Simulate the same scenarios twice, and say how they end and where they part.
+
+    Args:
+        profile: What to sample.
+        simulations: How many.
+        seed: Seed of all random numbers, 0 <= seed < 2**64.
+        simulators: Two of `SIMULATORS`.
+        overrides: Dotted keys of the specification with other values.
+        road: A road in place of the profile's.
+        progress: Called with the number of simulations that are done, and of all.
+
+    Raises:
+        ConfigError: The specification or a number cannot be used, or there is no such simulator.
+        MissingExtraError: A simulator is not installed.
+    """
+    spec = scenarios.spec(profile, overrides)
+    place = _road(road or spec.road)
+    chosen = [_simulator(name) for name in simulators]
+    step = min(one.chunk_size for one in chosen)
+    parts: list[Comparison] = []
+    for first in range(0, _at_least_one(simulations), step):
+        count = min(step, simulations - first)
+        batch = sample(spec, count, seed, first=first, road=place)
+        one, other = (by.simulate(batch) for by in chosen)
+        parts.append(Comparison.of(simulators, one, other))
+        if progress is not None:
+            progress(first + count, simulations)
+    return concatenate(parts)
+
+
 def branch(
     scenario: Scenario,
     frame: int,
@@ -255,8 +297,15 @@ def export(
 def _simulator(name: str) -> Simulator:
     """A simulator by its name."""
     module = _module(name)
-    version = MODEL_VERSION if name in BRANCHING else module.version()
-    return Simulator(name=name, version=version, simulate=module.simulate)
+    if name in BRANCHING:
+        return Simulator(name=name, version=MODEL_VERSION, simulate=module.simulate)
+    return Simulator(
+        name=name,
+        version=module.version(),
+        simulate=module.simulate,
+        unknown=module.UNKNOWN,
+        chunk_size=module.CHUNK_SIZE,
+    )
 
 
 def _module(name: str, among: tuple[str, ...] = SIMULATORS) -> ModuleType:
@@ -270,6 +319,18 @@ def _module(name: str, among: tuple[str, ...] = SIMULATORS) -> ModuleType:
             next_step="choose one of them",
         )
     return importlib.import_module(_HOMES[name])
+
+
+def _at_least_one(simulations: int) -> int:
+    if simulations < 1:
+        raise ConfigError.of(
+            what="simulations",
+            where="compare",
+            expected="1 or more",
+            got=simulations,
+            next_step="choose a number in that range",
+        )
+    return simulations
 
 
 def _keep(name: str) -> Keep:

@@ -141,7 +141,12 @@ def faults(line: str) -> list[str]:
     if not verb.startswith("-"):
         if verb not in group.commands:
             return [verb]
-        parameters = group.commands[verb].params
+        group = group.commands[verb]
+        if getattr(group, "commands", None):  # A command of two words.
+            if not given or given[0] not in group.commands:
+                return given[:1] or [verb]
+            group, given = group.commands[given[0]], given[1:]
+        parameters = group.params
         options = {option for one in parameters for option in [*one.opts, *one.secondary_opts]}
     else:
         given = arguments
@@ -156,6 +161,8 @@ def test_every_command_exists(page: str):
 def test_a_command_that_does_not_exist_is_seen():
     assert faults("overtaking generate -n 5 --out x --seeds 1") == ["--seeds"]
     assert faults("overtaking fly away") == ["fly"]
+    assert faults("overtaking sumo fly") == ["fly"]
+    assert faults("overtaking sumo run -n 5 --out x --seeds 1") == ["--seeds"]
     assert faults("make coffee") == ["coffee"]
     assert faults("OVERTAKING_SIMD=avx2 overtaking doctor --json") == []
     assert commands("`overtaking a b`\n```console\nmake c\n```\n") == ["make c", "overtaking a b"]

@@ -1,12 +1,11 @@
 """The commands. Heavy libraries are imported by the command that needs them, not here."""
 
-import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from overtaking.cli import options
+from overtaking.cli import options, sumo
 from overtaking.cli.output import Output
 
 HELP = "Simulate, label and explain overtaking manoeuvres, reproducibly."
@@ -14,16 +13,30 @@ HELP = "Simulate, label and explain overtaking manoeuvres, reproducibly."
 
 def build() -> typer.Typer:
     """The application with all its commands."""
-    app = typer.Typer(
-        help=HELP,
+    app = _typer(HELP)
+    app.callback()(_overtaking)
+    for body, example in COMMANDS.items():
+        options.command(app, body, example)
+    for name, (about, commands) in GROUPS.items():
+        group = _typer(about)
+        group.callback()(_group)  # Without it, a group of one command would be that command.
+        for body, example in commands.items():
+            options.command(group, body, example, name)
+        app.add_typer(group, name=name)
+    return app
+
+
+def _typer(about: str) -> typer.Typer:
+    return typer.Typer(
+        help=about,
         add_completion=False,
         rich_markup_mode=None,  # Plain help is there at once and reads well everywhere.
         context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     )
-    app.callback()(_overtaking)
-    for body, example in COMMANDS.items():
-        options.command(app, body, example)
-    return app
+
+
+def _group() -> None:
+    """Declare what belongs to no command of a group."""
 
 
 def _print_version(is_wanted: bool) -> None:
@@ -61,8 +74,7 @@ def generate(
     frame_interval_ms: options.FrameInterval = None,
 ) -> None:
     """Simulate scenarios of a profile and write them as a data set."""
-    from overtaking import api
-    from overtaking.cli import arguments, summary
+    from overtaking.cli import arguments, making
 
     arguments.limit_threads(threads)
     overrides = arguments.overrides(changes or [], frame_interval_ms)
@@ -75,15 +87,7 @@ def generate(
         road=place,
         overrides=overrides,
     )
-    begin = time.monotonic()
-    with output.progress("simulations") as meter:
-        if resume and not recipe:
-            data = api.resume(out, progress=meter)
-        else:
-            complete = arguments.DEFAULTS | recipe
-            data = api.generate(out=out, resume=resume, progress=meter, **complete)
-    values = summary.of_dataset(data, time.monotonic() - begin)
-    output.result(values, lambda _: summary.render_generated(values))
+    making.make(output, out, recipe, resume=resume)
 
 
 def show(output: Output, data: options.Data, simulation: options.Number) -> None:
@@ -123,6 +127,35 @@ def export(
     output.result(values, lambda _: summary.render_table(values))
 
 
+def compare(
+    output: Output,
+    profile: options.ProfileWord = None,
+    simulations: options.Simulations = None,
+    seed: options.Seed = None,
+    other: options.Other = "sumo",
+    map_file: options.Map = None,
+    road: options.Road = None,
+    threads: options.Threads = None,
+    changes: options.Changes = None,
+) -> None:
+    """Simulate the same scenarios on another simulator, and show where the two part."""
+    from overtaking import api
+    from overtaking.cli import arguments, comparison
+
+    arguments.limit_threads(threads)
+    recipe = arguments.DEFAULTS | arguments.given(
+        profile=profile,
+        simulations=simulations,
+        seed=seed,
+        road=arguments.road(map_file, road),
+        overrides=arguments.overrides(changes or [], None),
+    )
+    with output.progress("simulations") as meter:
+        found = api.compare(simulators=("engine", other), progress=meter, **recipe)
+    values = comparison.values_of(found)
+    output.result(values, lambda _: comparison.render(values))
+
+
 def doctor(output: Output, folder: options.Folder = Path()) -> int:
     """Tell what works here, and how to install what does not."""
     from overtaking.cli import doctor
@@ -137,5 +170,11 @@ COMMANDS: dict[options.Body, str] = {
     show: "overtaking show data/pinto 17",
     info: "overtaking info data/pinto",
     export: "overtaking export data/pinto --format pinto2023 --out table.csv",
+    compare: "overtaking compare pinto2023 -n 100 --seed 1 --with sumo",
     doctor: "overtaking doctor --json",
 }
+
+GROUPS: dict[str, tuple[str, dict[options.Body, str]]] = {
+    "sumo": ("The same scenarios on Eclipse SUMO.", sumo.COMMANDS),
+}
+"""Commands of two words."""

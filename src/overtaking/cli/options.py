@@ -35,6 +35,16 @@ Profile = Annotated[
         help="Profile of the package, or a TOML file of your own.  [default: pinto2023]",
     ),
 ]
+ProfileWord = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="PROFILE",
+        help="Profile of the package, or a TOML file of your own.  [default: pinto2023]",
+    ),
+]
+Other = Annotated[
+    str, typer.Option("--with", metavar="NAME", help="The simulator to compare ours with.")
+]
 Simulations = Annotated[
     int | None, typer.Option("--simulations", "-n", metavar="N", help="How many.  [default: 276]")
 ]
@@ -52,7 +62,7 @@ Keep = Annotated[
     str | None,
     typer.Option(
         "--keep",
-        metavar="frames|summary",
+        metavar="frames|features",
         help="Write everything, or leave out what has a row per frame and simulate it again when "
         "it is asked for.  [default: frames]",
     ),
@@ -101,7 +111,7 @@ _EVERY_COMMAND = [
 ]
 
 
-def command(app: typer.Typer, body: Body, example: str) -> None:
+def command(app: typer.Typer, body: Body, example: str, group: str = "") -> None:
     """Add a command to an application.
 
     On the command line, the options that every command has take the place of its `Output`.
@@ -110,6 +120,7 @@ def command(app: typer.Typer, body: Body, example: str) -> None:
         app: What the command is added to.
         body: The command; its name and its docstring are those on the command line.
         example: A command line to show below its help.
+        group: The word before its name, if it is one of a group.
     """
     own = list(inspect.signature(body).parameters.values())[1:]
     parameters = [*own, *_EVERY_COMMAND]
@@ -118,7 +129,7 @@ def command(app: typer.Typer, body: Body, example: str) -> None:
     @functools.wraps(body)
     def run(*, quiet: bool, json: bool, log: Path | None, **arguments: Any) -> int | None:
         try:
-            with Output(name, quiet=quiet, json=json, log=log) as output:
+            with Output(f"{group} {name}".strip(), quiet=quiet, json=json, log=log) as output:
                 return body(output, **arguments)
         except (Exception, KeyboardInterrupt) as error:
             return tell(error)  # Before typer sees it, which has its own idea of Ctrl-C.

@@ -19,6 +19,7 @@ from overtaking.datasets.manifest import Identity, Manifest, Provenance, ShardRe
 from overtaking.datasets.recipe import Recipe, Simulator
 from overtaking.scenarios import sample
 from overtaking.tables.encode import encode
+from overtaking.tables.unknown import schema_of
 
 Progress = Callable[[int, int], None]
 """Called with the number of simulations that are done, and of all."""
@@ -143,11 +144,12 @@ class _Work:
             tables=self._tables,
             fingerprint=self._fingerprint,
             on_piece=self._count,
+            schemas={name: schema_of(name, self._simulator.unknown) for name in self._tables},
         )
 
     def _pieces(self, shard: plan.Shard) -> Iterator[Mapping[str, pa.Table]]:
         """The tables of a shard, as many simulations at a time as memory is meant to hold."""
-        for numbers in plan.chunks(shard):
+        for numbers in plan.chunks(shard, self._simulator.chunk_size):
             index = np.arange(numbers.start, numbers.stop, dtype=np.uint64)
             scenario = sample(self._recipe.spec, self._recipe.road, self._recipe.seed, index)
             yield encode(self._simulator.simulate(scenario), index.astype(np.int64), self._tables)

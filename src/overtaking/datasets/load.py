@@ -232,7 +232,7 @@ class Dataset:
     def _recorded(self, rows: Mapping[str, pa.Table]) -> Trajectories:
         """What was recorded of some simulations, from their rows or simulated again."""
         if "states" in rows:
-            return restore(rows, self.road)
+            return restore(rows, self.road, self._simulator.unknown)
         again = self._simulator.simulate(restore_scenario(rows, self.road))
         hashes = b"".join(rows["simulations"]["trace_hash"].to_pylist())
         known = np.frombuffer(hashes, dtype="<u4").reshape(-1, 4)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from overtaking.datasets.plan import CHUNK_SIZE
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
@@ -33,12 +34,16 @@ class Simulator:
         version: Changes whenever a simulated number changes.
         simulate: Scenarios in, recorded simulations out, in the same order.
         details: What may differ between machines and changes no number, such as the SIMD level.
+        unknown: What it cannot tell of a simulation, names of `model.trajectory.UNKNOWNS`.
+        chunk_size: Simulations that it is given at a time; few where each of them takes long.
     """
 
     name: str
     version: str
     simulate: Callable[[Scenario], Trajectories]
     details: Mapping[str, str] = field(default_factory=dict[str, str])
+    unknown: frozenset[str] = frozenset()
+    chunk_size: int = CHUNK_SIZE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,7 +25,10 @@ from overtaking.simulators.sumo_recording import RAW, UNKNOWN, Recording, Run
 from overtaking.simulators.sumo_stage import Sight, Watch
 from overtaking.simulators.sumo_traffic import Traffic, routes, speed_factor
 
-__all__ = ["UNKNOWN", "simulate", "step_ms", "version"]
+__all__ = ["CHUNK_SIZE", "UNKNOWN", "simulate", "step_ms", "version"]
+
+CHUNK_SIZE = 32
+"""Simulations to ask for at a time, so that a second or so passes between two signs of life."""
 
 LARGEST_STEP_MS = 50
 """As far apart as the decisions of our own drivers, and our frames [ms]."""

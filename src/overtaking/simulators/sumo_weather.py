@@ -26,15 +26,15 @@ def is_wet(scenario: Scenario) -> NDArray[np.bool_]:
 def lane_friction(scenario: Scenario) -> F32:
     """Peak friction of a half-worn car tyre on the film of each lane, (simulation, lane).
 
-    Puddles are left out: SUMO has one friction for a whole lane. So is what of the film depends on
-    the speed of each vehicle: the number is that at the speed of ordinary traffic.
+    SUMO has one number for a lane, whatever the speed, as road sensors report it. So it is taken at
+    the slowest speed of the friction table, without aquaplaning, and puddles are left out.
     """
     path = film.film_per_path(_drainage_path(scenario.road))[None, :]
     rain = film.film_per_rain(film.rain_rate(scenario.weather.rain))[:, None]
     least = np.where(is_wet(scenario), known("weather.film.wet_film_mm"), _ZERO)[:, None]
     texture = np.full_like(rain, known("weather.film.texture_depth_mm"))
     depth = film.lane_film(least, rain, path, texture)
-    speed = np.full_like(depth, known("model.believed_grip.speed"))
+    speed = np.full_like(depth, constants().friction_speeds[0])
     wear = np.full_like(depth, known("model.believed_grip.tyre_wear"))
     return friction.peak_friction(constants(), speed, depth, wear, np.zeros_like(depth))
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from tests.support.worlds import Vehicle, scenario
 
+from overtaking.knowledge import friction_table
 from overtaking.simulators.sumo_weather import distance_error, is_wet, lane_friction
 from overtaking.tables.derived import derived_weather
 
@@ -20,13 +21,20 @@ def test_rain_and_deposits_make_the_road_wet():
     assert is_wet(batch(*SKIES)).tolist() == [False, True, True, True, False]
 
 
-def test_friction_is_that_of_the_weather_table_up_to_its_speed():
-    """The table has the slowest lane at 100 km/h, SUMO gets it at 90, where there is more grip."""
+def test_friction_is_that_of_the_handbook_at_50_kmh():
+    """Half-worn, between the columns of the Bosch handbook: dry 0.925, wet 0.575 or less."""
+    told = lane_friction(batch(*SKIES))[:, 0]
+    new, worn = (np.array(row[0]) for row in (friction_table().new, friction_table().worn))
+    knots = (new + worn) / 2
+    assert told[0] == pytest.approx(knots[0])
+    assert told[3] == pytest.approx(knots[1])
+    assert told[4] == pytest.approx(knots[0])
+    assert knots[1] >= told[1] > told[2] > knots[3]
+
+
+def test_friction_at_that_speed_is_never_less_than_at_the_speed_of_the_weather_table():
     world = batch(*SKIES)
-    table = derived_weather(world)["friction"]
-    told = lane_friction(world)[:, 0]
-    assert (told >= table).all()
-    assert told == pytest.approx(table, abs=0.06)
+    assert (lane_friction(world)[:, 0] >= derived_weather(world)["friction"]).all()
 
 
 def test_lanes_far_from_the_crown_are_never_less_slippery():

@@ -1,0 +1,220 @@
+"""The same scenarios on two simulators: how each ended, and where and when they first part."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import Mask
+from overtaking.knowledge import presets
+from overtaking.model.batch import Batch
+from overtaking.model.events import Outcome
+from overtaking.model.trajectory import METRES_PER_STEP, NO_VEHICLE, Stage, Trajectories
+from overtaking.model.vehicles import Role
+from overtaking.model.weather import NO_PRESET, Weather
+from overtaking.physics.constants import constants
+from overtaking.physics.constants import known as known_number
+from overtaking.physics.visibility import meteorological_range
+
+I32 = NDArray[np.int32]
+U8 = NDArray[np.uint8]
+F64 = NDArray[np.float64]
+
+PARTING_DISTANCE = 2.0
+"""Distance between the places of the same vehicle from which two simulations have parted [m].
+
+About the width of a car: beyond it, one of them may be beside a vehicle that the other would hit.
+"""
+
+TOGETHER = np.int32(-1)
+"""Frame of a parting that does not happen."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ending(Batch):
+    """How simulations ended; every array has shape (simulation,).
+
+    Attributes:
+        outcome: `Outcome` by the stages of the ego, legality aside.
+        has_contact: Whether any two vehicles touched.
+        lane_changes: Lane changes that the ego completed.
+        num_frames: Recorded frames.
+    """
+
+    outcome: U8
+    has_contact: Mask
+    lane_changes: I32
+    num_frames: I32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parting(Batch):
+    """Where and when two recordings first differ; every array has shape (simulation,).
+
+    Attributes:
+        frame: First frame at which some vehicle is farther than `PARTING_DISTANCE` from where it is
+            in the other recording; `TOGETHER` if that never happens while both last.
+        vehicle: Slot of the vehicle that is farthest from itself then, `NO_VEHICLE` without one.
+        s: Where it is then in the first recording [m].
+        along: How far ahead it is in the second recording [m].
+        left: How far to the left it is in the second recording [m].
+    """
+
+    frame: I32
+    vehicle: U8
+    s: F64
+    along: F64
+    left: F64
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison(Batch):
+    """The same scenarios on two simulators.
+
+    Attributes:
+        simulators: Their names.
+        frame_interval_ms: Time between two frames [ms].
+        index: Number of each simulation, shape (simulation,).
+        weather: Name of its weather, shape (simulation,).
+        one: How it ended on the first simulator.
+        other: How it ended on the second.
+        parting: Where and when the two part.
+    """
+
+    simulators: tuple[str, str]
+    frame_interval_ms: int
+    index: NDArray[np.uint64]
+    weather: NDArray[np.str_]
+    one: Ending
+    other: Ending
+    parting: Parting
+
+    @classmethod
+    def of(
+        cls, simulators: tuple[str, str], one: Trajectories, other: Trajectories
+    ) -> "Comparison":
+        """Compare two recordings of the same scenarios.
+
+        Raises:
+            ValueError: They are not of the same scenarios.
+        """
+        return cls(
+            simulators=simulators,
+            frame_interval_ms=one.scenario.frame_interval_ms,
+            index=one.scenario.index,
+            weather=weather_names(one.scenario.weather),
+            one=ending(one),
+            other=ending(other),
+            parting=parting(one, other),
+        )
+
+    @property
+    def time(self) -> F64:
+        """When the two part, +inf if they never do, shape (simulation,) [s]."""
+        seconds = self.parting.frame * (self.frame_interval_ms * 1e-3)
+        return np.where(self.parting.frame == TOGETHER, np.inf, seconds)
+
+
+def weather_names(weather: Weather) -> NDArray[np.str_]:
+    """A name for each weather: its preset, or night and day with what falls or hangs in the air."""
+    known = tuple(presets())
+    foggy = meteorological_range(weather.fog) < known_number("model.perception.fog_range")
+    return np.array(
+        [
+            known[preset] if preset != NO_PRESET else _described(night, rain > 0, fog)
+            for preset, night, rain, fog in zip(
+                weather.preset.tolist(), weather.night, weather.rain, foggy, strict=True
+            )
+        ],
+        dtype=np.str_,
+    )
+
+
+def _described(night: bool, rains: bool, is_foggy: bool) -> str:
+    sky = "fog" if is_foggy else "rain" if rains else "dry"
+    return f"{'night' if night else 'day'}, {sky}"
+
+
+def ending(trajectories: Trajectories) -> Ending:
+    """How the simulations of a batch ended."""
+    stage, valid = trajectories.stage, trajectories.frame_valid
+    crashed = ((stage == Stage.CRASHED) & valid).any(axis=1)
+    crashed |= trajectories.contacts.partner[:, Role.EGO] != NO_VEHICLE
+    completed = ((stage == Stage.DONE) & valid).any(axis=1)
+    tried = ((stage == Stage.PULL_OUT) & valid).any(axis=1)
+    outcome = np.where(tried, Outcome.NOT_COMPLETED, Outcome.NO_ATTEMPT)
+    outcome = np.where(completed, Outcome.COMPLETED, outcome)
+    touched = trajectories.contacts.partner != NO_VEHICLE
+    return Ending(
+        outcome=np.where(crashed, Outcome.COLLISION, outcome).astype(np.uint8),
+        has_contact=(touched & trajectories.scenario.vehicles.valid).any(axis=1),
+        lane_changes=lane_changes(trajectories),
+        num_frames=trajectories.num_frames.copy(),
+    )
+
+
+def lane_changes(trajectories: Trajectories) -> I32:
+    """Lane changes that the ego completed, shape (simulation,).
+
+    One is complete when the ego is near the middle of another lane than the one in whose middle it
+    was last.
+    """
+    centres = trajectories.road.centres / METRES_PER_STEP
+    d, lane = trajectories.states.d[:, Role.EGO], trajectories.states.lane[:, Role.EGO]
+    on_road = lane < len(centres)
+    offset = np.abs(d - centres[np.where(on_road, lane, 0)])
+    settled = on_road & trajectories.frame_valid
+    settled &= offset < float(constants().settled_offset) / METRES_PER_STEP
+    counts = [
+        np.count_nonzero(np.diff(row[mask].astype(np.int32)))
+        for row, mask in zip(lane, settled, strict=True)
+    ]
+    return np.array(counts, dtype=np.int32)
+
+
+def parting(one: Trajectories, other: Trajectories) -> Parting:
+    """Where and when two recordings of the same scenarios first part.
+
+    Args:
+        one: The first recording.
+        other: The second one, of the same scenarios in the same order.
+
+    Raises:
+        ValueError: They are not of the same scenarios.
+    """
+    _check_same(one, other)
+    count = min(one.stage.shape[1], other.stage.shape[1])
+    along, left = (
+        (getattr(other.states, name)[:, :, :count] - getattr(one.states, name)[:, :, :count])
+        * METRES_PER_STEP
+        for name in ("s", "d")
+    )
+    both = one.state_valid[:, :, :count] & other.state_valid[:, :, :count]
+    distance = np.where(both, np.hypot(along, left), 0.0)
+    apart = np.asarray((distance > PARTING_DISTANCE).any(axis=1))
+    parted = np.asarray(apart.any(axis=1))
+    row = np.arange(one.scenario.num_simulations)
+    frame = apart.argmax(axis=1)
+    vehicle = distance[row, :, frame].argmax(axis=1)
+    at = (row, vehicle, frame)
+    return Parting(
+        frame=np.where(parted, frame, TOGETHER).astype(np.int32),
+        vehicle=np.where(parted, vehicle, NO_VEHICLE).astype(np.uint8),
+        s=np.where(parted, one.states.s[at] * METRES_PER_STEP, 0.0),
+        along=np.where(parted, along[at], 0.0),
+        left=np.where(parted, left[at], 0.0),
+    )
+
+
+def _check_same(one: Trajectories, other: Trajectories) -> None:
+    """Two recordings can be compared if they begin with the same vehicles in the same scenarios."""
+    ours, theirs = one.scenario, other.scenario
+    same = (
+        ours.seed == theirs.seed
+        and np.array_equal(ours.index, theirs.index)
+        and np.array_equal(ours.vehicles.valid, theirs.vehicles.valid)
+        and np.array_equal(ours.start_s, theirs.start_s)
+        and ours.frame_interval_ms == theirs.frame_interval_ms
+    )
+    if not same:
+        raise ValueError("parting: the recordings are not of the same scenarios")
