@@ -21,7 +21,7 @@ PEAK = """
 import sys
 from pathlib import Path
 from overtaking import api
-api.generate("pinto2023", int(sys.argv[1]), 1, sys.argv[2], keep="summary")
+api.generate("pinto2023", int(sys.argv[1]), 1, sys.argv[2], keep="features")
 lines = Path("/proc/self/status").read_text().splitlines()
 print(next(line.split()[1] for line in lines if line.startswith("VmHWM")))
 """
@@ -68,7 +68,7 @@ def rate(folder: Path) -> Measure:
 
     count = 16384
     begin = time.perf_counter()
-    data = api.generate("pinto2023", count, 2, folder / "rate", keep="summary")
+    data = api.generate("pinto2023", count, 2, folder / "rate", keep="features")
     taken = time.perf_counter() - begin
     frames = data.simulations()["num_frames"].mean()
     note = f"{count:,} simulations of {frames:.0f} frames on average"

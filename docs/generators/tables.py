@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 INTRODUCTION = f"""\
 A data set is a folder with one subfolder of Parquet files for each table, and `dataset.json`, the
-manifest. [`overtaking generate`](../how-to/make-a-data-set.md) writes them; with `--keep summary`
+manifest. [`overtaking generate`](../how-to/make-a-data-set.md) writes them; with `--keep features`
 it leaves out `frames` and `states`, which have a row per frame and are simulated again when asked
 for. These are the columns of version {VERSION}.
 

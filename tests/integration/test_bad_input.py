@@ -131,7 +131,7 @@ def data(made, tmp_path) -> Path:
         (["--frame-interval", "-50"], "frame_interval_ms"),
         (["--profile", "pinto2032"], "pinto2023"),
         (["--profile", "missing.toml"], "missing.toml"),
-        (["--keep", "everything"], "frames or summary"),
+        (["--keep", "everything"], "frames or features"),
         (["--road", "town07"], "town06"),
         (["--map", "missing.xodr"], "missing.xodr"),
         (["--bogus"], "no such option: --bogus"),

@@ -143,7 +143,7 @@ def test_show_draws_the_simulation_that_was_asked_for(folder, data):
 
 def test_show_of_a_summary_is_simulated_again(tmp_path, folder):
     out = tmp_path / "summary"
-    done("generate", "-n", 3, "--seed", 3, "--out", out, "--keep", "summary", "--quiet")
+    done("generate", "-n", 3, "--seed", 3, "--out", out, "--keep", "features", "--quiet")
     assert not (out / "states").exists()
     assert done("show", out, 2).stdout == done("show", folder, 2).stdout
 
@@ -235,7 +235,7 @@ def files(folder: Path) -> list[str]:
 
 def test_ctrl_c_leaves_a_data_set_that_resume_completes_to_the_same_content(tmp_path):
     simulations = 3 * 4096  # Three shards.
-    recipe = ("-n", simulations, "--keep", "summary", "--out")
+    recipe = ("-n", simulations, "--keep", "features", "--out")
     process = subprocess.Popen(
         [*COMMAND, "generate", *map(str, recipe), str(tmp_path / "stopped")],
         stdout=subprocess.PIPE,

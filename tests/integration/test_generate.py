@@ -48,7 +48,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
 
 @pytest.fixture(scope="module")
 def summary(tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
-    return generate(tmp_path_factory.mktemp("summary") / "data", keep="summary")
+    return generate(tmp_path_factory.mktemp("summary") / "data", keep="features")
 
 
 @pytest.fixture(scope="module")
@@ -271,7 +271,7 @@ def test_a_complete_data_set_is_not_overwritten(data):
     [
         ({"seed": 2}, "seed of the data set: expected 2, got 1"),
         ({"simulations": 21}, "simulations of the data set: expected 21, got 20"),
-        ({"keep": "summary"}, "keep of the data set: expected summary, got frames"),
+        ({"keep": "features"}, "keep of the data set: expected features, got frames"),
         ({"road": "motorway"}, "road of the data set: expected motorway, got town06"),
         ({"overrides": None}, "spec of the data set"),
     ],
@@ -310,7 +310,7 @@ def test_a_place_where_nothing_can_be_made_is_named():
         ({"seed": -1}, "seed: expected 0 to"),
         ({"seed": 2**64}, "seed: expected 0 to"),
         ({"shard_size": 0}, "shard_size: expected 1 to"),
-        ({"keep": "everything"}, "keep: expected frames or summary, got everything"),
+        ({"keep": "everything"}, "keep: expected frames or features, got everything"),
         ({"simulator": "carma"}, "simulator: expected engine or reference or sumo, got carma"),
         ({"road": "route66"}, "road"),
         ({"overrides": {"time.horizon_s": -1.0}}, "horizon_s"),

@@ -31,6 +31,27 @@ this file, the following makes the same values again on any machine:
 | version of the tables | {table_version} |
 | content hash | `{content_hash}` |
 
+"""
+
+_IMPORTED = """\
+# {simulations} scenes of recorded traffic: {source[recording]}
+
+Made by the Python package `overtaking` from a recording in the format {profile}; who may use or
+pass on the recording, its owners say. `dataset.json` has what was found in it and what was
+measured. What the recording does not tell is null: {unknown_names}.
+
+| | |
+|---|---|
+| recording | {source[recording]} |
+{files}
+| road | {road}, {lanes} lanes, {length:g} m, straightened |
+| scenes | {simulations} |
+| version of the tables | {table_version} |
+| content hash | `{content_hash}` |
+
+"""
+
+_READING = """\
 ## Reading it
 
 Every folder below is a table, in Parquet files that any reader takes as one:
@@ -66,14 +87,27 @@ def data_card(identity: Identity, shards: tuple[ShardRecord, ...], content_hash:
     """
     given = identity.model_dump(exclude={"spec", "road"})
     road = identity.road
-    head = _HEAD.format(
+    head = _IMPORTED if identity.source else _HEAD
+    head = head.format(
         **given,
         road=road.name,
         lanes=road.num_lanes,
         length=road.length,
         content_hash=content_hash,
+        unknown_names=", ".join(identity.unknown) or "nothing",
+        files=_files(identity),
     )
-    return head + "".join(_table(name, shards) for name in SCHEMAS if name in identity.keep.tables)
+    return (
+        head
+        + _READING
+        + "".join(_table(name, shards) for name in SCHEMAS if name in identity.keep.tables)
+    )
+
+
+def _files(identity: Identity) -> str:
+    """The files of a recording, one to a row."""
+    files = identity.source.files if identity.source else {}
+    return "\n".join(f"| file | {name}, SHA-256 `{digest}` |" for name, digest in files.items())
 
 
 def _table(name: str, shards: tuple[ShardRecord, ...]) -> str:

@@ -13,12 +13,12 @@ import pyarrow as pa
 
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.datasets import card, lock, manifest, plan, write
+from overtaking.datasets.contents import contents
 from overtaking.datasets.interruption import Terminated, termination_raises
 from overtaking.datasets.load import Dataset, load
 from overtaking.datasets.manifest import Identity, Manifest, Provenance, ShardRecord
 from overtaking.datasets.recipe import Recipe, Simulator
 from overtaking.scenarios import sample
-from overtaking.tables.encode import encode
 from overtaking.tables.unknown import schema_of
 
 Progress = Callable[[int, int], None]
@@ -152,7 +152,8 @@ class _Work:
         for numbers in plan.chunks(shard, self._simulator.chunk_size):
             index = np.arange(numbers.start, numbers.stop, dtype=np.uint64)
             scenario = sample(self._recipe.spec, self._recipe.road, self._recipe.seed, index)
-            yield encode(self._simulator.simulate(scenario), index.astype(np.int64), self._tables)
+            run = self._simulator.simulate(scenario)
+            yield contents(run, index.astype(np.int64), self._tables)
 
     def _count(self, simulations: int) -> None:
         self._done += simulations

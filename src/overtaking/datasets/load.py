@@ -9,10 +9,11 @@ import pyarrow as pa
 
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.datasets import plan, write
+from overtaking.datasets.contents import contents
 from overtaking.datasets.manifest import Manifest, read_manifest
-from overtaking.tables.encode import encode
 from overtaking.tables.files import read_rows, read_table
 from overtaking.tables.restore import restore, restore_scenario
+from overtaking.tables.schemas import SCHEMAS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.datasets.recipe import Simulator
+    from overtaking.datasets.verdict import Verdict
     from overtaking.model.road import Road
     from overtaking.model.scenario import Scenario
     from overtaking.model.trajectory import Trajectories
@@ -113,6 +115,48 @@ class Dataset:
         """One row per simulation and decision: what the ego believed, and the truth beside it."""
         return _decoded(self.table("percepts"))
 
+    def events(self) -> pd.DataFrame:
+        """One row per simulation and event that happened."""
+        return _decoded(self.table("events"))
+
+    def labels(self) -> pd.DataFrame:
+        """One row per simulation and policy: class, outcome, and how it came to that."""
+        return _decoded(self.table("labels"))
+
+    def findings(self) -> pd.DataFrame:
+        """One row per simulation and rule: verdict, margin and the frames that prove it."""
+        return _decoded(self.table("findings"))
+
+    def features(
+        self, policy: str = "paper", *, reading: str | None = None, encoded: bool = False
+    ) -> pd.DataFrame:
+        """The paper's fifteen features and the class, one row per simulation.
+
+        Args:
+            policy: Which rules decide about the class: `paper`, `default` or `strict`.
+            reading: How features are measured, `paper` or `matched`; `paper` for the policy of that
+                name, else `matched`, if left out.
+            encoded: Whether names become the paper's numbers and what is missing becomes 0.
+
+        Returns:
+            Columns with the paper's names and units (km/h, m, s, %), and `weight`.
+
+        Raises:
+            ConfigError: There is no such policy or reading.
+        """
+        from overtaking.datasets.features import features_frame
+
+        chosen = reading or ("paper" if policy == "paper" else "matched")
+        tables = [_decoded(self.table(name)) for name in ("features", "labels")]
+        return features_frame(*tables, policy=policy, reading=chosen, encoded=encoded)
+
+    def verdict(self, simulation: int) -> Verdict:
+        """What is said of one simulation: class, phases, and every rule with its evidence."""
+        from overtaking.datasets.verdict import verdict_of
+
+        names = ("labels", "events", "findings")
+        return verdict_of(simulation, *(_decoded(self._part(name, simulation)) for name in names))
+
     def frames(self, simulation: int) -> pd.DataFrame:
         """The 22 variables of the source paper for one simulation, one row per frame.
 
@@ -137,7 +181,7 @@ class Dataset:
         rows = {
             name: self._part(name, simulation) for name in ("simulations", "weather", "vehicles")
         }
-        return restore_scenario(rows, self.road)
+        return restore_scenario(rows, self.road, self._manifest.identity.unknown)
 
     def trajectory(self, simulation: int) -> Trajectories:
         """One recorded simulation, as a batch of one; simulated again if it was not kept.
@@ -232,7 +276,7 @@ class Dataset:
     def _recorded(self, rows: Mapping[str, pa.Table]) -> Trajectories:
         """What was recorded of some simulations, from their rows or simulated again."""
         if "states" in rows:
-            return restore(rows, self.road, self._simulator.unknown)
+            return restore(rows, self.road, self._manifest.identity.unknown)
         again = self._simulator.simulate(restore_scenario(rows, self.road))
         hashes = b"".join(rows["simulations"]["trace_hash"].to_pylist())
         known = np.frombuffer(hashes, dtype="<u4").reshape(-1, 4)
@@ -243,7 +287,7 @@ class Dataset:
 
     def _encoded(self, simulation: int) -> Mapping[str, pa.Table]:
         """Every table of one simulation that is simulated again."""
-        return encode(self.trajectory(simulation), np.array([simulation]))
+        return contents(self.trajectory(simulation), np.array([simulation]), tuple(SCHEMAS))
 
     def _changed(self, simulation: int) -> DatasetError:
         identity = self._manifest.identity

@@ -43,6 +43,26 @@ class ShardRecord(_Record):
     tables: dict[str, FileFacts]
 
 
+class Source(_Record):
+    """Where an imported data set comes from.
+
+    Attributes:
+        format: Format of the recording.
+        files: SHA-256 of each file that was read, by its name.
+        recording: What the recording calls itself.
+        options: What was asked for.
+        counts: What was found in it, and what became of it.
+        notes: What the reader decided, left out or measured.
+    """
+
+    format: str
+    files: dict[str, str]
+    recording: str
+    options: dict[str, JsonValue] = Field(default_factory=dict)
+    counts: dict[str, JsonValue] = Field(default_factory=dict)
+    notes: dict[str, JsonValue] = Field(default_factory=dict)
+
+
 class Identity(_Record):
     """What decides the content: two data sets that agree here agree in every value.
 
@@ -51,26 +71,30 @@ class Identity(_Record):
         spec: The specification, resolved.
         spec_hash: Hash over it.
         road: The road.
-        seed: Seed of the random numbers.
+        seed: Seed of the random numbers; null for recordings.
         simulations: Number of simulations.
         shard_size: Simulations a shard.
         keep: What was written down of each simulation.
         table_version: Version of the tables' schemas.
         simulator: Name of the simulator.
         simulator_version: Version of the model that it computes.
+        unknown: What the simulations do not tell, names of `model.trajectory.UNKNOWNS`.
+        source: The recording that it was imported from; null for simulations.
     """
 
     profile: str
     spec: dict[str, JsonValue]
     spec_hash: str
     road: Road
-    seed: int
+    seed: int | None
     simulations: int
     shard_size: int
     keep: Keep
     table_version: int
     simulator: str
     simulator_version: str
+    unknown: tuple[str, ...] = ()
+    source: Source | None = None
 
     @classmethod
     def of(cls, recipe: Recipe, simulator: Simulator) -> "Identity":
@@ -87,6 +111,7 @@ class Identity(_Record):
             table_version=TABLE_VERSION,
             simulator=simulator.name,
             simulator_version=simulator.version,
+            unknown=tuple(sorted(simulator.unknown)),
         )
 
     def differences(self, other: "Identity") -> list[str]:
@@ -98,8 +123,14 @@ class Identity(_Record):
     @property
     def fingerprint(self) -> str:
         """SHA-256 over all of it, 64 hexadecimal digits."""
-        text = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+        values = self.model_dump(mode="json")
+        # What is newer than version 1 counts where it says something: older ones stay as they are.
+        values = {name: one for name, one in values.items() if name not in _NEW or one}
+        text = json.dumps(values, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+_NEW = frozenset({"unknown", "source"})
 
 
 class Provenance(_Record):

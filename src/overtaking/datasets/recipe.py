@@ -9,18 +9,19 @@ from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
 from overtaking.scenarios.schema import Spec
+from overtaking.tables.label_schemas import LABEL_TABLES
 
 
 class Keep(StrEnum):
     """What of each simulation is written down."""
 
     FRAMES = "frames"
-    SUMMARY = "summary"
+    FEATURES = "features"
 
     @property
     def tables(self) -> tuple[str, ...]:
         """The tables that are written; `simulations` is always the last."""
-        whole = ("weather", "vehicles", "percepts")
+        whole = ("weather", "vehicles", "percepts", *LABEL_TABLES)
         per_frame = ("frames", "states") if self is Keep.FRAMES else ()
         return (*whole, *per_frame, "simulations")
 

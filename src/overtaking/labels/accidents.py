@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import Mask
-from overtaking.labels.frames import at, first_true, only
+from overtaking.labels.frames import at, first_true
 from overtaking.model.events import NEVER
 from overtaking.model.signals import Signals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
@@ -29,12 +29,12 @@ def accidents(trajectories: Trajectories, seen: Signals) -> Accidents:
     collision = first_true(seen.valid & (hit != NO_VEHICLE))
     partner = np.where(collision == NEVER, NO_VEHICLE, at(hit, collision))
     departed = first_true(seen.valid & (seen.lane >= trajectories.road.num_lanes))
-    return Accidents(
-        collision=collision,
-        road_departure=departed,
-        partner=partner,
-        struck=_is_struck(trajectories, seen, partner, collision),
-    )
+    struck = np.zeros(len(collision), dtype=np.bool_)
+    hurt = np.flatnonzero(collision != NEVER)
+    if len(hurt):
+        others = trajectories.select(hurt), seen.select(hurt)
+        struck[hurt] = _is_struck(*others, partner[hurt], collision[hurt])
+    return Accidents(collision=collision, road_departure=departed, partner=partner, struck=struck)
 
 
 def _is_struck(
@@ -49,7 +49,7 @@ def _is_struck(
     runs into the one ahead; where they are side by side, the one that moves towards the other
     faster does.
     """
-    before = only(np.maximum(collision - 1, 0), collision != NEVER)
+    before = np.maximum(collision - 1, 0)
     other = signals_of(trajectories, seen, partner)
     lead, gap, aside = (at(each, before) for each in (other.lead, other.gap, other.lateral_gap))
     is_left = at(seen.lateral, before) > at(other.lateral, before)
@@ -57,4 +57,4 @@ def _is_struck(
     # Towards the other: to the right for the one on the left.
     towards, towards_ego = np.where(is_left, -own, own), np.where(is_left, others, -others)
     beside = (gap < 0) & (aside > gap)
-    return (collision != NEVER) & np.where(beside, towards_ego > towards, lead > 0)
+    return np.where(beside, towards_ego > towards, lead > 0)

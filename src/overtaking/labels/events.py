@@ -20,7 +20,7 @@ from overtaking.model.road import Road
 from overtaking.model.signals import Around, Signals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
 from overtaking.physics.constants import known
-from overtaking.signals import signals_of
+from overtaking.signals import alongside
 from overtaking.signals.reference import side_of
 
 I32 = NDArray[np.int32]
@@ -177,7 +177,7 @@ def _attempt(watched: _Watched, begun: I32) -> _Attempts:
     seen, num_frames = watched.seen, watched.seen.num_frames
     target = np.where(begun == NEVER, NO_VEHICLE, at(watched.lately_ahead, begun))
     lane = at(seen.lane, begun)
-    other = signals_of(watched.trajectories, seen, target)
+    other = alongside(watched.trajectories, target)
     during = watched.valid & since(begun, num_frames)
     crossed = first_true(during & (seen.left_reach > _left_line(watched.borders, lane)[:, None]))
     undone = _undone(seen, during, begun, crossed)

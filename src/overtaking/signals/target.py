@@ -1,9 +1,11 @@
 """The vehicle that is overtaken, frame by frame, once it is known which one it is."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import as_f32
+from overtaking.core.elementary import F32, Mask, as_f32
 from overtaking.model.events import Events
 from overtaking.model.signals import Signals, TargetSignals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
@@ -22,20 +24,48 @@ def target_signals(trajectories: Trajectories, seen: Signals, events: Events) ->
     return signals_of(trajectories, seen, events.target)
 
 
-def signals_of(
-    trajectories: Trajectories, seen: Signals, vehicle: NDArray[np.uint8]
-) -> TargetSignals:
-    """The same of any vehicle, `NO_VEHICLE` where there is none, shape (simulation,)."""
-    states, bodies = trajectories.states, trajectories.scenario.vehicles
-    row = np.arange(len(vehicle))
-    slot = np.where(vehicle == NO_VEHICLE, 0, vehicle).astype(np.intp)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alongside:
+    """Where the ego is along the road, seen from another vehicle; as in `TargetSignals`."""
+
+    valid: Mask
+    lead: F32
+    gap: F32
+    overlaps: Mask
+
+
+def alongside(trajectories: Trajectories, vehicle: NDArray[np.uint8]) -> Alongside:
+    """Where each ego is relative to a vehicle, `NO_VEHICLE` where there is none.
+
+    Args:
+        trajectories: The batch.
+        vehicle: Slot of the vehicle, shape (simulation,).
+    """
+    s, length = trajectories.states.s, trajectories.scenario.vehicles.length
+    row, slot = _places(vehicle)
     valid = (vehicle != NO_VEHICLE)[:, None] & trajectories.frame_valid
     if trajectories.present is not None:
         valid = valid & trajectories.present[row, slot]
-    length = bodies.length[row, slot]
-    half = np.float32(0.5) * (bodies.length[:, Role.EGO] + length)
-    lead = as_f32(states.s[:, Role.EGO] - states.s[row, slot]) * METRES
+    half = np.float32(0.5) * (length[:, Role.EGO] + length[row, slot])
+    lead = as_f32(s[:, Role.EGO] - s[row, slot]) * METRES
     gap = np.abs(lead) - half[:, None]
+    return Alongside(valid=valid, lead=lead, gap=gap, overlaps=valid & (gap < 0))
+
+
+def _places(vehicle: NDArray[np.uint8]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Index of one vehicle of each simulation; the ego where there is none."""
+    slot = np.where(vehicle == NO_VEHICLE, Role.EGO, vehicle).astype(np.intp)
+    return np.arange(len(vehicle)), slot
+
+
+def signals_of(
+    trajectories: Trajectories, seen: Signals, vehicle: NDArray[np.uint8]
+) -> TargetSignals:
+    """All signals of a vehicle of each simulation; arguments as in `alongside`."""
+    states, bodies = trajectories.states, trajectories.scenario.vehicles
+    row, slot = _places(vehicle)
+    length = bodies.length[row, slot]
+    along = alongside(trajectories, vehicle)
     across, reach = footprint(
         trajectories.road,
         states.d[row, slot],
@@ -45,12 +75,12 @@ def signals_of(
     )
     own_reach = (seen.left_reach - seen.right_reach) * np.float32(0.5)
     return TargetSignals(
-        valid=valid,
+        valid=along.valid,
         vehicle=vehicle,
         length=length,
-        lead=lead,
-        overlaps=valid & (gap < 0),
-        gap=gap,
+        lead=along.lead,
+        overlaps=along.overlaps,
+        gap=along.gap,
         lateral=across,
         lateral_gap=np.abs(across - seen.lateral) - (own_reach + reach),
         lane=states.lane[row, slot],

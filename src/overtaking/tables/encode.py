@@ -21,6 +21,7 @@ from overtaking.tables.schemas import (
     DRIVER_FIELDS,
     NEIGHBOURS,
     NUM_INDICATOR_BITS,
+    RECORDED_TABLES,
     SCHEMAS,
     STATE_FIELDS,
     WEATHER_FIELDS,
@@ -47,7 +48,7 @@ Column = Array | Masked | pa.Array
 def encode(
     trajectories: Trajectories,
     numbers: Numbers,
-    tables: Iterable[str] = tuple(SCHEMAS),
+    tables: Iterable[str] = RECORDED_TABLES,
     sources: Sequence[str] | None = None,
 ) -> dict[str, pa.Table]:
     """The tables of a batch, by the names of their folders.
@@ -71,7 +72,7 @@ def simulations(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     scenario = trajectories.scenario
     count = scenario.num_simulations
     words = np.ascontiguousarray(trajectories.trace_hash.astype("<u4"))
-    return _build(
+    return build(
         "simulations",
         {
             "simulation": numbers,
@@ -97,7 +98,7 @@ def weather(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     given = trajectories.scenario.weather
     names = tuple(presets())
     preset = [None if code == NO_PRESET else names[code] for code in given.preset.tolist()]
-    return _build(
+    return build(
         "weather",
         {
             "weather": numbers,
@@ -115,7 +116,7 @@ def vehicles(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     simulation, slot = np.nonzero(valid)
     no_contact = contacts.partner[valid] == NO_VEHICLE
     lane_id = Surroundings.of(scenario.road).lane_id
-    return _build(
+    return build(
         "vehicles",
         {
             "simulation": numbers[simulation],
@@ -142,7 +143,7 @@ def frames(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     stage = trajectories.stage[simulation, frame]
     partner = trajectories.collided_with[simulation, frame]
     lane = trajectories.states.lane[simulation, Role.EGO, frame]
-    return _build(
+    return build(
         "frames",
         {
             "simulation": numbers[simulation],
@@ -186,7 +187,7 @@ def states(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
             np.arange(count, dtype=np.int32)[None, None, :],
         )
     )
-    return _build(
+    return build(
         "states",
         {
             "simulation": _flat(simulation, rows),
@@ -205,7 +206,7 @@ def percepts(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     believed = trajectories.percepts
     simulation, slot = np.nonzero(believed.valid)
     decision = (np.cumsum(believed.valid, axis=1) - 1)[simulation, slot]
-    return _build(
+    return build(
         "percepts",
         {
             "simulation": numbers[simulation],
@@ -231,7 +232,7 @@ _ENCODERS = {
 }
 
 
-def _build(table: str, columns: Mapping[str, Column]) -> pa.Table:
+def build(table: str, columns: Mapping[str, Column]) -> pa.Table:
     """The columns of a table in the order of its schema; enumerations are given as codes."""
     schema = SCHEMAS[table]
     arrays = [_array(columns[field.name], field) for field in schema]

@@ -12,6 +12,7 @@ from overtaking.model.road import RoadMark
 from overtaking.model.trajectory import DecisionKind, Lights, Stage
 from overtaking.model.vehicles import Colour, VehicleKind
 from overtaking.tables.columns import SUFFIXES, Enumeration, column
+from overtaking.tables.label_schemas import LABEL_FIELDS, LABEL_KEYS
 
 FORMAT = "overtaking"
 """What the name of a schema in a file's metadata begins with."""
@@ -292,13 +293,20 @@ PERCEPTS = _schema(
     ],
 )
 
-SCHEMAS: dict[str, pa.Schema] = {
+_RECORDED: dict[str, pa.Schema] = {
     "simulations": SIMULATIONS,
     "weather": WEATHER,
     "vehicles": VEHICLES,
     "frames": FRAMES,
     "states": STATES,
     "percepts": PERCEPTS,
+}
+
+RECORDED_TABLES = tuple(_RECORDED)
+"""The tables that hold recordings; the others, `LABEL_TABLES`, follow from them."""
+
+SCHEMAS: dict[str, pa.Schema] = _RECORDED | {
+    table: _schema(table, fields) for table, fields in LABEL_FIELDS.items()
 }
 """Every table by the name of its folder."""
 
@@ -309,6 +317,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     "frames": ("simulation", "frame"),
     "states": ("simulation", "vehicle", "frame"),
     "percepts": ("simulation", "decision"),
+    **LABEL_KEYS,
 }
 """The columns that name a row, in the order by which the table is sorted."""
 

@@ -105,7 +105,7 @@ def test_an_unknown_key_is_refused(written: Path):
         ("seed", {"seed": 2}),
         ("simulations", {"num_simulations": 4}),
         ("shard_size", {"shard_size": 7}),
-        ("keep", {"keep": Keep.SUMMARY}),
+        ("keep", {"keep": Keep.FEATURES}),
         ("road", {"road": known_road("motorway")}),
         ("spec", {"spec": spec("pinto2023", {"time.horizon_s": "19.0"})}),
     ],

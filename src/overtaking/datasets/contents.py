@@ -1,0 +1,33 @@
+"""All tables of some simulations: what was recorded, and what is said of it."""
+
+from collections.abc import Collection, Sequence
+
+import pyarrow as pa
+
+from overtaking.labelling import label
+from overtaking.model.trajectory import Trajectories
+from overtaking.tables.encode import Numbers, encode
+from overtaking.tables.encode_labels import encode_labels
+from overtaking.tables.label_schemas import LABEL_TABLES
+
+
+def contents(
+    trajectories: Trajectories,
+    numbers: Numbers,
+    tables: Collection[str],
+    sources: Sequence[str] | None = None,
+) -> dict[str, pa.Table]:
+    """The tables of a batch, by the names of their folders.
+
+    Args:
+        trajectories: The recorded simulations.
+        numbers: Number of each simulation in its data set, growing, shape (simulation,).
+        tables: Which tables.
+        sources: Where in a recording each simulation comes from; None for what was simulated.
+    """
+    recorded = [name for name in tables if name not in LABEL_TABLES]
+    made = encode(trajectories, numbers, recorded, sources)
+    if len(recorded) < len(tables):
+        said = encode_labels(label(trajectories), numbers)
+        made |= {name: said[name] for name in tables if name in LABEL_TABLES}
+    return made

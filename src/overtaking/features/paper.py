@@ -1,0 +1,91 @@
+"""The features as the paper measures them, its traps included.
+
+An overtake is measured in the frame in which it begins, a run without an attempt by the mean over
+all of its frames: a definition that depends on the class, which is why there is a second reading in
+`matched`.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.features.common import at, end_of, seconds, static
+from overtaking.model.events import NEVER
+from overtaking.model.features import Features
+from overtaking.model.labels import Case
+from overtaking.model.signals import Around
+from overtaking.model.vehicles import Role
+from overtaking.signals.reference import METRES
+
+I32 = NDArray[np.int32]
+
+POLICY = "paper"
+
+
+def paper_features(case: Case) -> Features:
+    """The features of a batch under the paper's reading.
+
+    The waiting time counts from the first frame, and without an attempt is the whole duration. The
+    overtaking time ends with the return, a collision or the recording, and is 0 without an attempt.
+    The difference of speeds has no sign, the distance is that of the centres, and the occupancy is
+    the number of vehicles in the lane to the left over that of all others.
+    """
+    events = case.events
+    attempted = events.attempted
+    waited = np.where(attempted, events.attempt, end_of(case, events.collision))
+    ended = end_of(case, events.collision, events.return_end)
+    lasted = np.where(attempted, ended - events.attempt, np.int32(0))
+    measured: dict[str, Any] = {**_at_attempt(case, attempted), **static(case)}
+    return Features(
+        policy=POLICY,
+        waiting_time=seconds(case, waited),
+        overtaking_time=seconds(case, lasted),
+        frame=np.where(attempted, events.attempt, NEVER),
+        **measured,
+    )
+
+
+def _at_attempt(case: Case, attempted: Mask) -> dict[str, F32]:
+    """What is measured in the first frame of the attempt, or as a mean where there is none."""
+    instant, mean = _instant(case), _means(case)
+    return {name: np.where(attempted, instant[name], mean[name]) for name in instant}
+
+
+def _instant(case: Case) -> dict[str, F32]:
+    seen, target, frame = case.signals, case.target, case.events.attempt
+    own, other = at(seen.speed, frame), at(target.speed, frame)
+    others = np.maximum(case.trajectories.scenario.num_vehicles - 1, 1)
+    return {
+        "ego_speed": own,
+        "target_speed": other,
+        "speed_difference": np.abs(own - other),
+        "distance": np.abs(at(target.lead, frame)),
+        "left_occupancy": as_f32(at(seen.left_count, frame)) / as_f32(others),
+    }
+
+
+def _means(case: Case) -> dict[str, F32]:
+    """Means over the frames, up to a collision; of the recorded integers, so that none is lost."""
+    states, seen = case.trajectories.states, case.signals
+    last = end_of(case, case.events.collision)
+    counted = seen.valid & (np.arange(seen.num_frames) <= last[:, None])
+    led = counted & seen.has(Around.LEADER)
+    slot = np.where(led, seen.vehicle[:, Around.LEADER], Role.EGO).astype(np.intp)[:, None]
+    own, other = states.speed[:, Role.EGO], np.take_along_axis(states.speed, slot, axis=1)[:, 0]
+    ahead = np.take_along_axis(states.s, slot, axis=1)[:, 0] - states.s[:, Role.EGO]
+    others = np.maximum(case.trajectories.scenario.num_vehicles - 1, 1)
+    return {
+        "ego_speed": _mean(own, counted) * METRES,
+        "target_speed": _mean(other, led) * METRES,
+        "speed_difference": _mean(np.abs(own - other), led) * METRES,
+        "distance": _mean(np.abs(ahead), led) * METRES,
+        "left_occupancy": _mean(seen.left_count, counted) / as_f32(others),
+    }
+
+
+def _mean(values: NDArray[Any], counted: Mask) -> F32:
+    """Mean of integers over some frames, 0 over none, shape (simulation,)."""
+    total = np.where(counted, values, 0).sum(axis=1, dtype=np.int64)
+    return as_f32(total / np.maximum(counted.sum(axis=1), 1))
