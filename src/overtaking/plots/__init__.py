@@ -1,1 +1,1 @@
-"""Figures of numbers that `stats` has computed: one design for all of them, nothing is counted here."""
+"""Figures of numbers that `stats` has computed: one design for all, and nothing is counted here."""

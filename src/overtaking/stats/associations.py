@@ -179,7 +179,8 @@ def _ranks(
     assert variable.numbers is not None
     key = (variable.name, np.packbits(both).tobytes())
     if key not in ranked:
-        ranked[key] = pd.Series(variable.numbers[both]).rank().to_numpy(np.float64)
+        ranks = pd.Series(variable.numbers[both]).rank()
+        ranked[key] = np.asarray(ranks, dtype=np.float64)
     return ranked[key]
 
 
@@ -328,8 +329,9 @@ def _adjusted(p_values: F64) -> F64:
     adjusted = np.full_like(p_values, np.nan)
     upper = np.triu(~np.isnan(p_values), k=1)
     if upper.any():
-        adjusted[upper] = false_discovery_control(p_values[upper])
-        adjusted.T[upper] = adjusted[upper]
+        kept: F64 = false_discovery_control(p_values[upper]).astype(np.float64)
+        adjusted[upper] = kept
+        adjusted.T[upper] = kept
     return adjusted
 
 

@@ -51,6 +51,8 @@ class Feature:
 
 # The order of the codes 0 to 6 in the paper's text.
 VEHICLE_TYPES = ("S", "M", "L", "V", "T", "MC", "B")
+EGO_TYPES = VEHICLE_TYPES[:5]
+"""Those that the ego has in the paper; two-wheelers are shown where a recording has one."""
 
 FEATURES = (
     Feature(name="DN", title="time of day", levels=("Day", "Night"), is_static=True),

@@ -103,7 +103,8 @@ def diagram(trajectories: Trajectories, events: Events) -> Diagram:
     target = int(events.target[0])
     followed = Role.EGO if target == NO_VEHICLE else target
     s = trajectories.states.s[0, :, :frames].astype(np.float64) * METRES_PER_STEP
-    mark = s[followed, 0] + (s[followed, -1] - s[followed, 0]) * np.linspace(0.0, 1.0, frames)
+    share = np.linspace(0.0, 1.0, frames, dtype=np.float64)
+    mark = s[followed, 0] + (s[followed, -1] - s[followed, 0]) * share
     duration = float(time[-1]) if frames > 1 else 0.0
     return Diagram(
         time=time,
@@ -173,12 +174,12 @@ def _phases(events: Events, time: F64) -> tuple[Phase, ...]:
     starts = [("follows", int(events.first[0]))]
     names = {
         "attempt": "pulls out",
-        "line_crossed": "passes",
+        "line_crossed": "in the other lane",
         "return_begin": "returns",
         "return_end": "done",
         "abort": "gives up",
         "back": "follows again",
-        "collision": "after the collision",
+        "collision": "collided",
     }
     for attribute, name in names.items():
         frame = int(getattr(events, attribute)[0])

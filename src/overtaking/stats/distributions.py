@@ -6,13 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.stats.columns import BY_NAME, CLASS, NUMERIC, Feature
+from overtaking.stats.columns import BY_NAME, CLASS, EGO_TYPES, NUMERIC, Feature
 from overtaking.stats.moments import quantiles, sums
 from overtaking.stats.sample import Mask, Sample
 
 F64 = NDArray[np.float64]
 
 MAX_BINS = 24
+MAX_BARS = 8
+"""A numeric feature with no more values than this gets a bar for each."""
 MAX_SWARM = 200
 """Points of one class in a swarm; more would lie on each other."""
 MAX_PAIRS = 1200
@@ -45,14 +47,17 @@ def histogram(sample: Sample, name: str) -> Histogram:
     """Count the values of a feature, class by class."""
     feature = BY_NAME[name]
     if feature.is_nominal:
-        return _counted(sample, feature, sample.codes(name), feature.levels)
+        codes = sample.codes(name)
+        shown = feature.levels
+        if name == "TE" and codes.max(initial=0) < len(EGO_TYPES):
+            shown = EGO_TYPES
+        return _counted(sample, feature, codes, shown)
     values = sample.values(name)
     there = values[~np.isnan(values)]
-    if name == "NV" and len(there) and there.max() - there.min() < MAX_BINS:
-        first = int(there.min())
-        codes = np.where(np.isnan(values), -1.0, values - first).astype(np.int64)
-        levels = tuple(str(number) for number in range(first, int(there.max()) + 1))
-        return _counted(sample, feature, codes, levels)
+    different = np.unique(there)
+    if 0 < len(different) <= MAX_BARS:
+        codes = np.where(np.isnan(values), -1, np.searchsorted(different, values))
+        return _counted(sample, feature, codes, tuple(f"{value:.4g}" for value in different))
     edges = nice_edges(there)
     counts = [
         np.histogram(values[of], edges, weights=sample.weight[of])[0] for _, of in sample.groups()
@@ -99,8 +104,8 @@ def nice_edges(values: F64) -> F64:
     spread = float(np.subtract(*np.quantile(values, (0.75, 0.25))))
     wanted = 2.0 * spread / len(values) ** (1.0 / 3.0)
     step = _round_up(max(wanted, (high - low) / (MAX_BINS - 1)) or 1.0)
-    first = math.floor(low / step)
-    last = max(math.floor(high / step) + 1, first + 1)
+    first, last = math.floor(low / step), math.ceil(high / step)
+    last += last * step < high or last == first  # What rounding took away; one bin at least.
     return np.arange(first, last + 1, dtype=np.float64) * step
 
 

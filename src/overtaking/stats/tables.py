@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from overtaking.stats.columns import BY_NAME, CENSORED, FEATURES, Feature
+from overtaking.stats.columns import BY_NAME, CENSORED, EGO_TYPES, FEATURES, Feature
 from overtaking.stats.moments import Moments, moments, wilson
 from overtaking.stats.sample import Mask, Sample, effective_size
 from overtaking.stats.table import Style, Table
@@ -19,7 +19,6 @@ ALL = "All"
 """Column of all simulations together."""
 
 _TEXTS = ("feature", "unit", "statistic")
-_RARE = {("TE", "MC"), ("TE", "B")}  # No ego of the paper; shown where a recording has one.
 _FOUR = {"min": "minimum", "mean": "mean", "max": "maximum", "σ": "sigma"}
 
 Row = tuple[Style, tuple[str, str, str], list[float]]
@@ -115,7 +114,7 @@ def _level_rows(sample: Sample, feature: Feature) -> Iterator[Row]:
         levels.append((-1, "none"))
     for code, level in levels:
         counts = [float(sample.weight[of & (codes == code)].sum()) for _, of in _columns(sample)]
-        if counts[-1] or (feature.name, level) not in _RARE:
+        if counts[-1] or feature.name != "TE" or level in EGO_TYPES:
             yield Style.COUNT, (feature.name, "", level), counts
 
 

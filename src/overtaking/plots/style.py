@@ -1,0 +1,212 @@
+"""One design for all figures: colours, marks, type, and how a figure becomes a file.
+
+The colours of the classes are from the palette of Okabe and Ito, which people with any kind of
+colour vision can tell apart; each class has a marker and a hatching too, so nothing is told by
+colour alone.
+
+Source:
+    M. Okabe and K. Ito, Color universal design, 2002 (revised 2008).
+"""
+
+import functools
+import io
+from collections.abc import Callable
+from typing import Any, ParamSpec, TypeVar, cast
+
+from overtaking.core.errors import MissingExtraError
+from overtaking.model.labels import OvertakeClass
+
+try:
+    import matplotlib as mpl
+    from matplotlib.axes import Axes
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.colors import to_rgb
+    from matplotlib.figure import Figure
+except ImportError:
+    raise MissingExtraError.of(
+        what="Matplotlib, which draws",
+        where="figures",
+        expected="the extra [plots]",
+        got="no such package",
+        next_step="run: pip install 'overtaking[plots]'",
+    ) from None
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+CLASS_COLOURS = {
+    OvertakeClass.NO_ATTEMPT.title: "#5b626b",
+    OvertakeClass.SUCCESS_I.title: "#e69f00",
+    OvertakeClass.SUCCESS_L.title: "#009e73",
+    OvertakeClass.UNSUCCESS_COL.title: "#d55e00",
+    OvertakeClass.UNSUCCESS_NCOL.title: "#0072b2",
+    OvertakeClass.SUCCESS_U.title: "#cc79a7",
+    OvertakeClass.CENSORED.title: "#c4c8cf",
+}
+"""Colour of each class, the same in every figure."""
+
+CLASS_MARKERS = dict(zip(CLASS_COLOURS, "osDX^Pv", strict=True))
+"""Marker of each class."""
+
+CLASS_HATCHES = dict(zip(CLASS_COLOURS, ("", "//", "", "xx", "..", "\\\\", "--"), strict=True))
+"""Hatching of each class, where areas lie on each other."""
+
+INK, QUIET, LINE, GRID = "#1d2126", "#5b626b", "#9aa1aa", "#e3e6ea"
+ACCENT = "#0072b2"
+PHASE_COLOURS = {
+    "follows": "#eef0f2",
+    "pulls out": "#fdf3c8",
+    "in the other lane": "#d9e9f5",
+    "returns": "#fbe3bd",
+    "done": "#d5efe5",
+    "gives up": "#f3dcea",
+    "follows again": "#eef0f2",
+    "collided": "#f8d9c7",
+}
+"""Background of each phase of an overtake, light enough to print on."""
+
+WIDTH = 7.2
+"""Width of every figure [inch]: the text of an A4 page."""
+
+DOTS_PER_INCH = 200
+
+_SETTINGS: dict[str, Any] = {
+    "font.family": "DejaVu Sans",  # Matplotlib ships it, so figures are the same everywhere.
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 8.0,
+    "axes.labelcolor": QUIET,
+    "axes.edgecolor": LINE,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "axes.grid.axis": "y",
+    "axes.formatter.useoffset": False,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "text.color": INK,
+    "xtick.color": QUIET,
+    "ytick.color": QUIET,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "xtick.major.size": 3.0,
+    "ytick.major.size": 0.0,
+    "hatch.linewidth": 0.5,
+    "legend.frameon": False,
+    "legend.fontsize": 7.5,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "svg.fonttype": "path",  # Letters as shapes: a reader's machine needs no font.
+    "svg.hashsalt": "overtaking",  # The same figure has the same bytes.
+}
+
+
+def styled(draw: Callable[P, R]) -> Callable[P, R]:
+    """Run a drawing function with the design of the package, whatever the user's settings."""
+
+    @functools.wraps(draw)
+    def run(*args: P.args, **kwargs: P.kwargs) -> R:
+        with mpl.rc_context():
+            mpl.rcdefaults()
+            mpl.rcParams.update(cast("Any", _SETTINGS))
+            drawn = draw(*args, **kwargs)
+            if isinstance(drawn, Figure):
+                _settle(drawn)
+            return drawn
+
+    return run
+
+
+def new_figure(height: float, *, is_fixed: bool = False) -> Figure:
+    """An empty figure of the common width, that belongs to no window.
+
+    Args:
+        height: Its height [inch].
+        is_fixed: Whether `set_margins` says where panels go; else everything finds its place.
+    """
+    figure = Figure(figsize=(WIDTH, height), layout=None if is_fixed else "constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _settle(figure: Figure) -> None:
+    """Give everything its place once; otherwise each file would cost that again."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+
+
+def set_margins(
+    figure: Figure, *, left: float, right: float, top: float, bottom: float, **gaps: float
+) -> None:
+    """Fix the margins [inch], and the gaps between panels; for figures of many panels.
+
+    Args:
+        figure: The figure.
+        left: Left of the panels.
+        right: Right of them.
+        top: Above them.
+        bottom: Below them.
+        **gaps: `wspace` and `hspace`, in sizes of a panel.
+    """
+    width, height = figure.get_size_inches()
+    figure.subplots_adjust(
+        left=left / width,
+        right=1.0 - right / width,
+        top=1.0 - top / height,
+        bottom=bottom / height,
+        **gaps,
+    )
+
+
+def lightened(colour: str, strength: float) -> tuple[float, float, float]:
+    """A colour mixed with white, for areas; unlike transparency it hides the grid behind it."""
+    red, green, blue = (1.0 - strength * (1.0 - part) for part in to_rgb(colour))
+    return red, green, blue
+
+
+@styled
+def to_svg(figure: Figure) -> bytes:
+    """A figure as SVG; dense clouds of points are pictures in it."""
+    buffer = io.BytesIO()
+    figure.savefig(
+        buffer, format="svg", dpi=DOTS_PER_INCH, metadata={"Date": None, "Creator": None}
+    )
+    return buffer.getvalue()
+
+
+@styled
+def to_png(figure: Figure) -> bytes:
+    """A figure as PNG."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def words(name: str) -> str:
+    """A class as an axis shows it: without the underscore that only a column needs."""
+    return name.replace("_", " ")
+
+
+def say_nothing_to_draw(axes: Axes, text: str = "no values") -> None:
+    """Say in an empty panel why it is empty."""
+    axes.set_xticks([])
+    axes.set_yticks([])
+    axes.grid(visible=False)
+    axes.text(
+        0.5,
+        0.5,
+        text,
+        ha="center",
+        va="center",
+        color=QUIET,
+        style="italic",
+        transform=axes.transAxes,
+    )
