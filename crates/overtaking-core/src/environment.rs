@@ -17,7 +17,11 @@ fn relaxed<S: Simd>(process: V<S>, keep: V<S>, word: V<S>) -> V<S> {
 
 /// Advance gusts, errors of judgement and wander in the lane by one decision.
 #[inline(always)]
-pub fn move_random_processes<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, decision: u32) {
+pub fn move_random_processes<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    decision: u32,
+) {
     let (c, q) = (w.c, &w.q);
     // The first draw is the stationary state: nothing of a past is kept.
     let kept = if decision == 0 { 0.0 } else { 1.0 };
@@ -57,7 +61,7 @@ pub fn lane_value<S: Simd>(values: &[f32], lane: V<S>) -> V<S> {
 
 /// Film on a lane outside puddles [mm].
 #[inline(always)]
-pub fn lane_film<S: Simd>(w: &World<'_, S>, path: V<S>) -> V<S> {
+pub fn lane_film<S: Simd, const N: usize>(w: &World<'_, S, N>, path: V<S>) -> V<S> {
     max(w.q.least_film, w.q.film_rain * path - w.q.texture)
 }
 
@@ -68,7 +72,7 @@ fn triangle_wave<S: Simd>(x: V<S>) -> V<S> {
 
 /// Depth of the puddle at a point, 0 to 1.
 #[inline(always)]
-fn puddle<S: Simd>(w: &World<'_, S>, s: V<S>, path: V<S>) -> V<S> {
+fn puddle<S: Simd, const N: usize>(w: &World<'_, S, N>, s: V<S>, path: V<S>) -> V<S> {
     let q = &w.q;
     let wave = triangle_wave(s * (1.0 / 23.0) + q.puddle_phase_1 + 0.618_034 * path);
     let wave = wave + triangle_wave(s * (1.0 / 37.0) + q.puddle_phase_2 + 0.381_966 * path);
@@ -113,7 +117,7 @@ fn at_film<S: Simd>(c: &Constants, columns: &[V<S>; 4], film: V<S>) -> V<S> {
 
 /// Friction under the wheels of either side.
 #[inline(always)]
-pub fn grip<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>) {
+pub fn grip<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, N>) {
     let (road, n) = (w.road, w.road.num_lanes);
     let width = (road.boundaries[n] - road.boundaries[0]) / (2 * n) as f32;
     for i in 0..w.count {
@@ -141,7 +145,11 @@ pub fn grip<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>) {
 
 /// Share of the side wind left beside high-sided vehicles upwind of vehicle `i`.
 #[inline(always)]
-fn shelter<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
+fn shelter<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> V<S> {
     let c = w.c;
     let mut share = splat(w.simd, 1.0);
     for j in 0..w.count {
@@ -170,7 +178,11 @@ fn shelter<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
 
 /// The discrete gusts of bridges and cuttings, 0 to 1.
 #[inline(always)]
-fn gust_bump<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
+fn gust_bump<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> V<S> {
     let cell = state.s[i] / w.c.gust_spacing + w.q.gust_phase;
     let inside = (cell - floor(cell)) * w.c.gust_spacing / w.q.gust_length;
     let (_, cosine) = sincos(6.283_185_5 * at_most(inside, 1.0));
@@ -179,7 +191,7 @@ fn gust_bump<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> 
 
 /// Side force, yaw moment and tail wind of each vehicle.
 #[inline(always)]
-pub fn wind<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>) {
+pub fn wind<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, N>) {
     let (c, q) = (w.c, &w.q);
     for i in 0..w.count {
         let p = &w.p[i];
