@@ -8,7 +8,8 @@ import overtaking as ot
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind, Stage
 from overtaking.model.vehicles import Role, VehicleKind
 
-PROFILE, SEED, POOL = "pinto2023", 1, 1000
+PROFILE, SEED = "pinto2023", 1
+POOL, PIECE = 20_000, 1000  # Simulations that are looked through, and how many at a time.
 BEHIND, AHEAD = 58.0, 108.0  # Metres of road that are shown around the overtaken vehicle.
 
 
@@ -96,10 +97,10 @@ def _is_in_view(scene: Scene, slot: int, frames: list[int]) -> bool:
 
 def chosen() -> Scene:
     """The first telling simulation."""
-    runs = ot.simulate(ot.sample(PROFILE, POOL, SEED))
-    for number in range(POOL):
-        if Stage.DONE in runs.stage[number]:
-            scene = Scene(runs.select(slice(number, number + 1)), number)
+    for first in range(0, POOL, PIECE):
+        runs = ot.simulate(ot.sample(PROFILE, PIECE, SEED, first=first))
+        for row in np.flatnonzero((runs.stage == Stage.DONE).any(axis=1)):
+            scene = Scene(runs.select(slice(row, row + 1)), first + int(row))
             if is_telling(scene):
                 return scene
     raise SystemExit("docs/figures/scene.py: no simulation is telling; ask less in is_telling")

@@ -107,6 +107,5 @@ pub fn forced_braking<S: Simd>(
     time_gap: V<S>,
 ) -> V<S> {
     let z = wanted_gap(p, speed, closing, time_gap) / at_least(gap, c.smallest_gap);
-    let needed = needed_braking(c, speed, gap, closing, splat(speed.simd, 0.0));
-    at_most(cooled(c, p, p.accel * (1.0 - z * z), needed), 0.0)
+    at_most(p.accel * (1.0 - z * z), 0.0)
 }

@@ -8,6 +8,8 @@ use crate::lanes::{V, choose, pick, splat};
 use crate::state::{NOBODY, ROLES, State, World};
 
 const FAR: f32 = 1e9;
+/// The own, the faster and the slower lane, from the own.
+const SHIFTS: [f32; 3] = [0.0, 1.0, -1.0];
 
 /// Nearest vehicles of one vehicle by role.
 #[derive(Clone, Copy)]
@@ -47,10 +49,11 @@ pub fn find_neighbours<S: Simd, const N: usize>(
 ) -> Neighbours<S> {
     let c = w.c;
     let lane = state.lane[i];
+    let [own, faster, slower] = SHIFTS;
     let bands = [
-        lane_borders(w, lane, 0.0),
-        lane_borders(w, lane, 1.0),
-        lane_borders(w, lane, -1.0),
+        lane_borders(w, lane, own),
+        lane_borders(w, lane, faster),
+        lane_borders(w, lane, slower),
     ];
     let mut slot = [splat(w.simd, NOBODY); ROLES];
     let mut nearest = [splat(w.simd, FAR); ROLES];
@@ -64,10 +67,12 @@ pub fn find_neighbours<S: Simd, const N: usize>(
         let other = w.p[j].valid.simd_gt(0.0);
         let low_side = state.d[j] - w.p[j].half_width;
         let high_side = state.d[j] + w.p[j].half_width;
+        let signals = state.indicator[j].simd_ne(0.0);
+        let shift = state.lane[j] - lane;
         for (k, (low, high)) in bands.into_iter().enumerate() {
-            let inside = other
-                & high_side.simd_gt(low + c.corridor_margin)
+            let overlaps = high_side.simd_gt(low + c.corridor_margin)
                 & low_side.simd_lt(high - c.corridor_margin);
+            let inside = other & (overlaps | (signals & shift.simd_eq(SHIFTS[k])));
             let front = inside & ahead.simd_ge(0.0) & ahead.simd_lt(nearest[2 * k]);
             let back = inside & ahead.simd_lt(0.0) & (-ahead).simd_lt(nearest[2 * k + 1]);
             nearest[2 * k] = choose(front, ahead, nearest[2 * k]);

@@ -21,6 +21,24 @@ U8 = NDArray[np.uint8]
 NO_VEHICLE = np.uint8(255)
 """Slot number where there is no vehicle to name; a null in every table."""
 
+UNKNOWNS = (
+    "weather",  # Weather and light.
+    "drivers",  # Everything in `Drivers`.
+    "bodies",  # What of `VehicleSpecs` is not length, width and kind.
+    "kinds",  # Types of the vehicles.
+    "marks",  # Lines between the lanes.
+    "speed_limit",
+    "road_kind",
+    "indicators",
+    "lamps",
+    "wheel_angle",
+    "yaw_rate",
+    "impulse",
+    "stage",
+    "percepts",
+)
+"""What a recording from elsewhere may not say; rules that need it are undecidable."""
+
 METRES_PER_STEP = 1e-3
 METRES_PER_SECOND_PER_STEP = 1e-3
 RADIANS_PER_STEP = 1e-4
@@ -153,6 +171,10 @@ class Trajectories(Batch):
         contacts: First collision of each vehicle.
         percepts: What the ego believed.
         trace_hash: 128-bit hash over the recorded integers, (simulation, 4) words.
+        unknown: What the source of the recording could not tell, names of `UNKNOWNS`; the values
+            are there and mean nothing. Empty for simulations of this package.
+        present: Which vehicles were recorded in which frame, (simulation, vehicle, time); None
+            where every vehicle is there from the first frame to the last.
     """
 
     scenario: Scenario
@@ -163,6 +185,14 @@ class Trajectories(Batch):
     contacts: Contacts
     percepts: Percepts
     trace_hash: NDArray[np.uint32]
+    unknown: frozenset[str] = frozenset()
+    present: NDArray[np.bool_] | None = None
+
+    @property
+    def state_valid(self) -> NDArray[np.bool_]:
+        """Where there is a recorded state, shape (simulation, vehicle, time)."""
+        rows = self.scenario.vehicles.valid[:, :, None] & self.frame_valid[:, None, :]
+        return rows if self.present is None else rows & self.present
 
     @property
     def road(self) -> Road:

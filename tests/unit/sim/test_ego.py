@@ -118,14 +118,14 @@ def test_it_waits_while_the_next_lane_is_taken_and_goes_once_it_is_free():
 
 
 def test_impatience_takes_smaller_gaps():
-    # Cars at 26 m/s every 42 m in the next lane: too dense for one who asks for twice the usual.
-    convoy = [other(10.0 - 42.0 * k, 1, 26.0) for k in range(6)]
+    # Cars at 26 m/s every 56 m in the next lane: too dense for one who asks for twice the usual.
+    convoy = [other(10.0 - 56.0 * k, 1, 26.0) for k in range(6)]
     leader = other(40.0, 0, 20.0)
     patient, impatient = (
         told(ego(speed=21.0, patience=patience, gap_acceptance=2.0), leader, *convoy)
         for patience in (1e4, 2.0)
     )
-    # All six are past after 50 s at 5 m/s more; patience of 2 s does not last for them.
+    # All six are past after a minute at 5 m/s more; patience of 2 s does not last for them.
     assert first(impatient, Stage.PULL_OUT) * 0.05 < 10.0
     assert not (patient.stage[0, :300] == Stage.PULL_OUT).any()
 
@@ -259,9 +259,12 @@ def test_a_branch_can_make_it_give_up():
     assert ran.states.lane[0, 0, out + 200] == 0
 
 
-def test_a_branch_can_force_the_return_into_the_other():
+@pytest.mark.parametrize(("signals", "partner"), [(0.0, 1), (1.0, 255)])
+def test_a_branch_can_force_the_return_into_the_other_who_makes_room_only_if_warned(
+    signals: float, partner: int
+):
     # A lorry that is 1.5 m/s faster by its governor: beside the other for many seconds.
-    slow = ego(speed=25.0, passing_gain=0.1, pull_out_time=60.0)
+    slow = ego(speed=25.0, passing_gain=0.1, pull_out_time=60.0, uses_indicator=signals)
     lorry = dataclasses.replace(slow, body={"max_speed": 25.0})
     story = (lorry, other(25.0, 0, 23.5))
     undisturbed = engine.simulate(scenario(list(story), road=wide_road(), horizon=40.0))
@@ -269,5 +272,5 @@ def test_a_branch_can_force_the_return_into_the_other():
     beside = int(np.argmin(np.abs(s[0] - s[1])[: undisturbed.num_frames[0]]))
     assert undisturbed.stage[0, beside] == Stage.PASS
     ran = branched(Decision.RETURN, beside * 0.05 - 1.0, *story)
-    assert ran.contacts.partner[0, 0] == 1
-    assert stages(ran)[-1] == Stage.CRASHED
+    assert ran.contacts.partner[0, 0] == partner
+    assert (stages(ran)[-1] == Stage.CRASHED) is (partner == 1)

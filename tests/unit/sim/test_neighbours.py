@@ -81,6 +81,21 @@ def test_treading_on_a_line_is_not_being_in_the_lane():
     assert int(m.neighbours().slot[AHEAD_OF_OWN, 0, 0]) == -1
 
 
+def test_who_signals_a_lane_change_is_seen_from_there_before_the_body_arrives():
+    for signal, seen in ((1.0, 1), (0.0, -1)):
+        m = moment([Vehicle(s=0.0, lane=1), Vehicle(s=40.0, lane=0), Vehicle(s=0.0, lane=0)])
+        m.state.lane[1], m.state.indicator[1] = 1.0, signal
+        near = m.neighbours()
+        assert int(near.slot[AHEAD_OF_OWN, 0, 0]) == seen
+        assert int(near.slot[AHEAD_OF_OWN, 2, 0]) == 1  # And from where it still is.
+
+
+def test_an_indicator_alone_is_not_a_lane_change():
+    m = moment([Vehicle(s=0.0, lane=1), Vehicle(s=40.0, lane=0)])
+    m.state.indicator[1] = 1.0
+    assert int(m.neighbours().slot[AHEAD_OF_OWN, 0, 0]) == -1
+
+
 def test_vehicles_side_by_side_have_a_negative_gap():
     m = moment([Vehicle(s=10.0, lane=0), Vehicle(s=12.0, lane=1)])
     near = m.neighbours()

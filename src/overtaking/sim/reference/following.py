@@ -131,10 +131,12 @@ def forced_braking(
 ) -> F32:
     """Acceleration, never positive, of someone following at the speed that they want [m/s^2].
 
-    The model at its desired speed behind a steady leader: what somebody in this place does to the
-    one behind.
+    The bare model at its desired speed: what somebody in this place does to the one behind. It is
+    not cooled, since a cool head only counts on the gap that it has: who is to give room to
+    somebody else judges by the gap that is wanted.
+
+    Source:
+        Kesting, Treiber, Helbing 2007, whose safety criterion is in the terms of the plain model.
     """
     z = wanted_gap(p, speed, closing, time_gap) / maximum(gap, c.smallest_gap)
-    wanted = p.accel * (np.float32(1.0) - z * z)
-    needed = needed_braking(c, speed, gap, closing, _STEADY)
-    return minimum(cooled(c, p, wanted, needed), np.float32(0.0))
+    return minimum(p.accel * (np.float32(1.0) - z * z), np.float32(0.0))

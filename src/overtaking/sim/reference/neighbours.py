@@ -10,6 +10,7 @@ from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.state import NOBODY, Fields, State, pick
 
 _FAR = np.float32(1e9)  # Where nobody is [m].
+_SHIFTS = (0.0, 1.0, -1.0)  # The own, the faster and the slower lane, from the own.
 
 
 @dataclass(slots=True, kw_only=True)
@@ -48,16 +49,19 @@ def find_neighbours(state: State, given: Parameters, p: Fields) -> Neighbours:
     """The nearest vehicle ahead and behind in the own, the faster and the slower lane.
 
     A vehicle counts in every lane that its body overlaps by more than the margin, so one that
-    straddles a line is seen by both lanes.
+    straddles a line is seen by both lanes; and in the lane that it is changing to, from the first
+    moment if it signals. Those who make for one place from both sides would else see each other
+    too late.
     """
-    bands = [lane_borders(state, given, shift) for shift in (0.0, 1.0, -1.0)]
+    bands = [lane_borders(state, given, shift) for shift in _SHIFTS]
     found = _Nearest(state.s.shape)
     for j in range(state.s.shape[0]):
         ahead, beside = state.s[j] - state.s, state.d[j] - state.d
         others = np.broadcast_to(p.valid[j] > 0, ahead.shape).copy()
         others[j] = False
         for k, (low, high) in enumerate(bands):
-            inside = others & _overlaps(state, given, p, j, low, high)
+            signalled = (state.indicator[j] != 0) & (state.lane[j] - state.lane == _SHIFTS[k])
+            inside = others & (_overlaps(state, given, p, j, low, high) | signalled)
             found.offer(2 * k, j, inside & (ahead >= 0), ahead, beside)
             found.offer(2 * k + 1, j, inside & (ahead < 0), -ahead, beside)
     half = pick(p.half_length, found.slot)
