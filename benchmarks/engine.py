@@ -24,12 +24,13 @@ import numpy as np
 from measure import ROOT, Measure, parser, report
 from overtaking import _core
 from overtaking.exchange.roads import load_road
-from overtaking.model.scenario import Scenario
+from overtaking.model.scenario import SLOTS, Scenario
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine
 from overtaking.sim.parameters import Parameters, parameters
 
 SIMULATIONS, VEHICLES, FRAMES = 1024, 5, 200
+SPACING_M = 60.0  # Room on the road for each vehicle of a crowd.
 ROUNDS = 3
 SECONDS = 1.5  # An engine's round: some ten batches.
 NEVER = 1000.0
@@ -139,6 +140,43 @@ def in_turn() -> tuple[Rate, Rate | None]:
     return ours, theirs
 
 
+def crowd(vehicles: int) -> Callable[[], int]:
+    """Simulates full slots on the motorway; returns vehicle-frames."""
+    drawn = spec(
+        "pinto2023",
+        {
+            "profile.road": "motorway",
+            "traffic.vehicles": [vehicles, vehicles],
+            "traffic.spawn_s_m": [50.0, 50.0 + SPACING_M * vehicles],
+        },
+    )
+    count = SIMULATIONS // 4
+    scenario = sample(drawn, load_road("motorway"), 1, np.arange(count, dtype=np.uint64))
+    horizon = np.full(count, (FRAMES - 1) * 0.05, np.float32)
+    scenario = scenario.replace(horizon=horizon, attempt_deadline=horizon + np.float32(NEVER))
+    given, buffers = endless(scenario), engine.Buffers()
+
+    def batch() -> int:
+        return int(engine.run(scenario, given, buffers=buffers).num_frames.sum()) * vehicles
+
+    batch()
+    return batch
+
+
+def crowds() -> list[Measure]:
+    """Time of a core for a vehicle in a frame, by the number of slots, all of them filled."""
+    cost = {slots: 1e9 / rate_of(crowd(slots)).core for slots in SLOTS}
+    found = [
+        Measure(name=f"vehicle-frame in {slots} slots", value=cost[slots], unit="ns of a core")
+        for slots in SLOTS
+    ]
+    ratio = cost[SLOTS[-1]] / cost[SLOTS[0]]
+    return [
+        *found,
+        Measure(name="a frame in 32 slots over one in 8", value=ratio, unit="times", at_most=2.0),
+    ]
+
+
 def measures() -> list[Measure]:
     """The engine's rate, libsumo's, and the ratio."""
     ours, theirs = in_turn()
@@ -155,6 +193,7 @@ def measures() -> list[Measure]:
         if available and level != _core.simd_level():
             slower = rate_of(engine_batch(level))
             found.append(_rate(f"engine, {level}, a second of a core", slower.core))
+    found += crowds()
     if theirs is None:
         return found
     return [

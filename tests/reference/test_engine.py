@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from overtaking import _core
+from overtaking.exchange.roads import load_road
+from overtaking.model.scenario import SLOTS
 from overtaking.model.trajectory import DecisionKind, Stage
 from overtaking.model.vehicles import VehicleKind
+from overtaking.scenarios import sample, spec
 from overtaking.sim import branch, engine, reference
+from overtaking.sim.parameters import parameters
 
 from .situations import SITUATIONS, SMALL, Situation, arrays, difference, turned_round
 
 if TYPE_CHECKING:
+    from overtaking.model.scenario import Scenario
     from overtaking.model.trajectory import Trajectories
 
 LEVELS = [name for name, available in _core.simd_levels() if available]
@@ -40,6 +45,60 @@ def test_engine_and_reference_record_the_same_bits(situation):
         assert not (found := difference(situation.run(scenario, run), expected)), (
             f"{level}: {found}"
         )
+
+
+CROWDED = {
+    "profile.road": "motorway",
+    "time.horizon_s": 4.0,
+    "time.attempt_deadline_s": 4.0,
+    "traffic.spawn_s_m": [50.0, 650.0],
+    "starts.min_gap_m": 5.0,
+}
+
+
+@pytest.mark.parametrize("vehicles", [[9, 16], [17, 32]])
+def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
+    crowded = spec("pinto2023", CROWDED | {"traffic.vehicles": vehicles})
+    scenario = sample(crowded, load_road("motorway"), 4, np.arange(18, dtype=np.uint64))
+    assert scenario.num_slots == vehicles[1]
+    given = parameters(scenario)
+    expected = reference.run(scenario, given)
+    assert expected.num_frames.max() == 81
+    for level in LEVELS:
+        found = difference(engine.run(scenario, given, level=level), expected)
+        assert not found, f"{level}: {found}"
+
+
+@pytest.mark.parametrize("slots", SLOTS)
+def test_slots_that_hold_nobody_change_nothing(slots):
+    whole = simulated(SITUATIONS[0])
+    scenario = with_slots(whole.scenario, slots)
+    for level in LEVELS:
+        runs = engine.run(scenario, parameters(scenario), level=level)
+        np.testing.assert_array_equal(runs.trace_hash, whole.trace_hash)
+
+
+def with_slots(scenario: Scenario, slots: int) -> Scenario:
+    """The same simulations with more slots, in which there is nobody."""
+
+    def wider(values: np.ndarray) -> np.ndarray:
+        more = np.repeat(values[:, -1:], slots - values.shape[1], axis=1)
+        return np.concatenate([values, more], axis=1)
+
+    def widened(batch: Any) -> Any:
+        names = [one.name for one in dataclasses.fields(batch)]
+        return batch.replace(**{name: wider(getattr(batch, name)) for name in names})
+
+    vehicles = widened(scenario.vehicles)
+    nobody = np.arange(slots) >= scenario.num_slots
+    return scenario.replace(
+        vehicles=vehicles.replace(valid=vehicles.valid & ~nobody),
+        drivers=widened(scenario.drivers),
+        **{
+            name: wider(getattr(scenario, name))
+            for name in ("start_s", "start_lane", "start_speed")
+        },
+    )
 
 
 @each_situation

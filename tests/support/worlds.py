@@ -12,7 +12,7 @@ from overtaking.knowledge import VEHICLE_CLASS_ORDER, vehicle_classes
 from overtaking.model.drivers import Drivers
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
-from overtaking.model.scenario import MAX_VEHICLES, Scenario
+from overtaking.model.scenario import SLOTS, Scenario
 from overtaking.model.vehicles import Colour, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
 
@@ -87,7 +87,7 @@ def scenario(
     frame_interval_ms: int = 50,
     seed: int = 1,
     index: list[int] | None = None,
-    num_slots: int = MAX_VEHICLES,
+    num_slots: int = SLOTS[0],
 ) -> Scenario:
     """A batch, one list of vehicles a simulation, the ego first.
 

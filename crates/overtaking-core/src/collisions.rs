@@ -3,7 +3,6 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::MAX_VEHICLES;
 use crate::lanes::{M, V, choose, clamp, clamp_to, max, min, splat};
 use crate::state::{EGO, Each, State, World, stage};
 
@@ -13,7 +12,7 @@ const TINY: f32 = 1e-6;
 const EVER: f32 = 1e9;
 
 /// Which pairs may touch before the next decision, by (lower slot, higher slot).
-pub type Pairs<S> = [[Option<M<S>>; MAX_VEHICLES]; MAX_VEHICLES];
+pub type Pairs<S, const N: usize> = [[Option<M<S>>; N]; N];
 
 /// A vector along and across the road.
 type Vector<S> = (V<S>, V<S>);
@@ -31,9 +30,12 @@ struct Corpus<S: Simd> {
 
 /// Which pairs may touch before the next decision.
 #[inline(always)]
-pub fn near_pairs<S: Simd>(state: &State<'_, S>, w: &World<'_, S>) -> Pairs<S> {
+pub fn near_pairs<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+) -> Pairs<S, N> {
     let (c, p) = (w.c, &w.p);
-    let mut pairs = [[None; MAX_VEHICLES]; MAX_VEHICLES];
+    let mut pairs = [[None; N]; N];
     for i in 0..w.count {
         for j in i + 1..w.count {
             let along = (state.s[j] - state.s[i])
@@ -51,7 +53,11 @@ pub fn near_pairs<S: Simd>(state: &State<'_, S>, w: &World<'_, S>) -> Pairs<S> {
 
 /// Who has left the lanes, or stands across them, is lost: a wreck that slides to rest.
 #[inline(always)]
-pub fn leave_road<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, step: u32) {
+pub fn leave_road<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    step: u32,
+) {
     let (c, road) = (w.c, w.road);
     for i in 0..w.count {
         let beyond = state.d[i].simd_lt(road.boundaries[0] - c.edge_margin)
@@ -68,7 +74,12 @@ pub fn leave_road<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, step: u32
 
 /// An accident of the ego ends the simulation soon.
 #[inline(always)]
-fn end_with_ego<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, crashed: M<S>, step: u32) {
+fn end_with_ego<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    crashed: M<S>,
+    step: u32,
+) {
     let c = w.c;
     state.stage = choose(crashed, splat(w.simd, stage::CRASHED), state.stage);
     let after = splat(
@@ -80,11 +91,11 @@ fn end_with_ego<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, crashed: M<
 
 /// Exchange momentum in every near pair that touched during the last step.
 #[inline(always)]
-pub fn collide<S: Simd>(
-    state: &mut State<'_, S>,
-    w: &World<'_, S>,
-    pairs: &Pairs<S>,
-    before: &(Each<S>, Each<S>),
+pub fn collide<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    pairs: &Pairs<S, N>,
+    before: &(Each<S, N>, Each<S, N>),
     step: u32,
 ) {
     let was_sound = state.crashed[EGO].simd_eq(0.0);
@@ -103,11 +114,11 @@ pub fn collide<S: Simd>(
 }
 
 #[inline(always)]
-fn collide_pair<S: Simd>(
-    state: &mut State<'_, S>,
-    w: &World<'_, S>,
+fn collide_pair<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
     near: M<S>,
-    before: &(Each<S>, Each<S>),
+    before: &(Each<S, N>, Each<S, N>),
     step: u32,
     i: usize,
     j: usize,
@@ -149,7 +160,11 @@ fn collide_pair<S: Simd>(
 }
 
 #[inline(always)]
-fn corpus<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> Corpus<S> {
+fn corpus<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> Corpus<S> {
     let (sine, cosine) = (state.sine[i], state.cosine[i]);
     let (half_length, half_width) = (w.p[i].half_length, w.p[i].half_width);
     Corpus {
@@ -236,8 +251,8 @@ fn nearest_point<S: Simd>(box_: &Corpus<S>, ahead: V<S>, aside: V<S>) -> Vector<
 }
 
 #[inline(always)]
-fn velocity<S: Simd>(
-    state: &State<'_, S>,
+fn velocity<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
     box_: &Corpus<S>,
     i: usize,
     arm: Vector<S>,
@@ -249,9 +264,9 @@ fn velocity<S: Simd>(
 
 #[allow(clippy::too_many_arguments)]
 #[inline(always)]
-fn push<S: Simd>(
-    state: &mut State<'_, S>,
-    w: &World<'_, S>,
+fn push<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
     box_: &Corpus<S>,
     i: usize,
     impulse: V<S>,

@@ -12,12 +12,16 @@ use crate::state::{EGO, FAST_LEAD, LEAD, SLOW_LEAD, State, World, stage};
 const FREE: f32 = 1e9;
 
 #[inline(always)]
-fn is_passing<S: Simd>(state: &State<'_, S>) -> M<S> {
+fn is_passing<S: Simd, const N: usize>(state: &State<'_, S, N>) -> M<S> {
     state.stage.simd_eq(stage::PULL_OUT) | state.stage.simd_eq(stage::PASS)
 }
 
 #[inline(always)]
-fn desired_speed<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
+fn desired_speed<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> V<S> {
     let p = &w.p[i];
     if i == EGO {
         choose(is_passing(state), p.pass_speed, p.desired_speed)
@@ -28,7 +32,11 @@ fn desired_speed<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V
 
 /// Time gap kept; who is about to pull out accepts a smaller one.
 #[inline(always)]
-fn time_gap<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
+fn time_gap<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> V<S> {
     let own = w.p[i].time_gap;
     if i == EGO {
         let about_to = state.signalled.simd_gt(0.0) & state.stage.simd_eq(stage::FOLLOW);
@@ -40,9 +48,9 @@ fn time_gap<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
 
 /// Acceleration behind the leader of the lane that is driven in or being entered.
 #[inline(always)]
-pub fn behind_leader<S: Simd>(
-    state: &State<'_, S>,
-    w: &World<'_, S>,
+pub fn behind_leader<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
     i: usize,
     believed: &Beliefs<S>,
 ) -> V<S> {
@@ -75,9 +83,9 @@ pub fn behind_leader<S: Simd>(
 
 /// Acceleration behind the one whose lane is being left, while the bodies overlap.
 #[inline(always)]
-fn behind_old_leader<S: Simd>(
-    state: &State<'_, S>,
-    w: &World<'_, S>,
+fn behind_old_leader<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
     i: usize,
     near: &Neighbours<S>,
     believed: &Beliefs<S>,
@@ -117,9 +125,9 @@ fn behind_old_leader<S: Simd>(
 
 /// Move the pedals of vehicle `i` towards the wanted acceleration.
 #[inline(always)]
-pub fn set_acceleration<S: Simd>(
-    state: &mut State<'_, S>,
-    w: &World<'_, S>,
+pub fn set_acceleration<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
     i: usize,
     near: &Neighbours<S>,
     believed: &Beliefs<S>,

@@ -24,10 +24,10 @@ fn fiala<S: Simd>(stiffness: V<S>, slope: V<S>, limit: V<S>) -> V<S> {
 }
 
 #[inline(always)]
-fn drive_force<S: Simd>(
+fn drive_force<S: Simd, const N: usize>(
     c: &Constants,
     p: &Vehicle<S>,
-    state: &State<'_, S>,
+    state: &State<'_, S, N>,
     i: usize,
     resistance: V<S>,
     inverse_speed: V<S>,
@@ -74,8 +74,8 @@ struct Tyres<S: Simd> {
 }
 
 #[inline(always)]
-fn tyre_forces<S: Simd>(
-    state: &State<'_, S>,
+fn tyre_forces<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
     c: &Constants,
     p: &Vehicle<S>,
     i: usize,
@@ -116,7 +116,11 @@ fn tyre_forces<S: Simd>(
 
 /// Accelerations of vehicle `i` by tyres and wind, kept in the state, and its new yaw rate.
 #[inline(always)]
-pub fn accelerate<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
+pub fn accelerate<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> V<S> {
     let (c, p) = (w.c, &w.p[i]);
     let inverse_speed = 1.0 / at_least(state.vx[i], c.slip_speed);
     let air = state.vx[i] - state.tail_wind[i];
@@ -155,8 +159,8 @@ pub fn accelerate<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, i: usize)
 }
 
 #[inline(always)]
-fn wreck<S: Simd>(
-    state: &State<'_, S>,
+fn wreck<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
     c: &Constants,
     p: &Vehicle<S>,
     i: usize,
@@ -171,7 +175,12 @@ fn wreck<S: Simd>(
 
 /// New velocity of vehicle `i`, then its new position with the mean of both.
 #[inline(always)]
-pub fn integrate<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, i: usize, r: V<S>) {
+pub fn integrate<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    r: V<S>,
+) {
     let c = w.c;
     let zero = splat(r.simd, 0.0);
     let wrecked = state.crashed[i].simd_gt(0.0);

@@ -33,7 +33,11 @@ struct View<'a, S: Simd> {
 }
 
 #[inline(always)]
-fn own_braking<S: Simd>(w: &World<'_, S>, view: &View<'_, S>, role: usize) -> V<S> {
+fn own_braking<S: Simd, const N: usize>(
+    w: &World<'_, S, N>,
+    view: &View<'_, S>,
+    role: usize,
+) -> V<S> {
     let time_gap = view.own.time_gap * view.demand;
     forced_braking(
         w.c,
@@ -46,7 +50,11 @@ fn own_braking<S: Simd>(w: &World<'_, S>, view: &View<'_, S>, role: usize) -> V<
 }
 
 #[inline(always)]
-fn their_braking<S: Simd>(w: &World<'_, S>, view: &View<'_, S>, role: usize) -> V<S> {
+fn their_braking<S: Simd, const N: usize>(
+    w: &World<'_, S, N>,
+    view: &View<'_, S>,
+    role: usize,
+) -> V<S> {
     let time_gap = view.own.time_gap * view.demand;
     let speed = view.speed + view.closing[role];
     forced_braking(
@@ -60,7 +68,7 @@ fn their_braking<S: Simd>(w: &World<'_, S>, view: &View<'_, S>, role: usize) -> 
 }
 
 #[inline(always)]
-fn wants_to_pass<S: Simd>(w: &World<'_, S>, view: &View<'_, S>) -> M<S> {
+fn wants_to_pass<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) -> M<S> {
     let own = view.own;
     let slower =
         (own.desired_speed - view.leader_speed).simd_gt(own.passing_gain * view.impatience);
@@ -71,7 +79,7 @@ fn wants_to_pass<S: Simd>(w: &World<'_, S>, view: &View<'_, S>) -> M<S> {
 }
 
 #[inline(always)]
-fn may_pull_out<S: Simd>(w: &World<'_, S>, view: &View<'_, S>) -> M<S> {
+fn may_pull_out<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) -> M<S> {
     let (c, own) = (w.c, view.own);
     let front = own_braking(w, view, FAST_LEAD).simd_ge(-own.decel);
     let rear = their_braking(w, view, FAST_REAR).simd_ge(-(own.safe_decel / view.demand));
@@ -83,7 +91,7 @@ fn may_pull_out<S: Simd>(w: &World<'_, S>, view: &View<'_, S>) -> M<S> {
 }
 
 #[inline(always)]
-fn may_return<S: Simd>(w: &World<'_, S>, view: &View<'_, S>) -> M<S> {
+fn may_return<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) -> M<S> {
     let own = view.own;
     let follower_speed = view.speed + view.closing[SLOW_REAR];
     let left = view.gap[SLOW_REAR].simd_ge(own.return_time_gap * follower_speed * view.impatience);
@@ -94,7 +102,7 @@ fn may_return<S: Simd>(w: &World<'_, S>, view: &View<'_, S>) -> M<S> {
 }
 
 #[inline(always)]
-fn must_abort<S: Simd>(w: &World<'_, S>, view: &View<'_, S>) -> M<S> {
+fn must_abort<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) -> M<S> {
     let (c, own) = (w.c, view.own);
     let bad_rear =
         their_braking(w, view, REAR).simd_lt(-(c.abort_factor * own.safe_decel / view.demand));
@@ -121,12 +129,12 @@ struct Intent<S: Simd> {
 
 /// One decision of every ego of the block.
 #[inline(always)]
-pub fn decide<S: Simd>(
-    state: &mut State<'_, S>,
-    w: &World<'_, S>,
+pub fn decide<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
     near: &Neighbours<S>,
     believed: &Beliefs<S>,
-    recorder: &mut Recorder<'_>,
+    recorder: &mut Recorder<'_, N>,
     step: u32,
 ) {
     let own = &w.p[EGO];
@@ -188,13 +196,17 @@ pub fn decide<S: Simd>(
 
 /// Whether the ego is sound and in a stage.
 #[inline(always)]
-fn in_stage<S: Simd>(state: &State<'_, S>, which: f32) -> M<S> {
+fn in_stage<S: Simd, const N: usize>(state: &State<'_, S, N>, which: f32) -> M<S> {
     state.crashed[EGO].simd_eq(0.0) & state.stage.simd_eq(which)
 }
 
 /// Count the time behind a slower leader.
 #[inline(always)]
-fn wait<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, view: &View<'_, S>) {
+fn wait<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    view: &View<'_, S>,
+) {
     let queues = view.gap[LEAD].simd_lt(w.c.waiting_time_gap * view.speed);
     let waits = in_stage(state, stage::FOLLOW)
         & view.detected[LEAD]
@@ -204,7 +216,11 @@ fn wait<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, view: &View<'_, S>)
 }
 
 #[inline(always)]
-fn intend<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, view: &View<'_, S>) -> Intent<S> {
+fn intend<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    view: &View<'_, S>,
+) -> Intent<S> {
     let (c, q, n) = (w.c, &w.q, w.count);
     let arrived = state.path_time[EGO].simd_ge(state.path_duration[EGO]);
     let free = in_stage(state, stage::FOLLOW)
@@ -242,9 +258,9 @@ fn intend<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, view: &View<'_, S
 }
 
 #[inline(always)]
-fn next_stage<S: Simd>(
-    state: &State<'_, S>,
-    w: &World<'_, S>,
+fn next_stage<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
     near: &Neighbours<S>,
     intent: &Intent<S>,
 ) -> V<S> {
@@ -278,9 +294,9 @@ fn next_stage<S: Simd>(
 
 /// Move over and show it.
 #[inline(always)]
-fn act<S: Simd>(
-    state: &mut State<'_, S>,
-    w: &World<'_, S>,
+fn act<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
     near: &Neighbours<S>,
     intent: &Intent<S>,
 ) {
@@ -299,9 +315,9 @@ fn act<S: Simd>(
 
 /// End the simulation some time after the overtake, or at the deadline without an attempt.
 #[inline(always)]
-fn end<S: Simd>(
-    state: &mut State<'_, S>,
-    w: &World<'_, S>,
+fn end<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
     intent: &Intent<S>,
     next: V<S>,
     step: u32,

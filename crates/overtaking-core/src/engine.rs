@@ -4,7 +4,6 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd};
 use rayon::prelude::*;
 
-use crate::MAX_VEHICLES;
 use crate::collisions::{Pairs, collide, leave_road, near_pairs};
 use crate::fields::{Constants, Simulation, Vehicle};
 use crate::lanes::{LANES, dispatch, splat};
@@ -12,6 +11,7 @@ use crate::neighbours::find_neighbours;
 use crate::output::Output;
 use crate::recording::{Recorder, Tile};
 use crate::state::{EGO, History, Road, State, World};
+use crate::{MAX_VEHICLES, SLOTS};
 use crate::{control, dynamics, ego, environment, mobil, perception, steering};
 
 /// Evaluate an expression in a function of its own that may use the SIMD features of the CPU.
@@ -118,13 +118,33 @@ pub fn simulate(
             forced.unwrap_or("?")
         ));
     };
+    match SLOTS.into_iter().find(|slots| inputs.slots <= *slots) {
+        Some(8) => run_blocks::<8>(level, inputs, later, out),
+        Some(16) => run_blocks::<16>(level, inputs, later, out),
+        Some(32) => run_blocks::<32>(level, inputs, later, out),
+        _ => {
+            return Err(format!(
+                "{} slots are more than {MAX_VEHICLES}",
+                inputs.slots
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Simulate all blocks of a batch, with room for `N` vehicles.
+fn run_blocks<const N: usize>(
+    level: Level,
+    inputs: &Inputs<'_>,
+    later: Option<&Later<'_>>,
+    out: Output<'_>,
+) {
     out.into_blocks().into_par_iter().enumerate().for_each_init(
-        Scratch::default,
+        Scratch::<N>::default,
         |scratch, (block, out)| {
             dispatch!(level, |simd| run(simd, inputs, later, block, out, scratch));
         },
     );
-    Ok(())
 }
 
 /// Row of sixteen numbers of a block; lanes beyond the batch repeat its last simulation.
@@ -134,13 +154,13 @@ fn row(values: &[f32], batch: usize, row: usize, block: usize) -> [f32; LANES] {
 }
 
 #[inline(always)]
-fn load<S: Simd>(
+fn load<S: Simd, const N: usize>(
     simd: S,
     vehicle: &[f32],
     simulation: &[f32],
     inputs: &Inputs<'_>,
     block: usize,
-) -> ([Vehicle<S>; MAX_VEHICLES], Simulation<S>) {
+) -> ([Vehicle<S>; N], Simulation<S>) {
     let batch = inputs.index.len();
     let slots = inputs.slots;
     let p = core::array::from_fn(|slot| {
@@ -160,19 +180,19 @@ fn load<S: Simd>(
 
 /// Memory that a thread uses again for each of its blocks.
 #[derive(Default)]
-struct Scratch {
-    tile: Tile,
-    history: History,
+struct Scratch<const N: usize> {
+    tile: Tile<N>,
+    history: History<N>,
 }
 
 /// Simulate one block.
-fn run<S: Simd>(
+fn run<S: Simd, const N: usize>(
     simd: S,
     inputs: &Inputs<'_>,
     later: Option<&Later<'_>>,
     block: usize,
     out: Output<'_>,
-    scratch: &mut Scratch,
+    scratch: &mut Scratch<N>,
 ) {
     let batch = inputs.index.len();
     let lanes = (batch - block * LANES).min(LANES);
@@ -187,10 +207,7 @@ fn run<S: Simd>(
     };
     let (p, q) = load(simd, inputs.vehicle, inputs.simulation, inputs, block);
     let used = |slot: &usize| (0..LANES).any(|lane| p[*slot].valid[lane] > 0.0);
-    let count = (0..MAX_VEHICLES)
-        .filter(used)
-        .max()
-        .map_or(1, |last| last + 1);
+    let count = (0..N).filter(used).max().map_or(1, |last| last + 1);
     let mut world = World {
         simd,
         c: inputs.constants,
@@ -204,7 +221,7 @@ fn run<S: Simd>(
     };
     let mut state = State::new(&world, &mut scratch.history);
     let mut recorder = Recorder::new(out, lanes, &mut scratch.tile);
-    let mut pairs: Pairs<S> = [[None; MAX_VEHICLES]; MAX_VEHICLES];
+    let mut pairs: Pairs<S, N> = [[None; N]; N];
     let mut step = 0;
     while runs(&state, simd, step) {
         if let Some(later) = later.filter(|later| later.switch == step) {
@@ -236,7 +253,7 @@ fn run<S: Simd>(
     );
 }
 
-fn runs<S: Simd>(state: &State<'_, S>, simd: S, step: u32) -> bool {
+fn runs<S: Simd, const N: usize>(state: &State<'_, S, N>, simd: S, step: u32) -> bool {
     outlined!(
         simd,
         splat(simd, step as f32).simd_le(state.end_step).any_true()
@@ -247,19 +264,19 @@ fn runs<S: Simd>(state: &State<'_, S>, simd: S, step: u32) -> bool {
 ///
 /// Each part is a function of its own with the features of the CPU switched on; inlining them all into
 /// one makes the compiler slow and the code no faster.
-fn decide<S: Simd>(
-    state: &mut State<'_, S>,
-    w: &World<'_, S>,
-    recorder: &mut Recorder<'_>,
+fn decide<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    recorder: &mut Recorder<'_, N>,
     step: u32,
-) -> Pairs<S> {
+) -> Pairs<S, N> {
     let decision = step / SUBSTEPS;
     surroundings(state, w, step);
-    let mut near = [outlined!(w.simd, find_neighbours(state, w, EGO)); MAX_VEHICLES];
+    let mut near = [outlined!(w.simd, find_neighbours(state, w, EGO)); N];
     let mut believed = [outlined!(
         w.simd,
         perception::perceive(state, w, &near[EGO], EGO, decision as usize)
-    ); MAX_VEHICLES];
+    ); N];
     for i in 1..w.count {
         near[i] = outlined!(w.simd, find_neighbours(state, w, i));
         believed[i] = outlined!(
@@ -267,7 +284,7 @@ fn decide<S: Simd>(
             perception::perceive(state, w, &near[i], i, decision as usize)
         );
     }
-    let mut leader = [splat(w.simd, 0.0); MAX_VEHICLES];
+    let mut leader = [splat(w.simd, 0.0); N];
     for i in 0..w.count {
         leader[i] = outlined!(w.simd, control::behind_leader(state, w, i, &believed[i]));
     }
@@ -293,7 +310,11 @@ fn decide<S: Simd>(
 }
 
 /// Time, memory, weather and wind of a decision.
-fn surroundings<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, step: u32) {
+fn surroundings<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    step: u32,
+) {
     let decision = step / SUBSTEPS;
     outlined!(w.simd, {
         for i in 0..w.count {
@@ -314,7 +335,12 @@ fn surroundings<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, step: u32) 
 }
 
 /// One step of 10 ms: steer, move, collide.
-fn advance<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, pairs: &Pairs<S>, step: u32) {
+fn advance<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    pairs: &Pairs<S, N>,
+    step: u32,
+) {
     let before = (state.s, state.d);
     outlined!(w.simd, {
         // Short passes over all vehicles, so that the CPU works on several of them at once.

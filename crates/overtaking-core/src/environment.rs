@@ -25,7 +25,11 @@ fn relaxed<S: Simd>(process: V<S>, keep: V<S>, word: V<S>) -> V<S> {
 
 /// Advance gusts, errors of judgement and wander in the lane by one decision.
 #[inline(always)]
-pub fn move_random_processes<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, decision: u32) {
+pub fn move_random_processes<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    decision: u32,
+) {
     let (c, q) = (w.c, &w.q);
     // The first draw is the stationary state: nothing of a past is kept.
     let kept = if decision == 0 { 0.0 } else { 1.0 };
@@ -65,7 +69,7 @@ pub fn lane_value<S: Simd>(values: &[f32], lane: V<S>) -> V<S> {
 
 /// Film on a lane outside puddles [mm].
 #[inline(always)]
-pub fn lane_film<S: Simd>(w: &World<'_, S>, path: V<S>) -> V<S> {
+pub fn lane_film<S: Simd, const N: usize>(w: &World<'_, S, N>, path: V<S>) -> V<S> {
     max(w.q.least_film, w.q.film_rain * path - w.q.texture)
 }
 
@@ -76,7 +80,7 @@ fn triangle_wave<S: Simd>(x: V<S>) -> V<S> {
 
 /// Depth of the puddle at a point, 0 to 1.
 #[inline(always)]
-fn puddle<S: Simd>(w: &World<'_, S>, s: V<S>, path: V<S>) -> V<S> {
+fn puddle<S: Simd, const N: usize>(w: &World<'_, S, N>, s: V<S>, path: V<S>) -> V<S> {
     let (c, q) = (w.c, &w.q);
     let wave = triangle_wave(s * c.inverse_puddle_wave_1 + q.puddle_phase_1 + GOLDEN * path);
     let wave =
@@ -122,7 +126,7 @@ pub fn at_film<S: Simd>(c: &Constants, columns: &[V<S>; 4], film: V<S>) -> V<S> 
 
 /// Friction under the wheels of either side.
 #[inline(always)]
-pub fn grip<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>) {
+pub fn grip<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, N>) {
     let (road, n) = (w.road, w.road.num_lanes);
     let width = (road.boundaries[n] - road.boundaries[0]) / (2 * n) as f32;
     for i in 0..w.count {
@@ -150,7 +154,11 @@ pub fn grip<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>) {
 
 /// Share of the side wind left beside high-sided vehicles upwind of vehicle `i`.
 #[inline(always)]
-fn shelter<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
+fn shelter<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> V<S> {
     let c = w.c;
     let mut share = splat(w.simd, 1.0);
     for j in 0..w.count {
@@ -179,7 +187,11 @@ fn shelter<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
 
 /// The discrete gusts of bridges and cuttings, 0 to 1.
 #[inline(always)]
-fn gust_bump<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> {
+fn gust_bump<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> V<S> {
     let cell = state.s[i] / w.c.gust_spacing + w.q.gust_phase;
     let inside = (cell - floor(cell)) * w.c.gust_spacing / w.q.gust_length;
     let (_, cosine) = sincos(core::f32::consts::TAU * at_most(inside, 1.0));
@@ -188,7 +200,7 @@ fn gust_bump<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> V<S> 
 
 /// Side force, yaw moment and tail wind of each vehicle.
 #[inline(always)]
-pub fn wind<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>) {
+pub fn wind<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, N>) {
     let (c, q) = (w.c, &w.q);
     for i in 0..w.count {
         let p = &w.p[i];

@@ -29,5 +29,8 @@ pub use fields::{Constants, SIMULATION_NAMES, VEHICLE_NAMES};
 pub use lanes::LANES;
 pub use output::{MAX_PERCEPTS, Output};
 
-/// Vehicle slots of a simulation.
-pub const MAX_VEHICLES: usize = 8;
+/// Vehicle slots that the engine is compiled for.
+pub const SLOTS: [usize; 3] = [8, 16, 32];
+
+/// Most vehicle slots of a simulation.
+pub const MAX_VEHICLES: usize = SLOTS[SLOTS.len() - 1];

@@ -18,14 +18,20 @@ pub fn is_due(c: &Constants, decision: usize) -> bool {
 }
 
 #[inline(always)]
-fn imposed<S: Simd>(w: &World<'_, S>, i: usize, speed: V<S>, gap: V<S>, closing: V<S>) -> V<S> {
+fn imposed<S: Simd, const N: usize>(
+    w: &World<'_, S, N>,
+    i: usize,
+    speed: V<S>,
+    gap: V<S>,
+    closing: V<S>,
+) -> V<S> {
     forced_braking(w.c, &w.p[i], speed + closing, gap, closing, w.p[i].time_gap)
 }
 
 #[inline(always)]
-fn incentives<S: Simd>(
-    state: &State<'_, S>,
-    w: &World<'_, S>,
+fn incentives<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
     i: usize,
     believed: &Beliefs<S>,
     own: V<S>,
@@ -81,9 +87,9 @@ fn incentives<S: Simd>(
 }
 
 #[inline(always)]
-fn is_safe<S: Simd>(
-    state: &State<'_, S>,
-    w: &World<'_, S>,
+fn is_safe<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
     i: usize,
     believed: &Beliefs<S>,
     front: usize,
@@ -99,9 +105,9 @@ fn is_safe<S: Simd>(
 
 /// Let vehicle `i`, not the ego, change lanes where it pays and is safe.
 #[inline(always)]
-pub fn change_lanes<S: Simd>(
-    state: &mut State<'_, S>,
-    w: &World<'_, S>,
+pub fn change_lanes<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
     i: usize,
     believed: &Beliefs<S>,
     own: V<S>,
@@ -130,9 +136,9 @@ pub fn change_lanes<S: Simd>(
 
 /// Begin a lane change of vehicle `i` in the masked simulations.
 #[inline(always)]
-pub fn turn_to_lane<S: Simd>(
-    state: &mut State<'_, S>,
-    w: &World<'_, S>,
+pub fn turn_to_lane<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
     i: usize,
     fast: M<S>,
     slow: M<S>,

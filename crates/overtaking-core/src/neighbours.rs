@@ -28,7 +28,11 @@ pub struct Neighbours<S: Simd> {
 
 /// Borders of the lane `shift` lanes from a vehicle's own [m].
 #[inline(always)]
-pub fn lane_borders<S: Simd>(w: &World<'_, S>, lane: V<S>, shift: f32) -> (V<S>, V<S>) {
+pub fn lane_borders<S: Simd, const N: usize>(
+    w: &World<'_, S, N>,
+    lane: V<S>,
+    shift: f32,
+) -> (V<S>, V<S>) {
     let borders = &w.road.boundaries[..=w.road.num_lanes];
     (
         lane_value(borders, lane + shift),
@@ -38,7 +42,11 @@ pub fn lane_borders<S: Simd>(w: &World<'_, S>, lane: V<S>, shift: f32) -> (V<S>,
 
 /// The nearest vehicle ahead and behind of vehicle `i`, in the own, the faster and the slower lane.
 #[inline(always)]
-pub fn find_neighbours<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> Neighbours<S> {
+pub fn find_neighbours<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> Neighbours<S> {
     let c = w.c;
     let lane = state.lane[i];
     let [own, faster, slower] = SHIFTS;

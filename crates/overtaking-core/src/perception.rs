@@ -3,7 +3,6 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
 
-use crate::MAX_VEHICLES;
 use crate::elementary::exp;
 use crate::environment::{lane_film, lane_value};
 use crate::lanes::{
@@ -11,7 +10,7 @@ use crate::lanes::{
 };
 use crate::mobil::is_due;
 use crate::neighbours::Neighbours;
-use crate::state::{EGO, HISTORY, LEAD, MOMENTS, NOBODY, ROLES, State, UNKNOWN, World};
+use crate::state::{EGO, HISTORY, LEAD, NOBODY, ROLES, State, UNKNOWN, World};
 
 /// Who touches is as visible, and looms as much, as at this gap [m].
 const NEAREST: f32 = 1.0;
@@ -36,14 +35,17 @@ pub struct Beliefs<S: Simd> {
 
 /// Write down where everybody is now.
 #[inline(always)]
-pub fn remember<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, decision: usize) {
+pub fn remember<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    decision: usize,
+) {
     let row = decision % HISTORY;
     for i in 0..w.count {
         let (along, _) = state.road_velocity(i);
         let (low, high) = state.s[i].interleave(along);
-        let place = (row * MAX_VEHICLES + i) * LANES;
         for (pairs, offset) in [(low, 0), (high, LANES / 2)] {
-            let memory = &mut state.history[place + offset..place + offset + LANES / 2];
+            let memory = &mut state.history[row][i][offset..offset + LANES / 2];
             for (memory, pair) in memory.iter_mut().zip(pairs.as_array().as_chunks::<2>().0) {
                 *memory = *pair;
             }
@@ -52,9 +54,9 @@ pub fn remember<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, decision: u
 }
 
 #[inline(always)]
-fn optical_depth<S: Simd>(
-    state: &State<'_, S>,
-    w: &World<'_, S>,
+fn optical_depth<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
     near: &Neighbours<S>,
     i: usize,
 ) -> (V<S>, V<S>) {
@@ -89,9 +91,9 @@ fn is_hidden<S: Simd>(near: &Neighbours<S>, screen: &Screen<S>, role: usize) -> 
 }
 
 #[inline(always)]
-fn strain<S: Simd>(
-    state: &State<'_, S>,
-    w: &World<'_, S>,
+fn strain<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
     near: &Neighbours<S>,
     role: usize,
     depths: (V<S>, V<S>),
@@ -128,9 +130,9 @@ fn strain<S: Simd>(
 }
 
 #[inline(always)]
-fn notice<S: Simd>(
-    state: &mut State<'_, S>,
-    w: &World<'_, S>,
+fn notice<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
     near: &Neighbours<S>,
     i: usize,
     role: usize,
@@ -179,11 +181,17 @@ fn numbered<S: Simd>(simd: S) -> V<S> {
 
 /// Where and how fast the vehicles in `slot` were, `row` giving the line of the history.
 #[inline(always)]
-fn recall<S: Simd>(state: &State<'_, S>, simd: S, row: V<S>, slot: V<S>) -> (V<S>, V<S>) {
+fn recall<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    simd: S,
+    row: V<S>,
+    slot: V<S>,
+) -> (V<S>, V<S>) {
     let who = at_least(slot, 0.0);
     let place: i32x16<S> =
-        (row * (MAX_VEHICLES * LANES) as f32 + who * LANES as f32 + numbered(simd)).to_int();
+        (row * (N * LANES) as f32 + who * LANES as f32 + numbered(simd)).to_int();
     let place = place.to_array();
+    let moments = state.history.as_flattened().as_flattened();
     let (mut low, mut high) = ([0.0; LANES], [0.0; LANES]);
     for (lane, pair) in low
         .as_chunks_mut::<2>()
@@ -192,16 +200,17 @@ fn recall<S: Simd>(state: &State<'_, S>, simd: S, row: V<S>, slot: V<S>) -> (V<S
         .chain(high.as_chunks_mut::<2>().0)
         .enumerate()
     {
-        *pair = state.history[place[lane] as usize & (MOMENTS - 1)];
+        // The mask does nothing but spare the check of the bounds.
+        *pair = moments[place[lane] as usize & (HISTORY * N * LANES - 1)];
     }
     V::simd_from(simd, low).deinterleave(V::simd_from(simd, high))
 }
 
 /// What driver `i` believes about the six neighbours.
 #[inline(always)]
-pub fn perceive<S: Simd>(
-    state: &mut State<'_, S>,
-    w: &World<'_, S>,
+pub fn perceive<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
     near: &Neighbours<S>,
     i: usize,
     decision: usize,
@@ -273,7 +282,12 @@ pub fn perceive<S: Simd>(
 
 /// After a decision to change lanes the same neighbours appear in other roles.
 #[inline(always)]
-pub fn swap_roles<S: Simd>(state: &mut State<'_, S>, i: usize, moved: M<S>, towards_fast: bool) {
+pub fn swap_roles<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    i: usize,
+    moved: M<S>,
+    towards_fast: bool,
+) {
     let order: [Option<usize>; ROLES] = if towards_fast {
         [Some(2), Some(3), None, None, Some(0), Some(1)]
     } else {

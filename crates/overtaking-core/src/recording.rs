@@ -3,7 +3,6 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16, u32x16};
 
-use crate::MAX_VEHICLES;
 use crate::lanes::{LANES, M, V, choose, clamp_to, splat};
 use crate::neighbours::Neighbours;
 use crate::output::{MAX_PERCEPTS, Output};
@@ -56,28 +55,28 @@ fn mix_word(hash: u32, word: u32) -> u32 {
 }
 
 /// Memory for the frames that wait to be moved; what is in it before it is written means nothing.
-pub struct Tile(Vec<[i32; LANES]>);
+pub struct Tile<const N: usize>(Vec<[i32; LANES]>);
 
-impl Default for Tile {
+impl<const N: usize> Default for Tile<N> {
     fn default() -> Self {
-        Self(vec![[0; LANES]; WORDS * MAX_VEHICLES * TILE])
+        Self(vec![[0; LANES]; WORDS * N * TILE])
     }
 }
 
 /// Collects the recorded integers of a block and hashes them.
-pub struct Recorder<'a> {
+pub struct Recorder<'a, const N: usize> {
     out: Output<'a>,
     /// Simulations in the block; the lanes beyond repeat the last one and are not recorded.
     lanes: usize,
-    tile: &'a mut Tile,
+    tile: &'a mut Tile<N>,
     hash: [[u32; LANES]; 4],
     frames: [usize; LANES],
     flushed: usize,
 }
 
-impl<'a> Recorder<'a> {
+impl<'a, const N: usize> Recorder<'a, N> {
     /// A recorder into the part of the output that belongs to one block.
-    pub fn new(out: Output<'a>, lanes: usize, tile: &'a mut Tile) -> Self {
+    pub fn new(out: Output<'a>, lanes: usize, tile: &'a mut Tile<N>) -> Self {
         let start = [
             PRIME_1.wrapping_add(PRIME_2),
             PRIME_2,
@@ -117,8 +116,8 @@ impl<'a> Recorder<'a> {
     #[inline(always)]
     pub fn frame<S: Simd>(
         &mut self,
-        state: &State<'_, S>,
-        w: &World<'_, S>,
+        state: &State<'_, S, N>,
+        w: &World<'_, S, N>,
         active: M<S>,
         number: usize,
     ) {
@@ -136,7 +135,7 @@ impl<'a> Recorder<'a> {
             let words = vehicle_words(state, w, i);
             for (k, word) in words.into_iter().enumerate() {
                 let word = valid.select(word, i32x16::splat(simd, 0));
-                self.tile.0[(k * MAX_VEHICLES + i) * TILE + at] = word.to_array();
+                self.tile.0[(k * N + i) * TILE + at] = word.to_array();
                 hash[k % 4] = mix(hash[k % 4], word, active & valid);
             }
         }
@@ -184,7 +183,7 @@ impl<'a> Recorder<'a> {
         for i in 0..count.min(slots) {
             for group in (start..end).step_by(LANES) {
                 for k in 0..WORDS {
-                    let from = (k * MAX_VEHICLES + i) * TILE + group - start;
+                    let from = (k * N + i) * TILE + group - start;
                     let turned = transposed(simd, &self.tile.0[from..from + LANES]);
                     let out = &mut self.out;
                     for (lane, row) in turned.iter().enumerate().take(self.lanes) {
@@ -214,8 +213,8 @@ impl<'a> Recorder<'a> {
     #[inline(always)]
     pub fn percepts<S: Simd>(
         &mut self,
-        state: &mut State<'_, S>,
-        w: &World<'_, S>,
+        state: &mut State<'_, S, N>,
+        w: &World<'_, S, N>,
         near: &Neighbours<S>,
         believed: &Beliefs<S>,
         mask: M<S>,
@@ -268,7 +267,7 @@ impl<'a> Recorder<'a> {
 
     /// Write the rest: the last frames, zeros behind them, contacts and hashes.
     #[inline(always)]
-    pub fn finish<S: Simd>(mut self, state: &State<'_, S>, w: &World<'_, S>) {
+    pub fn finish<S: Simd>(mut self, state: &State<'_, S, N>, w: &World<'_, S, N>) {
         self.flush(w.simd, w.count);
         self.clear_padding(w.count);
         self.contacts(state, w);
@@ -306,7 +305,7 @@ impl<'a> Recorder<'a> {
     }
 
     #[inline(always)]
-    fn contacts<S: Simd>(&mut self, state: &State<'_, S>, w: &World<'_, S>) {
+    fn contacts<S: Simd>(&mut self, state: &State<'_, S, N>, w: &World<'_, S, N>) {
         let slots = self.out.slots;
         for i in 0..slots {
             let partner = state.contact_partner[i];
@@ -433,7 +432,11 @@ fn mix<S: Simd>(hash: u32x16<S>, word: i32x16<S>, mask: M<S>) -> u32x16<S> {
 
 /// The recorded integers of vehicle `i`.
 #[inline(always)]
-fn vehicle_words<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> [i32x16<S>; WORDS] {
+fn vehicle_words<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> [i32x16<S>; WORDS] {
     let (road, p) = (w.road, &w.p[i]);
     let [x0, y0, heading, cosine, sine] = road.pose;
     let d = road.side * state.d[i];
@@ -469,7 +472,11 @@ fn vehicle_words<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> [
 }
 
 #[inline(always)]
-fn lights<S: Simd>(state: &State<'_, S>, w: &World<'_, S>, i: usize) -> i32x16<S> {
+fn lights<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> i32x16<S> {
     let towards_left = w.road.side * state.indicator[i];
     let left = towards_left.simd_gt(0.0).select(
         i32x16::splat(w.simd, INDICATOR_LEFT),

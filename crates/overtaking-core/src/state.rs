@@ -2,7 +2,6 @@
 
 use fearless_simd::Simd;
 
-use crate::MAX_VEHICLES;
 use crate::fields::{Constants, Simulation, Vehicle};
 use crate::lanes::{LANES, V, splat};
 
@@ -35,7 +34,7 @@ const ANY_FRICTION: f32 = 0.8;
 pub const EGO: usize = 0;
 
 /// A number of every vehicle of every simulation of a block.
-pub type Each<S> = [V<S>; MAX_VEHICLES];
+pub type Each<S, const N: usize> = [V<S>; N];
 
 /// Stages of the ego, as `overtaking.model.trajectory.Stage`.
 pub mod stage {
@@ -64,11 +63,11 @@ pub struct Road {
 }
 
 /// Everything that does not change during a block, but for a branch.
-pub struct World<'a, S: Simd> {
+pub struct World<'a, S: Simd, const N: usize> {
     pub simd: S,
     pub c: &'a Constants,
     pub road: &'a Road,
-    pub p: [Vehicle<S>; MAX_VEHICLES],
+    pub p: [Vehicle<S>; N],
     pub q: Simulation<S>,
     /// Slots in use by any simulation of the block.
     pub count: usize,
@@ -77,53 +76,53 @@ pub struct World<'a, S: Simd> {
     pub index_high: [u32; LANES],
 }
 
-/// Places in the history.
-pub const MOMENTS: usize = HISTORY * MAX_VEHICLES * LANES;
-
 /// Memory for the history; what is in it before it is written means nothing.
-pub struct History(Box<[[f32; 2]; MOMENTS]>);
+pub struct History<const N: usize>(Box<Moments<N>>);
 
-impl Default for History {
+/// Position and speed along the road by decision, vehicle and simulation.
+pub type Moments<const N: usize> = [[[[f32; 2]; LANES]; N]; HISTORY];
+
+impl<const N: usize> Default for History<N> {
     fn default() -> Self {
-        Self(Box::new([[0.0; 2]; MOMENTS]))
+        Self(Box::new([[[[0.0; 2]; LANES]; N]; HISTORY]))
     }
 }
 
 /// Everything that changes.
-pub struct State<'a, S: Simd> {
-    pub s: Each<S>,
-    pub d: Each<S>,
-    pub psi: Each<S>,
-    pub vx: Each<S>,
-    pub vy: Each<S>,
-    pub r: Each<S>,
-    pub wheel: Each<S>,
-    pub trim: Each<S>,
-    pub accel: Each<S>,
-    pub a_lon: Each<S>,
-    pub a_lat: Each<S>,
-    pub crashed: Each<S>,
-    pub path: [[V<S>; 6]; MAX_VEHICLES],
-    pub path_time: Each<S>,
-    pub path_duration: Each<S>,
-    pub lane: Each<S>,
-    pub since_change: Each<S>,
-    pub indicator: Each<S>,
-    pub gust: Each<S>,
-    pub distance_error: Each<S>,
-    pub speed_error: Each<S>,
-    pub wander: Each<S>,
-    pub mu_fast: Each<S>,
-    pub mu_slow: Each<S>,
-    pub wind_force: Each<S>,
-    pub wind_moment: Each<S>,
-    pub tail_wind: Each<S>,
-    pub seen_id: [[V<S>; ROLES]; MAX_VEHICLES],
-    pub seen_time: [[V<S>; ROLES]; MAX_VEHICLES],
-    pub contact_partner: Each<S>,
-    pub contact_time: Each<S>,
-    pub contact_impulse: Each<S>,
-    pub contact_speed: Each<S>,
+pub struct State<'a, S: Simd, const N: usize> {
+    pub s: Each<S, N>,
+    pub d: Each<S, N>,
+    pub psi: Each<S, N>,
+    pub vx: Each<S, N>,
+    pub vy: Each<S, N>,
+    pub r: Each<S, N>,
+    pub wheel: Each<S, N>,
+    pub trim: Each<S, N>,
+    pub accel: Each<S, N>,
+    pub a_lon: Each<S, N>,
+    pub a_lat: Each<S, N>,
+    pub crashed: Each<S, N>,
+    pub path: [[V<S>; 6]; N],
+    pub path_time: Each<S, N>,
+    pub path_duration: Each<S, N>,
+    pub lane: Each<S, N>,
+    pub since_change: Each<S, N>,
+    pub indicator: Each<S, N>,
+    pub gust: Each<S, N>,
+    pub distance_error: Each<S, N>,
+    pub speed_error: Each<S, N>,
+    pub wander: Each<S, N>,
+    pub mu_fast: Each<S, N>,
+    pub mu_slow: Each<S, N>,
+    pub wind_force: Each<S, N>,
+    pub wind_moment: Each<S, N>,
+    pub tail_wind: Each<S, N>,
+    pub seen_id: [[V<S>; ROLES]; N],
+    pub seen_time: [[V<S>; ROLES]; N],
+    pub contact_partner: Each<S, N>,
+    pub contact_time: Each<S, N>,
+    pub contact_impulse: Each<S, N>,
+    pub contact_speed: Each<S, N>,
     pub stage: V<S>,
     pub target: V<S>,
     pub waited: V<S>,
@@ -133,19 +132,18 @@ pub struct State<'a, S: Simd> {
     pub end_step: V<S>,
     pub num_percepts: V<S>,
     /// Sine and cosine of `psi`.
-    pub sine: Each<S>,
-    pub cosine: Each<S>,
-    /// Position and speed along the road by decision, vehicle and simulation.
-    pub history: &'a mut [[f32; 2]; MOMENTS],
+    pub sine: Each<S, N>,
+    pub cosine: Each<S, N>,
+    pub history: &'a mut Moments<N>,
 }
 
-impl<'a, S: Simd> State<'a, S> {
+impl<'a, S: Simd, const N: usize> State<'a, S, N> {
     /// The state at the first frame.
     #[inline(always)]
-    pub fn new(w: &World<'_, S>, history: &'a mut History) -> Self {
+    pub fn new(w: &World<'_, S, N>, history: &'a mut History<N>) -> Self {
         let zero = splat(w.simd, 0.0);
-        let each = |value: f32| [splat(w.simd, value); MAX_VEHICLES];
-        let mut path = [[zero; 6]; MAX_VEHICLES];
+        let each = |value: f32| [splat(w.simd, value); N];
+        let mut path = [[zero; 6]; N];
         for (row, p) in path.iter_mut().zip(&w.p) {
             row[0] = p.start_d;
         }
@@ -177,8 +175,8 @@ impl<'a, S: Simd> State<'a, S> {
             wind_force: each(0.0),
             wind_moment: each(0.0),
             tail_wind: each(0.0),
-            seen_id: [[splat(w.simd, -2.0); ROLES]; MAX_VEHICLES],
-            seen_time: [[zero; ROLES]; MAX_VEHICLES],
+            seen_id: [[splat(w.simd, -2.0); ROLES]; N],
+            seen_time: [[zero; ROLES]; N],
             contact_partner: each(NOBODY),
             contact_time: each(0.0),
             contact_impulse: each(0.0),

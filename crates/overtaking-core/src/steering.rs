@@ -8,8 +8,8 @@ use crate::state::{State, World};
 
 /// Lay a quintic from where the path of vehicle `i` is now to the centre of another lane.
 #[inline(always)]
-pub fn begin_path<S: Simd>(
-    state: &mut State<'_, S>,
+pub fn begin_path<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
     i: usize,
     moved: M<S>,
     centre: V<S>,
@@ -39,7 +39,7 @@ pub fn begin_path<S: Simd>(
 
 /// Position, velocity and acceleration of the lateral path of vehicle `i` now.
 #[inline(always)]
-pub fn path_now<S: Simd>(state: &State<'_, S>, i: usize) -> (V<S>, V<S>, V<S>) {
+pub fn path_now<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> (V<S>, V<S>, V<S>) {
     let t = min(state.path_time[i], state.path_duration[i]);
     let [c0, c1, c2, c3, c4, c5] = state.path[i];
     let place = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))));
@@ -50,7 +50,12 @@ pub fn path_now<S: Simd>(state: &State<'_, S>, i: usize) -> (V<S>, V<S>, V<S>) {
 
 /// Answer the side wind after a lag; at the first frame it is held already.
 #[inline(always)]
-pub fn hold_against_wind<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, i: usize, step: u32) {
+pub fn hold_against_wind<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    step: u32,
+) {
     let (c, p) = (w.c, &w.p[i]);
     let pushed = state.wind_force[i] * p.inverse_mass;
     let angle = p.understeer * pushed + state.wind_moment[i] * p.moment_angle;
@@ -63,7 +68,7 @@ pub fn hold_against_wind<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, i:
 
 /// Turn the front wheels of vehicle `i`, or lean, towards the path for one step.
 #[inline(always)]
-pub fn steer<S: Simd>(state: &mut State<'_, S>, w: &World<'_, S>, i: usize) {
+pub fn steer<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, N>, i: usize) {
     let (c, p) = (w.c, &w.p[i]);
     let (place, speed, accel) = path_now(state, i);
     let sideways = state.vx[i] * state.sine[i] + state.vy[i] * state.cosine[i];

@@ -149,7 +149,8 @@ class _Work:
 
     def _pieces(self, shard: plan.Shard) -> Iterator[Mapping[str, pa.Table]]:
         """The tables of a shard, as many simulations at a time as memory is meant to hold."""
-        for numbers in plan.chunks(shard, self._simulator.chunk_size):
+        size = min(plan.chunk_size(self._recipe.spec.resolved()), self._simulator.chunk_size)
+        for numbers in plan.chunks(shard, size):
             index = np.arange(numbers.start, numbers.stop, dtype=np.uint64)
             scenario = sample(self._recipe.spec, self._recipe.road, self._recipe.seed, index)
             run = self._simulator.simulate(scenario)

@@ -200,8 +200,9 @@ class Dataset:
         Raises:
             DatasetError: A file is damaged, or the simulator has changed.
         """
+        size = plan.chunk_size(self._manifest.identity.spec)
         for shard in self._shards:
-            for numbers in plan.chunks(shard):
+            for numbers in plan.chunks(shard, size):
                 first, last = numbers[0], numbers[-1]
                 rows = {
                     name: read_rows(self._file(name, shard), name, first, last)

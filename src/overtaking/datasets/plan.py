@@ -1,13 +1,18 @@
 """Which simulations belong to which file: a pure function of how many there are."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 SHARD_SIZE = 4096
 """Simulations a shard: files of some ten megabytes, and at most that much to do again."""
 
 CHUNK_SIZE = 512
-"""Simulations in memory at a time; each becomes a row group, the least that is read for one."""
+"""Most simulations in memory at a time; each chunk becomes a row group, the least that is read for
+one simulation."""
+
+CHUNK_STATES = 4_000_000
+"""Rows of the states in memory at a time, where the largest worlds would take more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +49,14 @@ def shards(num_simulations: int, shard_size: int = SHARD_SIZE) -> tuple[Shard, .
     )
 
 
-def chunks(shard: Shard, chunk_size: int = CHUNK_SIZE) -> Iterator[range]:
-    """The simulations of a shard in runs that fit into memory."""
-    for first in range(shard.first, shard.stop, chunk_size):
-        yield range(first, min(first + chunk_size, shard.stop))
+def chunk_size(spec: Mapping[str, Any]) -> int:
+    """How many simulations of a resolved specification are worked on at a time."""
+    frames = 1000.0 * spec["time"]["horizon_s"] / spec["profile"]["frame_interval_ms"] + 1.0
+    states = spec["traffic"]["vehicles"][1] * frames
+    return max(1, min(CHUNK_SIZE, int(CHUNK_STATES / states)))
+
+
+def chunks(shard: Shard, size: int = CHUNK_SIZE) -> Iterator[range]:
+    """The simulations of a shard in runs of at most `size`, which fit into memory."""
+    for first in range(shard.first, shard.stop, size):
+        yield range(first, min(first + size, shard.stop))

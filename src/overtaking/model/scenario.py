@@ -12,8 +12,16 @@ from overtaking.model.road import Road
 from overtaking.model.vehicles import VehicleSpecs
 from overtaking.model.weather import Weather
 
-MAX_VEHICLES = 8
-"""Vehicle slots of a simulation; the engine has room for no more."""
+SLOTS = (8, 16, 32)
+"""Vehicle slots that a batch may have: the engine is compiled for each of these numbers."""
+
+MAX_VEHICLES = SLOTS[-1]
+"""Most vehicles of a simulation."""
+
+
+def slots_for(vehicles: int) -> int:
+    """The fewest slots with room for a number of vehicles, 0 <= vehicles <= `MAX_VEHICLES`."""
+    return next(slots for slots in SLOTS if vehicles <= slots)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from overtaking.core.errors import ConfigError, InfeasibleError
 from overtaking.core.units import kmh_from_mps, mps_from_kmh
 from overtaking.knowledge import VEHICLE_CLASS_ORDER
 from overtaking.model.batch import Batch, concatenate
-from overtaking.model.scenario import MAX_VEHICLES, Scenario
+from overtaking.model.scenario import Scenario, slots_for
 from overtaking.scenarios.bodies import lifted, longest, sample_bodies, top_speeds
 from overtaking.scenarios.grip import usable_decel
 from overtaking.scenarios.layout import Followers, Zone, draw_layout, settle
@@ -52,7 +52,8 @@ def sample(spec: Spec, road: Road, seed: int, index: ArrayLike) -> Scenario:
         index: Numbers of the simulations, shape (simulation,).
 
     Returns:
-        The scenarios, with `MAX_VEHICLES` slots, the ego in slot 0 and its leader in slot 1.
+        The scenarios, with the fewest `SLOTS` that hold all vehicles, the ego in slot 0 and its
+        leader in slot 1.
 
     Raises:
         ConfigError: The seed or the numbers are out of range, or the specification does not fit
@@ -221,7 +222,7 @@ def _widened(batch: B) -> B:
 
 def _widen(values: NDArray[T], *, empty: bool = False) -> NDArray[T]:
     """An array with the missing slots, filled with zeros if `empty`, else as the last one is."""
-    widened = np.zeros((values.shape[0], MAX_VEHICLES), values.dtype)
+    widened = np.zeros((values.shape[0], slots_for(values.shape[1])), values.dtype)
     widened[:, : values.shape[1]] = values
     if not empty:
         widened[:, values.shape[1] :] = values[:, -1:]

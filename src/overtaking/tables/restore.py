@@ -12,7 +12,7 @@ from overtaking.core.errors import SchemaError
 from overtaking.knowledge import presets
 from overtaking.model.drivers import Drivers
 from overtaking.model.road import Road
-from overtaking.model.scenario import MAX_VEHICLES, Scenario
+from overtaking.model.scenario import Scenario, slots_for
 from overtaking.model.trajectory import (
     METRES_PER_STEP,
     NO_VEHICLE,
@@ -134,9 +134,11 @@ class _Grid:
         numbers = _numbers(tables["simulations"], "simulation")
         places = [_numbers(table, axis) for axis in axes]
         # A table knows nothing of slots without a vehicle, which a sampled batch has.
-        least = [MAX_VEHICLES if axis == "vehicle" else 0 for axis in axes]
         ends = [int(place.max()) + 1 if len(place) else 0 for place in places]
-        lengths = [max(pair) for pair in zip(least, ends, strict=True)]
+        lengths = [
+            slots_for(end) if axis == "vehicle" else end
+            for axis, end in zip(axes, ends, strict=True)
+        ]
         simulation = np.searchsorted(numbers, _numbers(table, "simulation"))
         return cls(place=(simulation, *places), shape=(len(numbers), *lengths))
 

@@ -5,15 +5,23 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from overtaking.datasets.plan import SHARD_SIZE, chunks, shards
+from overtaking.datasets.plan import (
+    CHUNK_SIZE,
+    CHUNK_STATES,
+    SHARD_SIZE,
+    chunk_size,
+    chunks,
+    shards,
+)
+from overtaking.scenarios import spec
 
 COUNT = st.integers(1, 5000)
 
 
-@given(num_simulations=COUNT, shard_size=st.integers(1, 6000), chunk_size=st.integers(1, 700))
-def test_every_simulation_comes_once_and_in_order(num_simulations, shard_size, chunk_size):
+@given(num_simulations=COUNT, shard_size=st.integers(1, 6000), size=st.integers(1, 700))
+def test_every_simulation_comes_once_and_in_order(num_simulations, shard_size, size):
     planned = shards(num_simulations, shard_size)
-    numbers = [n for shard in planned for chunk in chunks(shard, chunk_size) for n in chunk]
+    numbers = [n for shard in planned for chunk in chunks(shard, size) for n in chunk]
     assert numbers == list(range(num_simulations))
     assert [shard.number for shard in planned] == list(range(len(planned)))
     assert all(0 < shard.num_simulations <= shard_size for shard in planned)
@@ -26,6 +34,14 @@ def test_a_larger_data_set_begins_with_the_full_shards_of_a_smaller_one(
     small, large = (shards(n, shard_size) for n in (num_simulations, num_simulations + more))
     full = [shard for shard in small if shard.num_simulations == shard_size]
     assert list(large[: len(full)]) == full
+
+
+def test_large_worlds_come_in_smaller_chunks():
+    study = spec("pinto2023").resolved()
+    assert chunk_size(study) == CHUNK_SIZE
+    crowded = {"traffic.vehicles": [32, 32], "time.horizon_s": 120.0}
+    large = spec("pinto2023", crowded | {"time.attempt_deadline_s": 60.0}).resolved()
+    assert 32 * 2401 * chunk_size(large) <= CHUNK_STATES < 32 * 2401 * (chunk_size(large) + 1)
 
 
 def test_the_papers_276_simulations_fit_into_one_file():

@@ -131,7 +131,7 @@ MISTAKES = {
     "upside down": ("traffic.speed_kmh", "120..50", "write [50, 120]"),
     "upside down count": ("traffic.vehicles", "6..2", "write [2, 6]"),
     "upside down zone": ("traffic.spawn_x_m", "450..320", "write [320, 450]"),
-    "too many vehicles": ("traffic.vehicles", "2..9", "less than or equal to 8"),
+    "too many vehicles": ("traffic.vehicles", "2..33", "less than or equal to 32"),
     "too few vehicles": ("traffic.vehicles", "1..3", "greater than or equal to 2"),
     "half a vehicle": ("traffic.vehicles", "2..4.5", "a whole number"),
     "one limit": ("traffic.speed_kmh", "[50]", "a value, got nothing"),

@@ -11,7 +11,7 @@ import pytest
 
 from overtaking.model.drivers import Drivers
 from overtaking.model.known_roads import known_road
-from overtaking.model.scenario import MAX_VEHICLES, Scenario
+from overtaking.model.scenario import SLOTS, Scenario
 from overtaking.model.trajectory import (
     NO_VEHICLE,
     Contacts,
@@ -156,7 +156,7 @@ def record(
     seed: int = 0,
     *,
     num_simulations: int = 5,
-    num_slots: int = MAX_VEHICLES,
+    num_slots: int = SLOTS[0],
     num_frames: int = 12,
     road: Road | None = None,
     full: bool = False,
