@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import Mask
 from overtaking.model.labels import Case
 from overtaking.physics.constants import known
-from overtaking.rules.frames import alongside, always_at
+from overtaking.rules.frames import ENDLESS, alongside, always_at
 from overtaking.rules.others import num_slow
 from overtaking.rules.rule import Check, Grade, Rule
 
@@ -24,7 +24,7 @@ def check(case: Case) -> Check:
     wrong = np.flatnonzero(margin < 0)
     if wrong.size:
         queued = _in_queue(case, rows[wrong], frames[wrong].astype(np.int32))
-        margin[wrong[queued]] = _HALF_LANE
+        margin[wrong[queued]] = ENDLESS
     return always_at(margin, rows, frames, case.signals.num_simulations)
 
 

@@ -6,13 +6,15 @@ from overtaking.core.elementary import F32
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.physics.constants import known
+from overtaking.rules.air import optical_range
 from overtaking.rules.frames import Span, always, at, is_two_way, manoeuvre, seconds_of
 from overtaking.rules.rule import Check, Grade, Rule
 
 
-def check_lit(case: Case) -> Check:
-    """From the start until the target is passed, a lit vehicle is seen far enough away."""
-    return _check(case, case.signals.sight_lit)
+def check_air(case: Case) -> Check:
+    """From the start until the target is passed, the air lets one see the carriageway."""
+    sight = np.broadcast_to(optical_range(case)[:, None], case.signals.valid.shape)
+    return _check(case, sight)
 
 
 def check_unlit(case: Case) -> Check:
@@ -21,16 +23,15 @@ def check_unlit(case: Case) -> Check:
 
 
 def _check(case: Case, sight: F32) -> Check:
-    events = case.events
-    stop = manoeuvre(case).stop
+    events, stop = case.events, manoeuvre(case).stop
     passed = np.where(events.overlap_end != NEVER, np.minimum(events.overlap_end, stop), stop)
     start = np.where(events.attempted, events.attempt, passed + 1)
     margin = sight - known("law.sight.least")
     if is_two_way(case.trajectories.road):
         row = np.flatnonzero(events.attempted)
         first = events.attempt[row]
-        needed = passing_sight(case)[row]
-        margin[row, first] = np.minimum(margin[row, first], sight[row, first] - needed)
+        clear = case.signals.sight_lit[row, first] - passing_sight(case)[row]
+        margin[row, first] = np.minimum(margin[row, first], clear)
     return always(margin, Span(start=start, stop=passed))
 
 
@@ -57,9 +58,10 @@ _GLOSS = (
     "needed."
 )
 _PREDICATE = (
-    "From attempt to overlap_end, or to the end: {} is seen at 50 m or more. Two-way roads, at "
-    "attempt: at (v + limit) (time on the left + 1 s) or more."
+    "From attempt to overlap_end, or to the end: {}. Two-way roads, at attempt: a lit vehicle "
+    "is seen at (v + limit) (time on the left + 1 s) or more."
 )
+
 
 RULE = Rule(
     id="pt.ce.41-1-f@2013",
@@ -67,11 +69,11 @@ RULE = Rule(
     law="Articles 41(1)(f) and 19",
     title="Sufficient visibility",
     gloss=_GLOSS,
-    predicate=_PREDICATE.format("a lit vehicle"),
+    predicate=_PREDICATE.format("the meteorological optical range is 50 m or more"),
     unit="m",
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),
-    check=check_lit,
+    check=check_air,
 )
 
 STRICT_RULE = Rule(
@@ -80,7 +82,7 @@ STRICT_RULE = Rule(
     law="Articles 41(1)(f) and 19, strictly",
     title="Sufficient visibility, for the unlit",
     gloss=_GLOSS,
-    predicate=_PREDICATE.format("an unlit obstacle"),
+    predicate=_PREDICATE.format("an unlit obstacle is seen at 50 m or more"),
     unit="m",
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather", "lamps"]),

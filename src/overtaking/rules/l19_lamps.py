@@ -3,14 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.elementary import Mask
 from overtaking.model.labels import Case
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE, Lights
 from overtaking.model.vehicles import Role
 from overtaking.physics.constants import known
-from overtaking.physics.film import rain_rate
-from overtaking.physics.visibility import extinction_of_range, fog_extinction, rain_extinction
+from overtaking.rules.air import optical_range
 from overtaking.rules.frames import Span, conduct, ends_in, reduced, seconds_of
 from overtaking.rules.others import others_at
 from overtaking.rules.rule import Check, Grade, Rule, decided
@@ -22,7 +21,7 @@ _FOG = int(Lights.REAR_FOG)
 
 def check(case: Case) -> Check:
     """Low beam by night and in thick fog, fog lamps in that alone, no high beam that dazzles."""
-    span, thick = conduct(case), is_thick(case)
+    span, thick = conduct(case), optical_range(case) < known("law.lamps.sight")
     lights = case.trajectories.states.lights[:, Role.EGO]
     needed = case.trajectories.scenario.weather.night | thick
     rows = np.flatnonzero(span.exists & _suspect(lights, span, needed, thick))
@@ -43,13 +42,6 @@ def _suspect(lights: NDArray[np.uint8], span: Span, needed: Mask, thick: Mask) -
     dark = needed & ((always_on & _BEAMS) == 0)
     fog = np.where(thick, (always_on & _FOG) == 0, (ever & _FOG) != 0)
     return dark | fog | ((ever & _HIGH) != 0)
-
-
-def is_thick(case: Case) -> Mask:
-    """Whether the meteorological range in fog and rain is below 100 m, shape (simulation,)."""
-    weather = case.trajectories.scenario.weather
-    air: F32 = fog_extinction(weather.fog) + rain_extinction(rain_rate(weather.rain))
-    return air > extinction_of_range(known("law.lamps.sight"))
 
 
 def _dazzles(case: Case, rows: NDArray[np.intp], frames: NDArray[np.intp]) -> Mask:
