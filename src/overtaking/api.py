@@ -1,7 +1,7 @@
 """The public functions: what to call from Python, and which simulator they call."""
 
 import importlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -292,6 +292,39 @@ def export(
                 progress(int(numbers[-1]) + 1, len(source))
 
     return pinto2023.write_table(tables(), out)
+
+
+def serve_carla(
+    *,
+    port: int = 2000,
+    host: str = "127.0.0.1",
+    place: str | Path = "town06",
+    seed: int = 1,
+    ready: Callable[[int, int], None] | None = None,
+    log: Callable[[str], None] | None = None,
+) -> None:
+    """Answer clients of CARLA 0.9.16 without CARLA, until the process is interrupted.
+
+    Args:
+        port: For calls; streams get the next one. 0 lets the system choose both.
+        host: Address to listen on; whoever can reach it can use the server.
+        place: The map: a road of the package, or an OpenDRIVE file.
+        seed: Seed of gusts and puddles, 0 <= seed < 2**64.
+        ready: Called with the ports of calls and streams when clients may come.
+        log: Called with a line when something happens that a person may want to know.
+
+    Raises:
+        ConfigError: An argument cannot be used, or the port is taken.
+        MissingExtraError: The map is a file, and CARLA's wheel is not there to read it.
+    """
+    from overtaking.carla_server.running import run_server
+
+    told = {"ready": ready or _ignore, "log": log or _ignore}
+    run_server(port=port, host=host, place=place, seed=seed, **told)
+
+
+def _ignore(*_: object) -> None:
+    """Where nobody wants to be told."""
 
 
 def _simulator(name: str) -> Simulator:

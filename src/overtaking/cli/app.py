@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from overtaking.cli import options, sumo
+from overtaking.cli import carla, options, sumo
 from overtaking.cli.output import Output
 
 HELP = "Simulate, label and explain overtaking manoeuvres, reproducibly."
@@ -175,6 +175,7 @@ COMMANDS: dict[options.Body, str] = {
 }
 
 GROUPS: dict[str, tuple[str, dict[options.Body, str]]] = {
+    "carla": ("CARLA 0.9.16: its clients without its server.", carla.COMMANDS),
     "sumo": ("The same scenarios on Eclipse SUMO.", sumo.COMMANDS),
 }
 """Commands of two words."""

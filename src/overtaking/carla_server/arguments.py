@@ -1,0 +1,235 @@
+"""What arguments a call may have: each kind turns a decoded value into ours, or refuses it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+Kind = Callable[[Any], Any]
+"""Turns a decoded value into ours; raises `ArgumentError`."""
+
+MAX_SIZE = 1e9
+"""Largest number that means anything: metres, newtons, newton metres or percent."""
+
+
+class ArgumentError(Exception):
+    """An argument that the call does not take; the caller is told."""
+
+
+class Vector(NamedTuple):
+    """Three components in CARLA's left-handed frame: x forward, y right, z up."""
+
+    x: float
+    y: float
+    z: float
+
+
+class Rotation(NamedTuple):
+    """Angles as CARLA sends them [degrees]."""
+
+    pitch: float
+    yaw: float
+    roll: float
+
+
+class Transform(NamedTuple):
+    """A pose: where, and turned how."""
+
+    location: Vector
+    rotation: Rotation
+
+
+class Control(NamedTuple):
+    """`carla.VehicleControl`: pedals 0 to 1, steering -1 (left) to 1 (right)."""
+
+    throttle: float = 0.0
+    steer: float = 0.0
+    brake: float = 0.0
+    hand_brake: bool = False
+    reverse: bool = False
+    manual_gear_shift: bool = False
+    gear: int = 0
+
+
+class Attribute(NamedTuple):
+    """A value that was chosen for an attribute of a blueprint."""
+
+    name: str
+    kind: int
+    value: str
+
+
+class Description(NamedTuple):
+    """What a client asks to be spawned."""
+
+    uid: int
+    blueprint: str
+    attributes: tuple[Attribute, ...]
+
+
+class Settings(NamedTuple):
+    """`carla.WorldSettings`, as it is sent; times in seconds, distances in metres."""
+
+    synchronous: bool = False
+    no_rendering: bool = False
+    fixed_delta: float | None = None
+    substepping: bool = True
+    max_substep: float = 0.01
+    max_substeps: int = 10
+    max_culling: float = 0.0
+    deterministic_ragdolls: bool = True
+    tile_stream_distance: float = 3000.0
+    actor_active_distance: float = 2000.0
+    spectator_as_ego: bool = True
+
+
+def number(value: Any) -> float:
+    """A finite number of reasonable size."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ArgumentError("a number")
+    if not abs(value) <= MAX_SIZE:  # Also true for NaN.
+        raise ArgumentError("a finite number")
+    return float(value)
+
+
+def whole(value: Any) -> int:
+    """A whole number of 32 bits."""
+    if isinstance(value, bool) or not isinstance(value, int) or not -(2**31) <= value < 2**32:
+        raise ArgumentError("a whole number of 32 bits")
+    return value
+
+
+def unsigned(value: Any) -> int:
+    """An id: a whole number of 32 bits that is not negative."""
+    if whole(value) < 0:
+        raise ArgumentError("a whole number that is not negative")
+    return int(value)
+
+
+def yes_or_no(value: Any) -> bool:
+    """A boolean."""
+    if not isinstance(value, bool):
+        raise ArgumentError("true or false")
+    return value
+
+
+def text(value: Any) -> str:
+    """A text."""
+    if not isinstance(value, str):
+        raise ArgumentError("a text")
+    return value
+
+
+def anything(value: Any) -> Any:
+    """Whatever it is; only for calls that do nothing with it."""
+    return value
+
+
+def record(make: Callable[..., Any], *kinds: Kind) -> Kind:
+    """A fixed number of values, each of its kind."""
+
+    def read(value: Any) -> Any:
+        if not isinstance(value, list) or len(value) != len(kinds):
+            raise ArgumentError(f"{len(kinds)} values")
+        return make(*(kind(item) for kind, item in zip(kinds, value, strict=True)))
+
+    return read
+
+
+def listed(kind: Kind) -> Kind:
+    """Any number of values of one kind."""
+
+    def read(value: Any) -> Any:
+        if not isinstance(value, list):
+            raise ArgumentError("a list")
+        return tuple(kind(item) for item in value)
+
+    return read
+
+
+def optional(kind: Kind) -> Kind:
+    """A value or none: `[false]` or `[true, value]`."""
+
+    def read(value: Any) -> Any:
+        if value == [False]:
+            return None
+        if isinstance(value, list) and len(value) == 2 and value[0] is True:
+            return kind(value[1])
+        raise ArgumentError("an optional value")
+
+    return read
+
+
+def _clamped(low: float, high: float) -> Kind:
+    return lambda value: min(max(number(value), low), high)
+
+
+vector = record(Vector, number, number, number)
+rotation = record(Rotation, number, number, number)
+transform = record(Transform, vector, rotation)
+control = record(
+    Control,
+    _clamped(0.0, 1.0),
+    _clamped(-1.0, 1.0),
+    _clamped(0.0, 1.0),
+    yes_or_no,
+    yes_or_no,
+    yes_or_no,
+    whole,
+)
+description = record(Description, unsigned, text, listed(record(Attribute, text, unsigned, text)))
+_delta = optional(number)
+
+
+def _fixed_delta(value: Any) -> float | None:
+    """Time of a tick [s]; none or zero leaves it to the server."""
+    delta = _delta(value)
+    if delta is None or delta == 0.0:
+        return None
+    if not MIN_DELTA <= delta <= MAX_DELTA:
+        raise ArgumentError(f"a tick of {MIN_DELTA:g} to {MAX_DELTA:g} s")
+    return float(delta)
+
+
+MIN_DELTA, MAX_DELTA = 0.001, 1.0
+"""Shortest and longest tick [s]; a longer one would take the place of a loop."""
+
+settings = record(
+    Settings,
+    yes_or_no,
+    yes_or_no,
+    _fixed_delta,
+    yes_or_no,
+    number,
+    whole,
+    number,
+    yes_or_no,
+    number,
+    number,
+    yes_or_no,
+)
+weather = record(lambda *values: values, *[number] * 14)
+"""The fourteen numbers of `carla.WeatherParameters`, in its order."""
+
+
+def check(kinds: tuple[Kind, ...], values: list[Any]) -> list[Any]:
+    """The arguments of a call, in our types.
+
+    Raises:
+        ArgumentError: There are too many or too few, or one is of another kind.
+    """
+    if len(values) != len(kinds):
+        raise ArgumentError(f"expected {len(kinds)} arguments, got {len(values)}")
+    read: list[Any] = []
+    for place, (kind, value) in enumerate(zip(kinds, values, strict=True), 1):
+        try:
+            read.append(kind(value))
+        except ArgumentError as error:
+            raise ArgumentError(f"argument {place}: expected {error}") from None
+    return read
+
+
+def radians(angle_deg: float) -> float:
+    """An angle of the protocol in radians, within one turn."""
+    return math.radians(math.fmod(angle_deg, 360.0))

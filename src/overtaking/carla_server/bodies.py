@@ -1,0 +1,156 @@
+"""From a blueprint to a body of our model, and from CARLA's weather to ours."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from overtaking.core.errors import ConfigError
+from overtaking.knowledge import COLOUR_ORDER, VEHICLE_CLASS_ORDER, colours, vehicle_classes
+from overtaking.knowledge.blueprints import blueprints
+from overtaking.model.drivers import Drivers
+from overtaking.model.scenario import Scenario
+from overtaking.model.vehicles import VehicleSpecs
+from overtaking.model.weather import NO_PRESET, Weather
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from overtaking.model.road import Road
+
+WIND_DIRECTION = math.pi / 2.0
+"""Where the wind blows to, from the direction of travel [rad]: across, as CARLA gives none."""
+
+_LIKE_THE_CLASS = (
+    "mass", "cg_height", "front_stiffness", "rear_stiffness", "launch_accel", "drag_area",
+    "side_area", "rolling_resistance", "peak_decel", "wind_side_coefficient", "wind_centre_ratio",
+    "front_drive_share", "track_width", "spray_factor", "lamp_separation",
+)  # fmt: skip
+_HALF_WORN = 0.5
+_WHOLE = {"kind": np.uint8, "colour": np.uint8}
+_FLAGS = ("valid", "two_wheeler", "unlawful_presence")
+
+Body = dict[str, float]
+"""The numbers of one vehicle, as `VehicleSpecs` names them."""
+
+
+def body_of(blueprint: str) -> Body:
+    """The middle vehicle of the blueprint's class, with the blueprint's own size.
+
+    Args:
+        blueprint: Id of a vehicle, such as "vehicle.audi.a2".
+    """
+    known = blueprints()[blueprint]
+    one = vehicle_classes()[known.vehicle_class]
+    length, width, height = known.size
+    body: Body = {name: float(getattr(one, name).number) for name in _LIKE_THE_CLASS}
+    wheelbase = float(one.wheelbase.number) * length / float(one.length.number)
+    front = float(one.cg_to_front_ratio.number) * wheelbase
+    arms = front * (wheelbase - front)
+    grey = COLOUR_ORDER.index("grey")
+    return body | {
+        "valid": 1.0,
+        "kind": float(VEHICLE_CLASS_ORDER.index(known.vehicle_class)),
+        "colour": float(grey),
+        "contrast": float(colours()["grey"].contrast.number),
+        "length": length,
+        "width": width,
+        "height": height,
+        "wheelbase": wheelbase,
+        "cg_to_front": front,
+        "yaw_inertia": float(one.inertia_factor.number) * body["mass"] * arms,
+        "power": float(one.specific_power.number) * body["mass"],
+        "max_speed": float(one.governed_speed.number),
+        "tyre_wear": _HALF_WORN,
+        "two_wheeler": float(one.two_wheeler),
+        "unlawful_presence": 0.0,
+    }
+
+
+def scenario_of(
+    road: Road, bodies: Sequence[Body], weather: Sequence[float], seed: int
+) -> Scenario:
+    """A scenario of one simulation, from which `sim.parameters` works out forces and friction.
+
+    Args:
+        road: The road under the vehicles.
+        bodies: One or more vehicles.
+        weather: The fourteen numbers of `carla.WeatherParameters`.
+        seed: Seed of gusts and puddles.
+    """
+    one_each = np.zeros((1, len(bodies)), np.float32)
+    names = [field.name for field in dataclasses.fields(Drivers)]
+    people: dict[str, Any] = {name: one_each + np.float32(1.0) for name in names}
+    for name in ("uses_indicator", "checks_blind_spot"):
+        people[name] = people[name] > 0
+    return Scenario(
+        profile="carla",
+        road=road,
+        seed=seed,
+        frame_interval_ms=50,
+        index=np.zeros(1, np.uint64),
+        horizon=np.ones(1, np.float32),
+        attempt_deadline=np.ones(1, np.float32),
+        weight=np.ones(1),
+        vehicles=_specs(bodies),
+        drivers=Drivers(**people),
+        weather=weather_of(weather),
+        start_s=one_each,
+        start_lane=one_each.astype(np.uint8),
+        start_speed=one_each,
+    )
+
+
+def weather_of(values: Sequence[float]) -> Weather:
+    """Our weather from `carla.WeatherParameters`, percentages cut to 0 to 100."""
+    cloudiness, rain, puddles, wind, azimuth, altitude, fog, *_ = values
+    angles = {
+        "wind_direction": WIND_DIRECTION,
+        "sun_altitude": math.radians(altitude),
+        "sun_azimuth": math.remainder(math.radians(azimuth), math.tau),
+    }
+    percent = {
+        "cloudiness": cloudiness,
+        "rain": rain,
+        "puddles": puddles,
+        "wind": wind,
+        "fog": fog,
+    }
+    cut = {name: min(max(value, 0.0), 100.0) for name, value in percent.items()}
+    numbers = {name: np.array([value], np.float32) for name, value in (angles | cut).items()}
+    return Weather(
+        preset=np.array([NO_PRESET]),
+        night=np.array([altitude < 0.0]),
+        horizon_line=np.array([False]),
+        **numbers,
+    )
+
+
+def _specs(bodies: Sequence[Body]) -> VehicleSpecs:
+    columns: dict[str, Any] = {}
+    for field in dataclasses.fields(VehicleSpecs):
+        values = np.array([[body[field.name] for body in bodies]], np.float32)
+        if field.name in _FLAGS:
+            columns[field.name] = values > 0
+        else:
+            columns[field.name] = values.astype(_WHOLE.get(field.name, np.float32))
+    return VehicleSpecs(**columns)
+
+
+def check_blueprint(blueprint: str) -> None:
+    """Refuse the name of a vehicle that does not exist.
+
+    Raises:
+        ConfigError: CARLA 0.9.16 has no such vehicle.
+    """
+    if blueprint not in blueprints():
+        raise ConfigError.of(
+            what="blueprint",
+            where="carla_server",
+            expected=f"one of {len(blueprints())} vehicles, such as {next(iter(blueprints()))}",
+            got=repr(blueprint),
+            next_step="choose one from the blueprint library",
+        )

@@ -1,0 +1,370 @@
+"""The vehicles of the headless server, moved by the dynamics of our model.
+
+Vehicles live in the frame of the road (`Ground`): s along it, d to its left, heading
+anticlockwise. On a road of ours that is the road's own frame, so films, puddles and the shelter of
+lorries are where they are in a simulation. On another map it is the map's, water lies as on a
+single lane and nobody shelters anybody.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from overtaking.carla_server.arguments import Control
+from overtaking.carla_server.bodies import Body, scenario_of
+from overtaking.carla_server.motion import Ground, Motion, Touch, overlap
+from overtaking.core.elementary import sincos
+from overtaking.core.units import kmh_from_mps
+from overtaking.sim.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Parameters, parameters
+from overtaking.sim.reference import collisions, dynamics, environment
+from overtaking.sim.reference.state import NOBODY, Fields, State, initial_state
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from overtaking.core.elementary import F32
+    from overtaking.physics.constants import Constants
+
+LONGEST_STEP = 0.01
+"""Longest step of the dynamics, as in a simulation [s]."""
+
+MAX_WHEEL_ANGLE = math.radians(70.0)
+"""Angle of the front wheels at full lock; CARLA's cars have 70 degrees [rad]."""
+
+STEERING_CURVE = ((0.0, 1.0), (20.0, 0.9), (60.0, 0.8), (120.0, 0.7))
+"""Part of full lock against speed (km/h), as the vehicles of CARLA report theirs."""
+
+WHEEL_RATE = 6.0
+"""How fast the front wheels turn [rad/s]; CARLA's follow the control almost at once."""
+
+HAND_BRAKE = 0.6
+"""Part of the brakes that the hand brake has."""
+
+BACKWARDS_ACCEL = 2.0
+"""Acceleration in reverse at full throttle [m/s^2]."""
+
+BACKWARDS_SPEED = 8.0
+"""Fastest reverse [m/s]."""
+
+_KEPT = (
+    "s", "d", "psi", "vx", "vy", "r", "wheel", "accel", "a_lon", "a_lat", "gust",
+    "distance_error", "speed_error", "wander", "mu_fast", "mu_slow", "wind_force", "wind_moment",
+    "tail_wind",
+)  # fmt: skip
+_NEAR = 1.0  # Closer than this plus what they drive in a tick, two vehicles may touch [m].
+_FOREVER = np.float32(1e9)
+_ZERO = np.float32(0.0)
+
+
+class Fleet:
+    """All vehicles, in the order in which they were added.
+
+    Args:
+        ground: What they stand on.
+        weather: The fourteen numbers of `carla.WeatherParameters`.
+        seed: Seed of gusts and puddles.
+    """
+
+    def __init__(self, ground: Ground, weather: Sequence[float], seed: int) -> None:
+        """Nobody is there yet."""
+        self._ground, self._weather, self._seed = ground, tuple(weather), seed
+        self._ids: list[int] = []
+        self._bodies: list[Body] = []
+        self._decision = 0
+        self._rows: dict[int, int] = {}
+        self._backwards: dict[int, float] = {}
+        self._still: set[int] = set()
+        self._forces: dict[int, tuple[float, float]] = {}
+
+    def __contains__(self, vehicle: int) -> bool:
+        """Whether this vehicle is there."""
+        return vehicle in self._rows
+
+    @property
+    def ids(self) -> tuple[int, ...]:
+        """Ids of all vehicles."""
+        return tuple(self._ids)
+
+    def body(self, vehicle: int) -> Body:
+        """The numbers of a vehicle."""
+        return self._bodies[self._rows[vehicle]]
+
+    def add(self, vehicle: int, body: Body, motion: Motion) -> None:
+        """Put a vehicle on the ground."""
+        self._ids.append(vehicle)
+        self._bodies.append(body)
+        self._prepare()
+        self.place(vehicle, motion)
+        self.set_velocity(vehicle, motion.along, motion.across)
+
+    def remove(self, vehicle: int) -> None:
+        """Take a vehicle away."""
+        row = self._rows[vehicle]
+        del self._ids[row], self._bodies[row]
+        self._backwards.pop(vehicle, None)
+        self._still.discard(vehicle)
+        self._forces.pop(vehicle, None)
+        self._prepare()
+
+    def set_weather(self, weather: Sequence[float]) -> None:
+        """Change the weather for all."""
+        self._weather = tuple(weather)
+        self._prepare()
+
+    def set_moves(self, vehicle: int, *, moves: bool) -> None:
+        """Whether physics moves a vehicle, or only who places it."""
+        (self._still.discard if moves else self._still.add)(vehicle)
+
+    def moves(self, vehicle: int) -> bool:
+        """Whether physics moves a vehicle."""
+        return vehicle not in self._still
+
+    def place(self, vehicle: int, motion: Motion) -> None:
+        """Put a vehicle elsewhere; it keeps its velocity along its axes."""
+        row, state = self._rows[vehicle], self._state
+        for name in ("s", "d", "psi"):
+            getattr(state, name)[row] = getattr(motion, name)
+
+    def set_velocity(self, vehicle: int, along: float, across: float) -> None:
+        """Give a vehicle a velocity in the ground's frame [m/s]."""
+        row, state = self._rows[vehicle], self._state
+        cosine, sine = math.cos(float(state.psi[row, 0])), math.sin(float(state.psi[row, 0]))
+        forward, left = along * cosine + across * sine, across * cosine - along * sine
+        self._backwards[vehicle] = max(-forward, 0.0)
+        state.vx[row], state.vy[row] = max(forward, 0.0), left if forward >= 0.0 else 0.0
+        if along == across == 0.0:
+            state.r[row] = state.a_lon[row] = state.a_lat[row] = 0.0
+
+    def set_yaw_rate(self, vehicle: int, yaw_rate: float) -> None:
+        """Give a vehicle a yaw rate, anticlockwise [rad/s]."""
+        self._state.r[self._rows[vehicle]] = yaw_rate
+
+    def push(self, vehicle: int, along: float, across: float) -> None:
+        """Give a vehicle an impulse in the ground's frame [N s]."""
+        now, mass = self.motion(vehicle), self.body(vehicle)["mass"]
+        self.set_velocity(vehicle, now.along + along / mass, now.across + across / mass)
+
+    def force(self, vehicle: int, along: float, across: float) -> None:
+        """Let a force in the ground's frame act on a vehicle during the next tick [N]."""
+        old = self._forces.get(vehicle, (0.0, 0.0))
+        self._forces[vehicle] = (old[0] + along, old[1] + across)
+
+    def motion(self, vehicle: int) -> Motion:
+        """Where a vehicle is and how it moves."""
+        return self.motions()[vehicle]
+
+    def motions(self) -> dict[int, Motion]:
+        """Where every vehicle is and how it moves."""
+        if not self._ids:
+            return {}
+        state = self._state
+        columns = (state.s, state.d, state.psi, state.vx, state.vy, state.r)
+        rows = np.stack([column[:, 0] for column in columns], axis=1).tolist()
+        found: dict[int, Motion] = {}
+        for vehicle, (s, d, psi, vx, vy, r) in zip(self._ids, rows, strict=True):
+            forward = vx - self._backwards.get(vehicle, 0.0)
+            cosine, sine = math.cos(psi), math.sin(psi)
+            along, across = forward * cosine - vy * sine, forward * sine + vy * cosine
+            found[vehicle] = Motion(s, d, math.remainder(psi, math.tau), along, across, r)
+        return found
+
+    def overlapped(self, body: Body, motion: Motion) -> int | None:
+        """A vehicle that stands where another would be put, or None."""
+        for row, (vehicle, at) in enumerate(self.motions().items()):
+            if overlap(body, motion, self._bodies[row], at):
+                return vehicle
+        return None
+
+    def advance(self, duration: float, controls: Mapping[int, Control]) -> list[Touch]:
+        """Move every vehicle.
+
+        Args:
+            duration: Length of the tick [s].
+            controls: Pedals and steering of each vehicle.
+
+        Returns:
+            Who pushed whom.
+        """
+        if not self._ids:
+            return []
+        count = max(1, math.ceil(duration / LONGEST_STEP - 1e-9))
+        c = self._given.constants.replace(step=duration / count, decision=duration)
+        given = dataclasses.replace(self._given, constants=c)
+        p, state = self._fields, self._state
+        environment.move_random_processes(state, given, self._sky(), self._decision)
+        self._decision += 1
+        environment.grip(state, given, p, self._sky())
+        environment.wind(state, given, p, self._sky())
+        self._add_forces(c, count)
+        pedals = self._pedals(controls)
+        pairs = self._near_pairs(duration)
+        touches: list[Touch] = []
+        for _ in range(count):
+            touches += self._step(c, pedals, pairs)
+        self._roll_back(duration, controls)
+        self._forces.clear()
+        return touches
+
+    def _prepare(self) -> None:
+        """Work out the parameters again, and carry what moves over to the new rows."""
+        old = {vehicle: row for vehicle, row in self._rows.items() if vehicle in self._ids}
+        self._rows = {vehicle: row for row, vehicle in enumerate(self._ids)}
+        if not self._ids:
+            return
+        given = parameters(scenario_of(self._ground.road, self._bodies, self._weather, self._seed))
+        self._given: Parameters = given
+        self._fields = Fields(VEHICLE_FIELDS, given.vehicle)
+        if not self._ground.shelters:
+            self._fields.shelters[:] = _ZERO
+        self._weather_fields = Fields(SIMULATION_FIELDS, given.simulation)
+        state = initial_state(given)
+        state.end_step[:] = _FOREVER
+        for vehicle, row in old.items():
+            for name in _KEPT:
+                getattr(state, name)[self._rows[vehicle]] = getattr(self._state, name)[row]
+        self._state: State = state
+
+    def _sky(self) -> Fields:
+        """Weather with the wind turned into the axes of each vehicle."""
+        sky: dict[str, Any] = dict(vars(self._weather_fields))
+        sine, cosine = sincos(self._state.psi)
+        along, across = sky["wind_along"], sky["wind_across"]
+        sky["wind_along"] = along * cosine + across * sine
+        sky["wind_across"] = across * cosine - along * sine
+        return Fields(sky.keys(), sky.values())
+
+    def _add_forces(self, c: Constants, count: int) -> None:
+        """Add what pushes from outside: sideways like the wind, lengthwise as a change of speed."""
+        state = self._state
+        for vehicle, (along, across) in self._forces.items():
+            row = self._rows[vehicle]
+            cosine, sine = math.cos(float(state.psi[row, 0])), math.sin(float(state.psi[row, 0]))
+            state.wind_force[row] += np.float32(across * cosine - along * sine)
+            change = (along * cosine + across * sine) * count * float(c.step)
+            state.vx[row] = max(float(state.vx[row, 0]) + change / self.body(vehicle)["mass"], 0.0)
+
+    def _pedals(self, controls: Mapping[int, Control]) -> tuple[F32, F32, F32]:
+        """Throttle, brake and wanted wheel angle of each vehicle, shape (vehicle, 1)."""
+        wanted = [controls.get(vehicle, Control()) for vehicle in self._ids]
+        throttle = [0.0 if one.reverse else one.throttle for one in wanted]
+        brake = [min(one.brake + HAND_BRAKE * one.hand_brake, 1.0) for one in wanted]
+        # Forward motion ends under full braking before the reverse gear engages.
+        brake = [1.0 if one.reverse else b for one, b in zip(wanted, brake, strict=True)]
+        speeds = kmh_from_mps(self._state.vx[:, 0])
+        knots, shares = zip(*STEERING_CURVE, strict=True)
+        lock = MAX_WHEEL_ANGLE * np.interp(speeds, knots, shares)
+        # CARLA's steering is positive to the right.
+        angle = -lock * np.array([one.steer for one in wanted])
+        return _column(throttle), _column(brake), _column(angle)
+
+    def _step(
+        self, c: Constants, pedals: tuple[F32, F32, F32], pairs: list[tuple[int, int]]
+    ) -> list[Touch]:
+        """One step of the dynamics, then contacts."""
+        throttle, brake, angle = pedals
+        state, p = self._state, self._fields
+        still = self._frozen_rows()
+        held = {name: getattr(state, name)[still].copy() for name in ("s", "d", "psi")}
+        self._press(c, throttle, brake)
+        self._turn(c, angle)
+        before = (state.s.copy(), state.d.copy())
+        dynamics.move(state, c, p)
+        for name, value in held.items():
+            getattr(state, name)[still] = value
+        return self._collide(c, before, pairs) if pairs else []
+
+    def _frozen_rows(self) -> list[int]:
+        return [self._rows[vehicle] for vehicle in self._ids if vehicle in self._still]
+
+    def _press(self, c: Constants, throttle: F32, brake: F32) -> None:
+        """From pedals to the acceleration that the dynamics are asked for.
+
+        They add what drag and rolling take and cut at engine, brakes and grip, so a foot off both
+        pedals lets the vehicle coast.
+        """
+        state, p = self._state, self._fields
+        air = state.vx - state.tail_wind
+        resistance = p.drag * air * np.abs(air) + p.rolling
+        engine = np.minimum(p.launch_force, p.power / np.maximum(state.vx, c.slip_speed))
+        force = throttle * engine - brake * p.brake_force - resistance
+        state.accel = (force * p.inverse_mass).astype(np.float32)
+
+    def _turn(self, c: Constants, angle: F32) -> None:
+        """Turn front wheels towards the wanted angle, or lean into the curve it stands for."""
+        state, p = self._state, self._fields
+        most = np.float32(WHEEL_RATE) * c.step
+        turned = state.wheel + np.clip(angle - state.wheel, -most, most)
+        sine, cosine = sincos(angle)
+        curve = state.vx * state.vx * sine / (cosine * p.wheelbase)
+        grip = c.gravity * np.float32(0.5) * (state.mu_fast + state.mu_slow)
+        lean = np.clip(curve, -grip, grip)
+        leaned = state.wheel + (lean - state.wheel) * (c.step / c.two_wheeler_lag)
+        state.wheel = np.where(p.two_wheeler > 0, leaned, turned).astype(np.float32)
+
+    def _near_pairs(self, duration: float) -> list[tuple[int, int]]:
+        """Rows of vehicles that may touch before the next tick."""
+        if len(self._ids) < 2:
+            return []
+        state, p = self._state, self._fields
+        place = np.stack([state.s[:, 0], state.d[:, 0]], axis=1).astype(np.float64)
+        reach = np.hypot(p.half_length[:, 0], p.half_width[:, 0])
+        reach = reach + 0.5 * _NEAR + duration * np.hypot(state.vx[:, 0], state.vy[:, 0])
+        apart = np.hypot(*np.moveaxis(place[:, None] - place[None], -1, 0))
+        close = apart < reach[:, None] + reach[None]
+        return [pair for pair in combinations(range(len(self._ids)), 2) if close[pair]]
+
+    def _collide(
+        self, c: Constants, before: tuple[F32, F32], pairs: list[tuple[int, int]]
+    ) -> list[Touch]:
+        """Exchange momentum; unlike in a simulation, who was hit drives on."""
+        state = self._state
+        state.contact_partner[:] = NOBODY
+        was = {row: self._momentum(row) for pair in pairs for row in pair}
+        every = {pair: np.ones(1, np.bool_) for pair in pairs}
+        collisions.collide(state, c, self._fields, every, before, 0)
+        state.crashed[:] = _ZERO
+        touches: list[Touch] = []
+        for row, (along, across) in was.items():
+            partner = int(state.contact_partner[row, 0])
+            if partner >= 0:
+                new = self._momentum(row)
+                gain = (new[0] - along, new[1] - across)
+                touches.append(Touch(self._ids[row], self._ids[partner], *gain))
+        return touches
+
+    def _momentum(self, row: int) -> tuple[float, float]:
+        """Momentum of a vehicle in the ground's frame [N s]."""
+        state, mass = self._state, self._bodies[row]["mass"]
+        psi, vx, vy = (float(x[row, 0]) for x in (state.psi, state.vx, state.vy))
+        cosine, sine = math.cos(psi), math.sin(psi)
+        return mass * (vx * cosine - vy * sine), mass * (vx * sine + vy * cosine)
+
+    def _roll_back(self, duration: float, controls: Mapping[int, Control]) -> None:
+        """Drive backwards: slowly, on the circle that the front wheels give, without slip."""
+        state = self._state
+        for vehicle, row in self._rows.items():
+            control, speed = controls.get(vehicle, Control()), self._backwards.get(vehicle, 0.0)
+            wants = control.reverse and float(state.vx[row, 0]) == 0.0
+            push = BACKWARDS_ACCEL * control.throttle if wants else 0.0
+            braking = self.body(vehicle)["peak_decel"] * max(control.brake, control.hand_brake)
+            speed = max(speed + duration * (push - braking), 0.0)
+            if not control.reverse and control.throttle > 0.0:
+                speed = 0.0
+            speed = self._backwards[vehicle] = min(speed, BACKWARDS_SPEED)
+            if speed == 0.0 or vehicle in self._still:
+                continue
+            psi, angle = float(state.psi[row, 0]), float(state.wheel[row, 0])
+            state.vx[row] = state.vy[row] = 0.0
+            state.s[row] -= np.float32(speed * duration * math.cos(psi))
+            state.d[row] -= np.float32(speed * duration * math.sin(psi))
+            turn = -speed * math.tan(angle) / self.body(vehicle)["wheelbase"]
+            state.psi[row] += np.float32(turn * duration)
+
+
+def _column(values: Any) -> F32:
+    return np.asarray(values, np.float32)[:, None]

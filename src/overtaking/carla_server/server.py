@@ -1,0 +1,231 @@
+"""The two sockets of the server: calls and answers, and streams."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from overtaking.carla_server import actor_calls, answers, calls
+from overtaking.carla_server.answers import Refused
+from overtaking.carla_server.arguments import ArgumentError, check
+from overtaking.carla_server.protocol import CALLS, SLOW, Session
+from overtaking.carla_server.streams import Streams
+from overtaking.carla_server.wire import Budget, Decoder, ProtocolError, encode
+from overtaking.carla_server.world import World
+from overtaking.core.errors import ConfigError, OvertakingError
+
+if TYPE_CHECKING:
+    from overtaking.carla_server.places import Atlas
+
+PACE = 0.002
+"""Least time between a tick being asked for and its snapshot where Traffic Managers run [s].
+
+The client of 0.9.16 wakes its Traffic Manager without holding the lock that the manager waits with,
+so a tick that comes too soon after the last is never seen and the client waits for ever.
+"""
+
+SILENCE = 10.0
+"""A synchronous client with Traffic Managers that is silent this long is reported [s]."""
+
+MAX_CONNECTIONS = 64
+MAX_COMPLAINTS = 100
+"""Bad messages that are told one by one; who sends thousands shall not fill a disk."""
+
+_READ_BYTES = 1 << 14
+_CALL, _ANSWER = 0, 1
+
+Log = Callable[[str], None]
+
+DECLARED = (calls, actor_calls)
+"""The modules whose calls are answered; importing them puts the calls into the table."""
+
+
+@dataclass(slots=True)
+class Server:
+    """A running server.
+
+    Attributes:
+        world: Its state.
+        log: Where it says what happens.
+    """
+
+    world: World
+    log: Log
+    managers: dict[int, str] = field(default_factory=dict)
+    _budget: Budget = field(default_factory=Budget)
+    _connections: int = 0
+    _last_call: float = 0.0
+    _complaints: int = 0
+
+    async def serve_calls(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Answer the calls of one connection until it ends or sends what no client sends."""
+        session = Session(self.world, self.managers)
+        decoder = Decoder(self._budget)
+        self._connections += 1
+        try:
+            _at_once(writer)
+            _check_count(self._connections)
+            while data := await reader.read(_READ_BYTES):
+                for message in decoder.feed(data):
+                    writer.write(await self._answer(session, message))
+                await writer.drain()
+                await asyncio.sleep(0)  # The others come to their turn.
+        except ProtocolError as error:
+            self._complain(f"a connection was dropped: it sent {error}")
+        except ConnectionError:
+            pass
+        finally:
+            self._connections -= 1
+            decoder.close()
+            for port in session.own_managers:
+                self.managers.pop(port, None)
+            writer.close()
+
+    async def _answer(self, session: Session, message: Any) -> bytes:
+        """The answer to one message."""
+        number, name, parameters = _opened(message)
+        self._last_call = asyncio.get_running_loop().time()
+        if name == "tick_cue":
+            await self.world.streams.settle()
+            await asyncio.sleep(PACE if self.managers else 0.0)
+        try:
+            if name in SLOW:
+                given = (session, name, parameters)
+                answer = await asyncio.to_thread(self._result, *given)
+            else:
+                answer = self._result(session, name, parameters)
+            result = encode([_ANSWER, number, None, answer])
+        except ArgumentError as error:
+            self._complain(f"a call was refused: {name}: {error}")
+            result = encode([_ANSWER, number, f"{name}: {error}", None])
+        return result
+
+    def _complain(self, text: str) -> None:
+        """Tell of a bad message, unless there were too many."""
+        self._complaints += 1
+        if self._complaints <= MAX_COMPLAINTS:
+            self.log(text)
+        if self._complaints == MAX_COMPLAINTS:
+            self.log("there were many bad messages; no more are told")
+
+    def _result(self, session: Session, name: str, parameters: list[Any]) -> answers.Answer:
+        """What a call gives back; `ArgumentError` if there is none or it takes other arguments."""
+        wanted = CALLS.get(name)
+        if wanted is None:
+            raise ArgumentError("this headless server does not offer this call")
+        arguments = check(wanted.arguments, parameters)
+        try:
+            return wanted.body(session, *arguments)
+        except (Refused, OvertakingError) as error:
+            return (answers.void_refusal if wanted.is_void else answers.refusal)(str(error))
+
+    async def run_free(self) -> None:
+        """Let time pass, as fast as it does, while no client wants to say when."""
+        loop = asyncio.get_running_loop()
+        due = loop.time()
+        while True:
+            due = max(due + self.world.delta, loop.time() - self.world.delta)
+            await asyncio.sleep(max(due - loop.time(), 0.001))
+            if not self.world.settings.synchronous:
+                self.world.tick()
+
+    async def watch(self) -> None:
+        """Say it once when a client has fallen silent in the middle of its ticks."""
+        loop = asyncio.get_running_loop()
+        told = False
+        while True:
+            await asyncio.sleep(0.5 * SILENCE)
+            silent = loop.time() - self._last_call > SILENCE
+            waiting = silent and bool(self.managers) and self.world.settings.synchronous
+            if waiting and not told:
+                self.log(
+                    f"no call for {SILENCE:g} s after frame {self.world.frame} although a Traffic"
+                    " Manager runs: the client is busy, paused, or its Traffic Manager has missed"
+                    " a wake-up (a fault of the 0.9.16 client); in that case end the client"
+                )
+            told = waiting
+
+
+def _opened(message: Any) -> tuple[int, str, list[Any]]:
+    """Number, name and arguments of a call."""
+    match message:
+        case [0, int(number), str(name), [[bool()], *parameters]] if number >= 0:
+            # What comes first says whether the client waits for the answer; it gets one anyway.
+            return number, name, parameters
+        case _:
+            raise ProtocolError("a message that is no call")
+
+
+def _check_count(connections: int) -> None:
+    """Refuse what is one connection too many."""
+    if connections > MAX_CONNECTIONS:
+        raise ProtocolError(f"nothing yet, but is one of more than {MAX_CONNECTIONS}")
+
+
+def _at_once(writer: asyncio.StreamWriter) -> None:
+    """Send small answers without waiting for more to send."""
+    plug = writer.get_extra_info("socket")
+    if plug is not None:
+        plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+
+async def serve(
+    atlas: Atlas,
+    *,
+    host: str,
+    port: int,
+    seed: int,
+    ready: Callable[[int, int], None],
+    log: Log,
+) -> None:
+    """Serve until cancelled.
+
+    Args:
+        atlas: The maps; the first one is loaded.
+        host: Address to listen on.
+        port: For calls; streams get the next one. 0 lets the system choose both.
+        seed: Seed of gusts and puddles.
+        ready: Called with both ports when clients may come.
+        log: Called with a line when something happens that a person may want to know.
+
+    Raises:
+        ConfigError: A port is taken, or the address is not one of this machine.
+    """
+    streams = Streams(log)
+    server = Server(World(atlas, streams, seed), log)
+
+    async def listen_to_stream(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        _at_once(writer)
+        await streams.serve(reader, writer)
+
+    answering = await _listen(server.serve_calls, host, port)
+    port = answering.sockets[0].getsockname()[1]
+    pushes = await _listen(listen_to_stream, host, 0 if port == 0 else port + 1, fallback=True)
+    streams.port = pushes.sockets[0].getsockname()[1]
+    async with answering, pushes:
+        ready(port, streams.port)
+        await asyncio.gather(server.run_free(), server.watch())
+
+
+async def _listen(
+    serve_one: Callable[..., Any], host: str, port: int, *, fallback: bool = False
+) -> asyncio.Server:
+    """A listening socket; with `fallback` on any port where this one is taken."""
+    if fallback:
+        with contextlib.suppress(OSError):
+            return await asyncio.start_server(serve_one, host, port)
+        port = 0
+    try:
+        return await asyncio.start_server(serve_one, host, port)
+    except (OSError, OverflowError) as error:
+        raise ConfigError.of(
+            what="address",
+            where=f"{host}:{port}",
+            expected="a free port of this machine",
+            got=str(error),
+            next_step="stop what uses it, or choose another with --port",
+        ) from None

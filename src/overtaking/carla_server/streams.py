@@ -1,0 +1,103 @@
+"""Streams of sensor data: who listens to which, and what becomes of those who do not keep up."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import struct
+from typing import TYPE_CHECKING
+
+from overtaking.carla_server import snapshot
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+MAX_WAITING_BYTES = 64 << 20
+"""A listener for whom more than this has piled up is let go; a picture has up to 8 MB."""
+
+SETTLING_TIME = 0.5
+"""A listener that was announced and has not come by then is not waited for any more [s]."""
+
+HANDSHAKE_TIME = 10.0
+"""A connection that has not said by then which stream it wants is closed [s]."""
+
+_LENGTH = struct.Struct("<I")
+
+
+class Streams:
+    """All streams of a server, by number."""
+
+    def __init__(self, log: Callable[[str], None]) -> None:
+        """Begin without streams."""
+        self._log = log
+        self._listeners: dict[int, set[asyncio.StreamWriter]] = {}
+        self._next = 0
+        self._announced: set[int] = set()
+        self._arrival = asyncio.Event()
+        self.port = 0
+
+    def open(self) -> int:
+        """A new stream."""
+        self._next += 1
+        self._listeners[self._next] = set()
+        return self._next
+
+    def close(self, stream: int) -> None:
+        """End a stream; who listens to it is let go."""
+        self._announced.discard(stream)
+        for writer in self._listeners.pop(stream, set()):
+            writer.close()
+
+    def token(self, stream: int) -> bytes:
+        """What a client needs to listen to a stream."""
+        return snapshot.token(stream, self.port)
+
+    def announce(self, stream: int) -> None:
+        """Somebody has asked where a stream is, and is about to listen to it."""
+        if stream in self._listeners:
+            self._announced.add(stream)
+
+    async def settle(self) -> None:
+        """Wait for those who are about to listen, so that they miss nothing of the next tick."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(SETTLING_TIME):
+                while self._announced:
+                    self._arrival.clear()
+                    await self._arrival.wait()
+        self._announced.clear()
+
+    def is_heard(self, stream: int) -> bool:
+        """Whether anybody listens."""
+        return bool(self._listeners.get(stream))
+
+    def send(self, stream: int, message: bytes) -> None:
+        """Send a message to all who listen."""
+        data = _LENGTH.pack(len(message)) + message
+        for writer in list(self._listeners.get(stream, ())):
+            if writer.transport.get_write_buffer_size() > MAX_WAITING_BYTES:
+                self._log(f"a listener of stream {stream} does not read; let go")
+                self._listeners[stream].discard(writer)
+                writer.transport.abort()
+            elif not writer.is_closing():
+                writer.write(data)
+
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Serve one connection: it names its stream and then only listens."""
+        stream = -1
+        try:
+            head = await asyncio.wait_for(reader.readexactly(_LENGTH.size), HANDSHAKE_TIME)
+            (stream,) = _LENGTH.unpack(head)
+            if stream not in self._listeners:
+                self._log(f"somebody asked for stream {stream}, which is not there")
+                return
+            self._listeners[stream].add(writer)
+            self._announced.discard(stream)
+            self._arrival.set()
+            # Nothing more is expected; whatever comes is thrown away until the end.
+            while await reader.read(1024):
+                pass
+        except (asyncio.IncompleteReadError, TimeoutError, ConnectionError):
+            pass
+        finally:
+            self._listeners.get(stream, set()).discard(writer)
+            writer.close()

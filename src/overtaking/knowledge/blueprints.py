@@ -1,0 +1,39 @@
+"""CARLA's vehicles: names, bounding boxes and the class whose physics each of them gets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from overtaking.knowledge.reader import load, read_section
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+_FILE = "blueprints.toml"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Blueprint:
+    """One vehicle of CARLA's catalogue.
+
+    Attributes:
+        blueprint: Its id, such as "vehicle.audi.a2".
+        base_type: CARLA's own word for what it is: car, truck, van, bus, motorcycle or bicycle.
+        vehicle_class: Class of `vehicle_classes` whose physics it gets.
+        size: Length, width and height of its bounding box [m].
+    """
+
+    blueprint: str
+    base_type: str
+    vehicle_class: str
+    size: tuple[float, float, float]
+
+
+@cache
+def blueprints() -> Mapping[str, Blueprint]:
+    """The vehicles by id, in alphabetical order."""
+    found = [read_section(Blueprint, _FILE, name) for name in load(_FILE)]
+    return MappingProxyType({one.blueprint: one for one in found})
