@@ -20,6 +20,7 @@ _HOMES = {
     "Weather": "overtaking.model.weather",
     "branch": "overtaking.api",
     "compare": "overtaking.api",
+    "film": "overtaking.api",
     "generate": "overtaking.api",
     "load": "overtaking.api",
     "resume": "overtaking.api",

@@ -1,5 +1,6 @@
 from overtaking.api import branch as branch
 from overtaking.api import compare as compare
+from overtaking.api import film as film
 from overtaking.api import generate as generate
 from overtaking.api import load as load
 from overtaking.api import resume as resume

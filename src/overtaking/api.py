@@ -1,10 +1,10 @@
 """The public functions: what to call from Python, and which simulator they call."""
 
 import importlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
@@ -29,6 +29,9 @@ from overtaking.sim.branch import branch as branched
 from overtaking.sim.decision import Decision
 from overtaking.sim.version import MODEL_VERSION
 from overtaking.simulators.comparison import Comparison
+
+if TYPE_CHECKING:
+    from overtaking.video.produce import Video
 
 Profile = str | Path | Mapping[str, Any] | Spec
 """A profile of the package, a TOML file, what a manifest recorded, or a specification."""
@@ -321,6 +324,39 @@ def serve_carla(
 
     told = {"ready": ready or _ignore, "log": log or _ignore}
     run_server(port=port, host=host, place=place, seed=seed, **told)
+
+
+def film(
+    data: Dataset | str | Path,
+    out: str | Path | None = None,
+    *,
+    simulations: Iterable[int] | str = "one-per-class",
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> "list[Video]":
+    """Film simulations from above, as mp4 files; each appears when it is complete.
+
+    Args:
+        data: The data set, or its folder; what it did not keep is simulated again.
+        out: Folder for the files, `videos` in that of the data set if not given.
+        simulations: Their numbers, `all`, or `one-per-class`: the first of each class.
+        threads: How many films are made beside each other; all processors if not given.
+        progress: Called with the number of films that are done, and of all.
+
+    Raises:
+        ConfigError: There is no such simulation.
+        DatasetError: The data set is not complete or damaged, or the encoder failed.
+        MissingExtraError: The extra `video` is not installed.
+        OSError: A file cannot be written.
+    """
+    from overtaking.video import jobs, produce
+
+    source = data if isinstance(data, Dataset) else load(data)
+    folder = source.path / "videos" if out is None else Path(out)
+    chosen = simulations if isinstance(simulations, str) else list(simulations)
+    total = jobs.num_films(source, chosen)
+    films = jobs.jobs(source, chosen)
+    return produce.produce(films, folder, total=total, threads=threads, progress=progress)
 
 
 def _ignore(*_: object) -> None:

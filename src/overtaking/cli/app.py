@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from overtaking.cli import carla, options, sumo
+from overtaking.cli import carla, options, sumo, video
 from overtaking.cli.output import Output
 
 HELP = "Simulate, label and explain overtaking manoeuvres, reproducibly."
@@ -170,6 +170,7 @@ COMMANDS: dict[options.Body, str] = {
     show: "overtaking show data/pinto 17",
     info: "overtaking info data/pinto",
     export: "overtaking export data/pinto --format pinto2023 --out table.csv",
+    video.video: "overtaking video data/pinto --simulations 1,7",
     compare: "overtaking compare pinto2023 -n 100 --seed 1 --with sumo",
     doctor: "overtaking doctor --json",
 }

@@ -1,0 +1,136 @@
+"""Films of simulations."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from overtaking.cli import options
+from overtaking.cli.output import Output
+from overtaking.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from overtaking.video.produce import Video
+
+Chosen = Annotated[
+    str | None,
+    typer.Option(
+        "--simulations",
+        metavar="LIST",
+        help="Numbers and ranges of simulations, such as 1,7,20-29.",
+    ),
+]
+PerClass = Annotated[
+    bool, typer.Option("--one-per-class", help="The first of each class; what is done by default.")
+]
+All = Annotated[bool, typer.Option("--all", help="Every simulation.")]
+Folder = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="FOLDER", help="Folder to write to.  [default: DATA/videos]"),
+]
+
+_MOST_LISTED = 12
+_BYTES_PER_MB = 1e6
+_MOST_NUMBERS = 1_000_000
+
+
+def video(
+    output: Output,
+    data: options.Data,
+    simulations: Chosen = None,
+    one_per_class: PerClass = False,
+    every: All = False,
+    out: Folder = None,
+    threads: options.Threads = None,
+) -> None:
+    """Film simulations from above, as mp4 files."""
+    from overtaking import api
+
+    chosen = choice(simulations, is_per_class=one_per_class, is_every=every)
+    begin = time.monotonic()
+    with output.progress("films") as meter:
+        films = api.film(data, out, simulations=chosen, threads=threads, progress=meter)
+    values = values_of(films, time.monotonic() - begin)
+    output.result(values, lambda _: render(values))
+
+
+def choice(text: str | None, *, is_per_class: bool, is_every: bool) -> list[int] | str:
+    """What was asked for, as `api.film` takes it.
+
+    Args:
+        text: Numbers and ranges with commas between them, if there are any.
+        is_per_class: Whether one of each class was asked for.
+        is_every: Whether all were asked for.
+
+    Raises:
+        ConfigError: More than one of these, or what is no number.
+    """
+    if (text is not None) + is_per_class + is_every > 1:
+        raise ConfigError.of(
+            what="choice",
+            where="video",
+            expected="one of --simulations, --one-per-class and --all",
+            got="several",
+            next_step="leave out the others",
+        )
+    if text is None:
+        return "all" if is_every else "one-per-class"
+    return [number for part in text.split(",") for number in _numbers(part.strip())]
+
+
+def _numbers(part: str) -> range:
+    """A number, or all from one to another."""
+    first, dash, last = part.partition("-")
+    is_number = first.isdecimal() and (last.isdecimal() if dash else True)
+    numbers = range(int(first), int(last or first) + 1) if is_number else range(0)
+    if not numbers or len(numbers) > _MOST_NUMBERS:
+        raise ConfigError.of(
+            what="--simulations",
+            where="video",
+            expected="numbers and ranges such as 1,7,20-29",
+            got=repr(part),
+            next_step="write them with commas and without spaces",
+        )
+    return numbers
+
+
+def values_of(films: "list[Video]", seconds: float) -> dict[str, Any]:
+    """What was made, for machines."""
+    return {
+        "films": [
+            {
+                "simulation": film.number,
+                "class": film.label,
+                "file": str(film.path),
+                "frames": film.num_frames,
+                "duration_s": film.duration,
+                "width_px": film.size[0],
+                "height_px": film.size[1],
+                "size_bytes": film.path.stat().st_size,
+            }
+            for film in films
+        ],
+        "duration_s": round(seconds, 3),
+    }
+
+
+def render(values: dict[str, Any]) -> "Table":
+    """What was made, for people."""
+    from rich.table import Table
+
+    films = values["films"]
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    for film in films[:_MOST_LISTED]:
+        size = film["size_bytes"] / _BYTES_PER_MB
+        length = f"{film['duration_s']:.1f} s"
+        table.add_row(film["file"], film["class"], length, f"{size:.1f} MB")
+    if len(films) > _MOST_LISTED:
+        table.add_row(f"and {len(films) - _MOST_LISTED} more in the same folder", "", "", "")
+    seconds = values["duration_s"]
+    rate = len(films) / max(seconds, 1e-3)
+    noun = "film" if len(films) == 1 else "films"
+    table.add_row(f"{len(films)} {noun} in {seconds:.1f} s, {rate:.1f}/s", "", "", "")
+    return table

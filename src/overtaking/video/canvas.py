@@ -1,0 +1,147 @@
+"""Frames in the encoder's own form, YUV 4:2:0, and how sprites are put on them."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+U8 = NDArray[np.uint8]
+U16 = NDArray[np.uint16]
+
+WIDTH, HEIGHT = 1280, 400
+"""Size of a frame [px]."""
+
+FRAME_SHAPE = (HEIGHT * 3 // 2, WIDTH)
+"""Shape of a frame in memory: luma, then the two chroma planes of half its width and height."""
+
+OPAQUE = 256
+"""Scale of opacity, so that a division is a shift."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sprite:
+    """A small picture with opacity.
+
+    Attributes:
+        luma: Luma times opacity, and 256 minus opacity; (2, height, width), both even.
+        chroma: U and V times opacity, and 256 minus opacity; (3, height / 2, width / 2).
+    """
+
+    luma: U16
+    chroma: U16
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height [px]."""
+        return self.luma.shape[2], self.luma.shape[1]
+
+
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """A small picture without opacity; width and height are even.
+
+    Attributes:
+        luma: Shape (height, width).
+        chroma: U and V, (2, height / 2, width / 2).
+    """
+
+    luma: U8
+    chroma: U8
+
+    @classmethod
+    def of(cls, sprite: Sprite) -> Self:
+        """A sprite that nothing shines through."""
+        return cls(sprite.luma[0].astype(np.uint8), sprite.chroma[:2].astype(np.uint8))
+
+    def columns(self, first: int, last: int) -> Self:
+        """Some of its columns, both numbers even."""
+        return type(self)(self.luma[:, first:last], self.chroma[:, :, first // 2 : last // 2])
+
+
+class Canvas:
+    """A frame, or a part of its height, that is drawn on.
+
+    Args:
+        frame: The whole frame, of `FRAME_SHAPE`.
+        top: First row of the part, even.
+        bottom: Row after its last one, even.
+    """
+
+    __slots__ = ("chroma", "height", "luma")
+
+    def __init__(self, frame: U8, top: int = 0, bottom: int = HEIGHT) -> None:
+        """Look at a part of a frame."""
+        planes = frame[HEIGHT:].reshape(2, HEIGHT // 2, WIDTH // 2)
+        self.luma = frame[top:bottom]
+        self.chroma = planes[:, top // 2 : bottom // 2]
+        self.height = bottom - top
+
+    def blend(self, sprite: Sprite, x: int, y: int) -> None:
+        """Put a sprite on the canvas; what lies outside is cut off.
+
+        Args:
+            sprite: What to put there.
+            x: Column of its left edge, even.
+            y: Row of its upper edge, even.
+        """
+        width, height = sprite.size
+        left, right = max(x, 0), min(x + width, WIDTH)
+        top, bottom = max(y, 0), min(y + height, self.height)
+        if left >= right or top >= bottom:
+            return
+        luma, chroma = sprite.luma, sprite.chroma
+        if right - left < width or bottom - top < height:
+            luma = luma[:, top - y : bottom - y, left - x : right - x]
+            half = (
+                slice((top - y) // 2, (bottom - y) // 2),
+                slice((left - x) // 2, (right - x) // 2),
+            )
+            chroma = chroma[:, half[0], half[1]]
+        _over(self.luma[top:bottom, left:right], luma[1], luma[0])
+        below = self.chroma[:, top // 2 : bottom // 2, left // 2 : right // 2]
+        _over(below, chroma[2], chroma[:2])
+
+    def paste(self, tile: Tile, x: int, y: int) -> None:
+        """Copy a tile that lies wholly inside; x and y are even."""
+        height, width = tile.luma.shape
+        self.luma[y : y + height, x : x + width] = tile.luma
+        half = (slice(y // 2, (y + height) // 2), slice(x // 2, (x + width) // 2))
+        self.chroma[:, half[0], half[1]] = tile.chroma
+
+
+def _over(below: U8, keep: U16, colour: U16) -> None:
+    """Let a share of what is below shine through, and add a colour."""
+    mixed = below * keep
+    mixed >>= 8
+    mixed += colour
+    below[...] = mixed
+
+
+def blank() -> U8:
+    """A black frame."""
+    frame = np.full(FRAME_SHAPE, 128, dtype=np.uint8)
+    frame[:HEIGHT] = 16
+    return frame
+
+
+def rgb(frame: U8) -> U8:
+    """A frame as people's tools want it.
+
+    Args:
+        frame: Of `FRAME_SHAPE`.
+
+    Returns:
+        Red, green and blue, shape (HEIGHT, WIDTH, 3).
+
+    Source:
+        ITU-R BT.601-7, the inverse of `palette.yuv`.
+    """
+    canvas = Canvas(frame)
+    y = (canvas.luma.astype(np.float32) - 16.0) / 219.0
+    u, v = ((plane.astype(np.float32) - 128.0) / 224.0 for plane in canvas.chroma)
+    u, v = (np.repeat(np.repeat(plane, 2, axis=0), 2, axis=1) for plane in (u, v))
+    red, blue = y + 1.402 * v, y + 1.772 * u
+    green = y - 0.344_136 * u - 0.714_136 * v
+    values = np.stack([red, green, blue], axis=-1) * 255.0
+    return np.clip(np.rint(values), 0, 255).astype(np.uint8)

@@ -1,0 +1,103 @@
+"""The colours of the films, and how a colour becomes luma and chroma."""
+
+from functools import cache
+from typing import NamedTuple
+
+from overtaking.model.labels import Severity
+from overtaking.model.trajectory import Stage
+from overtaking.model.vehicles import Colour
+
+
+class Yuv(NamedTuple):
+    """Luma and the two chroma components of a colour, ITU-R BT.601, 16 to 235 and 16 to 240.
+
+    Players take films with fewer than 576 lines for BT.601 where they do not look at what the file
+    says, so these are the colours that everybody sees.
+    """
+
+    y: float
+    u: float
+    v: float
+
+
+@cache
+def yuv(colour: str) -> Yuv:
+    """Components of a colour written as `#rrggbb`.
+
+    Source:
+        ITU-R BT.601-7, section 2.5.
+    """
+    red, green, blue = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
+    return Yuv(
+        16.0 + 65.481 * red + 128.553 * green + 24.966 * blue,
+        128.0 - 37.797 * red - 74.203 * green + 112.0 * blue,
+        128.0 + 112.0 * red - 93.786 * green - 18.214 * blue,
+    )
+
+
+def mixed(colour: str, other: str, share: float) -> str:
+    """A colour with a share of another one, 0 to 1."""
+    pairs = ((int(one[i : i + 2], 16) for one in (colour, other)) for i in (1, 3, 5))
+    return "#" + "".join(f"{round(a + share * (b - a)):02x}" for a, b in pairs)
+
+
+def tinted(colour: str, factors: tuple[float, float, float]) -> str:
+    """A colour in a light that is not white."""
+    parts = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    return "#" + "".join(
+        f"{min(round(p * f), 255):02x}" for p, f in zip(parts, factors, strict=True)
+    )
+
+
+INK = "#14181d"
+PANEL = "#1b2026"
+PANEL_EDGE = "#39424c"
+GRID = "#2b333c"
+TEXT = "#eef1f4"
+FAINT = "#98a3af"
+EGO = "#56b4e9"
+TARGET = "#f0a830"
+GAP = "#cfd6dd"
+WARNING = "#d03a2b"
+FLASH = "#fff3c4"
+
+PAINT = {
+    Colour.YELLOW: "#f2cf2e",
+    Colour.BLUE: "#2f6fd0",
+    Colour.RED: "#cc2f2f",
+    Colour.GREEN: "#2f9a55",
+    Colour.ORANGE: "#ee7d22",
+    Colour.GREY: "#9aa3ab",
+    Colour.WHITE: "#f4f5f5",
+    Colour.BROWN: "#7d5334",
+}
+GLASS = "#1d2731"
+TRIM = "#20252a"
+SKIN = "#2a3038"
+
+LAMP_OFF = "#d9dee2"
+LAMP_ON = "#fff6d8"
+TAIL_OFF = "#6d1414"
+TAIL_ON = "#c51d1d"
+BRAKE_ON = "#ff3b30"
+INDICATOR_ON = "#ffb000"
+FOG_LAMP = "#ff2a2a"
+
+# Okabe and Ito's colours, which people with any kind of colour vision can tell apart; the same as
+# on the terminal. The second colour is that of text on it.
+STAGES = {
+    Stage.FOLLOW: ("Follow", "#56b4e9", INK),
+    Stage.PULL_OUT: ("Pull out", "#f0e442", INK),
+    Stage.PASS: ("Pass", "#3f8fd0", TEXT),
+    Stage.RETURN: ("Return", "#e69f00", INK),
+    Stage.DONE: ("Done", "#14a27c", TEXT),
+    Stage.ABORT: ("Abort", "#cc79a7", INK),
+    Stage.CRASHED: ("Crashed", "#d55e00", TEXT),
+}
+
+SEVERITIES = {
+    Severity.NONE: "",
+    Severity.LIGHT: "light",
+    Severity.SERIOUS: "serious",
+    Severity.VERY_SERIOUS: "very serious",
+}

@@ -1,0 +1,253 @@
+"""What stands above and below the road: who and where, stages, speeds and gap over time."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from overtaking.core.units import kmh_from_mps
+from overtaking.model.trajectory import Stage
+from overtaking.model.vehicles import Role
+from overtaking.video.canvas import HEIGHT, WIDTH, Canvas, Sprite, Tile
+from overtaking.video.palette import (
+    EGO,
+    FAINT,
+    GAP,
+    GRID,
+    PANEL,
+    PANEL_EDGE,
+    STAGES,
+    TARGET,
+    TEXT,
+    WARNING,
+)
+from overtaking.video.sheet import Sheet
+from overtaking.video.text import lettering, line, number
+from overtaking.video.view import SCENE_BOTTOM, SCENE_TOP
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from overtaking.video.scene import Scene
+
+    F32 = NDArray[np.float32]
+
+_STRIP = HEIGHT - SCENE_BOTTOM
+_LEFT, _RIGHT = 66, 1096  # Columns of the plots.
+_SPEED_ROWS, _GAP_ROWS = (10.0, 46.0), (60.0, 92.0)
+_STAGE_ROWS, _BREACH_ROWS = (100.0, 106.0), (108.0, 112.0)
+_READOUT = 1112
+_NUM_PILLS = 5  # The stages of an overtake that goes well; the other two take the last one's place.
+_PILL_LEFT, _PILL_WIDTH, _PILL_GAP = 428, 74, 8
+_SMALL, _NORMAL, _LARGE = 11, 13, 16
+_FUTURE = 0.28  # Opacity of what has not happened yet.
+
+
+class Header:
+    """The line above the road.
+
+    Args:
+        title: Name of the simulation.
+        subtitle: Where it comes from.
+        weather: Weather in words.
+    """
+
+    def __init__(self, title: str, subtitle: str, weather: str) -> None:
+        """Draw what does not change."""
+        sheet = _panel(SCENE_TOP).copy()
+        name = lettering(title, _LARGE, bold=True)
+        sheet.write(name, 16, 10, TEXT)
+        sheet.write(lettering(subtitle, _NORMAL), 28 + name.width, 13, FAINT)
+        sky = lettering(weather, _NORMAL)
+        sheet.write(sky, WIDTH - 16 - sky.width, 13, TEXT)
+        self._tile = Tile.of(sheet.sprite())
+
+    def lay(self, canvas: Canvas, stage: Stage | None) -> None:
+        """Put it on a canvas, with the stage of the ego if that is known."""
+        canvas.paste(self._tile, 0, 0)
+        if stage is not None:
+            canvas.paste(_pills(stage), _PILL_LEFT, 8)
+
+
+@cache
+def _pills(stage: Stage) -> Tile:
+    """The stages in their order, the present one lit."""
+    shown = [Stage(number) for number in range(_NUM_PILLS)]
+    if stage not in shown:
+        shown[-1] = stage
+    pitch = _PILL_WIDTH + _PILL_GAP
+    sheet = Sheet((0.0, float(_NUM_PILLS * pitch), 0.0, 24.0), 1.0)
+    sheet.fill(PANEL)
+    for place, one in enumerate(shown):
+        _pill(sheet, one, place * pitch, is_lit=one is stage)
+    return Tile.of(sheet.sprite())
+
+
+def _pill(sheet: Sheet, stage: Stage, left: int, *, is_lit: bool) -> None:
+    label, colour, ink = STAGES[stage]
+    box = (float(left), float(left + _PILL_WIDTH)), (1.0, 23.0)
+    if is_lit:
+        sheet.rect(*box, colour, radius=11.0)
+    else:
+        sheet.frame(*box, PANEL_EDGE, line=1.0, radius=11.0)
+    letters = lettering(label, _NORMAL, bold=is_lit)
+    middle = left + (_PILL_WIDTH - letters.width) // 2
+    sheet.write(letters, middle, 12 - letters.height // 2, ink if is_lit else FAINT)
+
+
+class Timeline:
+    """Speeds and gap over time, with a cursor: what was lies left of it, what comes is faint.
+
+    Args:
+        scene: What is drawn.
+        breaches: First and last frame of the film of each breach of the law.
+    """
+
+    def __init__(self, scene: Scene, breaches: Sequence[tuple[int, int]]) -> None:
+        """Draw past and future once."""
+        self._scene = scene
+        self._lead = scene.lead
+        self._past = _plots(scene, breaches, 1.0)
+        self._future = _plots(scene, breaches, _FUTURE)
+        cursor = Sheet((0.0, 2.0, 0.0, _BREACH_ROWS[1] - 8.0), 1.0)
+        cursor.rect((-1.0, 3.0), (-1.0, _STRIP + 1.0), TEXT)
+        self._cursor = Tile.of(cursor.sprite())
+
+    def lay(self, canvas: Canvas, frame: int) -> None:
+        """Put the strip of a frame on a canvas."""
+        column = self.column(frame)
+        canvas.paste(self._past.columns(0, column), 0, 0)
+        canvas.paste(self._future.columns(column, WIDTH), column, 0)
+        canvas.paste(self._cursor, column, 8)
+        for row, column, sprite in self._readings(frame):
+            canvas.blend(sprite, column, row)
+
+    def column(self, frame: int) -> int:
+        """Column of the cursor, even."""
+        last = max(self._scene.num_frames - 1, 1)
+        return 2 * round(0.5 * (_LEFT + (_RIGHT - _LEFT) * frame / last))
+
+    def _readings(self, frame: int) -> Iterator[tuple[int, int, Sprite]]:
+        """What the numbers say now: row, column and sprite."""
+        scene, target = self._scene, self._scene.target
+        speeds = kmh_from_mps(scene.speed[:, frame])
+        yield 8, _READOUT, line(f"Ego {speeds[Role.EGO]:.0f} km/h", _LARGE, EGO, bold=True)
+        if target is not None and self._lead is not None:
+            text = f"Target {speeds[target]:.0f} km/h"
+            yield 30, _READOUT, line(text, _LARGE, TARGET, bold=True)
+            yield from _distance(float(self._lead[frame]))
+        yield 94, _READOUT, number(f"{scene.time[frame]:.2f} s", _NORMAL, FAINT)
+
+
+def _distance(lead: float) -> Iterator[tuple[int, int, Sprite]]:
+    """Where the target is, in words."""
+    if lead == 0.0:
+        yield 66, _READOUT, line("target alongside", _NORMAL, GAP)
+        return
+    name = line("target", _NORMAL, GAP)
+    amount = number(f"{abs(lead):.1f} m", _NORMAL, GAP)
+    after = _READOUT + name.size[0] + 4
+    yield 66, _READOUT, name
+    yield 66, after, amount
+    side = line("ahead" if lead > 0.0 else "behind", _NORMAL, GAP)
+    yield 66, after + amount.size[0] + 4, side
+
+
+@cache
+def _panel(height: int) -> Sheet:
+    """A dark sheet as wide as the film; copied before anything is painted on it."""
+    sheet = Sheet((0.0, float(WIDTH), 0.0, float(height)), 1.0)
+    sheet.fill(PANEL)
+    return sheet
+
+
+def _plots(scene: Scene, breaches: Sequence[tuple[int, int]], opacity: float) -> Tile:
+    """The strip with its curves as they are left or right of the cursor."""
+    sheet = _panel(_STRIP).copy()
+    columns = np.linspace(_LEFT, _RIGHT, max(scene.num_frames, 2), dtype=np.float32)
+    _speeds(sheet, scene, columns, opacity)
+    _gap(sheet, scene, columns, opacity)
+    _stages(sheet, scene, columns, opacity)
+    for first, last in breaches:
+        ends = (float(columns[first]), float(columns[min(last + 1, len(columns) - 1)]))
+        sheet.rect(ends, _BREACH_ROWS, WARNING, opacity=max(opacity, 0.5), radius=2.0)
+    return Tile.of(sheet.sprite())
+
+
+def _curve(
+    sheet: Sheet, columns: F32, rows: NDArray[np.floating], colour: str, opacity: float
+) -> None:
+    """A curve over the frames of the film."""
+    padded = np.broadcast_to(rows, columns.shape) if len(rows) == 1 else rows
+    sheet.curve(columns, padded.astype(np.float32), colour, line=2.0, opacity=opacity)
+
+
+def _speeds(sheet: Sheet, scene: Scene, columns: F32, opacity: float) -> None:
+    """Speeds of ego and target."""
+    shown = [(Role.EGO, EGO)] if scene.target is None else [(scene.target, TARGET), (Role.EGO, EGO)]
+    speeds = {slot: kmh_from_mps(scene.speed[slot]) for slot, _ in shown}
+    low, high, step = _axis([float(f(v)) for v in speeds.values() for f in (np.min, np.max)], 20.0)
+    _grid(sheet, (low, high, step), _SPEED_ROWS, "km/h")
+    for slot, colour in shown:
+        _curve(sheet, columns, _rows(speeds[slot], low, high, _SPEED_ROWS), colour, opacity)
+
+
+def _gap(sheet: Sheet, scene: Scene, columns: F32, opacity: float) -> None:
+    """Distance to the target, positive while it is ahead."""
+    lead = scene.lead
+    if lead is None:
+        letters = lettering("nobody to overtake", _NORMAL)
+        sheet.write(letters, _LEFT + 8, int(_GAP_ROWS[0]) + 8, FAINT)
+        return
+    low, high, step = _axis([0.0, float(lead.min()), float(lead.max())], 20.0)
+    _grid(sheet, (low, high, step), _GAP_ROWS, "m ahead")
+    zero = float(_rows(np.zeros(1), low, high, _GAP_ROWS)[0])
+    sheet.rect((_LEFT, _RIGHT), (zero - 0.5, zero + 0.5), FAINT, opacity=0.7)
+    _curve(sheet, columns, _rows(lead, low, high, _GAP_ROWS), GAP, opacity)
+
+
+def _stages(sheet: Sheet, scene: Scene, columns: F32, opacity: float) -> None:
+    """A band in the colours of the stages."""
+    if scene.stage is None:
+        return
+    starts = np.flatnonzero(np.diff(scene.stage, prepend=255))
+    for first, after in zip(starts, [*starts[1:], len(columns) - 1], strict=True):
+        _, colour, _ = STAGES[Stage(int(scene.stage[first]))]
+        ends = (float(columns[first]), float(columns[after]))
+        sheet.rect(ends, _STAGE_ROWS, colour, opacity=max(opacity, 0.4))
+
+
+def _rows(
+    values: NDArray[np.floating], low: float, high: float, rows: tuple[float, float]
+) -> NDArray[np.floating]:
+    """Rows of values on an axis that grows upwards."""
+    return rows[1] - (values - low) / (high - low) * (rows[1] - rows[0])
+
+
+def _axis(values: list[float], step: float) -> tuple[float, float, float]:
+    """Round ends of an axis around some values, and the step between its lines."""
+    while max(values) - min(values) > 3.0 * step:
+        step *= 2.0 if str(step)[0] in "15" else 2.5
+    low = step * np.floor(min(values) / step)
+    return float(low), float(max(step * np.ceil(max(values) / step), low + step)), step
+
+
+def _grid(
+    sheet: Sheet, axis: tuple[float, float, float], rows: tuple[float, float], unit: str
+) -> None:
+    """Lines with their values, and the unit."""
+    low, high, step = axis
+    for value in np.arange(low, high + 0.5 * step, step):
+        row = float(_rows(np.array([value]), low, high, rows)[0])
+        sheet.rect((_LEFT, _RIGHT), (row - 0.5, row + 0.5), GRID)
+    for value in (low, high):
+        row = float(_rows(np.array([value]), low, high, rows)[0])
+        label = lettering(f"{value:.0f}", _SMALL)
+        sheet.write(label, _LEFT - 6 - label.width, round(row) - label.height // 2, FAINT)
+    letters = lettering(unit, _SMALL)
+    middle = round(0.5 * (rows[0] + rows[1]))
+    sheet.write(letters, _LEFT - 6 - letters.width, middle - letters.height // 2, FAINT)
