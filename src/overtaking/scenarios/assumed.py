@@ -45,7 +45,7 @@ def assumed_drivers(shape: tuple[int, int]) -> Drivers:
     """Drivers of whom nothing is known, shape (simulation, vehicle)."""
     values: dict[str, Any] = {
         field.name: np.zeros(shape, np.bool_)
-        if "Mask" in str(field.type)
+        if field.type == Mask
         else np.ones(shape, np.float32)
         for field in dataclasses.fields(Drivers)
     }

@@ -114,6 +114,7 @@ def test_what_is_assumed_can_be_computed_with():
             values = getattr(batch, field.name)
             assert len(values) == 2
             assert np.isfinite(values).all(), field.name
+            assert (values.dtype == bool) == ("bool" in str(field.type)), field.name
     for name in ("mass", "wheelbase", "yaw_inertia", "power", "max_speed", "track_width"):
         assert (getattr(bodies, name) > 0).all(), name
 

@@ -1,0 +1,254 @@
+"""Makes a data set of what others have recorded: the whole folder at once, or nothing.
+
+A recording is read before anything is written, so there is nothing to resume: the folder grows
+beside its place and takes its name when it is complete.
+"""
+
+import contextlib
+import os
+import platform
+import shutil
+from collections.abc import Callable, Generator, Iterator, Mapping
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Protocol
+from uuid import uuid4
+
+import numpy as np
+import pyarrow as pa
+
+from overtaking.core.errors import DatasetError
+from overtaking.datasets import card, manifest, plan, write
+from overtaking.datasets.contents import contents
+from overtaking.datasets.interruption import Terminated, termination_raises
+from overtaking.datasets.manifest import Identity, Manifest, Provenance, ShardRecord, Source
+from overtaking.datasets.plan import SHARD_SIZE
+from overtaking.datasets.recipe import Keep
+from overtaking.model.road import Road
+from overtaking.model.trajectory import Trajectories
+from overtaking.tables.files import sync_folder
+from overtaking.tables.schemas import VERSION as TABLE_VERSION
+from overtaking.tables.unknown import schema_of
+
+READER_VERSION = "1"
+"""Changes whenever the same file gives other values."""
+
+SIMULATOR = "recording"
+"""What the manifest names where a data set was not simulated."""
+
+CHUNK_SIZE = 64
+"""Simulations in memory at a time: those of a recording are long and full of vehicles."""
+
+
+class Scenes(Protocol):
+    """What a reader of recordings has found."""
+
+    def __len__(self) -> int:
+        """Number of simulations."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """What the recording calls itself."""
+        ...
+
+    @property
+    def road(self) -> Road:
+        """The road of all simulations."""
+        ...
+
+    @property
+    def unknown(self) -> frozenset[str]:
+        """What the recording does not tell."""
+        ...
+
+    @property
+    def counts(self) -> dict[str, Any]:
+        """What was found."""
+        ...
+
+    @property
+    def notes(self) -> dict[str, Any]:
+        """What was decided, left out or measured."""
+        ...
+
+    def trajectories(self, numbers: range) -> Trajectories:
+        """Some of the simulations."""
+        ...
+
+    def sources(self, numbers: range) -> list[str]:
+        """Where they come from."""
+        ...
+
+
+def write_scenes(
+    scenes: Scenes,
+    out: Path,
+    *,
+    file_format: str,
+    files: Mapping[str, str],
+    options: Mapping[str, Any],
+    on_piece: Callable[[int, int], None] | None = None,
+) -> None:
+    """Write a data set of recorded scenes.
+
+    Args:
+        scenes: What was found.
+        out: Folder for it; it must not exist, or be empty.
+        file_format: Format of the recording.
+        files: SHA-256 of each file that was read, by its name.
+        options: What was asked for.
+        on_piece: Called with the number of simulations that are done, and of all.
+
+    Raises:
+        DatasetError: The folder holds something, cannot be written, or the process was asked to
+            end; nothing is left behind.
+    """
+    _refuse_strangers(out)
+    source = Source(
+        format=file_format,
+        files=dict(files),
+        recording=scenes.name,
+        options=dict(options),
+        counts=scenes.counts,
+        notes=scenes.notes,
+    )
+    try:
+        with termination_raises(), _staged(out) as folder:
+            _write(scenes, _identity(scenes, source), folder, on_piece or _silent)
+    except OSError as error:
+        raise DatasetError.of(
+            what="writing",
+            where=str(out),
+            expected="room and permission to write",
+            got=os.strerror(error.errno) if error.errno else str(error),
+            next_step="make room or choose another folder; nothing was written",
+        ) from error
+    except Terminated:
+        raise DatasetError.of(
+            what="data set",
+            where=str(out),
+            expected="time to complete it",
+            got="SIGTERM",
+            next_step="import it again; nothing was written",
+        ) from None
+
+
+def _identity(scenes: Scenes, source: Source) -> Identity:
+    """What decides the content."""
+    return Identity(
+        profile=source.format,
+        spec={},
+        spec_hash="",
+        road=scenes.road,
+        seed=None,
+        simulations=len(scenes),
+        shard_size=SHARD_SIZE,
+        keep=Keep.FRAMES,
+        table_version=TABLE_VERSION,
+        simulator=SIMULATOR,
+        simulator_version=READER_VERSION,
+        unknown=tuple(sorted(scenes.unknown)),
+        source=source,
+    )
+
+
+@contextlib.contextmanager
+def _staged(out: Path) -> Generator[Path]:
+    """A folder beside `out` that takes its name if all goes well, and goes away if not."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    folder = out.with_name(f".{out.name}.{uuid4().hex}.partial")
+    folder.mkdir()
+    try:
+        yield folder
+        if out.is_dir():
+            out.rmdir()  # An empty one; Windows does not replace it.
+        folder.rename(out)
+        sync_folder(out.parent)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _write(
+    scenes: Scenes, identity: Identity, folder: Path, on_piece: Callable[[int, int], None]
+) -> None:
+    """Everything that belongs into the folder."""
+    tables, done = identity.keep.tables, 0
+    write.make_folders(folder, [write.PARTIAL, *tables])
+
+    def count(simulations: int) -> None:
+        nonlocal done
+        done += simulations
+        on_piece(done, len(scenes))
+
+    started = _now()
+    records = tuple(
+        write.write_shard(
+            folder,
+            shard,
+            _pieces(scenes, shard, tables),
+            tables=tables,
+            fingerprint=identity.fingerprint,
+            on_piece=count,
+            schemas={name: schema_of(name, scenes.unknown, recorded=True) for name in tables},
+        )
+        for shard in plan.shards(len(scenes))
+    )
+    _complete(folder, identity, records, started)
+    (folder / write.PARTIAL).rmdir()
+
+
+def _pieces(
+    scenes: Scenes, shard: plan.Shard, tables: tuple[str, ...]
+) -> Iterator[Mapping[str, pa.Table]]:
+    """The tables of a shard, as many simulations at a time as memory is meant to hold."""
+    for numbers in plan.chunks(shard, CHUNK_SIZE):
+        index = np.arange(numbers.start, numbers.stop, dtype=np.int64)
+        yield contents(scenes.trajectories(numbers), index, tables, scenes.sources(numbers))
+
+
+def _complete(
+    folder: Path, identity: Identity, records: tuple[ShardRecord, ...], started: str
+) -> None:
+    """The data card and the manifest."""
+    content, partial = manifest.content_hash(records), folder / write.PARTIAL
+    text = card.data_card(identity, records, content)
+    manifest.put_text(folder / card.FILE_NAME, text, partial)
+    complete = Manifest(
+        complete=True,
+        content_hash=content,
+        identity=identity,
+        shards=records,
+        provenance=Provenance(
+            started=started,
+            finished=_now(),
+            package=version("overtaking"),
+            packages={name: version(name) for name in ("numpy", "pyarrow")},
+            python=platform.python_version(),
+            machine=f"{platform.system()} {platform.machine()}",
+        ),
+    )
+    manifest.write_manifest(folder, complete, partial)
+
+
+def _refuse_strangers(out: Path) -> None:
+    """Refuse a place where something is."""
+    if out.is_dir() and not any(out.iterdir()):
+        return
+    if out.exists() or out.is_symlink():
+        raise DatasetError.of(
+            what="folder",
+            where=str(out),
+            expected="a name that is free, or an empty folder",
+            got="a folder with something in it" if out.is_dir() else "a file",
+            next_step="choose another folder",
+        )
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _silent(done: int, total: int) -> None:
+    """Tell nobody."""

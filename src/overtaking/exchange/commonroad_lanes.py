@@ -1,0 +1,268 @@
+"""CommonRoad's lanelets: which of them, side by side and end to end, make one road."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.model.road import MIN_LANE_WIDTH, RoadMark
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from overtaking.exchange.xml_element import Element
+
+F64 = NDArray[np.float64]
+
+MAX_POINTS = 20_000
+"""Points of one border; the files that were tried have fewer than a hundred."""
+
+MARKS = {
+    "solid": RoadMark.SOLID,
+    "broad_solid": RoadMark.SOLID,
+    "dashed": RoadMark.BROKEN,
+    "broad_dashed": RoadMark.BROKEN,
+    "solid_solid": RoadMark.SOLID_SOLID,
+    "dashed_dashed": RoadMark.BROKEN_BROKEN,
+    "solid_dashed": RoadMark.SOLID_BROKEN,
+    "dashed_solid": RoadMark.BROKEN_SOLID,
+    "curb": RoadMark.CURB,
+    "lowered_curb": RoadMark.CURB,
+    "no_marking": RoadMark.NONE,
+}
+"""CommonRoad's line markings; any other, or none, is unknown."""
+
+_MAX_GAP = 0.5  # How far the ends of lanelets that follow each other may lie apart [m].
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lanelet:
+    """A piece of a lane.
+
+    Attributes:
+        number: Its id.
+        element: Where it stands in the file, for messages.
+        left: Border on its left, in its direction, shape (point, 2) [m].
+        right: Border on its right, likewise.
+        left_mark: Line on its left, None if unknown.
+        right_mark: Line on its right, None if unknown.
+        left_neighbour: Id of the lanelet on its left with the same direction, or None.
+        right_neighbour: The same on its right.
+        oncoming_left: Id of the lanelet on its left with the other direction, or None.
+        before: Ids of the lanelets that lead into it.
+        after: Ids of those that it leads into.
+        types: Its types.
+        signs: Ids of the traffic signs that apply to it.
+        speed_limit: Limit that it states itself, None if it states none [m/s].
+    """
+
+    number: int
+    element: Element
+    left: F64
+    right: F64
+    left_mark: RoadMark | None
+    right_mark: RoadMark | None
+    left_neighbour: int | None
+    right_neighbour: int | None
+    oncoming_left: int | None
+    before: tuple[int, ...]
+    after: tuple[int, ...]
+    types: tuple[str, ...]
+    signs: tuple[int, ...]
+    speed_limit: float | None
+
+    @property
+    def length(self) -> float:
+        """Length of its middle, roughly [m]."""
+        left, right = (np.hypot(*np.diff(line, axis=0).T).sum() for line in (self.left, self.right))
+        return float(left + right) * 0.5
+
+    @property
+    def narrowest(self) -> float:
+        """Distance between its borders at the narrower end [m]."""
+        return float(min(np.hypot(*(self.left[k] - self.right[k])) for k in (0, -1)))
+
+
+Slice = tuple[Lanelet, ...]
+"""Lanelets beside each other with the same direction, from right to left."""
+
+
+def lanelet(element: Element) -> Lanelet:
+    """A lanelet from its element.
+
+    Raises:
+        ImportFormatError: Something is missing or no number; the message names line and element.
+    """
+    left, right = element.required("leftBound"), element.required("rightBound")
+    stated = element.optional("speedLimit")
+    return Lanelet(
+        number=element.integer("id"),
+        element=element,
+        left=_points(left),
+        right=_points(right),
+        left_mark=_mark(left),
+        right_mark=_mark(right),
+        left_neighbour=_beside(element, "adjacentLeft", "same"),
+        right_neighbour=_beside(element, "adjacentRight", "same"),
+        oncoming_left=_beside(element, "adjacentLeft", "opposite"),
+        before=tuple(one.integer("ref") for one in element.all("predecessor")),
+        after=tuple(one.integer("ref") for one in element.all("successor")),
+        types=tuple(one.text.strip() for one in element.all("laneletType")),
+        signs=tuple(one.integer("ref") for one in element.all("trafficSignRef")),
+        speed_limit=stated.parse_number(stated.text, what="text") if stated else None,
+    )
+
+
+def _points(border: Element) -> F64:
+    """The points of a border."""
+    points = border.all("point")
+    if not 2 <= len(points) <= MAX_POINTS:
+        raise border.error(
+            what="has a wrong number of points",
+            expected=f"2 to {MAX_POINTS}",
+            got=str(len(points)),
+            next_step="repair the file",
+        )
+    return np.array([[coordinate(point, axis) for axis in ("x", "y")] for point in points])
+
+
+def coordinate(point: Element, axis: str) -> float:
+    """One coordinate of a point [m]."""
+    one = point.required(axis)
+    return one.parse_number(one.text, what="text")
+
+
+def _mark(border: Element) -> RoadMark | None:
+    given = border.optional("lineMarking")
+    return MARKS.get(given.text.strip()) if given else None
+
+
+def _beside(element: Element, name: str, direction: str) -> int | None:
+    """Id of the neighbour of that name, if its traffic runs in that direction."""
+    neighbour = element.optional(name)
+    if neighbour is None or neighbour.attribute("drivingDir") != direction:
+        return None
+    return neighbour.integer("ref")
+
+
+def slices(lanelets: Mapping[int, Lanelet]) -> list[Slice]:
+    """All lanelets, those beside each other together.
+
+    Raises:
+        ImportFormatError: A neighbour does not exist, or two do not name each other.
+    """
+    rightmost = [one for one in lanelets.values() if one.right_neighbour is None]
+    found = [tuple(_leftwards(one, lanelets)) for one in rightmost]
+    num_found = sum(len(row) for row in found)
+    if num_found != len(lanelets):
+        known = {one.number for row in found for one in row}
+        odd = next(one for one in lanelets.values() if one.number not in known)
+        raise _broken(odd, "no lanelet right of it begins a row of neighbours")
+    return found
+
+
+def _leftwards(one: Lanelet, lanelets: Mapping[int, Lanelet]) -> Iterator[Lanelet]:
+    """A lanelet and all on its left."""
+    while True:
+        yield one
+        if one.left_neighbour is None:
+            return
+        left = lanelets.get(one.left_neighbour)
+        if left is None or left.right_neighbour != one.number:
+            raise _broken(one, f"lanelet {one.left_neighbour} left of it, which does not name it")
+        one = left
+
+
+def _broken(one: Lanelet, got: str) -> Exception:
+    return one.element.error(
+        what="has neighbours that do not fit",
+        expected="lanelets that name each other",
+        got=got,
+        next_step="repair the file",
+    )
+
+
+Strip = tuple[Slice, ...]
+"""Slices that follow each other, each restricted to the lanes that run through all of them."""
+
+
+def strips(row: Slice, rows: Sequence[Slice]) -> Iterator[Strip]:
+    """Every stretch of road with at least one lane running through that contains a slice.
+
+    A lane runs through where each of its lanelets leads into exactly one, which no other leads
+    into: where lanes part or meet, a stretch ends.
+
+    Args:
+        row: The slice.
+        rows: All slices of the file.
+    """
+    home = {one.number: other for other in rows for one in other}
+    chain = [row]
+    while (ahead := _neighbour(chain[-1], home, forwards=True)) and ahead not in chain:
+        chain.append(ahead)
+    while (behind := _neighbour(chain[0], home, forwards=False)) and behind not in chain:
+        chain.insert(0, behind)
+    place = chain.index(row)
+    for first in range(place + 1):
+        for last in range(place, len(chain)):
+            strip = _through(chain[first : last + 1])
+            if strip:
+                yield strip
+
+
+def _neighbour(row: Slice, home: Mapping[int, Slice], *, forwards: bool) -> Slice | None:
+    """The slice that most lanelets of a slice lead into, or come from."""
+    linked = [number for one in row for number in (one.after if forwards else one.before)]
+    known = [home[number] for number in linked if number in home]
+    return max(known, key=known.count) if known else None
+
+
+def _through(chain: Sequence[Slice]) -> Strip | None:
+    """The lanes that run through a chain, if they are beside each other everywhere."""
+    lanes = [[one] for one in chain[0] if one.narrowest >= MIN_LANE_WIDTH]
+    for here, there in pairwise(chain):
+        lanes = [
+            [*lane, ahead]
+            for lane in lanes
+            if (ahead := _only_link(lane[-1], here, there)) is not None
+        ]
+    strip = tuple(tuple(lane[k] for lane in lanes) for k in range(len(chain)))
+    beside = all(a.left_neighbour == b.number for row in strip for a, b in pairwise(row))
+    return strip if lanes and beside else None
+
+
+def _only_link(one: Lanelet, here: Slice, there: Slice) -> Lanelet | None:
+    """The lanelet that alone follows one, in the next slice, and follows nothing else."""
+    targets = [other for other in there if other.number in one.after]
+    if len(one.after) != 1 or len(targets) != 1 or targets[0].narrowest < MIN_LANE_WIDTH:
+        return None
+    sources = [other for other in here if targets[0].number in other.after]
+    if len(sources) != 1 or len(set(targets[0].before) - {one.number}) > 0:
+        return None
+    apart = np.hypot(*(targets[0].left[0] - one.left[-1]))
+    return targets[0] if apart <= _MAX_GAP else None
+
+
+def borders(strip: Strip) -> list[F64]:
+    """The borders of the lanes of a strip, from the right edge to the left edge.
+
+    Where two lanelets give a border that they share, that of the left one is taken.
+    """
+    lanes = list(zip(*strip, strict=True))
+    lines = [np.concatenate([piece.right for piece in lane]) for lane in lanes]
+    return [*lines, np.concatenate([piece.left for piece in lanes[-1]])]
+
+
+def contains(one: Lanelet, x: F64, y: F64) -> NDArray[np.bool_]:
+    """Which points lie in a lanelet, by the parity of the edges to the right of each."""
+    ring = np.concatenate([one.left, one.right[::-1]])
+    inside = np.zeros(len(x), np.bool_)
+    for (ax, ay), (bx, by) in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+        crosses = (ay > y) != (by > y)
+        rise = by - ay if by != ay else 1.0
+        inside ^= crosses & (x < ax + (y - ay) * (bx - ax) / rise)
+    return inside

@@ -1,0 +1,215 @@
+"""A recording of traffic, whatever file it comes from: vehicles on one straightened road.
+
+Readers of formats make a `Recording`; `candidates` finds overtakes in it, and `recording_batch`
+makes `Trajectories` of them. Numbers are float64 and SI until they are rounded once, at the end.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.knowledge import vehicle_classes
+from overtaking.model.vehicles import VehicleKind
+
+if TYPE_CHECKING:
+    from overtaking.model.road import Road
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+U8 = NDArray[np.uint8]
+
+BEYOND_SLOW_EDGE = 255
+"""How `States.lane` says it."""
+
+NEVER_RECORDED = frozenset(
+    {"drivers", "bodies", "indicators", "lamps", "wheel_angle", "impulse", "stage", "percepts"}
+)
+"""What no recording from outside tells; see `model.trajectory.UNKNOWNS`."""
+
+_OF_A_VEHICLE = ("ids", "kind", "length", "width", "carriageway")
+_HALF_SMOOTHING_MS = 100  # As the signals have it: a central difference over 0.2 s.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracks:
+    """The vehicles of a recording; the rows of a vehicle are adjacent, in order of time.
+
+    Attributes:
+        ids: The source's number of each vehicle, growing, shape (vehicle,).
+        kind: `VehicleKind`, same shape.
+        length: Same shape [m].
+        width: Same shape [m].
+        carriageway: Number of the carriageway that it drives on; those on different ones have
+            nothing to do with each other, same shape.
+        first: Frame in which each vehicle is first seen, counted as the source does, same shape.
+        start: Row at which each vehicle begins, and after the last the number of rows,
+            shape (vehicle + 1,).
+        x: World position, shape (row,) like all that follow [m].
+        y: World position, to the left of x [m].
+        s: Position along the road [m].
+        d: Position across the road, growing to the left [m].
+        speed: Never negative [m/s].
+        heading: Of the road plus that of the vehicle relative to the lanes, anticlockwise [rad].
+        accel_lon: [m/s^2].
+        accel_lat: To the left [m/s^2].
+        yaw_rate: Anticlockwise [rad/s].
+        wheel_angle: Positive to the left [rad].
+        lane: Lane index as in `States.lane`.
+    """
+
+    ids: I64
+    kind: U8
+    length: F64
+    width: F64
+    carriageway: I64
+    first: I64
+    start: I64
+    x: F64
+    y: F64
+    s: F64
+    d: F64
+    speed: F64
+    heading: F64
+    accel_lon: F64
+    accel_lat: F64
+    yaw_rate: F64
+    wheel_angle: F64
+    lane: U8
+
+    @property
+    def num_vehicles(self) -> int:
+        """Number of vehicles."""
+        return len(self.ids)
+
+    @property
+    def num_rows(self) -> int:
+        """Number of states."""
+        return len(self.s)
+
+    @property
+    def last(self) -> I64:
+        """Frame in which each vehicle is last seen, shape (vehicle,)."""
+        return self.first + np.diff(self.start) - 1
+
+    @property
+    def vehicle(self) -> I64:
+        """Place of each row's vehicle, shape (row,)."""
+        return np.repeat(np.arange(self.num_vehicles), np.diff(self.start))
+
+    @property
+    def frame(self) -> I64:
+        """Frame of each row, shape (row,)."""
+        return np.arange(self.num_rows) - np.repeat(
+            self.start[:-1] - self.first, np.diff(self.start)
+        )
+
+    def row(self, vehicle: int, frame: int) -> int:
+        """The row of a vehicle in a frame in which it is there."""
+        return int(self.start[vehicle] + frame - self.first[vehicle])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """Traffic on one road.
+
+    Attributes:
+        name: What the source calls it.
+        file_format: Format of the file that it was read from.
+        road: The road, straightened.
+        frame_interval_ms: Time between frames [ms].
+        tracks: The vehicles.
+        unknown: What the source does not tell, names of `UNKNOWNS`.
+        notes: What the reader decided, left out or measured, by name with units.
+    """
+
+    name: str
+    file_format: str
+    road: Road
+    frame_interval_ms: int
+    tracks: Tracks
+    unknown: frozenset[str]
+    notes: dict[str, Any] = field(default_factory=dict[str, Any])
+
+
+def kept(tracks: Tracks, rows: NDArray[np.bool_]) -> Tracks:
+    """The tracks restricted to some rows; of what is torn apart the longest piece stays.
+
+    Args:
+        tracks: The tracks.
+        rows: Which rows may stay, shape (row,).
+    """
+    vehicle = tracks.vehicle
+    begins = rows & np.append(True, ~rows[:-1] | (vehicle[1:] != vehicle[:-1]))
+    run = np.cumsum(begins) - 1
+    first_row, length = np.flatnonzero(begins), np.bincount(run[rows], minlength=begins.sum())
+    owner = vehicle[first_row]
+    # Longest first, the earlier of two that are equally long; then the first run of each vehicle.
+    order = np.lexsort((first_row, -length, owner))
+    chosen = order[np.append(True, np.diff(owner[order]) > 0)] if len(order) else order
+    wanted = np.zeros(tracks.num_rows, np.bool_)
+    for one in chosen:
+        wanted[first_row[one] : first_row[one] + length[one]] = True
+    return _restricted(tracks, owner[chosen], first_row[chosen], length[chosen], wanted)
+
+
+def _restricted(
+    tracks: Tracks, vehicles: I64, first_row: I64, length: I64, wanted: NDArray[np.bool_]
+) -> Tracks:
+    """Some vehicles, each with one run of its rows."""
+    changes: dict[str, Any] = {
+        "first": tracks.first[vehicles] + first_row - tracks.start[vehicles],
+        "start": np.concatenate([[0], np.cumsum(length)]).astype(np.int64),
+        **{name: getattr(tracks, name)[vehicles] for name in _OF_A_VEHICLE},
+    }
+    for each in dataclasses.fields(Tracks):
+        if each.name not in changes:
+            changes[each.name] = getattr(tracks, each.name)[wanted]
+    return Tracks(**changes)
+
+
+def slope(values: F64, start: I64, frame_interval_ms: int) -> F64:
+    """Change per second of something that each vehicle has in each row.
+
+    Args:
+        values: Shape (row,).
+        start: First row of each vehicle and the number of rows, shape (vehicle + 1,).
+        frame_interval_ms: Time between rows [ms].
+
+    Returns:
+        A central difference over about 0.2 s, one-sided at the ends, 0 for a single row.
+    """
+    half = max(1, round(_HALF_SMOOTHING_MS / frame_interval_ms))
+    row, count = np.arange(len(values)), np.diff(start)
+    later = np.minimum(row + half, np.repeat(start[1:] - 1, count))
+    earlier = np.maximum(row - half, np.repeat(start[:-1], count))
+    elapsed = np.maximum(later - earlier, 1) * (frame_interval_ms * 1e-3)
+    return (values[later] - values[earlier]) / elapsed
+
+
+def kinds_by_length(length: F64, *, is_truck: NDArray[np.bool_], is_car: NDArray[np.bool_]) -> U8:
+    """Vehicle types where a source knows at most cars and trucks.
+
+    Small, medium and large are parted half-way between the typical lengths of the three classes. A
+    vehicle of which the source says nothing reliable is a truck from half-way between van and
+    truck on. Vans are never told apart.
+
+    Args:
+        length: Shape (vehicle,) [m].
+        is_truck: What the source calls a truck or bus, same shape.
+        is_car: What it calls a car and is believed, same shape.
+    """
+    small, medium, large, van, truck = (
+        float(vehicle_classes()[name].length.number) for name in ("S", "M", "L", "V", "T")
+    )
+    car = np.select(
+        [length < (small + medium) / 2.0, length < (medium + large) / 2.0],
+        [VehicleKind.S, VehicleKind.M],
+        VehicleKind.L,
+    )
+    trucks = is_truck | (~is_car & (length >= (van + truck) / 2.0))
+    return np.where(trucks, VehicleKind.T, car).astype(np.uint8)
