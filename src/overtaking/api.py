@@ -297,6 +297,49 @@ def export(
     return pinto2023.write_table(tables(), out)
 
 
+def import_recording(
+    file_format: str,
+    path: str | Path,
+    out: str | Path,
+    *,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Dataset:
+    """Make a data set of a recording of others: every overtake in it becomes a simulation.
+
+    Args:
+        file_format: `commonroad` (XML 2018b or 2020a), `highd` or `pinto2023` (the paper's table).
+        path: The file; of highD its `_tracks.csv`.
+        out: Folder for the data set; it must not exist, or be empty.
+        progress: Called with the number of simulations that are done, and of all.
+        options: `attempts_only=True` leaves out vehicles that follow and never move left, and
+            `vehicles` is how many a simulation has at most (both not for `pinto2023`); `lanelet`
+            chooses a road of a CommonRoad file, `direction` (1, 2) one of highD, `road` (a `Road`)
+            is where a `pinto2023` table was recorded.
+
+    Returns:
+        The complete, labelled data set; its manifest says what was found and what was measured.
+
+    Raises:
+        ConfigError: There is no such format, or an option is not for it.
+        ImportFormatError: The file cannot be used; the message names line and element or column.
+        DatasetError: The folder holds something or cannot be written. Nothing is left behind.
+    """
+    from overtaking.datasets.importing import write_scenes
+    from overtaking.exchange.recording_formats import read_recording
+
+    read = read_recording(file_format, path, options)
+    write_scenes(
+        read.scenes,
+        Path(out),
+        file_format=file_format,
+        files=read.files,
+        options=read.options,
+        on_piece=progress,
+    )
+    return load(out)
+
+
 def serve_carla(
     *,
     port: int = 2000,

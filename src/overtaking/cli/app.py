@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from overtaking.cli import carla, options, sumo, video
+from overtaking.cli import carla, importing, options, sumo, video
 from overtaking.cli.output import Output
 
 HELP = "Simulate, label and explain overtaking manoeuvres, reproducibly."
@@ -169,6 +169,7 @@ COMMANDS: dict[options.Body, str] = {
     generate: "overtaking generate --profile pinto2023 -n 276 --seed 1 --out data/pinto",
     show: "overtaking show data/pinto 17",
     info: "overtaking info data/pinto",
+    **importing.COMMANDS,
     export: "overtaking export data/pinto --format pinto2023 --out table.csv",
     video.video: "overtaking video data/pinto --simulations 1,7",
     compare: "overtaking compare pinto2023 -n 100 --seed 1 --with sumo",
