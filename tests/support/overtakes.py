@@ -44,7 +44,7 @@ def passing(lane: float, *others: Track, **given: Any) -> Case:
 
 def crossing(*others: Track, **given: Any) -> Case:
     """At 30 m/s over the line in frame 100, the target far ahead; others as told."""
-    ego = Track(speed=30.0, **given.pop("ego", {}))
+    ego = Track(**({"speed": 30.0} | given.pop("ego", {})))
     target = Track(**({"s": 400.0, "speed": 28.0} | given.pop("target", {})))
     return case(ego, target, *others, events=given.pop("events", CROSSED), **given)
 

@@ -11,11 +11,14 @@ from overtaking.rules.frames import conduct, ends_in, reduced
 from overtaking.rules.limits import class_of, speed_limits
 from overtaking.rules.rule import Check, Grade, Rule, decided
 
+_ROUNDING = np.float32(5e-4)
+"""Half of the step in which speeds are recorded: 25 m/s must not be more than 90 km/h [m/s]."""
+
 
 def check(case: Case) -> Check:
     """Speed never exceeds the posted limit and that of the class of vehicle on this road."""
     seen, span = case.signals, conduct(case)
-    lowest, highest = speed_limits(case)
+    lowest, highest = (limit + _ROUNDING for limit in speed_limits(case))
     fastest = reduced(np.maximum, seen.speed, span)
     rows = np.flatnonzero(span.exists & (fastest > highest))
     first, last = ends_in(span, rows, seen.speed[rows] > highest[rows, None])
