@@ -19,6 +19,7 @@ from overtaking.datasets.manifest import read_manifest
 from overtaking.datasets.plan import SHARD_SIZE
 from overtaking.datasets.recipe import Keep, Recipe, Simulator
 from overtaking.exchange.roads import load_road
+from overtaking.labelling import label as labelled
 from overtaking.model.batch import concatenate
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
@@ -222,7 +223,8 @@ def compare(
     for first in range(0, _at_least_one(simulations), step):
         count = min(step, simulations - first)
         batch = sample(spec, count, seed, first=first, road=place)
-        one, other = (by.simulate(batch) for by in chosen)
+        runs = [by.simulate(batch) for by in chosen]
+        one, other = ((run, labelled(run).labels) for run in runs)
         parts.append(Comparison.of(simulators, one, other))
         if progress is not None:
             progress(first + count, simulations)

@@ -10,9 +10,10 @@ from rich.table import Table
 from rich.text import Text
 
 from overtaking.model.events import Outcome
+from overtaking.model.labels import OvertakeClass
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.model.vehicles import Role
-from overtaking.simulators.comparison import PARTING_DISTANCE, TOGETHER
+from overtaking.simulators.comparison import PARTING_DISTANCE, POLICY, TOGETHER
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,25 +22,19 @@ if TYPE_CHECKING:
 
 Values = dict[str, Any]
 
-_OUTCOMES = {
-    Outcome.NO_ATTEMPT: "no attempt",
-    Outcome.NOT_COMPLETED: "not completed",
-    Outcome.COMPLETED: "completed",
-    Outcome.COLLISION: "collision",
-}
 _KINDS = ("ego ahead or behind", "ego in another lane", "other ahead or behind", "other aside")
 
 
 def values_of(found: Comparison) -> Values:
     """What is said of all simulations together, and a row for each."""
-    names = list(_OUTCOMES.values())
     counts = _crossed(found)
     return {
         "simulators": list(found.simulators),
         "simulations": len(found.index),
-        "same_outcome": int(np.trace(counts)),
-        "outcomes": names,
-        "outcome_counts": counts.tolist(),
+        "policy": POLICY,
+        "same_class": int(np.trace(counts)),
+        "classes": [one.title for one in OvertakeClass],
+        "class_counts": counts.tolist(),
         "parting_distance_m": PARTING_DISTANCE,
         "partings": {name: int((_kind(found) == k).sum()) for k, name in enumerate(_KINDS)},
         "never_part": int((found.parting.frame == TOGETHER).sum()),
@@ -49,10 +44,9 @@ def values_of(found: Comparison) -> Values:
 
 
 def _crossed(found: Comparison) -> NDArray[np.int64]:
-    """Number of simulations by outcome on the first and on the second simulator."""
-    order = np.array([list(_OUTCOMES).index(outcome) for outcome in Outcome])
-    counts = np.zeros((len(_OUTCOMES), len(_OUTCOMES)), np.int64)
-    np.add.at(counts, (order[found.one.outcome], order[found.other.outcome]), 1)
+    """Number of simulations by class on the first and on the second simulator."""
+    counts = np.zeros((len(OvertakeClass), len(OvertakeClass)), np.int64)
+    np.add.at(counts, (found.one.classes, found.other.classes), 1)
     return counts
 
 
@@ -70,7 +64,7 @@ def _weather(found: Comparison, name: str) -> Values:
     return {
         "weather": name,
         "simulations": int(mask.sum()),
-        "same_outcome": int((found.one.outcome == found.other.outcome)[mask].sum()),
+        "same_class": int((found.one.classes == found.other.classes)[mask].sum()),
         "completed": [_count(one, mask, Outcome.COMPLETED) for one in (found.one, found.other)],
         "collisions": [_count(one, mask, Outcome.COLLISION) for one in (found.one, found.other)],
         "median_parting_s": round(float(np.median(parted)), 3) if len(parted) else None,
@@ -87,7 +81,7 @@ def _row(found: Comparison, row: int) -> Values:
     return {
         "index": int(found.index[row]),
         "weather": str(found.weather[row]),
-        "outcomes": [_OUTCOMES[Outcome(e.outcome[row])] for e in (found.one, found.other)],
+        "classes": [OvertakeClass(e.classes[row]).title for e in (found.one, found.other)],
         "lane_changes": [int(e.lane_changes[row]) for e in (found.one, found.other)],
         "contacts": [bool(e.has_contact[row]) for e in (found.one, found.other)],
         "frames": [int(e.num_frames[row]) for e in (found.one, found.other)],
@@ -103,14 +97,14 @@ def render(values: Values) -> Group:
     """A comparison as a page."""
     one, other = values["simulators"]
     total = values["simulations"]
-    head = f"{total:,} scenarios on {one} and {other}: {values['same_outcome']:,} end alike"
+    head = f"{total:,} scenarios on {one} and {other}: {values['same_class']:,} of one class"
     kinds = ", ".join(f"{count:,} {name}" for name, count in values["partings"].items())
     distance = f"{values['parting_distance_m']:g} m"
     foot = f"first {distance} apart: {kinds}; {values['never_part']:,} never part"
     return Group(
         Text(head),
         Text(),
-        _outcome_table(values),
+        _class_table(values),
         Text(),
         _weather_table(values),
         Text(),
@@ -118,11 +112,15 @@ def render(values: Values) -> Group:
     )
 
 
-def _outcome_table(values: Values) -> Table:
+def _class_table(values: Values) -> Table:
+    """The classes that there are, one simulator below, the other across."""
     one, other = values["simulators"]
-    table = _table(f"{one} below, {other} across", *values["outcomes"])
-    for name, counts in zip(values["outcomes"], values["outcome_counts"], strict=True):
-        table.add_row(name, *(f"{count:,}" for count in counts))
+    counts = np.array(values["class_counts"])
+    across = np.flatnonzero(counts.any(axis=0) | counts.any(axis=1))
+    names = [values["classes"][k] for k in across]
+    table = _table(f"{one} below, {other} across", *names)
+    for k, name in zip(across, names, strict=True):
+        table.add_row(name, *(f"{count:,}" for count in counts[k, across]))
     return table
 
 
@@ -136,7 +134,7 @@ def _weather_table(values: Values) -> Table:
         table.add_row(
             row["weather"],
             f"{row['simulations']:,}",
-            f"{row['same_outcome']:,}",
+            f"{row['same_class']:,}",
             *(
                 ", ".join(f"{count:,}" for count in row[name])
                 for name in ("completed", "collisions")

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import Mask
 from overtaking.knowledge import presets
 from overtaking.model.batch import Batch
-from overtaking.model.events import Outcome
-from overtaking.model.trajectory import METRES_PER_STEP, NO_VEHICLE, Stage, Trajectories
+from overtaking.model.labels import Labels
+from overtaking.model.trajectory import METRES_PER_STEP, NO_VEHICLE, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.physics.constants import constants
@@ -26,6 +26,12 @@ PARTING_DISTANCE = 2.0
 About the width of a car: beyond it, one of them may be beside a vehicle that the other would hit.
 """
 
+POLICY = "paper"
+"""Which rules decide about the classes; it leaves no simulation out."""
+
+Labelled = tuple[Trajectories, Labels]
+"""Recorded simulations and what is said of them."""
+
 TOGETHER = np.int32(-1)
 """Frame of a parting that does not happen."""
 
@@ -35,12 +41,14 @@ class Ending(Batch):
     """How simulations ended; every array has shape (simulation,).
 
     Attributes:
-        outcome: `Outcome` by the stages of the ego, legality aside.
+        classes: `OvertakeClass` under the policy of the comparison.
+        outcome: `Outcome`, legality aside.
         has_contact: Whether any two vehicles touched.
         lane_changes: Lane changes that the ego completed.
         num_frames: Recorded frames.
     """
 
+    classes: U8
     outcome: U8
     has_contact: Mask
     lane_changes: I32
@@ -90,22 +98,21 @@ class Comparison(Batch):
     parting: Parting
 
     @classmethod
-    def of(
-        cls, simulators: tuple[str, str], one: Trajectories, other: Trajectories
-    ) -> "Comparison":
+    def of(cls, simulators: tuple[str, str], one: Labelled, other: Labelled) -> "Comparison":
         """Compare two recordings of the same scenarios.
 
         Raises:
             ValueError: They are not of the same scenarios.
         """
+        scenario = one[0].scenario
         return cls(
             simulators=simulators,
-            frame_interval_ms=one.scenario.frame_interval_ms,
-            index=one.scenario.index,
-            weather=weather_names(one.scenario.weather),
+            frame_interval_ms=scenario.frame_interval_ms,
+            index=scenario.index,
+            weather=weather_names(scenario.weather),
             one=ending(one),
             other=ending(other),
-            parting=parting(one, other),
+            parting=parting(one[0], other[0]),
         )
 
     @property
@@ -135,18 +142,20 @@ def _described(night: bool, rains: bool, is_foggy: bool) -> str:
     return f"{'night' if night else 'day'}, {sky}"
 
 
-def ending(trajectories: Trajectories) -> Ending:
-    """How the simulations of a batch ended."""
-    stage, valid = trajectories.stage, trajectories.frame_valid
-    crashed = ((stage == Stage.CRASHED) & valid).any(axis=1)
-    crashed |= trajectories.contacts.partner[:, Role.EGO] != NO_VEHICLE
-    completed = ((stage == Stage.DONE) & valid).any(axis=1)
-    tried = ((stage == Stage.PULL_OUT) & valid).any(axis=1)
-    outcome = np.where(tried, Outcome.NOT_COMPLETED, Outcome.NO_ATTEMPT)
-    outcome = np.where(completed, Outcome.COMPLETED, outcome)
+def ending(recording: Labelled) -> Ending:
+    """How the simulations of a batch ended.
+
+    Args:
+        recording: The recorded simulations and their labels.
+
+    Raises:
+        ValueError: The labels do not have the policy of the comparison.
+    """
+    trajectories, labels = recording
     touched = trajectories.contacts.partner != NO_VEHICLE
     return Ending(
-        outcome=np.where(crashed, Outcome.COLLISION, outcome).astype(np.uint8),
+        classes=labels.classes[:, labels.policies.index(POLICY)],
+        outcome=labels.outcome,
         has_contact=(touched & trajectories.scenario.vehicles.valid).any(axis=1),
         lane_changes=lane_changes(trajectories),
         num_frames=trajectories.num_frames.copy(),

@@ -31,7 +31,7 @@ CHUNK_SIZE = 32
 """Simulations to ask for at a time, so that a second or so passes between two signs of life."""
 
 LARGEST_STEP_MS = 50
-"""As far apart as the decisions of our own drivers, and our frames [ms]."""
+"""The EIDM is made for steps of 0.05 to 0.5 s; our own drivers decide as often [ms]."""
 
 LATERAL_RESOLUTION = 0.5
 """Width of the strips in which SL2015 looks for room: less than a bicycle [m]."""
@@ -119,6 +119,7 @@ class _Simulation:
         length: Of each vehicle, by slot [m].
         borders: Lane borders, lateral axis towards the fast side [m].
         centres: Lane centres [m].
+        lanes: Lane of each vehicle, by slot.
         reach: How far ahead a leader is looked for [m].
         watch: What the ego is doing.
         contacts: First contact of each vehicle: partner, time [ms], speed of approach [m/s].
@@ -131,6 +132,7 @@ class _Simulation:
     length: dict[int, float]
     borders: list[float]
     centres: list[float]
+    lanes: dict[int, int]
     reach: float
     watch: Watch
     contacts: dict[int, tuple[int, int, float]]
@@ -148,6 +150,7 @@ class _Simulation:
             length={slot: float(vehicles.length[row, slot]) for slot in slots},
             borders=(road.side * road.boundaries).tolist(),
             centres=(road.side * road.centres).tolist(),
+            lanes={},
             reach=float(constants().sight_range),
             watch=Watch(settled=float(constants().settled_offset)),
             contacts={},
@@ -169,8 +172,7 @@ class _Simulation:
         while time_ms <= end:
             self.sumo.simulationStep()
             seen = self._read()
-            if time_ms == 0:
-                self._let_go()
+            self._adapt(seen)
             self._notice_contacts(time_ms)
             end = min(end, self._end(seen, time_ms))
             if time_ms % interval == 0:
@@ -195,11 +197,14 @@ class _Simulation:
             raise self._lost()
         return {slot: _state(vehicle, name) for slot, name in self.names.items()}
 
-    def _let_go(self) -> None:
-        """From now on everybody wants their own speed."""
-        for slot, name in self.names.items():
-            factor = speed_factor(self.traffic, self.row, slot)
-            self.sumo.vehicle.setSpeedFactor(name, factor)
+    def _adapt(self, seen: dict[int, tuple[float, ...]]) -> None:
+        """Everybody wants their own speed, from the first frame on and in each new lane."""
+        for slot, (_, d, *_) in seen.items():
+            lane = self._lane(d)
+            if self.lanes.get(slot) != lane:
+                self.lanes[slot] = lane
+                factor = speed_factor(self.traffic, self.row, slot, lane)
+                self.sumo.vehicle.setSpeedFactor(self.names[slot], factor)
 
     def _notice_contacts(self, time_ms: int) -> None:
         for hit in self.sumo.simulation.getCollisions():

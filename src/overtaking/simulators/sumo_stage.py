@@ -64,10 +64,11 @@ class Watch:
             return Stage.PULL_OUT
         if self.stage is Stage.PULL_OUT:
             return Stage.ABORT if back else Stage.PASS if settled else self.stage
-        if self.stage is Stage.PASS and back:
-            return Stage.RETURN if self.target in sight.passed else Stage.ABORT
-        if self.stage is Stage.RETURN and settled:
-            return Stage.DONE
-        if self.stage is Stage.ABORT and settled:
-            return Stage.FOLLOW
-        return self.stage
+        returns = self.stage in (Stage.RETURN, Stage.ABORT) or (self.stage is Stage.PASS and back)
+        if not returns:
+            return self.stage
+        # In SUMO the target may make way itself, and the ego go back before it is past: what counts
+        # is who is ahead in the end.
+        if self.target in sight.passed:
+            return Stage.DONE if settled else Stage.RETURN
+        return Stage.FOLLOW if settled else Stage.ABORT

@@ -1,7 +1,7 @@
 """From bodies and people to vehicle types of SUMO: what each of our parameters is called there.
 
-Every vehicle has a type of its own. Following is the IDM, lane changing SL2015: `run-on-sumo.md` of
-the how-to pages has the table and the reasons.
+Every vehicle has a type of its own. Following is the EIDM, lane changing SL2015; the page
+`docs/how-to/run-on-sumo.md` has the table and the reasons.
 """
 
 from dataclasses import dataclass
@@ -44,16 +44,6 @@ _LEAST_SIGNAL_TIME = 0.5
 
 _DEPARTURE_FACTOR = 20.0
 """Speed limits over which vehicles may start: SUMO refuses who is faster than it wants to be."""
-
-_AWARENESS = 0.5
-"""Of every driver in SUMO's driver state; errors are given for it, so it means little; our choice.
-
-What it does mean: a change of the gap by less than a twentieth is not noticed (SUMO's default of a
-tenth, times the awareness that is missing).
-"""
-
-_SPEED_OVER_GAP = 0.2
-"""Error of closing speeds over that of gaps, per metre of gap, as in SUMO's defaults [1/s]."""
 
 _LEAST = 1e-3
 
@@ -118,16 +108,7 @@ def _type(traffic: Traffic, row: int, slot: int) -> str:
         _body(traffic, row, slot) | _following(traffic, row, slot) | _changing(traffic, row, slot)
     )
     attributes = " ".join(f'{name}="{_text(value)}"' for name, value in given.items())
-    devices = _devices(traffic, row).items()
-    children = "".join(f'<param key="{key}" value="{_text(value)}"/>' for key, value in devices)
-    return f'<vType id="{slot}" {attributes}>{children}</vType>'
-
-
-_FRICTION_DEVICE: Attributes = {
-    "has.friction.device": "true",
-    "device.friction.stdDev": 0.0,
-    "device.friction.offset": 0.0,
-}
+    return f'<vType id="{slot}" {attributes}/>'
 
 
 def _text(value: Any) -> str:
@@ -150,13 +131,17 @@ def _body(traffic: Traffic, row: int, slot: int) -> Attributes:
 
 
 def _following(traffic: Traffic, row: int, slot: int) -> Attributes:
-    """Parameters of the IDM."""
+    """Parameters of the EIDM.
+
+    Its drivers misjudge gaps by a slowly varying factor, as ours do. SUMO's devices for the state
+    of drivers and for friction exist as well, but this model does not ask them.
+    """
     scenario, p = traffic.scenario, traffic.scenario.drivers
     decel = float(p.decel[row, slot])
     grip = float(traffic.friction[row].mean() * constants().gravity)
     hardest = min(float(scenario.vehicles.peak_decel[row, slot]), grip)
     return {
-        "carFollowModel": "IDM",
+        "carFollowModel": "EIDM",
         "speedFactor": _DEPARTURE_FACTOR,  # Until `speed_factor` takes its place.
         "speedDev": 0.0,
         "tau": p.time_gap[row, slot],
@@ -165,31 +150,30 @@ def _following(traffic: Traffic, row: int, slot: int) -> Attributes:
         "decel": decel,
         "emergencyDecel": max(hardest, decel),
         "collisionMinGapFactor": 0.0,  # A collision is a contact of bodies.
+        "treaction": p.reaction_time[row, slot],
+        "tPersEstimate": constants().error_time,
+        **_errors(traffic, row),
     }
 
 
-def _devices(traffic: Traffic, row: int) -> Attributes:
-    """Devices of the vehicles of one simulation: friction under them, errors in their eyes.
+def _errors(traffic: Traffic, row: int) -> Attributes:
+    """How wrongly gaps are judged; the errors of speeds and of the pedals are SUMO's defaults."""
+    return {"sigmagap": traffic.distance_error[row]}
 
-    The device for friction takes a share of the desired speed, even at friction 1, so a dry road
-    has none. The error of a driver is an Ornstein-Uhlenbeck process; times a coefficient and the
-    gap, it is what gap and closing speed are wrong by.
+
+def speed_factor(traffic: Traffic, row: int, slot: int, lane: int) -> float:
+    """Speed wanted in a lane over the speed limit [1].
+
+    On a wet road it is lower by the share of SUMO's device for friction, which the EIDM ignores.
+
+    Source:
+        Eclipse SUMO user documentation: Simulation/Friction.
     """
-    error = float(traffic.distance_error[row])
-    state = {
-        "has.driverstate.device": "true",
-        "device.driverstate.initialAwareness": _AWARENESS,
-        "device.driverstate.errorNoiseIntensityCoefficient": 1.0 / (1.0 - _AWARENESS),
-        "device.driverstate.errorTimeScaleCoefficient": constants().error_time / _AWARENESS,
-        "device.driverstate.headwayErrorCoefficient": error,
-        "device.driverstate.speedDifferenceErrorCoefficient": error * _SPEED_OVER_GAP,
-    }
-    return state | (_FRICTION_DEVICE if traffic.is_wet[row] else {})
-
-
-def speed_factor(traffic: Traffic, row: int, slot: int) -> float:
-    """Desired speed over the speed limit [1]."""
-    return float(traffic.desired_speed[row, slot]) / traffic.scenario.road.speed_limit
+    factor = float(traffic.desired_speed[row, slot]) / traffic.scenario.road.speed_limit
+    if not traffic.is_wet[row]:
+        return factor
+    friction = float(traffic.friction[row, lane])
+    return factor * (-0.3491 * friction * friction + 0.8922 * friction + 0.4493)
 
 
 def _changing(traffic: Traffic, row: int, slot: int) -> Attributes:

@@ -46,6 +46,11 @@ def test_who_turns_back_before_the_target_gives_up():
     assert stages(*OUT, sight(lane=1), sight(drift=-0.5, lane=1))[0][-1] is Stage.ABORT
 
 
+def test_who_is_past_when_back_in_a_lane_has_overtaken():
+    back = [sight(drift=-0.5, lane=1), sight(drift=-0.5, passed=BEHIND), sight(passed=BEHIND)]
+    assert stages(*OUT, sight(lane=1), *back)[0][4:] == [Stage.ABORT, Stage.RETURN, Stage.DONE]
+
+
 def test_a_lane_change_without_anybody_ahead_is_no_overtake():
     seen, watch = stages(sight(drift=0.5, leader=None), sight(drift=1.0, leader=None))
     assert (seen[-1], watch.attempted) == (Stage.FOLLOW, False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -25,14 +26,14 @@ def read(world, row=0):
 
 
 def test_bodies_and_drivers_arrive_unchanged():
-    driver = {"time_gap": 1.3, "min_gap": 2.5, "accel": 1.4, "decel": 1.9}
+    driver = {"time_gap": 1.3, "min_gap": 2.5, "accel": 1.4, "decel": 1.9, "reaction_time": 0.7}
     world = scenario([Vehicle(kind="T", driver=driver)])
     (one,), _ = read(world)
-    names = ("tau", "minGap", "accel", "decel")
+    names = ("tau", "minGap", "accel", "decel", "treaction")
     assert [float(one.get(name)) for name in names] == pytest.approx(list(driver.values()))
     for name in ("length", "width", "height", "mass"):
         assert float(one.get(name)) == getattr(world.vehicles, name)[0, 0]
-    assert (one.get("vClass"), one.get("carFollowModel")) == ("truck", "IDM")
+    assert (one.get("vClass"), one.get("carFollowModel")) == ("truck", "EIDM")
     assert one.get("laneChangeModel") == "SL2015"
 
 
@@ -58,7 +59,7 @@ def test_a_driver_who_respects_the_limit_gives_up_that_share_of_the_excess():
     limit = scenario([Vehicle()]).road.speed_limit
     drivers = ({"desired_speed": limit + 10.0, "limit_respect": share} for share in (0.0, 0.4, 1.0))
     traffic = Traffic.of(scenario(*[[Vehicle(driver=one)] for one in drivers]))
-    factors = [speed_factor(traffic, row, 0) for row in range(3)]
+    factors = [speed_factor(traffic, row, 0, 0) for row in range(3)]
     assert factors == pytest.approx([(limit + 10) / limit, (limit + 6) / limit, 1.0])
 
 
@@ -75,21 +76,21 @@ def test_impatient_and_greedy_drivers_are_more_eager():
     assert float(one.get("lcSpeedGain")) * gained == pytest.approx(0.2)
 
 
-def test_only_a_wet_road_has_the_device_that_slows_vehicles():
-    world = scenario([Vehicle()], [Vehicle()], weather=[{}, {"rain": 60.0}])
-    assert "friction" not in routes(Traffic.of(world), 0)
-    assert 'key="has.friction.device" value="true"' in routes(Traffic.of(world), 1)
+def test_a_wet_lane_lowers_the_desired_speed_by_the_published_share():
+    """Values of the polynomial on SUMO's page about friction, worked out by hand."""
+    traffic = Traffic.of(scenario([Vehicle()], [Vehicle()], weather=[{}, {"rain": 60.0}]))
+    dry = speed_factor(traffic, 0, 0, 2)
+    friction = np.array([[1.0] * 5, [0.2, 0.4, 0.5, 0.6, 0.8]], np.float32)
+    told = dataclasses.replace(traffic, friction=friction)
+    shares = [speed_factor(told, 1, 0, lane) / dry for lane in range(5)]
+    assert shares == pytest.approx([0.613776, 0.750324, 0.808125, 0.858944, 0.939636])
+    assert speed_factor(told, 0, 0, 0) == dry
 
 
 def test_errors_of_judgement_have_the_size_and_the_time_of_ours():
-    """SUMO's page on the driver state: intensity and time scale are scaled by the awareness."""
     ((one,), _) = read(scenario([Vehicle()], weather={"night": 1.0}))
-    state = {p.attrib["key"].rpartition(".")[2]: p.get("value") for p in one.findall("param")}
-    given = {k: float(v) for k, v in state.items() if k != "device"}
-    awareness = given["initialAwareness"]
-    spread = given["errorNoiseIntensityCoefficient"] * (1 - awareness)
-    assert spread * given["headwayErrorCoefficient"] == pytest.approx(0.18)
-    assert given["errorTimeScaleCoefficient"] * awareness == pytest.approx(20.0)
+    assert float(one.attrib["sigmagap"]) == pytest.approx(0.18)
+    assert float(one.attrib["tPersEstimate"]) == pytest.approx(20.0)
 
 
 def test_brakes_are_no_better_than_the_road():
