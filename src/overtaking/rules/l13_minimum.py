@@ -51,7 +51,7 @@ RULE = Rule(
     title="Lowest speed",
     gloss="On motorways do not drive slower than 50 km/h.",
     predicate="At every frame on a motorway: speed >= 50 km/h, unless at least 3 others are "
-    "slower than 10 km/h.",
+    "slower than 10 km/h. Frames above 50 km/h count in congestion too.",
     unit="m/s",
     grade=Grade.LIGHT,
     partly=frozenset(["road_kind"]),
