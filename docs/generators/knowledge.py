@@ -108,7 +108,8 @@ def shown(entry: Entry) -> str:
     return value if entry.sigma is None else f"{value} ± {_rounded(_unscaled(entry)(entry.sigma))}"
 
 
-def _file(name: str, title: str) -> str:
+def numbers_of(name: str) -> str:
+    """Every number of a file, with its unit, source and reason."""
     rows = [
         (
             f"`{key}`",
@@ -119,8 +120,11 @@ def _file(name: str, title: str) -> str:
         )
         for key, entry in quantities(name).items()
     ]
-    header = ("entry", "value", "unit", "source", "why")
-    return section(f"{title}: `{name}`", table(header, rows))
+    return table(("entry", "value", "unit", "source", "why"), rows)
+
+
+def _file(name: str, title: str) -> str:
+    return section(f"{title}: `{name}`", numbers_of(name))
 
 
 def _of_classes(entries: Mapping[str, Entry], name: str) -> tuple[str, ...]:

@@ -1,0 +1,87 @@
+"""The reference of the law: every rule, every policy, every number."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from generators.knowledge import numbers_of, source_link
+from generators.markdown import page, section, table
+
+from overtaking.rules import POLICIES, PORTUGAL
+
+if TYPE_CHECKING:
+    from overtaking.rules import Policy, Rule
+
+INTRODUCTION = f"""\
+The rule set `{PORTUGAL.version}`: the Portuguese Highway Code and the regulation of signs, as far
+as overtaking goes. It is an interpretation by people who are no lawyers: where the law says
+*enough* or *in time*, we had to put a number. What stands behind it is told in
+[the law](../explanation/law.md).
+
+A rule says *legal*, *illegal*, *not applicable*, or *undecidable* where a recording does not tell
+what it needs. The margin is how far the border of the law is, in the unit of the rule; it is
+negative in a breach, and exactly at the border the law is kept.
+"""
+POLICY = """\
+Which rules make an overtake illegal is the choice of a policy. Rules that no policy asks for are
+recorded all the same.
+"""
+NUMBERS = """\
+A value whose source is *choice* is ours, for the reason given.
+"""
+
+
+def content() -> str:
+    """The page `reference/rules.md`."""
+    return page(
+        "Rules",
+        INTRODUCTION,
+        section("Overview", table(("rule", "title", "law", *_names()), map(_line, PORTUGAL.rules))),
+        section(
+            "Policies", POLICY, table(("policy", "undecidable", "open"), map(_policy, POLICIES))
+        ),
+        section("The rules", *map(_rule, PORTUGAL.rules)),
+        section("Numbers: `law.toml`", NUMBERS, numbers_of("law.toml")),
+    )
+
+
+def _names() -> list[str]:
+    return [each.name for each in POLICIES]
+
+
+def _line(rule: Rule) -> tuple[str, ...]:
+    asked = ["yes" if rule.code in each.required else "" for each in POLICIES]
+    return f"[{rule.code}](#{_anchor(rule)})", rule.title, rule.law, *asked
+
+
+def _policy(each: Policy) -> tuple[str, ...]:
+    doubt = "counts as legal" if each.allows_undecided else "gives `Success_U`"
+    cut = "left out as *censored*" if each.censors_open else "counts as not completed"
+    return f"`{each.name}`", doubt, cut
+
+
+def _anchor(rule: Rule) -> str:
+    """What Markdown viewers make of the heading."""
+    kept = "".join(c for c in f"{rule.code} {rule.title}".lower() if c.isalnum() or c in " -")
+    return kept.replace(" ", "-")
+
+
+def _rule(rule: Rule) -> str:
+    rows = [
+        ("id", f"`{rule.id}`"),
+        ("law", f"{rule.law} ({source_link(rule.source)})"),
+        ("what it asks", rule.gloss),
+        ("what is checked", rule.predicate),
+        ("unit of the margin", rule.unit),
+        ("a breach is", rule.grade.value),
+        ("undecidable without", _list(rule.needs)),
+        ("at times undecidable without", _list(rule.partly)),
+        ("without an attempt", "judged all the same" if rule.without_attempt else "not applicable"),
+        ("whose duty", "the ego's" if rule.of_ego else "another's; no policy asks for it"),
+    ]
+    body = table(("", ""), [row for row in rows if row[1]])
+    return f"### {rule.code} {rule.title}\n\n{body}\n"
+
+
+def _list(names: frozenset[str]) -> str:
+    return ", ".join(f"`{name}`" for name in sorted(names))
