@@ -11,6 +11,7 @@ _HOMES = {
     "Dataset": "overtaking.datasets.load",
     "Decision": "overtaking.sim.decision",
     "Drivers": "overtaking.model.drivers",
+    "Labelled": "overtaking.labelling.label",
     "Lane": "overtaking.model.road",
     "OvertakingError": "overtaking.core.errors",
     "Road": "overtaking.model.road",
@@ -22,10 +23,15 @@ _HOMES = {
     "compare": "overtaking.api",
     "film": "overtaking.api",
     "generate": "overtaking.api",
+    "label": "overtaking.api",
     "load": "overtaking.api",
+    "relabel": "overtaking.api",
+    "report": "overtaking.api",
     "resume": "overtaking.api",
     "sample": "overtaking.api",
     "simulate": "overtaking.api",
+    "statistics": "overtaking.api",
+    "write_report": "overtaking.api",
 }
 """The module that defines each public name."""
 

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from overtaking import scenarios
-from overtaking.core.errors import ConfigError
+from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.datasets import generate as writing
 from overtaking.datasets import load as reading
 from overtaking.datasets.generate import Progress
@@ -18,7 +18,9 @@ from overtaking.datasets.load import Dataset
 from overtaking.datasets.manifest import read_manifest
 from overtaking.datasets.plan import SHARD_SIZE
 from overtaking.datasets.recipe import Keep, Recipe, Simulator
+from overtaking.exchange import recording_export
 from overtaking.exchange.roads import load_road
+from overtaking.labelling import Labelled
 from overtaking.labelling import label as labelled
 from overtaking.model.batch import concatenate
 from overtaking.model.road import Road
@@ -32,12 +34,14 @@ from overtaking.sim.version import MODEL_VERSION
 from overtaking.simulators.comparison import Comparison
 
 if TYPE_CHECKING:
+    from overtaking.report.write import Report
+    from overtaking.stats.results import Statistics
     from overtaking.video.produce import Video
 
 Profile = str | Path | Mapping[str, Any] | Spec
 """A profile of the package, a TOML file, what a manifest recorded, or a specification."""
 
-EXPORTS = ("pinto2023",)
+EXPORTS = ("pinto2023", "commonroad", "highd")
 """The formats that a data set can be written in."""
 
 SIMULATORS = ("engine", "reference", "sumo")
@@ -75,7 +79,7 @@ def generate(
         simulations: How many simulations.
         seed: Seed of all random numbers, 0 <= seed < 2**64.
         out: Folder for the data set; made if missing.
-        keep: `frames` writes everything; `summary` leaves out what has a row per frame, which is
+        keep: `frames` writes everything; `features` leaves out what has a row per frame, which is
             simulated again when it is asked for.
         resume: Whether to complete what an earlier call has begun in this folder.
         overrides: Dotted keys of the specification with other values, as in `scenarios.spec`.
@@ -121,6 +125,14 @@ def resume(out: str | Path, *, progress: Progress | None = None) -> Dataset:
         SchemaError: It was begun by a newer version.
     """
     begun = read_manifest(Path(out)).identity
+    if begun.seed is None:
+        raise DatasetError.of(
+            what="data set",
+            where=str(out),
+            expected="one that was generated",
+            got=f"one that was imported from {begun.profile}",
+            next_step="import it again into another folder",
+        )
     return generate(
         begun.spec,
         begun.simulations,
@@ -231,6 +243,34 @@ def compare(
     return concatenate(parts)
 
 
+def label(runs: Trajectories) -> Labelled:
+    """What happened in recorded simulations, whether it was lawful, and what describes it.
+
+    Args:
+        runs: A batch from `simulate`, `branch` or any other source.
+
+    Returns:
+        Signals, events, findings, labels and features, one for each simulation.
+    """
+    return labelled(runs)
+
+
+def relabel(data: str | Path, *, progress: Progress | None = None) -> Dataset:
+    """Write the labels of a data set anew, by the rules of this version.
+
+    Args:
+        data: Folder of the data set.
+        progress: Called with the number of simulations that are done, and of all.
+
+    Raises:
+        DatasetError: There is none, it is not complete or damaged, or another process writes it.
+        SchemaError: It is of a newer version.
+    """
+    from overtaking.datasets.relabel import relabel as written_anew
+
+    return written_anew(Path(data), _simulator("engine"), progress)
+
+
 def branch(
     scenario: Scenario,
     frame: int,
@@ -266,15 +306,17 @@ def export(
 
     Args:
         data: The data set, or its folder.
-        out: The file, replaced as a whole; for the paper's table it ends in `.csv` or `.parquet`.
+        out: The paper's table is a file that ends in `.csv` or `.parquet`, replaced as a whole;
+            the other formats are a folder, which must not exist or be empty, with one scenario or
+            recording for each simulation.
         file_format: One of `EXPORTS`.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:
-        Number of rows written.
+        Number of rows or states written.
 
     Raises:
-        ConfigError: There is no such format, or the file's name does not fit it.
+        ConfigError: There is no such format, the name does not fit it, or the folder is taken.
         DatasetError: The data set is not complete, or damaged.
         OSError: The file cannot be written.
     """
@@ -286,9 +328,17 @@ def export(
             got=file_format,
             next_step="choose one of them",
         )
-    from overtaking.exchange import pinto2023  # It loads pandas, which nothing else here needs.
-
     source = data if isinstance(data, Dataset) else load(data)
+    if file_format in recording_export.FORMATS:
+        return recording_export.write_folder(
+            source.batches(),
+            Path(out),
+            file_format=file_format,
+            total=len(source),
+            road=source.road,
+            progress=progress,
+        )
+    from overtaking.exchange import pinto2023  # It loads pandas, which nothing else here needs.
 
     def tables() -> Iterator[pa.Table]:
         for numbers, trajectories in source.batches():
@@ -323,9 +373,9 @@ def import_recording(
         The complete, labelled data set; its manifest says what was found and what was measured.
 
     Raises:
-        ConfigError: There is no such format, or an option is not for it.
+        ConfigError: There is no such format, an option is not for it, or the folder is taken.
         ImportFormatError: The file cannot be used; the message names line and element or column.
-        DatasetError: The folder holds something or cannot be written. Nothing is left behind.
+        DatasetError: The folder cannot be written. Nothing is left behind.
     """
     from overtaking.datasets.importing import write_scenes
     from overtaking.exchange.recording_formats import read_recording
@@ -340,6 +390,75 @@ def import_recording(
         on_piece=progress,
     )
     return load(out)
+
+
+def statistics(
+    data: Dataset | str | Path,
+    *,
+    policy: str = "paper",
+    reading: str | None = None,
+    weighted: bool = False,
+) -> "Statistics":
+    """The paper's tables, class frequencies and waiting times of a data set.
+
+    Args:
+        data: The data set, or its folder.
+        policy: Which rules decide about the class: `paper`, `default` or `strict`.
+        reading: How features are measured, `paper` or `matched`; as in `Dataset.features`.
+        weighted: Whether to count each simulation by its importance weight.
+
+    Raises:
+        ConfigError: There is no such policy or reading.
+        DatasetError: The data set is not complete, or damaged.
+        SchemaError: The weights cannot be used.
+    """
+    from overtaking.stats.results import statistics as computed
+
+    source = data if isinstance(data, Dataset) else load(data)
+    frame = source.features(policy, reading=reading)
+    return computed(frame, policy=policy, reading=reading, weighted=weighted)
+
+
+def write_report(
+    data: Dataset | str | Path,
+    out: str | Path | None = None,
+    *,
+    policy: str = "paper",
+    reading: str | None = None,
+    weighted: bool = False,
+    progress: Progress | None = None,
+) -> "Report":
+    """Write figures, tables and associations of a data set as one page that needs no network.
+
+    Args:
+        data: The data set, or its folder.
+        out: Folder for the page, its figures and tables; `report` in that of the data set if not
+            given. Files of an earlier report are replaced.
+        policy: Which rules decide about the class: `paper`, `default` or `strict`.
+        reading: How features are measured, `paper` or `matched`; as in `Dataset.features`.
+        weighted: Whether to count each simulation by its importance weight.
+        progress: Called with the number of parts that are done, and of all.
+
+    Returns:
+        Where it is, and what it could not show: without the extra `plots` it has no figures,
+        without `stats` no associations.
+
+    Raises:
+        ConfigError: There is no such policy or reading.
+        DatasetError: The data set is not complete, or damaged.
+        OSError: A file cannot be written.
+    """
+    from overtaking.report.of_dataset import report_on
+
+    source = data if isinstance(data, Dataset) else load(data)
+    return report_on(
+        source,
+        None if out is None else Path(out),
+        policy=policy,
+        reading=reading,
+        weighted=weighted,
+        progress=progress,
+    )
 
 
 def serve_carla(

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from overtaking.cli import carla, importing, options, sumo, video
+from overtaking.cli import carla, importing, labelling, options, stats, sumo, video
 from overtaking.cli.output import Output
 
 HELP = "Simulate, label and explain overtaking manoeuvres, reproducibly."
@@ -116,11 +116,11 @@ def export(
     file_format: options.Format = "pinto2023",
     is_csv: options.IsCsv = None,
 ) -> None:
-    """Write a data set as a table of another program or paper."""
+    """Write a data set in the format of another program or paper."""
     from overtaking import api
     from overtaking.cli import arguments, summary
 
-    target = arguments.table_file(out, is_csv=is_csv)
+    target = arguments.export_target(out, file_format, is_csv=is_csv)
     with output.progress("simulations") as meter:
         rows = api.export(data, target, file_format=file_format, progress=meter)
     values = summary.of_table(target, rows)
@@ -170,7 +170,9 @@ COMMANDS: dict[options.Body, str] = {
     show: "overtaking show data/pinto 17",
     info: "overtaking info data/pinto",
     **importing.COMMANDS,
+    **labelling.COMMANDS,
     export: "overtaking export data/pinto --format pinto2023 --out table.csv",
+    **stats.COMMANDS,
     video.video: "overtaking video data/pinto --simulations 1,7",
     compare: "overtaking compare pinto2023 -n 100 --seed 1 --with sumo",
     doctor: "overtaking doctor --json",

@@ -13,7 +13,7 @@ from overtaking.datasets.contents import contents
 from overtaking.datasets.manifest import Manifest, read_manifest
 from overtaking.tables.files import read_rows, read_table
 from overtaking.tables.restore import restore, restore_scenario
-from overtaking.tables.schemas import SCHEMAS
+from overtaking.tables.schemas import RECORDED_TABLES, SCHEMAS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -206,7 +206,7 @@ class Dataset:
                 first, last = numbers[0], numbers[-1]
                 rows = {
                     name: read_rows(self._file(name, shard), name, first, last)
-                    for name in self._tables
+                    for name in self._recorded_tables
                 }
                 yield np.arange(first, last + 1), self._recorded(rows)
 
@@ -242,6 +242,10 @@ class Dataset:
     def _tables(self) -> tuple[str, ...]:
         return self._manifest.identity.keep.tables
 
+    @property
+    def _recorded_tables(self) -> tuple[str, ...]:
+        return tuple(name for name in self._tables if name in RECORDED_TABLES)
+
     def _file(self, table: str, shard: plan.Shard) -> Path:
         """A file of the data set, once its bytes have been compared with what was written."""
         path = write.path_of(self._path, table, shard)
@@ -271,8 +275,8 @@ class Dataset:
         return read_rows(self._file(table, shard), table, simulation, simulation)
 
     def _rows(self, simulation: int) -> Mapping[str, pa.Table]:
-        """The rows of one simulation in every table that was kept."""
-        return {name: self._part(name, simulation) for name in self._tables}
+        """The rows of one simulation in every table of recordings that was kept."""
+        return {name: self._part(name, simulation) for name in self._recorded_tables}
 
     def _recorded(self, rows: Mapping[str, pa.Table]) -> Trajectories:
         """What was recorded of some simulations, from their rows or simulated again."""

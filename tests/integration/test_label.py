@@ -1,0 +1,90 @@
+"""Labels of a data set: with it from the start, and made anew."""
+
+from __future__ import annotations
+
+import pytest
+
+from overtaking import api
+from overtaking.cli import main
+from overtaking.core.errors import DatasetError
+from overtaking.datasets import relabel
+from overtaking.tables.label_schemas import LABEL_TABLES
+
+SIZE = 12
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    return api.generate("pinto2023", SIZE, 5, tmp_path_factory.mktemp("label") / "data")
+
+
+@pytest.mark.parametrize("table", LABEL_TABLES)
+def test_labels_from_memory_and_from_files_are_the_same(data, table):
+    before = data.table(table)
+    assert api.relabel(data.path).table(table).equals(before)
+
+
+def test_labelling_again_changes_nothing(data):
+    again = api.relabel(data.path)
+    assert again.content_hash == data.content_hash
+    again.verify()
+
+
+def test_labels_agree_with_those_of_a_run_in_memory(data):
+    runs = api.simulate(api.sample("pinto2023", SIZE, 5))
+    found = api.label(runs)
+    rows = data.labels()
+    paper = rows[rows["policy"] == "paper"]
+    assert paper["num_broken"].tolist() == found.labels.num_broken[:, 0].tolist()
+    assert len(data.findings()) == SIZE * len(found.findings.rules)
+
+
+def test_features_have_the_papers_names_and_units(data):
+    frame = data.features()
+    assert list(frame.columns) == [
+        *("DN", "HL", "TE", "TP", "WT", "OT", "NV", "SE", "SP", "DSEP"),
+        *("D", "OLR", "PREC", "WIND", "FOG", "CLASS", "weight"),
+    ]
+    assert len(frame) == SIZE
+    # 50 to 120 km/h at the start; drivers may have slowed down since.
+    assert frame["SE"].between(0.0, 130.0).all()
+    assert frame["SE"].max() > 50.0
+
+
+def test_encoded_features_are_numbers_without_gaps(data):
+    frame = data.features(encoded=True).drop(columns="CLASS")
+    assert frame.notna().all().all()
+    assert set(frame["DN"]) <= {0.0, 1.0}
+    assert frame["TE"].between(0, 4).all()
+
+
+def test_a_verdict_tells_phases_and_rules(data):
+    done = data.labels().query("outcome == 'completed'")["simulation"]
+    verdict = data.verdict(int(done.iloc[0]))
+    assert verdict.outcome == "completed"
+    assert verdict.phases["attempt"] < verdict.phases["return_end"]
+    assert set(verdict.classes) == {"paper", "default", "strict"}
+    assert (verdict.broken["margin"] < 0).all()
+
+
+def test_an_unknown_policy_is_one_line(data):
+    with pytest.raises(ValueError, match="policy: expected paper or default or strict"):
+        data.features("lenient")
+
+
+def test_ending_the_work_leaves_the_data_set_as_it_was(data, monkeypatch):
+    before = {path: path.read_bytes() for path in data.path.rglob("*") if path.is_file()}
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(relabel, "encode_labels", full)
+    with pytest.raises(DatasetError, match="No space left on device"):
+        api.relabel(data.path)
+    after = {path: path.read_bytes() for path in data.path.rglob("*") if path.is_file()}
+    assert after == before
+
+
+def test_the_command_counts_classes(data, capsys):
+    assert main(["label", str(data.path)]) == 0
+    assert "No_attempt" in capsys.readouterr().out
