@@ -26,7 +26,6 @@ _HOMES = {
     "label": "overtaking.api",
     "load": "overtaking.api",
     "relabel": "overtaking.api",
-    "report": "overtaking.api",
     "resume": "overtaking.api",
     "sample": "overtaking.api",
     "simulate": "overtaking.api",

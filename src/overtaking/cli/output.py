@@ -96,6 +96,19 @@ class Output:
             sys.stdout.write(_drawn(render))
         sys.stdout.flush()
 
+    def text(self, values: Mapping[str, Any], text: str) -> None:
+        """Print a result that is text as it is: no line is broken, nothing is coloured.
+
+        Args:
+            values: The result for machines, with units in the names.
+            text: The result for people.
+        """
+        if self._json:
+            self.result(values, lambda _: "")
+        elif not self.quiet:
+            sys.stdout.write(text)
+            sys.stdout.flush()
+
     def progress(self, what: str) -> Meter:
         """A progress bar for work that may be long; use it as a context."""
         return Meter(what, self)

@@ -41,15 +41,12 @@ def draw_pairs(sample: Sample, histograms: Sequence[Histogram], points: Points) 
     number = len(names)
     figure = new_figure(7.4, is_fixed=True)
     set_margins(figure, left=0.52, right=0.05, top=0.05, bottom=0.3, wspace=0.05, hspace=0.05)
-    panels = figure.subplots(number, number, squeeze=False)
+    grid = figure.add_gridspec(number, number)
     columns = {name: sample.values(name)[points.simulations] for name in names}
     members = {name: of[points.simulations] for name, of in sample.groups()}
     for row, up in enumerate(names):
-        for column, across in enumerate(names):
-            axes = panels[row, column]
-            if column > row:
-                axes.set_visible(False)
-                continue
+        for column, across in enumerate(names[: row + 1]):
+            axes = figure.add_subplot(grid[row, column])
             if column == row:
                 _draw_diagonal(axes, histograms[column])
             else:
@@ -102,7 +99,9 @@ def _draw_diagonal(axes: Axes, one: Histogram) -> None:
     """The histogram of one feature, all classes together."""
     if one.levels:
         places = np.array([float(level) for level in one.levels])
-        widths = np.full(len(places), 0.6 * float(np.diff(places).min(initial=np.ptp(places) or 1)))
+        whole = float(np.ptp(places)) or 1.0
+        apart = float(np.diff(places).min(initial=whole))
+        widths = np.full(len(places), max(0.6 * apart, 0.05 * whole))
     else:
         places, widths = one.edges[:-1] + np.diff(one.edges) / 2.0, np.diff(one.edges)
     axes.bar(places, one.counts.sum(axis=0), widths, color=LINE, linewidth=0.0)

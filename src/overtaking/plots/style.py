@@ -20,6 +20,7 @@ try:
     import matplotlib as mpl
     from matplotlib.axes import Axes
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.colors import to_rgb
     from matplotlib.figure import Figure
 except ImportError:
@@ -176,9 +177,9 @@ def lightened(colour: str, strength: float) -> tuple[float, float, float]:
 def to_svg(figure: Figure) -> bytes:
     """A figure as SVG; dense clouds of points are pictures in it."""
     buffer = io.BytesIO()
-    figure.savefig(
-        buffer, format="svg", dpi=DOTS_PER_INCH, metadata={"Date": None, "Creator": None}
-    )
+    figure.set_dpi(DOTS_PER_INCH)
+    # `savefig` would draw once more, to find places that are settled.
+    FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
     return buffer.getvalue()
 
 
@@ -186,7 +187,8 @@ def to_svg(figure: Figure) -> bytes:
 def to_png(figure: Figure) -> bytes:
     """A figure as PNG."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+    figure.set_dpi(DOTS_PER_INCH)
+    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": None})
     return buffer.getvalue()
 
 

@@ -27,6 +27,12 @@ Codes = I64
 ALPHA = 0.05
 """The paper's level of significance."""
 
+# Small, medium, large: J. Cohen, Statistical Power Analysis for the Behavioral Sciences, 2nd
+# edition, 1988: sections 3.2 (r) and 7.2 (w), and 8.2 for shares of variance.
+_LIMITS_OF_R = (0.1, 0.3, 0.5)
+_LIMITS_OF_SHARES = (0.01, 0.06, 0.14)
+_WORDS = ("negligible", "small", "medium", "large")
+
 FEWEST = 3
 """Simulations that a pair needs before anything is said of it."""
 
@@ -45,6 +51,7 @@ class Pair:
         p_value: Its p-value, NaN likewise.
         effect: Size of the effect, on the scale of `effect_name`.
         effect_name: What the effect is measured by.
+        size: The effect in a word, by convention.
         count: Simulations that have both.
     """
 
@@ -56,6 +63,7 @@ class Pair:
     p_value: float
     effect: float
     effect_name: str
+    size: str
     count: int
 
 
@@ -214,6 +222,7 @@ def _of_numbers(
         p_value=p_value,
         effect=abs(rho),
         effect_name="|ρ|",
+        size=_in_a_word(abs(rho), _LIMITS_OF_R),
         count=count,
     )
 
@@ -250,8 +259,14 @@ def _of_name_and_number(
         p_value=p_value,
         effect=effect,
         effect_name="ε²",
+        size=_in_a_word(effect, _LIMITS_OF_SHARES),
         count=count,
     )
+
+
+def _in_a_word(effect: float, limits: tuple[float, float, float]) -> str:
+    """The size of an effect by convention."""
+    return "unknown" if math.isnan(effect) else _WORDS[sum(effect >= limit for limit in limits)]
 
 
 def _between(codes: Codes, values: F64) -> float:
@@ -281,6 +296,8 @@ def _of_names(one: _Variable, other: _Variable, both: NDArray[np.bool_]) -> Pair
         p_value=p_value,
         effect=value,
         effect_name="V",
+        # Cohen's w is V times the root of the smaller number of levels less one.
+        size=_in_a_word(value * math.sqrt(max(min(counts.shape) - 1, 1)), _LIMITS_OF_R),
         count=int(counts.sum()),
     )
 

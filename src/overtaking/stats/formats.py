@@ -1,5 +1,6 @@
 """Tables as text, CSV and LaTeX."""
 
+import json
 import math
 from collections.abc import Iterable
 
@@ -161,3 +162,10 @@ def _latex_row(cells: Iterable[str]) -> str:
 def latex(text: str) -> str:
     """Text with everything escaped that LaTeX would take for a command."""
     return "".join(_LATEX.get(letter, letter) for letter in text)
+
+
+def written(statistics: Statistics, name: str) -> str:
+    """All of it in one of the `FORMATS`."""
+    if name == "json":
+        return json.dumps(statistics.values(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return {"text": to_text, "csv": to_csv, "latex": to_latex}[name](statistics)

@@ -47,6 +47,7 @@ class Statistics:
         """Everything as plain values for JSON."""
         return {
             "policy": self.sample.policy,
+            "reading": self.sample.reading,
             "weighted": self.sample.is_weighted,
             "simulations": len(self.sample),
             "effective_simulations": self.sample.num_effective,
@@ -57,18 +58,26 @@ class Statistics:
         }
 
 
-def statistics(frame: pd.DataFrame, *, policy: str = "paper", weighted: bool = False) -> Statistics:
+def statistics(
+    frame: pd.DataFrame,
+    *,
+    policy: str = "paper",
+    reading: str | None = None,
+    weighted: bool = False,
+) -> Statistics:
     """Compute all of it.
 
     Args:
         frame: One row per simulation: the paper's features, CLASS, and `weight` if `weighted`.
-        policy: The policy by which the features were made.
+        policy: The policy that decided about the classes.
+        reading: How the features were measured; `paper` for the policy of that name, else
+            `matched`.
         weighted: Whether to count each simulation by its importance weight.
 
     Raises:
         SchemaError: A column is missing or holds something that it must not.
     """
-    sample = prepare(frame, policy=policy, weighted=weighted)
+    sample = prepare(frame, policy=policy, reading=reading, weighted=weighted)
     return Statistics(
         sample=sample,
         classes=class_table(sample),
@@ -99,10 +108,10 @@ def _notes(sample: Sample) -> list[str]:
         notes.append("With fewer than two simulations there is no spread and no association.")
     if sample.is_weighted:
         notes.append(_weight_note(sample))
-    if sample.policy != "paper":
+    if sample.reading != "paper":
         notes.append(
-            f"Policy {sample.policy}: the waiting times of No_attempt are drawn, "
-            "so no curve of waiting times can be estimated."
+            f"In the {sample.reading} reading the waiting times of No_attempt are drawn, "
+            "so no curve of waiting times can be estimated from them."
         )
     return notes
 

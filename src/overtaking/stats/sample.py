@@ -34,7 +34,8 @@ class Sample:
         frame: One row per simulation. Numeric features are float64, NaN where there is none;
             nominal ones and CLASS are categorical, with all their levels in order.
         weight: Weight of each simulation, mean 1; all ones unless weights were asked for.
-        policy: The policy by which features and classes were made.
+        policy: The policy that decided about the classes.
+        reading: How the features were measured, `paper` or `matched`.
         is_weighted: Whether `weight` holds the importance weights.
         classes: The classes to show: the paper's five, and those beside them that occur.
     """
@@ -42,6 +43,7 @@ class Sample:
     frame: pd.DataFrame
     weight: F64
     policy: str
+    reading: str
     is_weighted: bool
     classes: tuple[str, ...]
 
@@ -87,13 +89,20 @@ def effective_size(weight: F64) -> float:
     return float(weight.sum()) ** 2 / squares if squares > 0 else 0.0
 
 
-def prepare(frame: pd.DataFrame, *, policy: str = "paper", weighted: bool = False) -> Sample:
+def prepare(
+    frame: pd.DataFrame,
+    *,
+    policy: str = "paper",
+    reading: str | None = None,
+    weighted: bool = False,
+) -> Sample:
     """Check a frame of features.
 
     Args:
         frame: One row per simulation, with the paper's features and CLASS, and `weight` if
             `weighted`. What else it has is left out.
-        policy: The policy by which it was made.
+        policy: The policy that decided about the classes.
+        reading: How it was measured; `paper` for the policy of that name, else `matched`.
         weighted: Whether to count each simulation by its importance weight.
 
     Raises:
@@ -114,6 +123,7 @@ def prepare(frame: pd.DataFrame, *, policy: str = "paper", weighted: bool = Fals
         frame=pd.DataFrame(ordered, index=frame.index),
         weight=_weights(frame) if weighted else np.ones(len(frame)),
         policy=policy,
+        reading=reading or ("paper" if policy == "paper" else "matched"),
         is_weighted=weighted,
         classes=tuple(one for one in ALL_CLASSES if one in PAPER_CLASSES or one in present),
     )

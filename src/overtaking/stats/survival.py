@@ -139,12 +139,12 @@ def waiting_time(sample: Sample) -> Survival | None:
 
     Returns:
         The curve, or None if no waiting time is known, or if those of No_attempt were drawn, as
-        every policy but the paper's does: how long these drivers waited cannot be told from them.
+        the matched reading does: how long these drivers waited cannot be told from them.
         A collision before any attempt ends the waiting without an attempt, so it is censored.
     """
     values = sample.values("WT")
     there = ~np.isnan(values) & (values >= 0.0) & (sample.weight > 0.0)
-    if sample.policy != "paper" or not there.any():
+    if sample.reading != "paper" or not there.any():
         return None
     began = (sample.frame[CLASS] != NO_ATTEMPT).to_numpy() & (sample.values("OT") > 0.0)
     return kaplan_meier(values[there], began[there], sample.weight[there])

@@ -1,0 +1,114 @@
+"""Statistics of a data set, and the report on it."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from overtaking.cli import options
+from overtaking.cli.output import Output
+from overtaking.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+    from overtaking.report.write import Report
+
+Weighted = Annotated[
+    bool, typer.Option("--weighted", help="Count each simulation by its importance weight.")
+]
+Policy = Annotated[
+    str,
+    typer.Option("--policy", metavar="NAME", help="Which rules decide: paper, default or strict."),
+]
+Reading = Annotated[
+    str | None,
+    typer.Option(
+        "--reading",
+        metavar="NAME",
+        help="How features are measured: paper or matched.  [default: the policy's]",
+    ),
+]
+Written = Annotated[str, typer.Option("--format", metavar="NAME", help="text, csv, json or latex.")]
+Folder = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="FOLDER", help="Folder to write to.  [default: DATA/report]"),
+]
+
+
+def stats(
+    output: Output,
+    data: options.Data,
+    weighted: Weighted = False,
+    policy: Policy = "paper",
+    reading: Reading = None,
+    written: Written = "text",
+) -> None:
+    """Print the paper's tables, class frequencies and waiting times of a data set."""
+    from overtaking import api
+    from overtaking.stats import formats
+
+    if written not in formats.FORMATS:
+        raise ConfigError.of(
+            what="--format",
+            where="stats",
+            expected=" or ".join(formats.FORMATS),
+            got=written,
+            next_step="choose one of them",
+        )
+    found = api.statistics(data, policy=policy, reading=reading, weighted=weighted)
+    output.text(found.values(), formats.written(found, written))
+
+
+def report(
+    output: Output,
+    data: options.Data,
+    out: Folder = None,
+    weighted: Weighted = False,
+    policy: Policy = "paper",
+    reading: Reading = None,
+) -> None:
+    """Write figures, tables and associations of a data set as one page."""
+    from overtaking import api
+
+    begin = time.monotonic()
+    with output.progress("parts") as meter:
+        made = api.write_report(
+            data, out, policy=policy, reading=reading, weighted=weighted, progress=meter
+        )
+    values = values_of(made, time.monotonic() - begin)
+    output.result(values, lambda _: render(values))
+
+
+def values_of(made: "Report", seconds: float) -> dict[str, Any]:
+    """What was written."""
+    return {
+        "page": str(made.path),
+        "simulations": len(made.statistics.sample),
+        "figures": list(made.figures),
+        "tables": list(made.tables),
+        "warnings": [leak.sentence for leak in made.statistics.leaks],
+        "missing": list(made.remarks),
+        "duration_s": round(seconds, 3),
+    }
+
+
+def render(values: dict[str, Any]) -> "Text":
+    """Where the page is, and what it lacks."""
+    from rich.text import Text
+
+    warnings = len(values["warnings"])
+    lines = [
+        f"{values['page']}: {len(values['figures'])} figures and {len(values['tables'])} tables of "
+        f"{values['simulations']:,} simulations, {values['duration_s']:.1f} s",
+        *([f"{warnings} warnings about its classes, see the page"] if warnings else []),
+        *values["missing"],
+    ]
+    return Text("\n".join(lines))
+
+
+COMMANDS: dict[options.Body, str] = {
+    stats: "overtaking stats data/pinto --format latex",
+    report: "overtaking report data/pinto",
+}
