@@ -79,6 +79,30 @@ def road(map_file: Path | None, name: str | None) -> Road | None:
     return load_road(str(name)) if map_file is None else load_road(map_file, name)
 
 
+def export_target(out: Path, file_format: str, *, is_csv: bool | None) -> Path:
+    """Where an export goes: the paper's table is a file, every other format a folder.
+
+    Args:
+        out: As asked for.
+        file_format: Name of the format.
+        is_csv: Whether CSV or Parquet was asked for, None if neither.
+
+    Raises:
+        ConfigError: It does not fit the format.
+    """
+    if file_format == "pinto2023":
+        return table_file(out, is_csv=is_csv)
+    if is_csv is not None:
+        raise ConfigError.of(
+            what="kind of file",
+            where=str(out),
+            expected=f"none with --format {file_format}",
+            got="--csv" if is_csv else "--parquet",
+            next_step="leave the option out",
+        )
+    return out
+
+
 def table_file(out: Path, *, is_csv: bool | None) -> Path:
     """The file of a table, with the ending that says its kind.
 

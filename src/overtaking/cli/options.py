@@ -25,7 +25,10 @@ Data = Annotated[Path, typer.Argument(metavar="DATA", help="Folder of a data set
 Number = Annotated[int, typer.Argument(metavar="N", help="Number of a simulation, from 0.")]
 OutFolder = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder to write to.")]
 OutFile = Annotated[
-    Path, typer.Option("--out", metavar="FILE", help="File to write; .csv or .parquet is added.")
+    Path,
+    typer.Option(
+        "--out", metavar="FILE", help="File (.csv or .parquet is added), or folder, to write."
+    ),
 ]
 Profile = Annotated[
     str | None,
@@ -91,7 +94,11 @@ FrameInterval = Annotated[
 ]
 Format = Annotated[
     str,
-    typer.Option("--format", metavar="NAME", help="Whose format: pinto2023 is the paper's table."),
+    typer.Option(
+        "--format",
+        metavar="NAME",
+        help="Whose format: pinto2023 is the paper's table; commonroad and highd are folders.",
+    ),
 ]
 IsCsv = Annotated[
     bool | None,

@@ -84,7 +84,9 @@ def _megabytes(values: Values) -> float:
 
 def of_table(path: Path, rows: int) -> Values:
     """What was exported."""
-    return {"file": str(path), "rows": rows, "size_bytes": path.stat().st_size}
+    files = list(path.iterdir()) if path.is_dir() else [path]
+    size = sum(file.stat().st_size for file in files)
+    return {"file": str(path), "rows": rows, "files": len(files), "size_bytes": size}
 
 
 def render_table(values: Values) -> Text:

@@ -4,16 +4,13 @@ A recording is read before anything is written, so there is nothing to resume: t
 beside its place and takes its name when it is complete.
 """
 
-import contextlib
 import os
 import platform
-import shutil
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
-from uuid import uuid4
 
 import numpy as np
 import pyarrow as pa
@@ -25,9 +22,9 @@ from overtaking.datasets.interruption import Terminated, termination_raises
 from overtaking.datasets.manifest import Identity, Manifest, Provenance, ShardRecord, Source
 from overtaking.datasets.plan import SHARD_SIZE
 from overtaking.datasets.recipe import Keep
+from overtaking.exchange.recording_folder import refuse_strangers, whole_folder
 from overtaking.model.road import Road
 from overtaking.model.trajectory import Trajectories
-from overtaking.tables.files import sync_folder
 from overtaking.tables.schemas import VERSION as TABLE_VERSION
 from overtaking.tables.unknown import schema_of
 
@@ -36,9 +33,6 @@ READER_VERSION = "1"
 
 SIMULATOR = "recording"
 """What the manifest names where a data set was not simulated."""
-
-CHUNK_SIZE = 64
-"""Simulations in memory at a time: those of a recording are long and full of vehicles."""
 
 
 class Scenes(Protocol):
@@ -102,10 +96,10 @@ def write_scenes(
         on_piece: Called with the number of simulations that are done, and of all.
 
     Raises:
-        DatasetError: The folder holds something, cannot be written, or the process was asked to
-            end; nothing is left behind.
+        ConfigError: The folder holds something.
+        DatasetError: It cannot be written, or the process was asked to end; nothing is left behind.
     """
-    _refuse_strangers(out)
+    refuse_strangers(out)
     source = Source(
         format=file_format,
         files=dict(files),
@@ -115,7 +109,7 @@ def write_scenes(
         notes=scenes.notes,
     )
     try:
-        with termination_raises(), _staged(out) as folder:
+        with termination_raises(), whole_folder(out) as folder:
             _write(scenes, _identity(scenes, source), folder, on_piece or _silent)
     except OSError as error:
         raise DatasetError.of(
@@ -154,22 +148,6 @@ def _identity(scenes: Scenes, source: Source) -> Identity:
     )
 
 
-@contextlib.contextmanager
-def _staged(out: Path) -> Generator[Path]:
-    """A folder beside `out` that takes its name if all goes well, and goes away if not."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    folder = out.with_name(f".{out.name}.{uuid4().hex}.partial")
-    folder.mkdir()
-    try:
-        yield folder
-        if out.is_dir():
-            out.rmdir()  # An empty one; Windows does not replace it.
-        folder.rename(out)
-        sync_folder(out.parent)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
 def _write(
     scenes: Scenes, identity: Identity, folder: Path, on_piece: Callable[[int, int], None]
 ) -> None:
@@ -203,7 +181,7 @@ def _pieces(
     scenes: Scenes, shard: plan.Shard, tables: tuple[str, ...]
 ) -> Iterator[Mapping[str, pa.Table]]:
     """The tables of a shard, as many simulations at a time as memory is meant to hold."""
-    for numbers in plan.chunks(shard, CHUNK_SIZE):
+    for numbers in plan.chunks(shard, plan.RECORDED_CHUNK_SIZE):
         index = np.arange(numbers.start, numbers.stop, dtype=np.int64)
         yield contents(scenes.trajectories(numbers), index, tables, scenes.sources(numbers))
 
@@ -230,20 +208,6 @@ def _complete(
         ),
     )
     manifest.write_manifest(folder, complete, partial)
-
-
-def _refuse_strangers(out: Path) -> None:
-    """Refuse a place where something is."""
-    if out.is_dir() and not any(out.iterdir()):
-        return
-    if out.exists() or out.is_symlink():
-        raise DatasetError.of(
-            what="folder",
-            where=str(out),
-            expected="a name that is free, or an empty folder",
-            got="a folder with something in it" if out.is_dir() else "a file",
-            next_step="choose another folder",
-        )
 
 
 def _now() -> str:

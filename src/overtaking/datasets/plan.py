@@ -11,6 +11,9 @@ CHUNK_SIZE = 512
 """Most simulations in memory at a time; each chunk becomes a row group, the least that is read for
 one simulation."""
 
+RECORDED_CHUNK_SIZE = 64
+"""The same for simulations that were made from a recording."""
+
 CHUNK_STATES = 4_000_000
 """Rows of the states in memory at a time, where the largest worlds would take more."""
 
@@ -50,7 +53,12 @@ def shards(num_simulations: int, shard_size: int = SHARD_SIZE) -> tuple[Shard, .
 
 
 def chunk_size(spec: Mapping[str, Any]) -> int:
-    """How many simulations of a resolved specification are worked on at a time."""
+    """How many simulations of a resolved specification are worked on at a time.
+
+    Recordings have no specification; their simulations are long and full of vehicles.
+    """
+    if not spec:
+        return RECORDED_CHUNK_SIZE
     frames = 1000.0 * spec["time"]["horizon_s"] / spec["profile"]["frame_interval_ms"] + 1.0
     states = spec["traffic"]["vehicles"][1] * frames
     return max(1, min(CHUNK_SIZE, int(CHUNK_STATES / states)))

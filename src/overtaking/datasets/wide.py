@@ -45,17 +45,20 @@ def wide_frames(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     columns["ego"] = int(Role.EGO)
     dimensions = _cells(tables["vehicles"], ("length_m", "width_m", "height_m"))
     columns["dimensions_m"] = [tuple(dimensions)] * len(frames)
-    columns |= _per_vehicle(tables["states"], len(dimensions))
+    columns |= _per_vehicle(tables["states"], len(dimensions), frames["frame"].tolist())
     columns |= {name: frames[name] for name in _OF_THE_ROAD}
     columns |= {name: weather[name] for name in _OF_THE_WEATHER}
     columns["overtaking"] = frames["overtaking"]
     return pd.DataFrame(columns)
 
 
-def _per_vehicle(states: pd.DataFrame, num_vehicles: int) -> dict[str, object]:
-    """The columns with a tuple per frame."""
+def _per_vehicle(states: pd.DataFrame, num_vehicles: int, numbers: list[int]) -> dict[str, object]:
+    """The columns with a tuple per frame; missing where a recording lacks a vehicle."""
     norm = np.hypot(states["accel_lon_mps2"], states["accel_lat_mps2"])
     ordered = states.assign(accel_mps2=norm).sort_values(["frame", "vehicle"])
+    if len(ordered) < num_vehicles * len(numbers):
+        every = pd.MultiIndex.from_product([numbers, range(num_vehicles)])
+        ordered = ordered.set_index(["frame", "vehicle"]).reindex(every)
     columns: dict[str, object] = {}
     for name, parts in _PER_VEHICLE.items():
         cells = _cells(ordered, parts)
