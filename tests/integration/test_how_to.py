@@ -10,6 +10,7 @@ import sys
 PAGES = (
     "make-a-data-set.md",
     "look-at-a-simulation.md",
+    "videos.md",
     "export-the-papers-table.md",
     "check-the-installation.md",
 )

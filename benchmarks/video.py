@@ -1,0 +1,129 @@
+"""How many films of 200 frames are made in a second, and what drawing and encoding take of it.
+
+    python benchmarks/video.py
+    python benchmarks/video.py --films 64
+
+Simulations of the study's profile, all weathers, films as long as they are. Drawing and encoding
+are timed apart on one core, as the shortest of some runs of each film, then everything together
+with as many threads as there are processors, from labelled simulations to files that are safe on
+the disk.
+"""
+
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import av
+import numpy as np
+
+from measure import Measure, parser, report
+from overtaking import api
+from overtaking.video import encode, jobs, produce
+from overtaking.video.canvas import U8, blank
+from overtaking.video.film import Film
+from overtaking.video.scene import RATE
+
+FILMS, REPEATS, FRAMES = 24, 3, 200
+TARGET = 10.0
+
+
+def shortest(action: Callable[[], object]) -> float:
+    """The shortest of some runs [s]."""
+    times: list[float] = []
+    for _ in range(REPEATS):
+        begin = time.perf_counter()
+        action()
+        times.append(time.perf_counter() - begin)
+    return min(times)
+
+
+def film_of(job: jobs.Job) -> Film:
+    one = job.labelled
+    return Film(
+        one.trajectories,
+        title=f"Simulation {job.number}",
+        events=one.events,
+        findings=one.findings,
+        articles=job.articles,
+        label=job.label,
+    )
+
+
+def preparing(job: jobs.Job) -> float:
+    """Seconds before the first frame."""
+    return shortest(lambda: film_of(job))
+
+
+def drawing(film: Film) -> float:
+    """Seconds for all frames."""
+    frame = blank()
+
+    def draw() -> None:
+        for number in range(film.num_frames):
+            film.draw(number, frame)
+
+    return shortest(draw)
+
+
+class Still(Film):
+    """A film whose frames were drawn before."""
+
+    def keep(self) -> None:
+        """Draw all frames."""
+        self._kept = [self.draw(number).copy() for number in range(self.num_frames)]
+
+    def draw(self, frame: int, out: U8 | None = None) -> U8:
+        """Copy a frame that was kept."""
+        if out is None:
+            return super().draw(frame)
+        np.copyto(out, self._kept[frame])
+        return out
+
+
+def encoding(job: jobs.Job, folder: Path) -> float:
+    """Seconds from frames to a file."""
+    still = Still(job.labelled.trajectories)
+    still.keep()
+    return shortest(lambda: encode.write_film(still, folder / "still.mp4"))
+
+
+def measures(count: int) -> list[Measure]:
+    """Everything that is measured."""
+    with tempfile.TemporaryDirectory(dir=Path.cwd()) as name:
+        folder = Path(name)
+        data = api.generate("pinto2023", count, 1, folder / "data")
+        wanted = list(jobs.jobs(data, jobs.ALL))
+        films = [film_of(job) for job in wanted]
+        frames = sum(film.num_frames for film in films)
+        apart = {
+            "preparing": sum(preparing(job) for job in wanted) / count,
+            "drawing": sum(map(drawing, films)) / frames * FRAMES,
+            "encoding": sum(encoding(job, folder) for job in wanted) / frames * FRAMES,
+        }
+        whole = shortest(lambda: produce.produce(iter(wanted), folder / "videos"))
+        size = sum(path.stat().st_size for path in (folder / "videos").iterdir())
+    cores = os.cpu_count() or 1
+    note = f"{count} films, {frames} frames, {cores} processors, PyAV {av.__version__}"
+    return [
+        *(
+            Measure(name=f"{what} a film of {FRAMES} frames", value=seconds * 1e3, unit="ms")
+            for what, seconds in apart.items()
+        ),
+        Measure(
+            name=f"films of {FRAMES} frames",
+            value=frames / FRAMES / whole,
+            unit="films/s",
+            at_least=TARGET,
+            note=note,
+        ),
+        Measure(name="size", value=size / frames * RATE / 1e3, unit="kB a second of film"),
+    ]
+
+
+if __name__ == "__main__":
+    command_line = parser(__doc__)
+    command_line.add_argument("--films", type=int, default=FILMS)
+    arguments = command_line.parse_args()
+    report(measures(arguments.films), as_json=arguments.json)

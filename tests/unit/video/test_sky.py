@@ -1,0 +1,133 @@
+"""Weather is drawn by its physics: Koschmieder's fog, lamps that light what lies ahead, shadows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from tests.support.worlds import Vehicle, scenario
+
+from overtaking import api
+from overtaking.video import sky as skies
+from overtaking.video.canvas import WIDTH, Canvas, blank
+from overtaking.video.film import Film
+from overtaking.video.palette import yuv
+from overtaking.video.sky import Night, Sky
+
+SCALE = 10.0
+
+
+def sky_of(**weather: float) -> Sky:
+    return skies.sky(api.simulate(scenario([Vehicle(s=100.0)], weather=weather, horizon=0.2)))
+
+
+def canvas_of(luma: int) -> Canvas:
+    canvas = Canvas(blank(), 0, 200)
+    canvas.luma[...] = luma
+    return canvas
+
+
+@pytest.mark.parametrize("fog", [40.0, 70.0, 100.0])
+def test_fog_takes_as_much_contrast_as_koschmieder_says(fog):
+    """What is left between black and white at a distance is exp(-extinction x distance)."""
+    sky = sky_of(fog=fog)
+    veil = skies.fog(sky, SCALE)
+    assert veil is not None
+    black, white = canvas_of(16), canvas_of(216)
+    for canvas in (black, white):
+        veil.lay(canvas, WIDTH)
+    contrast = (white.luma[9].astype(float) - black.luma[9]) / 200.0
+    distance = np.arange(WIDTH) / SCALE
+    expected = np.maximum(np.exp(-sky.extinction * distance), 24 / 256)
+    assert np.abs(contrast - expected).max() < 0.02
+
+
+def test_at_the_optical_range_a_twentieth_is_left_of_contrast():
+    """The definition of the meteorological optical range (WMO)."""
+    sky = sky_of(fog=100.0)
+    told = float(sky.text.split("visibility ")[1].split(" m")[0])
+    assert math.exp(-sky.extinction * told) == pytest.approx(0.05, abs=0.01)
+
+
+def test_clear_air_hides_nothing():
+    assert skies.fog(sky_of(fog=0.0), SCALE) is None
+
+
+def test_headlamps_light_the_road_ahead_and_not_behind():
+    night = Night(SCALE, 200)
+    canvas = canvas_of(200)
+    night.fall()
+    night.shine(400.0, 100.0, 0.0, is_high=False)
+    night.lay(canvas)
+    dark = int(canvas.luma[100, 200])
+    assert canvas.luma[100, 500] > 1.5 * dark
+    assert canvas.luma[100, 380] == dark
+    assert canvas.luma[20, 410] == dark
+
+
+def test_high_beams_reach_farther():
+    lit: list[int] = []
+    for is_high in (False, True):
+        night, canvas = Night(SCALE, 200), canvas_of(200)
+        night.fall()
+        night.shine(100.0, 100.0, 0.0, is_high=is_high)
+        night.lay(canvas)
+        lit.append(int(canvas.luma[100, 100 + round(75 * SCALE)]))
+    assert lit[1] > lit[0]
+
+
+def test_a_beam_turns_with_its_vehicle():
+    night, canvas = Night(SCALE, 200), canvas_of(200)
+    night.fall()
+    night.shine(400.0, 180.0, math.radians(30.0), is_high=False)
+    night.lay(canvas)
+    along = (round(180.0 - 150.0 * math.sin(math.radians(30.0))), round(400.0 + 150.0 * 0.866))
+    assert canvas.luma[along] > canvas.luma[180, 550] + 20
+
+
+def test_the_night_is_darker_than_the_day():
+    def brightness(**weather: float) -> float:
+        run = api.simulate(scenario([Vehicle(s=100.0)], weather=weather, horizon=0.2))
+        return float(Film(run).draw(0)[60:280].mean())
+
+    assert brightness(night=1.0, sun_altitude=-1.5) < 0.6 * brightness()
+
+
+def test_shadows_fall_away_from_the_sun_and_grow_as_it_sinks():
+    ahead = sky_of(sun_altitude=math.radians(30.0), sun_azimuth=0.0).shade
+    left = sky_of(sun_altitude=math.radians(30.0), sun_azimuth=math.pi / 2.0).shade
+    low = sky_of(sun_altitude=math.radians(20.0), sun_azimuth=0.0).shade
+    assert ahead[0] == pytest.approx(-1.0 / math.tan(math.radians(30.0)), rel=1e-4)
+    assert ahead[1] == pytest.approx(0.0, abs=1e-6)
+    assert left[1] == pytest.approx(1.0 / math.tan(math.radians(30.0)), rel=1e-4)  # To the right.
+    assert low[0] < ahead[0]
+
+
+def test_the_low_sun_dazzles_from_the_side_on_which_it_stands():
+    for azimuth, bright, dark in ((0.0, 1250, 30), (math.pi, 30, 1250)):
+        glare = skies.glare(sky_of(sun_altitude=0.2, sun_azimuth=azimuth))
+        assert glare is not None
+        canvas = canvas_of(80)
+        glare.lay(canvas)
+        assert canvas.luma[5, bright] > canvas.luma[5, dark] + 20
+
+
+def test_more_rain_draws_more_streaks_and_every_time_the_same():
+    light, heavy = (skies.rain(rate, 240, is_night=False) for rate in (5.0, 50.0))
+    assert np.count_nonzero(heavy[0]) > 1.5 * np.count_nonzero(light[0])
+    skies.rain.cache_clear()
+    again = skies.rain(5.0, 240, is_night=False)
+    assert all(np.array_equal(a, b) for a, b in zip(light, again, strict=True))
+
+
+def test_the_veil_never_leaves_the_range_of_video():
+    """Fog over white and black stays between 16 and 235, also where it is thickest."""
+    veil = skies.fog(sky_of(fog=100.0, rain=100.0), SCALE)
+    assert veil is not None
+    for luma in (16, 235):
+        canvas = canvas_of(luma)
+        veil.lay(canvas)
+        assert canvas.luma.min() >= 15
+        assert canvas.luma.max() <= 235
+    assert yuv("#c3c9cd").y < 235
