@@ -25,8 +25,8 @@ from overtaking.model.trajectory import (
     States,
     Trajectories,
 )
-from overtaking.signals import target_signals
 from overtaking.signals.reference import signals
+from overtaking.signals.target import target_signals
 
 if TYPE_CHECKING:
     from overtaking.model.signals import Signals

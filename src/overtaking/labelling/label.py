@@ -12,7 +12,8 @@ from overtaking.model.labels import Case, Findings, Labels
 from overtaking.model.signals import Signals
 from overtaking.model.trajectory import Trajectories
 from overtaking.rules import POLICIES, PORTUGAL, Pack, Policy, check, legality
-from overtaking.signals import signals, target_signals
+from overtaking.signals.engine import signals
+from overtaking.signals.target import target_signals
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

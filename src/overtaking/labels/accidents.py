@@ -10,7 +10,7 @@ from overtaking.labels.frames import at, first_true
 from overtaking.model.events import NEVER
 from overtaking.model.signals import Signals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
-from overtaking.signals import signals_of
+from overtaking.signals.target import signals_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,8 +20,8 @@ from overtaking.model.road import Road
 from overtaking.model.signals import Around, Signals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
 from overtaking.physics.constants import known
-from overtaking.signals import alongside
 from overtaking.signals.reference import side_of
+from overtaking.signals.target import alongside
 
 I32 = NDArray[np.int32]
 U8 = NDArray[np.uint8]

@@ -1,6 +1,5 @@
-"""Ego-centred signals of any recording: who is around, how far, how fast, how far one sees."""
+"""Ego-centred signals of any recording: who is around, how far, how fast, how far one sees.
 
-from overtaking.signals.engine import signals
-from overtaking.signals.target import alongside, signals_of, target_signals
-
-__all__ = ["alongside", "signals", "signals_of", "target_signals"]
+`engine` works them out for everybody; `reference` is the same as a person reads it, and `target` has
+those of the vehicle that is overtaken.
+"""
