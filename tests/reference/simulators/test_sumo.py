@@ -191,7 +191,8 @@ def test_an_eager_driver_overtakes_and_returns():
         Vehicle(s=0.0, speed=30.0, driver=OVERTAKES),
         Vehicle(s=70.0, speed=18.0, driver=STAYS | {"desired_speed": 18.0}),
     ]
-    run = sumo.simulate(scenario(begin, road=wide_road(), horizon=40.0))
+    # The deadline is one for the attempt, which comes before it.
+    run = sumo.simulate(scenario(begin, road=wide_road(), horizon=40.0, attempt_deadline=8.0))
     stage = run.stage[0, : run.num_frames[0]]
     order = stage[np.flatnonzero(np.diff(stage, prepend=255))].tolist()
     assert order == [Stage.FOLLOW, Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.DONE]
