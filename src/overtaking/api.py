@@ -19,7 +19,6 @@ from overtaking.datasets.manifest import read_manifest
 from overtaking.datasets.plan import SHARD_SIZE
 from overtaking.datasets.recipe import Keep, Recipe, Simulator
 from overtaking.exchange import recording_export
-from overtaking.exchange import recording_export
 from overtaking.exchange.roads import load_road
 from overtaking.labelling import Labelled
 from overtaking.labelling import label as labelled
