@@ -9,19 +9,22 @@ from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.physics.constants import known
 from overtaking.rules.beliefs import LEADER, belief, pull_out
 from overtaking.rules.distances import margin_of_gap, sure_decel
-from overtaking.rules.frames import ENDLESS, always, conduct, frames_of
+from overtaking.rules.frames import ENDLESS, Span, always, conduct, frames_of
 from overtaking.rules.rule import Check, Grade, Rule
 
 Index = NDArray[np.intp]
 
 
 def check(case: Case) -> Check:
-    """The gap to the leader is lawful, but for 3 s after it cut in."""
+    """The gap to the leader is lawful, but for 3 s after it cut in or all began."""
     seen, place, span = case.signals, Around.LEADER, conduct(case)
+    # What came before a recording is not known: its beginning is like a cut-in.
+    settled = case.events.first + _time_to_regain(case) + 1
+    span = Span(start=np.maximum(span.start, settled), stop=span.stop)
     margin = margin_of_gap(
         seen.gap[:, place], seen.speed, seen.closing_speed[:, place], sure_decel(seen.friction)
     )
-    margin[seen.vehicle[:, place] == NO_VEHICLE] = ENDLESS
+    np.copyto(margin, ENDLESS, where=seen.vehicle[:, place] == NO_VEHICLE)
     margin[recapturing(case)] = ENDLESS
     believed = belief(case, pull_out(case), {LEADER: margin_of_gap})
     return always(margin, span, belief=believed)
@@ -31,11 +34,16 @@ def recapturing(case: Case) -> tuple[Index, Index]:
     """Simulations and frames in which the present leader has cut in less than 3 s ago."""
     vehicle = case.signals.vehicle[:, Around.LEADER]
     row, frame = _cut_ins(case, vehicle)
-    since = np.arange(frames_of(case, known("law.safe_distance.recapture")) + 1)
+    since = np.arange(_time_to_regain(case) + 1)
     frames = np.minimum(frame[:, None] + since, vehicle.shape[1] - 1)
     rows = np.broadcast_to(row[:, None], frames.shape)
     same = vehicle[rows, frames] == vehicle[row, frame][:, None]
     return rows[same], frames[same]
+
+
+def _time_to_regain(case: Case) -> int:
+    """Number of frames in which a distance that another has taken may be regained."""
+    return frames_of(case, known("law.safe_distance.recapture"))
 
 
 def _cut_ins(case: Case, vehicle: NDArray[np.uint8]) -> tuple[Index, Index]:
@@ -59,7 +67,7 @@ RULE = Rule(
     "suddenly.",
     predicate="At every frame: gap to the leader in the ego's lane >= v t + v^2 / (2 b) - "
     "v_lead^2 / (2 b), t = 1 s, b = min(8 m/s^2, 0.9 mu g); not in the 3 s after the leader cut "
-    "in.",
+    "in or the recording began.",
     unit="m",
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),

@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask, maximum
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.physics.constants import known
@@ -23,8 +22,8 @@ def check(case: Case) -> Check:
     rows, frames = over.frames()
     lane = seen.lane[rows, frames]
     away = (lane != events.original_lane[rows]) & (lane < case.trajectories.road.num_lanes)
-    rows, frames = rows[away], frames[away]
-    due = _is_due(case, rows, frames)
+    rows, frames = _behind(case, rows[away], frames[away])
+    due = slow_lane_room(case, rows, frames) >= 0
     first, length = longest_run(rows[due], frames[due], seen.num_simulations)
     allowed = frames_of(case, known("law.return.within"))
     margin = known("law.return.within") - seconds_of(case, length)
@@ -53,14 +52,14 @@ def longest_run(rows: Index, frames: Index, num_simulations: int) -> tuple[Index
     return first, length
 
 
-def _is_due(case: Case, rows: Index, frames: Index) -> Mask:
-    """Whether target and slower lane leave room to return, at single frames."""
+def _behind(case: Case, rows: Index, frames: Index) -> tuple[Index, Index]:
+    """Those of single frames in which the target is far enough behind."""
     seen, target, here = case.signals, case.target, (rows, frames)
     speed = target.speed[here]
     lawful = lawful_gap(speed, speed - seen.speed[here], sure_decel(seen.friction[here]))
-    wanted: F32 = maximum(known("law.return.time_gap") * speed, lawful)
-    behind = (target.lead[here] > 0) & (target.gap[here] >= wanted)
-    return behind & (slow_lane_room(case, rows, frames) >= 0)
+    wanted = np.maximum(known("law.return.time_gap") * speed, lawful)
+    enough = (target.lead[here] > 0) & (target.gap[here] >= wanted)
+    return rows[enough], frames[enough]
 
 
 RULE = Rule(

@@ -66,7 +66,8 @@ def signals() -> dict[str, list[float]]:
     constants = {"limit": [LIMIT] * FRAMES, "least": [LEAST] * FRAMES}
     flags = {
         "lead": spells(0.02),
-        "cut": rare(0.004),
+        # A recording begins as if somebody had just cut in.
+        "cut": [SURE, *rare(0.004)[1:]],
         "jam": spells(0.02),
         "beside": spells(0.03),
         "due": [-SURE, *spells(0.008)[1:]],

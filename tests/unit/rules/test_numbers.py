@@ -44,19 +44,28 @@ def lawful(rear: float, lead: float, b: float) -> float:
 
 @pytest.mark.parametrize(("lead", "rear"), [(33.333, 33.333), (25.0, 33.333), (20.0, 20.0)])
 def test_l3_asks_for_the_distance_of_the_formula(lead, rear):
-    one = case(Track(speed=rear), Track(s=150.0, speed=lead), events={}, frames=3)
-    needed = lawful(rear, lead, decel(one, 0))
-    gap = 150.0 - 4.4 - 2 * 0.05 * (rear - lead)
+    one = case(Track(speed=rear), Track(s=150.0, speed=lead), events={}, frames=81)
+    needed = lawful(rear, lead, decel(one, 80))
+    gap = 150.0 - 4.4 - 80 * 0.05 * (rear - lead)
     assert judge(RULES["L3"], one).margin[0] == pytest.approx(gap - needed, abs=0.01)
 
 
 def test_at_120_km_h_l3_wants_33_metres_and_a_second_does_it():
     near, far = (
-        case(Track(speed=33.333), Track(s=s + 4.4, speed=33.333), events={}, frames=5)
+        case(Track(speed=33.333), Track(s=s + 4.4, speed=33.333), events={}, frames=80)
         for s in (33.3, 33.4)
     )
     assert judge(RULES["L3"], near).verdict[0] == Verdict.ILLEGAL
     assert judge(RULES["L3"], far).verdict[0] == Verdict.LEGAL
+
+
+def test_three_seconds_after_a_recording_began_the_distance_counts():
+    near = judge(RULES["L3"], case(Track(speed=30.0), Track(s=25.0, speed=30.0), events={}))
+    assert near.first[0] == 61
+    leaving = case(Track(speed=30.0), Track(s=10.0, speed=34.0), events={})
+    assert judge(RULES["L3"], leaving).verdict[0] == Verdict.LEGAL
+    later = leaving.replace(events=leaving.events.replace(first=np.array([10], np.int32)))
+    assert judge(RULES["L3"], later).verdict[0] == Verdict.LEGAL
 
 
 def test_rain_lengthens_the_lawful_distance_to_a_slower_one():
