@@ -22,6 +22,7 @@ mod philox;
 mod recording;
 mod state;
 mod steering;
+mod tile;
 
 pub use engine::{Inputs, Later, available_levels, current_level, simulate};
 pub use fields::{Constants, SIMULATION_NAMES, VEHICLE_NAMES};
