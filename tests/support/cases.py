@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tests.support.worlds import CLEAR, Vehicle, scenario
 
-from overtaking.core.elementary import as_f32
 from overtaking.labels import find_events
-from overtaking.model.batch import concatenate
 from overtaking.model.events import NEVER, Events
 from overtaking.model.known_roads import known_road
 from overtaking.model.labels import Case
@@ -127,11 +125,6 @@ def seen_case(recorded: Trajectories, events: dict[str, int] | None = None) -> C
     found = find_events(recorded, seen) if events is None else _events(recorded, seen, events)
     target = target_signals(recorded, seen, found)
     return Case(trajectories=recorded, signals=seen, events=found, target=target)
-
-
-def batch(*cases: Case) -> Case:
-    """Several cases of one road and one source as one."""
-    return concatenate(list(cases))
 
 
 def ramp(*points: tuple[float, float], frames: int, interval_ms: int = INTERVAL_MS) -> np.ndarray:
@@ -252,13 +245,3 @@ def _events(recorded: Trajectories, seen: Signals, named: dict[str, int]) -> Eve
 
 
 _TYPES = {"U8": np.uint8, "Mask": np.bool_}
-
-
-def with_signals(one: Case, **changes: np.ndarray) -> Case:
-    """The same case with signals of one's own, such as random ones."""
-    fields = {name: _like(value) for name, value in changes.items()}
-    return one.replace(signals=one.signals.replace(**fields))
-
-
-def _like(value: np.ndarray) -> np.ndarray:
-    return as_f32(value) if np.issubdtype(value.dtype, np.floating) else value

@@ -110,6 +110,9 @@ fn behind_old_leader<S: Simd, const N: usize>(
     let left = c.clear_fraction * state.path_duration[i] - state.path_time[i];
     let clears = left.simd_gt(0.0) & gap.simd_gt(closing * left);
     let matters = changing & slot.simd_ge(0.0) & overlaps & !clears;
+    if !matters.any_true() {
+        return free;
+    }
     let wanted = follow(
         c,
         p,

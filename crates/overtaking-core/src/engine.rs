@@ -7,10 +7,12 @@ use rayon::prelude::*;
 use crate::collisions::{Pairs, collide, leave_road, near_pairs};
 use crate::fields::{Constants, Simulation, Vehicle};
 use crate::lanes::{LANES, dispatch, splat};
-use crate::neighbours::find_neighbours;
+use crate::neighbours::{Neighbours, find_neighbours};
 use crate::output::Output;
-use crate::recording::{Recorder, Tile};
+use crate::perception::Beliefs;
+use crate::recording::Recorder;
 use crate::state::{EGO, History, Road, State, World};
+use crate::tile::Tile;
 use crate::{MAX_VEHICLES, SLOTS};
 use crate::{control, dynamics, ego, environment, mobil, perception, steering};
 
@@ -150,7 +152,12 @@ fn run_blocks<const N: usize>(
 /// Row of sixteen numbers of a block; lanes beyond the batch repeat its last simulation.
 #[inline(always)]
 fn row(values: &[f32], batch: usize, row: usize, block: usize) -> [f32; LANES] {
-    core::array::from_fn(|lane| values[row * batch + (block * LANES + lane).min(batch - 1)])
+    let start = block * LANES;
+    let values = &values[row * batch..(row + 1) * batch];
+    match values[start..].first_chunk() {
+        Some(whole) => *whole,
+        None => core::array::from_fn(|lane| values[(start + lane).min(batch - 1)]),
+    }
 }
 
 #[inline(always)]
@@ -183,6 +190,22 @@ fn load<S: Simd, const N: usize>(
 struct Scratch<const N: usize> {
     tile: Tile<N>,
     history: History<N>,
+}
+
+/// Who drives around each vehicle and what its driver believes: written anew at every decision, and
+/// kept in one place, as moving it costs more than some of what is computed from it.
+struct Minds<S: Simd, const N: usize> {
+    near: [Neighbours<S>; N],
+    believed: [Beliefs<S>; N],
+}
+
+impl<S: Simd, const N: usize> Minds<S, N> {
+    fn new(simd: S) -> Self {
+        Self {
+            near: [Neighbours::nobody(simd); N],
+            believed: [Beliefs::nothing(simd); N],
+        }
+    }
 }
 
 /// Simulate one block.
@@ -221,6 +244,7 @@ fn run<S: Simd, const N: usize>(
     };
     let mut state = State::new(&world, &mut scratch.history);
     let mut recorder = Recorder::new(out, lanes, &mut scratch.tile);
+    let mut minds = Minds::new(simd);
     let mut pairs: Pairs<S, N> = [[None; N]; N];
     let mut step = 0;
     while runs(&state, simd, step) {
@@ -228,7 +252,7 @@ fn run<S: Simd, const N: usize>(
             (world.p, world.q) = load(simd, later.vehicle, later.simulation, inputs, block);
         }
         if step.is_multiple_of(SUBSTEPS) {
-            pairs = decide(&mut state, &world, &mut recorder, step);
+            pairs = decide(&mut state, &world, &mut minds, &mut recorder, step);
         }
         if step.is_multiple_of(inputs.record_every) {
             simd.vectorize(
@@ -267,17 +291,14 @@ fn runs<S: Simd, const N: usize>(state: &State<'_, S, N>, simd: S, step: u32) ->
 fn decide<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
+    minds: &mut Minds<S, N>,
     recorder: &mut Recorder<'_, N>,
     step: u32,
 ) -> Pairs<S, N> {
     let decision = step / SUBSTEPS;
     surroundings(state, w, step);
-    let mut near = [outlined!(w.simd, find_neighbours(state, w, EGO)); N];
-    let mut believed = [outlined!(
-        w.simd,
-        perception::perceive(state, w, &near[EGO], EGO, decision as usize)
-    ); N];
-    for i in 1..w.count {
+    let Minds { near, believed } = minds;
+    for i in 0..w.count {
         near[i] = outlined!(w.simd, find_neighbours(state, w, i));
         believed[i] = outlined!(
             w.simd,

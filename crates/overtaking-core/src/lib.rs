@@ -23,6 +23,7 @@ mod recording;
 pub mod signals;
 mod state;
 mod steering;
+mod tile;
 
 pub use engine::{Inputs, Later, available_levels, current_level, simulate};
 pub use fields::{Constants, SIMULATION_NAMES, VEHICLE_NAMES};

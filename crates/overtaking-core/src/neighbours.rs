@@ -26,6 +26,22 @@ pub struct Neighbours<S: Simd> {
     pub lane_high: V<S>,
 }
 
+impl<S: Simd> Neighbours<S> {
+    /// An empty road.
+    pub fn nobody(simd: S) -> Self {
+        let (none, far, zero) = (splat(simd, NOBODY), splat(simd, FAR), splat(simd, 0.0));
+        Self {
+            slot: [none; ROLES],
+            gap: [far; ROLES],
+            distance: [far; ROLES],
+            aside: [zero; ROLES],
+            half_length: [zero; ROLES],
+            lane_low: zero,
+            lane_high: zero,
+        }
+    }
+}
+
 /// Borders of the lane `shift` lanes from a vehicle's own [m].
 #[inline(always)]
 pub fn lane_borders<S: Simd, const N: usize>(

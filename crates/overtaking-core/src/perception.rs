@@ -33,6 +33,20 @@ pub struct Beliefs<S: Simd> {
     pub leader_accel: V<S>,
 }
 
+impl<S: Simd> Beliefs<S> {
+    /// Before anyone has looked.
+    #[inline(always)]
+    pub fn nothing(simd: S) -> Self {
+        let zero = splat(simd, 0.0);
+        Self {
+            detected: [zero.simd_lt(zero); ROLES],
+            gap: [zero; ROLES],
+            closing: [zero; ROLES],
+            leader_accel: zero,
+        }
+    }
+}
+
 /// Write down where everybody is now.
 #[inline(always)]
 pub fn remember<S: Simd, const N: usize>(
@@ -233,12 +247,7 @@ pub fn perceive<S: Simd, const N: usize>(
     let row = then - HISTORY as f32 * floor(then * (1.0 / HISTORY as f32));
     let (own_speed, _) = state.road_velocity(i);
     let judged = exp(q.distance_error * state.distance_error[i]);
-    let mut believed = Beliefs {
-        detected: [zero.simd_lt(zero); ROLES],
-        gap: [zero; ROLES],
-        closing: [zero; ROLES],
-        leader_accel: zero,
-    };
+    let mut believed = Beliefs::nothing(w.simd);
     for role in 0..ROLES {
         let slot = near.slot[role];
         let is_front = role.is_multiple_of(2);

@@ -8,11 +8,8 @@ use crate::neighbours::Neighbours;
 use crate::output::{MAX_PERCEPTS, Output};
 use crate::perception::Beliefs;
 use crate::state::{EGO, State, World};
+use crate::tile::{Row, TILE, Tile, WORDS, bytes, halves, put, transposed};
 
-/// Frames that are collected before they are moved to their place in memory.
-const TILE: usize = 16;
-/// Recorded numbers of a vehicle in a frame.
-const WORDS: usize = 12;
 const NO_VEHICLE: i32 = 255;
 const INT16_LIMIT: f32 = 32767.0;
 const INT32_LIMIT: f32 = 2.0e9;
@@ -52,15 +49,6 @@ fn mix_word(hash: u32, word: u32) -> u32 {
     hash.wrapping_add(word.wrapping_mul(PRIME_2))
         .rotate_left(13)
         .wrapping_mul(PRIME_1)
-}
-
-/// Memory for the frames that wait to be moved; what is in it before it is written means nothing.
-pub struct Tile<const N: usize>(Vec<[i32; LANES]>);
-
-impl<const N: usize> Default for Tile<N> {
-    fn default() -> Self {
-        Self(vec![[0; LANES]; WORDS * N * TILE])
-    }
 }
 
 /// Collects the recorded integers of a block and hashes them.
@@ -135,7 +123,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
             let words = vehicle_words(state, w, i);
             for (k, word) in words.into_iter().enumerate() {
                 let word = valid.select(word, i32x16::splat(simd, 0));
-                self.tile.0[(k * N + i) * TILE + at] = word.to_array();
+                self.tile.0[(k * N + i) * TILE + at] = Row(word.to_array());
                 hash[k % 4] = mix(hash[k % 4], word, active & valid);
             }
         }
@@ -186,7 +174,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
                     let from = (k * N + i) * TILE + group - start;
                     let turned = transposed(simd, &self.tile.0[from..from + LANES]);
                     let out = &mut self.out;
-                    for (lane, row) in turned.iter().enumerate().take(self.lanes) {
+                    for (lane, Row(row)) in turned.iter().enumerate().take(self.lanes) {
                         let place = (lane * slots + i) * room + group;
                         match k {
                             0 => put(out.x, place, *row),
@@ -373,53 +361,6 @@ impl<'a, const N: usize> Recorder<'a, N> {
             word ^ (word >> 16)
         })
     }
-}
-
-/// Sixteen frames of sixteen simulations, turned into sixteen simulations of sixteen frames.
-#[inline(always)]
-fn transposed<S: Simd>(simd: S, rows: &[[i32; LANES]]) -> [[i32; LANES]; LANES] {
-    let mut turned = [i32x16::splat(simd, 0); LANES];
-    for (vector, row) in turned.iter_mut().zip(rows) {
-        *vector = i32x16::simd_from(simd, *row);
-    }
-    // Four perfect shuffles of the rows turn the square.
-    for _ in 0..4 {
-        let before = turned;
-        for k in 0..LANES / 2 {
-            (turned[2 * k], turned[2 * k + 1]) = before[k].interleave(before[k + LANES / 2]);
-        }
-    }
-    let mut square = [[0; LANES]; LANES];
-    for (row, vector) in square.iter_mut().zip(turned) {
-        *row = vector.to_array();
-    }
-    square
-}
-
-/// Sixteen numbers to their place.
-#[inline(always)]
-fn put<T: Copy>(out: &mut [T], place: usize, row: [T; LANES]) {
-    if let Some(to) = out[place..].first_chunk_mut::<LANES>() {
-        *to = row;
-    }
-}
-
-#[inline(always)]
-fn halves(row: &[i32; LANES]) -> [i16; LANES] {
-    let mut narrow = [0; LANES];
-    for (narrow, wide) in narrow.iter_mut().zip(row) {
-        *narrow = *wide as i16;
-    }
-    narrow
-}
-
-#[inline(always)]
-fn bytes(row: &[i32; LANES]) -> [u8; LANES] {
-    let mut narrow = [0; LANES];
-    for (narrow, wide) in narrow.iter_mut().zip(row) {
-        *narrow = *wide as u8;
-    }
-    narrow
 }
 
 #[inline(always)]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.support.cases import Belief, Track, batch, case, ramp, two_way_road
+from tests.support.cases import Belief, Track, case, ramp, two_way_road
 from tests.support.overtakes import (
     BESIDE,
     CROSSED,
@@ -245,6 +245,14 @@ def test_of_several_decisions_the_last_before_the_line_counts():
     assert judge(RULES["L3"], crossing(beliefs=beliefs)).belief[0] == labels.Belief.MISTAKEN
 
 
+@pytest.mark.parametrize(("frame", "counts"), [(55, True), (79, True), (81, False)])
+def test_without_a_line_crossed_decisions_count_until_a_second_after_the_attempt(frame, counts):
+    said = Belief(frame=frame, true_gap=20.0, gap=90.0)
+    one = crossing(beliefs=(said,), events={"attempt": 60})
+    expected = labels.Belief.MISTAKEN if counts else labels.Belief.NONE
+    assert judge(RULES["L3"], one).belief[0] == expected
+
+
 @pytest.mark.parametrize(("code", "whom"), [("L4", 1), ("L5", 2)])
 def test_entering_a_lane_is_judged_by_whom_it_is_about(code, whom):
     others = [Track(s=80.0, lane=1, speed=32.0), Track(s=-60.0, lane=1, speed=28.0)]
@@ -271,17 +279,6 @@ def test_every_number_of_the_law_is_used_in_a_rule_or_said_to_be_for_comparison(
     for name in entries:
         if not name.startswith(("rss.", "limits.", "excess.")):
             assert f'"law.{name}"' in text, name
-
-
-def test_rules_of_a_batch_are_those_of_its_simulations():
-    cases = [overtake(), overtake(target={"s": 100.0}), overtake(ego={"lane": STAYS})]
-    together = [judge(rule, batch(*cases)) for rule in PORTUGAL.rules]
-    for k, one in enumerate(cases):
-        for rule, whole in zip(PORTUGAL.rules, together, strict=True):
-            alone_ = judge(rule, one)
-            assert alone_.verdict[0] == whole.verdict[k], rule.code
-            assert alone_.margin[0] == whole.margin[k], rule.code
-            assert alone_.first[0] == whole.first[k], rule.code
 
 
 def test_the_gap_of_four_seconds_before_a_fast_one_is_exact():
