@@ -16,7 +16,6 @@ from overtaking.datasets import load as reading
 from overtaking.datasets.generate import Progress
 from overtaking.datasets.load import Dataset
 from overtaking.datasets.manifest import read_manifest
-from overtaking.datasets.plan import SHARD_SIZE
 from overtaking.datasets.recipe import Keep, Recipe, Simulator
 from overtaking.exchange import recording_export
 from overtaking.exchange.roads import load_road
@@ -44,13 +43,16 @@ Profile = str | Path | Mapping[str, Any] | Spec
 EXPORTS = ("pinto2023", "commonroad", "highd")
 """The formats that a data set can be written in."""
 
-SIMULATORS = ("engine", "reference", "sumo")
-"""What can simulate: the compiled engine, its readable twin with the same results, and SUMO."""
+SIMULATORS = ("engine", "reference", "sumo", "carla", "carla-traffic-manager")
+"""What can simulate: the compiled engine, its readable twin with the same results, SUMO, and CARLA
+with our drivers or with its own."""
 
 _HOMES = {
     "engine": "overtaking.sim.engine",
     "reference": "overtaking.sim.reference",
     "sumo": "overtaking.simulators.sumo",
+    "carla": "overtaking.simulators.carla",
+    "carla-traffic-manager": "overtaking.simulators.carla_traffic",
 }
 """The module of each simulator, loaded when it is asked for."""
 
@@ -69,7 +71,7 @@ def generate(
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
     simulator: str = "engine",
-    shard_size: int = SHARD_SIZE,
+    shard_size: int | None = None,
     progress: Progress | None = None,
 ) -> Dataset:
     """Make a data set.
@@ -85,7 +87,7 @@ def generate(
         overrides: Dotted keys of the specification with other values, as in `scenarios.spec`.
         road: A road in place of the profile's: a name, an OpenDRIVE file, or a `Road`.
         simulator: One of `SIMULATORS`.
-        shard_size: Simulations a file.
+        shard_size: Simulations a file; what suits the simulator if left out.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:
@@ -98,15 +100,15 @@ def generate(
         KeyboardInterrupt: Ctrl-C; the same holds.
     """
     spec = scenarios.spec(profile, overrides)
+    chosen = _simulator(simulator)
     recipe = Recipe(
         spec=spec,
         road=_road(road or spec.road),
         seed=seed,
         num_simulations=simulations,
         keep=_keep(keep),
-        shard_size=shard_size,
+        shard_size=chosen.shard_size if shard_size is None else shard_size,
     )
-    chosen = _simulator(simulator)
     return writing.generate(recipe, Path(out), chosen, resume=resume, progress=progress)
 
 
@@ -538,6 +540,7 @@ def _simulator(name: str) -> Simulator:
         simulate=module.simulate,
         unknown=module.UNKNOWN,
         chunk_size=module.CHUNK_SIZE,
+        shard_size=module.SHARD_SIZE,
     )
 
 

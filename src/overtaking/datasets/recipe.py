@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from overtaking.datasets.plan import CHUNK_SIZE
+from overtaking.datasets.plan import CHUNK_SIZE, SHARD_SIZE
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
@@ -37,6 +37,7 @@ class Simulator:
         details: What may differ between machines and changes no number, such as the SIMD level.
         unknown: What it cannot tell of a simulation, names of `model.trajectory.UNKNOWNS`.
         chunk_size: Simulations that it is given at a time; few where each of them takes long.
+        shard_size: Simulations a file, and at most that many to do again after an interruption.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Simulator:
     details: Mapping[str, str] = field(default_factory=dict[str, str])
     unknown: frozenset[str] = frozenset()
     chunk_size: int = CHUNK_SIZE
+    shard_size: int = SHARD_SIZE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,10 +25,13 @@ from overtaking.simulators.sumo_recording import RAW, UNKNOWN, Recording, Run
 from overtaking.simulators.sumo_stage import Sight, Watch
 from overtaking.simulators.sumo_traffic import Traffic, routes, speed_factor
 
-__all__ = ["CHUNK_SIZE", "UNKNOWN", "simulate", "step_ms", "version"]
+__all__ = ["CHUNK_SIZE", "SHARD_SIZE", "UNKNOWN", "simulate", "step_ms", "version"]
 
 CHUNK_SIZE = 32
 """Simulations to ask for at a time, so that a second or so passes between two signs of life."""
+
+SHARD_SIZE = 256
+"""Simulations that are lost at most when somebody ends the work: some ten seconds of it."""
 
 LARGEST_STEP_MS = 50
 """The EIDM is made for steps of 0.05 to 0.5 s; our own drivers decide as often [ms]."""
