@@ -233,6 +233,16 @@ OF_DRIVING: list[tuple[str, Verdict, str, Any]] = [
         "a fast one behind on the left must brake",
         lambda: crossing(Track(s=-100.0, lane=1, speed=44.0), ego={"lane": LATE}),
     ),
+    (
+        "L23",
+        APART,
+        "into the way of a fast one long before",
+        lambda: crossing(
+            Track(s=-60.0, lane=1, speed=44.0),
+            ego={"lane": ramp((1, 0), (1.5, 1), frames=200)},
+            events={"attempt": 150, "original_lane": 1},
+        ),
+    ),
     ("L23", APART, "nobody behind", lambda: crossing(ego={"lane": LATE})),
     ("L24", LEGAL, "oncoming traffic far off", lambda: against(60.0)),
     ("L24", BREACH, "oncoming traffic near", lambda: against(35.0)),

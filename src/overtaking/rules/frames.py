@@ -141,7 +141,7 @@ def reduced(by: np.ufunc, values: NDArray[S], span: Span) -> NDArray[S]:
     index[1::2] = first + np.where(some, span.stop + 1, 1)
     flat = values.reshape(-1)
     # `reduceat` takes no end beyond the array, and needs none after the last start.
-    return by.reduceat(flat, index[: -1 if index[-1] == flat.size else None])[::2]
+    return by.reduceat(flat, index[index < flat.size])[::2]
 
 
 def ends(broken: Mask) -> tuple[I32, I32]:

@@ -225,6 +225,7 @@ THOUGHT_NEAR, THOUGHT_FAR = {"gap": 20.0}, {"gap": 90.0}
         (TRUE_NEAR | THOUGHT_NEAR, labels.Belief.KNOWINGLY_ILLEGAL),
         (TRUE_FAR | THOUGHT_NEAR, labels.Belief.LUCKY),
         (TRUE_NEAR | THOUGHT_NEAR | {"detected": False}, labels.Belief.MISTAKEN),
+        (TRUE_NEAR | THOUGHT_FAR | {"frame": 100}, labels.Belief.MISTAKEN),
         (TRUE_NEAR | THOUGHT_FAR | {"frame": 101}, labels.Belief.NONE),
         (TRUE_NEAR | THOUGHT_FAR | {"kind": DecisionKind.ABORT}, labels.Belief.NONE),
     ],

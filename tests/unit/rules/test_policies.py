@@ -105,3 +105,9 @@ def test_findings_name_their_rules_and_version():
     assert found.rules == PORTUGAL.codes
     assert found.version == PORTUGAL.version
     assert found.verdict.shape == (1, len(PORTUGAL.rules))
+
+
+def test_of_no_simulation_there_are_no_findings():
+    found = check(PORTUGAL, overtake().select(np.array([], np.intp)))
+    assert found.verdict.shape == (0, len(PORTUGAL.rules))
+    assert legality(found, policy("default")).is_legal.shape == (0,)

@@ -1,0 +1,68 @@
+"""What each rule of law costs, beside the simulations that it judges.
+
+    python benchmarks/rules.py
+
+Processor time of one core for each simulation, the shortest of some runs over a batch as data sets
+use it, and the time that signals and the engine took for the same batch.
+"""
+
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+
+from measure import Measure, number, parser, report
+from overtaking import api
+from overtaking.labels import find_events
+from overtaking.model.labels import Case
+from overtaking.rules import PORTUGAL, check, judge
+from overtaking.signals.engine import signals
+from overtaking.signals.target import target_signals
+
+BATCH, REPEATS = 512, 7
+LIMIT = 60.0
+"""All rules together [microseconds of a core a simulation]."""
+
+
+def case() -> Case:
+    """A batch of the study's profile with everything that rules look at."""
+    recorded = api.simulate(api.sample("pinto2023", BATCH, 1))
+    seen = signals(recorded)
+    events = find_events(recorded, seen)
+    target = target_signals(recorded, seen, events)
+    return Case(trajectories=recorded, signals=seen, events=events, target=target)
+
+
+def cost(action: Callable[[], object]) -> float:
+    """The shortest of some runs [microseconds of processor time a simulation]."""
+    times: list[float] = []
+    for _ in range(REPEATS):
+        start = time.process_time()
+        action()
+        times.append(time.process_time() - start)
+    return min(times) / BATCH * 1e6
+
+
+def measures() -> list[Measure]:
+    """Each rule, and all of them."""
+    batch = case()
+    scenarios = batch.trajectories.scenario
+    made = cost(lambda: api.simulate(scenarios))
+    everything = cost(lambda: check(PORTUGAL, batch))
+    each = [
+        Measure(name=rule.title, value=cost(partial(judge, rule, batch)), unit="us", note=rule.code)
+        for rule in PORTUGAL.rules
+    ]
+    share = Measure(
+        name="rules / engine",
+        value=everything / made,
+        unit="1",
+        note=f"the engine takes {number(made)} us a simulation",
+    )
+    whole = Measure(name="all rules", value=everything, unit="us", at_most=LIMIT)
+    return [*each, whole, share]
+
+
+if __name__ == "__main__":
+    options = parser(__doc__).parse_args()
+    sys.exit(report(measures(), as_json=options.json))
