@@ -13,9 +13,11 @@ from overtaking.plots.style import (
     new_figure,
     styled,
 )
+from overtaking.stats.columns import NO_ATTEMPT
 from overtaking.stats.diagrams import Diagram, Track
 
 _OTHERS = "#9aa1aa"
+_SKY = "#56b4e9"  # Of the same palette; the grey of No_attempt would be lost among the others.
 _LETTER = 0.0105  # Width of a letter, in lengths of the time axis.
 _NAME_HEIGHT = 0.05  # Height of a name, in heights of the upper panel.
 
@@ -30,7 +32,7 @@ def draw_overtake(one: Diagram, name: str) -> Figure:
     """
     figure = new_figure(4.6)
     along, across = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
-    colour = CLASS_COLOURS[name]
+    colour = CLASS_COLOURS[name] if name != NO_ATTEMPT else _SKY
     for axes in (along, across):
         axes.grid(visible=False)
         _draw_phases(axes, one)

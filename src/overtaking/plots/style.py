@@ -13,24 +13,14 @@ import io
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar, cast
 
-from overtaking.core.errors import MissingExtraError
-from overtaking.model.labels import OvertakeClass
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 
-try:
-    import matplotlib as mpl
-    from matplotlib.axes import Axes
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.colors import to_rgb
-    from matplotlib.figure import Figure
-except ImportError:
-    raise MissingExtraError.of(
-        what="Matplotlib, which draws",
-        where="figures",
-        expected="the extra [plots]",
-        got="no such package",
-        next_step="run: pip install 'overtaking[plots]'",
-    ) from None
+from overtaking.model.labels import OvertakeClass
 
 P = ParamSpec("P")
 R = TypeVar("R")

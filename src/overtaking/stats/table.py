@@ -81,7 +81,8 @@ def write(value: Any, style: Style) -> str:
         return "< 0.001" if value < 1e-3 else f"{value:.3f}"
     if style is Style.COUNT:
         return f"{value:,.0f}" if float(value).is_integer() else f"{value:,.1f}"
-    return f"{value:,.2f}"
+    text = f"{value:,.2f}"
+    return text.lstrip("-") if not text.strip("-0.") else text.replace("-", "−")
 
 
 def _plain(value: Any) -> Any:

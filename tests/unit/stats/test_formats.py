@@ -95,6 +95,8 @@ def test_text_is_aligned_and_says_what_to_know(result: Statistics):
         (math.nan, Style.COUNT, "–"),
         (0.1234, Style.SHARE, "12.3 %"),
         (3.14159, Style.NUMBER, "3.14"),
+        (-3.14159, Style.NUMBER, "−3.14"),
+        (-0.001, Style.NUMBER, "0.00"),
         (1e-9, Style.P_VALUE, "< 0.001"),
         (0.0494, Style.P_VALUE, "0.049"),
     ],
