@@ -1,8 +1,8 @@
 """Recorded simulations as CommonRoad scenarios (XML, version 2020a), one file each.
 
 The road becomes straight lanelets, the vehicles dynamic obstacles, the ego among them with the
-smallest id. Numbers are written with the steps in which they are recorded, so nothing is lost; what
-CommonRoad has no place for is left out.
+smallest id. Positions are those along and across the road, put onto the straight lanelets with
+enough digits to come back the same; what CommonRoad has no place for is left out.
 """
 
 from __future__ import annotations
@@ -46,7 +46,6 @@ DATE = "1970-01-01"
 _POINT_SPACING = 50.0
 _MARGIN = 50.0  # How far the lanelets go on beyond the vehicles [m].
 _LARGEST_LIMIT = 99.0  # What is higher stands for no limit [m/s].
-_ON_THE_ROAD = 0.01  # Recorded world positions farther from the straight road are not used [m].
 
 _TYPES = {
     VehicleKind.T: "truck",
@@ -118,11 +117,10 @@ def _lines(trajectories: Trajectories, place: int, number: int) -> Iterator[str]
 
 
 def _extent(trajectories: Trajectories, place: int) -> tuple[float, float]:
-    """Where the lanelets begin and end [m]."""
+    """Where the lanelets begin and end, in whole metres so that no digit of `s` is lost [m]."""
     s = trajectories.states.s[place][trajectories.state_valid[place]] * METRES_PER_STEP
-    return min(0.0, float(s.min()) - _MARGIN), max(
-        trajectories.road.length, float(s.max()) + _MARGIN
-    )
+    begin, end = float(s.min()) - _MARGIN, float(s.max()) + _MARGIN
+    return min(0.0, np.floor(begin)), np.ceil(max(trajectories.road.length, end))
 
 
 def _lanelets(
@@ -197,12 +195,8 @@ def _states(
     def column(name: str, step: float) -> NDArray[np.float64]:
         return getattr(recorded, name)[place, slot, frames] * step
 
-    s, d = column("s", METRES_PER_STEP), column("d", METRES_PER_STEP)
-    x, y = column("x", METRES_PER_STEP), column("y", METRES_PER_STEP)
-    straight_x, straight_y = trajectories.road.world(s, d)
-    if np.hypot(x - straight_x, y - straight_y).max() > _ON_THE_ROAD:
-        # The world of a recording bends with its road; the lanelets here do not.
-        x, y = straight_x, straight_y
+    # Not the recorded world: that of a recording bends with its road, the lanelets here do not.
+    x, y = trajectories.road.world(column("s", METRES_PER_STEP), column("d", METRES_PER_STEP))
     heading, speed = (
         column("heading", RADIANS_PER_STEP),
         column("speed", METRES_PER_SECOND_PER_STEP),
@@ -214,7 +208,7 @@ def _states(
         k = min(k, len(frames) - 1)
         yaw = f"<yawRate><exact>{yaw_rate[k]:.4f}</exact></yawRate>" if turns else ""
         yield (
-            f"<position><point><x>{x[k]:.3f}</x><y>{y[k]:.3f}</y></point></position>"
+            f"<position><point><x>{x[k]:.6f}</x><y>{y[k]:.6f}</y></point></position>"
             f"<orientation><exact>{heading[k]:.4f}</exact></orientation>"
             f"<time><exact>{frame}</exact></time>"
             f"<velocity><exact>{speed[k]:.3f}</exact></velocity>"

@@ -110,7 +110,7 @@ def interval_ms_of(source: Path, table: pa.Table, frames: Frames) -> int:
     steps = np.diff(time)[np.diff(frames.simulation) == 0]
     if not len(steps):
         raise refused(source, "column TS", "two frames of a simulation", "one of each")
-    interval = round(float(np.median(steps)) * 1000.0)
+    interval = round(float(np.mean(steps)) * 1000.0)
     uneven = np.abs(steps * 1000.0 - interval) > 10.0 + 1e-6  # Two decimals of a second.
     if uneven.any() or not 10 <= interval <= 1000:
         got = f"{steps.min():g} to {steps.max():g} s"

@@ -1,0 +1,287 @@
+"""CommonRoad scenarios: real ones, and small ones in which every number is known."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from tests.support.recordings import WIDTH, Bend, Mover, commonroad
+
+from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.exchange.candidates import lane_changes, overtakes
+from overtaking.exchange.commonroad import read_commonroad
+from overtaking.exchange.recording_neighbours import Surroundings
+from overtaking.exchange.recording_scenes import scenes
+from overtaking.model.road import RoadMark
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+BENDS = (0.0, 1.0 / 1500.0, -1.0 / 1500.0)
+
+
+@pytest.fixture
+def write(tmp_path: Path):
+    def _write(text: str) -> Path:
+        path = tmp_path / "scene.xml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return _write
+
+
+@pytest.mark.parametrize("curvature", BENDS)
+@pytest.mark.parametrize("version", ["2018b", "2020a"])
+def test_positions_come_back_along_and_across_a_straight_or_bent_road(write, curvature, version):
+    road = Bend(curvature=curvature, length=600.0)
+    movers = [Mover(number=1, s=30.0, speed=25.0, lane=1, last=200), Mover(number=2, s=60.0)]
+    found = read_commonroad(write(commonroad(movers, road, version=version)))
+    tracks = found.tracks
+    assert tracks.ids.tolist() == [1, 2]
+    lane = found.road.centres[1]
+    first = slice(0, tracks.start[1])
+    assert np.abs(tracks.d[first] - lane).max() < 0.01
+    assert (tracks.lane[first] == 1).all()
+    # Along the middle lane, the reference line, 2.5 m in a tenth of a second.
+    assert np.abs(np.diff(tracks.s[first]) - 2.5).max() < 0.01
+    # The body stands along its lane, wherever the lane points.
+    assert np.abs(tracks.heading[first] - found.road.heading).max() < 2e-4
+    assert np.allclose(np.diff(found.road.boundaries), WIDTH, atol=1e-3)
+
+
+def test_the_outer_lane_of_a_bend_is_longer_by_as_much_as_is_said(write):
+    road = Bend(curvature=1.0 / 400.0, length=150.0)
+    movers = [Mover(number=1, s=5.0, speed=10.0, lane=0, last=100)]
+    found = read_commonroad(write(commonroad(movers, road)))
+    half = 1.5 * WIDTH  # From the right edge, where `s` is counted, to the reference line.
+    advance = np.diff(found.tracks.s)
+    expected = 1.0 * (1.0 - half / 400.0)
+    assert np.median(advance) == pytest.approx(expected, abs=1e-3)
+    assert found.notes["longest_way"] == pytest.approx(WIDTH / (400.0 - half), abs=1e-3)
+
+
+def test_an_overtake_is_found_with_its_target_and_its_window(write):
+    found = read_commonroad(write(commonroad()))
+    changes = lane_changes(found)
+    windows = overtakes(found, changes, Surroundings.of(found))
+    ids = found.tracks.ids
+    assert changes.old.tolist() == [0, 1]
+    assert changes.new.tolist() == [1, 0]
+    (window,) = windows
+    assert (ids[window.ego], ids[window.leader]) == (7, 3)
+    # The ramp runs from 2 s to 6 s, its speed exceeds 0.15 m/s after 0.3 s.
+    assert window.moves == pytest.approx(23, abs=1)
+    assert window.first == 0
+    assert window.returns == pytest.approx(141, abs=3)
+    # The movement back ends at 15.7 s; five seconds more.
+    assert window.last == pytest.approx(207, abs=2)
+
+
+def test_lanelets_that_follow_each_other_are_one_road(write):
+    whole = read_commonroad(write(commonroad(road=Bend())))
+    cut = read_commonroad(write(commonroad(road=Bend(cuts=(300.0, 650.0)))))
+    assert cut.notes["lanelets_by_lane"] == [[11, 21, 31], [12, 22, 32], [13, 23, 33]]
+    assert np.allclose(cut.tracks.s, whole.tracks.s)
+    assert np.allclose(cut.tracks.d, whole.tracks.d)
+
+
+def test_what_the_file_says_of_the_road_is_kept_and_the_rest_is_unknown(write):
+    sign = (
+        '<trafficSign id="500"><trafficSignElement><trafficSignID>274</trafficSignID>'
+        "<additionalValue>33.25</additionalValue></trafficSignElement></trafficSign>"
+    )
+    text = commonroad(more=sign)
+    found = read_commonroad(write(text))
+    assert "speed_limit" in found.unknown
+    with_sign = text.replace("</laneletType>", '</laneletType><trafficSignRef ref="500"/>')
+    found = read_commonroad(write(with_sign))
+    assert found.road.speed_limit == 33.25
+    assert not {"speed_limit", "marks", "road_kind"} & found.unknown
+    assert {"drivers", "weather", "wheel_angle", "yaw_rate", "percepts"} <= found.unknown
+    assert found.road.kind == "motorway"
+    assert found.road.lanes[0].right_mark is RoadMark.SOLID
+    assert found.road.lanes[0].left_mark is RoadMark.BROKEN
+    assert found.road.lanes[2].left_mark is RoadMark.SOLID
+    bare = text.replace("<lineMarking>dashed</lineMarking>", "")
+    assert "marks" in read_commonroad(write(bare)).unknown
+
+
+def test_a_lane_that_joins_lies_beside_the_lanes_that_run_through(write):
+    """As on the US-101: an entry runs apart from the road first, then beside it."""
+    main = Bend(lanes=3, cuts=(300.0,))
+    entry = "".join(
+        f'<lanelet id="{number}"><leftBound>{main.points(*span, 0.0)}</leftBound>'
+        f"<rightBound>{main.points(*span, -4.0)}</rightBound>{links}</lanelet>"
+        for number, span, links in (
+            (91, (0.0, 300.0), '<successor ref="92"/>'),
+            (
+                92,
+                (300.0, 1000.0),
+                '<predecessor ref="91"/><adjacentLeft ref="21" drivingDir="same"/>',
+            ),
+        )
+    )
+    movers = [Mover(number=1, s=20.0, lane=1), Mover(number=2, s=250.0, lane=-1)]
+    text = commonroad(movers, main, more=entry)
+    beside = '<adjacentRight ref="92" drivingDir="same"/>'
+    head, tail = text.split('<lanelet id="21">')
+    text = head + '<lanelet id="21">' + tail.replace("<laneletType>", beside + "<laneletType>", 1)
+    found = read_commonroad(write(text))
+    assert found.notes["lanelets_by_lane"] == [[11, 21], [12, 22], [13, 23]]
+    neighbour = found.road.slow_side_neighbour
+    assert neighbour is not None
+    assert (neighbour.kind, neighbour.lane_id) == ("entry", -4)
+    assert neighbour.width == pytest.approx(4.0)
+    assert (found.tracks.lane[found.tracks.start[1] :] == 255).all()
+
+
+def test_where_lanes_part_the_road_ends(write):
+    text = commonroad([Mover(number=1, s=20.0, lane=1, last=50)], Bend(cuts=(500.0,)))
+    text = text.replace('<successor ref="22"/>', '<successor ref="22"/><successor ref="99"/>')
+    found = read_commonroad(write(text))
+    assert found.notes["lanelets_by_lane"] in ([[11], [12], [13]], [[21], [22], [23]])
+    assert found.road.length == pytest.approx(500.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("road", "message"),
+    [
+        (Bend(curvature=1.0 / 100.0, length=150.0), "bend"),
+        (Bend(curvature=1.0 / 60.0, length=40.0), "bend"),
+        (Bend(lanes=9), "driving lanes"),
+    ],
+)
+def test_a_road_that_no_straight_road_stands_for_is_refused(write, road, message):
+    movers = [Mover(number=1, s=5.0, speed=3.0, last=60)]
+    with pytest.raises(ImportFormatError, match=message):
+        read_commonroad(write(commonroad(movers, road)))
+
+
+def test_a_lane_that_tapers_is_refused_and_named(write):
+    text = commonroad()
+    # The line between lanelets 12 and 13 runs to the right, by 1.45 m at the end.
+    middle = Bend().points(0.0, 1000.0, 2 * WIDTH)
+    bent = "".join(
+        f"<point><x>{a:.6f}</x><y>{2 * WIDTH - 1.45 * a / 1000.0:.6f}</y></point>"
+        for a in np.linspace(0.0, 1000.0, 50)
+    )
+    assert text.count(middle) == 2
+    with pytest.raises(ImportFormatError, match=r"lane 2 from the right: expected a width"):
+        read_commonroad(write(text.replace(middle, bent)))
+
+
+def test_the_road_can_be_chosen_by_a_lanelet(write):
+    second = Bend().lanelets().replace('id="1', 'id="5').replace('ref="1', 'ref="5')
+    second = second.replace("<y>", "<y>1000").replace("<y>10000.", "<y>1000.")
+    text = commonroad(more=second)
+    assert read_commonroad(write(text)).notes["lanelets_by_lane"] == [[11], [12], [13]]
+    with pytest.raises(ConfigError, match="lanelet 77: expected one of 11, 12, 13"):
+        read_commonroad(write(text), lanelet_id=77)
+
+
+def test_positions_far_from_the_origin_are_shifted_into_reach(write):
+    movers = [Mover(number=1, s=30.0, speed=25.0, lane=1, last=100)]
+    text = commonroad(movers, Bend(length=400.0))
+    east = 5_300_000.0
+    shifted = text
+    for value in sorted(set(_texts(text, "x")), key=len, reverse=True):
+        shifted = shifted.replace(f"<x>{value}</x>", f"<x>{float(value) + east:.6f}</x>")
+    near, found = read_commonroad(write(text)), read_commonroad(write(shifted))
+    assert found.notes["world_shift_m"] == [east, 0.0]
+    assert np.allclose(found.tracks.x, near.tracks.x, atol=1e-5)
+    assert np.allclose(found.tracks.s, near.tracks.s, atol=1e-5)
+    assert found.road.x0 == pytest.approx(near.road.x0, abs=1e-5)
+
+
+def _texts(text: str, name: str) -> list[str]:
+    return [part.split(f"</{name}>")[0] for part in text.split(f"<{name}>")[1:]]
+
+
+def test_a_missing_speed_is_measured_and_said_to_be(write):
+    text = commonroad()
+    bare = text.replace("<velocity><exact>30</exact></velocity>", "")
+    found = read_commonroad(write(bare))
+    seven = int(np.flatnonzero(found.tracks.ids == 7)[0])
+    rows = slice(found.tracks.start[seven], found.tracks.start[seven + 1])
+    # Along the path, so a little more than 30 m/s while it crosses lanes.
+    assert found.tracks.speed[rows] == pytest.approx(30.0, abs=0.1)
+    assert "velocity" in found.notes["derived"]
+    assert "velocity" not in read_commonroad(write(text)).notes["derived"]
+
+
+def test_pedestrians_and_predictions_without_a_path_are_left_out_and_counted(write):
+    walker = commonroad([Mover(number=90, kind="pedestrian")]).split("</lanelet>")[-1]
+    walker = walker.replace("</commonRoad>", "")
+    found = read_commonroad(write(commonroad(more=walker)))
+    assert 90 not in found.tracks.ids
+    assert found.notes["obstacles_left_out"] == {"pedestrian": 1}
+
+
+def test_types_follow_length_because_recordings_call_everything_a_car(write):
+    movers = [
+        Mover(number=k, s=40.0 * k, length=length, kind=kind)
+        for k, (length, kind) in enumerate(
+            [
+                (3.6, "car"),
+                (4.4, "car"),
+                (5.0, "car"),
+                (12.0, "car"),
+                (5.0, "truck"),
+                (2.2, "motorcycle"),
+            ],
+            start=1,
+        )
+    ]
+    found = read_commonroad(write(commonroad(movers)))
+    assert found.tracks.kind.tolist() == [0, 1, 2, 4, 4, 5]
+
+
+# --- real recordings ---
+
+
+@pytest.mark.parametrize(
+    ("name", "vehicles", "passes", "lanes"),
+    [("USA_US101-15_1_T-1", 37, 83, 5), ("USA_US101-5_1_T-1", 25, 40, 5)],
+)
+def test_real_motorway_traffic_is_read_as_others_read_it(
+    shared_data, name, vehicles, passes, lanes
+):
+    """CommonRoad's own library finds that no vehicle changes lanes in these two scenes."""
+    recording = read_commonroad(shared_data / "commonroad" / f"{name}.xml")
+    found = scenes(recording)
+    assert recording.road.num_lanes == lanes
+    assert found.counts["vehicles"] == vehicles
+    assert found.counts["lane_changes_left"] == found.counts["lane_changes_right"] == 0
+    assert found.counts["passes"] == passes
+    assert found.counts["neighbours_with_a_slot"] == 1.0
+    # Measured once; a metre or two over 130 m and 180 m, and at most 1.4 % of the way.
+    assert recording.notes["straightening_m"] < 2.2
+    assert recording.notes["longest_way"] < 0.014
+    assert recording.notes["widening"] < 0.13
+
+
+def test_passes_are_those_of_a_plain_count(shared_data):
+    tracks = read_commonroad(shared_data / "commonroad" / "USA_US101-5_1_T-1.xml").tracks
+    position = {
+        (int(tracks.ids[v]), int(f)): float(tracks.s[row])
+        for row, (v, f) in enumerate(zip(tracks.vehicle, tracks.frame, strict=True))
+    }
+    seen: dict[tuple[int, int], list[float]] = {}
+    for (one, frame), s in position.items():
+        for other in tracks.ids.tolist():
+            if other != one and (other, frame) in position:
+                seen.setdefault((one, other), []).append(s - position[other, frame])
+    assert sum(gaps[0] < 0.0 < gaps[-1] for gaps in seen.values()) == 40
+
+
+def test_an_oncoming_lane_lies_beside_the_road(shared_data):
+    found = read_commonroad(shared_data / "commonroad" / "OSC_CutIn-1_2_T-1.xml")
+    assert found.road.num_lanes == 1
+    beside = found.road.fast_side_neighbour
+    assert beside is not None
+    assert beside.direction == -1
+    # Vehicle 4 comes out of that lane.
+    four = found.tracks.lane[found.tracks.start[1] : found.tracks.start[2]]
+    assert four[0] == 1
+    assert four[-1] == 0
