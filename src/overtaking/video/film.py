@@ -33,8 +33,10 @@ if TYPE_CHECKING:
     from overtaking.video.sheet import Texture
 
 _BLINK = 14  # Frames from one flash of an indicator to the next: 86 a minute (UN R6: 60 to 120).
-_INDICATORS = Lights.INDICATOR_LEFT | Lights.INDICATOR_RIGHT
-_BEAMS = Lights.LOW_BEAM | Lights.HIGH_BEAM
+# Plain integers: operations on flags take as long as drawing a sprite.
+_INDICATORS = int(Lights.INDICATOR_LEFT | Lights.INDICATOR_RIGHT)
+_HIGH_BEAM = int(Lights.HIGH_BEAM)
+_BEAMS = int(Lights.LOW_BEAM) | _HIGH_BEAM
 _FLASH_FRAMES = 14
 _SIGN_EVERY = 100  # Metres between two distances beside the road.
 _NOTE_GAP = 8
@@ -122,15 +124,9 @@ class Film:
         seen = list(self._seen(frame))
         for index, x, y, angle in seen:
             canvas.blend(*self._bodies[index].at(x, y, angle))
-        if self._night is not None:
-            self._darken(canvas, frame, seen, self._night)
+        self._hide(canvas, frame, seen)
         for index, x, y, angle in seen:
             self._lamp(canvas, frame, index, (x, y, angle))
-        if self._glare is not None:
-            self._glare.lay(canvas)
-        if self._fog is not None:
-            ego = self.view.x(frame, float(self.scene.s[Role.EGO, frame]))
-            self._fog.lay(canvas, min(max(WIDTH - 2 * round(0.5 * ego), 0), WIDTH))
         if self._rain:
             streaks = self._rain[(2 * frame) % len(self._rain)]
             np.maximum(canvas.luma, streaks, out=canvas.luma)
@@ -151,7 +147,7 @@ class Film:
     def _lights(self, index: int, frame: int) -> int:
         """Lights of a vehicle as they look in a frame: indicators are dark half of the time."""
         lights = int(self.scene.lights[index, frame])
-        return lights if frame % _BLINK < _BLINK // 2 else lights & ~int(_INDICATORS)
+        return lights if frame % _BLINK < _BLINK // 2 else lights & ~_INDICATORS
 
     def _lamp(
         self, canvas: Canvas, frame: int, index: int, place: tuple[float, float, float]
@@ -164,14 +160,27 @@ class Film:
             self._lamps[key] = lamps(self.scene.bodies[index], lights, self.view.scale)
         canvas.blend(*self._lamps[key].at(*place))
 
-    def _darken(
+    def _hide(
+        self, canvas: Canvas, frame: int, seen: Sequence[tuple[int, float, float, float]]
+    ) -> None:
+        """Night, low sun and fog; lamps are drawn later, as they are seen through all of them."""
+        ego = self.view.x(frame, float(self.scene.s[Role.EGO, frame]))
+        first = min(max(WIDTH - 2 * round(0.5 * ego), 0), WIDTH)
+        if self._glare is not None:
+            self._glare.lay(canvas)
+        if self._night is not None:
+            self._illuminate(frame, seen, self._night)
+            self._night.lay(canvas, self._fog, first)
+        elif self._fog is not None:
+            self._fog.lay(canvas, first)
+
+    def _illuminate(
         self,
-        canvas: Canvas,
         frame: int,
         seen: Sequence[tuple[int, float, float, float]],
         night: sky.Night,
     ) -> None:
-        """Night, lit by the headlamps of everybody."""
+        """The light of everybody's headlamps."""
         night.fall()
         for index, x, y, angle in seen:
             night.glimmer(x, y)
@@ -179,8 +188,7 @@ class Film:
             if lights & _BEAMS:
                 front = 0.5 * self.scene.bodies[index].length * self.view.scale
                 ahead = (x + front * math.cos(angle), y - front * math.sin(angle))
-                night.shine(*ahead, angle, is_high=bool(lights & Lights.HIGH_BEAM))
-        night.lay(canvas)
+                night.shine(*ahead, angle, is_high=bool(lights & _HIGH_BEAM))
 
     def _signs(self, canvas: Canvas, frame: int) -> None:
         """Distances along the road, at the upper edge."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +34,10 @@ _STRAIGHT = 0.35
 _SMALL = 0.12
 """Angle up to which what lies beyond an edge of a sheet stays within its transparent rim [rad]."""
 
+_TURN = 0.0025
+"""Step of small angles: the ends of a long truck move by a sixth of a pixel [rad]."""
+
+_MAX_KEPT = 64  # Sprites of a texture, a few megabytes at most.
 _STEPS_PER_UNIT = 3.0  # Of what is swept; the steps of a slanting edge are then not seen.
 _MIDDLES = np.arange(2048) + 0.5
 
@@ -231,12 +235,17 @@ class Texture:
         chroma: As `Sprite.chroma`, with `fine` texels to the pixel of its plane.
         origin: Where the sheet's origin is, from its left upper corner [px].
         fine: Texels to a pixel.
+        kept: Sprites that were taken, by angle and place within two pixels; nothing but speed
+            depends on them.
     """
 
     luma: U16
     chroma: U16
     origin: tuple[float, float]
     fine: int
+    kept: dict[tuple[int, int, int], tuple[Sprite, int, int]] = field(
+        default_factory=dict[tuple[int, int, int], tuple[Sprite, int, int]], repr=False
+    )
 
     def at(self, x: float, y: float, angle: float) -> tuple[Sprite, int, int]:
         """The sheet turned about its origin, which lies at a place on the canvas.
@@ -249,11 +258,27 @@ class Texture:
         Returns:
             The sprite, and where its left upper corner belongs: both numbers even.
         """
+        turn = round(angle / _TURN)
+        if abs(turn) * _TURN >= _SMALL:
+            return self._turned(x, y, angle)
         if abs(angle) * self.luma.shape[2] < 2.0 * self.fine * _STRAIGHT:
-            return self._straight(x, y)
-        if abs(angle) < _SMALL:
-            return self._tilted(x, y, angle)
-        return self._turned(x, y, angle)
+            turn = 0
+        # Sprites recur: there are as many places within two pixels as there are texels.
+        period = 2 * self.fine
+        (columns, right), (rows, down) = (divmod(round(at * self.fine), period) for at in (x, y))
+        key = (turn, right, down)
+        if key not in self.kept:
+            if len(self.kept) >= _MAX_KEPT:
+                self.kept.clear()
+            self.kept[key] = self._small(right / self.fine, down / self.fine, turn * _TURN)
+        sprite, left, top = self.kept[key]
+        return sprite, left + 2 * columns, top + 2 * rows
+
+    def _small(self, x: float, y: float, angle: float) -> tuple[Sprite, int, int]:
+        """The sprite for a small angle."""
+        sprite, left, top = self._tilted(x, y, angle) if angle else self._straight(x, y)
+        kept = (np.ascontiguousarray(one) for one in (sprite.luma, sprite.chroma))
+        return Sprite(*kept), left, top
 
     def _straight(self, x: float, y: float) -> tuple[Sprite, int, int]:
         left = 2 * math.ceil(0.5 * (x - self.origin[0]))

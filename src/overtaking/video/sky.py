@@ -163,6 +163,12 @@ class Veil:
         self._luma = (keep, (OPAQUE - keep) * y)
         self._chroma = (half, (OPAQUE - half) * np.array([u, v], np.uint16)[:, None, None])
 
+    def columns(self, first: int) -> tuple[U16, U16, U16]:
+        """What shines through at half the resolution, and what is added to luma and chroma."""
+        half = slice(first // 2, (first + WIDTH) // 2)
+        added = self._luma[1][first : first + WIDTH]
+        return self._chroma[0][half], added, self._chroma[1][:, :, half]
+
     def lay(self, canvas: Canvas, first: int = 0) -> None:
         """Lay the columns of the veil from an even one on over a canvas."""
         columns, half = slice(first, first + WIDTH), slice(first // 2, (first + WIDTH) // 2)
@@ -259,17 +265,31 @@ class Night:
         height, width = target.shape
         target += beam[first[0] : first[0] + height, first[1] : first[1] + width]
 
-    def lay(self, canvas: Canvas) -> None:
-        """Darken a canvas where no light falls."""
+    def lay(self, canvas: Canvas, veil: Veil | None = None, first: int = 0) -> None:
+        """Darken a canvas where no light falls, and lay a veil over it in the same pass.
+
+        Args:
+            canvas: What to darken.
+            veil: Fog, if there is any.
+            first: Its first column, even.
+        """
         light = np.minimum(self._light, OPAQUE, out=self._light)
+        grey = (OPAQUE - light) * np.uint16(128)
+        bright = None
+        if veil is not None:
+            through, bright, tint = veil.columns(first)
+            grey = ((grey >> 8) * through) + tint
+            light = (light * through) >> 8
         # Two columns of luma to one of the light: a number that holds the same one twice.
         twice = (light.astype(np.uint32) * np.uint32(0x0001_0001)).view(np.uint16)
         for rows in (canvas.luma[0::2], canvas.luma[1::2]):
             dim = rows * twice
+            if bright is not None:
+                dim += bright
             dim >>= 8
             rows[...] = dim
         chroma = canvas.chroma * light
-        chroma += (OPAQUE - light) * np.uint16(128)
+        chroma += grey
         chroma >>= 8
         canvas.chroma[...] = chroma
 

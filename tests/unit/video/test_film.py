@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from tests.support.worlds import Vehicle, scenario, wide_road
@@ -113,6 +115,15 @@ def test_the_distance_to_the_target_is_that_of_the_bumpers(run, film):
     s, length = run.states.s[0].astype(float) * MM, run.scenario.vehicles.length[0].astype(float)
     gap = s[1] - s[0] - 0.5 * (length[0] + length[1])
     assert film.scene.lead == pytest.approx(gap, abs=1e-6)
+
+
+def test_a_target_that_was_passed_is_behind():
+    cars = [Vehicle(kind="M", s=120.0, lane=2, speed=30.0), Vehicle(kind="M", s=112.0, lane=1)]
+    run = api.simulate(scenario(cars, horizon=1.0))
+    behind = dataclasses.replace(scene(run), target=1).lead
+    assert behind is not None
+    lengths = run.scenario.vehicles.length[0, :2].astype(float)
+    assert behind[0] == pytest.approx(-(8.0 - 0.5 * lengths.sum()), abs=1e-3)
 
 
 def test_the_cursor_moves_from_the_first_to_the_last_column(film):

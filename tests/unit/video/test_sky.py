@@ -77,13 +77,23 @@ def test_high_beams_reach_farther():
     assert lit[1] > lit[0]
 
 
-def test_a_beam_turns_with_its_vehicle():
+@pytest.mark.parametrize("degrees", [0.0, 20.0, -20.0])
+def test_a_beam_turns_with_its_vehicle(degrees):
+    """Along its own axis it is as bright as one that points straight ahead, and beside it not."""
+    angle = math.radians(degrees)
     night, canvas = Night(SCALE, 200), canvas_of(200)
     night.fall()
-    night.shine(400.0, 180.0, math.radians(30.0), is_high=False)
+    night.shine(400.0, 100.0, angle, is_high=False)
     night.lay(canvas)
-    along = (round(180.0 - 150.0 * math.sin(math.radians(30.0))), round(400.0 + 150.0 * 0.866))
-    assert canvas.luma[along] > canvas.luma[180, 550] + 20
+    straight = Night(SCALE, 200), canvas_of(200)
+    straight[0].fall()
+    straight[0].shine(400.0, 100.0, 0.0, is_high=False)
+    straight[0].lay(straight[1])
+    for distance in (60.0, 150.0, 250.0):
+        row = round(100.0 - distance * math.sin(angle))
+        column = round(400.0 + distance * math.cos(angle))
+        expected = float(straight[1].luma[100, round(400.0 + distance)])
+        assert float(canvas.luma[row, column]) == pytest.approx(expected, abs=6.0)
 
 
 def test_the_night_is_darker_than_the_day():

@@ -1,0 +1,73 @@
+"""`overtaking video` as its users run it: processes, streams, exit statuses, files."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from overtaking import api
+
+pytest.importorskip("av", reason="the extra [video] is not installed")
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    spec = {"time.horizon_s": 3, "time.attempt_deadline_s": 3}
+    return api.generate("pinto2023", 6, 1, tmp_path_factory.mktemp("data") / "six", overrides=spec)
+
+
+def overtaking(*arguments: object, prelude: str = "") -> subprocess.CompletedProcess[str]:
+    words = [str(one) for one in arguments]
+    program = f"{prelude}\nimport sys\nfrom overtaking.cli import main\nsys.exit(main({words!r}))"
+    return subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+
+
+def test_films_are_listed_for_machines(data):
+    done = overtaking("video", data.path, "--simulations", "1,3", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    films = json.loads(done.stdout)["films"]
+    assert [film["simulation"] for film in films] == [1, 3]
+    for film in films:
+        path = data.path / "videos" / f"{film['simulation']:06d}.mp4"
+        assert film["file"] == str(path)
+        assert film["size_bytes"] == path.stat().st_size > 1000
+        assert film["duration_s"] == film["frames"] / 20
+    assert {path.suffix for path in (data.path / "videos").iterdir()} == {".mp4"}
+
+
+def test_films_are_listed_for_people(data, tmp_path):
+    done = overtaking("video", data.path, "--out", tmp_path / "films")
+    assert (done.returncode, done.stderr) == (0, "")
+    made = sorted((tmp_path / "films").glob("*.mp4"))
+    assert made
+    assert f"{len(made)} film" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--simulations", "9"), "expected some of 0 to 5, got 9"),
+        (("--simulations", "one"), "expected numbers and ranges"),
+        (("--all", "--one-per-class"), "leave out the others"),
+    ],
+)
+def test_a_mistake_costs_one_line(data, words, message):
+    done = overtaking("video", data.path, *words)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert message in done.stderr
+
+
+def test_a_missing_extra_costs_one_line(data, tmp_path):
+    without = "import sys; sys.modules['av'] = None"
+    done = overtaking("video", data.path, "--out", tmp_path / "none", prelude=without)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "pip install 'overtaking[video]'" in done.stderr
+    assert not (tmp_path / "none").exists()
