@@ -43,13 +43,16 @@ Profile = str | Path | Mapping[str, Any] | Spec
 EXPORTS = ("pinto2023", "commonroad", "highd")
 """The formats that a data set can be written in."""
 
-SIMULATORS = ("engine", "reference", "sumo")
-"""What can simulate: the compiled engine, its readable twin with the same results, and SUMO."""
+SIMULATORS = ("engine", "reference", "sumo", "carla", "carla-traffic-manager")
+"""What can simulate: the compiled engine, its readable twin with the same results, SUMO, and CARLA
+with our drivers or with its own."""
 
 _HOMES = {
     "engine": "overtaking.sim.engine",
     "reference": "overtaking.sim.reference",
     "sumo": "overtaking.simulators.sumo",
+    "carla": "overtaking.simulators.carla",
+    "carla-traffic-manager": "overtaking.simulators.carla_traffic",
 }
 """The module of each simulator, loaded when it is asked for."""
 

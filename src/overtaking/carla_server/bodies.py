@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,20 @@ if TYPE_CHECKING:
 
     from overtaking.model.road import Road
 
-WIND_DIRECTION = math.pi / 2.0
-"""Where the wind blows to, from the direction of travel [rad]: across, as CARLA gives none."""
+
+class Nature(NamedTuple):
+    """What CARLA's weather leaves open.
+
+    Attributes:
+        seed: Seed of gusts and puddles.
+        simulation: Number of the simulation whose gusts and puddles they are.
+        wind_direction: Where the wind blows to, anticlockwise from the direction of travel [rad].
+    """
+
+    seed: int
+    simulation: int = 0
+    wind_direction: float = math.pi / 2.0
+
 
 _LIKE_THE_CLASS = (
     "mass", "cg_height", "front_stiffness", "rear_stiffness", "launch_accel", "drag_area",
@@ -71,7 +83,7 @@ def body_of(blueprint: str) -> Body:
 
 
 def scenario_of(
-    road: Road, bodies: Sequence[Body], weather: Sequence[float], seed: int
+    road: Road, bodies: Sequence[Body], weather: Sequence[float], nature: Nature
 ) -> Scenario:
     """A scenario of one simulation, from which `sim.parameters` works out forces and friction.
 
@@ -79,7 +91,7 @@ def scenario_of(
         road: The road under the vehicles.
         bodies: One or more vehicles.
         weather: The fourteen numbers of `carla.WeatherParameters`.
-        seed: Seed of gusts and puddles.
+        nature: What they leave open.
     """
     one_each = np.zeros((1, len(bodies)), np.float32)
     names = [field.name for field in dataclasses.fields(Drivers)]
@@ -89,26 +101,26 @@ def scenario_of(
     return Scenario(
         profile="carla",
         road=road,
-        seed=seed,
+        seed=nature.seed,
         frame_interval_ms=50,
-        index=np.zeros(1, np.uint64),
+        index=np.array([nature.simulation], np.uint64),
         horizon=np.ones(1, np.float32),
         attempt_deadline=np.ones(1, np.float32),
         weight=np.ones(1),
         vehicles=_specs(bodies),
         drivers=Drivers(**people),
-        weather=weather_of(weather),
+        weather=weather_of(weather, nature.wind_direction),
         start_s=one_each,
         start_lane=one_each.astype(np.uint8),
         start_speed=one_each,
     )
 
 
-def weather_of(values: Sequence[float]) -> Weather:
+def weather_of(values: Sequence[float], wind_direction: float) -> Weather:
     """Our weather from `carla.WeatherParameters`, percentages cut to 0 to 100."""
     cloudiness, rain, puddles, wind, azimuth, altitude, fog, *_ = values
     angles = {
-        "wind_direction": WIND_DIRECTION,
+        "wind_direction": wind_direction,
         "sun_altitude": math.radians(altitude),
         "sun_azimuth": math.remainder(math.radians(azimuth), math.tau),
     }

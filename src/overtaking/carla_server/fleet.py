@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from overtaking.carla_server.arguments import Control
-from overtaking.carla_server.bodies import Body, scenario_of
+from overtaking.carla_server.bodies import Body, Nature, scenario_of
 from overtaking.carla_server.motion import Ground, Motion, Touch, overlap
 from overtaking.core.elementary import sincos
 from overtaking.core.units import kmh_from_mps
@@ -67,12 +67,12 @@ class Fleet:
     Args:
         ground: What they stand on.
         weather: The fourteen numbers of `carla.WeatherParameters`.
-        seed: Seed of gusts and puddles.
+        nature: What they leave open.
     """
 
-    def __init__(self, ground: Ground, weather: Sequence[float], seed: int) -> None:
+    def __init__(self, ground: Ground, weather: Sequence[float], nature: Nature) -> None:
         """Nobody is there yet."""
-        self._ground, self._weather, self._seed = ground, tuple(weather), seed
+        self._ground, self._weather, self._nature = ground, tuple(weather), nature
         self._ids: list[int] = []
         self._bodies: list[Body] = []
         self._decision = 0
@@ -114,6 +114,11 @@ class Fleet:
     def set_weather(self, weather: Sequence[float]) -> None:
         """Change the weather for all."""
         self._weather = tuple(weather)
+        self._prepare()
+
+    def set_nature(self, nature: Nature) -> None:
+        """Change what the weather leaves open."""
+        self._nature = nature
         self._prepare()
 
     def set_moves(self, vehicle: int, *, moves: bool) -> None:
@@ -216,7 +221,9 @@ class Fleet:
         self._rows = {vehicle: row for row, vehicle in enumerate(self._ids)}
         if not self._ids:
             return
-        given = parameters(scenario_of(self._ground.road, self._bodies, self._weather, self._seed))
+        given = parameters(
+            scenario_of(self._ground.road, self._bodies, self._weather, self._nature)
+        )
         self._given: Parameters = given
         self._fields = Fields(VEHICLE_FIELDS, given.vehicle)
         if not self._ground.shelters:

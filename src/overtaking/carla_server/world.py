@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING
 
 from overtaking.carla_server import snapshot
@@ -18,7 +19,7 @@ from overtaking.carla_server.actors import (
 )
 from overtaking.carla_server.answers import Refused
 from overtaking.carla_server.arguments import Description, Settings, Transform, Vector
-from overtaking.carla_server.bodies import body_of
+from overtaking.carla_server.bodies import Nature, body_of
 from overtaking.carla_server.camera import Scene
 from overtaking.carla_server.catalogue import (
     CAMERA,
@@ -45,6 +46,8 @@ if TYPE_CHECKING:
 
 FREE_RUNNING_DELTA = 0.05
 """Length of a tick that nobody has fixed [s]."""
+
+_SCENARIO = re.compile(r"overtaking\.scenario (\d{1,20}) (\d{1,20}) (-?\d\.\d{1,12})")
 
 MAX_ACTORS = 500
 _FIRST_ID = 20
@@ -104,7 +107,7 @@ class World:
         self.episode += 1
         self.time = 0.0
         self.weather: Sequence[float] = tuple(presets()["ClearNoon"].carla_fields().values())
-        self.fleet = Fleet(self.place.ground, self.weather, self._seed)
+        self.fleet = Fleet(self.place.ground, self.weather, Nature(self._seed))
         self.actors: dict[int, Actor] = {}
         self._next_id = _FIRST_ID
         self._scene: Scene | None = None
@@ -148,6 +151,8 @@ class World:
             raise Refused(f"this headless server takes at most {MAX_ACTORS} actors")
         if parent:
             self.actor(parent)
+        for attribute in wanted.attributes:
+            self._take_nature(attribute.value if attribute.name == "role_name" else "")
         if wanted.blueprint in blueprints():
             return self._enter(self._new_vehicle(wanted, pose))
         return self._enter(self._new_sensor(wanted, pose, parent))
@@ -203,6 +208,20 @@ class World:
         """Change the weather."""
         self.weather = values
         self.fleet.set_weather(values)
+
+    def _take_nature(self, name: str) -> None:
+        """Take what CARLA's weather leaves open from the role name of an actor.
+
+        `overtaking.scenario SEED NUMBER WIND_DIRECTION` says which gusts and puddles there are, and
+        where the wind blows to, anticlockwise from the direction of travel [rad]. To a real server
+        it is a role name like any other.
+        """
+        match = _SCENARIO.fullmatch(name)
+        if match is None:
+            return
+        seed, number, direction = int(match[1]), int(match[2]), float(match[3])
+        if seed < 2**64 and number < 2**64 and abs(direction) <= math.tau:
+            self.fleet.set_nature(Nature(seed, number, direction))
 
     def layout(self, actor: Actor) -> list[object]:
         """An actor as clients want it."""

@@ -179,7 +179,7 @@ COMMANDS: dict[options.Body, str] = {
 }
 
 GROUPS: dict[str, tuple[str, dict[options.Body, str]]] = {
-    "carla": ("CARLA 0.9.16: its clients without its server.", carla.COMMANDS),
+    "carla": ("CARLA 0.9.16: the same scenarios there, and its clients without it.", carla.COMMANDS),
     "sumo": ("The same scenarios on Eclipse SUMO.", sumo.COMMANDS),
 }
 """Commands of two words."""

@@ -61,6 +61,37 @@ def overrides(changes: list[str], frame_interval_ms: int | None) -> dict[str, An
     return values
 
 
+def choose_carla(server: str) -> None:
+    """Say which CARLA server is used; its simulator looks when it is first called.
+
+    Raises:
+        ConfigError: The text is no address.
+    """
+    from overtaking.simulators.carla_library import HEADLESS, SERVER_VARIABLE, parse_address
+
+    if server != HEADLESS:
+        parse_address(server)
+    os.environ[SERVER_VARIABLE] = server
+
+
+def carla_simulator(driver: str) -> str:
+    """The simulator of a driver.
+
+    Raises:
+        ConfigError: There is no such driver.
+    """
+    names = {"own": "carla", "traffic-manager": "carla-traffic-manager"}
+    if driver not in names:
+        raise ConfigError.of(
+            what="driver",
+            where="--driver",
+            expected=" or ".join(names),
+            got=repr(driver),
+            next_step="choose one of them",
+        )
+    return names[driver]
+
+
 def road(map_file: Path | None, name: str | None) -> Road | None:
     """The road that was asked for, None if it is the profile's.
 

@@ -43,6 +43,52 @@ def serve(
     api.serve_carla(port=port, host=host, place=place, seed=seed or 1, ready=ready, log=output.say)
 
 
+Driver = Annotated[
+    str,
+    typer.Option(
+        "--driver",
+        metavar="own|traffic-manager",
+        help="Our drivers at true speed, or CARLA's at a third of it, as the study did.",
+    ),
+]
+Server = Annotated[
+    str,
+    typer.Option(
+        "--server", metavar="HOST:PORT", help="A running CARLA 0.9.16, or headless: one of our own."
+    ),
+]
+
+
+def run(
+    output: Output,
+    out: options.OutFolder,
+    profile: options.ProfileWord = None,
+    simulations: options.Simulations = None,
+    seed: options.Seed = None,
+    driver: Driver = "own",
+    server: Server = "headless",
+    road: options.Road = None,
+    keep: options.Keep = None,
+    resume: options.Resume = False,
+    changes: options.Changes = None,
+    frame_interval_ms: options.FrameInterval = None,
+) -> None:
+    """Simulate scenarios of a profile on CARLA and write them as a data set."""
+    from overtaking.cli import arguments, making
+
+    arguments.choose_carla(server)
+    recipe = arguments.given(
+        profile=profile,
+        simulations=simulations,
+        seed=seed,
+        keep=keep,
+        road=arguments.road(None, road),
+        overrides=arguments.overrides(changes or [], frame_interval_ms),
+    )
+    making.make(output, out, recipe, resume=resume, simulator=arguments.carla_simulator(driver))
+
+
 COMMANDS: dict[options.Body, str] = {
     serve: "overtaking carla serve --port 2000",
+    run: "overtaking carla run pinto2023 -n 20 --seed 1 --driver own --out data/carla",
 }

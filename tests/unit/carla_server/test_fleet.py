@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from overtaking.carla_server.arguments import Control
-from overtaking.carla_server.bodies import body_of
+from overtaking.carla_server.bodies import Nature, body_of
 from overtaking.carla_server.fleet import BACKWARDS_SPEED, Fleet
 from overtaking.carla_server.motion import Ground, Motion, overlap
 from overtaking.knowledge import presets
@@ -24,7 +24,7 @@ def fleet_in(**changes: float) -> Fleet:
     """An empty fleet on the road of the study in still, dry air, or what differs."""
     weather = dict(presets()["ClearNoon"].carla_fields()) | {"wind_intensity": 0.0} | changes
     road = known_road("town06").extended(3000.0)
-    return Fleet(Ground(road, shelters=True), tuple(weather.values()), 1)
+    return Fleet(Ground(road, shelters=True), tuple(weather.values()), Nature(1))
 
 
 def at(s: float, d: float = -12.25, speed: float = 0.0, psi: float = 0.0) -> Motion:

@@ -1,0 +1,63 @@
+"""What a worker with CARLA's client and its parent say to each other."""
+
+import pickle
+import struct
+from dataclasses import dataclass
+from typing import IO, Any
+
+from overtaking.core.errors import OvertakingError
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import Trajectories
+from overtaking.simulators.carla_stage import SimulationLostError
+
+_LENGTH = struct.Struct("<I")
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What a worker is asked to do.
+
+    Attributes:
+        driver: `own` or `traffic-manager`.
+        scenario: A batch of one.
+        ports: Free ports for Traffic Managers.
+    """
+
+    driver: str
+    scenario: Scenario
+    ports: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Alive:
+    """A sign of life."""
+
+
+Answer = Alive | Trajectories | OvertakingError
+
+
+def send(stream: IO[bytes], message: object) -> None:
+    """Write one message."""
+    data = pickle.dumps(message)
+    stream.write(_LENGTH.pack(len(data)) + data)
+    stream.flush()
+
+
+def receive(stream: IO[bytes]) -> Any:
+    """Read one message; EOFError at the end."""
+    head = stream.read(_LENGTH.size)
+    if len(head) < _LENGTH.size:
+        raise EOFError
+    (length,) = _LENGTH.unpack(head)
+    return pickle.loads(stream.read(length))  # Of our own parent or child, nobody else's.
+
+
+def lost(job: Job, got: str) -> SimulationLostError:
+    """The error for a simulation that came to nothing."""
+    return SimulationLostError.of(
+        what=f"simulation {int(job.scenario.index[0])}",
+        where="CARLA's client",
+        expected="a result",
+        got=got,
+        next_step="try again",
+    )

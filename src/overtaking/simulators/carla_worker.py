@@ -1,0 +1,78 @@
+"""The process that holds CARLA's client: it runs one scenario after the other for its parent.
+
+The client may hang or crash with a server that dies, so it never runs in the process of a user.
+Standard input and output carry pickled messages between the two, of which the parent is the other
+end; what the client prints goes to standard error.
+"""
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from typing import IO, Any
+
+from overtaking.core.errors import OvertakingError
+from overtaking.model.trajectory import Trajectories
+from overtaking.simulators import carla_manager, carla_own
+from overtaking.simulators.carla_library import Address, connect, library
+from overtaking.simulators.carla_messages import Alive, Job, lost, receive, send
+from overtaking.simulators.carla_stage import CarlaStage
+
+SIGN_INTERVAL = 1.0
+"""Time between two signs of life [s]."""
+
+
+def work(address: Address, requests: IO[bytes], answers: IO[bytes]) -> None:
+    """Run jobs until there are no more."""
+    carla = library()
+    client: Any = None
+    while True:
+        try:
+            job: Job = receive(requests)
+        except EOFError:
+            return
+        try:
+            client = client or connect(carla, address)
+            send(answers, _run(carla, client, job, _signs(answers)))
+        except OvertakingError as error:
+            send(answers, error)
+        except RuntimeError as error:  # What the client raises, a call that took too long included.
+            send(answers, lost(job, str(error)))
+
+
+def _run(carla: Any, client: Any, job: Job, sign: Callable[[], None]) -> Trajectories:
+    """One simulation in a world of its own."""
+    slower = carla_manager.SLOWER if job.driver == "traffic-manager" else 1
+    stage = CarlaStage.set_up(carla, client, job.scenario, slower=slower)
+    sign()
+    try:
+        if job.driver == "traffic-manager":
+            return carla_manager.run(stage, sign, job.ports)
+        return carla_own.run(stage, sign)
+    finally:
+        stage.tear_down()
+
+
+def _signs(answers: IO[bytes]) -> Callable[[], None]:
+    """Sends a sign of life now and then."""
+    last = time.monotonic()
+
+    def sign() -> None:
+        nonlocal last
+        if time.monotonic() - last > SIGN_INTERVAL:
+            last = time.monotonic()
+            send(answers, Alive())
+
+    return sign
+
+
+def main(host: str, port: str) -> None:
+    """Serve the parent on standard input and output."""
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    work(Address(host, int(port)), sys.stdin.buffer, answers)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:3])
+    os._exit(0)  # The client's threads do not always end.

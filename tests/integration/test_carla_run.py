@@ -1,0 +1,137 @@
+"""Scenarios on CARLA through the genuine client, on a headless server."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from tests.support.carla import free_port, needs_wheel
+from tests.support.worlds import Vehicle, scenario
+
+from overtaking import api
+from overtaking.cli import main
+from overtaking.core.errors import ConfigError
+from overtaking.model.trajectory import Stage
+from overtaking.simulators import carla, carla_company, carla_traffic
+from overtaking.simulators.carla_library import SERVER_VARIABLE
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from overtaking.model.scenario import Scenario
+    from overtaking.model.trajectory import Trajectories
+
+pytestmark = needs_wheel
+
+FAST_EGO = {"desired_speed": 33.3, "passing_gain": 1.0, "accel": 1.8, "lane_change_duration": 4.0}
+
+
+@pytest.fixture(autouse=True)
+def headless(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(SERVER_VARIABLE, "headless")
+
+
+def overtake(speed: float = 33.3, horizon: float = 18.0) -> Scenario:
+    """A fast ego 60 m behind a slower car on the road of the study."""
+    ego = Vehicle(
+        kind="M", s=320.0, lane=1, speed=speed, driver=FAST_EGO | {"desired_speed": speed}
+    )
+    return scenario([ego, Vehicle(kind="S", s=380.0, lane=1, speed=22.0)], horizon=horizon)
+
+
+def metres(run: Trajectories, name: str, slot: int = 0) -> np.ndarray:
+    return getattr(run.states, name)[0, slot, : run.num_frames[0]] * 1e-3
+
+
+def test_our_driver_overtakes_at_120_kmh_through_the_genuine_client():
+    run = carla.simulate(overtake())
+    stages = run.stage[0, : run.num_frames[0]].tolist()
+    assert [stage for stage in dict.fromkeys(stages) if stage != Stage.FOLLOW] == [
+        Stage.PULL_OUT,
+        Stage.PASS,
+        Stage.RETURN,
+        Stage.DONE,
+    ]
+    assert metres(run, "speed").max() * 3.6 > 112.0
+    assert (run.contacts.partner == 255).all()
+    assert run.unknown == frozenset()
+
+
+def test_it_drives_as_in_our_own_simulation():
+    """The same drivers, the same bodies' motion: only pedals and a wheel lie between."""
+    given = overtake()
+    there, here = carla.simulate(given), api.simulate(given)
+    frames = min(int(there.num_frames[0]), int(here.num_frames[0]), 160)
+    for name, most in (("s", 2.5), ("d", 0.5), ("speed", 0.6)):
+        apart = np.abs(metres(there, name)[:frames] - metres(here, name)[:frames])
+        assert apart.max() < most, name
+
+
+def test_bodies_and_lanes_are_those_that_carla_reports():
+    run = carla.simulate(overtake(horizon=1.0))
+    # The Leon is nearest to 4.4 m among CARLA's medium cars, the A2 to 3.75 m among the small.
+    assert run.scenario.vehicles.length[0, :2] == pytest.approx([4.514, 3.705], abs=0.01)
+    assert [lane.lane_id for lane in run.road.lanes] == [-7, -6, -5, -4, -3]
+    assert run.road.lanes[0].right_mark.value == "Solid"
+
+
+def test_the_same_simulation_has_the_same_hash_in_any_batch():
+    given = api.sample("pinto2023", 2, 5).replace(horizon=np.full(2, 3.0, np.float32))
+    both = carla.simulate(given)
+    alone = carla.simulate(given.select(slice(1, 2)))
+    assert (both.trace_hash[1] == alone.trace_hash[0]).all()
+    assert (both.trace_hash[0] != both.trace_hash[1]).any()
+
+
+def test_at_a_third_of_the_speed_places_speeds_and_time_agree_after_conversion():
+    """dL/dTS = V: what the study's conversion needs and every third tick gives."""
+    run = carla_traffic.simulate(overtake(speed=30.0, horizon=6.0))
+    again = carla_traffic.simulate(overtake(speed=30.0, horizon=6.0))
+    assert (run.trace_hash == again.trace_hash).all()
+    for slot in (0, 1):
+        s, speed = metres(run, "s", slot), metres(run, "speed", slot)
+        moved = (s[2:] - s[:-2]) / 0.1
+        settled = slice(20, None)  # Not while the Traffic Manager takes its speed up.
+        assert moved[settled] == pytest.approx(speed[1:-1][settled], abs=0.35)
+    assert metres(run, "speed", 1)[-1] == pytest.approx(22.0, abs=0.3)
+    assert run.unknown == {"percepts", "wheel_angle"}
+    assert Stage.PULL_OUT in run.stage[0]
+
+
+def test_a_client_that_is_killed_is_replaced_and_the_result_the_same():
+    expected = carla.simulate(overtake(horizon=4.0)).trace_hash
+    found: list[Trajectories] = []
+    thread = threading.Thread(target=lambda: found.append(carla.simulate(overtake(horizon=4.0))))
+    thread.start()
+    time.sleep(1.0)
+    (worker,) = carla_company.workers()
+    os.kill(worker, signal.SIGKILL)
+    thread.join(60.0)
+    assert (found[0].trace_hash == expected).all()
+
+
+def test_a_server_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch):
+    port = free_port()
+    monkeypatch.setenv(SERVER_VARIABLE, f"127.0.0.1:{port}")
+    monkeypatch.setattr(carla_company, "ATTEMPTS", 1)
+    with pytest.raises(ConfigError, match=f"127.0.0.1:{port}"):
+        carla.simulate(overtake(horizon=1.0))
+
+
+def test_the_command_writes_a_data_set_with_labels(tmp_path: Path, capsys: pytest.CaptureFixture):
+    out = tmp_path / "data"
+    words = ["carla", "run", "pinto2023", "-n", "1", "--seed", "2", "--out", str(out), "--json"]
+    short = ["--set", "time.horizon_s=4", "--set", "time.attempt_deadline_s=4"]
+    assert main([*words, *short]) == 0
+    assert json.loads(capsys.readouterr().out)["simulations"] == 1
+    data = api.load(out)
+    assert data.features().shape[0] == 1
+    assert main([*words[:-1], *short, "--resume"]) == 0
+    assert main(["carla", "run", "--out", str(tmp_path / "b"), "--driver", "ghost"]) == 2
+    assert "own or traffic-manager" in capsys.readouterr().err
