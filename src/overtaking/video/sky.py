@@ -279,7 +279,8 @@ class Night:
         if veil is not None:
             through, bright, tint = veil.columns(first)
             grey = ((grey >> 8) * through) + tint
-            light = (light * through) >> 8
+            # Full light through clear air is 256 x 256, one more than sixteen bits hold.
+            light = ((light.astype(np.uint32) * through) >> 8).astype(np.uint16)
         # Two columns of luma to one of the light: a number that holds the same one twice.
         twice = (light.astype(np.uint32) * np.uint32(0x0001_0001)).view(np.uint16)
         for rows in (canvas.luma[0::2], canvas.luma[1::2]):

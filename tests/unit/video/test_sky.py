@@ -66,6 +66,18 @@ def test_headlamps_light_the_road_ahead_and_not_behind():
     assert canvas.luma[20, 410] == dark
 
 
+def test_fog_hides_nothing_of_what_stands_where_it_begins_however_bright_it_is():
+    veil = skies.fog(sky_of(fog=90.0), SCALE)
+    night, canvas = Night(SCALE, 200), canvas_of(200)
+    canvas.chroma[...] = 150
+    night.fall()
+    for _ in range(3):
+        night.shine(600.0, 100.0, 0.0, is_high=True)
+    night.lay(canvas, veil, WIDTH - 640)
+    assert canvas.luma[100, 640] == 200
+    assert (canvas.chroma[:, 50, 320] == 150).all()
+
+
 def test_high_beams_reach_farther():
     lit: list[int] = []
     for is_high in (False, True):
