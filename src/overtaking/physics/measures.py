@@ -14,6 +14,8 @@ _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _HALF = np.float32(0.5)
 _NEVER = np.float32(np.inf)
+_LEAST = np.float32(1e-20)
+"""Nothing moves so slowly; a gap over less would overflow float32 [m/s]."""
 
 
 def time_gap(gap: F32Like, speed: F32Like) -> F32:
@@ -26,7 +28,7 @@ def time_gap(gap: F32Like, speed: F32Like) -> F32:
     Returns:
         gap / speed; 0 where they overlap, infinite at a standstill.
     """
-    moving = speed > 0
+    moving = speed > _LEAST
     time = np.maximum(gap, _ZERO) / np.where(moving, speed, _ONE)
     return np.where(moving | (gap <= 0), time, _NEVER)
 
@@ -48,7 +50,7 @@ def ttc(gap: F32Like, closing_speed: F32Like) -> F32:
     Source:
         Hayward (1972), Near-miss determination through use of a scale of danger.
     """
-    closing = closing_speed > 0
+    closing = closing_speed > _LEAST
     time = np.maximum(gap, _ZERO) / np.where(closing, closing_speed, _ONE)
     return np.where(closing | (gap <= 0), time, _NEVER)
 
@@ -75,7 +77,7 @@ def ttc_accel(gap: F32Like, closing_speed: F32Like, closing_accel: F32Like) -> F
     opening = closing_speed < 0
     below = np.where(opening, closing_accel, closing_speed + root)
     above = np.where(opening, root - closing_speed, _TWO * distance)
-    meets = (square >= 0) & (below > 0)
+    meets = (square >= 0) & (below > _LEAST)
     time = above / np.where(meets, below, _ONE)
     return np.where(gap <= 0, _ZERO, np.where(meets, time, _NEVER))
 

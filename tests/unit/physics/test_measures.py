@@ -28,8 +28,9 @@ FINE = 1e-3  # Step of the motions below [s].
 
 speeds = st.floats(0.5, 45.0, width=32)
 gaps = st.floats(0.5, 200.0, width=32)
-closings = st.floats(-20.0, 20.0, width=32)
-accels = st.floats(-8.0, 8.0, width=32)
+# Of these as many digits as are recorded.
+closings = st.integers(-20_000, 20_000).map(lambda mmps: mmps / 1000.0)
+accels = st.integers(-8_000, 8_000).map(lambda mmps2: mmps2 / 1000.0)
 
 
 def sudden_braking(rear: float, lead: float, gap: float, *, delay: float, decel: float) -> float:
@@ -116,6 +117,11 @@ def test_a_gap_that_opens_is_never_closed():
     assert ttc_accel(F(5.0), F(2.0), F(-1.0)) == np.inf
     assert drac(F(5.0), F(-0.1)) == 0.0
     assert time_gap(F(5.0), F(0.0)) == np.inf
+
+
+def test_what_hardly_moves_takes_for_ever_without_an_overflow():
+    slow = F(1e-30)
+    assert time_gap(F(5.0), slow) == ttc(F(5.0), slow) == ttc_accel(F(5.0), slow, F(0.0)) == np.inf
 
 
 def test_headway_counts_the_vehicle_ahead_and_time_gap_does_not():
