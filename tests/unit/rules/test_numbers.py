@@ -10,7 +10,9 @@ from tests.support.cases import Belief, Track, case, ramp, two_way_road
 from tests.support.overtakes import (
     BESIDE,
     CROSSED,
+    FRAMES,
     OUT_AND_BACK,
+    SIGNALS,
     STAYS,
     against,
     alone,
@@ -174,6 +176,20 @@ def test_l13_asks_for_50_km_h():
 def test_l18_tells_the_time_without_a_signal():
     found = judge(RULES["L18"], overtake(ego={"lights": 0}))
     assert found.margin[0] == pytest.approx(-2 * 61 * 0.05, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("lights", "first", "last"),
+    [
+        (np.where(np.arange(FRAMES) < 56, 0, SIGNALS), 36, 55),
+        (np.where(np.arange(FRAMES) > 200, 0, SIGNALS), 266, 326),
+        (np.zeros(FRAMES, int), 36, 326),
+    ],
+)
+def test_l18_tells_the_first_and_the_last_frame_without_a_signal(lights, first, last):
+    # The lines are crossed in frames 76 and 306: from 2 s before to 1 s after.
+    found = judge(RULES["L18"], overtake(ego={"lights": lights}))
+    assert (found.first[0], found.last[0]) == (first, last)
 
 
 def test_the_manoeuvre_begins_3_s_before_the_attempt_and_ends_3_s_after_the_return():
