@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from overtaking.model.trajectory import Trajectories
     from overtaking.video.canvas import U8, Sprite
     from overtaking.video.scene import Scene
-    from overtaking.video.sheet import Texture
+    from overtaking.video.texture import Texture
 
 _BLINK = 14  # Frames from one flash of an indicator to the next: 86 a minute (UN R6: 60 to 120).
 # Plain integers: operations on flags take as long as drawing a sprite.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import TYPE_CHECKING
 
 from overtaking.model.trajectory import Lights
 from overtaking.model.vehicles import Colour, VehicleKind
@@ -23,7 +24,10 @@ from overtaking.video.palette import (
     TRIM,
     mixed,
 )
-from overtaking.video.sheet import FINE, Sheet, Texture
+from overtaking.video.sheet import FINE, Sheet
+
+if TYPE_CHECKING:
+    from overtaking.video.texture import Texture
 
 _MARGIN = 0.5  # Metres around a body; more than a sprite loses at its edges.
 _GLOW = 1.1  # Reach of a lamp's glow [m].
