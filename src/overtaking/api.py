@@ -34,6 +34,7 @@ from overtaking.simulators.comparison import Comparison
 
 if TYPE_CHECKING:
     from overtaking.report.write import Report
+    from overtaking.simulators.carla_limits import Limits
     from overtaking.stats.results import Statistics
     from overtaking.video.produce import Video
 
@@ -463,6 +464,19 @@ def write_report(
     )
 
 
+def carla_limits() -> "Limits":
+    """Measure the limits of CARLA's Traffic Manager that the study met.
+
+    Raises:
+        MissingExtraError: CARLA's client is not installed.
+        ConfigError: The server that `OVERTAKING_CARLA` names is not there or of another version.
+        SimulationLostError: Client or server failed several times.
+    """
+    from overtaking.simulators import carla_company
+
+    return carla_company.limits()
+
+
 def serve_carla(
     *,
     port: int = 2000,
@@ -488,8 +502,14 @@ def serve_carla(
     """
     from overtaking.carla_server.running import run_server
 
-    told = {"ready": ready or _ignore, "log": log or _ignore}
-    run_server(port=port, host=host, place=place, seed=seed, **told)
+    run_server(
+        port=port,
+        host=host,
+        place=place,
+        seed=seed,
+        ready=ready or _ignore,
+        log=log or _ignore,
+    )
 
 
 def film(

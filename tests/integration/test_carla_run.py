@@ -104,6 +104,16 @@ def test_at_a_third_of_the_speed_places_speeds_and_time_agree_after_conversion()
     assert Stage.PULL_OUT in run.stage[0]
 
 
+def test_the_limits_that_the_study_met_are_those_of_the_client(capsys: pytest.CaptureFixture):
+    """A forced change works up to 36 km/h and not at 42, nor twice in a row within 11.5 s."""
+    assert main(["carla", "limits", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    changed = {row["speed_kmh"]: row["changed"] for row in found["forced_lane_changes"]}
+    assert changed[30.0] == changed[36.0] == 4
+    assert changed[42.0] <= 1
+    assert 11.5 < found["again_after_s"] < 14.0
+
+
 def test_a_client_that_is_killed_is_replaced_and_the_result_the_same():
     expected = carla.simulate(overtake(horizon=4.0)).trace_hash
     found: list[Trajectories] = []

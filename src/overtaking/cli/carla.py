@@ -88,7 +88,18 @@ def run(
     making.make(output, out, recipe, resume=resume, simulator=arguments.carla_simulator(driver))
 
 
+def limits(output: Output, server: Server = "headless") -> None:
+    """Measure when CARLA's Traffic Manager does not change lanes."""
+    from overtaking import api
+    from overtaking.cli import arguments, carla_limits
+
+    arguments.choose_carla(server)
+    values = carla_limits.values_of(api.carla_limits())
+    output.result(values, lambda _: carla_limits.render(values))
+
+
 COMMANDS: dict[options.Body, str] = {
     serve: "overtaking carla serve --port 2000",
     run: "overtaking carla run pinto2023 -n 20 --seed 1 --driver own --out data/carla",
+    limits: "overtaking carla limits",
 }

@@ -28,7 +28,17 @@ from overtaking.simulators.carla_library import (
     library,
     parse_address,
 )
-from overtaking.simulators.carla_messages import Alive, Job, lost, receive, send
+from overtaking.simulators.carla_limits import Limits
+from overtaking.simulators.carla_messages import (
+    Alive,
+    Job,
+    LimitsJob,
+    Request,
+    Result,
+    lost,
+    receive,
+    send,
+)
 from overtaking.simulators.carla_stage import SimulationLostError
 
 ATTEMPTS = 3
@@ -66,7 +76,8 @@ def simulate(scenario: Scenario, driver: str) -> Trajectories:
     for row in range(scenario.num_simulations):
         one = scenario.select(slice(row, row + 1))
         try:
-            done.append(_with_patience(one, driver))
+            job = Job(driver, one, (_free_port(), _free_port()))
+            done.append(_simulated(_with_patience(job, keep=driver == "own")))
         except SimulationLostError as error:
             missing.append((int(scenario.index[row]), str(error)))
     if missing:
@@ -81,18 +92,36 @@ def simulate(scenario: Scenario, driver: str) -> Trajectories:
     return joined(done, scenario)
 
 
-def _with_patience(one: Scenario, driver: str) -> Trajectories:
-    """One simulation, tried again with a new worker where it is lost."""
+def limits() -> Limits:
+    """Measure the limits of the Traffic Manager; errors as in `simulate`."""
+    library()
+    found = _with_patience(LimitsJob(_free_port()), keep=False)
+    assert isinstance(found, Limits)
+    return found
+
+
+def _simulated(found: Result) -> Trajectories:
+    assert isinstance(found, Trajectories)
+    return found
+
+
+def _with_patience(job: Request, *, keep: bool) -> Result:
+    """One result, asked for again of a new worker where it is lost.
+
+    Args:
+        job: What is asked for.
+        keep: Whether the worker may be used again: a Traffic Manager that was shut down leaves some
+            of its state in the client.
+    """
     for attempt in range(1, ATTEMPTS + 1):
         try:
-            return _company().run(Job(driver, one, (_free_port(), _free_port())))
+            return _company().run(job)
         except SimulationLostError:
             _dismiss()
             if attempt == ATTEMPTS:
                 raise
         finally:
-            if driver != "own":
-                # A Traffic Manager keeps some state when it is shut down: each run gets a new one.
+            if not keep:
                 _dismiss_worker()
     raise AssertionError("unreachable")
 
@@ -178,8 +207,8 @@ class Worker:
         listener.start()
         return cls(process, answers, errors, listener)
 
-    def run(self, job: Job) -> Trajectories:
-        """One simulation; `SimulationLostError` if the worker dies or falls silent."""
+    def run(self, job: Request) -> Result:
+        """One result; `SimulationLostError` if the worker dies or falls silent."""
         assert self.process.stdin is not None
         with contextlib.suppress(OSError):  # Its end is heard below.
             send(self.process.stdin, job)
@@ -188,7 +217,7 @@ class Worker:
                 answer = self.answers.get(timeout=SILENCE)
             except queue.Empty:
                 raise lost(job, f"no sign of life for {SILENCE:g} s") from None
-            if isinstance(answer, Trajectories):
+            if isinstance(answer, Trajectories | Limits):
                 return answer
             if isinstance(answer, OvertakingError):
                 raise answer

@@ -8,6 +8,7 @@ from typing import IO, Any
 from overtaking.core.errors import OvertakingError
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
+from overtaking.simulators.carla_limits import Limits
 from overtaking.simulators.carla_stage import SimulationLostError
 
 _LENGTH = struct.Struct("<I")
@@ -33,7 +34,20 @@ class Alive:
     """A sign of life."""
 
 
-Answer = Alive | Trajectories | OvertakingError
+@dataclass(frozen=True, slots=True)
+class LimitsJob:
+    """Measure the limits of the Traffic Manager.
+
+    Attributes:
+        port: A free port for it.
+    """
+
+    port: int
+
+
+Result = Trajectories | Limits
+Request = Job | LimitsJob
+Answer = Alive | Result | OvertakingError
 
 
 def send(stream: IO[bytes], message: object) -> None:
@@ -52,10 +66,13 @@ def receive(stream: IO[bytes]) -> Any:
     return pickle.loads(stream.read(length))  # Of our own parent or child, nobody else's.
 
 
-def lost(job: Job, got: str) -> SimulationLostError:
-    """The error for a simulation that came to nothing."""
+def lost(request: Request, got: str) -> SimulationLostError:
+    """The error for a request that came to nothing."""
+    number = (
+        f"simulation {int(request.scenario.index[0])}" if isinstance(request, Job) else "limits"
+    )
     return SimulationLostError.of(
-        what=f"simulation {int(job.scenario.index[0])}",
+        what=number,
         where="CARLA's client",
         expected="a result",
         got=got,

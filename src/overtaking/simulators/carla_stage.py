@@ -112,8 +112,8 @@ class CarlaStage:
             ConfigError: The server has no map with this road.
             SimulationLostError: A vehicle could not be put where it starts.
         """
-        world = _fresh_world(client, scenario.road)
-        _synchronous(world)
+        world = fresh_world(client, scenario.road)
+        synchronous(world)
         world.set_weather(carla.WeatherParameters(**carla_cast.weather_fields(scenario)))
         road, end = _road_there(carla, world.get_map(), scenario.road)
         stage = cls(carla, client, scenario.replace(road=road), world, {}, end)
@@ -259,7 +259,7 @@ def _order(contact: Contact) -> tuple[int, int, int]:
     return contact.frame, contact.own, contact.other
 
 
-def _fresh_world(client: Any, road: Road) -> Any:
+def fresh_world(client: Any, road: Road) -> Any:
     """The world of the map that has this road, without anybody in it."""
     name = MAPS.get(road.name)
     world = client.get_world()
@@ -278,7 +278,8 @@ def _fresh_world(client: Any, road: Road) -> Any:
     return client.load_world(name)
 
 
-def _synchronous(world: Any) -> None:
+def synchronous(world: Any) -> None:
+    """Let time pass by ticks only."""
     settings = world.get_settings()
     settings.synchronous_mode, settings.fixed_delta_seconds = True, TICK
     # Real servers divide a tick into steps of their own; ours does so anyway.

@@ -13,9 +13,18 @@ from typing import IO, Any
 
 from overtaking.core.errors import OvertakingError
 from overtaking.model.trajectory import Trajectories
-from overtaking.simulators import carla_manager, carla_own
+from overtaking.simulators import carla_limits, carla_manager, carla_own
 from overtaking.simulators.carla_library import Address, connect, library
-from overtaking.simulators.carla_messages import Alive, Job, lost, receive, send
+from overtaking.simulators.carla_messages import (
+    Alive,
+    Job,
+    LimitsJob,
+    Request,
+    Result,
+    lost,
+    receive,
+    send,
+)
 from overtaking.simulators.carla_stage import CarlaStage
 
 SIGN_INTERVAL = 1.0
@@ -28,16 +37,22 @@ def work(address: Address, requests: IO[bytes], answers: IO[bytes]) -> None:
     client: Any = None
     while True:
         try:
-            job: Job = receive(requests)
+            job: Request = receive(requests)
         except EOFError:
             return
         try:
             client = client or connect(carla, address)
-            send(answers, _run(carla, client, job, _signs(answers)))
+            send(answers, _answer(carla, client, job, _signs(answers)))
         except OvertakingError as error:
             send(answers, error)
         except RuntimeError as error:  # What the client raises, a call that took too long included.
             send(answers, lost(job, str(error)))
+
+
+def _answer(carla: Any, client: Any, job: Request, sign: Callable[[], None]) -> Result:
+    if isinstance(job, LimitsJob):
+        return carla_limits.measure(carla, client, job.port, sign)
+    return _run(carla, client, job, sign)
 
 
 def _run(carla: Any, client: Any, job: Job, sign: Callable[[], None]) -> Trajectories:
