@@ -70,7 +70,8 @@ RULE = Rule(
     gloss="Return to the right as soon as the manoeuvre is done and this is safe.",
     predicate="From overlap_end on: the ego never stays out of its original lane for more than 8 "
     "s on end in which the target is max(2 s, safe distance) or more behind it and the lane to "
-    "the right is free: room ahead and behind, and no vehicle reached within 10 s.",
+    "the right is free: room ahead and behind, and no vehicle reached within 10 s. Not in the "
+    "lane of oncoming traffic, for which there is L24.",
     unit="s",
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),

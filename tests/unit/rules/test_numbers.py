@@ -164,6 +164,13 @@ def test_l10_is_the_distance_between_the_sides():
     assert (found.first[0], found.last[0]) == (92, 108)
 
 
+def test_on_a_two_way_road_l15_wants_the_way_of_both_while_the_ego_is_out():
+    given = {"ego": {"speed": 20.0}, "events": CROSSED | {"back": 140}}
+    found = judge(RULES["L15"], overtake(road=two_way_road(), **given))
+    # 2 s out and 1 s more, at 20 m/s and the limit of 25 m/s; a lit vehicle is seen at 300 m.
+    assert found.margin[0] == pytest.approx(300.0 - 45.0 * 3.0, abs=0.01)
+
+
 def test_l24_is_a_second_of_both_speeds():
     assert judge(RULES["L24"], against(60.0)).margin[0] == pytest.approx(20.0, abs=0.01)
 
