@@ -1,33 +1,20 @@
-//! Blocks of sixteen simulations, spread over threads, at the SIMD width of this CPU.
+//! What is simulated, in which order, on which threads, and at the SIMD width of which CPU.
 
-use fearless_simd::prelude::*;
-use fearless_simd::{Level, Simd};
+use fearless_simd::Level;
 use rayon::prelude::*;
 
-use crate::collisions::{Pairs, collide, leave_road, near_pairs};
-use crate::fields::{Constants, Simulation, Vehicle};
-use crate::lanes::{LANES, dispatch, splat};
-use crate::neighbours::{Neighbours, find_neighbours};
+use crate::block::{self, Scratch};
+use crate::fields::Constants;
+use crate::lanes::{LANES, dispatch};
 use crate::output::Output;
-use crate::perception::Beliefs;
-use crate::recording::Recorder;
-use crate::state::{EGO, History, Road, State, World};
-use crate::tile::Tile;
 use crate::{MAX_VEHICLES, SLOTS};
-use crate::{control, dynamics, ego, environment, mobil, perception, steering};
 
-/// Evaluate an expression in a function of its own that may use the SIMD features of the CPU.
-macro_rules! outlined {
-    ($simd:expr, $body:expr) => {
-        $simd.vectorize(
-            #[inline(always)]
-            || $body,
-        )
-    };
-}
+/// Blocks that one thread advances together. More of them waste fewer lanes, until their states no
+/// longer fit into the cache.
+const BLOCKS_PER_SHARE: usize = 8;
 
-/// Steps between two decisions.
-const SUBSTEPS: u32 = 5;
+/// A simulation and where its results go.
+pub(crate) type Seat<'a> = (usize, Output<'a>);
 
 /// Everything that a batch is simulated from.
 #[derive(Clone, Copy)]
@@ -141,240 +128,50 @@ fn run_blocks<const N: usize>(
     later: Option<&Later<'_>>,
     out: Output<'_>,
 ) {
-    out.into_blocks().into_par_iter().enumerate().for_each_init(
-        Scratch::<N>::default,
-        |scratch, (block, out)| {
-            dispatch!(level, |simd| run(simd, inputs, later, block, out, scratch));
-        },
-    );
+    let order = by_number_of_vehicles(inputs);
+    let mut places: Vec<_> = out.into_simulations().into_iter().map(Some).collect();
+    let seats: Vec<_> = order
+        .into_iter()
+        .filter_map(|simulation| Some((simulation, places[simulation].take()?)))
+        .collect();
+    shares(seats)
+        .into_par_iter()
+        .for_each_init(Scratch::<N>::default, |scratch, share| {
+            dispatch!(level, |simd| block::run(
+                simd, inputs, later, share, scratch
+            ));
+        });
 }
 
-/// Row of sixteen numbers of a block; lanes beyond the batch repeat its last simulation.
-#[inline(always)]
-fn row(values: &[f32], batch: usize, row: usize, block: usize) -> [f32; LANES] {
-    let start = block * LANES;
-    let values = &values[row * batch..(row + 1) * batch];
-    match values[start..].first_chunk() {
-        Some(whole) => *whole,
-        None => core::array::from_fn(|lane| values[(start + lane).min(batch - 1)]),
-    }
-}
-
-#[inline(always)]
-fn load<S: Simd, const N: usize>(
-    simd: S,
-    vehicle: &[f32],
-    simulation: &[f32],
-    inputs: &Inputs<'_>,
-    block: usize,
-) -> ([Vehicle<S>; N], Simulation<S>) {
+/// The simulations from the fullest to the emptiest: a block works on as many vehicles as its fullest
+/// has.
+fn by_number_of_vehicles(inputs: &Inputs<'_>) -> Vec<usize> {
     let batch = inputs.index.len();
-    let slots = inputs.slots;
-    let p = core::array::from_fn(|slot| {
-        if slot < slots {
-            Vehicle::load(simd, |field| {
-                row(vehicle, batch, field * slots + slot, block)
-            })
-        } else {
-            Vehicle::load(simd, |_| [0.0; LANES])
-        }
-    });
-    (
-        p,
-        Simulation::load(simd, |field| row(simulation, batch, field, block)),
-    )
-}
-
-/// Memory that a thread uses again for each of its blocks.
-#[derive(Default)]
-struct Scratch<const N: usize> {
-    tile: Tile<N>,
-    history: History<N>,
-}
-
-/// Who drives around each vehicle and what its driver believes: written anew at every decision, and
-/// kept in one place, as moving it costs more than some of what is computed from it.
-struct Minds<S: Simd, const N: usize> {
-    near: [Neighbours<S>; N],
-    believed: [Beliefs<S>; N],
-}
-
-impl<S: Simd, const N: usize> Minds<S, N> {
-    fn new(simd: S) -> Self {
-        Self {
-            near: [Neighbours::nobody(simd); N],
-            believed: [Beliefs::nothing(simd); N],
-        }
-    }
-}
-
-/// Simulate one block.
-fn run<S: Simd, const N: usize>(
-    simd: S,
-    inputs: &Inputs<'_>,
-    later: Option<&Later<'_>>,
-    block: usize,
-    out: Output<'_>,
-    scratch: &mut Scratch<N>,
-) {
-    let batch = inputs.index.len();
-    let lanes = (batch - block * LANES).min(LANES);
-    let index: [u64; LANES] =
-        core::array::from_fn(|lane| inputs.index[(block * LANES + lane).min(batch - 1)]);
-    let road = Road {
-        num_lanes: inputs.num_lanes,
-        boundaries: inputs.boundaries,
-        film_path: inputs.film_path,
-        side: inputs.side,
-        pose: inputs.pose,
+    let valid = &inputs.vehicle[..inputs.slots * batch];
+    let vehicles = |simulation: usize| {
+        (0..inputs.slots)
+            .filter(|slot| valid[slot * batch + simulation] > 0.0)
+            .count()
     };
-    let (p, q) = load(simd, inputs.vehicle, inputs.simulation, inputs, block);
-    let used = |slot: &usize| (0..LANES).any(|lane| p[*slot].valid[lane] > 0.0);
-    let count = (0..N).filter(used).max().map_or(1, |last| last + 1);
-    let mut world = World {
-        simd,
-        c: inputs.constants,
-        road: &road,
-        p,
-        q,
-        count,
-        key: [inputs.seed as u32, (inputs.seed >> 32) as u32],
-        index_low: index.map(|number| number as u32),
-        index_high: index.map(|number| (number >> 32) as u32),
-    };
-    let mut state = State::new(&world, &mut scratch.history);
-    let mut recorder = Recorder::new(out, lanes, &mut scratch.tile);
-    let mut minds = Minds::new(simd);
-    let mut pairs: Pairs<S, N> = [[None; N]; N];
-    let mut step = 0;
-    while runs(&state, simd, step) {
-        if let Some(later) = later.filter(|later| later.switch == step) {
-            (world.p, world.q) = load(simd, later.vehicle, later.simulation, inputs, block);
-        }
-        if step.is_multiple_of(SUBSTEPS) {
-            pairs = decide(&mut state, &world, &mut minds, &mut recorder, step);
-        }
-        if step.is_multiple_of(inputs.record_every) {
-            simd.vectorize(
-                #[inline(always)]
-                || {
-                    let active = splat(simd, step as f32).simd_le(state.end_step);
-                    recorder.frame(
-                        &state,
-                        &world,
-                        active,
-                        (step / inputs.record_every) as usize,
-                    );
-                },
-            );
-        }
-        advance(&mut state, &world, &pairs, step);
-        step += 1;
-    }
-    simd.vectorize(
-        #[inline(always)]
-        || recorder.finish(&state, &world),
-    );
+    let mut order: Vec<_> = (0..batch).collect();
+    order.sort_by_key(|simulation| std::cmp::Reverse(vehicles(*simulation)));
+    order
 }
 
-fn runs<S: Simd, const N: usize>(state: &State<'_, S, N>, simd: S, step: u32) -> bool {
-    outlined!(
-        simd,
-        splat(simd, step as f32).simd_le(state.end_step).any_true()
-    )
-}
-
-/// Everything that happens 20 times a second: weather, perception, decisions.
-///
-/// Each part is a function of its own with the features of the CPU switched on; inlining them all into
-/// one makes the compiler slow and the code no faster.
-fn decide<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
-    minds: &mut Minds<S, N>,
-    recorder: &mut Recorder<'_, N>,
-    step: u32,
-) -> Pairs<S, N> {
-    let decision = step / SUBSTEPS;
-    surroundings(state, w, step);
-    let Minds { near, believed } = minds;
-    for i in 0..w.count {
-        near[i] = outlined!(w.simd, find_neighbours(state, w, i));
-        believed[i] = outlined!(
-            w.simd,
-            perception::perceive(state, w, &near[i], i, decision as usize)
-        );
+/// Simulations in portions for the threads: several blocks each, so that they can be merged, but
+/// enough portions for every thread.
+fn shares(mut seats: Vec<Seat<'_>>) -> Vec<Vec<Seat<'_>>> {
+    let portions = seats.len().div_ceil(LANES * BLOCKS_PER_SHARE);
+    let wanted = portions.max(rayon::current_num_threads());
+    let size = seats
+        .len()
+        .div_ceil(wanted)
+        .next_multiple_of(LANES)
+        .max(LANES);
+    let mut shares = Vec::with_capacity(wanted);
+    while !seats.is_empty() {
+        let rest = seats.split_off(size.min(seats.len()));
+        shares.push(std::mem::replace(&mut seats, rest));
     }
-    let mut leader = [splat(w.simd, 0.0); N];
-    for i in 0..w.count {
-        leader[i] = outlined!(w.simd, control::behind_leader(state, w, i, &believed[i]));
-    }
-    for i in 0..w.count {
-        outlined!(
-            w.simd,
-            control::set_acceleration(state, w, i, &near[i], &believed[i], leader[i])
-        );
-    }
-    if mobil::is_due(w.c, decision as usize) {
-        for i in 1..w.count {
-            outlined!(
-                w.simd,
-                mobil::change_lanes(state, w, i, &believed[i], leader[i])
-            );
-        }
-    }
-    outlined!(
-        w.simd,
-        ego::decide(state, w, &near[EGO], &believed[EGO], recorder, step)
-    );
-    outlined!(w.simd, near_pairs(state, w))
-}
-
-/// Time, memory, weather and wind of a decision.
-fn surroundings<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
-    step: u32,
-) {
-    let decision = step / SUBSTEPS;
-    outlined!(w.simd, {
-        for i in 0..w.count {
-            state.since_change[i] += w.c.decision;
-        }
-        leave_road(state, w, step);
-    });
-    outlined!(w.simd, perception::remember(state, w, decision as usize));
-    outlined!(
-        w.simd,
-        environment::move_random_processes(state, w, decision)
-    );
-    outlined!(w.simd, environment::grip(state, w));
-    outlined!(w.simd, environment::wind(state, w));
-    for i in 0..w.count {
-        outlined!(w.simd, steering::hold_against_wind(state, w, i, step));
-    }
-}
-
-/// One step of 10 ms: steer, move, collide.
-fn advance<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
-    pairs: &Pairs<S, N>,
-    step: u32,
-) {
-    let before = (state.s, state.d);
-    outlined!(w.simd, {
-        // Short passes over all vehicles, so that the CPU works on several of them at once.
-        for i in 0..w.count {
-            steering::steer(state, w, i);
-        }
-        let mut turned = before.0;
-        for i in 0..w.count {
-            turned[i] = dynamics::accelerate(state, w, i);
-        }
-        for i in 0..w.count {
-            dynamics::integrate(state, w, i, turned[i]);
-        }
-    });
-    outlined!(w.simd, collide(state, w, pairs, &before, step));
+    shares
 }

@@ -3,7 +3,7 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::lanes::{LANES, V};
+use crate::lanes::{LANES, Seats, V};
 
 /// A struct whose fields are loaded in order from rows of sixteen numbers.
 macro_rules! lane_fields {
@@ -14,6 +14,12 @@ macro_rules! lane_fields {
 
         /// Names of the fields, in the order in which they are handed over.
         pub const $names: &[&str] = &[$(stringify!($field)),*];
+
+        impl<S: Simd> Seats for $name<S> {
+            fn seat(&mut self, lane: usize, from: &Self, other: usize) {
+                $(self.$field.seat(lane, &from.$field, other);)*
+            }
+        }
 
         impl<S: Simd> $name<S> {
             /// Fill the fields from consecutive rows.

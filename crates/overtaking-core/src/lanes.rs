@@ -78,6 +78,32 @@ pub fn floor<S: Simd>(x: V<S>) -> V<S> {
     choose(nearest.simd_gt(x), nearest - 1.0, nearest)
 }
 
+/// Numbers of a block in which those of one simulation can be replaced by those of another.
+pub trait Seats {
+    /// Put what belongs to lane `other` of `from` into lane `lane`.
+    fn seat(&mut self, lane: usize, from: &Self, other: usize);
+}
+
+impl<S: Simd> Seats for V<S> {
+    fn seat(&mut self, lane: usize, from: &Self, other: usize) {
+        self.as_mut_slice()[lane] = from.as_slice()[other];
+    }
+}
+
+impl Seats for [u32; LANES] {
+    fn seat(&mut self, lane: usize, from: &Self, other: usize) {
+        self[lane] = from[other];
+    }
+}
+
+impl<T: Seats, const K: usize> Seats for [T; K] {
+    fn seat(&mut self, lane: usize, from: &Self, other: usize) {
+        for (mine, theirs) in self.iter_mut().zip(from) {
+            mine.seat(lane, theirs, other);
+        }
+    }
+}
+
 /// Evaluate an expression with the SIMD type of a level.
 macro_rules! dispatch {
     ($level:expr, |$simd:ident| $body:expr) => {

@@ -4,6 +4,7 @@
 //! in the same order, so that both record the same bits. The sources of the formulas are given there.
 //! Arithmetic is `+ - * / sqrt` and comparisons on `f32` only; no fused multiply-add, no libm.
 
+mod block;
 mod collisions;
 mod control;
 mod dynamics;

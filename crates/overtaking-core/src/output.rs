@@ -1,11 +1,9 @@
 //! Where recorded numbers go.
 
-use crate::lanes::LANES;
-
 /// Decisions of the ego that are written down for a simulation.
 pub const MAX_PERCEPTS: usize = 4;
 
-/// A struct of output slices that can be cut into blocks of simulations.
+/// A struct of output slices that can be cut into simulations.
 macro_rules! output_fields {
     ($($(#[$doc:meta])* $field:ident: $kind:ty, $size:expr;)*) => {
         /// Where recorded numbers go; each slice leads with the simulation.
@@ -23,13 +21,13 @@ macro_rules! output_fields {
                 vec![$((stringify!($field), batch * $size(slots, frames))),*]
             }
 
-            /// One output for each block of sixteen simulations.
-            pub(crate) fn into_blocks(self) -> Vec<Output<'a>> {
+            /// One output for each simulation.
+            pub(crate) fn into_simulations(self) -> Vec<Output<'a>> {
                 let (slots, frames) = (self.slots, self.frames);
-                let blocks = self.num_frames.len().div_ceil(LANES);
-                $(let mut $field = self.$field.chunks_mut((LANES * $size(slots, frames)).max(1));)*
+                let count = self.num_frames.len();
+                $(let mut $field = self.$field.chunks_mut($size(slots, frames).max(1));)*
                 let next = |_| Some(Output { $($field: $field.next()?,)* slots, frames });
-                (0..blocks).map(next).collect::<Option<Vec<_>>>().unwrap_or_default()
+                (0..count).map(next).collect::<Option<Vec<_>>>().unwrap_or_default()
             }
         }
     };

@@ -3,7 +3,7 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16, u32x16};
 
-use crate::lanes::{LANES, M, V, choose, clamp_to, splat};
+use crate::lanes::{LANES, M, Seats, V, choose, clamp_to, splat};
 use crate::neighbours::Neighbours;
 use crate::output::{MAX_PERCEPTS, Output};
 use crate::perception::Beliefs;
@@ -53,51 +53,44 @@ fn mix_word(hash: u32, word: u32) -> u32 {
 
 /// Collects the recorded integers of a block and hashes them.
 pub struct Recorder<'a, const N: usize> {
-    out: Output<'a>,
-    /// Simulations in the block; the lanes beyond repeat the last one and are not recorded.
-    lanes: usize,
-    tile: &'a mut Tile<N>,
+    /// Where the simulation of each lane goes; `None` in lanes that are free.
+    out: [Option<Output<'a>>; LANES],
     hash: [[u32; LANES]; 4],
     frames: [usize; LANES],
     flushed: usize,
 }
 
 impl<'a, const N: usize> Recorder<'a, N> {
-    /// A recorder into the part of the output that belongs to one block.
-    pub fn new(out: Output<'a>, lanes: usize, tile: &'a mut Tile<N>) -> Self {
+    /// A recorder of the simulations of some lanes.
+    pub fn new(mut out: [Option<Output<'a>>; LANES]) -> Self {
         let start = [
             PRIME_1.wrapping_add(PRIME_2),
             PRIME_2,
             0,
             0u32.wrapping_sub(PRIME_1),
         ];
-        out.percept_valid.fill(0);
-        out.percept_vehicle.fill(255);
-        out.collided_with.fill(255);
-        for slice in [
-            &mut *out.percept_kind,
-            &mut *out.percept_detected,
-            &mut *out.stage,
-        ] {
-            slice.fill(0);
-        }
-        for slice in [
-            &mut *out.percept_time,
-            &mut *out.percept_gap,
-            &mut *out.percept_closing_speed,
-            &mut *out.percept_true_gap,
-            &mut *out.percept_true_closing_speed,
-        ] {
-            slice.fill(0);
+        for out in out.iter_mut().flatten() {
+            clear(out);
         }
         Self {
             out,
-            lanes,
-            tile,
             hash: start.map(|word| [word; LANES]),
             frames: [0; LANES],
             flushed: 0,
         }
+    }
+
+    /// Whether a lane holds a simulation that is not finished.
+    pub fn is_busy(&self, lane: usize) -> bool {
+        self.out[lane].is_some()
+    }
+
+    /// Take over the simulation in lane `other` of a recorder that has written down as many frames.
+    pub fn seat(&mut self, lane: usize, from: &mut Self, other: usize) {
+        debug_assert_eq!(self.flushed, from.flushed);
+        self.out[lane] = from.out[other].take();
+        self.hash.seat(lane, &from.hash, other);
+        self.frames[lane] = from.frames[other];
     }
 
     /// Write down one frame of the simulations that still run.
@@ -108,6 +101,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         w: &World<'_, S, N>,
         active: M<S>,
         number: usize,
+        tile: &mut Tile<N>,
     ) {
         let simd = w.simd;
         let [h0, h1, h2, h3] = self.hash;
@@ -123,7 +117,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
             let words = vehicle_words(state, w, i);
             for (k, word) in words.into_iter().enumerate() {
                 let word = valid.select(word, i32x16::splat(simd, 0));
-                self.tile.0[(k * N + i) * TILE + at] = Row(word.to_array());
+                tile.0[(k * N + i) * TILE + at] = Row(word.to_array());
                 hash[k % 4] = mix(hash[k % 4], word, active & valid);
             }
         }
@@ -139,18 +133,17 @@ impl<'a, const N: usize> Recorder<'a, N> {
         for (kept, word) in self.hash.iter_mut().zip(hash) {
             *kept = word.to_array();
         }
-        let room = self.out.frames;
-        for lane in 0..self.lanes {
-            if active.test(lane) {
-                self.out.stage[lane * room + number] = stage[lane] as u8;
-                self.out.collided_with[lane * room + number] = partner[lane] as u8;
+        for (lane, out) in self.out.iter_mut().enumerate() {
+            if let Some(out) = out.as_mut().filter(|_| active.test(lane)) {
+                out.stage[number] = stage[lane] as u8;
+                out.collided_with[number] = partner[lane] as u8;
                 self.frames[lane] = number + 1;
             }
         }
         if at + 1 == TILE {
             simd.vectorize(
                 #[inline(always)]
-                || self.flush(simd, w.count),
+                || self.flush(simd, w.count, tile),
             );
             self.flushed = number + 1;
         }
@@ -158,38 +151,36 @@ impl<'a, const N: usize> Recorder<'a, N> {
 
     /// Move the collected frames to their place: the frames of one vehicle are adjacent.
     ///
-    /// Whole groups of sixteen frames are turned at once; what is written beyond the end of a simulation
-    /// is cleared when it is finished.
+    /// Sixteen frames are turned at once; what is written beyond the end of a simulation is cleared when
+    /// it is finished.
     #[inline(always)]
-    fn flush<S: Simd>(&mut self, simd: S, count: usize) {
-        let (slots, room, start) = (self.out.slots, self.out.frames, self.flushed);
-        let end = self
-            .frames
-            .iter()
-            .fold(start, |last, frames| last.max(*frames))
-            .min(start + TILE);
-        for i in 0..count.min(slots) {
-            for group in (start..end).step_by(LANES) {
-                for k in 0..WORDS {
-                    let from = (k * N + i) * TILE + group - start;
-                    let turned = transposed(simd, &self.tile.0[from..from + LANES]);
-                    let out = &mut self.out;
-                    for (lane, Row(row)) in turned.iter().enumerate().take(self.lanes) {
-                        let place = (lane * slots + i) * room + group;
-                        match k {
-                            0 => put(out.x, place, *row),
-                            1 => put(out.y, place, *row),
-                            2 => put(out.s, place, *row),
-                            3 => put(out.d, place, *row),
-                            4 => put(out.speed, place, *row),
-                            5 => put(out.heading, place, halves(row)),
-                            6 => put(out.wheel_angle, place, halves(row)),
-                            7 => put(out.accel_lon, place, halves(row)),
-                            8 => put(out.accel_lat, place, halves(row)),
-                            9 => put(out.yaw_rate, place, halves(row)),
-                            10 => put(out.lane, place, bytes(row)),
-                            _ => put(out.lights, place, bytes(row)),
-                        }
+    pub fn flush<S: Simd>(&mut self, simd: S, count: usize, tile: &Tile<N>) {
+        let start = self.flushed;
+        if self.frames.iter().all(|frames| *frames <= start) {
+            return;
+        }
+        for i in 0..count {
+            for k in 0..WORDS {
+                let from = (k * N + i) * TILE;
+                let turned = transposed(simd, &tile.0[from..from + LANES]);
+                for (out, Row(row)) in self.out.iter_mut().zip(&turned) {
+                    let Some(out) = out.as_mut().filter(|out| i < out.slots) else {
+                        continue;
+                    };
+                    let place = i * out.frames + start;
+                    match k {
+                        0 => put(out.x, place, *row),
+                        1 => put(out.y, place, *row),
+                        2 => put(out.s, place, *row),
+                        3 => put(out.d, place, *row),
+                        4 => put(out.speed, place, *row),
+                        5 => put(out.heading, place, halves(row)),
+                        6 => put(out.wheel_angle, place, halves(row)),
+                        7 => put(out.accel_lon, place, halves(row)),
+                        8 => put(out.accel_lat, place, halves(row)),
+                        9 => put(out.yaw_rate, place, halves(row)),
+                        10 => put(out.lane, place, bytes(row)),
+                        _ => put(out.lights, place, bytes(row)),
                     }
                 }
             }
@@ -232,135 +223,156 @@ impl<'a, const N: usize> Recorder<'a, N> {
             let believed_closing = rounded(believed.closing[role], THOUSAND, INT32_LIMIT);
             let true_gap = rounded(near.gap[role], THOUSAND, INT32_LIMIT);
             let true_closing = rounded(closing, THOUSAND, INT32_LIMIT);
-            for lane in (0..self.lanes).filter(|lane| mask.test(*lane)) {
-                let at = (lane * MAX_PERCEPTS + state.num_percepts[lane] as usize) * 3 + column;
+            for (lane, out) in self.out.iter_mut().enumerate() {
+                let Some(out) = out.as_mut().filter(|_| mask.test(lane)) else {
+                    continue;
+                };
+                let at = state.num_percepts[lane] as usize * 3 + column;
                 let nobody = slot[lane] < 0.0;
-                self.out.percept_vehicle[at] = if nobody { 255 } else { slot[lane] as u8 };
-                self.out.percept_detected[at] = u8::from(believed.detected[role].test(lane));
-                self.out.percept_gap[at] = gap[lane];
-                self.out.percept_closing_speed[at] = believed_closing[lane];
-                self.out.percept_true_gap[at] = if nobody { 0 } else { true_gap[lane] };
-                self.out.percept_true_closing_speed[at] =
-                    if nobody { 0 } else { true_closing[lane] };
+                out.percept_vehicle[at] = if nobody { 255 } else { slot[lane] as u8 };
+                out.percept_detected[at] = u8::from(believed.detected[role].test(lane));
+                out.percept_gap[at] = gap[lane];
+                out.percept_closing_speed[at] = believed_closing[lane];
+                out.percept_true_gap[at] = if nobody { 0 } else { true_gap[lane] };
+                out.percept_true_closing_speed[at] = if nobody { 0 } else { true_closing[lane] };
             }
         }
-        for lane in (0..self.lanes).filter(|lane| mask.test(*lane)) {
-            let at = lane * MAX_PERCEPTS + state.num_percepts[lane] as usize;
-            self.out.percept_valid[at] = 1;
-            self.out.percept_kind[at] = kind as u8;
-            self.out.percept_time[at] = step as i32 * 10;
+        for (lane, out) in self.out.iter_mut().enumerate() {
+            if let Some(out) = out.as_mut().filter(|_| mask.test(lane)) {
+                let at = state.num_percepts[lane] as usize;
+                out.percept_valid[at] = 1;
+                out.percept_kind[at] = kind as u8;
+                out.percept_time[at] = step as i32 * 10;
+            }
         }
         state.num_percepts = choose(mask, state.num_percepts + 1.0, state.num_percepts);
     }
 
-    /// Write the rest: the last frames, zeros behind them, contacts and hashes.
-    #[inline(always)]
-    pub fn finish<S: Simd>(mut self, state: &State<'_, S, N>, w: &World<'_, S, N>) {
-        self.flush(w.simd, w.count);
-        self.clear_padding(w.count);
-        self.contacts(state, w);
-        for lane in 0..self.lanes {
-            self.out.num_frames[lane] = self.frames[lane] as i32;
-            self.mix_percepts(lane);
-            let digest = self.digest(lane);
-            self.out.trace_hash[lane * 4..lane * 4 + 4].copy_from_slice(&digest);
+    /// Write what is left of a simulation that has ended: zeros behind its frames, contacts and hash.
+    ///
+    /// The lane is free afterwards.
+    pub fn finish<S: Simd>(&mut self, lane: usize, state: &State<'_, S, N>, w: &World<'_, S, N>) {
+        let Some(mut out) = self.out[lane].take() else {
+            return;
+        };
+        let mut hash = self.hash.map(|word| word[lane]);
+        clear_behind(&mut out, self.frames[lane], lane, w);
+        put_contacts(&mut out, &mut hash, lane, state, w);
+        mix_percepts(&mut hash, &out);
+        out.num_frames[0] = self.frames[lane] as i32;
+        out.trace_hash.copy_from_slice(&digest(hash));
+    }
+}
+
+/// Set what is only written where something happens.
+fn clear(out: &mut Output<'_>) {
+    out.percept_valid.fill(0);
+    out.percept_vehicle.fill(255);
+    out.collided_with.fill(255);
+    for slice in [
+        &mut *out.percept_kind,
+        &mut *out.percept_detected,
+        &mut *out.stage,
+    ] {
+        slice.fill(0);
+    }
+    for slice in [
+        &mut *out.percept_time,
+        &mut *out.percept_gap,
+        &mut *out.percept_closing_speed,
+        &mut *out.percept_true_gap,
+        &mut *out.percept_true_closing_speed,
+    ] {
+        slice.fill(0);
+    }
+}
+
+/// Zero what lies behind the last frame, and the slots that are empty.
+fn clear_behind<S: Simd, const N: usize>(
+    out: &mut Output<'_>,
+    frames: usize,
+    lane: usize,
+    w: &World<'_, S, N>,
+) {
+    let room = out.frames;
+    for i in 0..out.slots {
+        let used = if w.p[i].valid[lane] > 0.0 { frames } else { 0 };
+        let rest = i * room + used..(i + 1) * room;
+        for wide in [&mut *out.x, out.y, out.s, out.d, out.speed] {
+            wide[rest.clone()].fill(0);
+        }
+        for half in [
+            &mut *out.heading,
+            out.wheel_angle,
+            out.accel_lon,
+            out.accel_lat,
+            out.yaw_rate,
+        ] {
+            half[rest.clone()].fill(0);
+        }
+        out.lane[rest.clone()].fill(0);
+        out.lights[rest].fill(0);
+    }
+}
+
+/// Write down the first contact of each vehicle.
+fn put_contacts<S: Simd, const N: usize>(
+    out: &mut Output<'_>,
+    hash: &mut [u32; 4],
+    lane: usize,
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+) {
+    for i in 0..out.slots {
+        let partner = state.contact_partner[i][lane];
+        let slot = if partner < 0.0 { 255 } else { partner as u8 };
+        let time = rounded(state.contact_time[i], THOUSAND, INT32_LIMIT)[lane];
+        let impulse = rounded(state.contact_impulse[i], 1.0, INT32_LIMIT)[lane];
+        let speed = rounded(state.contact_speed[i], THOUSAND, INT32_LIMIT)[lane];
+        out.contact_partner[i] = slot;
+        out.contact_time[i] = time;
+        out.contact_impulse[i] = impulse;
+        out.contact_speed[i] = speed;
+        // Empty slots are no part of the hash, which is the same for any number of slots.
+        if w.p[i].valid[lane] == 0.0 {
+            continue;
+        }
+        let words = [u32::from(slot), time as u32, impulse as u32, speed as u32];
+        for (hash, word) in hash.iter_mut().zip(words) {
+            *hash = mix_word(*hash, word);
         }
     }
+}
 
-    fn clear_padding(&mut self, count: usize) {
-        let (slots, room) = (self.out.slots, self.out.frames);
-        let out = &mut self.out;
-        for lane in 0..self.lanes {
-            for i in 0..slots {
-                let used = if i < count { self.frames[lane] } else { 0 };
-                let rest = (lane * slots + i) * room + used..(lane * slots + i + 1) * room;
-                for wide in [&mut *out.x, out.y, out.s, out.d, out.speed] {
-                    wide[rest.clone()].fill(0);
-                }
-                for half in [
-                    &mut *out.heading,
-                    out.wheel_angle,
-                    out.accel_lon,
-                    out.accel_lat,
-                    out.yaw_rate,
-                ] {
-                    half[rest.clone()].fill(0);
-                }
-                out.lane[rest.clone()].fill(0);
-                out.lights[rest].fill(0);
-            }
+fn mix_percepts(hash: &mut [u32; 4], out: &Output<'_>) {
+    for at in 0..MAX_PERCEPTS {
+        if out.percept_valid[at] == 0 {
+            continue;
+        }
+        let mut words = vec![u32::from(out.percept_kind[at]), out.percept_time[at] as u32];
+        for k in at * 3..at * 3 + 3 {
+            words.extend([
+                u32::from(out.percept_vehicle[k]),
+                u32::from(out.percept_detected[k]),
+                out.percept_gap[k] as u32,
+                out.percept_closing_speed[k] as u32,
+                out.percept_true_gap[k] as u32,
+                out.percept_true_closing_speed[k] as u32,
+            ]);
+        }
+        for (k, word) in words.into_iter().enumerate() {
+            hash[k % 4] = mix_word(hash[k % 4], word);
         }
     }
+}
 
-    #[inline(always)]
-    fn contacts<S: Simd>(&mut self, state: &State<'_, S, N>, w: &World<'_, S, N>) {
-        let slots = self.out.slots;
-        for i in 0..slots {
-            let partner = state.contact_partner[i];
-            let time = rounded(state.contact_time[i], THOUSAND, INT32_LIMIT);
-            let impulse = rounded(state.contact_impulse[i], 1.0, INT32_LIMIT);
-            let speed = rounded(state.contact_speed[i], THOUSAND, INT32_LIMIT);
-            for lane in 0..self.lanes {
-                let at = lane * slots + i;
-                let slot = if partner[lane] < 0.0 {
-                    255
-                } else {
-                    partner[lane] as u8
-                };
-                self.out.contact_partner[at] = slot;
-                self.out.contact_time[at] = time[lane];
-                self.out.contact_impulse[at] = impulse[lane];
-                self.out.contact_speed[at] = speed[lane];
-                let words = [
-                    u32::from(slot),
-                    time[lane] as u32,
-                    impulse[lane] as u32,
-                    speed[lane] as u32,
-                ];
-                // Empty slots are no part of the hash, which is the same for any number of slots.
-                if w.p[i].valid[lane] == 0.0 {
-                    continue;
-                }
-                for (k, word) in words.into_iter().enumerate() {
-                    self.hash[k][lane] = mix_word(self.hash[k][lane], word);
-                }
-            }
-        }
-    }
-
-    fn mix_percepts(&mut self, lane: usize) {
-        for at in lane * MAX_PERCEPTS..(lane + 1) * MAX_PERCEPTS {
-            if self.out.percept_valid[at] == 0 {
-                continue;
-            }
-            let mut words = vec![
-                u32::from(self.out.percept_kind[at]),
-                self.out.percept_time[at] as u32,
-            ];
-            for k in at * 3..at * 3 + 3 {
-                words.extend([
-                    u32::from(self.out.percept_vehicle[k]),
-                    u32::from(self.out.percept_detected[k]),
-                    self.out.percept_gap[k] as u32,
-                    self.out.percept_closing_speed[k] as u32,
-                    self.out.percept_true_gap[k] as u32,
-                    self.out.percept_true_closing_speed[k] as u32,
-                ]);
-            }
-            for (k, word) in words.into_iter().enumerate() {
-                self.hash[k % 4][lane] = mix_word(self.hash[k % 4][lane], word);
-            }
-        }
-    }
-
-    fn digest(&self, lane: usize) -> [u32; 4] {
-        core::array::from_fn(|k| {
-            let word = self.hash[k][lane].wrapping_add(self.hash[(k + 1) % 4][lane].rotate_left(7));
-            let word = (word ^ (word >> 15)).wrapping_mul(PRIME_2);
-            let word = (word ^ (word >> 13)).wrapping_mul(PRIME_3);
-            word ^ (word >> 16)
-        })
-    }
+fn digest(hash: [u32; 4]) -> [u32; 4] {
+    core::array::from_fn(|k| {
+        let word = hash[k].wrapping_add(hash[(k + 1) % 4].rotate_left(7));
+        let word = (word ^ (word >> 15)).wrapping_mul(PRIME_2);
+        let word = (word ^ (word >> 13)).wrapping_mul(PRIME_3);
+        word ^ (word >> 16)
+    })
 }
 
 #[inline(always)]

@@ -3,7 +3,7 @@
 use fearless_simd::Simd;
 
 use crate::fields::{Constants, Simulation, Vehicle};
-use crate::lanes::{LANES, V, splat};
+use crate::lanes::{LANES, Seats, V, splat};
 
 /// Decisions whose kinematics are remembered.
 pub const HISTORY: usize = 64;
@@ -76,6 +76,15 @@ pub struct World<'a, S: Simd, const N: usize> {
     pub index_high: [u32; LANES],
 }
 
+impl<S: Simd, const N: usize> Seats for World<'_, S, N> {
+    fn seat(&mut self, lane: usize, from: &Self, other: usize) {
+        self.p.seat(lane, &from.p, other);
+        self.q.seat(lane, &from.q, other);
+        self.index_low.seat(lane, &from.index_low, other);
+        self.index_high.seat(lane, &from.index_high, other);
+    }
+}
+
 /// Memory for the history; what is in it before it is written means nothing.
 pub struct History<const N: usize>(Box<Moments<N>>);
 
@@ -88,53 +97,74 @@ impl<const N: usize> Default for History<N> {
     }
 }
 
-/// Everything that changes.
-pub struct State<'a, S: Simd, const N: usize> {
-    pub s: Each<S, N>,
-    pub d: Each<S, N>,
-    pub psi: Each<S, N>,
-    pub vx: Each<S, N>,
-    pub vy: Each<S, N>,
-    pub r: Each<S, N>,
-    pub wheel: Each<S, N>,
-    pub trim: Each<S, N>,
-    pub accel: Each<S, N>,
-    pub a_lon: Each<S, N>,
-    pub a_lat: Each<S, N>,
-    pub crashed: Each<S, N>,
-    pub path: [[V<S>; 6]; N],
-    pub path_time: Each<S, N>,
-    pub path_duration: Each<S, N>,
-    pub lane: Each<S, N>,
-    pub since_change: Each<S, N>,
-    pub indicator: Each<S, N>,
-    pub gust: Each<S, N>,
-    pub distance_error: Each<S, N>,
-    pub speed_error: Each<S, N>,
-    pub wander: Each<S, N>,
-    pub mu_fast: Each<S, N>,
-    pub mu_slow: Each<S, N>,
-    pub wind_force: Each<S, N>,
-    pub wind_moment: Each<S, N>,
-    pub tail_wind: Each<S, N>,
-    pub seen_id: [[V<S>; ROLES]; N],
-    pub seen_time: [[V<S>; ROLES]; N],
-    pub contact_partner: Each<S, N>,
-    pub contact_time: Each<S, N>,
-    pub contact_impulse: Each<S, N>,
-    pub contact_speed: Each<S, N>,
-    pub stage: V<S>,
-    pub target: V<S>,
-    pub waited: V<S>,
-    pub signalled: V<S>,
-    pub stage_time: V<S>,
-    pub attempted: V<S>,
-    pub end_step: V<S>,
-    pub num_percepts: V<S>,
+/// A struct whose fields, listed once, can all be seated.
+macro_rules! state_fields {
+    ($($(#[$doc:meta])* $field:ident: $kind:ty,)*) => {
+        /// Everything that changes.
+        pub struct State<'a, S: Simd, const N: usize> {
+            $($(#[$doc])* pub $field: $kind,)*
+            /// Where everybody was, and how fast.
+            pub history: &'a mut Moments<N>,
+        }
+
+        impl<S: Simd, const N: usize> Seats for State<'_, S, N> {
+            fn seat(&mut self, lane: usize, from: &Self, other: usize) {
+                $(self.$field.seat(lane, &from.$field, other);)*
+                for (mine, theirs) in self.history.iter_mut().zip(from.history.iter()) {
+                    for (mine, theirs) in mine.iter_mut().zip(theirs) {
+                        mine[lane] = theirs[other];
+                    }
+                }
+            }
+        }
+    };
+}
+
+state_fields! {
+    s: Each<S, N>,
+    d: Each<S, N>,
+    psi: Each<S, N>,
+    vx: Each<S, N>,
+    vy: Each<S, N>,
+    r: Each<S, N>,
+    wheel: Each<S, N>,
+    trim: Each<S, N>,
+    accel: Each<S, N>,
+    a_lon: Each<S, N>,
+    a_lat: Each<S, N>,
+    crashed: Each<S, N>,
+    path: [[V<S>; 6]; N],
+    path_time: Each<S, N>,
+    path_duration: Each<S, N>,
+    lane: Each<S, N>,
+    since_change: Each<S, N>,
+    indicator: Each<S, N>,
+    gust: Each<S, N>,
+    distance_error: Each<S, N>,
+    speed_error: Each<S, N>,
+    wander: Each<S, N>,
+    mu_fast: Each<S, N>,
+    mu_slow: Each<S, N>,
+    wind_force: Each<S, N>,
+    wind_moment: Each<S, N>,
+    tail_wind: Each<S, N>,
+    seen_id: [[V<S>; ROLES]; N],
+    seen_time: [[V<S>; ROLES]; N],
+    contact_partner: Each<S, N>,
+    contact_time: Each<S, N>,
+    contact_impulse: Each<S, N>,
+    contact_speed: Each<S, N>,
+    stage: V<S>,
+    target: V<S>,
+    waited: V<S>,
+    signalled: V<S>,
+    stage_time: V<S>,
+    attempted: V<S>,
+    end_step: V<S>,
+    num_percepts: V<S>,
     /// Sine and cosine of `psi`.
-    pub sine: Each<S, N>,
-    pub cosine: Each<S, N>,
-    pub history: &'a mut Moments<N>,
+    sine: Each<S, N>,
+    cosine: Each<S, N>,
 }
 
 impl<'a, S: Simd, const N: usize> State<'a, S, N> {

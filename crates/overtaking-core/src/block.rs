@@ -1,0 +1,394 @@
+//! Blocks of sixteen simulations that advance together, and move together when others end.
+//!
+//! A lane whose simulation has ended costs as much as any other. So blocks pause together after some whole
+//! tiles of frames, and when the simulations that still run fit into fewer blocks, they change seats. What a
+//! simulation computes does not depend on its lane.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::collisions::{Pairs, collide, leave_road, near_pairs};
+use crate::engine::{Inputs, Later, Seat};
+use crate::fields::{Simulation, Vehicle};
+use crate::lanes::{LANES, Seats, splat};
+use crate::neighbours::{Neighbours, find_neighbours};
+use crate::output::Output;
+use crate::perception::Beliefs;
+use crate::recording::Recorder;
+use crate::state::{EGO, History, Road, State, World};
+use crate::tile::{TILE, Tile};
+use crate::{control, dynamics, ego, environment, mobil, perception, steering};
+
+/// Evaluate an expression in a function of its own that may use the SIMD features of the CPU.
+macro_rules! outlined {
+    ($simd:expr, $body:expr) => {
+        $simd.vectorize(
+            #[inline(always)]
+            || $body,
+        )
+    };
+}
+
+/// Steps between two decisions.
+const SUBSTEPS: u32 = 5;
+/// Tiles of frames between two pauses at least.
+const TILES_PER_PHASE: u32 = 1;
+
+/// Memory that a thread uses again.
+#[derive(Default)]
+pub struct Scratch<const N: usize> {
+    tile: Tile<N>,
+    histories: Vec<History<N>>,
+}
+
+/// Who drives around each vehicle and what its driver believes: written anew at every decision, and
+/// kept in one place, as moving it costs more than some of what is computed from it.
+struct Minds<S: Simd, const N: usize> {
+    near: [Neighbours<S>; N],
+    believed: [Beliefs<S>; N],
+}
+
+impl<S: Simd, const N: usize> Minds<S, N> {
+    fn new(simd: S) -> Self {
+        Self {
+            near: [Neighbours::nobody(simd); N],
+            believed: [Beliefs::nothing(simd); N],
+        }
+    }
+}
+
+/// Simulate the share of one thread.
+pub fn run<'a, S: Simd, const N: usize>(
+    simd: S,
+    inputs: &Inputs<'a>,
+    later: Option<&Later<'_>>,
+    share: Vec<Seat<'a>>,
+    scratch: &mut Scratch<N>,
+) {
+    let road = Road {
+        num_lanes: inputs.num_lanes,
+        boundaries: inputs.boundaries,
+        film_path: inputs.film_path,
+        side: inputs.side,
+        pose: inputs.pose,
+    };
+    let Scratch { tile, histories } = scratch;
+    histories.resize_with(
+        histories.len().max(share.len().div_ceil(LANES)),
+        History::default,
+    );
+    let mut share = share.into_iter();
+    let mut blocks: Vec<_> = histories
+        .iter_mut()
+        .map_while(|history| Block::new(simd, inputs, &road, &mut share, history))
+        .collect();
+    let mut minds = Minds::new(simd);
+    let length = phase(inputs.record_every);
+    let mut step = 0;
+    while !blocks.is_empty() {
+        for block in &mut blocks {
+            block.advance((step, step + length), inputs, later, tile, &mut minds);
+        }
+        step += length;
+        blocks.retain_mut(|block| block.dismiss(step));
+        merge(&mut blocks);
+    }
+}
+
+/// Steps between two pauses: whole tiles of frames, and whole decisions.
+fn phase(record_every: u32) -> u32 {
+    let tiles = TILES_PER_PHASE * TILE as u32 * record_every;
+    if tiles.is_multiple_of(SUBSTEPS) {
+        tiles
+    } else {
+        tiles * SUBSTEPS
+    }
+}
+
+/// Sixteen simulations, or fewer when some have ended.
+struct Block<'a, S: Simd, const N: usize> {
+    world: World<'a, S, N>,
+    state: State<'a, S, N>,
+    recorder: Recorder<'a, N>,
+    pairs: Pairs<S, N>,
+    /// Number of the simulation in each lane within the batch; free lanes repeat another one.
+    simulations: [usize; LANES],
+}
+
+impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
+    /// A block of the next simulations; `None` if there are no more.
+    fn new(
+        simd: S,
+        inputs: &Inputs<'a>,
+        road: &'a Road,
+        share: &mut impl Iterator<Item = Seat<'a>>,
+        history: &'a mut History<N>,
+    ) -> Option<Box<Self>> {
+        let mut out: [Option<Output<'a>>; LANES] = core::array::from_fn(|_| None);
+        let mut simulations = [0; LANES];
+        let mut taken = 0;
+        for (simulation, results) in share.take(LANES) {
+            simulations[taken..].fill(simulation);
+            out[taken] = Some(results);
+            taken += 1;
+        }
+        if taken == 0 {
+            return None;
+        }
+        let index = simulations.map(|simulation| inputs.index[simulation]);
+        let (p, q) = load(
+            simd,
+            inputs.vehicle,
+            inputs.simulation,
+            inputs,
+            &simulations,
+        );
+        let mut world = World {
+            simd,
+            c: inputs.constants,
+            road,
+            p,
+            q,
+            count: 1,
+            key: [inputs.seed as u32, (inputs.seed >> 32) as u32],
+            index_low: index.map(|number| number as u32),
+            index_high: index.map(|number| (number >> 32) as u32),
+        };
+        let recorder = Recorder::new(out);
+        world.count = slots_in_use(&world, &recorder);
+        let state = State::new(&world, history);
+        Some(Box::new(Self {
+            world,
+            state,
+            recorder,
+            pairs: [[None; N]; N],
+            simulations,
+        }))
+    }
+
+    /// Simulate from step `first` up to step `end`, or until all simulations have ended.
+    fn advance(
+        &mut self,
+        (first, end): (u32, u32),
+        inputs: &Inputs<'_>,
+        later: Option<&Later<'_>>,
+        tile: &mut Tile<N>,
+        minds: &mut Minds<S, N>,
+    ) {
+        let simd = self.world.simd;
+        let mut step = first;
+        while step < end && runs(&self.state, simd, step) {
+            if let Some(later) = later.filter(|later| later.switch == step) {
+                let (vehicle, simulation) = (later.vehicle, later.simulation);
+                (self.world.p, self.world.q) =
+                    load(simd, vehicle, simulation, inputs, &self.simulations);
+            }
+            let (state, world, recorder) = (&mut self.state, &self.world, &mut self.recorder);
+            if step.is_multiple_of(SUBSTEPS) {
+                self.pairs = decide(state, world, minds, recorder, step);
+            }
+            if step.is_multiple_of(inputs.record_every) {
+                let number = (step / inputs.record_every) as usize;
+                outlined!(simd, {
+                    let active = splat(simd, step as f32).simd_le(state.end_step);
+                    recorder.frame(state, world, active, number, tile);
+                });
+            }
+            advance(state, world, &self.pairs, step);
+            step += 1;
+        }
+        let count = self.world.count;
+        outlined!(simd, self.recorder.flush(simd, count, tile));
+    }
+
+    /// Finish the simulations that have ended before `step`; whether others still run.
+    fn dismiss(&mut self, step: u32) -> bool {
+        for lane in 0..LANES {
+            if self.state.end_step[lane] < step as f32 {
+                self.recorder.finish(lane, &self.state, &self.world);
+            }
+        }
+        self.world.count = slots_in_use(&self.world, &self.recorder);
+        self.num_running() > 0
+    }
+
+    fn num_running(&self) -> usize {
+        (0..LANES)
+            .filter(|lane| self.recorder.is_busy(*lane))
+            .count()
+    }
+
+    /// A lane that is free.
+    fn free_lane(&self) -> Option<usize> {
+        (0..LANES).find(|lane| !self.recorder.is_busy(*lane))
+    }
+
+    /// Take over the simulation in lane `other` of another block that has come as far.
+    fn seat(&mut self, lane: usize, from: &mut Self, other: usize) {
+        self.world.seat(lane, &from.world, other);
+        self.state.seat(lane, &from.state, other);
+        self.recorder.seat(lane, &mut from.recorder, other);
+        self.simulations[lane] = from.simulations[other];
+        self.world.count = slots_in_use(&self.world, &self.recorder);
+    }
+}
+
+/// Slots up to the last one that a running simulation uses.
+fn slots_in_use<S: Simd, const N: usize>(w: &World<'_, S, N>, recorder: &Recorder<'_, N>) -> usize {
+    let is_used = |slot: &usize| {
+        (0..LANES).any(|lane| recorder.is_busy(lane) && w.p[*slot].valid[lane] > 0.0)
+    };
+    (0..N).rev().find(is_used).map_or(1, |last| last + 1)
+}
+
+/// Move simulations together where that frees whole blocks.
+fn merge<S: Simd, const N: usize>(blocks: &mut Vec<Box<Block<'_, S, N>>>) {
+    let running: usize = blocks.iter().map(|block| block.num_running()).sum();
+    let needed = running.div_ceil(LANES);
+    if needed == blocks.len() {
+        return;
+    }
+    // The fullest stay.
+    blocks.sort_by_key(|block| std::cmp::Reverse(block.num_running()));
+    let mut leaving = blocks.split_off(needed);
+    for from in &mut leaving {
+        for other in 0..LANES {
+            if !from.recorder.is_busy(other) {
+                continue;
+            }
+            let free = blocks
+                .iter_mut()
+                .find_map(|block| block.free_lane().map(|lane| (block, lane)));
+            if let Some((block, lane)) = free {
+                block.seat(lane, from, other);
+            }
+        }
+    }
+}
+
+/// The parameters of the simulations of a block.
+#[inline(always)]
+fn load<S: Simd, const N: usize>(
+    simd: S,
+    vehicle: &[f32],
+    simulation: &[f32],
+    inputs: &Inputs<'_>,
+    simulations: &[usize; LANES],
+) -> ([Vehicle<S>; N], Simulation<S>) {
+    let batch = inputs.index.len();
+    let slots = inputs.slots;
+    let row = |values: &[f32], row: usize| {
+        let values = &values[row * batch..(row + 1) * batch];
+        simulations.map(|simulation| values[simulation])
+    };
+    let p = core::array::from_fn(|slot| {
+        if slot < slots {
+            Vehicle::load(simd, |field| row(vehicle, field * slots + slot))
+        } else {
+            Vehicle::load(simd, |_| [0.0; LANES])
+        }
+    });
+    (p, Simulation::load(simd, |field| row(simulation, field)))
+}
+
+fn runs<S: Simd, const N: usize>(state: &State<'_, S, N>, simd: S, step: u32) -> bool {
+    outlined!(
+        simd,
+        splat(simd, step as f32).simd_le(state.end_step).any_true()
+    )
+}
+
+/// Everything that happens 20 times a second: weather, perception, decisions.
+///
+/// Each part is a function of its own with the features of the CPU switched on; inlining them all into
+/// one makes the compiler slow and the code no faster.
+fn decide<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    minds: &mut Minds<S, N>,
+    recorder: &mut Recorder<'_, N>,
+    step: u32,
+) -> Pairs<S, N> {
+    let decision = step / SUBSTEPS;
+    surroundings(state, w, step);
+    let Minds { near, believed } = minds;
+    for i in 0..w.count {
+        near[i] = outlined!(w.simd, find_neighbours(state, w, i));
+        believed[i] = outlined!(
+            w.simd,
+            perception::perceive(state, w, &near[i], i, decision as usize)
+        );
+    }
+    let mut leader = [splat(w.simd, 0.0); N];
+    for i in 0..w.count {
+        leader[i] = outlined!(w.simd, control::behind_leader(state, w, i, &believed[i]));
+    }
+    for i in 0..w.count {
+        outlined!(
+            w.simd,
+            control::set_acceleration(state, w, i, &near[i], &believed[i], leader[i])
+        );
+    }
+    if mobil::is_due(w.c, decision as usize) {
+        for i in 1..w.count {
+            outlined!(
+                w.simd,
+                mobil::change_lanes(state, w, i, &believed[i], leader[i])
+            );
+        }
+    }
+    outlined!(
+        w.simd,
+        ego::decide(state, w, &near[EGO], &believed[EGO], recorder, step)
+    );
+    outlined!(w.simd, near_pairs(state, w))
+}
+
+/// Time, memory, weather and wind of a decision.
+fn surroundings<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    step: u32,
+) {
+    let decision = step / SUBSTEPS;
+    outlined!(w.simd, {
+        for i in 0..w.count {
+            state.since_change[i] += w.c.decision;
+        }
+        leave_road(state, w, step);
+    });
+    outlined!(w.simd, perception::remember(state, w, decision as usize));
+    outlined!(
+        w.simd,
+        environment::move_random_processes(state, w, decision)
+    );
+    outlined!(w.simd, environment::grip(state, w));
+    outlined!(w.simd, environment::wind(state, w));
+    for i in 0..w.count {
+        outlined!(w.simd, steering::hold_against_wind(state, w, i, step));
+    }
+}
+
+/// One step of 10 ms: steer, move, collide.
+fn advance<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    pairs: &Pairs<S, N>,
+    step: u32,
+) {
+    let before = (state.s, state.d);
+    outlined!(w.simd, {
+        // Short passes over all vehicles, so that the CPU works on several of them at once.
+        for i in 0..w.count {
+            steering::steer(state, w, i);
+        }
+        let mut turned = before.0;
+        for i in 0..w.count {
+            turned[i] = dynamics::accelerate(state, w, i);
+        }
+        for i in 0..w.count {
+            dynamics::integrate(state, w, i, turned[i]);
+        }
+    });
+    outlined!(w.simd, collide(state, w, pairs, &before, step));
+}
