@@ -26,6 +26,9 @@ I64 = NDArray[np.int64]
 BEFORE_S, AFTER_S = 10.0, 5.0
 """What a window holds before the movement and after the return [s]."""
 
+MAX_FRAMES = 6000
+"""Longer windows are cut off at their end: four minutes at 25 frames a second."""
+
 REACH = 150.0
 """Distance within which somebody ahead in the same lane is a leader, bumper to bumper [m]."""
 
@@ -174,10 +177,13 @@ def _window(recording: Recording, changes: LaneChanges, k: int, leader: int) -> 
         last = min(last, int(again[0]) - 1) if len(again) else last
         last = max(last, returns)
     frame = int(tracks.first[ego]) - low
+    first = min(first, begin)
+    last = min(last, first + MAX_FRAMES - 1)
+    returns = returns if returns is not None and returns <= last else None
     return Window(
         ego=ego,
         leader=leader,
-        first=frame + min(first, begin),
+        first=frame + first,
         last=frame + last,
         moves=frame + begin,
         returns=None if returns is None else frame + returns,
@@ -202,7 +208,8 @@ def followers(recording: Recording, changes: LaneChanges, around: Surroundings) 
         leader = around.leader(low + run[0], reach=REACH)
         assert leader is not None
         offset = int(tracks.first[ego])
-        found.append(Window(ego=ego, leader=leader, first=offset + run[0], last=offset + run[1]))
+        last = min(run[1], run[0] + MAX_FRAMES - 1)
+        found.append(Window(ego=ego, leader=leader, first=offset + run[0], last=offset + last))
     return _ordered(recording, found)
 
 

@@ -317,7 +317,7 @@ def _road(name: str, meta: _Meta, borders: Sequence[F64], rows: _Rows) -> Road:
         )
     except ConfigError as error:
         raise refused(
-            Path(name), "lanes", "a road that the model is made for", str(error)
+            Path(f"{name}{_ENDING}"), "road", "a road that the model is made for", str(error)
         ) from None
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.units import mps_from_kmh
-from overtaking.exchange.candidates import Window
+from overtaking.exchange.candidates import MAX_FRAMES, Window
 from overtaking.exchange.pinto2023_files import read_table
 from overtaking.exchange.pinto2023_schema import FORMAT
 from overtaking.exchange.pinto2023_tracks import (
@@ -249,6 +249,9 @@ def _scenes(
         if len(there) > MAX_SLOTS or (int(tracks.first[ego]), int(tracks.last[ego])) != span:
             expected = f"an ego in every frame and at most {MAX_SLOTS} vehicles"
             raise refused(source, f"simulation {numbers[k]}", expected, "another")
+        if span[1] - span[0] >= MAX_FRAMES:
+            got = str(span[1] - span[0] + 1)
+            raise refused(source, f"simulation {numbers[k]}", f"at most {MAX_FRAMES} frames", got)
         casts.append((ego, *there[~is_ego].tolist()))
         windows.append(Window(ego=ego, leader=ego, first=span[0], last=span[1]))
     return TableScenes(

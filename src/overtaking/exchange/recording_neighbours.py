@@ -26,11 +26,13 @@ class Surroundings:
 
     Attributes:
         tracks: The vehicles.
+        vehicle: Place of each row's vehicle, shape (row,).
         row: Row of the neighbour in each of the `PLACES`, `NOBODY` if there is none, shape
             (place, row). Somebody exactly beside counts as ahead.
     """
 
     tracks: Tracks
+    vehicle: I64
     row: I64
 
     @classmethod
@@ -44,19 +46,19 @@ class Surroundings:
         rows = np.full((len(PLACES), tracks.num_rows), NOBODY)
         for place, (shift, is_ahead) in enumerate(PLACES):
             rows[place] = _found(tracks, key, order, sorted_keys, shift, is_ahead=is_ahead)
-        return cls(tracks=tracks, row=rows)
+        return cls(tracks=tracks, vehicle=tracks.vehicle, row=rows)
 
     def has_leader(self, *, reach: float) -> NDArray[np.bool_]:
         """Whether somebody is ahead in the same lane within `reach` [m], shape (row,)."""
-        leader = self.row[0]
-        return (leader != NOBODY) & (self._gap(leader) <= reach)
+        row = np.arange(self.tracks.num_rows)
+        return (self.row[0] != NOBODY) & (self._gap(row, self.row[0]) <= reach)
 
     def leader(self, row: int, *, reach: float) -> int | None:
         """Vehicle ahead in the same lane within `reach` [m], None if there is none."""
         ahead = int(self.row[0, row])
-        if ahead == NOBODY or not self.has_leader(reach=reach)[row]:
+        if ahead == NOBODY or self._gap(np.array([row]), np.array([ahead]))[0] > reach:
             return None
-        return int(self.tracks.vehicle[ahead])
+        return int(self.vehicle[ahead])
 
     def vehicles(self, first: int, last: int) -> I64:
         """Vehicles in the six places around a vehicle, shape (place, row), `NOBODY` for none.
@@ -66,13 +68,13 @@ class Surroundings:
             last: Its last row.
         """
         rows = self.row[:, first : last + 1]
-        return np.where(rows == NOBODY, NOBODY, self.tracks.vehicle[rows])
+        return np.where(rows == NOBODY, NOBODY, self.vehicle[rows])
 
-    def _gap(self, other: I64) -> NDArray[np.float64]:
-        """Distance between the bumpers of each row and one ahead of it [m]."""
-        tracks, vehicle = self.tracks, self.tracks.vehicle
-        half = (tracks.length[vehicle] + tracks.length[vehicle[other]]) * 0.5
-        return tracks.s[other] - tracks.s - half
+    def _gap(self, row: I64, ahead: I64) -> NDArray[np.float64]:
+        """Distance between the bumpers of some rows and of others ahead of them [m]."""
+        tracks, vehicle = self.tracks, self.vehicle
+        half = (tracks.length[vehicle[row]] + tracks.length[vehicle[ahead]]) * 0.5
+        return tracks.s[ahead] - tracks.s[row] - half
 
 
 def _keys(tracks: Tracks) -> I64:

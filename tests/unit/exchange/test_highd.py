@@ -178,7 +178,7 @@ def test_a_bad_cell_is_named_by_line_and_column(tmp_path, column, cell, message)
         ("recordingMeta", 3, "-3", r"line 2, column speedLimit"),
         ("recordingMeta", 14, "1;x", r"line 2, column lowerLaneMarkings"),
         ("recordingMeta", 14, "5;4", r"line 2, column lowerLaneMarkings"),
-        ("recordingMeta", 14, "20;20.5;30", r"lanes"),
+        ("recordingMeta", 14, "20;20.5;30", r"width of lane -2"),
         ("recordingMeta", 14, "20", r"markings of direction 2"),
     ],
 )
