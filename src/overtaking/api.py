@@ -1,6 +1,7 @@
 """The public functions: what to call from Python, and which simulator they call."""
 
 import importlib
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
@@ -35,6 +36,7 @@ from overtaking.simulators.comparison import Comparison
 if TYPE_CHECKING:
     from overtaking.report.write import Report
     from overtaking.simulators.carla_limits import Limits
+    from overtaking.simulators.carla_replay import Replayed
     from overtaking.stats.results import Statistics
     from overtaking.video.produce import Video
 
@@ -477,6 +479,55 @@ def carla_limits() -> "Limits":
     return carla_company.limits()
 
 
+def replay_in_carla(
+    data: Dataset | str | Path,
+    out: str | Path,
+    *,
+    simulations: Iterable[int],
+    size: tuple[int, int] = (800, 450),
+    progress: Progress | None = None,
+) -> "list[Replayed]":
+    """Play recorded simulations in CARLA pose by pose, and film them from behind and from above.
+
+    Args:
+        data: The data set, or its folder; what it did not keep is simulated again.
+        out: Folder for the films; made if missing. Each appears when it is complete.
+        simulations: Their numbers.
+        size: Width and height of the pictures, even numbers [pixels].
+        progress: Called with the number of simulations that are done, and of all.
+
+    Returns:
+        The films of each simulation.
+
+    Raises:
+        ConfigError: There is no such simulation or size, or the server that `OVERTAKING_CARLA`
+            names is not there or of another version.
+        MissingExtraError: CARLA's client or the encoder of films is not installed.
+        SimulationLostError: Client or server failed several times.
+    """
+    from overtaking.exchange.opendrive_writer import write_opendrive
+    from overtaking.simulators import carla_company, carla_replay
+
+    source = data if isinstance(data, Dataset) else load(data)
+    folder, chosen = Path(out), list(simulations)
+    carla_replay.check_size(size)
+    films: list[Replayed] = []
+    for number in chosen:
+        run = source.trajectory(number)
+        job = carla_replay.ReplayJob(
+            run=run,
+            folder=folder.resolve(),
+            name=f"{number:06d}",
+            size=size,
+            opendrive=None if carla_replay.map_of(run) else write_opendrive(run.road),
+        )
+        folder.mkdir(parents=True, exist_ok=True)
+        films.append(carla_company.replay(job))
+        if progress is not None:
+            progress(len(films), len(chosen))
+    return films
+
+
 def serve_carla(
     *,
     port: int = 2000,
@@ -553,7 +604,12 @@ def _simulator(name: str) -> Simulator:
     """A simulator by its name."""
     module = _module(name)
     if name in BRANCHING:
-        return Simulator(name=name, version=MODEL_VERSION, simulate=module.simulate)
+        return Simulator(
+            name=name,
+            version=MODEL_VERSION,
+            simulate=module.simulate,
+            threads=os.cpu_count() or 1,
+        )
     return Simulator(
         name=name,
         version=module.version(),

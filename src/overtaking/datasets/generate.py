@@ -13,6 +13,7 @@ import pyarrow as pa
 
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.datasets import card, lock, manifest, plan, write
+from overtaking.datasets.ahead import in_order
 from overtaking.datasets.contents import contents
 from overtaking.datasets.interruption import Terminated, termination_raises
 from overtaking.datasets.load import Dataset, load
@@ -150,11 +151,13 @@ class _Work:
     def _pieces(self, shard: plan.Shard) -> Iterator[Mapping[str, pa.Table]]:
         """The tables of a shard, as many simulations at a time as memory is meant to hold."""
         size = min(plan.chunk_size(self._recipe.spec.resolved()), self._simulator.chunk_size)
-        for numbers in plan.chunks(shard, size):
-            index = np.arange(numbers.start, numbers.stop, dtype=np.uint64)
-            scenario = sample(self._recipe.spec, self._recipe.road, self._recipe.seed, index)
-            run = self._simulator.simulate(scenario)
-            yield contents(run, index.astype(np.int64), self._tables)
+        return in_order(self._piece, plan.chunks(shard, size), self._simulator.threads)
+
+    def _piece(self, numbers: range) -> Mapping[str, pa.Table]:
+        index = np.arange(numbers.start, numbers.stop, dtype=np.uint64)
+        scenario = sample(self._recipe.spec, self._recipe.road, self._recipe.seed, index)
+        run = self._simulator.simulate(scenario)
+        return contents(run, index.astype(np.int64), self._tables)
 
     def _count(self, simulations: int) -> None:
         self._done += simulations

@@ -38,6 +38,7 @@ class Simulator:
         unknown: What it cannot tell of a simulation, names of `model.trajectory.UNKNOWNS`.
         chunk_size: Simulations that it is given at a time; few where each of them takes long.
         shard_size: Simulations a file, and at most that many to do again after an interruption.
+        threads: How many threads may simulate at a time; one where it has a world of its own.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Simulator:
     unknown: frozenset[str] = frozenset()
     chunk_size: int = CHUNK_SIZE
     shard_size: int = SHARD_SIZE
+    threads: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

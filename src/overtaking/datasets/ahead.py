@@ -1,0 +1,37 @@
+"""Work done ahead on several threads, and handed over in order."""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TypeVar
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+
+def in_order(work: Callable[[A], B], items: Iterable[A], threads: int) -> Iterator[B]:
+    """`work` of each item, in order, with as many under way as there are threads.
+
+    NumPy and the engine leave the interpreter to others while they compute, so threads are enough;
+    and no more results wait than there are threads, so memory stays flat.
+
+    Args:
+        work: What to do; it must not depend on what was done before.
+        items: With what.
+        threads: How many at a time; 1 works without a thread of its own.
+    """
+    if threads == 1:
+        yield from map(work, items)
+        return
+    with ThreadPoolExecutor(max_workers=threads) as pool:
+        underway: deque[Future[B]] = deque()
+        try:
+            for item in items:
+                underway.append(pool.submit(work, item))
+                if len(underway) > threads:
+                    yield underway.popleft().result()
+            while underway:
+                yield underway.popleft().result()
+        finally:
+            for future in underway:
+                future.cancel()
