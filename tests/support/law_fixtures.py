@@ -198,6 +198,12 @@ OF_OVERTAKING: list[Fixture] = [
     ("L6", APART, "nobody behind", crossing),
     (
         "L6",
+        APART,
+        "an empty slot behind",
+        lambda: crossing(Track(s=-40.0, lights=LEFT, body={"valid": 0.0})),
+    ),
+    (
+        "L6",
         UNKNOWN,
         "nothing is known of a follower's indicator",
         lambda: crossing(Track(s=-40.0, speed=30.0), unknown=("indicators",)),

@@ -164,6 +164,21 @@ def test_l10_is_the_distance_between_the_sides():
     assert (found.first[0], found.last[0]) == (92, 108)
 
 
+def test_l4_and_l5_are_about_the_frame_in_which_the_line_is_crossed():
+    front = crossing(Track(s=110.0, lane=1, speed=20.0))
+    rear = crossing(Track(s=-90.0, lane=1, speed=40.0))
+    b = decel(front, 100)
+    # 10 m/s of difference for 5 s.
+    margins = {
+        "L4": (front, 110.0 - 4.4 - 50.0 - lawful(30.0, 20.0, b)),
+        "L5": (rear, 90.0 - 4.4 - 50.0 - lawful(40.0, 30.0, b)),
+    }
+    for code, (one, margin) in margins.items():
+        found = judge(RULES[code], one)
+        assert found.margin[0] == pytest.approx(margin, abs=0.01)
+        assert (found.first[0], found.last[0]) == (100, 100)
+
+
 def test_on_a_two_way_road_l15_wants_the_way_of_both_while_the_ego_is_out():
     given = {"ego": {"speed": 20.0}, "events": CROSSED | {"back": 140}}
     found = judge(RULES["L15"], overtake(road=two_way_road(), **given))
