@@ -13,7 +13,7 @@ from overtaking.model.vehicles import VehicleSpecs
 from overtaking.model.weather import Weather
 
 SLOTS = (8, 16, 32)
-"""Vehicle slots that a batch may have: the engine is compiled for each of these numbers."""
+"""The engine is compiled for so many vehicle slots; a batch may have any number up to the last."""
 
 MAX_VEHICLES = SLOTS[-1]
 """Most vehicles of a simulation."""
@@ -21,7 +21,7 @@ MAX_VEHICLES = SLOTS[-1]
 
 def slots_for(vehicles: int) -> int:
     """The fewest slots with room for a number of vehicles, 0 <= vehicles <= `MAX_VEHICLES`."""
-    return next(slots for slots in SLOTS if vehicles <= slots)
+    return max(vehicles, 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
