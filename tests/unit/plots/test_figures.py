@@ -131,7 +131,7 @@ def test_the_same_figure_has_the_same_bytes(result: Statistics):
 
 def test_a_users_settings_change_nothing_and_are_left_alone(result: Statistics):
     plain = style.to_svg(classes.draw_classes(result.classes))
-    with mpl.rc_context({"font.size": 30.0, "axes.grid": True}):
+    with mpl.rc_context({"font.size": 30.0, "axes.labelpad": 40.0}):
         assert style.to_svg(classes.draw_classes(result.classes)) == plain
         assert mpl.rcParams["font.size"] == 30.0
 

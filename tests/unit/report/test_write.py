@@ -8,13 +8,15 @@ from html.parser import HTMLParser
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from tests.support.features import synthetic_features
 
 from overtaking.core.errors import DatasetError, SchemaError
 from overtaking.report import files
-from overtaking.report.page import page, paragraph, remarks
+from overtaking.report.page import page, paragraph, remarks, table_block
 from overtaking.report.write import Report, write_report
+from overtaking.stats.table import Style, Table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -116,6 +118,16 @@ def test_what_comes_from_outside_is_escaped(made: Report):
     bad = '<img src=x onerror="x">'
     everything = page(bad, bad, [(bad, bad)], [], bad) + paragraph(bad) + remarks([bad], [bad])
     assert "<img" not in everything
+    table = Table(
+        name="t",
+        title=bad,
+        note=bad,
+        rows=pd.DataFrame({bad: [bad], "n": [1.0]}),
+        styles=(Style.TEXT, Style.COUNT),
+        num_texts=1,
+        by_column=True,
+    )
+    assert "<img" not in table_block(table, {})
 
 
 def test_the_page_warns_of_leaks_and_reads_p_values_with_care(made: Report):

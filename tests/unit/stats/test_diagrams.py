@@ -96,6 +96,19 @@ def test_the_ego_leaves_its_lane_for_the_fast_side(labelled: Labelled):
     assert [solid for _, solid in one.lines] == [True, False, False, False, False, True]
 
 
+def test_in_left_hand_traffic_the_fast_side_is_up_as_well():
+    road = load_road("town06").mirrored()
+    run = engine.simulate(sample(spec("pinto2023"), road, 1, np.arange(80, dtype=np.uint64)))
+    mirrored = label(run)
+    one = of(mirrored, completed(mirrored))
+    places = [place for place, _ in one.lines]
+    assert places == sorted(places)
+    ego = one.tracks[0]
+    begun = int(mirrored.events.attempt[completed(mirrored)])
+    assert ego.lateral.min() > 0.0
+    assert ego.lateral.max() - ego.lateral[begun] > 1.5
+
+
 def test_a_collision_is_marked(labelled: Labelled):
     simulation = int(np.flatnonzero(labelled.events.collision != NEVER)[0])
     one = of(labelled, simulation)
