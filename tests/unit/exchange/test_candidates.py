@@ -201,3 +201,18 @@ def test_a_slope_is_exact_for_what_grows_evenly_and_stays_within_a_vehicle(inter
     assert found[:7] == pytest.approx(3.0 * per_second)
     assert found[7] == 0.0
     assert found[8:] == pytest.approx(-2.0 * per_second)
+
+
+def test_the_leader_of_a_follower_is_in_slot_one(tmp_path):
+    movers = [
+        Mover(number=5, s=60.0, last=60),
+        Mover(number=9, s=100.0, last=60),
+        Mover(number=1, s=20.0, last=60),
+    ]
+    recording = read(tmp_path, movers)
+    found = scenes(recording)
+    ids = recording.tracks.ids
+    casts = {int(ids[cast[0]]): [int(ids[one]) for one in cast] for cast in found.casts}
+    assert casts[5] == [5, 9, 1]
+    assert casts[1][:2] == [1, 5]
+    assert 9 not in casts
