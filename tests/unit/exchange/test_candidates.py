@@ -216,3 +216,13 @@ def test_the_leader_of_a_follower_is_in_slot_one(tmp_path):
     assert casts[5] == [5, 9, 1]
     assert casts[1][:2] == [1, 5]
     assert 9 not in casts
+
+
+def test_who_is_there_at_the_return_goes_before_who_is_beside_for_longer(tmp_path):
+    movers = [QUIET[0], QUIET[1], QUIET[3], Mover(number=11, s=22.0, speed=30.0, lane=2, last=250)]
+    recording = read(tmp_path, movers)
+    around = Surroundings.of(recording)
+    (window,) = overtakes(recording, lane_changes(recording), around)
+    ids = recording.tracks.ids
+    assert [int(ids[one]) for one in cast_of(recording, around, window, 3)] == [7, 3, 9]
+    assert [int(ids[one]) for one in cast_of(recording, around, window, 4)] == [7, 3, 9, 11]
