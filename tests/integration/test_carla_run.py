@@ -126,6 +126,36 @@ def test_a_client_that_is_killed_is_replaced_and_the_result_the_same():
     assert (found[0].trace_hash == expected).all()
 
 
+def test_a_recorded_simulation_is_played_pose_by_pose_and_filmed(tmp_path: Path):
+    av = pytest.importorskip("av")
+    short = {"time.horizon_s": 0.6, "time.attempt_deadline_s": 0.6}
+    data = api.generate("pinto2023", 1, 3, tmp_path / "data", overrides=short)
+    words = [
+        "carla",
+        "replay",
+        str(data.path),
+        "--out",
+        str(tmp_path / "films"),
+        "--size",
+        "320x180",
+    ]
+    assert main([*words, "--quiet"]) == 0
+    files = sorted((tmp_path / "films").iterdir())
+    assert [path.name for path in files] == ["000000-above.mp4", "000000-behind.mp4"]
+    frames = int(data.trajectory(0).num_frames[0])
+    pictures: list[np.ndarray] = []
+    for path in files:
+        with av.open(str(path)) as film:
+            found = [one.to_ndarray(format="rgb24") for one in film.decode(video=0)]
+        assert len(found) == frames
+        pictures.append(found[-1])
+    above, behind = pictures
+    assert above.shape == behind.shape == (180, 320, 3)
+    # The ego is in the middle of the picture from behind, and hides the road there.
+    assert np.abs(behind[110].astype(int) - behind[110, 5].astype(int)).max() > 40
+    assert main([*words[:-1], "wide"]) == 2
+
+
 def test_a_server_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch):
     port = free_port()
     monkeypatch.setenv(SERVER_VARIABLE, f"127.0.0.1:{port}")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from overtaking.carla_server.boxes import Face, faces
 from overtaking.carla_server.lettering import stamp
-from overtaking.carla_server.raster import Lens, fill, project
+from overtaking.carla_server.raster import Lens, fill, project, projected
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -30,7 +30,7 @@ Colour = tuple[float, float, float]
 
 NOTE = "OVERTAKING: DRAWN, NOT UNREAL"
 
-FAR = 400.0
+FAR = 300.0
 """What is farther away than this is not drawn [m]."""
 
 _LINE_WIDTH = 0.15
@@ -185,11 +185,9 @@ def _flat(image: Image, lens: Lens, air: Air, quads: Points, colour: Points) -> 
     """Draw what lies on the ground and is near enough."""
     centre = quads.mean(axis=1) - np.array(lens.place)
     distance = np.hypot(centre[:, 0], centre[:, 1])
-    ahead = centre @ np.array(lens.forward) > -20.0
-    for k in np.nonzero((distance < FAR) & ahead)[0]:
-        corners = project(lens, quads[k])
-        if corners is not None:
-            fill(image, corners, _faded(air, air.light * colour, float(distance[k])))
+    near = distance < FAR
+    for k, corners in projected(lens, quads[near]):
+        fill(image, corners, _faded(air, air.light * colour, float(distance[near][k])))
 
 
 def _faded(air: Air, colour: Points, distance: float) -> Points:

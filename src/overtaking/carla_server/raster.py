@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from overtaking.carla_server.arguments import Transform
 
 Points = NDArray[np.float64]
@@ -84,6 +86,35 @@ def project(lens: Lens, corners: Points) -> Points | None:
     return np.clip(np.stack([across, below], axis=1), -_BEYOND, _BEYOND)
 
 
+def projected(lens: Lens, polygons: Points) -> Iterator[tuple[int, Points]]:
+    """Those of many polygons that can be seen, with their place in the list, on the picture.
+
+    Args:
+        lens: The camera.
+        polygons: Shape (polygon, corner, 3) [m].
+    """
+    axes = np.array((lens.right, lens.down, lens.forward))
+    seen = (polygons - np.array(lens.place)) @ axes.T
+    depth = seen[:, :, 2]
+    whole = (depth >= NEAR).all(axis=1)
+    scale = lens.focal / np.maximum(depth, NEAR)
+    across = 0.5 * lens.width + seen[:, :, 0] * scale
+    below = 0.5 * lens.height + seen[:, :, 1] * scale
+    inside = (across.max(axis=1) > 0) & (across.min(axis=1) < lens.width)
+    inside &= (below.max(axis=1) > 0) & (below.min(axis=1) < lens.height)
+    # What lies between two middles of rows or columns covers no pixel.
+    rows = np.ceil(below.max(axis=1) - 0.5) > np.ceil(below.min(axis=1) - 0.5)
+    columns = np.ceil(across.max(axis=1) - 0.5) > np.ceil(across.min(axis=1) - 0.5)
+    corners = np.clip(np.stack([across, below], axis=2), -_BEYOND, _BEYOND)
+    drawn = whole & inside & rows & columns
+    uncut = frozenset(np.flatnonzero(whole).tolist())
+    cut = ~whole & (depth.max(axis=1) > NEAR)
+    for k in np.flatnonzero(drawn | cut).tolist():
+        found = corners[k] if k in uncut else project(lens, polygons[k])
+        if found is not None:
+            yield k, found
+
+
 def _before(points: Points) -> Points:
     """The part of a polygon that lies before the camera (Sutherland and Hodgman 1974)."""
     if (points[:, 2] >= NEAR).all():
@@ -107,20 +138,32 @@ def fill(image: NDArray[np.uint8], corners: Points, colour: Points) -> None:
         colour: Blue, green, red, 0 to 255.
     """
     height, width = image.shape[:2]
-    x, y = corners[:, 0], corners[:, 1]
-    first, last = max(math.ceil(y.min() - 0.5), 0), min(math.ceil(y.max() - 0.5), height)
+    points: list[tuple[float, float]] = corners.tolist()
+    rows = [y for _, y in points]
+    first, last = max(math.ceil(min(rows) - 0.5), 0), min(math.ceil(max(rows) - 0.5), height)
     if first >= last:
         return
-    rows = np.arange(first, last)[:, None] + 0.5
-    x2, y2 = np.roll(x, -1), np.roll(y, -1)
-    rise = np.where(y2 == y, 1.0, y2 - y)
-    crossing = x + (rows - y) * ((x2 - x) / rise)
-    crossed = (np.minimum(y, y2) <= rows) & (rows < np.maximum(y, y2))
-    left = np.where(crossed, crossing, np.inf).min(axis=1)
-    right = np.where(crossed, crossing, -np.inf).max(axis=1)
-    begin = np.ceil(np.clip(left - 0.5, 0, width)).astype(int).tolist()
-    end = np.ceil(np.clip(right - 0.5, 0, width)).astype(int).tolist()
+    left, right = [math.inf] * (last - first), [-math.inf] * (last - first)
+    for k, (x, y) in enumerate(points):
+        _cross(((x, y), points[k - 1]), first, last, left, right)
     paint = np.clip(colour, 0.0, 255.0).astype(np.uint8)
-    for row, a, b in zip(range(first, last), begin, end, strict=True):
-        if a < b:
-            image[row, a:b, :3] = paint
+    for row, (low, high) in enumerate(zip(left, right, strict=True), first):
+        begin, end = max(math.ceil(low - 0.5), 0), min(math.ceil(high - 0.5), width)
+        if begin < end:
+            image[row, begin:end, :3] = paint
+
+
+Edge = tuple[tuple[float, float], tuple[float, float]]
+
+
+def _cross(edge: Edge, first: int, last: int, left: list[float], right: list[float]) -> None:
+    """Widen the span of each row whose middle an edge crosses; loops are short, so in Python."""
+    (x1, y1), (x2, y2) = sorted(edge, key=lambda point: point[1])
+    if y1 == y2:
+        return
+    slope = (x2 - x1) / (y2 - y1)
+    for row in range(max(math.ceil(y1 - 0.5), first), min(math.ceil(y2 - 0.5), last)):
+        x = x1 + (row + 0.5 - y1) * slope
+        at = row - first
+        left[at] = min(left[at], x)
+        right[at] = max(right[at], x)

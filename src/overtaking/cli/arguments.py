@@ -74,6 +74,24 @@ def choose_carla(server: str) -> None:
     os.environ[SERVER_VARIABLE] = server
 
 
+def picture_size(text: str) -> tuple[int, int]:
+    """Width and height from `WIDTHxHEIGHT`.
+
+    Raises:
+        ConfigError: The text has another form.
+    """
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal()):
+        raise ConfigError.of(
+            what="size",
+            where="--size",
+            expected="WIDTHxHEIGHT",
+            got=repr(text),
+            next_step="write it like --size 1280x720",
+        )
+    return int(width), int(height)
+
+
 def carla_simulator(driver: str) -> str:
     """The simulator of a driver.
 

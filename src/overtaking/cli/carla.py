@@ -1,5 +1,6 @@
 """The commands that begin with `overtaking carla`."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -98,8 +99,45 @@ def limits(output: Output, server: Server = "headless") -> None:
     output.result(values, lambda _: carla_limits.render(values))
 
 
+Numbers = Annotated[
+    str,
+    typer.Option("--simulations", metavar="LIST", help="Numbers and ranges, such as 1,7,20-29."),
+]
+Size = Annotated[
+    str, typer.Option("--size", metavar="WxH", help="Width and height of the pictures.")
+]
+Films = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder for the films.")]
+
+
+def replay(
+    output: Output,
+    data: options.Data,
+    out: Films,
+    simulations: Numbers = "0",
+    size: Size = "800x450",
+    server: Server = "headless",
+) -> None:
+    """Play recorded simulations in CARLA and film them with its cameras."""
+    from overtaking import api
+    from overtaking.cli import arguments
+    from overtaking.cli.video import choice
+
+    arguments.choose_carla(server)
+    chosen = choice(simulations, is_per_class=False, is_every=False)
+    numbers = [int(number) for number in chosen]
+    pixels = arguments.picture_size(size)
+    with output.progress("simulations") as meter:
+        films = api.replay_in_carla(data, out, simulations=numbers, size=pixels, progress=meter)
+    files = [
+        {"file": str(path), "frames": film.num_frames} for film in films for path in film.files
+    ]
+    lines = "\n".join(f"{each['file']}  {each['frames']} frames" for each in files)
+    output.result({"films": files}, lambda _: lines)
+
+
 COMMANDS: dict[options.Body, str] = {
     serve: "overtaking carla serve --port 2000",
     run: "overtaking carla run pinto2023 -n 20 --seed 1 --driver own --out data/carla",
+    replay: "overtaking carla replay data/pinto --simulations 1,7 --out films",
     limits: "overtaking carla limits",
 }

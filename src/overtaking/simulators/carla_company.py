@@ -4,6 +4,7 @@ import atexit
 import contextlib
 import dataclasses
 import json
+import os
 import queue
 import socket
 import subprocess
@@ -39,6 +40,7 @@ from overtaking.simulators.carla_messages import (
     receive,
     send,
 )
+from overtaking.simulators.carla_replay import Replayed, ReplayJob, encoder
 from overtaking.simulators.carla_stage import SimulationLostError
 
 ATTEMPTS = 3
@@ -47,6 +49,8 @@ ATTEMPTS = 3
 SILENCE = 45.0
 """A worker without a sign of life for longer is ended [s]."""
 
+_PORTS = range(8000, 20_000)
+_HANDED_OUT: list[int] = []
 _START_TIME = 30.0
 _ADAPTER = "1"
 """Changes whenever this package asks CARLA for something else."""
@@ -97,6 +101,15 @@ def limits() -> Limits:
     library()
     found = _with_patience(LimitsJob(_free_port()), keep=False)
     assert isinstance(found, Limits)
+    return found
+
+
+def replay(job: ReplayJob) -> Replayed:
+    """Play and film a recorded simulation; errors as in `simulate`."""
+    library()
+    encoder()
+    found = _with_patience(job, keep=True)
+    assert isinstance(found, Replayed)
     return found
 
 
@@ -167,9 +180,24 @@ def _padded(part: Trajectories, frames: int) -> Trajectories:
 
 
 def _free_port() -> int:
-    with socket.socket() as plug:
-        plug.bind(("127.0.0.1", 0))
-        return int(plug.getsockname()[1])
+    """A port that nobody uses, outside the range from which outgoing connections get theirs."""
+    start = os.getpid() % len(_PORTS)
+    for k in range(len(_PORTS)):
+        port = _PORTS[(start + k) % len(_PORTS)]
+        if port in _HANDED_OUT:
+            continue
+        with contextlib.suppress(OSError), socket.socket() as plug:
+            plug.bind(("", port))
+            _HANDED_OUT.append(port)
+            del _HANDED_OUT[: -len(_PORTS) // 2]
+            return port
+    raise SimulationLostError.of(
+        what="port for a Traffic Manager",
+        where="this machine",
+        expected=f"a free one from {_PORTS.start} to {_PORTS.stop - 1}",
+        got="none",
+        next_step="end what uses them",
+    )
 
 
 # --- processes ---
@@ -217,7 +245,7 @@ class Worker:
                 answer = self.answers.get(timeout=SILENCE)
             except queue.Empty:
                 raise lost(job, f"no sign of life for {SILENCE:g} s") from None
-            if isinstance(answer, Trajectories | Limits):
+            if isinstance(answer, Trajectories | Limits | Replayed):
                 return answer
             if isinstance(answer, OvertakingError):
                 raise answer

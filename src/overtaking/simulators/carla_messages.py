@@ -9,6 +9,7 @@ from overtaking.core.errors import OvertakingError
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
 from overtaking.simulators.carla_limits import Limits
+from overtaking.simulators.carla_replay import Replayed, ReplayJob
 from overtaking.simulators.carla_stage import SimulationLostError
 
 _LENGTH = struct.Struct("<I")
@@ -45,8 +46,8 @@ class LimitsJob:
     port: int
 
 
-Result = Trajectories | Limits
-Request = Job | LimitsJob
+Result = Trajectories | Limits | Replayed
+Request = Job | LimitsJob | ReplayJob
 Answer = Alive | Result | OvertakingError
 
 
@@ -68,9 +69,13 @@ def receive(stream: IO[bytes]) -> Any:
 
 def lost(request: Request, got: str) -> SimulationLostError:
     """The error for a request that came to nothing."""
-    number = (
-        f"simulation {int(request.scenario.index[0])}" if isinstance(request, Job) else "limits"
-    )
+    match request:
+        case Job(scenario=scenario):
+            number = f"simulation {int(scenario.index[0])}"
+        case ReplayJob(name=name):
+            number = f"film {name}"
+        case _:
+            number = "limits"
     return SimulationLostError.of(
         what=number,
         where="CARLA's client",

@@ -278,10 +278,10 @@ def fresh_world(client: Any, road: Road) -> Any:
     return client.load_world(name)
 
 
-def synchronous(world: Any) -> None:
-    """Let time pass by ticks only."""
+def synchronous(world: Any, *, delta: float = TICK) -> None:
+    """Let time pass by ticks only, each `delta` long [s]."""
     settings = world.get_settings()
-    settings.synchronous_mode, settings.fixed_delta_seconds = True, TICK
+    settings.synchronous_mode, settings.fixed_delta_seconds = True, delta
     # Real servers divide a tick into steps of their own; ours does so anyway.
     settings.substepping, settings.max_substep_delta_time, settings.max_substeps = True, 0.01, 10
     world.apply_settings(settings)

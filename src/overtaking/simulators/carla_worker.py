@@ -13,7 +13,7 @@ from typing import IO, Any
 
 from overtaking.core.errors import OvertakingError
 from overtaking.model.trajectory import Trajectories
-from overtaking.simulators import carla_limits, carla_manager, carla_own
+from overtaking.simulators import carla_limits, carla_manager, carla_own, carla_replay
 from overtaking.simulators.carla_library import Address, connect, library
 from overtaking.simulators.carla_messages import (
     Alive,
@@ -25,6 +25,7 @@ from overtaking.simulators.carla_messages import (
     receive,
     send,
 )
+from overtaking.simulators.carla_replay import ReplayJob
 from overtaking.simulators.carla_stage import CarlaStage
 
 SIGN_INTERVAL = 1.0
@@ -52,6 +53,8 @@ def work(address: Address, requests: IO[bytes], answers: IO[bytes]) -> None:
 def _answer(carla: Any, client: Any, job: Request, sign: Callable[[], None]) -> Result:
     if isinstance(job, LimitsJob):
         return carla_limits.measure(carla, client, job.port, sign)
+    if isinstance(job, ReplayJob):
+        return carla_replay.replay(carla, client, job, sign)
     return _run(carla, client, job, sign)
 
 
