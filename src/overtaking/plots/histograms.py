@@ -58,11 +58,20 @@ def _draw_panel(axes: Axes, one: Histogram, classes: Sequence[str]) -> None:
     if one.levels:
         places, widths = np.arange(len(one.levels), dtype=float), np.full(len(one.levels), 0.78)
         axes.set_xticks(places, list(one.levels))
+        axes.set_xlim(-0.6, len(places) - 0.4)
     else:
         places, widths = one.edges[:-1] + np.diff(one.edges) / 2.0, np.diff(one.edges) * 0.94
     below = np.zeros(len(places))
     for name, counts in zip(classes, one.counts, strict=True):
-        axes.bar(places, counts, widths, bottom=below, linewidth=0.0, **face(name))
+        there = counts > 0.0  # A bar that cannot be seen takes as long to draw as another.
+        axes.bar(
+            places[there],
+            counts[there],
+            widths[there],
+            bottom=below[there],
+            linewidth=0.0,
+            **face(name),
+        )
         below = below + counts
     if one.num_missing:
         axes.text(

@@ -32,7 +32,16 @@ def draw_associations(found: Associations) -> Figure:
     for row, column in np.argwhere(~np.isnan(found.values)):
         value = float(found.values[row, column])
         colour = "white" if abs(value) > _DARK else INK
-        axes.text(column, row, _short(value), ha="center", va="center", size=6.6, color=colour)
+        axes.text(
+            column,
+            row,
+            _short(value),
+            ha="center",
+            va="center",
+            size=6.6,
+            color=colour,
+            in_layout=False,
+        )
     _finish(axes, found)
     bar = figure.colorbar(image, ax=axes, shrink=0.5, aspect=24, pad=0.02)
     bar.outline.set_visible(False)  # type: ignore[operator]
@@ -64,6 +73,7 @@ def draw_p_values(found: Associations) -> Figure:
             size=6.2,
             weight="bold" if is_kept else "normal",
             color="white" if steps[row, column] == 0 else INK,
+            in_layout=False,
         )
     _finish(axes, found)
     _add_steps(figure, axes)
