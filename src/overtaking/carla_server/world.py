@@ -47,7 +47,8 @@ if TYPE_CHECKING:
 FREE_RUNNING_DELTA = 0.05
 """Length of a tick that nobody has fixed [s]."""
 
-_SCENARIO = re.compile(r"overtaking\.scenario (\d{1,20}) (\d{1,20}) (-?\d\.\d{1,12})")
+SCENARIO_NAME = re.compile(r"overtaking\.scenario (\d{1,20}) (\d{1,20}) (-?\d\.\d{1,12})")
+"""Role name of an actor that says what CARLA's weather leaves open."""
 
 MAX_ACTORS = 500
 _FIRST_ID = 20
@@ -216,7 +217,7 @@ class World:
         where the wind blows to, anticlockwise from the direction of travel [rad]. To a real server
         it is a role name like any other.
         """
-        match = _SCENARIO.fullmatch(name)
+        match = SCENARIO_NAME.fullmatch(name)
         if match is None:
             return
         seed, number, direction = int(match[1]), int(match[2]), float(match[3])

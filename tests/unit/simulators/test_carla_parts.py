@@ -1,0 +1,169 @@
+"""The parts of the CARLA simulator that need no CARLA."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+
+import numpy as np
+import pytest
+from tests.support.worlds import Vehicle, scenario, wide_road
+
+from overtaking import api
+from overtaking.carla_server.world import SCENARIO_NAME
+from overtaking.core.errors import ConfigError
+from overtaking.knowledge import VEHICLE_CLASS_ORDER, presets
+from overtaking.knowledge.blueprints import blueprints
+from overtaking.model.road import DrivingSide
+from overtaking.sim.parameters import parameters
+from overtaking.sim.reference.state import initial_state
+from overtaking.simulators import carla_cast, carla_manager, carla_replay
+from overtaking.simulators.carla_company import joined
+from overtaking.simulators.carla_library import Address, parse_address
+from overtaking.simulators.carla_messages import Alive, receive, send
+from overtaking.simulators.carla_own import HARDEST, check_interval, take_over
+from overtaking.simulators.carla_stage import Reading
+
+
+@pytest.mark.parametrize("kind", VEHICLE_CLASS_ORDER)
+def test_every_class_is_played_by_a_vehicle_of_its_own(kind: str):
+    given = scenario([Vehicle(kind=kind)])
+    name = carla_cast.blueprint_for(given, 0)
+    assert blueprints()[name].vehicle_class == kind
+    length = float(given.vehicles.length[0, 0])
+    assert blueprints()[name].size[0] == pytest.approx(length, abs=1.2)
+
+
+def test_a_preset_goes_to_carla_as_it_is_there():
+    given = api.sample("pinto2023", 8, 1)
+    for row in range(8):
+        one = given.select(slice(row, row + 1))
+        base = list(presets().values())[int(one.weather.preset[0])].carla_fields()
+        fields = carla_cast.weather_fields(one)
+        assert {k: v for k, v in fields.items() if k != "sun_azimuth_angle"} == {
+            k: v for k, v in base.items() if k != "sun_azimuth_angle"
+        }
+
+
+def test_a_sampled_weather_fills_what_means_something():
+    one = scenario([Vehicle()], weather={"rain": 40.0, "fog": 7.0, "sun_altitude": -0.5})
+    fields = carla_cast.weather_fields(one)
+    assert fields["precipitation"] == 40.0
+    assert fields["fog_density"] == 7.0
+    assert fields["sun_altitude_angle"] == pytest.approx(-28.65, abs=0.01)
+
+
+@pytest.mark.parametrize("direction", [0.0, -3.1415927, 3.1415927, 0.07976437, 1e-7, -1e-9])
+def test_the_headless_server_understands_where_the_wind_blows(direction: float):
+    one = scenario([Vehicle()], weather={"wind_direction": direction}, index=[7])
+    match = re.fullmatch(SCENARIO_NAME, carla_cast.nature(one))
+    assert match is not None
+    assert int(match[2]) == 7
+    apart = math.remainder(float(match[3]) - direction, math.tau)
+    assert apart == pytest.approx(0.0, abs=1e-6)
+
+
+def reading(slots: int, **values: float) -> Reading:
+    names = ("s", "d", "psi", "along", "left", "yaw_rate", "accel", "accel_left")
+    return Reading(1, *(np.full(slots, values.get(name, 0.0)) for name in names))
+
+
+def test_speeds_times_three_are_accelerations_times_nine():
+    one = scenario([Vehicle()])
+    state = initial_state(parameters(one))
+    seen = reading(8, s=100.0, d=-12.0, along=10.0, yaw_rate=0.1, accel=0.5)
+    take_over(state, seen, one, faster=3)
+    got = [float(getattr(state, name)[0, 0]) for name in ("s", "d", "vx", "r", "a_lon")]
+    assert got == pytest.approx([100.0, -12.0, 30.0, 0.3, 4.5])
+
+
+def test_a_contact_is_no_acceleration_of_driving():
+    one = scenario([Vehicle()])
+    state = initial_state(parameters(one))
+    take_over(state, reading(8, accel=-HARDEST - 1.0, accel_left=1.0), one)
+    assert state.a_lon[0, 0] == state.a_lat[0, 0] == 0.0
+    take_over(state, reading(8, accel=-9.0), one)
+    assert state.a_lon[0, 0] == -9.0
+
+
+def test_in_left_hand_traffic_the_lateral_axis_is_turned():
+    road = wide_road().mirrored()
+    assert road.driving_side is DrivingSide.LEFT
+    one = scenario([Vehicle()], road=road)
+    state = initial_state(parameters(one))
+    take_over(state, reading(8, d=4.0, psi=0.1, left=1.0, accel_left=2.0), one)
+    got = [float(getattr(state, name)[0, 0]) for name in ("d", "psi", "vy", "a_lat")]
+    assert got == pytest.approx([-4.0, -0.1, -1.0, -2.0])
+
+
+def test_simulations_of_different_lengths_become_one_batch():
+    given = scenario([Vehicle()], [Vehicle(s=50.0)])
+    horizons = np.array([1.0, 2.0], np.float32)
+    parts = [
+        api.simulate(given.select(slice(k, k + 1)).replace(horizon=horizons[k : k + 1]))
+        for k in range(2)
+    ]
+    both = joined(parts, given)
+    assert both.num_frames.tolist() == [21, 41]
+    assert both.states.s.shape == (2, 8, 41)
+    assert (both.states.s[0, :, 21:] == 0).all()
+    assert (both.states.s[1, 0] == parts[1].states.s[0, 0]).all()
+    assert (both.trace_hash == np.concatenate([part.trace_hash for part in parts])).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "address"),
+    [
+        ("localhost:2000", Address("localhost", 2000)),
+        ("10.0.0.7", Address("10.0.0.7", 2000)),
+        (":3000", Address("127.0.0.1", 3000)),
+    ],
+)
+def test_servers_are_named_by_host_and_port(text: str, address: Address):
+    assert parse_address(text) == address
+
+
+@pytest.mark.parametrize("text", ["host:", "host:x", "host:70000", "host:0"])
+def test_what_is_no_address_is_refused(text: str):
+    with pytest.raises(ConfigError, match="HOST:PORT"):
+        parse_address(text)
+
+
+def test_frames_between_two_ticks_are_refused():
+    check_interval(scenario([Vehicle()], frame_interval_ms=100))
+    with pytest.raises(ConfigError, match="multiple of 50"):
+        check_interval(scenario([Vehicle()], frame_interval_ms=40))
+
+
+def test_vision_is_cut_under_clouds_and_towards_a_low_sun():
+    def sight(**weather: float) -> float:
+        return carla_manager.far_sight(scenario([Vehicle()], weather=weather))
+
+    assert sight() == sight(cloudiness=60.0) == carla_manager.SIGHT
+    assert sight(cloudiness=61.0) == sight(horizon_line=1.0) == carla_manager.POOR_SIGHT
+
+
+def test_pushes_grow_with_the_worse_of_rain_and_wind():
+    def push(**weather: float) -> float:
+        return carla_manager.push_accel(scenario([Vehicle()], weather=weather))
+
+    assert push() == 0.0
+    assert push(rain=30.0, wind=50.0) == pytest.approx(0.5 * carla_manager.PUSH)
+    assert push(rain=100.0) == carla_manager.PUSH
+
+
+@pytest.mark.parametrize("size", [(801, 450), (800, 8), (4000, 2000), (-2, 450)])
+def test_pictures_that_cannot_be_are_refused(size: tuple[int, int]):
+    with pytest.raises(ConfigError, match="size"):
+        carla_replay.check_size(size)
+
+
+def test_messages_between_processes_come_out_as_they_went_in():
+    stream = io.BytesIO()
+    send(stream, Alive())
+    send(stream, [1, 2, 3])
+    stream.seek(0)
+    assert [receive(stream), receive(stream)] == [Alive(), [1, 2, 3]]
+    with pytest.raises(EOFError):
+        receive(stream)
