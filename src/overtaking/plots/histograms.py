@@ -37,7 +37,7 @@ def draw_histograms(
     """
     rows = -(-len(histograms) // COLUMNS)
     figure = new_figure(0.6 + _PANEL_HEIGHT * rows, is_fixed=True)
-    set_margins(figure, left=0.52, right=0.06, top=0.52, bottom=0.28, wspace=0.24, hspace=0.42)
+    set_margins(figure, left=0.52, right=0.16, top=0.52, bottom=0.28, wspace=0.24, hspace=0.42)
     panels = np.atleast_1d(figure.subplots(rows, COLUMNS)).ravel()
     for axes, one in zip(panels, histograms, strict=False):
         _draw_panel(axes, one, classes)
