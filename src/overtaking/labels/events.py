@@ -15,6 +15,7 @@ from overtaking.core.elementary import F32, Mask, as_f32, maximum
 from overtaking.labels.accidents import Accidents, accidents
 from overtaking.labels.frames import at, earliest, first_true, only, since, until
 from overtaking.labels.movements import Movements, movements, num_frames_of
+from overtaking.model.batch import Batch
 from overtaking.model.events import NEVER, Events
 from overtaking.model.road import Road
 from overtaking.model.signals import Around, Signals
@@ -41,42 +42,55 @@ def find_events(trajectories: Trajectories, seen: Signals) -> Events:
         Events of the attempt that decides each simulation, see `model.events.Events`.
     """
     ended = accidents(trajectories, seen)
-    watched = _watched(trajectories, seen, ended)
+    view, lefts = _view(trajectories, seen, ended)
     attempts = _empty(len(seen.valid))
-    begun = _first_attempt(watched, np.zeros(len(seen.valid), np.int32))
+    begun = _first_attempt(view, lefts, np.zeros(len(seen.valid), np.int32))
     while (begun != NEVER).any():
-        found = _attempt(watched, begun)
-        attempts = _replaced(attempts, found, begun != NEVER)
-        begun = only(_first_attempt(watched, np.maximum(found.back, 0)), found.back != NEVER)
-    return _events(watched, ended, attempts)
+        # Most of the work is done for those simulations alone in which there is something to see.
+        tried = np.flatnonzero(begun != NEVER)
+        found = _attempt(trajectories, view.select(tried), begun[tried])
+        attempts = _replaced(attempts, found, tried)
+        again = tried[found.back != NEVER]
+        after = np.full(len(begun), seen.num_frames, np.int32)
+        after[again] = attempts.back[again]
+        begun = _first_attempt(view, lefts, after)
+    return _events(trajectories, seen, ended, attempts)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Watched:
-    """What attempts are looked for in.
+class _View(Batch):
+    """What attempts are looked for in; arrays have shape (simulation, time).
 
     Attributes:
-        trajectories: The recording.
-        seen: Its signals.
+        simulation: Number of each simulation in the batch, shape (simulation,).
         valid: Frames before any accident.
+        lane: As in `Signals`.
+        lateral: As in `Signals`.
+        left_reach: As in `Signals`.
+        right_reach: As in `Signals`.
         treads: Frames with a corner of the ego over the left line of its lane.
-        lefts: Movements to the left.
         rights: Where movements to the right begin that were meant.
         lately_ahead: The leader, or who was it until a moment ago.
-        borders: Lane borders from the right to the left [m].
     """
 
-    trajectories: Trajectories
-    seen: Signals
+    simulation: NDArray[np.int64]
     valid: Mask
+    lane: U8
+    lateral: F32
+    left_reach: F32
+    right_reach: F32
     treads: Mask
-    lefts: Movements
     rights: Mask
     lately_ahead: U8
-    borders: F32
+
+    @property
+    def num_frames(self) -> int:
+        """Frames of the longest simulation."""
+        return self.valid.shape[1]
 
 
-def _watched(trajectories: Trajectories, seen: Signals, ended: Accidents) -> _Watched:
+def _view(trajectories: Trajectories, seen: Signals, ended: Accidents) -> tuple[_View, Movements]:
+    """What attempts are looked for in, and the movements to the left that may be some."""
     valid = seen.valid & until(earliest(ended.collision, ended.road_departure), seen.num_frames)
     borders = _borders(trajectories.road)
     treads = valid & (seen.left_reach > _left_line(borders, seen.lane))
@@ -84,16 +98,18 @@ def _watched(trajectories: Trajectories, seen: Signals, ended: Accidents) -> _Wa
     # However slowly: who goes over the line leaves the lane.
     to_left = valid & ((speed > least) | (treads & (speed > 0)))
     rights = movements(seen, valid & (speed < -least), towards_left=False)
-    return _Watched(
-        trajectories=trajectories,
-        seen=seen,
+    view = _View(
+        simulation=np.arange(len(valid)),
         valid=valid,
+        lane=seen.lane,
+        lateral=seen.lateral,
+        left_reach=seen.left_reach,
+        right_reach=seen.right_reach,
         treads=treads,
-        lefts=movements(seen, to_left, towards_left=True),
         rights=rights.as_mask(valid.shape),
         lately_ahead=_lately_ahead(seen),
-        borders=borders,
     )
+    return view, movements(seen, to_left, towards_left=True)
 
 
 def _left_line(borders: F32, lane: U8) -> F32:
@@ -147,23 +163,25 @@ def _empty(num: int) -> _Attempts:
     return _Attempts(target=np.full(num, NO_VEHICLE), original_lane=zero, num=zero, **times)
 
 
-def _replaced(before: _Attempts, found: _Attempts, where: Mask) -> _Attempts:
-    """The later attempts in place of the earlier ones."""
-    names = [field.name for field in dataclasses.fields(_Attempts) if field.name != "num"]
-    changes = {name: np.where(where, getattr(found, name), getattr(before, name)) for name in names}
-    return _Attempts(**changes, num=before.num + where.astype(np.uint8))
+def _replaced(before: _Attempts, found: _Attempts, tried: NDArray[np.int64]) -> _Attempts:
+    """The later attempts of some simulations in place of the earlier ones."""
+    changes = {}
+    for field in dataclasses.fields(_Attempts):
+        changes[field.name] = getattr(before, field.name).copy()
+        changes[field.name][tried] = getattr(found, field.name)
+    changes["num"][tried] = before.num[tried] + 1
+    return _Attempts(**changes)
 
 
-def _first_attempt(watched: _Watched, after: I32) -> I32:
+def _first_attempt(view: _View, lefts: Movements, after: I32) -> I32:
     """Where the first movement to the left from a frame on begins that is an attempt.
 
     It is one if it was meant or crosses the line, and if there is somebody to overtake.
     """
-    lefts = watched.lefts
     begin, end = (lefts.simulation, lefts.begin), (lefts.simulation, lefts.end)
-    trodden = np.cumsum(watched.treads, axis=1, dtype=np.int32)
-    crosses = (trodden[end] > trodden[begin]) | watched.treads[begin]
-    ahead = watched.lately_ahead[begin] != NO_VEHICLE
+    trodden = np.cumsum(view.treads, axis=1, dtype=np.int32)
+    crosses = (trodden[end] > trodden[begin]) | view.treads[begin]
+    ahead = view.lately_ahead[begin] != NO_VEHICLE
     later = lefts.begin >= after[lefts.simulation]
     chosen = (lefts.meant | crosses) & ahead & later
     first = np.full(len(after), NEVER)
@@ -172,25 +190,24 @@ def _first_attempt(watched: _Watched, after: I32) -> I32:
     return first
 
 
-def _attempt(watched: _Watched, begun: I32) -> _Attempts:
-    """The phases of the attempts that begin at `begun`, `NEVER` where there is none."""
-    seen, num_frames = watched.seen, watched.seen.num_frames
-    target = np.where(begun == NEVER, NO_VEHICLE, at(watched.lately_ahead, begun))
-    lane = at(seen.lane, begun)
-    other = alongside(watched.trajectories, target)
-    during = watched.valid & since(begun, num_frames)
-    crossed = first_true(during & (seen.left_reach > _left_line(watched.borders, lane)[:, None]))
-    undone = _undone(seen, during, begun, crossed)
+def _attempt(trajectories: Trajectories, view: _View, begun: I32) -> _Attempts:
+    """The phases of the attempts that begin at `begun`."""
+    num_frames, borders = view.num_frames, _borders(trajectories.road)
+    target, lane = at(view.lately_ahead, begun), at(view.lane, begun)
+    other = alongside(trajectories, target, view.simulation)
+    during = view.valid & since(begun, num_frames)
+    crossed = first_true(during & (view.left_reach > _left_line(borders, lane)[:, None]))
+    undone = _undone(view, during, begun, crossed)
     during = during & until(undone, num_frames)
     overlap_begin = first_true(during & other.overlaps)
     is_past = other.valid & (other.lead > 0) & (other.gap >= 0)
     overlap_end = first_true(during & since(overlap_begin, num_frames) & is_past)
-    home = during & since(crossed, num_frames) & _is_inside(watched, lane)
+    home = during & since(crossed, num_frames) & _is_inside(view, borders, lane)
     return_end = first_true(home & since(overlap_end, num_frames) & is_past)
     behind = first_true(home & other.valid & (other.lead < 0))
     back = earliest(undone, only(behind, _not_after(behind, return_end)))
     return_end = only(return_end, back == NEVER)
-    turned = _turning(watched, begun, earliest(return_end, back))
+    turned = _turning(view, begun, earliest(return_end, back))
     gave_up = (back != NEVER) | (overlap_end == NEVER)
     return _Attempts(
         target=target,
@@ -203,7 +220,7 @@ def _attempt(watched: _Watched, begun: I32) -> _Attempts:
         return_end=return_end,
         abort=only(turned, gave_up),
         back=back,
-        num=(begun != NEVER).astype(np.uint8),
+        num=np.ones(len(begun), np.uint8),
     )
 
 
@@ -212,43 +229,42 @@ def _not_after(frame: I32, end: I32) -> Mask:
     return (end == NEVER) | (frame <= end)
 
 
-def _is_inside(watched: _Watched, lane: U8) -> Mask:
+def _is_inside(view: _View, borders: F32, lane: U8) -> Mask:
     """Whether the whole body is in a lane of each simulation, shape (simulation, time)."""
-    seen, last = watched.seen, len(watched.borders) - 1
-    right = watched.borders[np.minimum(lane, last)][:, None]
-    left = _left_line(watched.borders, lane)[:, None]
-    return (seen.right_reach >= right) & (seen.left_reach <= left)
+    right = borders[np.minimum(lane, len(borders) - 1)][:, None]
+    left = _left_line(borders, lane)[:, None]
+    return (view.right_reach >= right) & (view.left_reach <= left)
 
 
-def _undone(seen: Signals, during: Mask, begun: I32, crossed: I32) -> I32:
+def _undone(view: _View, during: Mask, begun: I32, crossed: I32) -> I32:
     """Where a movement is undone that never came to the line, `NEVER` if it is not."""
-    shift = seen.lateral - at(seen.lateral, begun)[:, None]
+    shift = view.lateral - at(view.lateral, begun)[:, None]
     moved = first_true(during & (shift >= known("labels.motion.least_shift")))
     settled = shift <= known("labels.motion.settled_shift")
-    undone = first_true(during & since(moved, seen.num_frames) & settled)
+    undone = first_true(during & since(moved, view.num_frames) & settled)
     return only(undone, (crossed == NEVER) | (undone < crossed))
 
 
-def _turning(watched: _Watched, begun: I32, end: I32) -> I32:
+def _turning(view: _View, begun: I32, end: I32) -> I32:
     """Where the movement back begins, after the ego was farthest to the left."""
-    seen, num_frames = watched.seen, watched.seen.num_frames
-    during = watched.valid & since(begun, num_frames)
+    num_frames = view.num_frames
+    during = view.valid & since(begun, num_frames)
     stopped = np.where(end == NEVER, np.int32(num_frames), end + 1)
     during = during & until(stopped, num_frames)
-    place = np.where(during, seen.lateral, np.float32(-np.inf))
+    place = np.where(during, view.lateral, np.float32(-np.inf))
     farthest = place.argmax(axis=1).astype(np.int32)
-    meant = first_true(during & since(farthest, num_frames) & watched.rights)
+    meant = first_true(during & since(farthest, num_frames) & view.rights)
     # A short way back can be too short to be a movement of its own.
-    turned = np.where((meant == NEVER) & (end != NEVER), farthest, meant)
-    return only(turned, begun != NEVER)
+    return np.where((meant == NEVER) & (end != NEVER), farthest, meant)
 
 
-def _events(watched: _Watched, ended: Accidents, found: _Attempts) -> Events:
+def _events(
+    trajectories: Trajectories, seen: Signals, ended: Accidents, found: _Attempts
+) -> Events:
     """The attempts that decide, with what lies before and after them."""
-    seen = watched.seen
     attempted = found.attempt != NEVER
     target = np.where(attempted, found.target, _prospect(seen))
-    last = np.maximum(watched.trajectories.num_frames - 1, 0).astype(np.int32)
+    last = np.maximum(trajectories.num_frames - 1, 0).astype(np.int32)
     return Events(
         first=np.zeros_like(last),
         last=last,
@@ -266,7 +282,7 @@ def _events(watched: _Watched, ended: Accidents, found: _Attempts) -> Events:
         collision=ended.collision,
         road_departure=ended.road_departure,
         num_attempts=found.num,
-        num_passed=_num_passed(watched.trajectories, found, last),
+        num_passed=_num_passed(trajectories, found, last),
         partner=ended.partner,
         struck=ended.struck,
     )

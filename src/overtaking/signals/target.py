@@ -34,28 +34,33 @@ class Alongside:
     overlaps: Mask
 
 
-def alongside(trajectories: Trajectories, vehicle: NDArray[np.uint8]) -> Alongside:
+def alongside(
+    trajectories: Trajectories,
+    vehicle: NDArray[np.uint8],
+    simulation: NDArray[np.int64] | None = None,
+) -> Alongside:
     """Where each ego is relative to a vehicle, `NO_VEHICLE` where there is none.
 
     Args:
         trajectories: The batch.
         vehicle: Slot of the vehicle, shape (simulation,).
+        simulation: Which simulations of the batch, same shape; all of them if left out.
     """
     s, length = trajectories.states.s, trajectories.scenario.vehicles.length
-    row, slot = _places(vehicle)
-    valid = (vehicle != NO_VEHICLE)[:, None] & trajectories.frame_valid
+    row = np.arange(len(vehicle)) if simulation is None else simulation
+    slot = _slot(vehicle)
+    valid = (vehicle != NO_VEHICLE)[:, None] & trajectories.frame_valid[row]
     if trajectories.present is not None:
         valid = valid & trajectories.present[row, slot]
-    half = np.float32(0.5) * (length[:, Role.EGO] + length[row, slot])
-    lead = as_f32(s[:, Role.EGO] - s[row, slot]) * METRES
+    half = np.float32(0.5) * (length[row, Role.EGO] + length[row, slot])
+    lead = as_f32(s[row, Role.EGO] - s[row, slot]) * METRES
     gap = np.abs(lead) - half[:, None]
     return Alongside(valid=valid, lead=lead, gap=gap, overlaps=valid & (gap < 0))
 
 
-def _places(vehicle: NDArray[np.uint8]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Index of one vehicle of each simulation; the ego where there is none."""
-    slot = np.where(vehicle == NO_VEHICLE, Role.EGO, vehicle).astype(np.intp)
-    return np.arange(len(vehicle)), slot
+def _slot(vehicle: NDArray[np.uint8]) -> NDArray[np.intp]:
+    """Slot of each vehicle; the ego's where there is none."""
+    return np.where(vehicle == NO_VEHICLE, Role.EGO, vehicle).astype(np.intp)
 
 
 def signals_of(
@@ -63,7 +68,7 @@ def signals_of(
 ) -> TargetSignals:
     """All signals of a vehicle of each simulation; arguments as in `alongside`."""
     states, bodies = trajectories.states, trajectories.scenario.vehicles
-    row, slot = _places(vehicle)
+    row, slot = np.arange(len(vehicle)), _slot(vehicle)
     length = bodies.length[row, slot]
     along = alongside(trajectories, vehicle)
     across, reach = footprint(

@@ -6,14 +6,14 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from overtaking.datasets.contents import contents
 from overtaking.tables.digest import ContentDigest, content_of
-from overtaking.tables.encode import encode
 from overtaking.tables.schemas import SCHEMAS
 
 
 @pytest.fixture(scope="module")
 def tables(recorder):
-    return encode(recorder(seed=3), np.arange(5))
+    return contents(recorder(seed=3), np.arange(5), tuple(SCHEMAS))
 
 
 @pytest.mark.parametrize("name", SCHEMAS)

@@ -13,8 +13,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from overtaking.core.errors import SchemaError
+from overtaking.datasets.contents import contents
 from overtaking.tables.digest import content_of
-from overtaking.tables.encode import encode
 from overtaking.tables.files import (
     FileFacts,
     TableWriter,
@@ -33,7 +33,7 @@ def recorded(recorder):
 
 @pytest.fixture(scope="module")
 def tables(recorded):
-    return encode(recorded, np.arange(5))
+    return contents(recorded, np.arange(5), tuple(SCHEMAS))
 
 
 def write(path: Path, name: str, *pieces: pa.Table) -> FileFacts:
