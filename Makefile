@@ -59,7 +59,7 @@ test-rust:
 test-python: build
 	$(BIN)/python -m pytest $(PYTEST_FLAGS)
 
-bench: build $(VENV)/.bench  ## Measure the speed against its peers
+bench: build  ## Measure the speed against its peers
 	$(BIN)/python benchmarks/run.py
 
 docs: build  ## Write the pages and pictures that are made from the project anew
@@ -74,8 +74,7 @@ format: $(VENV)/.dev  ## Format all code, and fix what the linter can fix
 
 lock:  ## Write requirements/*.txt anew (needs uv)
 	$(LOCK) -o requirements/runtime.txt
-	$(LOCK) -c requirements/runtime.txt --extra sql --group tools -o requirements/dev.txt
-	$(LOCK) -c requirements/dev.txt --extra all --group tools -o requirements/bench.txt
+	$(LOCK) -c requirements/runtime.txt --extra all --group tools -o requirements/dev.txt
 	@if grep -nE '://|--(extra-)?index-url|--find-links' requirements/*.txt; then \
 	  echo "requirements/*.txt: a download address was written into a lock file" >&2; exit 1; fi
 
@@ -88,11 +87,6 @@ $(VENV)/.dev: requirements/dev.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and \
 	  "$(PYTHON) is Python %d.%d, overtaking needs 3.11 or newer: make PYTHON=python3.11" % v[:2])'
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
-	@echo "installing the packages of $< into $(VENV)"
-	@$(BIN)/python -m pip install --quiet --require-hashes -r $<
-	@touch $@
-
-$(VENV)/.bench: requirements/bench.txt $(VENV)/.dev
 	@echo "installing the packages of $< into $(VENV)"
 	@$(BIN)/python -m pip install --quiet --require-hashes -r $<
 	@touch $@
