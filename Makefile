@@ -31,10 +31,13 @@ help:  ## List what can be made
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1|\2/p' $(firstword $(MAKEFILE_LIST)) \
 	  | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
 
-demo: build  ## Generate the paper's 276 simulations and show one
+demo: build  ## Generate the paper's 276 simulations, with report and sample videos, and show one
 	$(BIN)/overtaking generate --profile pinto2023 -n 276 --seed 1 --out $(DEMO) $(if $(wildcard $(DEMO)),--resume)
+	$(BIN)/overtaking stats $(DEMO)
+	$(BIN)/overtaking report $(DEMO)
+	$(BIN)/overtaking video $(DEMO)
 	$(BIN)/overtaking show $(DEMO) 3
-	@echo "The data set is in $(abspath $(DEMO))."
+	@echo "The data set is in $(abspath $(DEMO)): tables, report/index.html and videos/."
 
 test: check test-rust test-python  ## Everything that must pass: checks, then the tests of both languages
 
