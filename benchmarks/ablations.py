@@ -74,17 +74,19 @@ def sway(runs: Trajectories) -> Values:
     return np.sqrt((((values - mean[:, None]) ** 2) * valid).sum(axis=1) / runs.num_frames)
 
 
-def sway_beside(runs: Trajectories) -> Values:
-    """The same over the frames in which another vehicle is beside the ego; NaN below a second."""
+def held_in_lee(runs: Trajectories) -> Values:
+    """Mean steering of the ego against the wind in the lee of others [mrad]; NaN below a second."""
     s, d = runs.states.s / 1e3, runs.states.d / 1e3
-    valid = runs.scenario.vehicles.valid[:, 1:, None]
-    near = (np.abs(s[:, 1:] - s[:, :1]) < 10.0) & (np.abs(d[:, 1:] - d[:, :1]) < 5.0) & valid
-    beside = near.any(axis=1) & runs.frame_valid & (runs.collided_with == NO_VEHICLE)
-    count = beside.sum(axis=1)
-    values = runs.states.accel_lat[:, 0] / 1e3
-    mean = (values * beside).sum(axis=1) / np.maximum(count, 1)
-    square = ((values - mean[:, None]) ** 2 * beside).sum(axis=1) / np.maximum(count, 1)
-    return np.where(count >= 20, np.sqrt(square), np.nan)
+    bodies = runs.scenario.vehicles
+    across = np.sin(runs.scenario.weather.wind_direction)[:, None]
+    beside = np.abs(s[:, 1:] - s[:, :1]) < 0.5 * bodies.length[:, 1:, None]
+    aside = d[:, :1] - d[:, 1:]
+    upwind = (aside * across[:, None] > 0.0) & (np.abs(aside) < 5.0)
+    lee = (beside & upwind & bodies.valid[:, 1:, None]).any(axis=1)
+    lee &= runs.frame_valid & (runs.collided_with == NO_VEHICLE)
+    count = lee.sum(axis=1)
+    against = -np.sign(across) * runs.states.wheel_angle[:, 0] / 10.0
+    return np.where(count >= 20, (against * lee).sum(axis=1) / np.maximum(count, 1), np.nan)
 
 
 def attempts(runs: Trajectories) -> Values:
@@ -129,12 +131,6 @@ def seen_ahead(runs: Trajectories) -> Values:
     return np.where(there, seen.astype(np.float64), np.nan)
 
 
-def hardest_braking(runs: Trajectories) -> Values:
-    """Hardest braking of the ego [m/s^2]."""
-    slowest = np.where(runs.frame_valid, runs.states.accel_lon[:, 0], 0).min(axis=1)
-    return -slowest / 1e3
-
-
 STORM = {"weather.presets": ["HardRainNoon"]}
 FOG = {"weather.presets": ["HardRainNight"]}
 LORRIES = {"traffic.types": {"T": 1.0, "V": 1.0}}
@@ -156,9 +152,9 @@ ABLATIONS = (
     ),
     Ablation(
         effect="wake",
-        statistic="sway of the ego beside others [m/s^2], storm, lorries",
-        measure=sway_beside,
-        rises=False,
+        statistic="steering held against the wind in the lee [mrad], storm, lorries",
+        measure=held_in_lee,
+        rises=True,
         overrides=STORM | LORRIES,
     ),
     Ablation(

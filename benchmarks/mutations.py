@@ -1,11 +1,11 @@
-"""Breaks the engine's step in one place at a time, and runs the test of bit identity against it.
+"""Turns round one operator of the engine's step at a time, and shows which test notices.
 
-    python benchmarks/mutations.py            # all, about half a minute each
+    python benchmarks/mutations.py            # one build, then half a minute each
 
-Each mutation is an edit of one operator, index or number in a copy of the crates, which is built
-and put into a copy of the package; `tests/reference/test_engine.py` then runs with that package.
-Exits with 1 if the tests pass with any of them. `flips.py` does so with every operator, much
-faster, but without going through the tests.
+The engine is built once with operators that can be flipped (see `flips.py`) and put into a copy of
+the package; `tests/reference/test_engine.py` then runs with each of the flips below. Exits with 1
+if the tests pass with any of them. `flips.py` tries every operator, much faster, but without going
+through the tests.
 """
 
 import os
@@ -17,7 +17,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from flips import ROOT, built_library, cargo, copy_workspace
+from flips import ROOT, VARIABLE, Flip, instrumented_engine
 
 TEST = "tests/reference/test_engine.py"
 IGNORED = shutil.ignore_patterns("__pycache__", "*.so", "*.pyd")
@@ -25,123 +25,113 @@ IGNORED = shutil.ignore_patterns("__pycache__", "*.so", "*.pyd")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mutation:
-    """One edit of the engine's sources.
+    """One flip of the engine.
 
     Attributes:
         file: Where.
-        old: What stands there, once.
-        new: What it is replaced by.
+        marked: The line, with a mark before the operator that is turned round.
         meaning: What it breaks.
     """
 
     file: str
-    old: str
-    new: str
+    marked: str
     meaning: str
 
 
 MUTATIONS = (
     Mutation(
-        file="collisions.rs", old="approach.simd_gt(0.0)", new="approach.simd_lt(0.0)",
+        file="collisions.rs", marked="let hit = touching & approach«.simd_gt(0.0) & runs;",
         meaning="comparison: boxes that separate collide, boxes that approach do not",
     ),
     Mutation(
-        file="dynamics.rs", old="choose(z.simd_lt(0.0), -one, one)",
-        new="choose(z.simd_lt(0.0), one, one)",
+        file="control.rs", marked="let hard = wanted«.simd_lt(-c.emergency_decel);",
+        meaning="comparison: the foot is fast for gentle braking and slow in an emergency",
+    ),
+    Mutation(
+        file="dynamics.rs", marked="let outer = choose(z.simd_lt(0.0), «-one, one);",
         meaning="sign: a sliding tyre pushes to the same side whatever its slip",
     ),
     Mutation(
-        file="dynamics.rs", old="state.a_lat[i] - state.vx[i] * state.r[i]",
-        new="state.a_lat[i] + state.vx[i] * state.r[i]",
+        file="dynamics.rs",
+        marked="let vy = state.vy[i] + c.step * (state.a_lat[i] «- state.vx[i] * state.r[i]);",
         meaning="sign: of the centripetal term of the lateral velocity",
     ),
     Mutation(
-        file="ego.rs", old="their_braking(w, view, FAST_REAR)",
-        new="their_braking(w, view, FAST_LEAD)",
+        file="ego.rs",
+        marked="let rear = their_braking(w, view, «FAST_REAR)"
+        ".simd_ge(-(own.safe_decel / view.demand));",
         meaning="role: the ego looks ahead where it should look back before pulling out",
     ),
     Mutation(
-        file="environment.rs", old="choose(across.simd_lt(0.0), -force, force)",
-        new="choose(across.simd_gt(0.0), -force, force)",
+        file="environment.rs",
+        marked="state.wind_force[i] = choose(across«.simd_lt(0.0), -force, force);",
         meaning="comparison: the wind pushes against itself",
     ),
     Mutation(
-        file="mobil.rs", old="(after - before) - p.bias", new="(after - before) + p.bias",
-        meaning="sign: MOBIL's bias draws to the fast side",
-    ),
-    Mutation(
-        file="following.rs", old="p.accel * (1.0 - z * z)", new="p.accel * (1.0 + z * z)",
+        file="following.rs", marked="at_most(p.accel * (1.0 «- z * z), 0.0)",
         meaning="sign: nobody ever forces anybody to brake",
     ),
     Mutation(
-        file="neighbours.rs", old="ahead.simd_ge(0.0)", new="ahead.simd_le(0.0)",
-        meaning="comparison: who is behind counts as the leader",
+        file="mobil.rs",
+        marked="let to_fast = fast - here + p.politeness * (after - before) «- p.bias;",
+        meaning="sign: MOBIL's bias draws to the fast side",
     ),
     Mutation(
-        file="perception.rs", old="effort.simd_le(1.0)", new="effort.simd_ge(1.0)",
+        file="mobil.rs",
+        marked="room & braking«.simd_ge(-p.safe_decel) & own.simd_ge(-p.safe_decel)",
+        meaning="comparison: only who makes the follower brake hard may change lanes",
+    ),
+    Mutation(
+        file="neighbours.rs",
+        marked="let inside = other & (overlaps | (signals & shift«.simd_eq(SHIFTS[k])));",
+        meaning="comparison: who signals is seen in every lane but the one that he makes for",
+    ),
+    Mutation(
+        file="perception.rs",
+        marked="let mut visible = slot.simd_ge(0.0) & effort«.simd_le(1.0) & gap.simd_lt(reach);",
         meaning="comparison: only what is beyond the limit of sight is seen",
     ),
     Mutation(
-        file="perception.rs", old="[Some(4), Some(5), Some(0), Some(1), None, None]",
-        new="[Some(4), Some(5), Some(1), Some(0), None, None]",
-        meaning="roles swapped: after a change to the slow side leader and follower change places",
-    ),
-    Mutation(
-        file="philox.rs", old="ROUNDS: usize = 10", new="ROUNDS: usize = 9",
-        meaning="off by one: a round of the random numbers is missing",
-    ),
-    Mutation(
-        file="recording.rs", old="state.s[i] * sine + d * cosine",
-        new="state.s[i] * sine - d * cosine",
+        file="recording.rs",
+        marked="rounded(y0 + state.s[i] * sine «+ d * cosine, THOUSAND, INT32_LIMIT),",
         meaning="sign: of the lateral offset in the recorded y",
     ),
     Mutation(
-        file="steering.rs", old="accel + c.velocity_gain", new="accel - c.velocity_gain",
+        file="steering.rs", marked="let wanted = accel «+ c.velocity_gain * (speed - sideways);",
         meaning="sign: steering feeds lateral speed back the wrong way",
     ),
 )  # fmt: skip
 """At least one in every part of the step."""
 
 
-def mutate(sources: Path, mutation: Mutation) -> None:
-    """Edit a copy of the sources.
+def flip_of(mutation: Mutation, flips: list[Flip]) -> Flip:
+    """The one flip that a mutation is.
 
     Raises:
         SystemExit: The place is not there, or not the only one: the engine was changed.
     """
-    path = sources / mutation.file
-    text = path.read_text(encoding="utf-8")
-    if text.count(mutation.old) != 1:
-        count = text.count(mutation.old)
+    found = [flip for flip in flips if (flip.file, flip.marked) == (mutation.file, mutation.marked)]
+    if len(found) != 1:
         raise SystemExit(
-            f"{mutation.file}: expected {mutation.old!r} once, got it {count} times; "
+            f"{mutation.file}: expected {mutation.marked!r} once, got it {len(found)} times; "
             "write the mutation anew in benchmarks/mutations.py"
         )
-    path.write_text(text.replace(mutation.old, mutation.new), encoding="utf-8")
+    return found[0]
 
 
-def build(folder: Path, package: Path) -> None:
-    """Build the copy of the crates in `folder`, and put the engine into the copy of the package.
-
-    Raises:
-        SystemExit: The mutated engine does not compile.
-    """
-    done = cargo(folder)
-    if done.returncode:
-        raise SystemExit(done.stderr)
-    library = built_library(folder)
-    engine = package / ("_core.pyd" if library.suffix == ".dll" else "_core.abi3.so")
-    # A new file: one that is overwritten while a process has it loaded would crash the process.
-    engine.unlink(missing_ok=True)
-    shutil.copy2(library, engine)
+def package_with(library: Path, folder: Path) -> None:
+    """Copy the package into a folder, with another engine in it."""
+    package = folder / "overtaking"
+    shutil.copytree(ROOT / "src" / "overtaking", package, ignore=IGNORED)
+    shutil.copy2(library, package / ("_core.pyd" if os.name == "nt" else "_core.abi3.so"))
 
 
-def failing_test(folder: Path) -> str:
+def failing_test(folder: Path, flip: Flip | None) -> str:
     """Run the tests with the copy of the package; the first that fails, empty if all pass."""
+    settings = {"PYTHONPATH": str(folder), VARIABLE: str(flip.number) if flip else ""}
     done = subprocess.run(
         [sys.executable, "-m", "pytest", TEST, "-q", "-x", "-p", "no:cacheprovider", "--tb=no"],
-        cwd=ROOT, env={**os.environ, "PYTHONPATH": str(folder)}, capture_output=True, text=True,
-        check=False,
+        cwd=ROOT, env={**os.environ, **settings}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     found = re.search(r"^(?:FAILED|ERROR) \S+::(.+?)(?: - .*)?$", done.stdout, re.MULTILINE)
     if found is None and done.returncode:
@@ -149,27 +139,20 @@ def failing_test(folder: Path) -> str:
     return found[1] if found else ""
 
 
-def tried(mutation: Mutation | None, folder: Path) -> str:
-    """Build the engine with a mutation and run the tests; the first that fails."""
-    package = folder / "overtaking"
-    if not package.exists():
-        shutil.copytree(ROOT / "src" / "overtaking", package, ignore=IGNORED)
-    sources = copy_workspace(folder)
-    if mutation is not None:
-        mutate(sources, mutation)
-    build(folder, package)
-    return failing_test(folder)
-
-
 def main() -> int:
     """Break, test, print which test failed."""
     survivors = 0
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        if failed := tried(None, folder):
+        workspace = folder / "workspace"
+        workspace.mkdir()
+        library, flips, _ = instrumented_engine(workspace)
+        chosen = [(mutation, flip_of(mutation, flips)) for mutation in MUTATIONS]
+        package_with(library, folder)
+        if failed := failing_test(folder, None):
             raise SystemExit(f"{failed} fails with nothing broken")
-        for mutation in MUTATIONS:
-            failed = tried(mutation, folder)
+        for mutation, flip in chosen:
+            failed = failing_test(folder, flip)
             survivors += not failed
             print(f"| `{mutation.file}` | {mutation.meaning} | {failed or 'NONE'} |", flush=True)
     print(f"{len(MUTATIONS)} mutations, {survivors} unnoticed")
