@@ -31,6 +31,7 @@ from overtaking.simulators.carla_library import (
 )
 from overtaking.simulators.carla_limits import Limits
 from overtaking.simulators.carla_messages import (
+    LOADING,
     Alive,
     Job,
     LimitsJob,
@@ -45,9 +46,6 @@ from overtaking.simulators.carla_stage import SimulationLostError
 
 ATTEMPTS = 3
 """How often a simulation is tried before it is given up."""
-
-SILENCE = 45.0
-"""A worker without a sign of life for longer is ended [s]."""
 
 _PORTS = range(8000, 20_000)
 _HANDED_OUT: list[int] = []
@@ -240,16 +238,19 @@ class Worker:
         assert self.process.stdin is not None
         with contextlib.suppress(OSError):  # Its end is heard below.
             send(self.process.stdin, job)
+        patience = LOADING
         while True:
             try:
-                answer = self.answers.get(timeout=SILENCE)
+                answer = self.answers.get(timeout=patience)
             except queue.Empty:
-                raise lost(job, f"no sign of life for {SILENCE:g} s") from None
+                raise lost(job, f"no sign of life for {patience:g} s") from None
             if isinstance(answer, Trajectories | Limits | Replayed):
                 return answer
             if isinstance(answer, OvertakingError):
                 raise answer
-            if not isinstance(answer, Alive):
+            if isinstance(answer, Alive):
+                patience = answer.patience
+            else:
                 raise lost(job, self._last_words())
 
     def end(self) -> None:

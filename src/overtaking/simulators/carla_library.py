@@ -16,8 +16,11 @@ SERVER_VARIABLE = "OVERTAKING_CARLA"
 """Environment variable with the server to use: `HOST:PORT`, or `headless` for one of our own."""
 
 HEADLESS = "headless"
-CALL_TIME = 20.0
+CALL_TIME = 10.0
 """A call that takes longer has failed [s]."""
+
+LOAD_TIME = 120.0
+"""The same for one that loads a map [s]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -69,11 +69,10 @@ def run(stage: CarlaStage, sign: Sign, ports: tuple[int, int]) -> Trajectories:
     for manager in managers:
         manager.set_synchronous_mode(True)
         manager.set_random_device_seed(stage.scenario.seed & 0x7FFF_FFFF)
-    try:
-        return _Drive(stage, managers).run(sign)
-    finally:
-        for manager in managers:
-            manager.shut_down()
+    found = _Drive(stage, managers).run(sign)
+    for manager in managers:
+        manager.shut_down()
+    return found
 
 
 class _Drive:

@@ -12,6 +12,12 @@ from overtaking.simulators.carla_limits import Limits
 from overtaking.simulators.carla_replay import Replayed, ReplayJob
 from overtaking.simulators.carla_stage import SimulationLostError
 
+SILENCE = 30.0
+"""A worker without a sign of life for longer is ended [s]."""
+
+LOADING = 180.0
+"""The same while a map may be loaded, which takes a real server its time [s]."""
+
 _LENGTH = struct.Struct("<I")
 
 
@@ -32,7 +38,13 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Alive:
-    """A sign of life."""
+    """A sign of life.
+
+    Attributes:
+        patience: Within this time there will be another one, or an answer [s].
+    """
+
+    patience: float = SILENCE
 
 
 @dataclass(frozen=True, slots=True)

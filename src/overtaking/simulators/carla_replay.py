@@ -20,6 +20,7 @@ from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.model.trajectory import METRES_PER_STEP, RADIANS_PER_STEP, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.simulators import carla_cast
+from overtaking.simulators.carla_library import CALL_TIME, LOAD_TIME
 from overtaking.simulators.carla_stage import MAPS, SimulationLostError, fresh_world, synchronous
 
 VIEWS = ("behind", "above")
@@ -140,7 +141,10 @@ def _world(client: Any, job: ReplayJob) -> Any:
     """The world of the map with the road, without anybody in it."""
     if job.opendrive is None:
         return fresh_world(client, job.run.road)
-    return client.generate_opendrive_world(job.opendrive)
+    client.set_timeout(LOAD_TIME)
+    world = client.generate_opendrive_world(job.opendrive)
+    client.set_timeout(CALL_TIME)
+    return world
 
 
 def map_of(run: Trajectories) -> str | None:

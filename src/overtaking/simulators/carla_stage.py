@@ -12,6 +12,7 @@ from overtaking.core.errors import ConfigError, OvertakingError
 from overtaking.model.road import Lane, Road, RoadMark
 from overtaking.model.scenario import Scenario
 from overtaking.simulators import carla_cast
+from overtaking.simulators.carla_library import CALL_TIME, LOAD_TIME
 
 TICK = 0.05
 """Length of a tick [s]: as far apart as the decisions of our drivers."""
@@ -261,6 +262,13 @@ def _order(contact: Contact) -> tuple[int, int, int]:
 
 def fresh_world(client: Any, road: Road) -> Any:
     """The world of the map that has this road, without anybody in it."""
+    client.set_timeout(LOAD_TIME)
+    world = _loaded_world(client, road)
+    client.set_timeout(CALL_TIME)
+    return world
+
+
+def _loaded_world(client: Any, road: Road) -> Any:
     name = MAPS.get(road.name)
     world = client.get_world()
     here = world.get_map().name.rsplit("/", 1)[-1]

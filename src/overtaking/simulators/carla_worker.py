@@ -63,17 +63,17 @@ def _run(carla: Any, client: Any, job: Job, sign: Callable[[], None]) -> Traject
     slower = carla_manager.SLOWER if job.driver == "traffic-manager" else 1
     stage = CarlaStage.set_up(carla, client, job.scenario, slower=slower)
     sign()
-    try:
-        if job.driver == "traffic-manager":
-            return carla_manager.run(stage, sign, job.ports)
-        return carla_own.run(stage, sign)
-    finally:
-        stage.tear_down()
+    if job.driver == "traffic-manager":
+        run = carla_manager.run(stage, sign, job.ports)
+    else:
+        run = carla_own.run(stage, sign)
+    stage.tear_down()  # Not after an error: the server may be gone, and every call take its time.
+    return run
 
 
 def _signs(answers: IO[bytes]) -> Callable[[], None]:
     """Sends a sign of life now and then."""
-    last = time.monotonic()
+    last = 0.0  # The first one is sent at once.
 
     def sign() -> None:
         nonlocal last
