@@ -49,8 +49,16 @@ def metres(run: Trajectories, name: str, slot: int = 0) -> np.ndarray:
     return getattr(run.states, name)[0, slot, : run.num_frames[0]] * 1e-3
 
 
-def test_our_driver_overtakes_at_120_kmh_through_the_genuine_client():
-    run = carla.simulate(overtake())
+@pytest.fixture(scope="module")
+def overtaken() -> Trajectories:
+    """The overtake, driven by our driver on CARLA."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(SERVER_VARIABLE, "headless")
+        return carla.simulate(overtake())
+
+
+def test_our_driver_overtakes_at_120_kmh_through_the_genuine_client(overtaken: Trajectories):
+    run = overtaken
     stages = run.stage[0, : run.num_frames[0]].tolist()
     assert [stage for stage in dict.fromkeys(stages) if stage != Stage.FOLLOW] == [
         Stage.PULL_OUT,
@@ -63,18 +71,17 @@ def test_our_driver_overtakes_at_120_kmh_through_the_genuine_client():
     assert run.unknown == frozenset()
 
 
-def test_it_drives_as_in_our_own_simulation():
+def test_it_drives_as_in_our_own_simulation(overtaken: Trajectories):
     """The same drivers, the same bodies' motion: only pedals and a wheel lie between."""
-    given = overtake()
-    there, here = carla.simulate(given), api.simulate(given)
+    there, here = overtaken, api.simulate(overtake())
     frames = min(int(there.num_frames[0]), int(here.num_frames[0]), 160)
     for name, most in (("s", 2.5), ("d", 0.5), ("speed", 0.6)):
         apart = np.abs(metres(there, name)[:frames] - metres(here, name)[:frames])
         assert apart.max() < most, name
 
 
-def test_bodies_and_lanes_are_those_that_carla_reports():
-    run = carla.simulate(overtake(horizon=1.0))
+def test_bodies_and_lanes_are_those_that_carla_reports(overtaken: Trajectories):
+    run = overtaken
     # The Leon is nearest to 4.4 m among CARLA's medium cars, the A2 to 3.75 m among the small.
     assert run.scenario.vehicles.length[0, :2] == pytest.approx([4.514, 3.705], abs=0.01)
     assert [lane.lane_id for lane in run.road.lanes] == [-7, -6, -5, -4, -3]
