@@ -1,0 +1,147 @@
+"""A million labelled simulations: how fast, how flat, and whether they are right.
+
+    python benchmarks/labelled.py                       # 1,000,000 simulations, minutes
+    python benchmarks/labelled.py --simulations 50000 --agree 2000
+
+Generates `pinto2023` without frames, draws some of its simulations at random, and compares what the
+files say of them with what the readable reference says; then labels simulations from memory and
+from stored frames and compares every value. The share of each stage is measured on pieces of their
+own, in processor time of one thread.
+"""
+
+import resource
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from measure import Measure, parser, report
+from overtaking import api
+from overtaking.datasets.contents import contents
+from overtaking.datasets.load import Dataset
+from overtaking.datasets.recipe import Keep
+from overtaking.exchange.roads import load_road
+from overtaking.features import matched_features, paper_features
+from overtaking.labelling import label
+from overtaking.labels import find_events
+from overtaking.model.labels import Case
+from overtaking.rules import PORTUGAL, check
+from overtaking.scenarios import sample, spec
+from overtaking.signals.engine import signals
+from overtaking.signals.target import target_signals
+from overtaking.sim import engine, reference
+from overtaking.sim.parameters import parameters
+from overtaking.tables.encode_labels import encode_labels
+from overtaking.tables.label_schemas import LABEL_TABLES
+
+MILLION = 1_000_000
+MUST_S = 120.0
+PIECE = 512
+KEPT = Keep.FEATURES.tables
+
+
+def rate(folder: Path, simulations: int) -> tuple[list[Measure], Dataset]:
+    """Time and memory of generating labels, findings and features."""
+    begin = time.perf_counter()
+    data = api.generate("pinto2023", simulations, 5, folder, keep="features")
+    seconds = (time.perf_counter() - begin) * MILLION / simulations
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    frames = data.table("simulations")["num_frames"].to_numpy().mean()
+    note = f"{simulations:,} simulations of {frames:.0f} frames in the mean, peak {peak:,.0f} MB"
+    return [
+        Measure(name="a million labelled", value=seconds, unit="s", at_most=MUST_S, note=note)
+    ], data
+
+
+def against_the_reference(data: Dataset, count: int) -> Measure:
+    """How many of some simulations drawn at random differ from what the reference says."""
+    draw = np.sort(np.random.default_rng(1).choice(len(data), count, replace=False))
+    given = spec("pinto2023")
+    index = draw.astype(np.uint64)
+    runs = reference.simulate(sample(given, load_road(given.road), 5, index))
+    expected = encode_labels(label(runs), draw.astype(np.int64))
+    hashes = data.table("simulations")["trace_hash"].take(draw).to_pylist()
+    own = [row.astype("<u4").tobytes() for row in runs.trace_hash]
+    different = sum(one != other for one, other in zip(hashes, own, strict=True))
+    for name in LABEL_TABLES:
+        table = data.table(name)
+        rows = np.isin(table["simulation"].to_numpy(), draw)
+        different += not table.filter(rows).combine_chunks().equals(expected[name])
+    return Measure(name="differ from the reference", value=different, unit="of 1,000", at_most=0)
+
+
+def from_memory_and_from_files(folder: Path, count: int) -> Measure:
+    """How many tables differ between labels from memory and labels from stored frames."""
+    data = api.generate("pinto2023", count, 6, folder)
+    before = {name: data.table(name) for name in LABEL_TABLES}
+    again = api.relabel(folder)
+    different = sum(not again.table(name).equals(before[name]) for name in LABEL_TABLES)
+    return Measure(
+        name="tables differ from stored frames",
+        value=different,
+        unit="of 4",
+        at_most=0,
+        note=f"{count:,} simulations, {len(before['findings']):,} findings",
+    )
+
+
+def stages() -> list[Measure]:
+    """Processor time of each stage for a simulation, on pieces of the usual size."""
+    given = spec("pinto2023")
+    road, index = load_road(given.road), np.arange(PIECE, dtype=np.uint64)
+    scenario = sample(given, road, 9, index)
+    prepared, buffers = parameters(scenario), engine.Buffers()
+    runs = engine.run(scenario, prepared, buffers=buffers)
+    seen = signals(runs)
+    events = find_events(runs, seen)
+    target = target_signals(runs, seen, events)
+    case = Case(trajectories=runs, signals=seen, events=events, target=target)
+    work: dict[str, Callable[[], object]] = {
+        "sample": lambda: sample(given, road, 9, index),
+        "parameters": lambda: parameters(scenario),
+        "simulate": lambda: engine.run(scenario, prepared, buffers=buffers),
+        "signals": lambda: signals(runs),
+        "events": lambda: find_events(runs, seen),
+        "target": lambda: target_signals(runs, seen, events),
+        "rules": lambda: check(PORTUGAL, case),
+        "features": lambda: (paper_features(case), matched_features(case)),
+        "label and tables": lambda: contents(runs, index.astype(np.int64), KEPT),
+    }
+    return [
+        Measure(name=f"stage {name}", value=_cost(each), unit="µs") for name, each in work.items()
+    ]
+
+
+def _cost(work: Callable[[], object]) -> float:
+    """Least processor time of some calls, for one simulation [µs]."""
+    costs: list[float] = []
+    for _ in range(5):
+        begin = time.process_time()
+        work()
+        costs.append((time.process_time() - begin) / PIECE * 1e6)
+    return min(costs)
+
+
+def main() -> int:
+    """Measure and print."""
+    arguments = parser(__doc__)
+    arguments.add_argument("--simulations", type=int, default=MILLION)
+    arguments.add_argument("--reference", type=int, default=1000)
+    arguments.add_argument("--agree", type=int, default=10_000)
+    given = arguments.parse_args()
+    folder = Path(tempfile.mkdtemp(prefix="overtaking-"))
+    try:
+        measures, data = rate(folder / "labels", given.simulations)
+        measures.append(against_the_reference(data, min(given.reference, given.simulations)))
+        measures.append(from_memory_and_from_files(folder / "frames", given.agree))
+        measures += stages()
+    finally:
+        shutil.rmtree(folder)
+    return report(measures, as_json=given.json)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
