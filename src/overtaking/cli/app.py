@@ -91,13 +91,13 @@ def generate(
 
 
 def show(output: Output, data: options.Data, simulation: options.Number) -> None:
-    """Draw one simulation in the terminal."""
+    """Tell the story of one simulation in the terminal, and what would have been legal."""
     from overtaking import api
     from overtaking.cli import description, show
 
-    run = api.load(data).trajectory(simulation)
-    values = description.describe(run, simulation)
-    output.result(values, lambda console: show.render(run, values, console))
+    labelled = api.label(api.load(data).trajectory(simulation))
+    values = description.describe(labelled, simulation)
+    output.result(values, lambda console: show.render(labelled.trajectories, values, console))
 
 
 def info(output: Output, data: options.Data) -> None:

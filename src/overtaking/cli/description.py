@@ -17,6 +17,8 @@ from overtaking.model.vehicles import Colour, VehicleKind
 from overtaking.model.weather import NO_PRESET
 
 if TYPE_CHECKING:
+    from overtaking.explain import Thought
+    from overtaking.labelling import Labelled
     from overtaking.model.road import Road
     from overtaking.model.trajectory import Trajectories
 
@@ -39,16 +41,20 @@ _MS_PER_S = 1000.0
 _DECIMALS = 3  # Of what was recorded in thousandths.
 
 
-def describe(run: Trajectories, number: int) -> Values:
+def describe(labelled: Labelled, number: int) -> Values:
     """Everything that `show` tells about one simulation.
 
     Args:
-        run: A batch of one simulation.
+        labelled: A batch of one simulation, with all that is said of it.
         number: Its number in its data set.
 
     Returns:
-        Values of plain Python types, in SI units.
+        Values of plain Python types, in SI units; None for what was not recorded.
     """
+    from overtaking.cli.judgement import judge
+    from overtaking.explain import explain
+
+    run, explanation = labelled.trajectories, explain(labelled)
     scenario = run.scenario
     return {
         "simulation": number,
@@ -60,12 +66,14 @@ def describe(run: Trajectories, number: int) -> Values:
         "num_frames": int(run.num_frames[0]),
         "frame_interval_ms": scenario.frame_interval_ms,
         "duration_s": (int(run.num_frames[0]) - 1) * scenario.frame_interval_ms / _MS_PER_S,
-        "road": _road(run.road),
+        "not_recorded": sorted(run.unknown),
+        "road": _road(run),
         "weather": _weather(run),
         "vehicles": [_vehicle(run, int(slot)) for slot in present(run)],
         "stages": _stages(run),
         "collisions": _collisions(run),
-        "decisions": _decisions(run),
+        "decisions": _decisions(run, explanation.thoughts),
+        **judge(labelled, explanation),
     }
 
 
@@ -79,22 +87,25 @@ def lane_name(road: Road, code: int) -> str:
     return str(road.lanes[code].lane_id) if code < road.num_lanes else "off"
 
 
-def _road(road: Road) -> Values:
+def _road(run: Trajectories) -> Values:
     """The road as the recorded positions see it."""
+    road, unknown = run.road, run.unknown
     return {
         "name": road.name,
-        "kind": road.kind,
+        "kind": None if "road_kind" in unknown else road.kind,
         "driving_side": road.driving_side.value,
         "lane_ids": [lane.lane_id for lane in road.lanes],
         "length_m": road.length,
-        "speed_limit_mps": road.speed_limit,
+        "speed_limit_mps": None if "speed_limit" in unknown else road.speed_limit,
     }
 
 
-def _weather(run: Trajectories) -> Values:
+def _weather(run: Trajectories) -> Values | None:
     """Weather and light."""
     from overtaking.knowledge import presets
 
+    if "weather" in run.unknown:
+        return None
     weather = run.scenario.weather
     code = weather.preset[0]
     return {
@@ -110,22 +121,27 @@ def _weather(run: Trajectories) -> Values:
 
 def _vehicle(run: Trajectories, slot: int) -> Values:
     """A body, who drives it, and where it began."""
-    scenario = run.scenario
-    bodies = scenario.vehicles
+    scenario, unknown = run.scenario, run.unknown
+    bodies, drivers = scenario.vehicles, scenario.drivers
 
-    def value(array: np.ndarray) -> float:
-        return round(float(array[0, slot]), _DECIMALS)
+    def value(array: np.ndarray, needs: str | None = None) -> float | None:
+        return None if needs in unknown else round(float(array[0, slot]), _DECIMALS)
 
+    kind = KINDS[VehicleKind(int(bodies.kind[0, slot]))]
+    seconds = np.flatnonzero(run.state_valid[0, slot]) * scenario.frame_interval_ms / _MS_PER_S
+    colour = Colour(int(bodies.colour[0, slot])).name.lower()
     return {
         "vehicle": slot,
-        "kind": KINDS[VehicleKind(int(bodies.kind[0, slot]))],
-        "colour": Colour(int(bodies.colour[0, slot])).name.lower(),
+        "kind": None if "kinds" in unknown else kind,
+        "colour": None if "bodies" in unknown else colour,
         "length_m": value(bodies.length),
         "width_m": value(bodies.width),
-        "height_m": value(bodies.height),
-        "mass_kg": value(bodies.mass),
-        "desired_speed_mps": value(scenario.drivers.desired_speed),
-        "reaction_time_s": value(scenario.drivers.reaction_time),
+        "height_m": value(bodies.height, "bodies"),
+        "mass_kg": value(bodies.mass, "bodies"),
+        "desired_speed_mps": value(drivers.desired_speed, "drivers"),
+        "reaction_time_s": value(drivers.reaction_time, "drivers"),
+        "from_s": float(seconds[0]),
+        "to_s": float(seconds[-1]),
         "start_s_m": value(scenario.start_s),
         "start_lane_id": run.road.lanes[int(scenario.start_lane[0, slot])].lane_id,
         "start_speed_mps": value(scenario.start_speed),
@@ -134,6 +150,8 @@ def _vehicle(run: Trajectories, slot: int) -> Values:
 
 def _stages(run: Trajectories) -> list[Values]:
     """What the ego did from when to when; the last stage ends with the last frame."""
+    if "stage" in run.unknown:
+        return []
     stage = run.stage[0, : run.num_frames[0]]
     starts = np.flatnonzero(np.diff(stage, prepend=-1))
     ends = np.append(starts[1:], len(stage) - 1)
@@ -150,7 +168,7 @@ def _stages(run: Trajectories) -> list[Values]:
 
 def _collisions(run: Trajectories) -> list[Values]:
     """The first contact of each vehicle, each pair once, in the order of time."""
-    contacts = run.contacts
+    contacts, impulse_unknown = run.contacts, "impulse" in run.unknown
     found: dict[tuple[int, int, int], Values] = {}
     for slot in present(run).tolist():
         partner = int(contacts.partner[0, slot])
@@ -160,29 +178,34 @@ def _collisions(run: Trajectories) -> list[Values]:
         found[pair] = {
             "vehicles": [pair[1], pair[2]],
             "time_s": pair[0] / _MS_PER_S,
-            "impulse_newton_s": int(contacts.impulse[0, slot]),
+            "impulse_newton_s": None if impulse_unknown else int(contacts.impulse[0, slot]),
             "closing_speed_mps": _steps(contacts.closing_speed[0, slot]),
         }
     return [found[pair] for pair in sorted(found)]
 
 
-def _decisions(run: Trajectories) -> list[Values]:
+def _decisions(run: Trajectories, thoughts: tuple[Thought, ...]) -> list[Values]:
     """What the ego believed of its neighbours when it decided, and the truth beside."""
+    from overtaking.cli.judgement import thought
+
+    if "percepts" in run.unknown:
+        return []
     percepts = run.percepts
-    rows = np.flatnonzero(percepts.valid[0])
+    law = {(one.decision, one.whom): thought(one) for one in thoughts}
     return [
         {
             "kind": DecisionKind(int(percepts.kind[0, row])).name,
             "time_s": int(percepts.time[0, row]) / _MS_PER_S,
             "neighbours": {
-                who: _percept(run, int(row), place) for place, who in enumerate(NEIGHBOURS)
+                who: _percept(run, row, place, law.get((row, place)))
+                for place, who in enumerate(NEIGHBOURS)
             },
         }
-        for row in rows
+        for row in np.flatnonzero(percepts.valid[0]).tolist()
     ]
 
 
-def _percept(run: Trajectories, row: int, place: int) -> Values | None:
+def _percept(run: Trajectories, row: int, place: int, law: Values | None) -> Values | None:
     """What was believed of one neighbour, None if there is none and none was imagined."""
     percepts = run.percepts
     at = (0, row, place)
@@ -197,6 +220,7 @@ def _percept(run: Trajectories, row: int, place: int) -> Values | None:
         "closing_speed_mps": _steps(percepts.closing_speed[at]) if is_detected else None,
         "true_gap_m": _steps(percepts.true_gap[at]) if exists else None,
         "true_closing_speed_mps": _steps(percepts.true_closing_speed[at]) if exists else None,
+        "law": law,
     }
 
 

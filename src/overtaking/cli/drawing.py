@@ -33,6 +33,7 @@ class Glyphs:
         times: Between two lengths.
         arrow: From one value to another.
         dash: Between two ends of a range.
+        breach: Filling of the bar of a broken rule.
         separator: Between two facts of a line.
     """
 
@@ -43,6 +44,7 @@ class Glyphs:
     times: str
     arrow: str
     dash: str
+    breach: str
     separator: str
 
     @classmethod
@@ -59,6 +61,7 @@ _UNICODE = Glyphs(
     times="×",
     arrow="→",
     dash="–",
+    breach="━",
     separator="·",
 )
 _ASCII = Glyphs(
@@ -69,6 +72,7 @@ _ASCII = Glyphs(
     times="x",
     arrow="->",
     dash="-",
+    breach="=",
     separator="|",
 )
 
@@ -116,6 +120,26 @@ def centred(word: str, width: int, fill: str) -> str:
     if width >= len(word) + 2:
         word = f" {word} "
     return word[:width].center(width, fill)
+
+
+def placed(marks: Sequence[tuple[int, str]], width: int) -> list[str]:
+    """Marks of one character at their columns, in as many lines as it takes to hide none.
+
+    Args:
+        marks: Column and character of each.
+        width: Number of columns.
+
+    Returns:
+        Lines of exactly `width` characters.
+    """
+    lines: list[list[str]] = []
+    for column, mark in marks:
+        free = next((line for line in lines if line[column] == " "), None)
+        if free is None:
+            free = [" "] * width
+            lines.append(free)
+        free[column] = mark
+    return ["".join(line) for line in lines]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

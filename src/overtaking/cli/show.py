@@ -13,12 +13,12 @@ from overtaking.cli.description import lane_name, present
 from overtaking.cli.drawing import (
     Glyphs,
     Strip,
-    bar_lengths,
-    centred,
     nice_reach,
     sparkline,
     symbol,
 )
+from overtaking.cli.law import law_lines
+from overtaking.cli.timeline import STAGE_STYLES, event_lines, stage_times, time_line, words
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.trajectory import METRES_PER_SECOND_PER_STEP, METRES_PER_STEP, Stage
 from overtaking.model.vehicles import Role
@@ -34,18 +34,9 @@ if TYPE_CHECKING:
 MAX_WIDTH = 110
 MAX_VEHICLES = 9
 MAX_INSTANTS = 20
-# Okabe and Ito's colours, which people with any kind of colour vision can tell apart.
-STAGE_STYLES = {
-    "FOLLOW": "black on #56b4e9",
-    "PULL_OUT": "black on #f0e442",
-    "PASS": "white on #0072b2",
-    "RETURN": "black on #e69f00",
-    "DONE": "white on #009e73",
-    "ABORT": "black on #cc79a7",
-    "CRASHED": "white on #d55e00",
-}
 _BEYOND_SLOW_EDGE = 255
-_LINE_ENDS = 2
+_FAR = 2**31 - 1
+"""Farther than any vehicle [mm]."""
 _MS_PER_S = 1000.0
 _STEPS_MS = (100, 200, 250, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
 
@@ -65,14 +56,18 @@ def render(run: Trajectories, values: Values, console: Console) -> RenderableTyp
         *_heading(values, glyphs),
         Text(),
         _vehicle_table(values, shown, glyphs),
-        *_section("What the ego did", _stage_bar(values, width, glyphs)),
+        *_section("What the ego did", time_line(values, width, glyphs)),
+        *stage_times(values, glyphs),
+        *event_lines(values),
         *_section(
             "Around the ego (1' is in a lane to its left, 1, to its right)",
             _strip_lines(run, shown, width, glyphs),
         ),
         *_section("Speeds", _speed_lines(run, shown, width, glyphs)),
         *_decisions(values),
-        *_ending(values),
+        *_section("How it ended", _ending(values)),
+        Text(),
+        *law_lines(values, width, glyphs),
     )
 
 
@@ -93,28 +88,48 @@ def _heading(values: Values, glyphs: Glyphs) -> Iterator[RenderableType]:
         f"{values['num_frames']} frames",
     )
     yield Text(f" {glyphs.separator} ".join(facts), style="bold")
-    road, weather = values["road"], values["weather"]
-    ids = road["lane_ids"]
-    limit_kmh = kmh_from_mps(road["speed_limit_mps"])
+    grid = Table.grid(padding=(0, 2))
+    grid.add_row("Road", _road(values["road"]))
+    grid.add_row("Weather", _weather(values["weather"]))
+    grid.add_row("Outcome", Text(_outcome(values), style="bold"))
+    classes = (f"{name} {one['class']}" for name, one in values["policies"].items())
+    grid.add_row("Class", ", ".join(classes))
+    if values["not_recorded"]:
+        grid.add_row("Unknown", ", ".join(words(name) for name in values["not_recorded"]))
+    grid.add_row("Trace", Text(values["trace_hash"], style="dim"))
+    yield grid
+
+
+def _road(road: Values) -> str:
+    """The road in words."""
+    ids, limit = road["lane_ids"], road["speed_limit_mps"]
+    signs = "limit unknown" if limit is None else f"limit {kmh_from_mps(limit):.0f} km/h"
+    lanes = f"lanes {ids[0]} (slow) to {ids[-1]} (fast)"
+    return f"{road['name']}, {lanes}, {signs}, {road['driving_side']}-hand traffic"
+
+
+def _weather(weather: Values | None) -> str:
+    """Weather and light in words."""
+    if weather is None:
+        return "unknown"
     sky = ["night" if weather["night"] else "day"]
     sky += [f"{name} {weather[f'{name}_percent']:.0f} %" for name in ("rain", "fog", "wind")]
     sky += ["low sun ahead"] if weather["horizon_line"] else []
-    grid = Table.grid(padding=(0, 2))
-    grid.add_row(
-        "Road",
-        f"{road['name']}, lanes {ids[0]} (slow) to {ids[-1]} (fast), limit {limit_kmh:.0f} km/h, "
-        f"{road['driving_side']}-hand traffic",
-    )
-    grid.add_row("Weather", f"{weather['preset'] or 'drawn freely'}: {', '.join(sky)}")
-    grid.add_row("Trace", Text(values["trace_hash"], style="dim"))
-    yield grid
+    return f"{weather['preset'] or 'drawn freely'}: {', '.join(sky)}"
+
+
+def _outcome(values: Values) -> str:
+    """The outcome, and how it came to it."""
+    detail = values["detail"]
+    return words(values["outcome"]) + ("" if detail == "none" else f": {words(detail)}")
 
 
 def _nearest(run: Trajectories) -> np.ndarray:
     """Slots of the ego and of those that came closest to it, the ego first."""
     slots = present(run)
     s = run.states.s[0, :, : run.num_frames[0]]
-    closest = np.abs(s[slots] - s[Role.EGO]).min(axis=1)
+    away = np.where(run.state_valid[0, slots, : run.num_frames[0]], s[slots] - s[Role.EGO], _FAR)
+    closest = np.abs(away).min(axis=1)
     return np.sort(slots[np.argsort(closest, kind="stable")][:MAX_VEHICLES])
 
 
@@ -137,13 +152,13 @@ def _vehicle_table(values: Values, shown: np.ndarray, glyphs: Glyphs) -> Table:
         is_ego = one is ego
         table.add_row(
             symbol(one["vehicle"]),
-            f"{one['colour']} {one['kind']}",
+            f"{one['colour'] or ''} {one['kind'] or 'vehicle'}".strip(),
             glyphs.times.join(f"{one[f'{name}_m']:.1f}" for name in ("length", "width")),
-            f"{one['mass_kg']:.0f}",
+            _number(one["mass_kg"]),
             str(one["start_lane_id"]),
-            "ego" if is_ego else f"{one['start_s_m'] - ego['start_s_m']:+.1f}",
+            "ego" if is_ego else _ahead(one, ego),
             f"{kmh_from_mps(one['start_speed_mps']):.0f}",
-            f"{kmh_from_mps(one['desired_speed_mps']):.0f}",
+            _kmh(one["desired_speed_mps"]),
             style="bold" if is_ego else None,
         )
     left_out = len(values["vehicles"]) - len(shown)
@@ -152,26 +167,20 @@ def _vehicle_table(values: Values, shown: np.ndarray, glyphs: Glyphs) -> Table:
     return table
 
 
-def _stage_bar(values: Values, width: int, glyphs: Glyphs) -> Iterator[Text]:
-    """The ego's stages as one bar, in proportion to their durations, and the same in numbers."""
-    stages = values["stages"]
-    lengths = bar_lengths([one["to_s"] - one["from_s"] for one in stages], width - _LINE_ENDS)
-    bar = Text(glyphs.edge)
-    for one, length in zip(stages, lengths, strict=True):
-        word = centred(_words(one["stage"]), length - 1, glyphs.line)
-        bar.append(word, style=STAGE_STYLES[one["stage"]])
-        bar.append(glyphs.edge)
-    yield bar
-    spans = [
-        f"{_words(one['stage'])} {one['from_s']:.2f}{glyphs.dash}{one['to_s']:.2f} s"
-        for one in stages
-    ]
-    yield Text(", ".join(spans))
+def _ahead(one: Values, ego: Values) -> str:
+    """Where a vehicle begins, relative to the ego, or when, if it comes later."""
+    if one["from_s"] > ego["from_s"]:
+        return f"at {one['from_s']:.1f} s"
+    return f"{one['start_s_m'] - ego['start_s_m']:+.1f}"
 
 
-def _words(name: str) -> str:
-    """The name of a stage or decision as a person writes it."""
-    return name.lower().replace("_", " ")
+def _number(value: float | None) -> str:
+    """A number without decimals, a question mark where it is unknown."""
+    return "?" if value is None else f"{value:.0f}"
+
+
+def _kmh(speed_mps: float | None) -> str:
+    return _number(None if speed_mps is None else kmh_from_mps(speed_mps))
 
 
 def _instants(run: Trajectories) -> np.ndarray:
@@ -189,12 +198,22 @@ def _strip(run: Trajectories, shown: np.ndarray, frames: np.ndarray) -> Strip:
     position = s[shown] - s[Role.EGO]
     code = run.states.lane[0][:, frames].astype(int)
     lane = np.where(code == _BEYOND_SLOW_EDGE, -1, code)
+    there = run.state_valid[0, shown][:, frames]
+    others = shown != Role.EGO
     return Strip(
-        position=position,
+        position=np.where(there, position, _FAR * METRES_PER_STEP),
         lane=(lane[shown] - lane[Role.EGO]) * int(run.road.side),
         slots=shown,
-        reach=nice_reach(np.abs(position[shown != Role.EGO])),
+        reach=nice_reach(_filled(np.abs(position[others]), there[others])),
     )
+
+
+def _filled(distance: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """Distances (vehicle, instant), each vehicle's mean where it was not recorded [m]."""
+    count = there.sum(axis=1)
+    mean = np.where(there, distance, 0.0).sum(axis=1) / np.maximum(count, 1)
+    mean[count == 0] = _FAR * METRES_PER_STEP
+    return np.where(there, distance, mean[:, None])
 
 
 def _strip_lines(
@@ -206,19 +225,21 @@ def _strip_lines(
     inner = width - len(f"{0:6.2f} s {glyphs.edge}") - len(f"{glyphs.edge}   -7  123 pull out")
     ends = f"{strip.reach:.0f} m behind", f"{strip.reach:.0f} m ahead"
     scale = ends[0] + "ego".center(inner - 2)[len(ends[0]) :][: -len(ends[1])] + ends[1]
-    header = f"{'time':>8}  {scale:<{inner}}  {'lane':>4} km/h stage"
+    recorded = "stage" not in run.unknown
+    header = f"{'time':>8}  {scale:<{inner}}  {'lane':>4} km/h" + (" stage" if recorded else "")
     yield Text(header, style="underline")
     for frame, line in zip(frames.tolist(), strip.lines(inner, glyphs), strict=True):
         lane = lane_name(run.road, int(run.states.lane[0, Role.EGO, frame]))
         speed = run.states.speed[0, Role.EGO, frame] * METRES_PER_SECOND_PER_STEP
         stage = Stage(int(run.stage[0, frame])).name
-        edge = Text(glyphs.edge, style=STAGE_STYLES[stage])
+        edge = Text(glyphs.edge, style=STAGE_STYLES[stage] if recorded else "")
         yield Text.assemble(
             f"{run.time_ms[frame] / _MS_PER_S:6.2f} s ",
             edge,
             line,
             edge,
-            f" {lane:>4} {kmh_from_mps(speed):4.0f} {_words(stage)}",
+            f" {lane:>4} {kmh_from_mps(speed):4.0f}",
+            f" {words(stage)}" if recorded else "",
         )
 
 
@@ -226,11 +247,14 @@ def _speed_lines(
     run: Trajectories, shown: np.ndarray, width: int, glyphs: Glyphs
 ) -> Iterator[Text]:
     """One sparkline for each vehicle, all of the same scale."""
-    recorded = run.states.speed[0, shown, : run.num_frames[0]] * METRES_PER_SECOND_PER_STEP
+    frames = slice(run.num_frames[0])
+    there = run.state_valid[0, shown, frames]
+    recorded = run.states.speed[0, shown, frames] * METRES_PER_SECOND_PER_STEP
     speeds = np.asarray(kmh_from_mps(recorded))
-    low, high = float(speeds.min()), float(speeds.max())
+    low, high = float(speeds[there].min()), float(speeds[there].max())
     inner = width - len(f"E  123 {glyphs.arrow} 123 km/h, 123{glyphs.dash}123") - 1
-    for slot, of_one in zip(shown.tolist(), speeds, strict=True):
+    for slot, of_all, valid in zip(shown.tolist(), speeds, there, strict=True):
+        of_one = of_all[valid]
         line = sparkline(of_one, width=inner, low=low, high=high, glyphs=glyphs)
         yield Text(
             f"{symbol(slot)} {line} {of_one[0]:3.0f} {glyphs.arrow} {of_one[-1]:3.0f} km/h, "
@@ -240,48 +264,56 @@ def _speed_lines(
 
 
 def _decisions(values: Values) -> Iterator[RenderableType]:
-    """What the ego believed when it decided, the truth in brackets."""
+    """What the ego believed when it decided, the truth in brackets, and what the law says."""
     if not values["decisions"]:
         return
-    table = _table("time", "decision", "leader", "ahead in new lane", "behind in new lane")
+    table = _table("time", "to", "of whom", "gap m>", "closing km/h>", "the law")
     for one in values["decisions"]:
-        table.add_row(
-            f"{one['time_s']:.2f} s",
-            _words(one["kind"]),
-            *(_percept(neighbour) for neighbour in one["neighbours"].values()),
-        )
+        near = [(place, of) for place, of in one["neighbours"].items() if of is not None]
+        rows = [_percept(place, of) for place, of in near] or [("nobody near",)]
+        for number, row in enumerate(rows):
+            first = ("", "") if number else (f"{one['time_s']:.2f} s", words(one["kind"]))
+            table.add_row(*first, *row)
     yield Text()
-    yield Text("What the ego believed: gap, closing speed (and what was true)", style="bold")
+    yield Text("What the driver believed when deciding (and what was true)", style="bold")
     yield table
 
 
-def _percept(neighbour: Values | None) -> str:
-    """One neighbour as believed and as it was."""
-    if neighbour is None:
-        return "nobody"
-    who = "?" if neighbour["vehicle"] is None else symbol(neighbour["vehicle"])
+_PLACES = {"leader": "leader", "front": "ahead", "rear": "behind"}
+
+
+def _percept(place: str, neighbour: Values) -> tuple[str, str, str, str]:
+    """One neighbour as believed and as it was: who, gap, closing speed, and what the law says."""
     gap, gap_true = neighbour["gap_m"], neighbour["true_gap_m"]
     closing, closing_true = neighbour["closing_speed_mps"], neighbour["true_closing_speed_mps"]
-    if gap is None:
-        return f"{who} not seen\n({gap_true:.0f} m, {kmh_from_mps(closing_true):+.0f} km/h)"
     truth = ("", "")
     if gap_true is not None:
-        truth = (f" ({gap_true:.0f})", f" ({kmh_from_mps(closing_true):+.0f})")
-    return f"{who} {gap:.0f}{truth[0]} m,\n{kmh_from_mps(closing):+.0f}{truth[1]} km/h"
+        truth = (f" ({gap_true:.1f})", f" ({kmh_from_mps(closing_true):+.0f})")
+    law = neighbour["law"]
+    who = "?" if neighbour["vehicle"] is None else symbol(neighbour["vehicle"])
+    return (
+        f"{_PLACES[place]} {who}",
+        ("not seen" if gap is None else f"{gap:.1f}") + truth[0],
+        ("" if closing is None else f"{kmh_from_mps(closing):+.0f}") + truth[1],
+        "" if law is None else f"{law['rule']} {words(law['belief'])}",
+    )
 
 
 def _ending(values: Values) -> Iterator[Text]:
-    """The collisions, or that there was none."""
-    yield Text()
-    if not values["collisions"]:
-        yield Text(
-            f"No collision; the last stage of the ego: {_words(values['stages'][-1]['stage'])}."
-        )
+    """The outcome, and the collisions, or that there was none."""
+    passed = values["num_passed"]
+    facts = [_outcome(values).capitalize()]
+    if values["num_attempts"] > 1:
+        facts.append(f"attempts: {values['num_attempts']}")
+    if passed:
+        facts.append(f"{passed} vehicle{'s' if passed > 1 else ''} passed")
+    yield Text(", ".join(facts) + ("." if values["collisions"] else ". No collision."))
     for one in values["collisions"]:
         pair = " and ".join(symbol(slot) for slot in one["vehicles"])
+        impulse = one["impulse_newton_s"]
         yield Text(
             f"Collision of {pair} at {one['time_s']:.2f} s: "
-            f"impulse {one['impulse_newton_s']} N s, "
-            f"closing at {kmh_from_mps(one['closing_speed_mps']):.0f} km/h",
+            + ("" if impulse is None else f"impulse {impulse} N s, ")
+            + f"closing at {kmh_from_mps(one['closing_speed_mps']):.0f} km/h",
             style="bold",
         )

@@ -13,6 +13,7 @@ from overtaking.cli.drawing import (
     bar_lengths,
     centred,
     nice_reach,
+    placed,
     sparkline,
     symbol,
 )
@@ -121,3 +122,8 @@ def test_reach_is_round_and_shows_most_of_all_and_nearly_all_of_the_nearest():
     assert nice_reach(np.stack([near, near, near + 1.0, far])) == 30.0
     assert nice_reach(far[None]) == 150.0
     assert nice_reach(np.empty((0, 50))) == 30.0
+
+
+def test_marks_stand_at_their_columns_and_none_hides_another():
+    assert placed([(0, "F"), (3, "A"), (3, "X"), (4, "O")], 6) == ["F  AO ", "   X  "]
+    assert placed([], 6) == []

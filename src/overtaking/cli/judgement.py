@@ -1,0 +1,163 @@
+"""What is said of one simulation, as values: events, classes, and the law with its remedies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from overtaking.model.events import NEVER, Detail, Outcome
+from overtaking.model.labels import Belief, OvertakeClass
+from overtaking.model.trajectory import NO_VEHICLE
+
+if TYPE_CHECKING:
+    from overtaking.cli.description import Values
+    from overtaking.explain import Breach, Change, Doubt, Explanation, Thought
+    from overtaking.labelling import Labelled
+
+SYMBOLS = {
+    "follow": "t_follow",
+    "attempt": "t_a",
+    "line_crossed": "t_x1",
+    "overlap_begin": "t_o1",
+    "overlap_end": "t_o2",
+    "return_begin": "t_b",
+    "return_end": "t_x2",
+    "abort": "abort",
+    "back": "back",
+    "collision": "collision",
+    "road_departure": "departure",
+}
+"""The events, with the paper's symbols where it has them."""
+
+_DECIMALS = 4
+_MS_PER_S = 1000.0
+
+
+def judge(labelled: Labelled, explanation: Explanation) -> Values:
+    """What is said of one simulation.
+
+    Args:
+        labelled: A batch of one simulation.
+        explanation: Why it is judged so.
+
+    Returns:
+        Values of plain Python types, in SI units.
+    """
+    events, labels = labelled.events, labelled.labels
+    interval = labelled.signals.frame_interval_ms
+    return {
+        "outcome": Outcome(int(labels.outcome[0])).name.lower(),
+        "detail": Detail(int(labels.detail[0])).name.lower(),
+        "target": _slot(events.target[0]),
+        "collision_partner": _slot(events.partner[0]),
+        "struck_by_partner": bool(events.struck[0]),
+        "num_attempts": int(events.num_attempts[0]),
+        "num_passed": int(events.num_passed[0]),
+        "events": _events(labelled),
+        "rules_version": labelled.findings.version,
+        "policies": _policies(labelled, explanation),
+        "broken": [_breach(each, interval) for each in explanation.breaches],
+        "undecidable": [_doubt(each) for each in explanation.doubts],
+        "kept": [rule.code for rule in explanation.kept],
+        "not_applicable": [rule.code for rule in explanation.inapplicable],
+    }
+
+
+def thought(of: Thought) -> Values:
+    """What the law says of one neighbour at a decision."""
+    believed = of.believed_margin
+    return {
+        "rule": of.code,
+        "margin_m": round(of.margin, _DECIMALS),
+        "believed_margin_m": None if believed is None else round(believed, _DECIMALS),
+        "belief": _belief(of.belief),
+    }
+
+
+def _slot(vehicle: int) -> int | None:
+    """A slot, None where there is no vehicle to name."""
+    return None if vehicle == NO_VEHICLE else int(vehicle)
+
+
+def _seconds(frame: int, interval_ms: int) -> float:
+    return frame * interval_ms / _MS_PER_S
+
+
+def _events(labelled: Labelled) -> list[Values]:
+    """The events that happened, in the order of time."""
+    frames = {name: int(getattr(labelled.events, name)[0]) for name in SYMBOLS}
+    interval = labelled.signals.frame_interval_ms
+    return [
+        {
+            "event": name,
+            "symbol": SYMBOLS[name],
+            "frame": frame,
+            "time_s": _seconds(frame, interval),
+        }
+        for name, frame in sorted(frames.items(), key=lambda item: item[1])
+        if frame != NEVER
+    ]
+
+
+def _policies(labelled: Labelled, explanation: Explanation) -> dict[str, Values]:
+    """The class under each policy, and the rules that made it so."""
+    return {
+        name: {
+            "class": OvertakeClass(int(labelled.labels.classes[0, place])).title,
+            "broken": [b.rule.code for b in explanation.breaches if name in b.policies],
+            "undecidable": [d.rule.code for d in explanation.doubts if name in d.policies],
+        }
+        for place, name in enumerate(labelled.labels.policies)
+    }
+
+
+def _breach(breach: Breach, interval_ms: int) -> Values:
+    rule = breach.rule
+    return {
+        "rule": rule.code,
+        "id": rule.id,
+        "law": rule.law,
+        "title": rule.title,
+        "gloss": rule.gloss,
+        "duty_of_ego": rule.of_ego,
+        "required_by": list(breach.policies),
+        "severity": breach.severity.name.lower(),
+        "belief": _belief(breach.belief),
+        "margin": round(breach.margin, _DECIMALS),
+        "unit": rule.unit,
+        "first_frame": breach.first,
+        "last_frame": breach.last,
+        "from_s": _seconds(breach.first, interval_ms),
+        "to_s": _seconds(breach.last, interval_ms),
+        "remedies": [
+            [_change(change, interval_ms) for change in remedy] for remedy in breach.remedies
+        ],
+    }
+
+
+def _change(change: Change, interval_ms: int) -> Values:
+    frame = change.frame
+    return {
+        "quantity": change.quantity.value,
+        "unit": change.unit,
+        "actual": round(change.actual, _DECIMALS),
+        "needed": round(change.needed, _DECIMALS),
+        "by": round(change.by, _DECIMALS),
+        "frame": frame,
+        "time_s": None if frame is None else _seconds(frame, interval_ms),
+        "vehicle": change.vehicle,
+    }
+
+
+def _doubt(doubt: Doubt) -> Values:
+    return {
+        "rule": doubt.rule.code,
+        "title": doubt.rule.title,
+        "law": doubt.rule.law,
+        "required_by": list(doubt.policies),
+        "not_recorded": list(doubt.missing),
+    }
+
+
+def _belief(belief: Belief) -> str | None:
+    """The word for a belief, None where there is nothing to believe."""
+    return None if belief is Belief.NONE else belief.name.lower()
