@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from typing import TYPE_CHECKING
@@ -161,6 +163,16 @@ def test_a_recorded_simulation_is_played_pose_by_pose_and_filmed(tmp_path: Path)
     # The ego is in the middle of the picture from behind, and hides the road there.
     assert np.abs(behind[110].astype(int) - behind[110, 5].astype(int)).max() > 40
     assert main([*words[:-1], "wide"]) == 2
+
+
+def test_the_headless_server_is_gone_when_the_process_that_started_it_is_killed():
+    command = [sys.executable, "-m", "overtaking.carla_server.child"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as server:
+        assert server.stdin is not None
+        assert server.stdout is not None
+        assert json.loads(server.stdout.readline())["port"] > 0
+        server.stdin.close()  # As the system does when the parent is gone.
+        assert server.wait(20.0) == 0
 
 
 def test_a_server_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch):

@@ -316,9 +316,14 @@ def _address(chosen: str) -> Address:
 
 def _start_headless() -> Address:
     """Start a server of our own on free ports."""
-    command = [sys.executable, "-m", "overtaking.cli", "carla", "serve", "--port", "0", "--json"]
+    command = [sys.executable, "-m", "overtaking.carla_server.child"]
+    # It ends with its standard input, so also when this process is killed.
     process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
     )
     _SERVERS[HEADLESS] = process
     said: list[str] = []
@@ -343,8 +348,7 @@ def _read_ready(process: "subprocess.Popen[str]", said: list[str]) -> None:
     assert process.stdout is not None
     for line in process.stdout:
         said.append(line)
-        if line.startswith("}"):
-            return
+        return  # The first line says all.
 
 
 def _dismiss_worker() -> None:
@@ -371,5 +375,6 @@ def _go() -> None:
 
 def _end_server(server: "subprocess.Popen[str]") -> None:
     _end(server)
-    if server.stdout is not None:
-        server.stdout.close()
+    for stream in (server.stdin, server.stdout):
+        if stream is not None:
+            stream.close()
