@@ -8,6 +8,7 @@ tells type checkers and editors the same names.
 from importlib import import_module as _import_module
 
 _HOMES = {
+    "Balance": "overtaking.datasets.balance",
     "Dataset": "overtaking.datasets.load",
     "Decision": "overtaking.sim.decision",
     "Drivers": "overtaking.model.drivers",

@@ -11,6 +11,7 @@ from overtaking.api import simulate as simulate
 from overtaking.api import statistics as statistics
 from overtaking.api import write_report as write_report
 from overtaking.core.errors import OvertakingError as OvertakingError
+from overtaking.datasets.balance import Balance as Balance
 from overtaking.datasets.load import Dataset as Dataset
 from overtaking.labelling.label import Labelled as Labelled
 from overtaking.model.drivers import Drivers as Drivers

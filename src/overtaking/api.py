@@ -14,6 +14,7 @@ from overtaking import scenarios
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.datasets import generate as writing
 from overtaking.datasets import load as reading
+from overtaking.datasets.balance import Balance
 from overtaking.datasets.generate import Progress
 from overtaking.datasets.load import Dataset
 from overtaking.datasets.manifest import read_manifest
@@ -75,7 +76,9 @@ def generate(
     road: str | Path | Road | None = None,
     simulator: str = "engine",
     shard_size: int | None = None,
+    balance: Balance | None = None,
     progress: Progress | None = None,
+    on_candidates: Progress | None = None,
 ) -> Dataset:
     """Make a data set.
 
@@ -91,7 +94,11 @@ def generate(
         road: A road in place of the profile's: a name, an OpenDRIVE file, or a `Road`.
         simulator: One of `SIMULATORS`.
         shard_size: Simulations a file; what suits the simulator if left out.
+        balance: Which classes get equal shares, and what is done if one is too rare; None for
+            natural shares.
         progress: Called with the number of simulations that are done, and of all.
+        on_candidates: Called with the number of candidates of a balanced data set that have been
+            looked at, and about how many there will be; all that comes before the simulations.
 
     Returns:
         The complete data set.
@@ -111,16 +118,30 @@ def generate(
         num_simulations=simulations,
         keep=_keep(keep),
         shard_size=chosen.shard_size if shard_size is None else shard_size,
+        balance=balance,
     )
-    return writing.generate(recipe, Path(out), chosen, resume=resume, progress=progress)
+    return writing.generate(
+        recipe,
+        Path(out),
+        chosen,
+        resume=resume,
+        progress=progress,
+        on_candidates=on_candidates,
+    )
 
 
-def resume(out: str | Path, *, progress: Progress | None = None) -> Dataset:
+def resume(
+    out: str | Path,
+    *,
+    progress: Progress | None = None,
+    on_candidates: Progress | None = None,
+) -> Dataset:
     """Complete a data set from what its manifest says, or check that it is complete.
 
     Args:
         out: Folder of the data set.
         progress: Called with the number of simulations that are done, and of all.
+        on_candidates: As in `generate`.
 
     Returns:
         The complete data set; shards that were damaged are written again.
@@ -148,7 +169,9 @@ def resume(out: str | Path, *, progress: Progress | None = None) -> Dataset:
         road=begun.road,
         simulator=begun.simulator,
         shard_size=begun.shard_size,
+        balance=begun.balance,
         progress=progress,
+        on_candidates=on_candidates,
     )
 
 

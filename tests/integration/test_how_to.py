@@ -9,6 +9,7 @@ import sys
 
 PAGES = (
     "make-a-data-set.md",
+    "balance-classes.md",
     "look-at-a-simulation.md",
     "videos.md",
     "export-the-papers-table.md",

@@ -72,6 +72,11 @@ def generate(
     threads: options.Threads = None,
     changes: options.Changes = None,
     frame_interval_ms: options.FrameInterval = None,
+    balance: options.Balance = False,
+    balance_by: options.BalanceBy = None,
+    policy: options.BalancePolicy = None,
+    balance_candidates: options.BalanceCandidates = None,
+    allow_missing: options.AllowMissing = False,
 ) -> None:
     """Simulate scenarios of a profile and write them as a data set."""
     from overtaking.cli import arguments, making
@@ -86,6 +91,13 @@ def generate(
         keep=keep,
         road=place,
         overrides=overrides,
+        balance=making.balance(
+            is_wanted=balance,
+            by=balance_by,
+            policy=policy,
+            candidates=balance_candidates,
+            allow_missing=allow_missing or None,
+        ),
     )
     making.make(output, out, recipe, resume=resume)
 
@@ -179,7 +191,10 @@ COMMANDS: dict[options.Body, str] = {
 }
 
 GROUPS: dict[str, tuple[str, dict[options.Body, str]]] = {
-    "carla": ("CARLA 0.9.16: the same scenarios there, and its clients without it.", carla.COMMANDS),
+    "carla": (
+        "CARLA 0.9.16: the same scenarios there, and its clients without it.",
+        carla.COMMANDS,
+    ),
     "sumo": ("The same scenarios on Eclipse SUMO.", sumo.COMMANDS),
 }
 """Commands of two words."""

@@ -5,10 +5,16 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from pathlib import Path
+from overtaking.core.errors import ConfigError
 
-    from overtaking.cli.output import Output
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+    from types import TracebackType
+    from typing import Self
+
+    from overtaking.cli.output import Meter, Output
+    from overtaking.datasets.balance import Balance
 
 
 def make(
@@ -27,13 +33,96 @@ def make(
     from overtaking.cli import arguments, summary
 
     begin = time.monotonic()
-    with output.progress("simulations") as meter:
+    with _Phases(output) as phases:
+        talk: dict[str, Any] = {
+            "progress": phases.of("simulations"),
+            "on_candidates": phases.of("candidates"),
+        }
         if resume and not recipe:
-            data = api.resume(out, progress=meter)
+            data = api.resume(out, **talk)
         else:
             complete = arguments.DEFAULTS | recipe
-            data = api.generate(
-                out=out, resume=resume, simulator=simulator, progress=meter, **complete
-            )
+            data = api.generate(out=out, resume=resume, simulator=simulator, **talk, **complete)
     values = summary.of_dataset(data, time.monotonic() - begin)
     output.result(values, lambda _: summary.render_generated(values))
+
+
+def balance(*, is_wanted: bool, **asked: Any) -> Balance | None:
+    """What was asked for of a balanced data set, None if it is not to be one.
+
+    Args:
+        is_wanted: Whether `--balance` was said.
+        asked: The words about it: `by`, `policy`, `candidates`, `allow_missing`; None for those
+            that were left open.
+
+    Raises:
+        ConfigError: One of them cannot be used, or it is not to be balanced.
+    """
+    given = {name: value for name, value in asked.items() if value is not None}
+    if is_wanted:
+        from overtaking.datasets.balance import Balance
+
+        if "by" in given:
+            given["by"] = tuple(name.strip() for name in given["by"].split(","))
+        if "allow_missing" in given:
+            given["allows_missing"] = given.pop("allow_missing")
+        return Balance(**given)
+    if given:
+        raise ConfigError.of(
+            what=_WORDS[next(iter(given))],
+            where="generate",
+            expected="--balance beside it",
+            got="none",
+            next_step="add --balance, or leave it out",
+        )
+    return None
+
+
+_WORDS = {
+    "by": "--balance-by",
+    "policy": "--policy",
+    "candidates": "--balance-candidates",
+    "allow_missing": "--allow-missing",
+}
+
+
+class _Phases:
+    """A progress bar for one phase of the work after the other.
+
+    Args:
+        output: Where the bars go.
+    """
+
+    def __init__(self, output: Output) -> None:
+        """Show nothing yet."""
+        self._output = output
+        self._shown: tuple[str, Meter] | None = None
+
+    def __enter__(self) -> Self:
+        """Begin the work."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Take the last bar away."""
+        if self._shown:
+            self._shown[1].__exit__(kind, error, trace)
+
+    def of(self, what: str) -> Callable[[int, int], None]:
+        """What to call with the number of things that are done, and of all.
+
+        Args:
+            what: The things of the phase.
+        """
+
+        def tell(done: int, total: int) -> None:
+            if not self._shown or self._shown[0] != what:
+                self.__exit__(None, None, None)
+                self._shown = what, self._output.progress(what).__enter__()
+            self._shown[1](done, total)
+
+        return tell

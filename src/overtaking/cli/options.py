@@ -92,6 +92,43 @@ FrameInterval = Annotated[
         help="Time between two frames, a multiple of 10.  [default: the profile's]",
     ),
 ]
+Balance = Annotated[
+    bool,
+    typer.Option("--balance", help="Make equal numbers of each of the paper's five classes."),
+]
+BalanceBy = Annotated[
+    str | None,
+    typer.Option(
+        "--balance-by",
+        metavar="class|class,day-night",
+        help="What gets equal numbers with --balance.  [default: class]",
+    ),
+]
+BalancePolicy = Annotated[
+    str | None,
+    typer.Option(
+        "--policy",
+        metavar="NAME",
+        help="Which rules decide about the class with --balance: paper, default or strict.  "
+        "[default: paper]",
+    ),
+]
+BalanceCandidates = Annotated[
+    int | None,
+    typer.Option(
+        "--balance-candidates",
+        metavar="N",
+        help="Simulations to look through with --balance before a class counts as too rare.  "
+        "[default: 200 for each that is wanted, at least 10000]",
+    ),
+]
+AllowMissing = Annotated[
+    bool,
+    typer.Option(
+        "--allow-missing",
+        help="Write what there is if a class is too rare for --balance, instead of failing.",
+    ),
+]
 Format = Annotated[
     str,
     typer.Option(

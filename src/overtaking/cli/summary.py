@@ -42,6 +42,7 @@ def of_dataset(data: Dataset, seconds: float | None = None) -> Values:
         "content_hash": data.content_hash,
         "shards": len(manifest.shards),
         "tables": tables,
+        **_balance(data),
         "finished": provenance.finished,
         "package": provenance.package,
         "machine": provenance.machine,
@@ -49,16 +50,42 @@ def of_dataset(data: Dataset, seconds: float | None = None) -> Values:
     }
 
 
+def _balance(data: Dataset) -> Values:
+    """How it is balanced, if it is."""
+    manifest = data.manifest
+    settings, found = manifest.identity.balance, manifest.balance
+    if settings is None or found is None:
+        return {}
+    return {
+        "balance": {
+            "by": list(settings.by),
+            "policy": settings.policy,
+            "wanted": manifest.identity.simulations,
+            **found.model_dump(),
+        }
+    }
+
+
 def render_generated(values: Values) -> Text:
     """One line about what was made, and what to do next."""
     seconds = values["duration_s"]
     rate = values["simulations"] / max(seconds, 1e-3)
+    shares = f"balanced: {_shares(values)}\n" if "balance" in values else ""
     return Text(
         f"{values['simulations']:,} simulations of {values['profile']} in {values['data']}: "
         f"{_megabytes(values):.1f} MB, {seconds:.1f} s, {rate:,.0f}/s\n"
         f"content {values['content_hash']}\n"
+        f"{shares}"
         f"next: overtaking show {values['data']} 0"
     )
+
+
+def _shares(values: Values) -> str:
+    """The cells of a balanced data set in words."""
+    found = values["balance"]
+    cells = ", ".join(f"{one['kept']:,} {name}" for name, one in found["cells"].items())
+    missing = f"; {found['missing']:,} are missing" if found["missing"] else ""
+    return f"{cells} of {found['candidates']:,} candidates{missing}"
 
 
 def render(values: Values) -> Table:
@@ -69,6 +96,8 @@ def render(values: Values) -> Table:
     for name in ("data", "profile", "simulations", "seed", "road", "keep", "simulator"):
         grid.add_row(name, Text(str(values[name])))
     grid.add_row("content", Text(values["content_hash"]))
+    if "balance" in values:
+        grid.add_row("balance", Text(_shares(values)))
     grid.add_row("made", Text(f"{values['finished']} by overtaking {values['package']}"))
     grid.add_row("on", Text(values["machine"]))
     for name, table in values["tables"].items():

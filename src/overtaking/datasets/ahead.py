@@ -1,7 +1,7 @@
 """Work done ahead on several threads, and handed over in order."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
@@ -9,7 +9,7 @@ A = TypeVar("A")
 B = TypeVar("B")
 
 
-def in_order(work: Callable[[A], B], items: Iterable[A], threads: int) -> Iterator[B]:
+def in_order(work: Callable[[A], B], items: Iterable[A], threads: int) -> Generator[B]:
     """`work` of each item, in order, with as many under way as there are threads.
 
     NumPy and the engine leave the interpreter to others while they compute, so threads are enough;

@@ -2,7 +2,7 @@
 
 import pyarrow as pa
 
-from overtaking.datasets.manifest import Identity, ShardRecord
+from overtaking.datasets.manifest import BalanceRecord, Identity, ShardRecord
 from overtaking.tables.columns import STEPS, flags_of, names_of, unit_of
 from overtaking.tables.schemas import KEYS, SCHEMAS
 
@@ -17,7 +17,7 @@ this file, the following makes the same values again on any machine:
     import overtaking
     made = overtaking.load(".").manifest.identity
     overtaking.generate(
-        made.spec, made.simulations, made.seed, "again", road=made.road, keep=made.keep
+        made.spec, made.simulations, made.seed, "again", road=made.road, keep=made.keep{again}
     )
 
 | | |
@@ -51,6 +51,22 @@ measured. What the recording does not tell is null: {unknown_names}.
 
 """
 
+_BALANCED = """\
+## Balanced
+
+Asked for: {balance}. Of {candidates} candidates, the first ones of each cell were kept, up to the
+number that was wanted. {outside} candidates were of a class that is not wanted, and {missing}
+simulations are missing because their cell is too rare. `class_weight` in `labels` gives back the
+shares that the cells had among the candidates; it is the weight below times that of the sampling.
+
+| cell | wanted | candidates | kept | weight |
+|---|---|---|---|---|
+{cells}
+
+"""
+
+_AGAIN = ",\n        balance=made.balance,"
+
 _READING = """\
 ## Reading it
 
@@ -77,19 +93,27 @@ One row for each {keys}.
 """
 
 
-def data_card(identity: Identity, shards: tuple[ShardRecord, ...], content_hash: str) -> str:
+def data_card(
+    identity: Identity,
+    shards: tuple[ShardRecord, ...],
+    content_hash: str,
+    balance: BalanceRecord | None = None,
+) -> str:
     """The text of a data set's `README.md`.
 
     Args:
         identity: What decides the content.
         shards: All shards.
         content_hash: Hash over the values of all tables.
+        balance: What became of the cells of a balanced data set.
     """
-    given = identity.model_dump(exclude={"spec", "road"})
+    given = identity.model_dump(exclude={"spec", "road", "simulations"})
     road = identity.road
     head = _IMPORTED if identity.source else _HEAD
     head = head.format(
         **given,
+        simulations=sum(shard.simulations for shard in shards),
+        again=_AGAIN if balance else "",
         road=road.name,
         lanes=road.num_lanes,
         length=road.length,
@@ -99,6 +123,7 @@ def data_card(identity: Identity, shards: tuple[ShardRecord, ...], content_hash:
     )
     return (
         head
+        + (_balanced(identity, balance) if balance else "")
         + _READING
         + "".join(_table(name, shards) for name in SCHEMAS if name in identity.keep.tables)
     )
@@ -108,6 +133,17 @@ def _files(identity: Identity) -> str:
     """The files of a recording, one to a row."""
     files = identity.source.files if identity.source else {}
     return "\n".join(f"| file | {name}, SHA-256 `{digest}` |" for name, digest in files.items())
+
+
+def _balanced(identity: Identity, balance: BalanceRecord) -> str:
+    """The chapter about the cells."""
+    cells = "\n".join(
+        f"| {name} | {cell.quota} | {cell.seen} | {cell.kept} | {cell.weight:.6g} |"
+        for name, cell in balance.cells.items()
+    )
+    return _BALANCED.format(
+        **balance.model_dump(exclude={"cells"}), cells=cells, balance=identity.balance
+    )
 
 
 def _table(name: str, shards: tuple[ShardRecord, ...]) -> str:

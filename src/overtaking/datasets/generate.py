@@ -1,5 +1,6 @@
 """Carries out a recipe: sample, simulate, write; whole shards only, and never one twice."""
 
+import dataclasses
 import os
 import platform
 import shutil
@@ -14,6 +15,7 @@ import pyarrow as pa
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.datasets import card, lock, manifest, plan, write
 from overtaking.datasets.ahead import in_order
+from overtaking.datasets.balance_scan import Chosen, Scan
 from overtaking.datasets.contents import contents
 from overtaking.datasets.interruption import Terminated, termination_raises
 from overtaking.datasets.load import Dataset, load
@@ -39,6 +41,7 @@ def generate(
     *,
     resume: bool = False,
     progress: Progress | None = None,
+    on_candidates: Progress | None = None,
 ) -> Dataset:
     """Make a data set.
 
@@ -48,6 +51,8 @@ def generate(
         simulator: What simulates.
         resume: Whether to complete what an earlier call has begun in this folder.
         progress: Told about every few hundred simulations.
+        on_candidates: Told about every few hundred candidates of a balanced data set, and about how
+            many there will be; this comes before all simulations.
 
     Returns:
         The complete data set.
@@ -60,7 +65,8 @@ def generate(
     """
     _check(recipe)
     identity = Identity.of(recipe, simulator)
-    work = _Work(recipe, identity, simulator, out, progress or _silent)
+    progresses = (on_candidates or _silent, progress or _silent)
+    work = _Work(recipe, identity, simulator, out, progresses)
     try:
         _refuse_strangers(out)
         out.mkdir(parents=True, exist_ok=True)
@@ -84,12 +90,17 @@ class _Work:
         identity: Identity,
         simulator: Simulator,
         out: Path,
-        progress: Progress,
+        progresses: tuple[Progress, Progress],
     ) -> None:
         self._recipe, self._identity, self._simulator = recipe, identity, simulator
-        self._out, self._progress = out, progress
+        self._out, (self._on_candidates, self._progress) = out, progresses
         self._tables = recipe.keep.tables
         self._fingerprint = identity.fingerprint
+        self._scan: Scan | None = None
+        if identity.balance is not None:
+            self._scan = Scan(recipe, identity, simulator, out, out / write.PARTIAL)
+        self._chosen: Chosen | None = None
+        self._num_simulations = recipe.num_simulations
         self._shards = plan.shards(recipe.num_simulations, recipe.shard_size)
         self._records: list[ShardRecord] = []
         self._done = 0
@@ -101,9 +112,12 @@ class _Work:
         try:
             write.make_folders(self._out, [write.PARTIAL])
             current = begun or self._first_manifest()
+            if self._scan and not current.complete:
+                self._save(current)  # What was begun may now look at more candidates.
             # Whoever finds the folders of tables must also find what they belong to.
             write.make_folders(self._out, self._tables)
-            self._progress(0, self._recipe.num_simulations)
+            self._choose()
+            self._progress(0, self._num_simulations)
             for shard in self._shards:
                 known = self._finished(shard, current) if resume else None
                 self._records.append(known or self._write(shard))
@@ -111,13 +125,24 @@ class _Work:
         finally:
             _sweep(self._out)
 
+    def _choose(self) -> None:
+        """Find the candidates that a balanced data set consists of."""
+        if self._scan is None:
+            return
+        self._chosen = self._scan.run(self._on_candidates)
+        self._num_simulations = len(self._chosen.index)
+        self._shards = plan.shards(self._num_simulations, self._recipe.shard_size)
+
     def interrupted(self, by: str) -> str:
         """What to say when the work was ended."""
+        expected, got = f"{len(self._shards)} shards", f"{len(self._records)}"
+        if self._scan and not self._chosen:
+            expected, got = "every quota filled", f"{self._scan.selection.candidates} candidates"
         message = DatasetError.of(
             what="data set",
             where=str(self._out),
-            expected=f"{len(self._shards)} shards",
-            got=f"{len(self._records)} before {by}; they are kept",
+            expected=expected,
+            got=f"{got} before {by}; they are kept",
             next_step="run the same command with --resume to complete it",
         )
         return str(message)
@@ -150,18 +175,22 @@ class _Work:
 
     def _pieces(self, shard: plan.Shard) -> Iterator[Mapping[str, pa.Table]]:
         """The tables of a shard, as many simulations at a time as memory is meant to hold."""
-        size = min(plan.chunk_size(self._recipe.spec.resolved()), self._simulator.chunk_size)
+        size = plan.batch_size(self._recipe.spec.resolved(), self._simulator.chunk_size)
         return in_order(self._piece, plan.chunks(shard, size), self._simulator.threads)
 
-    def _piece(self, numbers: range) -> Mapping[str, pa.Table]:
-        index = np.arange(numbers.start, numbers.stop, dtype=np.uint64)
+    def _piece(self, chunk: range) -> Mapping[str, pa.Table]:
+        numbers = np.arange(chunk.start, chunk.stop)
+        index = numbers.astype(np.uint64) if self._chosen is None else self._chosen.index[numbers]
         scenario = sample(self._recipe.spec, self._recipe.road, self._recipe.seed, index)
         run = self._simulator.simulate(scenario)
-        return contents(run, index.astype(np.int64), self._tables)
+        weight = scenario.weight
+        if self._chosen is not None:
+            weight = weight * self._chosen.weight[numbers]
+        return contents(run, numbers, self._tables, class_weight=weight)
 
     def _count(self, simulations: int) -> None:
         self._done += simulations
-        self._progress(self._done, self._recipe.num_simulations)
+        self._progress(self._done, self._num_simulations)
 
     def _save(self, current: Manifest) -> None:
         manifest.write_manifest(self._out, current, self._out / write.PARTIAL)
@@ -169,13 +198,15 @@ class _Work:
     def _complete(self, current: Manifest) -> None:
         """Say what is there, in the data card and last of all in the manifest."""
         shards = tuple(self._records)
+        balance = self._chosen.record if self._chosen else None
         content = manifest.content_hash(shards)
-        text = card.data_card(self._identity, shards, content)
+        text = card.data_card(self._identity, shards, content, balance)
         manifest.put_text(self._out / card.FILE_NAME, text, self._out / write.PARTIAL)
         if current.complete and current.shards == shards:
             return
         finished = current.provenance.model_copy(update={"finished": _now()})
         changes = {"complete": True, "content_hash": content, "shards": shards}
+        changes |= {"balance": balance}
         self._save(current.model_copy(update={**changes, "provenance": finished}))
 
 
@@ -222,6 +253,8 @@ def _begun(out: Path, identity: Identity, *, resume: bool) -> Manifest | None:
     if not (out / manifest.FILE_NAME).exists():
         return None
     begun = manifest.read_manifest(out)
+    if not begun.complete and _looks_further(begun.identity, identity):
+        begun = begun.model_copy(update={"identity": identity})
     if different := begun.identity.differences(identity):
         name = different[0]
         ours, theirs = (_shown(one, name) for one in (identity, begun.identity))
@@ -241,6 +274,16 @@ def _begun(out: Path, identity: Identity, *, resume: bool) -> Manifest | None:
             next_step="choose another folder" if begun.complete else "complete it with --resume",
         )
     return begun
+
+
+def _looks_further(begun: Identity, now: Identity) -> bool:
+    """Whether the same balanced data set is asked for, with at least as many candidates."""
+    if not (begun.balance and now.balance):
+        return False
+    before, after = begun.balance, now.balance
+    end = {"candidates": after.candidates, "allows_missing": after.allows_missing}
+    same = begun.model_copy(update={"balance": dataclasses.replace(before, **end)}) == now
+    return same and (after.candidates or 0) >= (before.candidates or 0)
 
 
 def _shown(identity: Identity, name: str) -> object:

@@ -12,6 +12,7 @@ from overtaking.datasets import plan, write
 from overtaking.datasets.contents import contents
 from overtaking.datasets.manifest import Manifest, read_manifest
 from overtaking.tables.files import read_rows, read_table
+from overtaking.tables.label_schemas import POLICY_NAMES
 from overtaking.tables.restore import restore, restore_scenario
 from overtaking.tables.schemas import RECORDED_TABLES, SCHEMAS
 
@@ -63,12 +64,12 @@ class Dataset:
         """Use `load`, which checks the folder."""
         self._path, self._manifest, self._simulator = path, manifest, simulator
         identity = manifest.identity
-        self._shards = plan.shards(identity.simulations, identity.shard_size)
+        self._shards = plan.shards(manifest.num_simulations, identity.shard_size)
         self._intact: set[Path] = set()
 
     def __len__(self) -> int:
         """Number of simulations."""
-        return self._manifest.identity.simulations
+        return self._manifest.num_simulations
 
     def __repr__(self) -> str:
         """What it is and where."""
@@ -209,6 +210,20 @@ class Dataset:
                     for name in self._recorded_tables
                 }
                 yield np.arange(first, last + 1), self._recorded(rows)
+
+    def class_weights(self, first: int, last: int) -> NDArray[np.float64]:
+        """Weights that give back the natural rates, shape (simulation,).
+
+        Args:
+            first: Number of a simulation.
+            last: Number of one in the same file, not before it.
+
+        Raises:
+            DatasetError: The file is damaged.
+        """
+        shard = self._shards[first // self._manifest.identity.shard_size]
+        rows = read_rows(self._file("labels", shard), "labels", first, last)
+        return rows["class_weight"].to_numpy()[:: len(POLICY_NAMES.names)]
 
     def table(self, name: str) -> pa.Table:
         """A whole table as it is in the files.

@@ -1,5 +1,6 @@
 """`dataset.json`: the recipe of a data set, how far it got, and what its files hold."""
 
+import dataclasses
 import hashlib
 import json
 import os
@@ -9,6 +10,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
 from overtaking.core.errors import DatasetError, SchemaError
+from overtaking.datasets.balance import Balance
 from overtaking.datasets.recipe import Keep, Recipe, Simulator
 from overtaking.model.road import Road
 from overtaking.tables.files import FileFacts, sync_folder
@@ -63,6 +65,38 @@ class Source(_Record):
     notes: dict[str, JsonValue] = Field(default_factory=dict)
 
 
+class CellRecord(_Record):
+    """What became of one cell of a balanced data set.
+
+    Attributes:
+        quota: Simulations that were wanted.
+        seen: Candidates that were of it.
+        kept: Candidates that were kept.
+        weight: Factor of the weight of each of them; 0 if there are none.
+    """
+
+    quota: int
+    seen: int
+    kept: int
+    weight: float
+
+
+class BalanceRecord(_Record):
+    """How a data set was balanced.
+
+    Attributes:
+        candidates: Candidates that were looked at.
+        outside: Those among them whose class has no quota.
+        missing: Simulations that are missing in all cells together.
+        cells: What became of each cell, by its name.
+    """
+
+    candidates: int
+    outside: int
+    missing: int
+    cells: dict[str, CellRecord]
+
+
 class Identity(_Record):
     """What decides the content: two data sets that agree here agree in every value.
 
@@ -72,7 +106,7 @@ class Identity(_Record):
         spec_hash: Hash over it.
         road: The road.
         seed: Seed of the random numbers; null for recordings.
-        simulations: Number of simulations.
+        simulations: Number of simulations that were asked for.
         shard_size: Simulations a shard.
         keep: What was written down of each simulation.
         table_version: Version of the tables' schemas.
@@ -80,6 +114,7 @@ class Identity(_Record):
         simulator_version: Version of the model that it computes.
         unknown: What the simulations do not tell, names of `model.trajectory.UNKNOWNS`.
         source: The recording that it was imported from; null for simulations.
+        balance: How it is balanced; null if it is not.
     """
 
     profile: str
@@ -95,6 +130,7 @@ class Identity(_Record):
     simulator_version: str
     unknown: tuple[str, ...] = ()
     source: Source | None = None
+    balance: Balance | None = None
 
     @classmethod
     def of(cls, recipe: Recipe, simulator: Simulator) -> "Identity":
@@ -112,6 +148,7 @@ class Identity(_Record):
             simulator=simulator.name,
             simulator_version=simulator.version,
             unknown=tuple(sorted(simulator.unknown)),
+            balance=_with_limit(recipe),
         )
 
     def differences(self, other: "Identity") -> list[str]:
@@ -130,7 +167,15 @@ class Identity(_Record):
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-_NEW = frozenset({"unknown", "source"})
+_NEW = frozenset({"unknown", "source", "balance"})
+
+
+def _with_limit(recipe: Recipe) -> Balance | None:
+    """The balance of a recipe with the number of candidates that it amounts to."""
+    if recipe.balance is None:
+        return None
+    limit = recipe.balance.limit(recipe.num_simulations)
+    return dataclasses.replace(recipe.balance, candidates=limit)
 
 
 class Provenance(_Record):
@@ -165,6 +210,7 @@ class Manifest(_Record):
         content_hash: Hash over the values of all tables; null until complete.
         identity: What decides the content.
         shards: The finished shards; empty until complete.
+        balance: What became of the cells; null until complete, and if there are none.
         provenance: Where and when.
     """
 
@@ -174,7 +220,13 @@ class Manifest(_Record):
     content_hash: str | None = None
     identity: Identity
     shards: tuple[ShardRecord, ...] = ()
+    balance: BalanceRecord | None = None
     provenance: Provenance
+
+    @property
+    def num_simulations(self) -> int:
+        """Simulations that are there; fewer than asked for where cells are short of some."""
+        return sum(shard.simulations for shard in self.shards)
 
 
 def content_hash(shards: tuple[ShardRecord, ...]) -> str:

@@ -64,7 +64,22 @@ def chunk_size(spec: Mapping[str, Any]) -> int:
     return max(1, min(CHUNK_SIZE, int(CHUNK_STATES / states)))
 
 
+def batch_size(spec: Mapping[str, Any], simulator_size: int) -> int:
+    """How many simulations of a resolved specification a simulator is given at a time.
+
+    Args:
+        spec: The specification.
+        simulator_size: Most that it wants.
+    """
+    return min(chunk_size(spec), simulator_size)
+
+
 def chunks(shard: Shard, size: int = CHUNK_SIZE) -> Iterator[range]:
     """The simulations of a shard in runs of at most `size`, which fit into memory."""
-    for first in range(shard.first, shard.stop, size):
-        yield range(first, min(first + size, shard.stop))
+    return runs(shard.first, shard.stop, size)
+
+
+def runs(first: int, stop: int, size: int) -> Iterator[range]:
+    """The numbers from `first` to before `stop` in runs of at most `size`."""
+    for begin in range(first, stop, size):
+        yield range(begin, min(begin + size, stop))

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from overtaking.datasets.balance import Balance
 from overtaking.datasets.plan import CHUNK_SIZE, SHARD_SIZE
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
@@ -62,6 +63,7 @@ class Recipe:
         num_simulations: How many.
         keep: What to write down of each.
         shard_size: Simulations a shard.
+        balance: How the cells are filled; None for every simulation as it comes.
     """
 
     spec: Spec
@@ -70,3 +72,4 @@ class Recipe:
     num_simulations: int
     keep: Keep
     shard_size: int
+    balance: Balance | None = None

@@ -13,7 +13,7 @@ from overtaking.datasets.recipe import Simulator
 from overtaking.labelling import label
 from overtaking.model.trajectory import Trajectories
 from overtaking.tables.encode import Numbers
-from overtaking.tables.encode_labels import encode_labels
+from overtaking.tables.encode_labels import Weights, encode_labels
 from overtaking.tables.files import FileFacts, TableWriter, sync_folder
 from overtaking.tables.label_schemas import LABEL_TABLES
 
@@ -91,12 +91,18 @@ class _Work:
             written = 0
             while written < shard.num_simulations:
                 numbers, run = next(batches)
-                tables = encode_labels(label(run), numbers)
+                tables = encode_labels(label(run), numbers, self._weight(numbers))
                 for name, writer in writers.items():
                     writer.write(tables[name])
                 written += len(numbers)
                 self._count(len(numbers))
             return {name: writer.finish() for name, writer in writers.items()}
+
+    def _weight(self, numbers: Numbers) -> Weights | None:
+        """The weights of a balanced data set: what was chosen stays chosen, whatever it is now."""
+        if self._data.manifest.identity.balance is None:
+            return None
+        return self._data.class_weights(int(numbers[0]), int(numbers[-1]))
 
     def _unfinished(self, table: str, shard: plan.Shard) -> Path:
         return self._path / write.PARTIAL / f"{table}-{shard.file_name}"
@@ -118,7 +124,7 @@ class _Work:
         content = manifest.content_hash(shards)
         after = before.model_copy(update={"shards": shards, "content_hash": content})
         partial = self._path / write.PARTIAL
-        text = card.data_card(before.identity, shards, content)
+        text = card.data_card(before.identity, shards, content, before.balance)
         manifest.put_text(self._path / card.FILE_NAME, text, partial)
         manifest.write_manifest(self._path, after, partial)
 

@@ -19,19 +19,26 @@ from overtaking.tables.arrow import to_texts
 from overtaking.tables.encode import Masked, Numbers, build
 from overtaking.tables.label_schemas import ARTICLES, EVENTS_IN_ORDER, POLICY_NAMES, READINGS
 
+Weights = NDArray[np.float64]
+
 PERCENT = np.float32(100.0)
 
 
-def encode_labels(labelled: Labelled, numbers: Numbers) -> dict[str, pa.Table]:
+def encode_labels(
+    labelled: Labelled, numbers: Numbers, class_weight: Weights | None = None
+) -> dict[str, pa.Table]:
     """The tables of labels of a batch, by the names of their folders.
 
     Args:
         labelled: What is said of the simulations.
         numbers: Number of each simulation in its data set, growing, shape (simulation,).
+        class_weight: Weights that give back the natural rates, shape (simulation,); the sampling
+            weights if left out.
     """
+    weight = labelled.trajectories.scenario.weight if class_weight is None else class_weight
     return {
         "events": events(labelled, numbers),
-        "labels": labels(labelled, numbers),
+        "labels": labels(labelled, numbers, weight),
         "findings": findings(labelled, numbers),
         "features": features(labelled, numbers),
     }
@@ -66,7 +73,7 @@ def _speed_change(labelled: Labelled) -> NDArray[np.floating[Any]]:
     return impulse / run.scenario.vehicles.mass[:, Role.EGO]
 
 
-def labels(labelled: Labelled, numbers: Numbers) -> pa.Table:
+def labels(labelled: Labelled, numbers: Numbers, weight: Weights) -> pa.Table:
     """One row per simulation and policy."""
     found = labelled.labels
     count, policies = found.classes.shape
@@ -83,7 +90,7 @@ def labels(labelled: Labelled, numbers: Numbers) -> pa.Table:
             "num_broken": found.num_broken.reshape(-1),
             "num_undecidable": found.num_undecidable.reshape(-1),
             "rule_set": to_texts([labelled.findings.version] * (count * policies)),
-            "class_weight": np.repeat(labelled.trajectories.scenario.weight, policies),
+            "class_weight": np.repeat(weight, policies),
         },
     )
 
