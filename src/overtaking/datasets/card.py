@@ -1,10 +1,18 @@
-"""The data card: what lies in the folder of a data set, for whoever finds it."""
+"""The data card: what lies in the folder of a data set, for whoever finds it.
+
+`README.md` is for people and the Hugging Face Hub, `croissant.json` for other catalogues.
+"""
+
+from pathlib import Path
 
 import pyarrow as pa
 
-from overtaking.datasets.manifest import BalanceRecord, Identity, ShardRecord
-from overtaking.tables.columns import STEPS, flags_of, names_of, unit_of
-from overtaking.tables.schemas import KEYS, SCHEMAS
+from overtaking.datasets import croissant, datasheet
+from overtaking.datasets.card_header import card_header
+from overtaking.datasets.datasheet import num_rows, plain
+from overtaking.datasets.manifest import BalanceRecord, Identity, ShardRecord, put_text
+from overtaking.tables.columns import names_of
+from overtaking.tables.schemas import KEYS
 
 FILE_NAME = "README.md"
 
@@ -34,7 +42,7 @@ this file, the following makes the same values again on any machine:
 """
 
 _IMPORTED = """\
-# {simulations} scenes of recorded traffic: {source[recording]}
+# {simulations} scenes of recorded traffic: {recording}
 
 Made by the Python package `overtaking` from a recording in the format {profile}; who may use or
 pass on the recording, its owners say. `dataset.json` has what was found in it and what was
@@ -42,7 +50,7 @@ measured. What the recording does not tell is null: {unknown_names}.
 
 | | |
 |---|---|
-| recording | {source[recording]} |
+| recording | {recording} |
 {files}
 | road | {road}, {lanes} lanes, {length:g} m, straightened |
 | scenes | {simulations} |
@@ -75,12 +83,16 @@ Every folder below is a table, in Parquet files that any reader takes as one:
     import overtaking
     data = overtaking.load(".")          # pandas, SI units: data.states(17), data.vehicles(), ...
 
-    select * from 'states/*.parquet' join 'simulations/*.parquet' using (simulation)   -- DuckDB
+    select * from '{largest}/*.parquet' join 'simulations/*.parquet' using (simulation)   -- DuckDB
+
+In Polars it is `polars.read_parquet("{largest}/*.parquet")`, with the library of Hugging Face
+`datasets.load_dataset(".", "{largest}")`, and `croissant.json` is for whatever reads Croissant.
 
 Integer columns count steps; the step is in the name. Null means that there is nothing to state.
 Vehicle 0 is the ego, the vehicle whose overtaking is studied. `d` and angles grow to the left, `x`
 and `y` are those of the OpenDRIVE road, right-handed, and positions are those of the centres of the
 bounding boxes. `dataset.json` holds the checksum of every file.
+
 """
 
 _TABLE = """
@@ -91,6 +103,34 @@ One row for each {keys}.
 | column | type | unit | meaning |
 |---|---|---|---|
 """
+
+
+def write_cards(
+    folder: Path,
+    partial: Path,
+    identity: Identity,
+    shards: tuple[ShardRecord, ...],
+    content_hash: str,
+    balance: BalanceRecord | None = None,
+) -> None:
+    """Put `README.md` and `croissant.json` into the folder of a data set.
+
+    Args:
+        folder: The data set.
+        partial: Folder on the same disk for unfinished files.
+        identity: What decides the content.
+        shards: All shards.
+        content_hash: Hash over the values of all tables.
+        balance: What became of the cells of a balanced data set.
+
+    Raises:
+        OSError: They cannot be written.
+    """
+    card = data_card(identity, shards, content_hash, balance)
+    given = _answers(identity, shards, balance)
+    put_text(folder / FILE_NAME, card, partial)
+    text = croissant.croissant(identity, shards, content_hash, given)
+    put_text(folder / croissant.FILE_NAME, text, partial)
 
 
 def data_card(
@@ -107,14 +147,16 @@ def data_card(
         content_hash: Hash over the values of all tables.
         balance: What became of the cells of a balanced data set.
     """
-    given = identity.model_dump(exclude={"spec", "road", "simulations"})
-    road = identity.road
+    given = identity.model_dump(exclude={"spec", "road", "simulations", "source"})
+    road, simulations = identity.road, sum(shard.simulations for shard in shards)
+    schemas = croissant.schemas_of(identity, shards)
     head = _IMPORTED if identity.source else _HEAD
     head = head.format(
         **given,
-        simulations=sum(shard.simulations for shard in shards),
+        simulations=simulations,
+        recording=plain(identity.source.recording) if identity.source else "",
         again=_AGAIN if balance else "",
-        road=road.name,
+        road=plain(road.name),
         lanes=road.num_lanes,
         length=road.length,
         content_hash=content_hash,
@@ -122,17 +164,28 @@ def data_card(
         files=_files(identity),
     )
     return (
-        head
+        card_header(identity, (name for name in schemas if num_rows(name, shards)), simulations)
+        + head
         + (_balanced(identity, balance) if balance else "")
-        + _READING
-        + "".join(_table(name, shards) for name in SCHEMAS if name in identity.keep.tables)
+        + _READING.format(largest="states" if "states" in schemas else "vehicles")
+        + datasheet.datasheet(_answers(identity, shards, balance))
+        + "".join(_table(name, schema, shards) for name, schema in schemas.items())
     )
+
+
+def _answers(
+    identity: Identity, shards: tuple[ShardRecord, ...], balance: BalanceRecord | None
+) -> datasheet.Answers:
+    """The answers of the datasheet."""
+    return datasheet.answers(identity, shards, balance.candidates if balance else None)
 
 
 def _files(identity: Identity) -> str:
     """The files of a recording, one to a row."""
     files = identity.source.files if identity.source else {}
-    return "\n".join(f"| file | {name}, SHA-256 `{digest}` |" for name, digest in files.items())
+    return "\n".join(
+        f"| file | {plain(name)}, SHA-256 `{digest}` |" for name, digest in files.items()
+    )
 
 
 def _balanced(identity: Identity, balance: BalanceRecord) -> str:
@@ -146,24 +199,15 @@ def _balanced(identity: Identity, balance: BalanceRecord) -> str:
     )
 
 
-def _table(name: str, shards: tuple[ShardRecord, ...]) -> str:
+def _table(name: str, schema: pa.Schema, shards: tuple[ShardRecord, ...]) -> str:
     """The chapter of one table."""
-    rows = sum(shard.tables[name].rows for shard in shards)
     keys = ", ".join(f"`{key}`" for key in KEYS[name])
-    return _TABLE.format(name=name, rows=rows, keys=keys) + "".join(map(_row, SCHEMAS[name]))
+    head = _TABLE.format(name=name, rows=num_rows(name, shards), keys=keys)
+    return head + "".join(map(_row, schema))
 
 
 def _row(field: pa.Field) -> str:
     """The row about one column."""
-    unit = unit_of(field)
-    step = f"{unit} = 1/{STEPS[unit][1]} {STEPS[unit][0]}" if unit in STEPS else unit
-    meaning = field.metadata[b"description"].decode()
-    kind = str(field.type)
-    if names := names_of(field):
-        kind, meaning = "name", f"{meaning}: {', '.join(names)}"
-    if flags := flags_of(field):
-        bits = ", ".join(f"{1 << place} {name}" for place, name in enumerate(flags))
-        meaning = f"{meaning}: {bits}"
-    if field.nullable:
-        meaning += "; may be null"
-    return f"| `{field.name}` | {kind} | {'' if unit == '1' else step} | {meaning} |\n"
+    kind = "name" if names_of(field) else str(field.type)
+    unit, meaning = croissant.unit_text(field), croissant.meaning_of(field)
+    return f"| `{field.name}` | {kind} | {unit} | {meaning} |\n"

@@ -200,8 +200,8 @@ class _Work:
         shards = tuple(self._records)
         balance = self._chosen.record if self._chosen else None
         content = manifest.content_hash(shards)
-        text = card.data_card(self._identity, shards, content, balance)
-        manifest.put_text(self._out / card.FILE_NAME, text, self._out / write.PARTIAL)
+        partial = self._out / write.PARTIAL
+        card.write_cards(self._out, partial, self._identity, shards, content, balance)
         if current.complete and current.shards == shards:
             return
         finished = current.provenance.model_copy(update={"finished": _now()})

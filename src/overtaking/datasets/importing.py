@@ -191,8 +191,7 @@ def _complete(
 ) -> None:
     """The data card and the manifest."""
     content, partial = manifest.content_hash(records), folder / write.PARTIAL
-    text = card.data_card(identity, records, content)
-    manifest.put_text(folder / card.FILE_NAME, text, partial)
+    card.write_cards(folder, partial, identity, records, content)
     complete = Manifest(
         complete=True,
         content_hash=content,

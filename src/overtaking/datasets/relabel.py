@@ -124,8 +124,7 @@ class _Work:
         content = manifest.content_hash(shards)
         after = before.model_copy(update={"shards": shards, "content_hash": content})
         partial = self._path / write.PARTIAL
-        text = card.data_card(before.identity, shards, content, before.balance)
-        manifest.put_text(self._path / card.FILE_NAME, text, partial)
+        card.write_cards(self._path, partial, before.identity, shards, content, before.balance)
         manifest.write_manifest(self._path, after, partial)
 
     def _count(self, simulations: int) -> None:
