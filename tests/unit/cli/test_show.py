@@ -183,7 +183,9 @@ def test_events_are_told_in_the_order_of_time_and_marked_below_the_stages(labell
         for each in values["events"]:
             assert getattr(labelled.events, each["event"])[number] == each["frame"]
             assert each["time_s"] == each["frame"] * 50 / 1000
-        seen |= {each["event"] for each in values["events"]}
+        happened = {each["event"] for each in values["events"]}
+        assert happened == {name for name in LETTERS if getattr(labelled.events, name)[number] >= 0}
+        seen |= happened
     assert {"follow", "attempt", "return_end", "abort", "collision"} <= seen
     number = next(n for n, v in enumerate(stories) if v["outcome"] == "completed")
     lines = drawn(one(labelled, number)).splitlines()

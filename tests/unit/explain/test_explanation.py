@@ -136,6 +136,25 @@ def test_each_neighbour_at_each_decision_has_its_rule(kind, whom, code):
     assert (thought.whom, thought.code, thought.belief) == (whom, code, Belief.MISTAKEN)
 
 
+@pytest.mark.parametrize(
+    ("kind", "whom", "rear", "lead"),
+    [
+        (DecisionKind.PULL_OUT, LEADER, 30.0, 20.0),
+        (DecisionKind.PULL_OUT, FRONT, 30.0, 20.0),
+        (DecisionKind.PULL_OUT, REAR, 40.0, 30.0),
+        (DecisionKind.RETURN, FRONT, 30.0, 20.0),
+        (DecisionKind.RETURN, REAR, 40.0, 30.0),
+    ],
+)
+def test_the_margin_is_that_of_who_drives_behind(kind, whom, rear, lead):
+    seen = leader(FAR, FAR, kind=kind, whom=whom, closing_speed=10.0, true_closing_speed=10.0)
+    one = crossing(Track(s=40.0, lane=1), beliefs=(seen,))
+    (thought,) = thoughts(one)
+    b = min(8.0, 0.9 * float(one.signals.friction[0, 50]) * 9.81)
+    needed = rear + (rear * rear - lead * lead) / (2.0 * b)
+    assert thought.margin == pytest.approx(FAR - needed, abs=0.01)
+
+
 def test_of_an_abort_and_without_percepts_the_law_says_nothing():
     believed = (leader(FAR, NEAR, kind=DecisionKind.ABORT),)
     assert thoughts(crossing(beliefs=believed)) == ()

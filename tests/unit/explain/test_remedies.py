@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.support.cases import Track, case, two_way_road
+from tests.support.cases import Track, case, ramp, two_way_road
 from tests.support.law_fixtures import FIXTURES
-from tests.support.overtakes import BESIDE, against, alone, crossing, overtake, passing
+from tests.support.overtakes import BESIDE, CROSSED, against, alone, crossing, overtake, passing
 
 from overtaking.explain.breach import Scene
 from overtaking.explain.change import Change, Quantity, Remedy
@@ -129,7 +129,7 @@ def test_one_second_behind_at_equal_speeds_is_five_metres_more_than_25():
     assert (farther.actual, farther.needed) == pytest.approx((gap, 30.0), abs=1e-3)
     assert farther.vehicle == 1
     # The positive root of v + v^2 / (2 b) = gap + 30^2 / (2 b).
-    b = min(8.0, 0.9 * float(one.signals.friction[0, -1]) * 9.80665)
+    b = min(8.0, 0.9 * float(one.signals.friction[0, -1]) * 9.81)
     root = -b + np.sqrt(b * b + 2.0 * b * gap + 900.0)
     assert slower.needed == pytest.approx(root, rel=1e-4)
 
@@ -159,6 +159,52 @@ def test_the_speed_limit_is_exceeded_by_so_much():
     assert change.needed == pytest.approx(120 / 3.6, rel=1e-6)
 
 
+def test_three_seconds_before_a_standing_vehicle_are_a_third_of_its_gap_per_second():
+    # 5 s at 30 m/s until the line is crossed; a lawful gap alone would allow 22 m/s.
+    one = crossing(Track(s=150.0 + 4.4 + 60.0, lane=1, speed=0.0))
+    _, (slower,) = remedies("L4", one)
+    assert slower.needed == pytest.approx(60.0 / 3.0, abs=0.05)
+
+
+def test_before_a_much_faster_one_its_braking_decides():
+    # Far enough to be lawful, but (50 - 20)^2 / (2 205) is more than 2 m/s^2.
+    one = crossing(Track(s=-205.0 - 4.4 - 5.0 * 30.0, lane=1, speed=50.0), ego={"speed": 20.0})
+    _, (faster,) = remedies("L5", one)
+    assert faster.needed == pytest.approx(50.0 - np.sqrt(2.0 * 2.0 * 205.0), abs=0.02)
+
+
+def test_who_has_just_cut_in_nearer_still_does_not_count():
+    frames = np.arange(200)
+    one = case(
+        Track(speed=30.0),
+        Track(s=29.4, speed=30.0),
+        Track(s=14.4, speed=np.where(frames < 100, 30.0, 34.0), lane=np.where(frames < 90, 1, 0)),
+        events={},
+    )
+    gap = one.signals.gap[0, Around.LEADER]
+    assert gap[95] < 15.0 < gap[199] < 27.0
+    (farther,), _ = remedies("L3", one)
+    assert farther.by == pytest.approx(-found("L3", one).margin[0], rel=1e-5)
+    assert not 90 <= farther.frame <= 150
+
+
+def test_in_fog_the_fastest_instant_asks_for_most():
+    faster = ramp((0, 20), (10, 40), frames=200)
+    one = alone(ego={"speed": faster}, weather={"fog": 100.0, "rain": 100.0})
+    ((change,),) = remedies("L14", one)
+    assert change.frame == 199
+    assert change.actual == pytest.approx(faster[-1], abs=1e-3)
+
+
+def test_on_a_two_way_road_sight_is_needed_for_the_whole_time_on_the_left():
+    road = two_way_road()
+    one = overtake(road=road, events=CROSSED | {"return_end": 300})
+    ((change,),) = remedies("L15", one)
+    seconds = (300 - CROSSED["line_crossed"]) * 0.05
+    assert change.needed == pytest.approx((30.0 + road.speed_limit) * (seconds + 1.0), rel=1e-5)
+    assert change.actual == pytest.approx(one.signals.sight_lit[0, 60], rel=1e-4)
+
+
 @pytest.mark.parametrize("gap", [5.0, 20.0, 30.0])
 def test_the_oncoming_vehicle_would_have_had_to_be_farther_by_so_much(gap):
     ((change,),) = remedies("L24", against(gap))
@@ -179,6 +225,13 @@ def test_past_on_the_right_is_as_many_lanes_from_lawful_as_it_takes(lane, by):
 def test_past_two_lanes_away_is_one_too_many():
     one = passing(2, events=BESIDE | {"original_lane": 0})
     ((change,),) = remedies("L1", one)
+    assert (change.actual, change.needed) == (2.0, 1.0)
+
+
+def test_a_target_that_made_room_does_not_count_as_another_lane():
+    events = BESIDE | {"original_lane": 1}
+    made_room = {"lane": ramp((0, 1), (2, 0), frames=200)}
+    ((change,),) = remedies("L1", passing(3, target=made_room, events=events))
     assert (change.actual, change.needed) == (2.0, 1.0)
 
 
