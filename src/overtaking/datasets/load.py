@@ -128,6 +128,22 @@ class Dataset:
         """One row per simulation and rule: verdict, margin and the frames that prove it."""
         return _decoded(self.table("findings"))
 
+    def decisions(self) -> pd.DataFrame:
+        """One row per simulation: what there was to know when the overtake began, or might have.
+
+        Raises:
+            DatasetError: It was made before there was such a table.
+        """
+        return _decoded(self.table("decisions"))
+
+    def safety(self) -> pd.DataFrame:
+        """One row per simulation and moment: surrogate measures of safety.
+
+        Raises:
+            DatasetError: It was made before there was such a table.
+        """
+        return _decoded(self.table("safety"))
+
     def features(
         self, policy: str = "paper", *, reading: str | None = None, encoded: bool = False
     ) -> pd.DataFrame:
@@ -250,7 +266,7 @@ class Dataset:
         """
         self._intact.clear()
         for shard in self._shards:
-            for name in self._tables:
+            for name in self._manifest.shards[shard.number].tables:
                 self._file(name, shard)
 
     @property
@@ -265,7 +281,10 @@ class Dataset:
         """A file of the data set, once its bytes have been compared with what was written."""
         path = write.path_of(self._path, table, shard)
         if path not in self._intact:
-            if not write.is_intact(path, self._manifest.shards[shard.number].tables[table]):
+            facts = self._manifest.shards[shard.number].tables.get(table)
+            if facts is None:
+                raise self._older(table)
+            if not write.is_intact(path, facts):
                 raise DatasetError.of(
                     what="file",
                     where=str(path),
@@ -275,6 +294,16 @@ class Dataset:
                 )
             self._intact.add(path)
         return path
+
+    def _older(self, table: str) -> DatasetError:
+        """What to say of a table that came into being after the data set was made."""
+        return DatasetError.of(
+            what=f"table {table}",
+            where=str(self._path),
+            expected="one of this version",
+            got="a data set that was made before there was such a table",
+            next_step=f"run: overtaking label {self._path}",
+        )
 
     def _part(self, table: str, simulation: int) -> pa.Table:
         """The rows of one simulation."""

@@ -125,6 +125,8 @@ def finished_shard(
         sha256=sha256_of(mark),
         content=content,
     )
+    if not facts.keys() >= set(tables):  # Made before there were all of these tables.
+        return None
     intact = (is_intact(path_of(folder, name, shard), facts[name]) for name in tables)
     return _record(shard, facts) if all(intact) else None
 

@@ -3,12 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from overtaking.features import matched_features, paper_features
+from overtaking.features import (
+    decision_features,
+    matched_features,
+    paper_features,
+    safety_measures,
+)
 from overtaking.labels import Judgement, classify, find_events
 from overtaking.model.batch import Batch
+from overtaking.model.decisions import Decisions
 from overtaking.model.events import Events
 from overtaking.model.features import Features
 from overtaking.model.labels import Case, Findings, Labels
+from overtaking.model.safety import Safety
 from overtaking.model.signals import Signals
 from overtaking.model.trajectory import Trajectories
 from overtaking.rules import POLICIES, PORTUGAL, Pack, Policy, check, legality
@@ -28,6 +35,8 @@ class Labelled(Batch):
         labels: How it ended, and its class under each policy.
         paper: The paper's features as it measures them.
         matched: The same features, measured alike in every class.
+        decisions: What there was to know when the overtake began, or might have.
+        safety: How near it came to a collision.
     """
 
     trajectories: Trajectories
@@ -37,6 +46,8 @@ class Labelled(Batch):
     labels: Labels
     paper: Features
     matched: Features
+    decisions: Decisions
+    safety: Safety
 
     @property
     def features(self) -> tuple[Features, Features]:
@@ -75,6 +86,8 @@ def label(
         labels=classify(events, judgements, seen.frame_interval_ms),
         paper=paper_features(case),
         matched=matched_features(case),
+        decisions=decision_features(case),
+        safety=safety_measures(case),
     )
 
 

@@ -7,7 +7,7 @@ broadcast and gives float32; what never happens takes an infinite time.
 
 import numpy as np
 
-from overtaking.core.elementary import F32, F32Like, as_f32
+from overtaking.core.elementary import F32, F32Like, Mask, as_f32
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -94,6 +94,49 @@ def drac(gap: F32Like, closing_speed: F32Like) -> F32:
     room = gap > 0
     needed = approach * approach / (_TWO * np.where(room, gap, _ONE))
     return np.where(room | (approach == 0), needed, _NEVER)
+
+
+def is_critical(time_to_collision: F32Like, threshold: F32Like) -> Mask:
+    """Whether a time to collision counts as exposure: above 0, at most `threshold` [s].
+
+    The duration of the frames in which it does is the time exposed, TET.
+
+    Source:
+        Minderhoud and Bovy (2001), Extended time-to-collision measures for road traffic safety
+        assessment, Accident Analysis and Prevention 33(1), 89-97.
+    """
+    return np.asarray((time_to_collision > 0) & (time_to_collision <= threshold), dtype=np.bool_)
+
+
+def shortfall(time_to_collision: F32Like, threshold: F32Like) -> F32:
+    """What a critical time to collision lacks to the threshold, else 0 [s].
+
+    Its integral over time is the time integrated, TIT.
+
+    Source:
+        Minderhoud and Bovy (2001), as `is_critical`.
+    """
+    critical = is_critical(time_to_collision, threshold)
+    return np.where(critical, threshold - np.where(critical, time_to_collision, _ZERO), _ZERO)
+
+
+def looming(gap: F32Like, closing_speed: F32Like, width: F32Like) -> F32:
+    """Speed at which the image of the rear of a vehicle ahead grows [rad/s].
+
+    The derivative of its angle 2 atan(width / (2 gap)); negative while it shrinks. 0 where they
+    overlap: there is no image of its rear then.
+
+    Args:
+        gap: From the eye to the rear [m].
+        closing_speed: [m/s].
+        width: Of the rear [m].
+
+    Source:
+        Hoffmann and Mortimer (1996), Scaling of relative velocity between vehicles.
+    """
+    room = np.maximum(gap, _ZERO)
+    square = room * room + _HALF * _HALF * width * width
+    return np.where(gap > 0, width * closing_speed / np.maximum(square, _LEAST), _ZERO)
 
 
 def usable_decel(friction: F32Like, *, share: F32Like, limit: F32Like, gravity: F32Like) -> F32:

@@ -23,6 +23,7 @@ SUFFIXES = {
     "mm": "_mm",
     "mm/h": "_mmph",
     "s": "_s",
+    "s^2": "_s2",
     "ms": "_ms",
     "m/s": "_mps",
     "mm/s": "_mmps",

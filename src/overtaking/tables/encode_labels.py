@@ -12,12 +12,15 @@ from overtaking.labelling import Labelled
 from overtaking.model.events import NEVER
 from overtaking.model.features import Features
 from overtaking.model.labels import Verdict
+from overtaking.model.safety import MOMENTS
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.model.vehicles import Role
 from overtaking.rules import PORTUGAL
 from overtaking.tables.arrow import to_texts
+from overtaking.tables.decision_columns import DECISION_COLUMNS
 from overtaking.tables.encode import Masked, Numbers, build
 from overtaking.tables.label_schemas import ARTICLES, EVENTS_IN_ORDER, POLICY_NAMES, READINGS
+from overtaking.tables.safety_columns import MANOEUVRE_COLUMNS, SAFETY_COLUMNS
 
 Weights = NDArray[np.float64]
 
@@ -41,6 +44,8 @@ def encode_labels(
         "labels": labels(labelled, numbers, weight),
         "findings": findings(labelled, numbers),
         "features": features(labelled, numbers),
+        "decisions": decisions(labelled, numbers),
+        "safety": safety(labelled, numbers),
     }
 
 
@@ -143,6 +148,33 @@ def _values(part: NDArray[Any] | Masked) -> NDArray[Any]:
 
 def _missing(part: NDArray[Any] | Masked) -> Mask:
     return part.missing if isinstance(part, Masked) else np.zeros(len(part), dtype=np.bool_)
+
+
+def decisions(labelled: Labelled, numbers: Numbers) -> pa.Table:
+    """One row per simulation: what there was to know when the overtake began, or might have."""
+    found, unknown = labelled.decisions, labelled.trajectories.unknown
+    columns = {
+        one.field.name: Masked(one.values(found), one.missing(found, unknown))
+        for one in DECISION_COLUMNS
+    }
+    return build("decisions", {"simulation": numbers, "frame": found.frame, **columns})
+
+
+def safety(labelled: Labelled, numbers: Numbers) -> pa.Table:
+    """One row per simulation and moment that came."""
+    found, unknown = labelled.safety, labelled.trajectories.unknown
+    came = found.frame != NEVER
+    simulation, moment = np.nonzero(came)
+    columns = {
+        one.field.name: Masked(one.values(found)[came], one.missing(found, unknown)[came])
+        for one in SAFETY_COLUMNS
+    }
+    whole = moment == MOMENTS.index("manoeuvre")
+    for one in MANOEUVRE_COLUMNS:
+        values, missing = one.values(found), one.missing(found, unknown)
+        columns[one.field.name] = Masked(values[simulation], missing[simulation] | ~whole)
+    keys = {"simulation": numbers[simulation], "moment": moment, "frame": found.frame[came]}
+    return build("safety", keys | columns)
 
 
 def _features(found: Features, numbers: Numbers) -> Mapping[str, NDArray[Any] | Masked]:

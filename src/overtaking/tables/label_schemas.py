@@ -7,9 +7,10 @@ import pyarrow as pa
 
 from overtaking.model.events import Detail, Outcome
 from overtaking.model.labels import Belief, OvertakeClass, Severity, Verdict
-from overtaking.model.vehicles import VehicleKind
 from overtaking.rules import POLICIES, PORTUGAL
 from overtaking.tables.columns import Enumeration, column
+from overtaking.tables.decision_columns import DECISION_COLUMNS, KINDS
+from overtaking.tables.safety_columns import MANOEUVRE_COLUMNS, MOMENT_NAMES, SAFETY_COLUMNS
 
 EVENTS_IN_ORDER = (
     "follow",
@@ -37,7 +38,6 @@ SEVERITIES = Enumeration(names=tuple(one.name.lower() for one in Severity))
 OUTCOMES = Enumeration(names=tuple(one.name.lower() for one in Outcome))
 DETAILS = Enumeration(names=tuple(one.name.lower() for one in Detail))
 CLASSES = Enumeration(names=tuple(one.title for one in OvertakeClass))
-KINDS = Enumeration(names=tuple(kind.name for kind in VehicleKind))
 DAY_NIGHT = Enumeration(names=("Day", "Night"))
 NO_YES = Enumeration(names=("No", "Yes"))
 
@@ -113,6 +113,17 @@ LABEL_FIELDS: dict[str, list[pa.Field]] = {
         column("FOG_percent", pa.float32(), "%", "Fog"),
         column("frame", pa.int32(), "1", "Measured in this frame, null for means", nullable=True),
     ],
+    "decisions": [
+        _SIMULATION,
+        column("frame", pa.int32(), "1", "Frame of the attempt, or of what stands for it"),
+        *(one.field for one in DECISION_COLUMNS),
+    ],
+    "safety": [
+        _SIMULATION,
+        column("moment", MOMENT_NAMES, "1", "The worst of the manoeuvre, or at an event"),
+        column("frame", pa.int32(), "1", "Frame of the event, or the first of the manoeuvre"),
+        *(one.field for one in (*SAFETY_COLUMNS, *MANOEUVRE_COLUMNS)),
+    ],
 }
 """The fields of each table of labels."""
 
@@ -121,6 +132,8 @@ LABEL_KEYS: dict[str, tuple[str, ...]] = {
     "labels": ("simulation", "policy"),
     "findings": ("simulation", "rule"),
     "features": ("simulation", "policy"),
+    "decisions": ("simulation",),
+    "safety": ("simulation", "moment"),
 }
 
 LABEL_TABLES = tuple(LABEL_FIELDS)

@@ -28,9 +28,9 @@ def test_pieces_of_any_length_give_the_same_hash(name: str, tables):
 @pytest.mark.parametrize("name", SCHEMAS)
 def test_every_column_counts(name: str, tables):
     table = tables[name]
-    known = {content_of(table)}
+    known, rows = {content_of(table)}, np.arange(table.num_rows)
     for place, field in enumerate(table.schema):
-        shuffled = table[place].combine_chunks().take(pa.array([1, 0, *range(2, table.num_rows)]))
+        shuffled = table[place].combine_chunks().take(pa.array(np.roll(rows, 1)))
         other = table.set_column(place, field, changed(shuffled, field))
         known.add(content_of(other))
     assert len(known) == len(table.schema) + 1

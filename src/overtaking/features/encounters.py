@@ -1,0 +1,58 @@
+"""The ego and one of its neighbours, at any instants, as one vehicle behind another."""
+
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import as_f32
+from overtaking.model.labels import Case
+from overtaking.model.safety import Encounter
+from overtaking.model.signals import Around
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.physics.measures import drac, time_gap, ttc, ttc_accel
+from overtaking.signals.reference import METRES
+
+Index = NDArray[np.intp]
+
+
+class Side(Enum):
+    """Whether the neighbour is ahead of the ego or behind it."""
+
+    AHEAD = 0
+    BEHIND = 1
+
+
+def encounter(
+    case: Case, place: Around | Index, side: Side, rows: Index, frames: Index
+) -> Encounter:
+    """What the gap between the ego and a neighbour means for whoever is behind.
+
+    Args:
+        case: The batch.
+        place: Place around the ego, or one for each instant.
+        side: The side that all of these places lie on.
+        rows: Simulations, shape (instant,).
+        frames: A frame of each, same shape.
+
+    Returns:
+        Arrays of shape (instant,).
+    """
+    seen, accels = case.signals, case.trajectories.states.accel_lon
+    where = (rows, place, frames)
+    vehicle, gap, closing = seen.vehicle[where], seen.gap[where], seen.closing_speed[where]
+    valid = vehicle != NO_VEHICLE
+    own_speed, own_accel = seen.speed[rows, frames], seen.accel[rows, frames]
+    accel = as_f32(accels[rows, np.where(valid, vehicle, 0), frames]) * METRES
+    ahead = side is Side.AHEAD
+    speed = own_speed if ahead else own_speed + closing
+    closing_accel = own_accel - accel if ahead else accel - own_accel
+    return Encounter(
+        valid=valid,
+        gap=gap,
+        closing_speed=closing,
+        time_gap=time_gap(gap, speed),
+        ttc=ttc(gap, closing),
+        mttc=ttc_accel(gap, closing, closing_accel),
+        drac=drac(gap, closing),
+    )

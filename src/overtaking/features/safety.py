@@ -1,0 +1,265 @@
+"""Surrogate measures of safety: how near it came, at its worst and at each phase."""
+
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.features.encounters import Index, Side, encounter
+from overtaking.features.encroachment import entry_encroachment, return_encroachment
+from overtaking.features.instants import Instants
+from overtaking.model.batch import Batch
+from overtaking.model.events import NEVER
+from overtaking.model.labels import Case
+from overtaking.model.safety import MOMENTS, Encounter, Safety
+from overtaking.model.signals import Around
+from overtaking.model.vehicles import Role
+from overtaking.physics.constants import known
+from overtaking.physics.friction import stopping_distance
+from overtaking.physics.measures import headway, is_critical, picud, rss_longitudinal, shortfall
+from overtaking.rules.distances import margin_of_gap, sure_decel
+from overtaking.rules.frames import Span, conduct
+
+B = TypeVar("B", Encounter, "_Margins")
+
+_ENTERED = {
+    "attempt": (Around.LEFT_LEADER, Around.LEFT_FOLLOWER),
+    "line_crossed": (Around.LEFT_LEADER, Around.LEFT_FOLLOWER),
+    "return_begin": (Around.RIGHT_LEADER, Around.RIGHT_FOLLOWER),
+}
+"""Who is ahead and behind in the lane that the ego moves into."""
+
+
+def safety_measures(case: Case) -> Safety:
+    """The measures of a batch: over the manoeuvre, and at the events of the overtake.
+
+    The manoeuvre is the window of the law: from 3 s before the attempt to 3 s after its end, or all
+    that was driven where nothing was attempted.
+    """
+    span = conduct(case)
+    worst = _manoeuvre(case, span)
+    at_events = _at_events(case)
+    start = np.where(span.exists, span.start, NEVER)
+    return Safety(
+        frame=np.column_stack([start, _frames(case)]).astype(np.int32),
+        close_share=worst.close_share,
+        time_exposed=worst.time_exposed,
+        time_integrated=worst.time_integrated,
+        entry_encroachment=entry_encroachment(case),
+        return_encroachment=return_encroachment(case),
+        front=_joined(worst.front, at_events.front),
+        rear=_joined(worst.rear, at_events.rear),
+        entered_front=_joined(_nobody(case), at_events.entered_front),
+        entered_rear=_joined(_nobody(case), at_events.entered_rear),
+        **{
+            field.name: np.column_stack(
+                [getattr(worst.margins, field.name), getattr(at_events.margins, field.name)]
+            )
+            for field in fields(_Margins)
+        },
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Margins(Batch):
+    """The measures beside encounters, as in `Safety`; arrays of one shape."""
+
+    headway: F32
+    picud: F32
+    rss_margin: F32
+    lawful_margin: F32
+    stop_margin_lit: F32
+    stop_margin_unlit: F32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Events(Batch):
+    """What is measured at events, arrays of shape (simulation, event)."""
+
+    front: Encounter
+    rear: Encounter
+    entered_front: Encounter
+    entered_rear: Encounter
+    margins: _Margins
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Worst(Batch):
+    """What is measured over the manoeuvre, arrays of shape (simulation,)."""
+
+    front: Encounter
+    rear: Encounter
+    margins: _Margins
+    close_share: F32
+    time_exposed: F32
+    time_integrated: F32
+
+
+def _frames(case: Case) -> NDArray[np.int32]:
+    """Frames of the events, `NEVER` where they did not come, shape (simulation, event)."""
+    return np.column_stack([getattr(case.events, name) for name in MOMENTS[1:]])
+
+
+def _at_events(case: Case) -> _Events:
+    frame = _frames(case)
+    happened = frame != NEVER
+    rows, event = np.indices(frame.shape).reshape(2, -1)
+    frames = np.maximum(frame, 0).astype(np.intp).reshape(-1)
+    ahead, behind = _entered_places()
+    enters = happened & np.isin(MOMENTS[1:], list(_ENTERED))
+    there = happened.reshape(-1)
+    front = encounter(case, Around.LEADER, Side.AHEAD, rows, frames)
+    rear = encounter(case, Around.FOLLOWER, Side.BEHIND, rows, frames)
+    entered_front = encounter(case, ahead[event], Side.AHEAD, rows, frames)
+    entered_rear = encounter(case, behind[event], Side.BEHIND, rows, frames)
+    margins = _shaped(
+        _Margins(**_front_margins(case, front, rows, frames), **_stops(case, rows, frames)),
+        frame.shape,
+    )
+    return _Events(
+        front=_shaped(_where(front, there), frame.shape),
+        rear=_shaped(_where(rear, there), frame.shape),
+        entered_front=_shaped(_where(entered_front, enters.reshape(-1)), frame.shape),
+        entered_rear=_shaped(_where(entered_rear, enters.reshape(-1)), frame.shape),
+        margins=margins,
+    )
+
+
+def _entered_places() -> tuple[Index, Index]:
+    """Places ahead and behind in the lane that is entered, by event; any where there is none."""
+    nobody = (Around.LEADER, Around.FOLLOWER)
+    pairs = np.array([_ENTERED.get(name, nobody) for name in MOMENTS[1:]], np.intp)
+    return pairs[:, 0], pairs[:, 1]
+
+
+def _manoeuvre(case: Case, span: Span) -> _Worst:
+    """The worst of each measure over the frames of a span."""
+    count = case.signals.num_simulations
+    within = span.mask(np.arange(count), case.signals.num_frames)
+    led = Instants.of(within & case.signals.has(Around.LEADER))
+    chased = Instants.of(within & case.signals.has(Around.FOLLOWER))
+    front = encounter(case, Around.LEADER, Side.AHEAD, led.rows, led.frames)
+    rear = encounter(case, Around.FOLLOWER, Side.BEHIND, chased.rows, chased.frames)
+    margins = _front_margins(case, front, led.rows, led.frames)
+    stops = {name: _lowest(values, within) for name, values in _all_stops(case).items()}
+    interval = np.float32(case.signals.frame_interval_ms / 1000.0)
+    limit = known("labels.safety.critical_ttc")
+    lasted = np.maximum(span.stop - span.start + 1, 1)
+    return _Worst(
+        front=_extreme(front, led),
+        rear=_extreme(rear, chased),
+        margins=_Margins(**{name: led.lowest(one) for name, one in margins.items()}, **stops),
+        close_share=led.total(margins["lawful_margin"] < 0) / as_f32(lasted),
+        time_exposed=led.total(is_critical(front.ttc, limit)) * interval,
+        time_integrated=led.total(shortfall(front.ttc, limit)) * interval,
+    )
+
+
+def _front_margins(case: Case, front: Encounter, rows: Index, frames: Index) -> dict[str, F32]:
+    """What else there is to say of the vehicle ahead."""
+    seen = case.signals
+    speed, slot = seen.speed[rows, frames], seen.vehicle[rows, Around.LEADER, frames]
+    length = case.trajectories.scenario.vehicles.length[rows, np.where(front.valid, slot, Role.EGO)]
+    lead_speed = speed - front.closing_speed
+    decel = known("labels.safety.picud_decel")
+    safe = rss_longitudinal(
+        speed,
+        lead_speed,
+        reaction_time=known("law.rss.reaction_time"),
+        accel=known("law.rss.accel"),
+        rear_decel=known("law.rss.rear_decel"),
+        lead_decel=known("law.rss.lead_decel"),
+    )
+    return {
+        "headway": headway(front.gap, length, speed),
+        "picud": picud(
+            front.gap,
+            speed,
+            lead_speed,
+            reaction_time=known("labels.safety.picud_reaction_time"),
+            rear_decel=decel,
+            lead_decel=decel,
+        ),
+        "rss_margin": front.gap - safe,
+        "lawful_margin": margin_of_gap(
+            front.gap, speed, front.closing_speed, sure_decel(seen.friction[rows, frames])
+        ),
+    }
+
+
+def _stops(case: Case, rows: Index, frames: Index) -> dict[str, F32]:
+    """Sight minus stopping distance at some instants, as in L14 and L14s."""
+    seen = case.signals
+    return stop_margins(
+        seen.speed[rows, frames],
+        seen.friction[rows, frames],
+        seen.sight_lit[rows, frames],
+        seen.sight_unlit[rows, frames],
+    )
+
+
+def _all_stops(case: Case) -> dict[str, F32]:
+    seen = case.signals
+    return stop_margins(seen.speed, seen.friction, seen.sight_lit, seen.sight_unlit)
+
+
+def stop_margins(speed: F32, friction: F32, lit: F32, unlit: F32) -> dict[str, F32]:
+    """Distance at which something is seen minus the stopping distance [m].
+
+    Args:
+        speed: Of the ego [m/s].
+        friction: Peak friction under it, same shape [1].
+        lit: Distance at which a lit vehicle is seen, same shape [m].
+        unlit: Distance at which an unlit one is seen, same shape [m].
+    """
+    # Beyond the end of a recording there is no friction, and none of this counts.
+    grip = np.maximum(friction, known("friction.table.floor"))
+    decel = known("friction.table.usable_share") * known("model.nature.gravity") * grip
+    stop = stopping_distance(speed, as_f32(known("law.sight.reaction_time")), decel)
+    return {"stop_margin_lit": lit - stop, "stop_margin_unlit": unlit - stop}
+
+
+def _lowest(values: F32, within: Mask) -> F32:
+    """The smallest of `values` (simulation, time) where `within`, else infinite."""
+    return np.min(values, axis=1, where=within, initial=np.float32(np.inf))
+
+
+def _extreme(found: Encounter, instants: Instants) -> Encounter:
+    """The worst of each measure of each simulation."""
+    return Encounter(
+        valid=instants.exists,
+        gap=instants.lowest(found.gap),
+        closing_speed=instants.highest(found.closing_speed),
+        time_gap=instants.lowest(found.time_gap),
+        ttc=instants.lowest(found.ttc),
+        mttc=instants.lowest(found.mttc),
+        drac=instants.highest(found.drac),
+    )
+
+
+def _where(found: Encounter, there: Mask) -> Encounter:
+    return found.replace(valid=found.valid & there)
+
+
+def _shaped(batch: B, shape: tuple[int, ...]) -> B:
+    """The same arrays in another shape."""
+    return batch.replace(**{f.name: getattr(batch, f.name).reshape(shape) for f in fields(batch)})
+
+
+def _joined(worst: Encounter, at_events: Encounter) -> Encounter:
+    """Both as columns of one: the manoeuvre first."""
+    joined: dict[str, Any] = {
+        field.name: np.column_stack([getattr(worst, field.name), getattr(at_events, field.name)])
+        for field in fields(Encounter)
+    }
+    return Encounter(**joined)
+
+
+def _nobody(case: Case) -> Encounter:
+    """No encounter in any simulation."""
+    zero = np.zeros(case.signals.num_simulations, np.float32)
+    nothing: dict[str, Any] = {field.name: zero for field in fields(Encounter)}
+    nothing["valid"] = zero > 0
+    return Encounter(**nothing)

@@ -1,0 +1,53 @@
+"""A data set that was made before there was some table."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pytest
+
+from overtaking import api
+from overtaking.cli import main
+from overtaking.core.errors import DatasetError
+
+SIZE = 6
+NEW = ("decisions", "safety")
+
+
+@pytest.fixture
+def older(tmp_path):
+    """A data set without the new tables, as it would have been written."""
+    made = api.generate("pinto2023", SIZE, 5, tmp_path / "data")
+    file = made.path / "dataset.json"
+    manifest = json.loads(file.read_text(encoding="utf-8"))
+    for name in NEW:
+        shutil.rmtree(made.path / name)
+        for shard in manifest["shards"]:
+            del shard["tables"][name]
+    file.write_text(json.dumps(manifest), encoding="utf-8")
+    return made.path
+
+
+def test_a_table_that_it_does_not_have_is_one_line_with_the_way_to_make_it(older):
+    data = api.load(older)
+    for read in (data.decisions, data.safety):
+        with pytest.raises(DatasetError, match=r"run: overtaking label .*data") as caught:
+            read()
+        assert "\n" not in str(caught.value).strip()
+
+
+def test_all_else_is_as_it_was(older):
+    data = api.load(older)
+    data.verify()
+    assert len(data.labels()) == 3 * SIZE
+    assert main(["info", str(older)]) == 0
+
+
+def test_labelling_it_makes_the_tables(older):
+    api.relabel(older)
+    data = api.load(older)
+    data.verify()
+    assert len(data.decisions()) == SIZE
+    assert set(data.safety()["simulation"]) == set(range(SIZE))
+    assert "## safety" in (older / "README.md").read_text(encoding="utf-8")
