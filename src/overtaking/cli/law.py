@@ -70,7 +70,7 @@ def _breach(one: Values, values: Values, width: int, glyphs: Glyphs) -> Table:
         span = f"{one['from_s']:.2f} s (frame {one['first_frame']})"
     facts = [span, f"margin {one['margin']:.2f} {one['unit']}"]
     if one["belief"]:
-        facts.append(f"the driver: {_BELIEFS[one['belief']]}")
+        facts.append(_BELIEFS[one["belief"]])
     body = Text()
     body.append(f"{one['title']}, {one['law']}: ", style="bold")
     body.append(words(one["severity"]))
@@ -105,10 +105,10 @@ def _rest(values: Values, width: int) -> Table:
 
 
 _BELIEFS = {
-    "legal": "right at the decision, and believed so",
-    "mistaken": "mistaken, believed it to be legal",
+    "legal": "lawful when decided",
+    "mistaken": "the driver was mistaken",
     "knowingly_illegal": "knowingly illegal",
-    "lucky": "lucky, believed it to be illegal",
+    "lucky": "the driver was lucky",
 }
 
 

@@ -57,6 +57,7 @@ def render(run: Trajectories, values: Values, console: Console) -> RenderableTyp
         Text(),
         _vehicle_table(values, shown, glyphs),
         *_section("What the ego did", time_line(values, width, glyphs)),
+        Text(),
         *stage_times(values, glyphs),
         *event_lines(values),
         *_section(
