@@ -26,11 +26,13 @@ _HOMES = {
     "generate": "overtaking.api",
     "label": "overtaking.api",
     "load": "overtaking.api",
+    "plot_validation": "overtaking.api",
     "relabel": "overtaking.api",
     "resume": "overtaking.api",
     "sample": "overtaking.api",
     "simulate": "overtaking.api",
     "statistics": "overtaking.api",
+    "validate": "overtaking.api",
     "write_report": "overtaking.api",
 }
 """The module that defines each public name."""

@@ -4,11 +4,13 @@ from overtaking.api import film as film
 from overtaking.api import generate as generate
 from overtaking.api import label as label
 from overtaking.api import load as load
+from overtaking.api import plot_validation as plot_validation
 from overtaking.api import relabel as relabel
 from overtaking.api import resume as resume
 from overtaking.api import sample as sample
 from overtaking.api import simulate as simulate
 from overtaking.api import statistics as statistics
+from overtaking.api import validate as validate
 from overtaking.api import write_report as write_report
 from overtaking.core.errors import OvertakingError as OvertakingError
 from overtaking.datasets.balance import Balance as Balance

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from overtaking.simulators.carla_limits import Limits
     from overtaking.simulators.carla_replay import Replayed
     from overtaking.stats.results import Statistics
+    from overtaking.validation.run import Validation
     from overtaking.video.produce import Video
 
 Profile = str | Path | Mapping[str, Any] | Spec
@@ -617,6 +618,59 @@ def film(
     total = jobs.num_films(source, chosen)
     films = jobs.jobs(source, chosen)
     return produce.produce(films, folder, total=total, threads=threads, progress=progress)
+
+
+def validate(
+    profile: Profile,
+    simulations: int = 1000,
+    seed: int = 1,
+    *,
+    overrides: Mapping[str, Any] | None = None,
+    road: str | Path | Road | None = None,
+    progress: Progress | None = None,
+) -> "Validation":
+    """Hold the traffic of a profile against what is known of real traffic.
+
+    Args:
+        profile: What to sample.
+        simulations: How many.
+        seed: Seed of all random numbers, 0 <= seed < 2**64.
+        overrides: Dotted keys of the specification with other values.
+        road: A road in place of the profile's.
+        progress: Called with the number of simulations that are done, and of all.
+
+    Returns:
+        Each figure with its interval, target and verdict, and outcomes by weather;
+        `plot_validation` draws it.
+
+    Raises:
+        ConfigError: The specification or a number cannot be used.
+    """
+    from overtaking.validation.run import validate as run
+
+    spec = scenarios.spec(profile, overrides)
+    number = _at_least_one(simulations)
+    return run(spec, _road(road or spec.road), number, seed, progress)
+
+
+def plot_validation(found: "Validation", out: str | Path) -> None:
+    """Draw a validation as a PNG or SVG file, by its name.
+
+    Args:
+        found: What `validate` returned.
+        out: The file, replaced as a whole.
+
+    Raises:
+        MissingExtraError: The extra `plots` is not installed.
+        OSError: The file cannot be written.
+    """
+    from overtaking.plots.style import to_png, to_svg
+    from overtaking.plots.validation import draw_validation
+    from overtaking.report.files import put
+
+    drawing, path = draw_validation(found), Path(out)
+    content = to_svg(drawing) if path.suffix == ".svg" else to_png(drawing)
+    put(path, content)
 
 
 def _ignore(*_: object) -> None:

@@ -104,7 +104,7 @@ def test_every_start_keeps_what_its_specification_asks(given_spec, seed):
     speed_kmh = batch.start_speed[valid] * 3.6
     assert np.all((speed_kmh > slowest - 1e-3) & (speed_kmh < fastest + 1e-3))
     half = 0.5 * batch.vehicles.length
-    for one in range(SLOTS[0]):
+    for one in range(batch.num_slots):
         for other in range(one):
             both = valid[:, one] & valid[:, other] & (lane[:, one] == lane[:, other])
             apart = np.abs(s[:, one] - s[:, other]) - half[:, one] - half[:, other]
@@ -116,7 +116,7 @@ def test_every_start_keeps_what_its_specification_asks(given_spec, seed):
 def test_every_number_is_finite_and_of_the_agreed_shape(given_spec, seed):
     batch = sample(given_spec, TOWN06, seed, np.arange(16))
     for name, values in arrays(batch):
-        assert values.shape in ((16,), (16, SLOTS[0])), name
+        assert values.shape in ((16,), (16, batch.num_slots)), name
         assert np.all(np.isfinite(values)), name
         if values.dtype.kind == "f":
             assert values.dtype == (np.float64 if name == "weight" else np.float32), name
@@ -134,7 +134,7 @@ def test_another_seed_is_another_batch(seed):
 def test_an_empty_batch_is_a_batch():
     empty = sample(PINTO, TOWN06, 1, [])
     assert empty.num_simulations == 0
-    assert empty.start_s.shape == (0, SLOTS[0])
+    assert empty.start_s.shape == (0, PINTO.traffic.vehicles[1])
 
 
 @pytest.mark.parametrize("index", [[-1], [0.5], [[0, 1]], 3, ["a"]])

@@ -69,6 +69,21 @@ def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
         assert not found, f"{level}: {found}"
 
 
+@pytest.mark.parametrize("profile", ["motorway", "motorway-risk"])
+def test_traffic_as_it_is_met_has_the_same_bits_in_both(profile):
+    short = {"time.horizon_s": 6.0, "time.attempt_deadline_s": 6.0}
+    scenario = sample(spec(profile, short), load_road("motorway"), 9, np.arange(17))
+    given = parameters(scenario)
+    expected = reference.run(scenario, given)
+    changed = (np.diff(expected.states.lane.astype(int), axis=2) != 0) & (
+        expected.states.lane[:, :, 1:] < 3
+    )
+    assert changed.any(axis=2).sum() >= 10  # Vehicles that change lanes.
+    for level in LEVELS:
+        found = difference(engine.run(scenario, given, level=level), expected)
+        assert not found, f"{level}: {found}"
+
+
 @pytest.mark.parametrize("slots", SLOTS)
 def test_slots_that_hold_nobody_change_nothing(slots):
     whole = simulated(SITUATIONS[0])

@@ -313,7 +313,7 @@ fn act<S: Simd, const N: usize>(
     state.signalled = choose(moved, zero, state.signalled);
 }
 
-/// End the simulation some time after the overtake, or at the deadline without an attempt.
+/// End the simulation some time after the overtake, or at the deadline if the ego follows then.
 #[inline(always)]
 fn end<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
@@ -327,9 +327,6 @@ fn end<S: Simd, const N: usize>(
     let over = next.simd_eq(stage::DONE) & state.stage.simd_ne(stage::DONE);
     let after = now + (c.after_overtake / c.step).round_ties_even();
     state.end_step = choose(over, min(state.end_step, after), state.end_step);
-    let idle = in_stage(state, stage::FOLLOW)
-        & state.attempted.simd_eq(0.0)
-        & !intent.start
-        & now.simd_ge(w.q.deadline_step);
+    let idle = in_stage(state, stage::FOLLOW) & !intent.start & now.simd_ge(w.q.deadline_step);
     state.end_step = choose(idle, min(state.end_step, now), state.end_step);
 }

@@ -92,7 +92,7 @@ lane_fields! {
         last_step, deadline_step, fog_extinction, rain_extinction, sight_front, sight_rear,
         lamp_threshold, inverse_lit_range, detection_time, distance_error, speed_error, wind_along,
         wind_across, gust_gain, gust_phase, gust_length, least_film, film_rain, texture,
-        puddle_reach, puddle_film, puddle_phase_1, puddle_phase_2, side_accel, command,
+        puddle_reach, puddle_film, puddle_phase_1, puddle_phase_2, side_accel, command, ring, inverse_ring,
     }
 }
 
@@ -103,7 +103,7 @@ number_fields! {
         jerk_emergency, jerk_release, coolness, signalling_time_gap, emergency_decel, corridor_margin, footprint_margin, clear_fraction, cooldown,
         mobil_interval, close_time_gap, unseen_gap, seen_before, brake_memory, stop_lamp_decel,
         inverse_puddle_wave_1, inverse_puddle_wave_2, puddle_slope,
-        no_passing_right_speed, smallest_rear_gap, patience_floor, waiting_time_gap, accelerate_gain,
+        no_passing_right_speed, smallest_rear_gap, free_ahead_time, patience_floor, waiting_time_gap, accelerate_gain,
         abort_until, abort_factor, abort_cooldown, give_up_after, stay_time, clear_ahead,
         settled_offset, sight_range, mirror_range, detection_growth, blind_spot, looming_threshold,
         lane_deviation, error_time, lane_time, spray_coefficient, spray_film, spray_speed, spray_reach,

@@ -7,7 +7,7 @@ use crate::fields::Constants;
 use crate::following::{follow, forced_braking};
 use crate::lanes::{M, V, choose, min, splat};
 use crate::neighbours::lane_borders;
-use crate::perception::{Beliefs, swap_roles};
+use crate::perception::Beliefs;
 use crate::state::{FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State, World};
 use crate::steering::begin_path;
 
@@ -112,7 +112,7 @@ pub fn change_lanes<S: Simd, const N: usize>(
     believed: &Beliefs<S>,
     own: V<S>,
 ) {
-    let (c, p) = (w.c, &w.p[i]);
+    let (c, p, v) = (w.c, &w.p[i], state.vx[i]);
     let (to_fast, to_slow) = incentives(state, w, i, believed, own);
     let ready = state.path_time[i].simd_ge(state.path_duration[i])
         & state.since_change[i].simd_ge(c.cooldown)
@@ -128,10 +128,35 @@ pub fn change_lanes<S: Simd, const N: usize>(
         & exists_slow
         & to_slow.simd_gt(p.threshold)
         & is_safe(state, w, i, believed, SLOW_LEAD, SLOW_REAR)
+        & believed.gap[SLOW_LEAD].simd_gt(c.free_ahead_time * v)
         & !fast;
-    turn_to_lane(state, w, i, fast, slow);
+    let wanted = side(w, fast, slow);
+    let decided = decide(state, w, i, wanted);
+    turn_to_lane(state, w, i, fast & decided, slow & decided);
     let done = state.path_time[i].simd_ge(state.path_duration[i]);
-    state.indicator[i] = choose(done, splat(w.simd, 0.0), state.indicator[i]);
+    state.indicator[i] = choose(done, wanted * p.uses_indicator, state.indicator[i]);
+}
+
+/// Whether vehicle `i` has wanted the same for as long as it signals; remembers it.
+#[inline(always)]
+fn decide<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    wanted: V<S>,
+) -> M<S> {
+    let same = wanted.simd_eq(state.wanted[i]) & wanted.simd_ne(0.0);
+    let longer = state.wanted_time[i] + w.c.mobil_interval * w.c.decision;
+    state.wanted_time[i] = choose(same, longer, splat(w.simd, 0.0));
+    state.wanted[i] = wanted;
+    state.wanted_time[i].simd_ge(w.p[i].signal_time)
+}
+
+/// 1 towards the fast side, -1 towards the slow side, 0 for neither.
+#[inline(always)]
+fn side<S: Simd, const N: usize>(w: &World<'_, S, N>, fast: M<S>, slow: M<S>) -> V<S> {
+    let (zero, one) = (splat(w.simd, 0.0), splat(w.simd, 1.0));
+    choose(fast, one, zero) - choose(slow, one, zero)
 }
 
 /// Begin a lane change of vehicle `i` in the masked simulations.
@@ -146,9 +171,8 @@ pub fn turn_to_lane<S: Simd, const N: usize>(
     if !(fast | slow).any_true() {
         return;
     }
-    let (zero, one) = (splat(w.simd, 0.0), splat(w.simd, 1.0));
     let p = &w.p[i];
-    let step = choose(fast, one, zero) - choose(slow, one, zero);
+    let step = side(w, fast, slow);
     state.lane[i] += step;
     let (low, high) = lane_borders(w, state.lane[i], 0.0);
     begin_path(
@@ -159,6 +183,4 @@ pub fn turn_to_lane<S: Simd, const N: usize>(
         p.lane_change_duration,
     );
     state.indicator[i] = choose(fast | slow, step * p.uses_indicator, state.indicator[i]);
-    swap_roles(state, i, fast, true);
-    swap_roles(state, i, slow, false);
 }

@@ -56,6 +56,12 @@ pub fn lane_borders<S: Simd, const N: usize>(
     )
 }
 
+/// A distance along the road; on a ring that to the nearest image [m].
+#[inline(always)]
+pub fn along<S: Simd, const N: usize>(w: &World<'_, S, N>, distance: V<S>) -> V<S> {
+    distance - w.q.ring * (distance * w.q.inverse_ring).round_ties_even()
+}
+
 /// The nearest vehicle ahead and behind of vehicle `i`, in the own, the faster and the slower lane.
 #[inline(always)]
 pub fn find_neighbours<S: Simd, const N: usize>(
@@ -78,7 +84,7 @@ pub fn find_neighbours<S: Simd, const N: usize>(
         if i == j {
             continue;
         }
-        let ahead = state.s[j] - state.s[i];
+        let ahead = along(w, state.s[j] - state.s[i]);
         let beside = state.d[j] - state.d[i];
         let other = w.p[j].valid.simd_gt(0.0);
         let low_side = state.d[j] - w.p[j].half_width;

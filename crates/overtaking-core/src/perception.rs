@@ -9,8 +9,8 @@ use crate::lanes::{
     LANES, M, V, at_least, at_most, choose, clamp_to, floor, max, min, pick, splat,
 };
 use crate::mobil::is_due;
-use crate::neighbours::Neighbours;
-use crate::state::{EGO, HISTORY, LEAD, NOBODY, ROLES, State, UNKNOWN, World};
+use crate::neighbours::{Neighbours, along};
+use crate::state::{EGO, HISTORY, LEAD, ROLES, State, UNKNOWN, World};
 
 /// Who touches is as visible, and looms as much, as at this gap [m].
 const NEAREST: f32 = 1.0;
@@ -18,8 +18,8 @@ const NEAREST: f32 = 1.0;
 const FARTHEST: f32 = 1e4;
 /// Nothing is seen through e^-40; larger exponents only overflow.
 const DEEPEST: f32 = 40.0;
-/// Logarithm at which contrast is as good as gone.
-const LEAST_CONTRAST: f32 = 1e-3;
+/// What is left of the logarithm of the contrast of something as large as a vehicle near by.
+const LEAST_CONTRAST: f32 = 0.02;
 /// Keeps sight lines finite alongside [m].
 const LEAST_REACH: f32 = 0.1;
 
@@ -143,6 +143,7 @@ fn strain<S: Simd, const N: usize>(
     min(by_contrast, by_lamp)
 }
 
+#[allow(clippy::too_many_arguments)]
 #[inline(always)]
 fn notice<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
@@ -152,6 +153,7 @@ fn notice<S: Simd, const N: usize>(
     role: usize,
     depths: (V<S>, V<S>),
     screen: &Screen<S>,
+    before: &([V<S>; ROLES], [V<S>; ROLES]),
 ) -> M<S> {
     let c = w.c;
     let zero = splat(w.simd, 0.0);
@@ -174,9 +176,11 @@ fn notice<S: Simd, const N: usize>(
         }
         visible &= !blind;
     }
-    let same = slot.simd_eq(state.seen_id[i][role]);
-    let first = state.seen_id[i][role].simd_eq(UNKNOWN);
-    let longer = choose(same, state.seen_time[i][role] + c.decision, zero);
+    let mut longer = zero;
+    for (known, time) in before.0.into_iter().zip(before.1) {
+        longer = choose(slot.simd_eq(known), max(longer, time + c.decision), longer);
+    }
+    let first = before.0[role].simd_eq(UNKNOWN);
     let longer = choose(first, splat(w.simd, c.seen_before), longer);
     state.seen_time[i][role] = choose(visible, longer, zero);
     state.seen_id[i][role] = slot;
@@ -248,12 +252,13 @@ pub fn perceive<S: Simd, const N: usize>(
     let (own_speed, _) = state.road_velocity(i);
     let judged = exp(q.distance_error * state.distance_error[i]);
     let mut believed = Beliefs::nothing(w.simd);
+    let before = (state.seen_id[i], state.seen_time[i]);
     for role in 0..ROLES {
         let slot = near.slot[role];
         let is_front = role.is_multiple_of(2);
         let noticed = w.simd.vectorize(
             #[inline(always)]
-            || notice(state, w, near, i, role, depths, &screen),
+            || notice(state, w, near, i, role, depths, &screen, &before),
         );
         if !(all || role == LEAD || (leaving && is_front)) {
             continue;
@@ -272,6 +277,7 @@ pub fn perceive<S: Simd, const N: usize>(
         } else {
             state.s[i] - place
         };
+        let ahead = along(w, ahead);
         let gap = ahead - (near.half_length[role] + p.half_length);
         let closing = if is_front {
             own_speed - speed
@@ -287,29 +293,4 @@ pub fn perceive<S: Simd, const N: usize>(
         believed.closing[role] = choose(noticed & looming, sensed, zero);
     }
     believed
-}
-
-/// After a decision to change lanes the same neighbours appear in other roles.
-#[inline(always)]
-pub fn swap_roles<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    i: usize,
-    moved: M<S>,
-    towards_fast: bool,
-) {
-    let order: [Option<usize>; ROLES] = if towards_fast {
-        [Some(2), Some(3), None, None, Some(0), Some(1)]
-    } else {
-        [Some(4), Some(5), Some(0), Some(1), None, None]
-    };
-    let (ids, times) = (state.seen_id[i], state.seen_time[i]);
-    for (role, source) in order.into_iter().enumerate() {
-        let simd = ids[role].simd;
-        let (new_id, new_time) = match source {
-            Some(from) => (ids[from], times[from]),
-            None => (splat(simd, NOBODY), splat(simd, 0.0)),
-        };
-        state.seen_id[i][role] = choose(moved, new_id, ids[role]);
-        state.seen_time[i][role] = choose(moved, new_time, times[role]);
-    }
 }

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from overtaking.cli import carla, importing, labelling, options, stats, sumo, video
+from overtaking.cli import carla, importing, labelling, options, stats, sumo, validate, video
 from overtaking.cli.output import Output
 
 HELP = "Simulate, label and explain overtaking manoeuvres, reproducibly."
@@ -186,6 +186,7 @@ COMMANDS: dict[options.Body, str] = {
     export: "overtaking export data/pinto --format pinto2023 --out table.csv",
     **stats.COMMANDS,
     video.video: "overtaking video data/pinto --simulations 1,7",
+    **validate.COMMANDS,
     compare: "overtaking compare pinto2023 -n 100 --seed 1 --with sumo",
     doctor: "overtaking doctor --json",
 }

@@ -34,6 +34,7 @@ class Stream(enum.IntEnum):
     FIELD = 3
     LABEL = 4
     SIMULATOR = 5  # Seeds for simulators with random numbers of their own.
+    PROPOSAL = 6  # Whether a simulation is drawn from where more happens.
     VEHICLE = 0x100  # + slot: the vehicle's body
     DRIVER = 0x200  # + slot: the person in it
     MOTION = 0x300  # + slot: gusts and errors of perception while driving

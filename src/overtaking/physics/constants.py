@@ -33,6 +33,7 @@ _NAMES = {
     "mobil_interval": "model.lane_change.mobil_interval",
     "no_passing_right_speed": "model.lane_change.no_passing_right_speed",
     "smallest_rear_gap": "model.lane_change.smallest_rear_gap",
+    "free_ahead_time": "model.lane_change.free_ahead_time",
     "patience_floor": "model.overtaking.patience_floor",
     "close_time_gap": "model.overtaking.close_time_gap",
     "waiting_time_gap": "model.overtaking.waiting_time_gap",

@@ -44,9 +44,7 @@ def assumed_bodies(valid: Mask, kind: U8, length: F32, width: F32) -> VehicleSpe
 def assumed_drivers(shape: tuple[int, int]) -> Drivers:
     """Drivers of whom nothing is known, shape (simulation, vehicle)."""
     values: dict[str, Any] = {
-        field.name: np.zeros(shape, np.bool_)
-        if field.type == Mask
-        else np.ones(shape, np.float32)
+        field.name: np.zeros(shape, np.bool_) if field.type == Mask else np.ones(shape, np.float32)
         for field in dataclasses.fields(Drivers)
     }
     return Drivers(**values)

@@ -22,6 +22,8 @@ from overtaking.model.vehicles import Role, VehicleKind, VehicleSpecs
 from overtaking.scenarios.noise import U8, Noise, choose, weights_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from numpy.typing import NDArray
 
     from overtaking.scenarios.schema import Traffic
@@ -30,11 +32,26 @@ POWER_RESERVE = 1.25
 """A bicycle that may not be on the road has this much more power than its speed costs."""
 
 
-def sample_bodies(traffic: Traffic, seed: int, index: U64, num_slots: int) -> VehicleSpecs:
+def placed_kinds(traffic: Traffic, u: F32) -> U8:
+    """Vehicle types from uniform numbers (simulation, vehicle); the ego's have other weights."""
+    kind = choose(u, weights_of(traffic.types, VEHICLE_CLASS_ORDER))
+    ego = u[:, Role.EGO]
+    kind[:, Role.EGO] = choose(ego, weights_of(traffic.ego_types, VEHICLE_CLASS_ORDER))
+    return kind
+
+
+def sample_bodies(
+    kinds: Callable[[F32], U8],
+    given_colours: Mapping[str, float],
+    seed: int,
+    index: U64,
+    num_slots: int,
+) -> VehicleSpecs:
     """The vehicles of each simulation; who of them takes part is decided with the layout.
 
     Args:
-        traffic: What the specification says about vehicles.
+        kinds: Vehicle types from uniform numbers (simulation, vehicle).
+        given_colours: Weights of the colours.
         seed: Seed of the data set.
         index: Simulation numbers, shape (simulation,).
         num_slots: Vehicles that are drawn, the ego in slot 0.
@@ -44,8 +61,8 @@ def sample_bodies(traffic: Traffic, seed: int, index: U64, num_slots: int) -> Ve
     """
     slots = np.uint32(Stream.VEHICLE) + np.arange(num_slots, dtype=np.uint32)
     noise = Noise(seed, index[:, None], slots)
-    kind = _kinds(traffic, noise.uniform())
-    colour = choose(noise.uniform(), weights_of(traffic.colours, COLOUR_ORDER))
+    kind = kinds(noise.uniform())
+    colour = choose(noise.uniform(), weights_of(given_colours, COLOUR_ORDER))
     tyre_wear = noise.uniform()
     front_drive = noise.uniform() < of_kind("front_drive_share", kind)
     length = _varied("length", kind, noise.normal())
@@ -102,6 +119,11 @@ def top_speeds() -> F32:
     return speeds
 
 
+def first_uniform(seed: int, index: U64, slot: int) -> F32:
+    """The number that decides the type of the vehicle in a slot, shape (simulation,)."""
+    return Noise(seed, index, int(Stream.VEHICLE) + slot).uniform()
+
+
 def longest(traffic: Traffic) -> float:
     """Length of the longest vehicle that the weights allow [m]."""
     weights = (traffic.types, traffic.ego_types)
@@ -151,14 +173,6 @@ def _flags(name: str) -> NDArray[np.bool_]:
 @cache
 def _contrasts() -> F32:
     return np.array([colour.contrast.number for colour in colours().values()], np.float32)
-
-
-def _kinds(traffic: Traffic, u: F32) -> U8:
-    """Vehicle types; the ego's have weights of their own."""
-    kind = choose(u, weights_of(traffic.types, VEHICLE_CLASS_ORDER))
-    ego = u[:, Role.EGO]
-    kind[:, Role.EGO] = choose(ego, weights_of(traffic.ego_types, VEHICLE_CLASS_ORDER))
-    return kind
 
 
 def _varied(quantity: str, kind: U8, z: F32) -> F32:

@@ -63,12 +63,12 @@ def config_error(found: ValidationError, where: str, keys: Keys) -> ConfigError:
 
 
 def _path(found: ErrorDetails) -> tuple[list[str], str | None]:
-    """The key path of a finding, and the weather's mode if it lies in that section.
+    """The key path of a finding, and the mode of the weather or traffic if it lies there.
 
     Pydantic names the mode after the section, and marks the keys of a mapping.
     """
     path = [str(part) for part in found["loc"] if part != "[key]"]
-    if path[:1] == ["weather"] and len(path) > 1:
+    if path[:1] in (["weather"], ["traffic"]) and len(path) > 1:
         return path[:1] + path[2:], path[1]
     return path, None
 

@@ -15,6 +15,7 @@ from overtaking.model.drivers import Drivers
 from overtaking.model.vehicles import Role
 from overtaking.scenarios.noise import U8, Noise, spread
 from overtaking.scenarios.populations import TRAITS, Population, population
+from overtaking.scenarios.proposal import Bend, as_met
 
 if TYPE_CHECKING:
     from overtaking.scenarios.schema import People, Traffic
@@ -31,7 +32,9 @@ _FACTORS = {
 }
 
 
-def sample_traits(people: People, seed: int, index: U64, kind: U8) -> dict[str, F32]:
+def sample_traits(
+    people: People, seed: int, index: U64, kind: U8, bend: Bend = as_met
+) -> dict[str, F32]:
     """What each driver is like, before anything is known about speeds.
 
     Args:
@@ -39,6 +42,7 @@ def sample_traits(people: People, seed: int, index: U64, kind: U8) -> dict[str, 
         seed: Seed of the data set.
         index: Simulation numbers, shape (simulation,).
         kind: Vehicle types, shape (simulation, vehicle).
+        bend: Draws the ego's temper from where more happens (see `proposal`).
 
     Returns:
         `TRAITS` by name, each of the shape of `kind`; yes or no is 1 or 0.
@@ -46,13 +50,17 @@ def sample_traits(people: People, seed: int, index: U64, kind: U8) -> dict[str, 
     slots = np.uint32(Stream.DRIVER) + np.arange(kind.shape[1], dtype=np.uint32)
     noise = Noise(seed, index[:, None], slots)
     who = population(people.population)
-    temper = spread(noise.uniform(), *people.temper)
+    temper = noise.uniform()
+    temper[:, Role.EGO] = bend("ego_temper", temper[:, Role.EGO])
+    temper = spread(temper, *people.temper)
     traits = {name: _trait(name, who, temper, noise) for name in TRAITS}
     for name, factor in _FACTORS.items():
         traits[name] = traits[name] * _factors(people.population, factor)[kind]
     traits["decel"] = traits["decel"] * _comfort()[kind]
     for name, value in people.fixed.values().items():
         traits[name] = np.full(kind.shape, value, np.float32)
+    for name, factor in (people.scale or {}).items():
+        traits[name] = traits[name] * np.float32(factor)
     return traits
 
 
@@ -72,12 +80,17 @@ def drivers_of(traits: dict[str, F32], came_with: F32, max_speed: F32) -> Driver
     wants = traits["wants_to_overtake"][:, Role.EGO] > 0
     faster = maximum(own, lead + traits["speed_over_leader"][:, Role.EGO])
     desired[:, Role.EGO] = np.where(wants, faster, minimum(own, lead))
+    return drivers_with(traits, minimum(desired, max_speed))
+
+
+def drivers_with(traits: dict[str, F32], desired_speed: F32) -> Drivers:
+    """Drivers who want given speeds, shape (simulation, vehicle) [m/s]."""
     plain: dict[str, Any] = {
         name: value > 0 if name in _YES_OR_NO else value
         for name, value in traits.items()
         if name not in _SPEED_TRAITS
     }
-    return Drivers(desired_speed=minimum(desired, max_speed), **plain)
+    return Drivers(desired_speed=desired_speed, **plain)
 
 
 def fastest_wish(people: People, traffic: Traffic) -> float:
@@ -89,6 +102,12 @@ def fastest_wish(people: People, traffic: Traffic) -> float:
     came_with = mps_from_kmh(traffic.speed_kmh[1])
     lead = cruise * mps_from_kmh(traffic.lead_speed_kmh[1])
     return max(cruise * came_with, lead + gain)
+
+
+def most_cruise(people: People) -> float:
+    """The largest factor that anyone may have on the speed of their type."""
+    who = population(people.population)
+    return max(who.careful.cruise_factor.high, who.reckless.cruise_factor.high)
 
 
 def _trait(name: str, who: Population, temper: F32, noise: Noise) -> F32:

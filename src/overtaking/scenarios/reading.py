@@ -56,7 +56,7 @@ def _table(source: str | Path | Mapping[str, Any] | Spec) -> tuple[str, dict[str
     if isinstance(source, Mapping):
         return "specification", dict(source)
     if source in profile_names():
-        path = PROFILES / f"{source}.toml"
+        path = _profile(str(source))
     elif isinstance(source, Path) or source.endswith(".toml") or Path(source).exists():
         path = Path(source)
     else:
@@ -67,7 +67,37 @@ def _table(source: str | Path | Mapping[str, Any] | Spec) -> tuple[str, dict[str
             got="neither",
             next_step=advice(source, profile_names()),
         )
-    return path.name, _read(path)
+    return path.name, _complete(_read(path), path.name)
+
+
+def _profile(name: str) -> Path:
+    return PROFILES / f"{name}.toml"
+
+
+def _complete(table: dict[str, Any], where: str) -> dict[str, Any]:
+    """A specification with what it leaves to the profile that it is based on."""
+    if "base" not in table:
+        return table
+    base = table["base"]
+    if base not in profile_names():
+        raise ConfigError.of(
+            what="base",
+            where=where,
+            expected="a known profile",
+            got=repr(base),
+            next_step=advice(str(base), profile_names()),
+        )
+    own = {key: value for key, value in table.items() if key != "base"}
+    return _merged(_complete(_read(_profile(base)), f"{base}.toml"), own)
+
+
+def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """Tables of which the upper one wins, key by key."""
+    merged = dict(below)
+    for key, value in above.items():
+        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
+        merged[key] = _merged(merged[key], cast("dict[str, Any]", value)) if both else value
+    return merged
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
@@ -13,10 +15,21 @@ from overtaking.core.units import kmh_from_mps, mps_from_kmh
 from overtaking.knowledge import VEHICLE_CLASS_ORDER
 from overtaking.model.batch import Batch, concatenate
 from overtaking.model.scenario import Scenario, slots_for
-from overtaking.scenarios.bodies import lifted, longest, sample_bodies, top_speeds
+from overtaking.model.weather import Weather
+from overtaking.scenarios import natural
+from overtaking.scenarios.bodies import (
+    lifted,
+    longest,
+    placed_kinds,
+    sample_bodies,
+    top_speeds,
+)
 from overtaking.scenarios.grip import usable_decel
 from overtaking.scenarios.layout import Followers, Zone, draw_layout, settle
+from overtaking.scenarios.natural import PASSING_MARGIN, Start
 from overtaking.scenarios.people import drivers_of, fastest_wish, sample_traits
+from overtaking.scenarios.proposal import Bending
+from overtaking.scenarios.schema_flow import Flow
 from overtaking.scenarios.weather import sample_weather
 
 if TYPE_CHECKING:
@@ -24,7 +37,7 @@ if TYPE_CHECKING:
 
     from overtaking.core.philox import U64
     from overtaking.model.road import Road
-    from overtaking.scenarios.schema import Spec
+    from overtaking.scenarios.schema import Spec, Traffic
 
 T = TypeVar("T", bound=np.generic)
 B = TypeVar("B", bound=Batch)
@@ -35,7 +48,6 @@ BLOCK = 2048
 MAX_SEED = 2**64 - 1
 
 _SLACK = 0.01  # Metres of a zone that rounding may take.
-_PASSING_MARGIN = 1.25  # Who overtakes may drive faster than wished for a while.
 _ROAD_STEP = 100.0  # Extended roads have round lengths.
 
 
@@ -65,10 +77,9 @@ def sample(spec: Spec, road: Road, seed: int, index: ArrayLike) -> Scenario:
         raise ConfigError.of(
             what="seed", where="sample", expected="0 to 2**64 - 1", got=seed, next_step="change it"
         )
-    zone = zone_of(spec, road)
-    long_road = road.extended(_needed_length(spec, road, zone))
+    start, long_road = _starter(spec, road)
     blocks = [
-        _block(spec, long_road, zone, seed, numbers[first : first + BLOCK])
+        _block(spec, long_road, start, seed, numbers[first : first + BLOCK])
         for first in range(0, max(len(numbers), 1), BLOCK)
     ]
     return concatenate(blocks) if len(blocks) > 1 else blocks[0]
@@ -78,14 +89,27 @@ def zone_of(spec: Spec, road: Road) -> Zone:
     """Where vehicles may start on a road.
 
     Raises:
-        ConfigError: The zone or a lane is not on the road.
+        ConfigError: The zone or a lane is not on the road, or the traffic has no zone.
         InfeasibleError: The zone is too small, or a vehicle too slow, for what is asked.
     """
-    low, high = _stretch(spec, road)
-    _check_speeds(spec)
-    room = longest(spec.traffic) + spec.starts.min_gap_m
+    if isinstance(spec.traffic, Flow):
+        raise ConfigError.of(
+            what="traffic.mode",
+            where=f"specification {spec.name}",
+            expected="vehicles that are placed in a zone",
+            got="flow",
+            next_step="leave the mode out and give the zone",
+        )
+    return _zone(spec, spec.traffic, road)
+
+
+def _zone(spec: Spec, traffic: Traffic, road: Road) -> Zone:
+    """`zone_of` traffic that has one."""
+    low, high = _stretch(spec, traffic, road)
+    _check_speeds(spec, traffic)
+    room = longest(traffic) + spec.starts.min_gap_m
     fit = math.floor((high - low - _SLACK) / room) + 1 if high - low > _SLACK else 1
-    most = spec.traffic.vehicles[1]
+    most = traffic.vehicles[1]
     if fit < 2 or fit * road.num_lanes < most:
         raise InfeasibleError.of(
             what="traffic.vehicles",
@@ -95,7 +119,7 @@ def zone_of(spec: Spec, road: Road) -> Zone:
             got=most,
             next_step="ask for fewer vehicles, a longer zone, or smaller gaps",
         )
-    lanes = _ego_lanes(spec, road)
+    lanes = _ego_lanes(spec, traffic, road)
     return Zone(low=low, high=high, ego_lanes=lanes, num_lanes=road.num_lanes, most_in_lane=fit)
 
 
@@ -113,9 +137,8 @@ def _checked_index(index: ArrayLike) -> U64:
     return numbers.astype(np.uint64)
 
 
-def _stretch(spec: Spec, road: Road) -> tuple[float, float]:
+def _stretch(spec: Spec, traffic: Traffic, road: Road) -> tuple[float, float]:
     """The zone of the starts along the road [m]."""
-    traffic = spec.traffic
     key, ends = "spawn_s_m", traffic.spawn_s_m
     if traffic.spawn_x_m is not None:
         key = "spawn_x_m"
@@ -136,9 +159,9 @@ def _stretch(spec: Spec, road: Road) -> tuple[float, float]:
     return ends
 
 
-def _ego_lanes(spec: Spec, road: Road) -> tuple[int, ...]:
+def _ego_lanes(spec: Spec, traffic: Traffic, road: Road) -> tuple[int, ...]:
     """Lanes for the ego: never the fastest, beside which there is none to overtake in."""
-    given = spec.traffic.ego_lanes
+    given = traffic.ego_lanes
     lanes = tuple(range(road.num_lanes - 1)) if given is None else given
     if not lanes or max(lanes) > road.num_lanes - 2:
         raise ConfigError.of(
@@ -153,9 +176,8 @@ def _ego_lanes(spec: Spec, road: Road) -> tuple[int, ...]:
     return lanes
 
 
-def _check_speeds(spec: Spec) -> None:
+def _check_speeds(spec: Spec, traffic: Traffic) -> None:
     """InfeasibleError if a type of vehicle is slower than the slowest speed asked for."""
-    traffic = spec.traffic
     for key, low, weights in (
         ("speed_kmh", traffic.speed_kmh[0], traffic.types),
         ("speed_kmh", traffic.speed_kmh[0], traffic.ego_types),
@@ -173,29 +195,85 @@ def _check_speeds(spec: Spec) -> None:
                 )
 
 
-def _needed_length(spec: Spec, road: Road, zone: Zone) -> float:
+def _check_flow(spec: Spec, flow: Flow, road: Road) -> None:
+    """ConfigError unless the traffic is described for each lane of the road."""
+    if len(flow.lanes) != road.num_lanes:
+        raise ConfigError.of(
+            what="traffic.lanes",
+            where=f"specification {spec.name} on road {road.name}",
+            expected=f"{road.num_lanes} lanes, as the road has",
+            got=len(flow.lanes),
+            next_step="describe every lane, or choose another road",
+        )
+
+
+def _needed_length(spec: Spec, traffic: Traffic, road: Road, zone: Zone) -> float:
     """Length of a road that nobody leaves before the horizon [m]."""
-    fastest = _PASSING_MARGIN * fastest_wish(spec.drivers, spec.traffic)
-    end = zone.high + fastest * spec.time.horizon_s
-    return max(road.length, math.ceil(end / _ROAD_STEP) * _ROAD_STEP)
+    fastest = PASSING_MARGIN * fastest_wish(spec.drivers, traffic)
+    return max(road.length, _round(zone.high + fastest * spec.time.horizon_s))
 
 
-def _block(spec: Spec, road: Road, zone: Zone, seed: int, index: U64) -> Scenario:
-    """The scenarios of a block."""
-    slots = spec.traffic.vehicles[1]
-    weather = sample_weather(spec.weather, seed, index)
-    bodies = sample_bodies(spec.traffic, seed, index, slots)
-    traits = sample_traits(spec.drivers, seed, index, bodies.kind)
-    draft = draw_layout(spec.traffic, zone, seed, index, bodies.kind)
+def _round(length: float) -> float:
+    """The next round length [m]."""
+    return math.ceil(length / _ROAD_STEP) * _ROAD_STEP
+
+
+Starter = Callable[[int, "U64", Weather, Bending], Start]
+"""Seed, numbers, weather and proposal to what starts."""
+
+
+def _starter(spec: Spec, road: Road) -> tuple[Starter, Road]:
+    """What draws the traffic of a specification, and the road, as long as it takes."""
+    traffic = spec.traffic
+    if isinstance(traffic, Flow):
+        _check_flow(spec, traffic, road)
+        long_road = road.extended(max(road.length, _round(natural.road_length(spec, traffic))))
+        return partial(natural.start, spec, traffic, long_road), long_road
+    zone = _zone(spec, traffic, road)
+    long_road = road.extended(_needed_length(spec, traffic, road, zone))
+    return partial(_placed, spec, traffic, zone, long_road), long_road
+
+
+def _placed(
+    spec: Spec,
+    traffic: Traffic,
+    zone: Zone,
+    road: Road,
+    seed: int,
+    index: U64,
+    weather: Weather,
+    bend: Bending,
+) -> Start:
+    """Vehicles each on its own, as in the study."""
+    bodies = sample_bodies(
+        partial(placed_kinds, traffic), traffic.colours, seed, index, traffic.vehicles[1]
+    )
+    traits = sample_traits(spec.drivers, seed, index, bodies.kind, bend)
+    draft = draw_layout(traffic, zone, seed, index, bodies.kind)
     followers = Followers(
         length=bodies.length,
         reaction_time=traits["reaction_time"],
         decel=usable_decel(bodies, weather, road, draft.lane, draft.speed),
     )
     start_s, start_speed = settle(draft, followers, spec.starts, zone)
-    top = top_speeds()[bodies.kind]
-    drivers = drivers_of(traits, draft.speed, top)
+    drivers = drivers_of(traits, draft.speed, top_speeds()[bodies.kind])
     vehicles = lifted(bodies.replace(valid=draft.valid), drivers.desired_speed)
+    return Start(
+        vehicles=vehicles,
+        drivers=drivers,
+        lane=draft.lane,
+        s=start_s,
+        speed=start_speed,
+        deadline=np.full(index.shape, spec.time.attempt_deadline_s, np.float32),
+    )
+
+
+def _block(spec: Spec, road: Road, starter: Starter, seed: int, index: U64) -> Scenario:
+    """The scenarios of a block."""
+    bend = Bending(spec.proposal, seed, index)
+    weather = sample_weather(spec.weather, seed, index, bend)
+    start = starter(seed, index, weather, bend)
+    valid = _widen(start.vehicles.valid, empty=True)
     return Scenario(
         profile=spec.name,
         road=road,
@@ -203,14 +281,14 @@ def _block(spec: Spec, road: Road, zone: Zone, seed: int, index: U64) -> Scenari
         frame_interval_ms=spec.profile.frame_interval_ms,
         index=index,
         horizon=np.full(index.shape, spec.time.horizon_s, np.float32),
-        attempt_deadline=np.full(index.shape, spec.time.attempt_deadline_s, np.float32),
-        weight=np.ones(index.shape, np.float64),
-        vehicles=_widened(vehicles).replace(valid=_widen(draft.valid, empty=True)),
-        drivers=_widened(drivers),
+        attempt_deadline=start.deadline,
+        weight=bend.weight,
+        vehicles=_widened(start.vehicles).replace(valid=valid),
+        drivers=_widened(start.drivers),
         weather=weather,
-        start_s=_widen(start_s),
-        start_lane=_widen(draft.lane),
-        start_speed=_widen(start_speed),
+        start_s=_widen(start.s),
+        start_lane=_widen(start.lane),
+        start_speed=_widen(start.speed),
     )
 
 

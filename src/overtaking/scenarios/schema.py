@@ -8,98 +8,47 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import Annotated, Any, Literal, Self, cast
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
-from overtaking.knowledge import COLOUR_ORDER, VEHICLE_CLASS_ORDER, presets
-from overtaking.knowledge.roads import ROAD_NAMES
-from overtaking.model.road import MAX_LANES
-from overtaking.model.scenario import MAX_VEHICLES
-from overtaking.scenarios.complaints import complaint, known_name
-from overtaking.scenarios.populations import population_names
+from overtaking.scenarios.complaints import advice, complaint
+from overtaking.scenarios.fields import (
+    MAX_HORIZON_S,
+    MIN_GAP_M,
+    STEP_MS,
+    AltitudeDeg,
+    Colours,
+    Count,
+    LaneNumber,
+    NotNegative,
+    PercentRange,
+    PopulationName,
+    Positive,
+    Presets,
+    Range,
+    RoadName,
+    Section,
+    Share,
+    SpeedRange,
+    Types,
+    different,
+    ego_type,
+    multiple,
+    ordered,
+)
+from overtaking.scenarios.schema_flow import Flow, FlowLane, Proposal
 
-STEP_MS = 10
-"""Frames lie on the steps of the simulation."""
-
-MAX_HORIZON_S = 600.0
-MAX_SPEED_KMH = 250.0
-MIN_GAP_M = 3.0
-MIN_VEHICLES = 2  # The ego and the one that it might overtake.
-
-
-def _ordered(pair: tuple[Any, Any]) -> tuple[Any, Any]:
-    if pair[0] > pair[1]:
-        raise complaint("a range from low to high", f"write [{pair[1]:g}, {pair[0]:g}]")
-    return pair
-
-
-def _shares(value: Any) -> Any:
-    """A name or a list of names stands for equal weights."""
-    names = [value] if isinstance(value, str) else value
-    if not isinstance(names, list | tuple):
-        return names
-    for name in cast("list[Any]", names):
-        if not isinstance(name, str):
-            raise complaint("names, or names with weights", "quote the names")
-    return dict.fromkeys(cast("list[str]", names), 1.0)
+Exponent = Annotated[float, Field(gt=0.0, le=20.0)] | None
 
 
-def _drawable(weights: dict[str, float]) -> dict[str, float]:
-    if not sum(weights.values()) > 0.0:
-        raise complaint("a weight above zero", "give at least one of them a weight")
-    return weights
+def _kind_of_traffic(given: Any) -> str:
+    """Traffic that says nothing has its vehicles placed on their own, as in the study."""
+    mode = given.get("mode") if isinstance(given, dict) else getattr(given, "mode", None)
+    return "flow" if mode == "flow" else "placed"
 
 
-def _ego_type(weights: dict[str, float]) -> dict[str, float]:
-    two_wheelers = sorted({"MC", "B"} & {name for name, weight in weights.items() if weight > 0.0})
-    if two_wheelers:
-        raise complaint("vehicles with four wheels", f"leave {' and '.join(two_wheelers)} out")
-    return weights
-
-
-def _different(lanes: tuple[int, ...]) -> tuple[int, ...]:
-    if len(set(lanes)) < len(lanes):
-        raise complaint("each lane once", "leave out the repeated one")
-    return lanes
-
-
-def _multiple(interval_ms: int) -> int:
-    if interval_ms % STEP_MS:
-        nearest = max(STEP_MS, round(interval_ms / STEP_MS) * STEP_MS)
-        raise complaint(f"a multiple of {STEP_MS}", f"use {nearest}")
-    return interval_ms
-
-
-Percent = Annotated[float, Field(ge=0.0, le=100.0)]
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
-SpeedKmh = Annotated[float, Field(gt=0.0, le=MAX_SPEED_KMH)]
-Count = Annotated[int, Field(ge=MIN_VEHICLES, le=MAX_VEHICLES)]
-LaneNumber = Annotated[int, Field(ge=0, lt=MAX_LANES)]
-Range = Annotated[tuple[float, float], AfterValidator(_ordered)]
-SpeedRange = Annotated[tuple[SpeedKmh, SpeedKmh], AfterValidator(_ordered)]
-PercentRange = Annotated[tuple[Percent, Percent], AfterValidator(_ordered)]
-AltitudeDeg = Annotated[float, Field(ge=-90.0, le=90.0)]
-Weight = Annotated[float, Field(ge=0.0, le=1e6)]
-TypeName = Annotated[str, AfterValidator(known_name("vehicle type", lambda: VEHICLE_CLASS_ORDER))]
-ColourName = Annotated[str, AfterValidator(known_name("colour", lambda: COLOUR_ORDER))]
-PresetName = Annotated[str, AfterValidator(known_name("weather preset", lambda: tuple(presets())))]
-RoadName = Annotated[str, AfterValidator(known_name("road", lambda: ROAD_NAMES))]
-PopulationName = Annotated[str, AfterValidator(known_name("population", population_names))]
-Types = Annotated[dict[TypeName, Weight], BeforeValidator(_shares), AfterValidator(_drawable)]
-Colours = Annotated[dict[ColourName, Weight], BeforeValidator(_shares), AfterValidator(_drawable)]
-Presets = Annotated[dict[PresetName, Weight], BeforeValidator(_shares), AfterValidator(_drawable)]
-
-
-class _Section(BaseModel):
-    """What all sections share: nothing unknown, nothing converted, nothing infinite."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-
-class Profile(_Section):
+class Profile(Section):
     """Section `[profile]`.
 
     Attributes:
@@ -110,10 +59,10 @@ class Profile(_Section):
 
     name: Annotated[str, Field(min_length=1, max_length=64)]
     road: RoadName
-    frame_interval_ms: Annotated[int, Field(ge=STEP_MS, le=1000), AfterValidator(_multiple)]
+    frame_interval_ms: Annotated[int, Field(ge=STEP_MS, le=1000), AfterValidator(multiple)]
 
 
-class Time(_Section):
+class Time(Section):
     """Section `[time]`.
 
     Attributes:
@@ -136,7 +85,7 @@ class Time(_Section):
         return self
 
 
-class Traffic(_Section):
+class Traffic(Section):
     """Section `[traffic]`.
 
     Attributes:
@@ -152,9 +101,9 @@ class Traffic(_Section):
         ego_lanes: Lanes that the ego may start in, 0 the slowest; all but the fastest if not given.
     """
 
-    vehicles: Annotated[tuple[Count, Count], AfterValidator(_ordered)]
+    vehicles: Annotated[tuple[Count, Count], AfterValidator(ordered)]
     types: Types
-    ego_types: Annotated[Types, AfterValidator(_ego_type)]
+    ego_types: Annotated[Types, AfterValidator(ego_type)]
     colours: Colours
     speed_kmh: SpeedRange
     lead_speed_kmh: SpeedRange
@@ -162,7 +111,7 @@ class Traffic(_Section):
     spawn_x_m: Range | None = None
     spawn_s_m: Range | None = None
     ego_lanes: (
-        Annotated[tuple[LaneNumber, ...], Field(min_length=1), AfterValidator(_different)] | None
+        Annotated[tuple[LaneNumber, ...], Field(min_length=1), AfterValidator(different)] | None
     ) = None
 
     @model_validator(mode="after")
@@ -178,7 +127,7 @@ class Traffic(_Section):
         return self
 
 
-class PresetWeather(_Section):
+class PresetWeather(Section):
     """Section `[weather]` with `mode = "presets"`.
 
     Attributes:
@@ -190,10 +139,11 @@ class PresetWeather(_Section):
     presets: Presets
 
 
-class IndependentWeather(_Section):
+class IndependentWeather(Section):
     """Section `[weather]` with `mode = "independent"`: every quantity is drawn on its own.
 
-    Each range is uniform. Puddles and clouds are raised to what rain needs; see `weather`.
+    Each range is uniform, or low + (high - low) u^exponent with u uniform where an exponent is
+    given. Puddles and clouds are raised to what rain needs; see `weather`.
 
     Attributes:
         mode: Says which of the two kinds of weather this is.
@@ -205,6 +155,10 @@ class IndependentWeather(_Section):
         fog_percent: Fog where there is fog.
         cloudiness_percent: Clouds.
         sun_altitude_deg: Height of the sun; below zero it is night.
+        rain_exponent: Above one, light rain is more frequent than heavy rain.
+        fog_exponent: The same for fog.
+        wind_exponent: The same for wind.
+        puddles_exponent: The same for the water that lies on the road.
     """
 
     mode: Literal["independent"]
@@ -215,13 +169,17 @@ class IndependentWeather(_Section):
     fog_probability: Share = 0.5
     fog_percent: PercentRange = (0.0, 100.0)
     cloudiness_percent: PercentRange = (0.0, 100.0)
-    sun_altitude_deg: Annotated[tuple[AltitudeDeg, AltitudeDeg], AfterValidator(_ordered)] = (
+    sun_altitude_deg: Annotated[tuple[AltitudeDeg, AltitudeDeg], AfterValidator(ordered)] = (
         -60.0,
         60.0,
     )
+    rain_exponent: Exponent = None
+    fog_exponent: Exponent = None
+    wind_exponent: Exponent = None
+    puddles_exponent: Exponent = None
 
 
-class FixedTraits(_Section):
+class FixedTraits(Section):
     """Section `[drivers.fixed]`: parameters that are the same for every driver.
 
     The attributes are those of `model.drivers.Drivers` with their units; None leaves them to the
@@ -258,21 +216,37 @@ def _unit(name: str) -> str:
     return next((unit for unit in ("mps2", "mps", "m", "s") if name.endswith(f"_{unit}")), "")
 
 
-class People(_Section):
+_SCALABLE = tuple(
+    name.removesuffix("_" + _unit(name))
+    for name in FixedTraits.model_fields
+    if name != "limit_respect"
+)
+
+
+def _scalable(factors: dict[str, float]) -> dict[str, float]:
+    for name in factors:
+        if name not in _SCALABLE:
+            raise complaint("a known parameter", advice(name, _SCALABLE), got=name)
+    return factors
+
+
+class People(Section):
     """Section `[drivers]`.
 
     Attributes:
         population: A population of the knowledge base.
         temper: Range of the drivers' temper, 0 careful to 1 reckless.
         fixed: Parameters that are the same for everyone.
+        scale: Factors on what is drawn for everyone, by the names of `model.drivers.Drivers`.
     """
 
     population: PopulationName
-    temper: Annotated[tuple[Share, Share], AfterValidator(_ordered)] = (0.0, 1.0)
+    temper: Annotated[tuple[Share, Share], AfterValidator(ordered)] = (0.0, 1.0)
     fixed: FixedTraits = FixedTraits()
+    scale: Annotated[dict[str, Positive], AfterValidator(_scalable)] | None = None
 
 
-class Starts(_Section):
+class Starts(Section):
     """Section `[starts]`: what a start must leave to those in it.
 
     Attributes:
@@ -284,7 +258,7 @@ class Starts(_Section):
     min_gap_m: Annotated[float, Field(ge=MIN_GAP_M, le=100.0)] = 10.0
 
 
-class Spec(_Section):
+class Spec(Section):
     """A whole specification: what to sample.
 
     Attributes:
@@ -294,14 +268,19 @@ class Spec(_Section):
         weather: Weather and light.
         drivers: People.
         starts: Safety of the first frame.
+        proposal: What is drawn more often than it is met; None for nothing.
     """
 
     profile: Profile
     time: Time
-    traffic: Traffic
+    traffic: Annotated[
+        Annotated[Traffic, Tag("placed")] | Annotated[Flow, Tag("flow")],
+        Discriminator(_kind_of_traffic),
+    ]
     weather: Annotated[PresetWeather | IndependentWeather, Field(discriminator="mode")]
     drivers: People
     starts: Starts = Starts()
+    proposal: Proposal | None = None
 
     @property
     def name(self) -> str:
@@ -327,7 +306,7 @@ class Spec(_Section):
         return hashlib.sha256(self.canonical_json().encode()).hexdigest()
 
 
-_SECTIONS: dict[tuple[str, ...], type[_Section]] = {
+_SECTIONS: dict[tuple[str, ...], type[Section]] = {
     (): Spec,
     ("profile",): Profile,
     ("time",): Time,
@@ -335,13 +314,17 @@ _SECTIONS: dict[tuple[str, ...], type[_Section]] = {
     ("drivers",): People,
     ("drivers", "fixed"): FixedTraits,
     ("starts",): Starts,
+    ("proposal",): Proposal,
+    ("traffic", "lanes"): FlowLane,
 }
 
 
 def known_keys(section: tuple[str, ...], mode: str | None = None) -> tuple[str, ...]:
-    """The keys that a section may have; `mode` is the weather's."""
+    """The keys that a section may have; `mode` is the weather's or the traffic's."""
     if section == ("weather",):
         model = PresetWeather if mode == "presets" else IndependentWeather
+    elif section == ("traffic",):
+        model = Flow if mode == "flow" else Traffic
     else:
-        model = _SECTIONS[section]
+        model = _SECTIONS[tuple(part for part in section if not part.isdigit())]
     return tuple(model.model_fields)

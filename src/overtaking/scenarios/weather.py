@@ -6,12 +6,13 @@ from functools import cache
 
 import numpy as np
 
-from overtaking.core.elementary import F32, PI, Mask, maximum
+from overtaking.core.elementary import F32, PI, Mask, maximum, power
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import rad_from_deg
 from overtaking.knowledge import Preset, presets, weather_maps
 from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.scenarios.noise import U8, Noise, choose, spread, weights_of
+from overtaking.scenarios.proposal import Bend, as_met
 from overtaking.scenarios.schema import IndependentWeather, PresetWeather
 
 SUN_AHEAD = rad_from_deg(10.0)
@@ -24,7 +25,9 @@ RAIN_PUDDLES = 0.5
 """Rain leaves at least this part of its percentage as water on the road."""
 
 
-def sample_weather(spec: PresetWeather | IndependentWeather, seed: int, index: U64) -> Weather:
+def sample_weather(
+    spec: PresetWeather | IndependentWeather, seed: int, index: U64, bend: Bend = as_met
+) -> Weather:
     """Weather of each simulation, shape (simulation,).
 
     A wind direction is drawn in either mode, and a direction of the sun: the presets leave both
@@ -35,13 +38,14 @@ def sample_weather(spec: PresetWeather | IndependentWeather, seed: int, index: U
         spec: What the specification says about weather.
         seed: Seed of the data set.
         index: Simulation numbers, shape (simulation,).
+        bend: Draws what is independent from where more happens (see `proposal`).
     """
     noise = Noise(seed, index, Stream.WEATHER)
     wind_direction = spread(noise.uniform(), -PI, PI)
     sun = noise.uniform()
     if isinstance(spec, PresetWeather):
         return _from_presets(spec, noise, wind_direction, sun)
-    return _independent(spec, noise, wind_direction, sun)
+    return _independent(spec, noise, wind_direction, sun, bend)
 
 
 def _from_presets(spec: PresetWeather, noise: Noise, wind_direction: F32, sun: F32) -> Weather:
@@ -65,17 +69,29 @@ def _from_presets(spec: PresetWeather, noise: Noise, wind_direction: F32, sun: F
     )
 
 
-def _independent(spec: IndependentWeather, noise: Noise, wind_direction: F32, sun: F32) -> Weather:
-    rains = noise.uniform() < np.float32(spec.rain_probability)
-    rain = np.where(rains, spread(noise.uniform(), *spec.rain_percent), np.float32(0.0))
-    foggy = noise.uniform() < np.float32(spec.fog_probability)
-    fog = np.where(foggy, spread(noise.uniform(), *spec.fog_percent), np.float32(0.0))
-    puddles = spread(noise.uniform(), *spec.puddles_percent)
+def _skewed(u: F32, limits: tuple[float, float], exponent: float | None) -> F32:
+    """A number between limits, nearer to the lower one the larger the exponent is."""
+    if exponent is not None:
+        u = power(u, np.full_like(u, exponent))
+    return spread(u, *limits)
+
+
+def _independent(
+    spec: IndependentWeather, noise: Noise, wind_direction: F32, sun: F32, bend: Bend
+) -> Weather:
+    rains = bend("rains", noise.uniform()) < np.float32(spec.rain_probability)
+    rain = _skewed(bend("rain", noise.uniform()), spec.rain_percent, spec.rain_exponent)
+    rain = np.where(rains, rain, np.float32(0.0))
+    foggy = bend("foggy", noise.uniform()) < np.float32(spec.fog_probability)
+    fog = _skewed(bend("fog", noise.uniform()), spec.fog_percent, spec.fog_exponent)
+    fog = np.where(foggy, fog, np.float32(0.0))
+    wet = bend("puddles", noise.uniform())
+    puddles = _skewed(wet, spec.puddles_percent, spec.puddles_exponent)
     clouds = np.where(rain > 0, np.float32(RAIN_CLOUDS_PERCENT), np.float32(0.0))
     cloudiness = maximum(spread(noise.uniform(), *spec.cloudiness_percent), clouds)
-    wind = spread(noise.uniform(), *spec.wind_percent)
+    wind = _skewed(bend("wind", noise.uniform()), spec.wind_percent, spec.wind_exponent)
     low_sun, high_sun = (rad_from_deg(angle) for angle in spec.sun_altitude_deg)
-    altitude = spread(noise.uniform(), low_sun, high_sun)
+    altitude = spread(bend("sun", noise.uniform()), low_sun, high_sun)
     azimuth = spread(sun, -PI, PI)
     return Weather(
         preset=np.full(sun.shape, NO_PRESET),

@@ -17,6 +17,7 @@ from overtaking.model.scenario import Scenario
 from overtaking.physics.constants import Constants, constants
 from overtaking.sim.bodies import body_parameters
 from overtaking.sim.clock import STEP_MS, STEPS_PER_SECOND, SUBSTEPS
+from overtaking.sim.decision import Decision
 from overtaking.sim.effects import Effects, ablated
 from overtaking.sim.lanes import RoadParameters, road_parameters
 from overtaking.sim.people import driver_parameters
@@ -32,6 +33,7 @@ __all__ = [
     "parameters",
     "road_parameters",
     "with_command",
+    "with_ring",
 ]
 
 VEHICLE_FIELDS = (
@@ -128,6 +130,8 @@ SIMULATION_FIELDS = (
     "puddle_phase_2",
     "side_accel",
     "command",
+    "ring",
+    "inverse_ring",
 )
 """Per-simulation parameters, in the order in which the engine receives them."""
 
@@ -192,6 +196,8 @@ def _simulation_parameters(scenario: Scenario, world: World) -> dict[str, F32]:
         "deadline_step": np.rint(scenario.attempt_deadline * STEPS_PER_SECOND),
         "side_accel": world.side_accel,
         "command": np.zeros_like(scenario.horizon),
+        "ring": np.zeros_like(scenario.horizon),
+        "inverse_ring": np.zeros_like(scenario.horizon),
     }
     return rows | _by_name(world.water) | _by_name(world.wind) | _by_name(world.sight)
 
@@ -199,6 +205,19 @@ def _simulation_parameters(scenario: Scenario, world: World) -> dict[str, F32]:
 def _by_name(part: Any) -> dict[str, F32]:
     """The arrays of a part of the world by the names of its attributes."""
     return {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
+
+
+def with_ring(given: Parameters, length: F32) -> Parameters:
+    """The same parameters on a road that closes on itself after `length`, (simulation,) [m].
+
+    For the statistics of steady traffic. Everyone sees the nearest image of everyone else;
+    contacts between vehicles that are laps apart are not looked for, and an ego that overtakes
+    would not find its target, so it is kept from it (`Decision.STAY`).
+    """
+    simulation = given.simulation.copy()
+    simulation[SIMULATION_FIELDS.index("ring")] = length
+    simulation[SIMULATION_FIELDS.index("inverse_ring")] = np.float32(1.0) / length
+    return with_command(dataclasses.replace(given, simulation=simulation), Decision.STAY)
 
 
 def with_command(given: Parameters, command: int) -> Parameters:

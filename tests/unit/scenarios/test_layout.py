@@ -28,7 +28,7 @@ def pairs_in_lanes(batch):
     """Each vehicle with the next ahead in its lane, as flat arrays of (simulation, rear, front)."""
     s = np.where(batch.vehicles.valid, batch.start_s, np.nan).astype(np.float64)
     found = []
-    for rear in range(8):
+    for rear in range(batch.num_slots):
         ahead = s - s[:, [rear]]
         lane = batch.start_lane == batch.start_lane[:, [rear]]
         ahead = np.where(lane & (ahead >= 0), ahead, np.inf)
@@ -120,7 +120,7 @@ def smallest_gap_while_braking(batch, pairs, step=0.05):
 def test_the_number_of_vehicles_is_uniform_and_they_come_first(pinto):
     assert stats.chisquare(np.bincount(pinto.num_vehicles)[2:]).pvalue > SMALLEST_P
     assert (pinto.num_vehicles.min(), pinto.num_vehicles.max()) == (2, 6)
-    first = np.arange(8) < pinto.num_vehicles[:, None]
+    first = np.arange(pinto.num_slots) < pinto.num_vehicles[:, None]
     np.testing.assert_array_equal(pinto.vehicles.valid, first)
 
 

@@ -6,6 +6,7 @@ import pytest
 from overtaking.core.errors import ConfigError
 from overtaking.scenarios import Spec, profile_names, spec
 from overtaking.scenarios.reading import PROFILES
+from overtaking.scenarios.schema import Traffic
 
 PINTO = "pinto2023"
 
@@ -16,15 +17,21 @@ def test_the_profiles_of_the_package_are_valid_and_carry_their_names():
         assert spec(name).name == name
 
 
+def traffic_of(overrides=None) -> Traffic:
+    traffic = spec(PINTO, overrides).traffic
+    assert isinstance(traffic, Traffic)
+    return traffic
+
+
 def test_the_profile_of_the_study_says_what_the_study_says():
-    study = spec(PINTO)
+    study, traffic = spec(PINTO), traffic_of()
     assert study.road == "town06"
-    assert study.traffic.vehicles == (2, 6)
-    assert study.traffic.speed_kmh == (50.0, 120.0)
-    assert study.traffic.spawn_x_m == (320.0, 450.0)
-    assert set(study.traffic.types) == {"S", "M", "L", "V", "T", "MC", "B"}
-    assert set(study.traffic.ego_types) == {"S", "M", "L", "V", "T"}
-    assert len(study.traffic.colours) == 8
+    assert traffic.vehicles == (2, 6)
+    assert traffic.speed_kmh == (50.0, 120.0)
+    assert traffic.spawn_x_m == (320.0, 450.0)
+    assert set(traffic.types) == {"S", "M", "L", "V", "T", "MC", "B"}
+    assert set(traffic.ego_types) == {"S", "M", "L", "V", "T"}
+    assert len(traffic.colours) == 8
     assert study.weather.mode == "presets"
     assert set(study.weather.presets) == {
         "ClearNoon",
@@ -92,12 +99,12 @@ def test_an_override_may_be_a_text(key, text, expected):
 
 
 def test_an_override_may_change_one_weight():
-    assert spec(PINTO, {"traffic.types.B": "0"}).traffic.types["B"] == 0.0
-    assert spec(PINTO, {"traffic.types.B": 0}).traffic.types["S"] == 1.0
+    assert traffic_of({"traffic.types.B": "0"}).types["B"] == 0.0
+    assert traffic_of({"traffic.types.B": 0}).types["S"] == 1.0
 
 
 def test_the_other_zone_replaces_the_first():
-    changed = spec(PINTO, {"traffic.spawn_s_m": "10..150"}).traffic
+    changed = traffic_of({"traffic.spawn_s_m": "10..150"})
     assert (changed.spawn_x_m, changed.spawn_s_m) == (None, (10.0, 150.0))
 
 

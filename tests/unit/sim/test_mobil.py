@@ -53,6 +53,38 @@ def test_on_an_empty_road_everybody_keeps_to_the_slow_side():
     assert changed(car(0.0, 0, 30.0))[0] == 0.0
 
 
+def test_nobody_moves_over_before_having_wanted_to_for_as_long_as_they_signal():
+    slow = car(45.0, 1, 20.0, desired_speed=20.0)
+    m = moment([FAR_AWAY, car(0.0, 1, 30.0, signal_time=0.5), slow], road=wide_road(lanes=3))
+    moved = []
+    for _ in range(5):
+        decide(m)
+        moved.append(float(m.state.lane[1, 0]))
+        assert float(m.state.indicator[1, 0]) == 1.0
+    assert moved == [1.0, 1.0, 1.0, 2.0, 2.0]  # Five decisions a second: after 0.6 s.
+
+
+def test_who_changes_their_mind_begins_to_wait_anew():
+    slow = car(45.0, 1, 20.0, desired_speed=20.0)
+    m = moment([FAR_AWAY, car(0.0, 1, 30.0, signal_time=0.5), slow], road=wide_road(lanes=3))
+    decide(m)
+    decide(m)
+    m.state.s[2] += 900.0
+    decide(m)
+    assert float(m.state.wanted_time[1, 0]) == 0.0
+    m.state.s[2] -= 900.0
+    decide(m)
+    decide(m)
+    assert float(m.state.lane[1, 0]) == 1.0
+
+
+def test_nobody_returns_to_a_lane_that_is_not_free_far_ahead():
+    # At 30 m/s it must be free for 9 s, 270 m, even behind someone who is no slower.
+    for gap, step in ((240.0, 0.0), (300.0, -1.0)):
+        ahead = car(gap, 1, 30.0, desired_speed=30.0)
+        assert changed(car(0.0, 2, 30.0, desired_speed=30.0), ahead)[0] == step
+
+
 def test_nobody_moves_into_a_vehicle_beside_or_right_behind():
     slow = car(45.0, 1, 20.0, desired_speed=20.0)
     for place in (-3.0, 0.0, 3.0, -6.0):
@@ -79,7 +111,7 @@ def test_above_60_kmh_nobody_gains_by_the_slow_side():
 def test_politeness_lets_a_follower_by():
     # Somebody faster comes up behind in the fast lane; the slow lane is as fast as this one.
     leader = car(60.0, 1, 28.0, desired_speed=28.0)
-    slow = car(75.0, 0, 28.0, desired_speed=28.0)
+    slow = car(300.0, 0, 28.0, desired_speed=28.0)
     behind = car(-22.0, 1, 33.0)
     own = {"right_bias": 0.0, "desired_speed": 28.0}
     rude = changed(car(0.0, 1, 28.0, politeness=0.0, **own), leader, slow, behind, lanes=2)
@@ -121,7 +153,7 @@ def test_lane_changes_of_clear_minds_in_dense_traffic_never_end_in_an_accident(s
     # lanes many times. (No error of perception, no wander, no wind, a dry road.)
     ran = dense_traffic(seed)
     lanes = ran.states.lane[:, 1:8].astype(int)
-    assert (np.abs(np.diff(lanes, axis=2)) > 0).sum() > 1000
+    assert (np.abs(np.diff(lanes, axis=2)) > 0).sum() > 700
     assert (ran.contacts.partner == 255).all()
 
 

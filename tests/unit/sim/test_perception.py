@@ -11,7 +11,6 @@ from tests.support.minds import CLEAR_MINDED, Moment, moment
 from tests.support.worlds import Vehicle, wide_road
 
 from overtaking.sim.parameters import Effects
-from overtaking.sim.reference.perception import swap_roles
 from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, REAR
 
 UNSEEN = 1000.0
@@ -242,10 +241,21 @@ def test_after_a_lane_change_a_known_neighbour_stays_known():
         road=wide_road(),
     )
     m.look()
-    moved = np.zeros(m.state.s.shape, bool)
-    moved[0] = True
     m.state.lane[0] += 1.0
-    swap_roles(m.state, moved, towards_fast=True)
     believed = m.look()
     assert bool(believed.detected[LEAD, 0, 0])
     assert bool(believed.detected[REAR, 0, 0])
+
+
+def test_who_is_passed_stays_known_on_the_way_from_behind_to_ahead():
+    m = moment(
+        [Vehicle(s=0.0, lane=0), Vehicle(s=-1.0, lane=1), Vehicle(s=-80.0, lane=1)],
+        effects=DELAYED,
+        road=wide_road(),
+    )
+    assert bool(m.look().detected[FAST_REAR, 0, 0])
+    m.state.s[1] = 1.0
+    believed = m.look()
+    assert bool(believed.detected[FAST_LEAD, 0, 0])
+    # The one far behind was never nearest before: it takes its time to be noticed.
+    assert not bool(believed.detected[FAST_REAR, 0, 0])

@@ -306,6 +306,6 @@ def _end(
     over = (next_stage == np.float32(Stage.DONE)) & (state.stage != np.float32(Stage.DONE))
     after = now + np.rint(c.after_overtake / c.step)
     state.end_step = np.where(over, minimum(state.end_step, after), state.end_step)
-    idle = _in_stage(state, Stage.FOLLOW) & (state.attempted == 0) & ~intent.start
+    idle = _in_stage(state, Stage.FOLLOW) & ~intent.start
     late = idle & (now >= q.deadline_step)
     state.end_step = np.where(late, minimum(state.end_step, now), state.end_step)

@@ -8,7 +8,7 @@ from overtaking.physics.constants import Constants
 from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.following import follow, forced_braking
 from overtaking.sim.reference.neighbours import lane_borders
-from overtaking.sim.reference.perception import Beliefs, swap_roles
+from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.state import (
     FAST_LEAD,
     FAST_REAR,
@@ -93,11 +93,25 @@ def change_lanes(state: State, given: Parameters, p: Fields, believed: Beliefs, 
     has_slow = state.lane >= np.float32(1.0)
     safe_fast = is_safe(state, given, p, believed, FAST_LEAD, FAST_REAR)
     safe_slow = is_safe(state, given, p, believed, SLOW_LEAD, SLOW_REAR)
+    # Who would have to pull out again soon stays; how fast a distant vehicle is, nobody can see.
+    worth = believed.gap[SLOW_LEAD] > given.constants.free_ahead_time * state.vx
     fast = ready & has_fast & safe_fast & (to_fast > p.threshold)
-    slow = ready & has_slow & safe_slow & (to_slow > p.threshold) & ~fast
-    turn_to_lane(state, given, p, fast, slow)
+    slow = ready & has_slow & safe_slow & (to_slow > p.threshold) & worth & ~fast
+    wanted = _side(fast, slow)
+    decided = decide(state, given, p, wanted)
+    turn_to_lane(state, given, p, fast & decided, slow & decided)
     done = state.path_time >= state.path_duration
-    state.indicator[1:] = np.where(done[1:], np.float32(0.0), state.indicator[1:])
+    shown = wanted * p.uses_indicator
+    state.indicator[1:] = np.where(done[1:], shown[1:], state.indicator[1:])
+
+
+def decide(state: State, given: Parameters, p: Fields, wanted: F32) -> Mask:
+    """Who has wanted the same for as long as they signal, and so has looked; remembers it."""
+    same = (wanted == state.wanted) & (wanted != 0)
+    longer = state.wanted_time + given.constants.mobil_interval * given.constants.decision
+    state.wanted_time = np.where(same, longer, np.float32(0.0))
+    state.wanted = wanted
+    return state.wanted_time >= p.signal_time
 
 
 def _is_ready(state: State, given: Parameters, p: Fields) -> Mask:
@@ -111,12 +125,14 @@ def _is_ready(state: State, given: Parameters, p: Fields) -> Mask:
 
 def turn_to_lane(state: State, given: Parameters, p: Fields, fast: Mask, slow: Mask) -> None:
     """Begin a lane change of the masked vehicles, with the indicator where it is used."""
-    step = np.where(fast, np.float32(1.0), np.float32(0.0)) - np.where(
-        slow, np.float32(1.0), np.float32(0.0)
-    )
+    step = _side(fast, slow)
     state.lane = state.lane + step
     low, high = lane_borders(state, given, 0.0)
     begin_path(state, fast | slow, np.float32(0.5) * (low + high), p.lane_change_duration)
     state.indicator = np.where(fast | slow, step * p.uses_indicator, state.indicator)
-    swap_roles(state, fast, towards_fast=True)
-    swap_roles(state, slow, towards_fast=False)
+
+
+def _side(fast: Mask, slow: Mask) -> F32:
+    """1 towards the fast side, -1 towards the slow side, 0 for neither."""
+    one, zero = np.float32(1.0), np.float32(0.0)
+    return np.where(fast, one, zero) - np.where(slow, one, zero)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.elementary import F32, Mask
-from overtaking.sim.parameters import Parameters
+from overtaking.sim.parameters import SIMULATION_FIELDS, Parameters
 from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.state import NOBODY, Fields, State, pick
 
@@ -56,7 +56,7 @@ def find_neighbours(state: State, given: Parameters, p: Fields) -> Neighbours:
     bands = [lane_borders(state, given, shift) for shift in _SHIFTS]
     found = _Nearest(state.s.shape)
     for j in range(state.s.shape[0]):
-        ahead, beside = state.s[j] - state.s, state.d[j] - state.d
+        ahead, beside = along(given, state.s[j] - state.s), state.d[j] - state.d
         others = np.broadcast_to(p.valid[j] > 0, ahead.shape).copy()
         others[j] = False
         for k, (low, high) in enumerate(bands):
@@ -74,6 +74,13 @@ def find_neighbours(state: State, given: Parameters, p: Fields) -> Neighbours:
         lane_low=bands[0][0],
         lane_high=bands[0][1],
     )
+
+
+def along(given: Parameters, distance: F32) -> F32:
+    """A distance along the road; on a ring that to the nearest image [m]."""
+    ring = given.simulation[SIMULATION_FIELDS.index("ring")]
+    inverse = given.simulation[SIMULATION_FIELDS.index("inverse_ring")]
+    return distance - ring * np.rint(distance * inverse)
 
 
 def _overlaps(state: State, given: Parameters, p: Fields, j: int, low: F32, high: F32) -> Mask:

@@ -9,16 +9,10 @@ from overtaking.physics import film
 from overtaking.physics.constants import Constants
 from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.environment import lane_value
-from overtaking.sim.reference.neighbours import Neighbours
+from overtaking.sim.reference.neighbours import Neighbours, along
 from overtaking.sim.reference.state import (
-    FAST_LEAD,
-    FAST_REAR,
     HISTORY,
     LEAD,
-    NOBODY,
-    REAR,
-    SLOW_LEAD,
-    SLOW_REAR,
     UNKNOWN,
     Fields,
     State,
@@ -30,7 +24,7 @@ from overtaking.sim.reference.state import (
 _NEAREST = np.float32(1.0)  # Who touches is as visible, and looms as much, as at this gap [m].
 _FARTHEST = np.float32(1e4)  # Beyond this every limit of sight has been passed [m].
 _DEEPEST = np.float32(40.0)  # Nothing is seen through e**-40; larger exponents only overflow.
-_LEAST_CONTRAST = np.float32(1e-3)  # Logarithm at which contrast is as good as gone.
+_LEAST_CONTRAST = np.float32(0.02)  # Logarithm at which contrast is as good as gone.
 _LEAST_REACH = np.float32(0.1)  # Keeps sight lines finite alongside [m].
 
 
@@ -134,8 +128,13 @@ def notice(
     near: Neighbours,
     role: int,
     depths: tuple[F32, F32],
+    before: tuple[F32, F32],
 ) -> Mask:
-    """Whether each driver has noticed the neighbour in `role`; advances the time in view."""
+    """Whether each driver has noticed the neighbour in `role`; advances the time in view.
+
+    Who was in view at the decision `before`, in whatever role, is not lost by passing or by a
+    change of lanes.
+    """
     c = given.constants
     slot, gap = near.slot[role], near.gap[role]
     effort = strain(state, given, p, q, near, role, depths)
@@ -148,10 +147,10 @@ def notice(
         if role % 2 == 0:
             blind = blind & (gap < 0)
         visible = visible & ~blind
-    same = slot == state.seen_id[role]
-    first = state.seen_id[role] == UNKNOWN
-    longer = np.where(same, state.seen_time[role] + c.decision, np.float32(0.0))
-    longer = np.where(first, c.seen_before, longer)
+    longer = np.zeros_like(gap)
+    for known, time in zip(*before, strict=True):
+        longer = np.where(slot == known, maximum(longer, time + c.decision), longer)
+    longer = np.where(before[0][role] == UNKNOWN, c.seen_before, longer)
     state.seen_time[role] = np.where(visible, longer, np.float32(0.0))
     state.seen_id[role] = slot
     needed = q.detection_time * (np.float32(1.0) + c.detection_growth * (effort * effort * effort))
@@ -175,14 +174,15 @@ def perceive(
     column = np.arange(state.s.shape[1])
     own_speed, _ = road_velocity(state)
     judged = exp(q.distance_error * state.distance_error)
+    before = state.seen_id.copy(), state.seen_time.copy()
     detected, gaps, closings = [], [], []
     for role in range(6):
         slot = near.slot[role]
-        noticed = notice(state, given, p, q, near, role, depths)
+        noticed = notice(state, given, p, q, near, role, depths, before)
         who = slot.astype(np.int64).clip(0)
         speed = state.history_v[row, who, column]
         place = state.history_s[row, who, column] + speed * elapsed
-        ahead = place - state.s if role % 2 == 0 else state.s - place
+        ahead = along(given, place - state.s if role % 2 == 0 else state.s - place)
         gap = ahead - (near.half_length[role] + p.half_length)
         closing = own_speed - speed if role % 2 == 0 else speed - own_speed
         distance = maximum(gap, _NEAREST)
@@ -212,15 +212,3 @@ def _braking_of_leader(
     early = state.history_v[before.astype(np.int64) % HISTORY, who, column]
     change = (late - early) / (c.brake_memory * c.decision)
     return np.where(noticed, minimum(change, np.float32(0.0)), np.float32(0.0))
-
-
-def swap_roles(state: State, moved: Mask, towards_fast: bool) -> None:
-    """Keep the time in view: in another lane the same neighbours appear in other roles."""
-    from_fast = (FAST_LEAD, FAST_REAR, None, None, LEAD, REAR)
-    from_slow = (SLOW_LEAD, SLOW_REAR, LEAD, REAR, None, None)
-    ids, times = state.seen_id.copy(), state.seen_time.copy()
-    for role, source in enumerate(from_fast if towards_fast else from_slow):
-        new_id = np.full_like(ids[0], NOBODY) if source is None else ids[source]
-        new_time = np.zeros_like(times[0]) if source is None else times[source]
-        state.seen_id[role] = np.where(moved, new_id, ids[role])
-        state.seen_time[role] = np.where(moved, new_time, times[role])

@@ -62,6 +62,8 @@ class State:
         lane: Lane driven in, or being changed to.
         since_change: Time since the last lane change was decided [s].
         indicator: +1 towards the fast side, -1 towards the slow side, 0 off.
+        wanted: Side of the lane change that another than the ego has in mind, as `indicator`.
+        wanted_time: Since when [s].
         gust, distance_error, speed_error, wander: Ornstein-Uhlenbeck processes of unit variance.
         mu_fast, mu_slow: Friction under the wheels of either side.
         wind_force, wind_moment: Side force [N] and yaw moment [N m].
@@ -99,6 +101,8 @@ class State:
     lane: F32
     since_change: F32
     indicator: F32
+    wanted: F32
+    wanted_time: F32
     gust: F32
     distance_error: F32
     speed_error: F32
@@ -153,6 +157,8 @@ def initial_state(given: Parameters) -> State:
         lane=p.start_lane.copy(),
         since_change=zero + _LONG_AGO,
         indicator=zero.copy(),
+        wanted=zero.copy(),
+        wanted_time=zero.copy(),
         gust=zero.copy(),
         distance_error=zero.copy(),
         speed_error=zero.copy(),

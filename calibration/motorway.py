@@ -1,0 +1,127 @@
+"""Fits the drivers of the profile `motorway` to published figures, and says how well they fit.
+
+    python calibration/motorway.py                # figures of the frozen parameters, and their hash
+    python calibration/motorway.py --search       # one round of factors on each fitted parameter
+    python calibration/motorway.py --freeze       # write motorway.json anew
+
+What is fitted is fitted on four figures of `overtaking validate`, `FITTED_ON`. Everything else that
+it judges is held out: no parameter was chosen by it. The frozen parameters are those of
+`knowledge/data/drivers.toml` (`motorway`), of the profile, and one constant of the step;
+`motorway.json` has their hash and the figures that they gave.
+"""
+
+import argparse
+import hashlib
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from overtaking import scenarios
+from overtaking.exchange.roads import load_road
+from overtaking.knowledge import number
+from overtaking.knowledge.reader import load
+from overtaking.validation.figures import Figure
+from overtaking.validation.run import Validation, validate
+
+FROZEN = Path(__file__).with_name("motorway.json")
+PROFILE = "motorway"
+
+FITTED = (
+    "time_gap",
+    "gap_acceptance",
+    "passing_gain",
+    "pull_out_time",
+    "return_time_gap",
+    "lane_change_duration",
+)
+"""Parameters of drivers that were fitted, beside the constant `lane_change.free_ahead_time`."""
+
+FITTED_ON = ("lane_changes_per_km", "lane_change_duration", "flying_share", "open_at_end")
+"""Figures that they were fitted on; all others with a target are held out."""
+
+FACTORS = (0.9, 1.0, 1.1)
+SEARCH_SEED, CHECK_SEED = 1, 2  # What is reported comes from numbers that were not searched on.
+
+
+def parameters() -> dict[str, Any]:
+    """Everything that decides how the traffic behaves, as JSON types."""
+    return {
+        "population": load("drivers.toml")[PROFILE],
+        "profile": scenarios.spec(PROFILE).resolved(),
+        "free_ahead_time": number("model.toml", "lane_change.free_ahead_time"),
+    }
+
+
+def parameter_hash() -> str:
+    """SHA-256 over `parameters`, in hexadecimal."""
+    text = json.dumps(parameters(), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def run(simulations: int, seed: int, scale: dict[str, float] | None = None) -> Validation:
+    """The figures of the profile, with factors on what is drawn for everyone."""
+    spec = scenarios.spec(PROFILE, {"drivers.scale": scale} if scale else None)
+    return validate(spec, load_road(spec.road), simulations, seed)
+
+
+def distance(found: Validation) -> float:
+    """Sum of the squares of the fitted figures' distances from the middle of their targets."""
+    total = 0.0
+    for figure in found.figures:
+        if figure.name in FITTED_ON and figure.target_low is not None:
+            assert figure.target_high is not None
+            middle = 0.5 * (figure.target_low + figure.target_high)
+            total += ((figure.value - middle) / (figure.target_high - middle)) ** 2
+    return total
+
+
+def search(simulations: int) -> None:
+    """Print the distance for factors on one parameter after the other, keeping the best."""
+    best: dict[str, float] = {}
+    for name in FITTED:
+        tried = {
+            factor: distance(run(simulations, SEARCH_SEED, best | {name: factor}))
+            for factor in FACTORS
+        }
+        best[name] = min(tried, key=lambda factor: tried[factor])
+        row = "  ".join(f"x {factor:g}: {value:.3f}" for factor, value in tried.items())
+        print(f"{name:<22} {row}   -> {best[name]:g}")
+    print("multiply the medians of the population by these factors and freeze anew:", best)
+
+
+def show(figures: tuple[Figure, ...]) -> None:
+    """Print what was fitted and what was held out."""
+    for title, names in (("fitted on", True), ("held out", False)):
+        print(f"{title}:")
+        for figure in figures:
+            if (figure.name in FITTED_ON) is names and figure.met is not None:
+                interval = f"{figure.low:.3g} .. {figure.high:.3g}"
+                verdict = "met" if figure.met else "MISSED"
+                print(f"  {figure.title:<72} {figure.value:8.3g}  ({interval}) {verdict}")
+
+
+def main() -> int:
+    """Do what the command line says; 1 if a target is missed or the parameters have changed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("-n", "--simulations", type=int, default=1000)
+    parser.add_argument("--search", action="store_true")
+    parser.add_argument("--freeze", action="store_true")
+    given = parser.parse_args()
+    if given.search:
+        search(given.simulations)
+        return 0
+    found = run(given.simulations, CHECK_SEED)
+    show(found.figures)
+    if given.freeze:
+        kept = {"parameters_sha256": parameter_hash(), "validation": found.values()}
+        FROZEN.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    frozen = json.loads(FROZEN.read_text(encoding="utf-8"))["parameters_sha256"]
+    print(
+        "parameters are", "the frozen ones" if frozen == parameter_hash() else "NOT the frozen ones"
+    )
+    return 0 if found.is_met and frozen == parameter_hash() else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,79 @@
+"""What `overtaking validate` shows: each figure beside its target, and outcomes by weather."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+Values = dict[str, Any]
+
+
+def render(values: Values) -> Group:
+    """A validation as a page."""
+    missed = sum(figure["met"] is False for figure in values["figures"])
+    verdict = "every target is met" if not missed else f"{missed} targets are missed"
+    head = f"{values['profile']}: {values['simulations']:,} simulations, {verdict}"
+    return Group(Text(head), Text(), _figures(values["figures"]), Text(), _strata(values["strata"]))
+
+
+def _figures(figures: list[Values]) -> Table:
+    table = _table("figure", "value", "95 % interval", "target", "verdict")
+    for figure in figures:
+        low, high = (number(figure[name]) for name in ("low", "high"))
+        unit = f" {figure['unit']}" if figure["unit"] else ""
+        table.add_row(
+            figure["title"],
+            f"{number(figure['value'])}{unit}",
+            f"{low} .. {high}",
+            _target(figure),
+            _verdict(figure),
+        )
+    return table
+
+
+def _target(figure: Values) -> str:
+    low, high = figure["target_low"], figure["target_high"]
+    if low is None and high is None:
+        return ""
+    if low is None:
+        return f"<= {number(high)}"
+    return f">= {number(low)}" if high is None else f"{number(low)} .. {number(high)}"
+
+
+def _verdict(figure: Values) -> Text:
+    if figure["met"] is None:
+        return Text("")
+    said = "met" if figure["met"] else "missed"
+    return Text(said if figure["sure"] else f"{said}, unsure", "" if figure["met"] else "bold red")
+
+
+def _strata(strata: Mapping[str, Values]) -> Table:
+    names = list(next(iter(strata.values()))["counts"])
+    table = _table("weather", *(name.replace("_", " ").lower() for name in names))
+    for stratum, found in strata.items():
+        cells = [
+            f"{found['counts'][name]:,}"
+            + (f" ({found['shares'][name]:.2%})" if found["shares"][name] is not None else "")
+            for name in names
+        ]
+        table.add_row(stratum, *cells)
+    return table
+
+
+def number(value: float | None) -> str:
+    """A number with three digits that matter."""
+    return "-" if value is None else f"{value:.3g}"
+
+
+def _table(first: str, *others: str) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column(first, style="bold")
+    for name in others:
+        table.add_column(name, justify="right")
+    return table

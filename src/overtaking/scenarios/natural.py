@@ -1,0 +1,160 @@
+"""Puts people and bodies into the traffic around the ego."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from overtaking.core.elementary import F32, minimum
+from overtaking.core.units import mps_from_kmh
+from overtaking.model.vehicles import Role
+from overtaking.scenarios import flow as layout
+from overtaking.scenarios.bodies import first_uniform, sample_bodies, top_speeds
+from overtaking.scenarios.grip import usable_decel
+from overtaking.scenarios.layout import Draft, Followers, Zone, settle
+from overtaking.scenarios.noise import REACH, U8
+from overtaking.scenarios.people import drivers_with, most_cruise, sample_traits
+
+if TYPE_CHECKING:
+    from overtaking.core.philox import U64
+    from overtaking.model.drivers import Drivers
+    from overtaking.model.road import Road
+    from overtaking.model.vehicles import VehicleSpecs
+    from overtaking.model.weather import Weather
+    from overtaking.scenarios.proposal import Bend
+    from overtaking.scenarios.schema import Spec
+    from overtaking.scenarios.schema_flow import Flow
+
+PASSING_MARGIN = 1.25
+"""Who overtakes may drive this much faster than wished for a while."""
+
+RETURN_TIME = 20.0
+"""How much longer than until the last attempt the traffic lasts where there are vehicles enough: a
+common overtake [s]."""
+
+MARGIN = 50.0
+"""Road behind the rearmost vehicle [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """Everybody at the first frame, shape (simulation, vehicle).
+
+    Attributes:
+        vehicles: Bodies.
+        drivers: People.
+        lane: Lane, 0 the slowest.
+        s: Position along the road [m].
+        speed: [m/s].
+        deadline: A simulation without an attempt ends here, shape (simulation,) [s].
+    """
+
+    vehicles: VehicleSpecs
+    drivers: Drivers
+    lane: U8
+    s: F32
+    speed: F32
+    deadline: F32
+
+
+def start(
+    spec: Spec, flow: Flow, road: Road, seed: int, index: U64, weather: Weather, bend: Bend
+) -> Start:
+    """Traffic as it is met, the ego one of it.
+
+    Args:
+        spec: What to sample.
+        flow: Its traffic.
+        road: The road.
+        seed: Seed of the data set.
+        index: Simulation numbers, shape (simulation,).
+        weather: Weather of each simulation.
+        bend: Draws from where more happens.
+    """
+    own_lane = layout.own_lane(flow, seed, index)
+    wish, bent = _own_wish(spec, flow, seed, index, own_lane, bend)
+    until = spec.time.attempt_deadline_s + RETURN_TIME
+    around = layout.surround(flow, seed, index, own_lane, wish, until, bend)
+    kinds = partial(layout.kinds, flow, lane=around.lane)
+    bodies = sample_bodies(kinds, flow.colours, seed, index, flow.vehicles[1])
+    traits = sample_traits(spec.drivers, seed, index, bodies.kind, bent)
+    wishes = layout.wishes(flow, traits["cruise_factor"], bodies.kind, around.lane)
+    wishes = minimum(wishes, top_speeds()[bodies.kind])
+    speed = layout.equilibrium(
+        around, 0.5 * bodies.length, wishes, traits["time_gap"], traits["min_gap"]
+    )
+    draft = Draft(
+        valid=around.valid,
+        lane=around.lane,
+        s=_on_road(around),
+        speed=speed,
+        kept=np.zeros_like(speed),
+    )
+    followers = Followers(
+        length=bodies.length,
+        reaction_time=traits["reaction_time"],
+        decel=usable_decel(bodies, weather, road, around.lane, speed),
+    )
+    start_s, start_speed = settle(draft, followers, spec.starts, _everywhere(road))
+    return Start(
+        vehicles=bodies.replace(valid=around.valid),
+        drivers=drivers_with(traits, wishes),
+        lane=around.lane,
+        s=start_s,
+        speed=start_speed,
+        deadline=minimum(around.time, np.float32(spec.time.attempt_deadline_s)),
+    )
+
+
+def road_length(spec: Spec, flow: Flow) -> float:
+    """Length of a road that nobody leaves before the horizon [m]."""
+    speeds = [mps_from_kmh(lane.speed_kmh) for lane in flow.lanes]
+    faster = max(speeds) - min(speeds) + 2.0 * layout.UNCERTAINTY
+    wish = max(lane.wish for lane in flow.lanes) * most_cruise(spec.drivers)
+    fastest = wish * mps_from_kmh(max(flow.free_speed_kmh.values()))
+    free = max(lane.density for lane in flow.lanes) / min(lane.density for lane in flow.lanes)
+    longest = 1e3 * free / flow.density_per_km_lane[0]
+    longest *= float(np.exp(flow.spacing_sigma * float(REACH)))
+    traffic = sum(flow.sight_m) + (faster + fastest) * spec.time.horizon_s + 2.0 * longest
+    return MARGIN + traffic + PASSING_MARGIN * fastest * spec.time.horizon_s
+
+
+def _own_wish(
+    spec: Spec, flow: Flow, seed: int, index: U64, lane: U8, bend: Bend
+) -> tuple[F32, Bend]:
+    """The speed that the ego wants [m/s], and what gives its temper once more.
+
+    The traffic is placed by what the ego wants, so it is drawn before the others are.
+    """
+    u = first_uniform(seed, index, Role.EGO)[:, None]
+    kind = layout.kinds(flow, u, lane[:, None])
+    temper: dict[str, F32] = {}
+
+    def remembered(name: str, u: F32) -> F32:
+        if name not in temper:
+            temper[name] = bend(name, u)
+        return temper[name]
+
+    traits = sample_traits(spec.drivers, seed, index, kind, remembered)
+    wish = layout.wishes(flow, traits["cruise_factor"], kind, lane[:, None])
+    return minimum(wish, top_speeds()[kind])[:, 0], remembered
+
+
+def _on_road(around: layout.Around) -> F32:
+    """Positions along the road with the rearmost vehicle near its begin [m]."""
+    rearmost = around.s[:, 0]
+    for slot in range(1, around.s.shape[1]):
+        place = np.where(around.valid[:, slot], around.s[:, slot], np.float32(0.0))
+        rearmost = minimum(rearmost, place)
+    return around.s - rearmost[:, None] + np.float32(MARGIN)
+
+
+def _everywhere(road: Road) -> Zone:
+    """A zone that moves nobody but by what the starts ask for."""
+    lanes = tuple(range(road.num_lanes))
+    return Zone(
+        low=0.0, high=road.length, ego_lanes=lanes, num_lanes=road.num_lanes, most_in_lane=255
+    )

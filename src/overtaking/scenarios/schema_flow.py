@@ -1,0 +1,128 @@
+"""What a specification says about traffic as it is met, and about an enriched draw."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from overtaking.scenarios.complaints import advice, complaint
+from overtaking.scenarios.fields import (
+    Colours,
+    Count,
+    LaneNumber,
+    Positive,
+    Range,
+    Section,
+    Share,
+    SpeedKmh,
+    TypeName,
+    Types,
+    different,
+    ordered,
+)
+
+BENT = (
+    "rains",
+    "rain",
+    "foggy",
+    "fog",
+    "wind",
+    "puddles",
+    "sun",
+    "density",
+    "ego_temper",
+)
+"""What a proposal may draw differently. `rains` and `foggy` decide whether there is any: they are
+small where there is."""
+
+DensityRange = Annotated[tuple[Positive, Positive], AfterValidator(ordered)]
+
+
+class FlowLane(Section):
+    """A lane of section `[traffic]` with `mode = "flow"`.
+
+    Attributes:
+        density: Its density over the mean of all lanes.
+        types: Weights of the vehicle types in it.
+        speed_kmh: What its traffic drives at on average; the ends of the traffic are kept out of
+            the ego's sight by it.
+        wish: Factor on the speed that its drivers want, over that of all drivers of their type.
+    """
+
+    density: Positive
+    types: Types
+    speed_kmh: SpeedKmh
+    wish: Annotated[float, Field(gt=0.5, lt=2.0)] = 1.0
+
+
+class Flow(Section):
+    """Section `[traffic]` with `mode = "flow"`: traffic of which the ego is one.
+
+    Attributes:
+        mode: Says which of the two kinds of traffic this is.
+        vehicles: Fewest and most vehicles; there are as many as it takes to keep the ends of the
+            traffic out of the ego's sight.
+        density_per_km_lane: Vehicles on a kilometre of a lane, the mean of the lanes, uniform.
+        lanes: What drives in each lane, the slowest first; as many as the road has.
+        free_speed_kmh: What drivers of a type want on a free road, on average.
+        spacing_sigma: Spread of the logarithm of the free part of the distances.
+        colours: Weights of the colours.
+        ego_lanes: Lanes that the ego may start in, as likely as their densities say.
+        sight_m: How far the ego looks back and ahead; nearer than this it never sees an end.
+    """
+
+    mode: Literal["flow"]
+    vehicles: Annotated[tuple[Count, Count], AfterValidator(ordered)]
+    density_per_km_lane: DensityRange
+    lanes: Annotated[tuple[FlowLane, ...], Field(min_length=2)]
+    free_speed_kmh: dict[TypeName, SpeedKmh]
+    spacing_sigma: Annotated[float, Field(gt=0.0, le=2.0)]
+    colours: Colours
+    ego_lanes: Annotated[tuple[LaneNumber, ...], Field(min_length=1), AfterValidator(different)]
+    sight_m: Range
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        missing = {name for lane in self.lanes for name in lane.types} - set(self.free_speed_kmh)
+        if missing:
+            name = min(missing)
+            raise complaint(
+                "a speed for every type in traffic.lanes",
+                f"add {name}",
+                key="free_speed_kmh",
+                got=f"none for {name}",
+            )
+        if max(self.ego_lanes) > len(self.lanes) - 2:
+            raise complaint(
+                f"lanes with one on their faster side, 0 to {len(self.lanes) - 2}",
+                "leave out the fastest lane",
+                key="ego_lanes",
+                got=list(self.ego_lanes),
+            )
+        return self
+
+
+def _bendable(powers: dict[str, Any]) -> dict[str, Any]:
+    for name in powers:
+        if name not in BENT:
+            raise complaint("a known quantity", advice(name, BENT), got=name)
+    return powers
+
+
+class Proposal(Section):
+    """Section `[proposal]`: draws some simulations from where more happens, and weights them.
+
+    A bent quantity is made from u^power in place of u, uniform in (0, 1): a power below one favours
+    its upper end, a power above one its lower.
+
+    Attributes:
+        share: Part of the simulations that is drawn so; the others are drawn as they are met, which
+            bounds every weight by 1 / (1 - share).
+        powers: Quantity of `BENT` to power.
+    """
+
+    share: Annotated[Share, Field(lt=1.0)]
+    powers: Annotated[
+        dict[str, Annotated[float, Field(gt=0.0, le=20.0)]], AfterValidator(_bendable)
+    ]

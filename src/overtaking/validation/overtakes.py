@@ -1,0 +1,98 @@
+"""Counts what the egos do: how they overtake, what becomes of it, and in which weather."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from overtaking.labels.events import find_events
+from overtaking.labels.outcome import outcome
+from overtaking.model.events import NEVER, Events, Outcome
+from overtaking.model.trajectory import Stage
+from overtaking.model.vehicles import VehicleKind
+from overtaking.signals import engine as signals
+from overtaking.validation.traffic import Batch, limit
+
+if TYPE_CHECKING:
+    from overtaking.model.weather import Weather
+    from overtaking.validation.tally import Array, Tally
+
+CARS = (VehicleKind.S, VehicleKind.M, VehicleKind.L)
+
+STRATA = ("dry day", "night", "rain", "fog", "wind", "low sun")
+"""Kinds of weather that outcomes are counted in; a simulation may belong to several."""
+
+UNDER_WAY = (Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.ABORT)
+"""An overtake whose ego is in one of these stages in the last frame is open."""
+
+SEEN_AHEAD_M, SEEN_BEHIND_M = 200.0, 100.0
+"""An ego with nobody farther ahead, or behind, than this sees where the traffic ends [m]."""
+
+_RAIN, _FOG, _WIND = 20.0, 20.0, 50.0  # Percent from which weather counts as such.
+
+
+def count(tally: Tally, batch: Batch) -> None:
+    """Add a batch to a tally."""
+    runs = batch.runs
+    events = find_events(runs, signals.signals(runs))
+    ended = outcome(events)
+    begun = (runs.stage == Stage.PULL_OUT).any(axis=1)
+    tally.add("attempts", batch.group, batch.weight * begun)
+    last = runs.stage[np.arange(len(runs.num_frames)), runs.num_frames - 1]
+    tally.add("open", batch.group, batch.weight * np.isin(last, UNDER_WAY))
+    _passing(tally, batch, events)
+    _approach(tally, batch, events)
+    _edges(tally, batch)
+    for number, inside in enumerate(strata(runs.scenario.weather)):
+        place = number * len(Outcome) + ended
+        bins = len(STRATA) * len(Outcome)
+        tally.add_binned("outcomes", batch.group[inside], place[inside], batch.weight[inside], bins)
+        tally.add_binned("raw_outcomes", batch.group[inside], place[inside], np.ones(1), bins)
+    tally.add("squares", batch.group, batch.weight**2)
+    tally.add("number", batch.group, np.ones(1))
+
+
+def strata(weather: Weather) -> list[Array]:
+    """Which simulations belong to each of `STRATA`."""
+    rain, fog, wind = weather.rain >= _RAIN, weather.fog >= _FOG, weather.wind >= _WIND
+    dry_day = ~(weather.night | rain | fog | wind | weather.horizon_line)
+    return [dry_day, weather.night, rain, fog, wind, weather.horizon_line]
+
+
+def _passing(tally: Tally, batch: Batch, events: Events) -> None:
+    """Add how much faster a car is than the car that it begins to pass."""
+    kind = batch.runs.scenario.vehicles.kind
+    at = np.flatnonzero(events.overlap_begin != NEVER)
+    target, frame = events.target[at], events.overlap_begin[at]
+    cars = np.isin(kind[at, 0], CARS) & np.isin(kind[at, target], CARS)
+    speed = batch.runs.states.speed
+    faster = 1e-3 * (speed[at, 0, frame] - speed[at, target, frame].astype(np.float64))
+    group, weight = batch.group[at][cars], batch.weight[at][cars]
+    tally.add("passing", group, weight)
+    tally.add("passing_speed", group, weight * faster[cars])
+
+
+def _approach(tally: Tally, batch: Batch, events: Events) -> None:
+    """Add overtakes, and those whose ego never came down to the speed of the other before."""
+    at = np.flatnonzero((events.attempt != NEVER) & (events.overlap_begin != NEVER))
+    speed = batch.runs.states.speed
+    frames = np.arange(speed.shape[2])[None, :]
+    faster = speed[at, 0].astype(np.int64) - speed[at, events.target[at]]
+    near = (frames >= events.follow[at, None]) & (frames <= events.attempt[at, None])
+    least = np.where(near, faster, np.iinfo(np.int64).max).min(axis=1, initial=2**62)
+    flying = least > 1e3 * limit("flying_margin")
+    tally.add("overtakes", batch.group[at], batch.weight[at])
+    tally.add("flying", batch.group[at], batch.weight[at] * flying)
+
+
+def _edges(tally: Tally, batch: Batch) -> None:
+    """Add frames, and those in which the ego sees where the traffic ends."""
+    runs = batch.runs
+    frames = runs.frame_valid
+    s, there = runs.states.s, runs.scenario.vehicles.valid[:, :, None] & frames[:, None, :]
+    ahead = np.where(there, s, np.iinfo(np.int32).min).max(axis=1).astype(np.int64) - s[:, 0]
+    behind = s[:, 0] - np.where(there, s, np.iinfo(np.int32).max).min(axis=1).astype(np.int64)
+    sees = frames & ((ahead < 1e3 * SEEN_AHEAD_M) | (behind < 1e3 * SEEN_BEHIND_M))
+    tally.add("frames", batch.group, batch.weight * frames.sum(axis=1))
+    tally.add("edges", batch.group, batch.weight * sees.sum(axis=1))

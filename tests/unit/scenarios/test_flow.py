@@ -1,0 +1,146 @@
+"""Traffic as it is met: the ego among others, far from the ends, in balance at the first frame."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from overtaking.core.errors import ConfigError
+from overtaking.exchange.roads import load_road
+from overtaking.model.vehicles import VehicleKind
+from overtaking.scenarios import sample, spec
+from overtaking.scenarios.schema import IndependentWeather
+from overtaking.scenarios.schema_flow import Flow
+
+MOTORWAY = load_road("motorway")
+NUMBERS = np.arange(600, dtype=np.uint64)
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    return sample(spec("motorway"), MOTORWAY, 1, NUMBERS)
+
+
+def test_the_ego_is_one_of_many_and_never_in_the_fastest_lane(drawn):
+    assert drawn.num_slots == 32
+    assert drawn.num_vehicles.min() >= 8
+    assert set(np.unique(drawn.start_lane[:, 0])) == {0, 1}
+    assert not np.isin(drawn.vehicles.kind[:, 0], (VehicleKind.MC, VehicleKind.B)).any()
+    # Filled slots come first.
+    count = drawn.num_vehicles
+    assert np.array_equal(drawn.vehicles.valid, np.arange(32)[None, :] < count[:, None])
+
+
+def test_lanes_have_their_densities_and_their_kinds(drawn):
+    narrow = spec("motorway", {"traffic.density_per_km_lane": [10.0, 10.0]})
+    batch = sample(narrow, MOTORWAY, 2, NUMBERS)
+    for lane, share in enumerate((0.85, 1.15, 1.0)):
+        spacings = []
+        for one in range(len(NUMBERS)):
+            there = batch.vehicles.valid[one] & (batch.start_lane[one] == lane)
+            spacings.append(np.diff(np.sort(batch.start_s[one, there])))
+        mean = np.concatenate(spacings).mean()
+        assert mean == pytest.approx(100.0 / share, rel=0.06)
+    trucks = drawn.vehicles.valid & (drawn.vehicles.kind == VehicleKind.T)
+    assert not (trucks & (drawn.start_lane == 2)).any()
+    assert trucks.sum() / drawn.vehicles.valid.sum() == pytest.approx(0.2, abs=0.03)
+
+
+def test_nobody_starts_too_near_too_fast_or_doomed(drawn):
+    s, speed = drawn.start_s.astype(float), drawn.start_speed.astype(float)
+    half, valid = 0.5 * drawn.vehicles.length.astype(float), drawn.vehicles.valid
+    wish = drawn.drivers.desired_speed.astype(float)
+    assert (speed <= wish + 1e-3)[valid].all()
+    checked = 0
+    for one in range(len(NUMBERS)):
+        for lane in range(3):
+            there = np.flatnonzero(valid[one] & (drawn.start_lane[one] == lane))
+            there = there[np.argsort(s[one, there])]
+            rear, front = there[:-1], there[1:]
+            gap = s[one, front] - s[one, rear] - half[one, rear] - half[one, front]
+            assert (gap > 8.0 - 0.01).all()
+            closing = np.maximum(speed[one, rear] - speed[one, front], 0.0)
+            # Braking by 3 m/s^2 after 1.5 s is more than enough on a dry road.
+            dry = drawn.weather.rain[one] == 0 and drawn.weather.puddles[one] < 25
+            assert not dry or (gap > closing * 1.5 + closing**2 / 6.0 - 0.01).all()
+            checked += len(rear)
+    assert checked > 10_000
+
+
+def test_the_ends_of_the_traffic_are_out_of_sight_at_first_and_until_the_deadline(drawn):
+    flow = spec("motorway").traffic
+    assert isinstance(flow, Flow)
+    back, front = flow.sight_m
+    dense = drawn.num_vehicles == 32
+    assert (drawn.attempt_deadline <= 50.0).all()
+    assert (drawn.attempt_deadline[~dense] == 50.0).all()
+    assert np.median(drawn.attempt_deadline) == 50.0
+    own = drawn.start_s[:, 0]
+    for lane in range(3):
+        there = drawn.vehicles.valid & (drawn.start_lane == lane)
+        there[:, 0] = False
+        ahead = np.where(there, drawn.start_s, -np.inf).max(axis=1) - own
+        behind = own - np.where(there, drawn.start_s, np.inf).min(axis=1)
+        # `settle` may have moved someone a little.
+        assert np.quantile(ahead, 0.01) > front - 20.0
+        assert np.quantile(behind, 0.01) > back - 20.0
+
+
+def test_a_simulation_is_the_same_in_any_batch(drawn):
+    part = sample(spec("motorway"), MOTORWAY, 1, NUMBERS[[17, 3, 599]])
+    for name in ("start_s", "start_speed", "start_lane", "attempt_deadline", "weight"):
+        np.testing.assert_array_equal(getattr(part, name), getattr(drawn, name)[[17, 3, 599]])
+    np.testing.assert_array_equal(part.drivers.time_gap, drawn.drivers.time_gap[[17, 3, 599]])
+
+
+def test_who_wants_to_go_faster_than_the_slow_overtakes_on_the_left_for_a_reason(drawn):
+    # The ego's wish is its own, not made from its leader's: some are slower than all around.
+    wish = drawn.drivers.desired_speed
+    faster = wish[:, 0] > np.where(drawn.vehicles.valid, wish, np.nan)[:, 1:].mean(
+        axis=1, where=drawn.vehicles.valid[:, 1:]
+    )
+    assert 0.2 < faster.mean() < 0.8
+
+
+def test_a_flow_that_does_not_fit_the_road_is_refused():
+    with pytest.raises(ConfigError, match="5 lanes, as the road has"):
+        sample(spec("motorway"), load_road("town06"), 1, NUMBERS[:2])
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "remedy"),
+    [
+        ("traffic.ego_lanes", "[2]", "leave out the fastest lane"),
+        ("traffic.free_speed_kmh", "{ S = 100.0 }", "add L"),
+        ("traffic.density_per_km_lane", "0..5", "greater than 0"),
+        ("traffic.spawn_s_m", "[0, 1]", "did you mean"),
+        ("drivers.scale", "{ time_gab = 1.0 }", "did you mean time_gap?"),
+    ],
+)
+def test_a_mistake_is_one_line(key, value, remedy):
+    with pytest.raises(ConfigError) as caught:
+        spec("motorway", {key: value})
+    assert remedy in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_scale_multiplies_what_is_drawn_for_everyone(drawn):
+    scaled = sample(
+        spec("motorway", {"drivers.scale": {"patience": 2.0}}), MOTORWAY, 1, NUMBERS[:50]
+    )
+    np.testing.assert_allclose(scaled.drivers.patience, 2.0 * drawn.drivers.patience[:50])
+    np.testing.assert_array_equal(scaled.drivers.time_gap, drawn.drivers.time_gap[:50])
+
+
+def test_a_profile_may_be_based_on_another(tmp_path):
+    path = tmp_path / "calm.toml"
+    own = '[profile]\nname = "calm"\n[weather]\nfog_probability = 0.0\n'
+    path.write_text('base = "motorway"\n' + own)
+    calm = spec(path)
+    assert calm.name == "calm"
+    assert calm.traffic == spec("motorway").traffic
+    assert isinstance(calm.weather, IndependentWeather)
+    assert calm.weather.fog_probability == 0.0
+    path.write_text('base = "motorvay"\n')
+    with pytest.raises(ConfigError, match="did you mean motorway"):
+        spec(path)
