@@ -27,6 +27,7 @@ _HOMES = {
     "label": "overtaking.api",
     "load": "overtaking.api",
     "plot_validation": "overtaking.api",
+    "query": "overtaking.api",
     "relabel": "overtaking.api",
     "resume": "overtaking.api",
     "sample": "overtaking.api",

@@ -5,6 +5,7 @@ from overtaking.api import generate as generate
 from overtaking.api import label as label
 from overtaking.api import load as load
 from overtaking.api import plot_validation as plot_validation
+from overtaking.api import query as query
 from overtaking.api import relabel as relabel
 from overtaking.api import resume as resume
 from overtaking.api import sample as sample

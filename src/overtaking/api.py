@@ -35,6 +35,7 @@ from overtaking.sim.version import MODEL_VERSION
 from overtaking.simulators.comparison import Comparison
 
 if TYPE_CHECKING:
+    from overtaking.database.query import Answer
     from overtaking.report.write import Report
     from overtaking.simulators.carla_limits import Limits
     from overtaking.simulators.carla_replay import Replayed
@@ -671,6 +672,90 @@ def plot_validation(found: "Validation", out: str | Path) -> None:
     drawing, path = draw_validation(found), Path(out)
     content = to_svg(drawing) if path.suffix == ".svg" else to_png(drawing)
     put(path, content)
+
+
+def literature(
+    table: str,
+    *,
+    wanted: Iterable[str] = (),
+    own: str | Path | Dataset | None = None,
+    is_corrected: bool = True,
+) -> dict[str, Any]:
+    """What the source paper says of the literature, with corrections and sources.
+
+    Args:
+        table: `systems`, `datasets`, `factors` or `studies`.
+        wanted: What a data set must have, such as `night` or `boxes3d`.
+        own: A data set of one's own to put below the others.
+        is_corrected: Whether corrections are applied; if not, values are as printed.
+
+    Returns:
+        `rows` by the names of their columns, and `references` by their ids.
+
+    Raises:
+        ConfigError: There is no such table, or no such thing can be wanted.
+        DatasetError: One's own data set is not complete or damaged.
+    """
+    from overtaking.literature.answers import answer
+
+    data = own if own is None or isinstance(own, Dataset) else load(own)
+    return answer(table, wanted=tuple(wanted), own=data, is_corrected=is_corrected)
+
+
+def query(
+    data: str | Path | Dataset,
+    sql: str,
+    *,
+    max_rows: int = 10_000,
+    timeout_s: float = 60.0,
+    memory_mib: int = 1024,
+) -> "Answer":
+    """Ask a data set a question in SQL (DuckDB's), which reads its tables and nothing else.
+
+    Args:
+        data: The data set, or its folder.
+        sql: One SELECT, DESCRIBE, SUMMARIZE or SHOW. The tables have their own names; the source
+            paper's entities are views, such as `paper.EgoVehicle`.
+        max_rows: How many rows to give at most.
+        timeout_s: How long it may take [s].
+        memory_mib: How much memory the database may use [MiB].
+
+    Returns:
+        Names of the columns, the rows, and whether there are more.
+
+    Raises:
+        ConfigError: It is no query, is wrong, or needs more time or memory than it may.
+        DatasetError: The data set is not complete or damaged.
+        MissingExtraError: The extra `sql` is not installed.
+    """
+    from overtaking.database import query as asking
+
+    source = data if isinstance(data, Dataset) else load(data)
+    return asking.query(source, sql, max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
+
+
+def entity_relationship_diagram(form: str = "svg", out: str | Path | None = None) -> str:
+    """The diagram of the tables of a data set, drawn from their schemas.
+
+    Args:
+        form: `svg` or `mermaid`.
+        out: File to write it to; it appears whole or not at all.
+
+    Returns:
+        The diagram.
+
+    Raises:
+        ConfigError: There is no such form.
+        OSError: The file cannot be written.
+    """
+    from overtaking.database.diagram import diagram
+
+    text = diagram(form)
+    if out is not None:
+        from overtaking.report.files import put
+
+        put(Path(out), text.encode())
+    return text
 
 
 def _ignore(*_: object) -> None:

@@ -13,6 +13,8 @@ PAGES = (
     "look-at-a-simulation.md",
     "videos.md",
     "export-the-papers-table.md",
+    "query-with-sql.md",
+    "literature.md",
     "check-the-installation.md",
 )
 """In the order in which a reader meets them: the later ones use the data of the first."""

@@ -5,7 +5,18 @@ from typing import Annotated
 
 import typer
 
-from overtaking.cli import carla, importing, labelling, options, stats, sumo, validate, video
+from overtaking.cli import (
+    carla,
+    importing,
+    labelling,
+    literature,
+    options,
+    sql,
+    stats,
+    sumo,
+    validate,
+    video,
+)
 from overtaking.cli.output import Output
 
 HELP = "Simulate, label and explain overtaking manoeuvres, reproducibly."
@@ -185,6 +196,7 @@ COMMANDS: dict[options.Body, str] = {
     **labelling.COMMANDS,
     export: "overtaking export data/pinto --format pinto2023 --out table.csv",
     **stats.COMMANDS,
+    **sql.COMMANDS,
     video.video: "overtaking video data/pinto --simulations 1,7",
     **validate.COMMANDS,
     compare: "overtaking compare pinto2023 -n 100 --seed 1 --with sumo",
@@ -196,6 +208,7 @@ GROUPS: dict[str, tuple[str, dict[options.Body, str]]] = {
         "CARLA 0.9.16: the same scenarios there, and its clients without it.",
         carla.COMMANDS,
     ),
+    "literature": ("What the literature knows, with corrections.", literature.COMMANDS),
     "sumo": ("The same scenarios on Eclipse SUMO.", sumo.COMMANDS),
 }
 """Commands of two words."""

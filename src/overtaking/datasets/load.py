@@ -258,6 +258,26 @@ class Dataset:
         parts = [read_table(self._file(name, shard), name) for shard in self._shards]
         return pa.concat_tables(parts)
 
+    @property
+    def kept_tables(self) -> tuple[str, ...]:
+        """Names of the tables that have files."""
+        shards = self._manifest.shards
+        return tuple(name for name in self._tables if all(name in one.tables for one in shards))
+
+    def files(self, name: str, *, is_checked: bool = True) -> list[Path]:
+        """The files of a table, in the order of their simulations.
+
+        Args:
+            name: Name of a table that was kept.
+            is_checked: Whether their bytes are compared with what was written.
+
+        Raises:
+            DatasetError: A file is damaged.
+        """
+        if is_checked:
+            return [self._file(name, shard) for shard in self._shards]
+        return [write.path_of(self._path, name, shard) for shard in self._shards]
+
     def verify(self) -> None:
         """Read every file and compare it with what was written.
 

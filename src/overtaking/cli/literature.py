@@ -1,0 +1,212 @@
+"""What the literature knows: systems, data sets, factors and studies, as tables."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from overtaking.cli import options
+from overtaking.cli.output import Output
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+AsPrinted = Annotated[
+    bool, typer.Option("--as-printed", help="Values as the paper prints them, not corrected.")
+]
+With = Annotated[
+    Path | None,
+    typer.Option("--with", metavar="DATA", help="Add a row for a data set of your own."),
+]
+
+
+def _flag(word: str, text: str) -> Any:
+    return typer.Option(f"--{word.replace('_', '-')}", help=f"Only data sets with {text}.")
+
+
+Night = Annotated[bool, _flag("night", "nights")]
+Rain = Annotated[bool, _flag("rain", "rain")]
+Snow = Annotated[bool, _flag("snow", "snow")]
+Dawn = Annotated[bool, _flag("dawn", "dawn or dusk")]
+Urban = Annotated[bool, _flag("urban", "traffic in towns")]
+Highway = Annotated[bool, _flag("highway", "traffic on highways")]
+Residential = Annotated[bool, _flag("residential", "residential streets")]
+Rural = Annotated[bool, _flag("rural", "country roads")]
+Campus = Annotated[bool, _flag("campus", "roads of a campus")]
+Lidar = Annotated[bool, _flag("lidar", "a lidar")]
+Radar = Annotated[bool, _flag("radar", "a radar")]
+Boxes = Annotated[bool, _flag("boxes3d", "boxes in three dimensions")]
+
+
+def systems(output: Output, as_printed: AsPrinted = False) -> None:
+    """List systems that drive or help to, with SAE level, comfort and safety."""
+    from overtaking import api
+
+    found = api.literature("systems", is_corrected=not as_printed)
+    rows = [
+        (row["name"], _mark(row, "sae_level"), row["comfort"], row["safety"], row["does"])
+        for row in found["rows"]
+    ]
+    header = ("system", "SAE level", "comfort", "safety", "what it does")
+    output.result(found, lambda _: _drawn(header, rows, found))
+
+
+def datasets(
+    output: Output,
+    night: Night = False,
+    rain: Rain = False,
+    snow: Snow = False,
+    dawn: Dawn = False,
+    urban: Urban = False,
+    highway: Highway = False,
+    residential: Residential = False,
+    rural: Rural = False,
+    campus: Campus = False,
+    lidar: Lidar = False,
+    radar: Radar = False,
+    boxes3d: Boxes = False,
+    own: With = None,
+    as_printed: AsPrinted = False,
+) -> None:
+    """List data sets of driving that have what you need."""
+    from overtaking import api
+
+    given = {
+        "night": night,
+        "rain": rain,
+        "snow": snow,
+        "dawn": dawn,
+        "urban": urban,
+        "highway": highway,
+        "residential": residential,
+        "rural": rural,
+        "campus": campus,
+        "lidar": lidar,
+        "radar": radar,
+        "boxes3d": boxes3d,
+    }
+    wanted = [word for word, is_given in given.items() if is_given]
+    found = api.literature("datasets", wanted=wanted, own=own, is_corrected=not as_printed)
+    header = ("data set", "year", "scenes", "hours", "frames", "3D", "seen in", "roads")
+    output.result(found, lambda _: _drawn(header, [_dataset(row) for row in found["rows"]], found))
+
+
+def factors(output: Output) -> None:
+    """List what makes a scene easy or hard to drive, with our columns for it."""
+    from overtaking import api
+
+    found = api.literature("factors")
+    rows = [
+        (row["name"], row["kind"], row["acts"], "\n".join(row["columns"]) or "none")
+        for row in found["rows"]
+    ]
+    output.result(found, lambda _: _drawn(("factor", "kind", "how", "our columns"), rows, found))
+
+
+def studies(output: Output) -> None:
+    """List studies of what decides about an overtake, with our columns for each factor."""
+    from overtaking import api
+
+    found = api.literature("studies")
+    rows = [
+        (
+            row["name"] if number == 0 else "",
+            factor["name"],
+            "" if factor["accuracy_percent"] is None else f"{factor['accuracy_percent']:.1f} %",
+            ", ".join(factor["columns"]) or "none",
+        )
+        for row in found["rows"]
+        for number, factor in enumerate(row["factors"] or [_NOTHING])
+    ]
+    header = ("study", "factor", "accuracy so far", "our columns")
+    output.result(found, lambda _: _drawn(header, rows, found))
+
+
+_NOTHING: dict[str, Any] = {
+    "name": "names no single factor",
+    "accuracy_percent": None,
+    "columns": (),
+}
+
+
+def _dataset(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """The cells of a data set that fit on a line; the others are in the JSON."""
+    return (
+        row["name"],
+        _mark(row, "year"),
+        _mark(row, "num_scenes"),
+        _mark(row, "duration_h"),
+        _mark(row, "num_annotated_frames"),
+        _mark(row, "boxes_3d"),
+        _mark(row, "conditions"),
+        _mark(row, "traffic"),
+    )
+
+
+def _mark(row: Mapping[str, Any], column: str) -> str:
+    """A cell, with a star if the paper prints something else."""
+    is_corrected = any(one["column"] == column for one in row["corrections"])
+    return cell(row[column]) + ("*" if is_corrected else "")
+
+
+def cell(value: object) -> str:
+    """A value as people read it."""
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return _short(value)
+    if isinstance(value, float):
+        return f"{value:,.3g}" if value < 1000 else f"{value:,.0f}"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return ", ".join(str(one).replace("_", " ") for one in value) or "–"
+    return str(value)
+
+
+def _short(value: int) -> str:
+    """A count as the paper writes it; years and small counts stand as they are."""
+    for unit, size in (("M", 1_000_000), ("k", 1000)):
+        if value >= size and value >= 10_000:
+            return f"{value / size:.3g}{unit}"
+    return str(value)
+
+
+def _drawn(
+    header: Sequence[str], rows: Sequence[Sequence[str]], found: Mapping[str, Any]
+) -> "Group":
+    """The table, and below it what was corrected and what is said besides."""
+    from rich import box
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for number, name in enumerate(header):
+        table.add_column(name, no_wrap=number == 0)
+    for row in rows:
+        table.add_row(*(Text(one) for one in row))
+    return Group(table, Text("\n".join(_notes(found["rows"]))))
+
+
+def _notes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Corrections, doubts and remarks, a line each."""
+    notes: list[str] = []
+    for row in rows:
+        notes += [
+            f"* {row['name']}, {one['column']}: {cell(one['value'])}; the paper prints "
+            f"{cell(one['printed'])}. {one['why']} [{one['source']}]."
+            for one in row.get("corrections", ())
+        ]
+        notes += [f"? {row['name']}: {text}." for text in row.get("doubts", ())]
+        notes += [f"! {row['name']}: {row['remark']}."] if row.get("remark") else []
+    return notes
+
+
+COMMANDS: dict[options.Body, str] = {
+    systems: "overtaking literature systems",
+    datasets: "overtaking literature datasets --night --rain --highway --boxes3d",
+    factors: "overtaking literature factors --json",
+    studies: "overtaking literature studies",
+}

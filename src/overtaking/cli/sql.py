@@ -1,0 +1,111 @@
+"""Questions to a data set in SQL, and the diagram of its tables."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from overtaking.cli import options
+from overtaking.cli.output import Output
+from overtaking.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+FORMATS = ("table", "csv", "json")
+
+Question = Annotated[str, typer.Argument(metavar="SQL", help="One SELECT, in quotes.")]
+Written = Annotated[str, typer.Option("--format", metavar="NAME", help="table, csv or json.")]
+Rows = Annotated[int, typer.Option("--rows", min=1, metavar="N", help="Rows to give at most.")]
+Seconds = Annotated[float, typer.Option("--timeout", metavar="S", help="Seconds it may take.")]
+Memory = Annotated[
+    int, typer.Option("--memory", min=16, metavar="MIB", help="Memory it may use [MiB].")
+]
+Drawn = Annotated[str, typer.Option("--format", metavar="NAME", help="svg or mermaid.")]
+Target = Annotated[
+    Path | None, typer.Option("--out", metavar="FILE", help="File to write.  [default: none]")
+]
+
+
+def sql(
+    output: Output,
+    data: options.Data,
+    question: Question,
+    written: Written = "table",
+    rows: Rows = 1000,
+    timeout_s: Seconds = 60.0,
+    memory_mib: Memory = 1024,
+) -> None:
+    """Ask a data set a question in SQL, which reads its tables and nothing else."""
+    from overtaking import api
+    from overtaking.database import text
+
+    if written not in FORMATS:
+        raise ConfigError.of(
+            what="--format",
+            where="sql",
+            expected=" or ".join(FORMATS),
+            got=written,
+            next_step="choose one of them",
+        )
+    answer = api.query(data, question, max_rows=rows, timeout_s=timeout_s, memory_mib=memory_mib)
+    values = text.values_of(answer)
+    if answer.is_cut:
+        output.say(f"there are more rows than these {rows}; --rows gives more")
+    if written == "csv":
+        output.text(values, text.csv_of(answer))
+    elif written == "json":
+        output.text(values, _json(values))
+    else:
+        output.result(values, lambda _: render(values))
+
+
+def er(output: Output, drawn: Drawn = "svg", out: Target = None) -> None:
+    """Draw the tables of a data set and how they hang together."""
+    from overtaking import api
+
+    picture = api.entity_relationship_diagram(drawn, out)
+    values = {"format": drawn, "file": None if out is None else str(out)}
+    if out is None:
+        output.text(values | {"diagram": picture}, picture)
+    else:
+        output.text(values, f"{out}\n")
+
+
+def render(values: dict[str, Any]) -> "Group":
+    """The rows as a table; what cannot be printed is shown as such."""
+    from rich import box
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for name in values["columns"]:
+        table.add_column(Text(shown(name)), overflow="fold")
+    for row in values["rows"]:
+        table.add_row(*(Text(shown(cell)) for cell in row))
+    count = len(values["rows"])
+    return Group(table, Text(f"{count:,} row{'' if count == 1 else 's'}"))
+
+
+def shown(cell: object) -> str:
+    """A cell as people read it, without anything that a terminal would obey."""
+    if cell is None:
+        return "–"
+    if isinstance(cell, bool):
+        return "yes" if cell else "no"
+    text = f"{cell:.6g}" if isinstance(cell, float) else str(cell)
+    return "".join(one if one.isprintable() else "�" for one in text)
+
+
+def _json(values: dict[str, Any]) -> str:
+    import json
+
+    return json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+COMMANDS: dict[options.Body, str] = {
+    sql: "overtaking sql data/pinto \"select class, count(*) from labels where policy = 'paper' "
+    'group by class"',
+    er: "overtaking er --format mermaid",
+}
