@@ -15,9 +15,10 @@ from rich.console import Console, Group
 from overtaking import api
 from overtaking.cli.description import Values, describe, lane_name
 from overtaking.cli.drawing import SYMBOLS, Glyphs, symbol
+from overtaking.cli.judgement import SYMBOLS as SYMBOLS_OF_EVENTS
 from overtaking.cli.law import law_lines
 from overtaking.cli.show import MAX_INSTANTS, render
-from overtaking.cli.timeline import LETTERS
+from overtaking.cli.timeline import LETTERS, event_lines
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.trajectory import NO_VEHICLE, UNKNOWNS, Stage, Trajectories
 
@@ -186,7 +187,7 @@ def test_events_are_told_in_the_order_of_time_and_marked_below_the_stages(labell
         happened = {each["event"] for each in values["events"]}
         assert happened == {name for name in LETTERS if getattr(labelled.events, name)[number] >= 0}
         seen |= happened
-    assert {"follow", "attempt", "return_end", "abort", "collision"} <= seen
+    assert {"follow", "attempt", "line_crossed", "overlap_end", "return_end"} <= seen
     number = next(n for n, v in enumerate(stories) if v["outcome"] == "completed")
     lines = drawn(one(labelled, number)).splitlines()
     begin = lines.index("What the ego did")
@@ -194,6 +195,28 @@ def test_events_are_told_in_the_order_of_time_and_marked_below_the_stages(labell
     marks = "".join(lines[begin + 2 : end])
     for each in stories[number]["events"]:
         assert LETTERS[each["event"]] in marks
+
+
+@pytest.mark.parametrize(("struck", "words"), [(True, "is struck by 2"), (False, "runs into 2")])
+def test_every_event_has_its_words_and_a_collision_tells_who_ran_into_whom(struck, words):
+    events = [
+        {"event": name, "symbol": SYMBOLS_OF_EVENTS[name], "frame": n, "time_s": n / 20}
+        for n, name in enumerate(LETTERS)
+    ]
+    values = {
+        "events": events,
+        "target": 1,
+        "collision_partner": 2,
+        "struck_by_partner": struck,
+    }
+    lines = [str(line) for line in event_lines(values)]
+    assert len(lines) == len(LETTERS)
+    assert all(
+        line.startswith(letter) for line, letter in zip(lines, LETTERS.values(), strict=True)
+    )
+    (collision,) = (line for line in lines if line.startswith("C"))
+    assert collision.endswith(words)
+    assert lines[0].endswith("0.00 s  t_follow   follows 1")
 
 
 def test_no_mark_of_an_event_is_the_letter_of_a_vehicle():
