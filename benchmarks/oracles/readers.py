@@ -76,6 +76,8 @@ def tables_of(folder: Path) -> dict[str, Rows]:
     """The rows that PyArrow finds in each table that has any."""
     parquet = importlib.import_module("pyarrow.parquet")
     names = sorted(path.parent.name for path in folder.glob("*/part-00000.parquet"))
+    if not names:
+        raise SystemExit(f"{folder}: no tables")
     found = {name: parquet.read_table(folder / name).to_pylist() for name in names}
     return {name: rows for name, rows in found.items() if rows}
 
