@@ -90,13 +90,12 @@ def next_ahead(case: Case, slot: Index, frames: Index) -> tuple[Mask, F32]:
 
 
 def _in_lane(case: Case, lane: NDArray[np.int32], frames: Index) -> Mask:
-    """Which vehicles other than the ego are in a lane, shape (simulation, vehicle)."""
+    """Which vehicles are in a lane, shape (simulation, vehicle)."""
     run, rows = case.trajectories, np.arange(len(frames))
     inside = run.states.lane[rows, :, frames] == lane[:, None]
     inside &= run.scenario.vehicles.valid & (lane < run.road.num_lanes)[:, None]
     if run.present is not None:
         inside &= run.present[rows, :, frames]
-    inside[:, Role.EGO] = False
     return inside
 
 

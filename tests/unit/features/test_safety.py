@@ -55,6 +55,21 @@ def test_measures_at_the_attempt_are_those_of_the_vehicle_ahead():
     assert at(found.picud, "attempt") == pytest.approx(picud, rel=1e-3)
 
 
+def test_accelerations_count_in_the_time_to_collision_that_has_them():
+    ego = Track(speed=28.0, accel=1.0, body=BODY)
+    ahead = Track(s=60.0, speed=20.0, accel=-0.5, body=BODY)
+    behind = Track(s=-40.0, speed=30.0, accel=1.5, body=BODY)
+    one = case(ego, ahead, behind, frames=60, road=ROAD, events={"attempt": 0})
+    found = safety_measures(one)
+    # The first t with a t^2 / 2 + v t = gap, for 1.5 and for 0.5 m/s^2.
+    assert at(found.front.mttc, "attempt") == pytest.approx(
+        (np.sqrt(8.0**2 + 2 * 1.5 * 56.0) - 8.0) / 1.5, rel=1e-3
+    )
+    assert at(found.rear.mttc, "attempt") == pytest.approx(
+        (np.sqrt(2.0**2 + 2 * 0.5 * 36.0) - 2.0) / 0.5, rel=1e-3
+    )
+
+
 def test_the_overtaken_vehicle_is_behind_in_the_lane_entered_at_the_return():
     one = overtake()
     found, gap = safety_measures(one), gap_at(one, "return_begin")
