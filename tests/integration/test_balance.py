@@ -21,6 +21,7 @@ from overtaking.datasets.balance import Balance
 from overtaking.datasets.balance_scan import FILE_NAME
 from overtaking.datasets.card import FILE_NAME as CARD
 from overtaking.datasets.manifest import FILE_NAME as MANIFEST
+from overtaking.datasets.manifest import BalanceRecord
 from overtaking.datasets.recipe import Keep, Recipe
 from overtaking.model.known_roads import known_road
 from overtaking.scenarios import spec
@@ -53,6 +54,12 @@ def generate(out: Path, balance: Balance = BALANCE, **changes) -> api.Dataset:
     return api.generate("pinto2023", NUM_SIMULATIONS, SEED, out, balance=balance, **settings)
 
 
+def record_of(data: api.Dataset) -> BalanceRecord:
+    """What became of its cells."""
+    assert data.manifest.balance is not None
+    return data.manifest.balance
+
+
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
     return generate(tmp_path_factory.mktemp("balanced") / "data")
@@ -61,8 +68,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
 @pytest.fixture(scope="module")
 def candidates(data, tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
     """The candidates of that data set, all of them, as an ordinary one."""
-    found = data.manifest.balance
-    assert found is not None
+    found = record_of(data)
     out = tmp_path_factory.mktemp("candidates") / "data"
     return api.generate("pinto2023", found.candidates, SEED, out, keep="features")
 
@@ -122,7 +128,7 @@ def test_statistics_count_by_the_weights(data, candidates):
 
 def test_the_manifest_and_the_card_say_what_became_of_each_class(data, candidates):
     natural = candidates.features()["CLASS"].value_counts()
-    found = data.manifest.balance
+    found = record_of(data)
     for name, quota in zip(BALANCE.cells, QUOTAS, strict=True):
         cell = found.cells[name]
         assert (cell.quota, cell.kept, cell.seen) == (quota, quota, natural[name])
@@ -141,7 +147,7 @@ def test_day_and_night_are_cells_of_their_own(tmp_path):
 def test_candidates_without_a_quota_are_counted_and_not_kept(tmp_path):
     strict = generate(tmp_path / "data", Balance(policy="default"))
     assert set(strict.features("default")["CLASS"]) == set(BALANCE.cells)
-    assert strict.manifest.balance.outside > 0
+    assert record_of(strict).outside > 0
 
 
 @pytest.mark.parametrize(("chunk_size", "threads"), [(7, 1), (64, 3), (512, 2)])
@@ -192,14 +198,14 @@ def test_what_was_ended_is_resumed_to_the_same_bytes(by, phase, after, remembere
         assert "--resume" in said.splitlines()[-1]
     looked: list[int] = []
     assert_same(api.resume(out, on_candidates=lambda n, _: looked.append(n)), data)
-    assert looked[0] == (remembered or data.manifest.balance.candidates)
+    assert looked[0] == (remembered or record_of(data).candidates)
 
 
 def test_a_repaired_data_set_needs_no_second_search(data, copy):
     (copy / "labels" / "part-00001.parquet").unlink()
     looked: list[int] = []
     repaired = api.resume(copy, on_candidates=lambda done, _: looked.append(done))
-    assert looked == [data.manifest.balance.candidates]
+    assert looked == [record_of(data).candidates]
     assert_same(repaired, data)
 
 
@@ -247,7 +253,7 @@ def test_a_smaller_number_of_candidates_is_another_data_set(tmp_path):
 
 def test_fewer_simulations_are_written_if_that_is_allowed(tmp_path):
     short = generate(tmp_path / "data", Balance(candidates=20, allows_missing=True))
-    found = short.manifest.balance
+    found = record_of(short)
     assert len(short) == NUM_SIMULATIONS - found.missing == len(short.features())
     assert 0 < found.missing < NUM_SIMULATIONS
     assert f"{found.missing}\nsimulations are missing" in (short.path / CARD).read_text()
