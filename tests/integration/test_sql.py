@@ -211,6 +211,9 @@ ATTEMPTS = [
     "SELECT getenv('HOME')",
     "SELECT * FROM data",
     "SELECT * FROM sniff_csv('{secret}')",
+    "SELECT * FROM arrow_scan(1, 2, 3)",  # Addresses in memory.
+    "SELECT * FROM arrow_scan(1::POINTER, 2::POINTER, 3::POINTER)",
+    "SELECT * FROM pandas_scan(1::POINTER)",
 ]
 
 
