@@ -192,7 +192,7 @@ ATTEMPTS = [
     "EXPORT DATABASE '{file}'",
     "INSTALL httpfs",
     "LOAD httpfs",
-    "PRAGMA database_list",
+    "PRAGMA enable_profiling",
     "SET enable_external_access = true",
     "SET lock_configuration = false",
     "SELECT * FROM read_csv('{secret}')",
