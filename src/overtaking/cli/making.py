@@ -86,6 +86,10 @@ _WORDS = {
 }
 
 
+_STEADY = 10
+"""A total is shown anew when it has changed by more than a tenth."""
+
+
 class _Phases:
     """A progress bar for one phase of the work after the other.
 
@@ -118,11 +122,16 @@ class _Phases:
         Args:
             what: The things of the phase.
         """
+        known = 0
 
         def tell(done: int, total: int) -> None:
+            nonlocal known
+            # A bar forgets its speed with every new total, and estimates change all the time.
+            if done == total or abs(total - known) * _STEADY > known:
+                known = total
             if not self._shown or self._shown[0] != what:
                 self.__exit__(None, None, None)
                 self._shown = what, self._output.progress(what).__enter__()
-            self._shown[1](done, total)
+            self._shown[1](done, max(known, done))
 
         return tell
