@@ -2,11 +2,22 @@
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from functools import cache
 from typing import TypeVar
 
 A = TypeVar("A")
 B = TypeVar("B")
+
+
+@cache
+def pool_of(name: str, threads: int) -> ThreadPoolExecutor:
+    """The threads of a name, the same ones as long as the process lives.
+
+    Allocators keep memory for each thread that they have met: with new threads for every shard it
+    would grow with the number of shards.
+    """
+    return ThreadPoolExecutor(max_workers=threads, thread_name_prefix=f"overtaking-{name}")
 
 
 def in_order(work: Callable[[A], B], items: Iterable[A], threads: int) -> Generator[B]:
@@ -23,15 +34,16 @@ def in_order(work: Callable[[A], B], items: Iterable[A], threads: int) -> Genera
     if threads == 1:
         yield from map(work, items)
         return
-    with ThreadPoolExecutor(max_workers=threads) as pool:
-        underway: deque[Future[B]] = deque()
-        try:
-            for item in items:
-                underway.append(pool.submit(work, item))
-                if len(underway) > threads:
-                    yield underway.popleft().result()
-            while underway:
+    pool = pool_of("work", threads)
+    underway: deque[Future[B]] = deque()
+    try:
+        for item in items:
+            underway.append(pool.submit(work, item))
+            if len(underway) > threads:
                 yield underway.popleft().result()
-        finally:
-            for future in underway:
-                future.cancel()
+        while underway:
+            yield underway.popleft().result()
+    finally:
+        for future in underway:
+            future.cancel()
+        wait(underway)

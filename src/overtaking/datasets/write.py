@@ -9,13 +9,14 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, wait
 from contextlib import ExitStack
 from pathlib import Path
 
 import pyarrow as pa
 
 from overtaking.core.errors import SchemaError
+from overtaking.datasets.ahead import pool_of
 from overtaking.datasets.manifest import ShardRecord
 from overtaking.datasets.plan import Shard
 from overtaking.tables.digest import content_of
@@ -33,6 +34,9 @@ MARK = "simulations"
 
 PARTIAL = ".partial"
 """Folder in the data set for files that are not finished; what is left there has no meaning."""
+
+WRITING_THREADS = 4
+"""Tables that are written beside each other; one of them takes most of the time."""
 
 _FACTS, _SEAL = "overtaking.facts", "overtaking.seal"
 
@@ -145,21 +149,24 @@ def _write_pieces(
     on_piece: Callable[[int], None],
 ) -> None:
     """Write each piece, the tables beside each other, while the next piece is being made."""
-    with ThreadPoolExecutor(max_workers=len(writers)) as pool:
-        underway: list[Future[None]] = []
-        simulations = 0
+    pool = pool_of("write", WRITING_THREADS)
+    underway: list[Future[None]] = []
+    simulations = 0
 
-        def wait() -> None:
-            for future in underway:
-                future.result()
-            if underway:
-                on_piece(simulations)
+    def finish() -> None:
+        for future in underway:
+            future.result()
+        if underway:
+            on_piece(simulations)
 
+    try:
         for piece in pieces:
-            wait()
+            finish()
             underway = [pool.submit(one.write, piece[name]) for name, one in writers.items()]
             simulations = piece[MARK].num_rows
-        wait()
+        finish()
+    finally:
+        wait(underway)  # Nobody may close a file that is being written.
 
 
 def _seal(fingerprint: str, facts: str, content: str) -> str:
