@@ -11,7 +11,7 @@ import pytest
 if TYPE_CHECKING:
     from pathlib import Path
 
-LOCKS = ("runtime", "dev", "bench")
+LOCKS = ("runtime", "dev")
 ADDRESS = re.compile(r"://|--(?:extra-)?index-url|--find-links| @ ")
 PIN = re.compile(r"^([a-z0-9._-]+)==(\S+)(?: ; (.*?))? \\$", re.MULTILINE)
 
@@ -50,12 +50,12 @@ def test_a_lock_file_has_a_hash_for_every_version(name: str, repository: Path):
 
 
 def test_all_lock_files_agree_on_versions(repository: Path):
-    runtime, dev, bench = (pins(repository, name) for name in LOCKS)
+    runtime, dev = (pins(repository, name) for name in LOCKS)
 
     def versions(lines: set[tuple[str, ...]]) -> set[tuple[str, ...]]:
         return {line[:2] for line in lines}
 
-    assert versions(runtime) <= versions(dev) <= versions(bench)
+    assert versions(runtime) <= versions(dev)
 
 
 def test_the_locks_hold_every_package_that_the_project_asks_for(
@@ -64,11 +64,11 @@ def test_the_locks_hold_every_package_that_the_project_asks_for(
     groups = project["dependency-groups"]
     tools = names([*groups["build"], *groups["lint"], *groups["test"]])
     extras = project["project"]["optional-dependencies"]
+    optional = names([each for name, one in extras.items() if name != "all" for each in one])
     runtime = names(project["project"]["dependencies"])
     wanted = {
         "runtime": runtime,
-        "dev": runtime | tools | names(extras["sql"]),
-        "bench": runtime | tools | names(extras["sql"]) | names(extras["sumo"]),
+        "dev": runtime | tools | optional,
     }
     for name, packages in wanted.items():
         locked = {pin[0] for pin in pins(repository, name)}
