@@ -301,7 +301,7 @@ def test_export_to_what_is_no_file_or_in_no_known_format(data, tmp_path):
     refused(tmp_path, "export", data, "--out", "/proc/table.csv", says="/proc/table.csv")
     target = tmp_path / "table.csv"
     refused(tmp_path, "export", data, "--out", target, "--parquet", says="leave the option out")
-    refused(tmp_path, "export", data, "--out", target, "--format", "highd", says="pinto2023")
+    refused(tmp_path, "export", data, "--out", target, "--format", "xlsx", says="pinto2023")
 
 
 def test_a_log_that_cannot_be_written(data, tmp_path):

@@ -191,7 +191,7 @@ def shifted_by(one: Trajectories, other: Trajectories, shift: float) -> np.ndarr
     return np.where(one.num_frames == other.num_frames, away, np.inf)
 
 
-@given(seed=seeds, index=indices, order=st.permutations(range(1, 8)))
+@given(seed=seeds, index=indices, order=st.permutations(range(1, 6)))
 @settings(max_examples=10)
 def test_the_order_of_the_other_vehicles_is_irrelevant(
     seed: int, index: list[int], order: list[int]
@@ -218,7 +218,9 @@ def test_the_order_of_the_other_vehicles_is_irrelevant(
             recorded[untouched], getattr(two.states, name)[untouched], name
         )
     np.testing.assert_array_equal(one.num_frames, two.num_frames)
-    partners = np.append(np.argsort(shuffle), np.full(248, NO_VEHICLE)).astype(np.uint8)
+    partners = np.append(np.argsort(shuffle), np.full(256 - len(shuffle), NO_VEHICLE)).astype(
+        np.uint8
+    )
     np.testing.assert_array_equal(partners[one.contacts.partner[:, shuffle]], two.contacts.partner)
 
 
@@ -356,8 +358,9 @@ def test_simulations_end_by_the_rules(seed: int, index: list[int]):
         for stage, after in ((Stage.DONE, 3.0), (Stage.CRASHED, 2.0)):
             if (stages == stage).any():
                 ends.append(int(np.argmax(stages == stage)) * 0.05 + after)
-        if (stages == Stage.FOLLOW).all():
-            # Whoever waits may signal beyond the deadline, and then goes or gives up.
+        if stages[-1] == Stage.FOLLOW:
+            # Who waits at the deadline ends there, for the first time or again after giving up;
+            # who signals goes on a little, and then goes or gives up.
             waited = (len(stages) - 1) * 0.05
             assert float(ran.scenario.attempt_deadline[i]) - 1e-6 <= waited <= ends[0] + 1e-6
             continue

@@ -185,6 +185,7 @@ def test_who_has_just_cut_in_nearer_still_does_not_count():
     assert gap[95] < 15.0 < gap[199] < 27.0
     (farther,), _ = remedies("L3", one)
     assert farther.by == pytest.approx(-found("L3", one).margin[0], rel=1e-5)
+    assert farther.frame is not None
     assert not 90 <= farther.frame <= 150
 
 
