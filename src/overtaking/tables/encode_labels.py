@@ -127,7 +127,8 @@ def findings(labelled: Labelled, numbers: Numbers) -> pa.Table:
 
 def features(labelled: Labelled, numbers: Numbers) -> pa.Table:
     """One row per simulation and way of measuring."""
-    readings = [_features(one, numbers) for one in labelled.features]
+    unknown = labelled.trajectories.unknown
+    readings = [_features(one, numbers, unknown) for one in labelled.features]
     count = len(numbers)
     # Row i of each reading in turn.
     order = np.arange(count * len(readings)).reshape(len(readings), count).T.reshape(-1)
@@ -177,13 +178,16 @@ def safety(labelled: Labelled, numbers: Numbers) -> pa.Table:
     return build("safety", keys | columns)
 
 
-def _features(found: Features, numbers: Numbers) -> Mapping[str, NDArray[Any] | Masked]:
+def _features(
+    found: Features, numbers: Numbers, unknown: frozenset[str]
+) -> Mapping[str, NDArray[Any] | Masked]:
     nobody = ~found.has_target
+    unseen = np.full(len(numbers), "weather" in unknown)
     return {
         "simulation": numbers,
         "policy": np.full(len(numbers), READINGS.names.index(found.policy)),
-        "DN": found.night.astype(np.int32),
-        "HL": found.horizon_line.astype(np.int32),
+        "DN": Masked(found.night.astype(np.int32), unseen),
+        "HL": Masked(found.horizon_line.astype(np.int32), unseen),
         "TE": found.ego_kind,
         "TP": Masked(found.target_kind, nobody),
         "WT_s": found.waiting_time,
@@ -194,8 +198,8 @@ def _features(found: Features, numbers: Numbers) -> Mapping[str, NDArray[Any] | 
         "DSEP_mps": Masked(found.speed_difference, nobody),
         "D_m": Masked(found.distance, nobody),
         "OLR_percent": found.left_occupancy * PERCENT,
-        "PREC_percent": found.rain,
-        "WIND_percent": found.wind,
-        "FOG_percent": found.fog,
+        "PREC_percent": Masked(found.rain, unseen),
+        "WIND_percent": Masked(found.wind, unseen),
+        "FOG_percent": Masked(found.fog, unseen),
         "frame": Masked(found.frame, found.frame == NEVER),
     }

@@ -96,8 +96,8 @@ LABEL_FIELDS: dict[str, list[pa.Field]] = {
     "features": [
         _SIMULATION,
         column("policy", READINGS, "1", "The paper's way of measuring, or alike in every class"),
-        column("DN", DAY_NIGHT, "1", "Day or night"),
-        column("HL", NO_YES, "1", "Whether the sun stands low ahead"),
+        column("DN", DAY_NIGHT, "1", "Day or night", nullable=True),
+        column("HL", NO_YES, "1", "Whether the sun stands low ahead", nullable=True),
         column("TE", KINDS, "1", "Type of the ego"),
         column("TP", KINDS, "1", "Type of the vehicle to overtake", nullable=True),
         column("WT_s", pa.float32(), "s", "Waiting time before the overtake"),
@@ -108,9 +108,9 @@ LABEL_FIELDS: dict[str, list[pa.Field]] = {
         column("DSEP_mps", pa.float32(), "m/s", "Difference of those speeds", nullable=True),
         column("D_m", pa.float32(), "m", "Distance to the vehicle to overtake", nullable=True),
         column("OLR_percent", pa.float32(), "%", "Occupancy of the lane to the left"),
-        column("PREC_percent", pa.float32(), "%", "Precipitation"),
-        column("WIND_percent", pa.float32(), "%", "Wind"),
-        column("FOG_percent", pa.float32(), "%", "Fog"),
+        column("PREC_percent", pa.float32(), "%", "Precipitation", nullable=True),
+        column("WIND_percent", pa.float32(), "%", "Wind", nullable=True),
+        column("FOG_percent", pa.float32(), "%", "Fog", nullable=True),
         column("frame", pa.int32(), "1", "Measured in this frame, null for means", nullable=True),
     ],
     "decisions": [

@@ -103,3 +103,11 @@ def test_features_of_both_readings_alternate(labelled, frames):
         assert (mine["TP"].notna().to_numpy() == reading.has_target).all()
         occupancy = mine["OLR_percent"].to_numpy()
         assert np.allclose(occupancy, reading.left_occupancy * 100.0)
+
+
+def test_weather_that_nobody_knows_is_null(labelled):
+    run = labelled.trajectories.replace(unknown=frozenset({"weather"}))
+    rows = decode(encode_labels(label(run), np.arange(SIZE))["features"])
+    weather = ["DN", "HL", "PREC_percent", "WIND_percent", "FOG_percent"]
+    assert rows[weather].isna().all().all()
+    assert rows[["TE", "SE_mps", "NV"]].notna().all().all()
