@@ -415,7 +415,11 @@ impl<S: Simd> Chunk<'_, S> {
             let (across, reach) = self.footprint(slot);
             for (place, known) in nearest.iter_mut().enumerate() {
                 let right_shift = shift.simd_eq([0, 1, -1][place / 2]);
-                let right_end = if place % 2 == 0 { is_ahead } else { !is_ahead };
+                let right_end = if place.is_multiple_of(2) {
+                    is_ahead
+                } else {
+                    !is_ahead
+                };
                 let closer = there & right_shift & right_end & distance.simd_lt(known.distance);
                 known.distance = closer.select(distance, known.distance);
                 known.vehicle = closer.select(self.int(j as i32), known.vehicle);
@@ -449,7 +453,7 @@ impl<S: Simd> Chunk<'_, S> {
         let zero = splat(self.simd, 0.0);
         let distance: V<S> = known.distance.to_float();
         let gap = distance * METRES - (self.around.length[ego] * 0.5 + known.length);
-        let closing = if place % 2 == 0 {
+        let closing = if place.is_multiple_of(2) {
             own_speed - known.speed
         } else {
             known.speed - own_speed
