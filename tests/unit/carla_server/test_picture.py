@@ -30,7 +30,7 @@ def looking(x: float, y: float, z: float, pitch: float = 0.0, yaw: float = 0.0) 
 
 
 def places(low: int, high: int) -> st.SearchStrategy[float]:
-    """Places in thousandths of a pixel: finer ones only test how GEOS handles the tiniest numbers."""
+    """Places in thousandths of a pixel: finer ones only test the oracle with tiny numbers."""
     return st.integers(low * 1000, high * 1000).map(lambda place: place / 1000.0)
 
 
