@@ -152,7 +152,7 @@ def test_candidates_without_a_quota_are_counted_and_not_kept(tmp_path):
 
 @pytest.mark.parametrize(("chunk_size", "threads"), [(7, 1), (64, 3), (512, 2)])
 def test_batches_and_threads_change_nothing(chunk_size, threads, data, tmp_path):
-    engine = dataclasses.replace(api._simulator("engine"), chunk_size=chunk_size, threads=threads)
+    engine = dataclasses.replace(api.simulator_of("engine"), chunk_size=chunk_size, threads=threads)
     profile = spec("pinto2023")
     recipe = Recipe(
         spec=profile,

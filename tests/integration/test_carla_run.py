@@ -136,7 +136,8 @@ def test_a_client_that_is_killed_is_replaced_and_the_result_the_same():
 
 
 def test_a_recorded_simulation_is_played_pose_by_pose_and_filmed(tmp_path: Path):
-    av = pytest.importorskip("av")
+    import av
+
     short = {"time.horizon_s": 0.6, "time.attempt_deadline_s": 0.6}
     data = api.generate("pinto2023", 1, 3, tmp_path / "data", overrides=short)
     words = [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import io
 import json
 import subprocess
@@ -56,7 +55,6 @@ def test_a_profile_without_a_flow_is_judged_on_its_open_road():
     assert names[0] == "lane_changes_per_km"
 
 
-@pytest.mark.skipif(not importlib.util.find_spec("matplotlib"), reason="needs the extra plots")
 @pytest.mark.parametrize("name", ["figures.png", "figures.svg"])
 def test_the_picture_is_written_whole(found, tmp_path, name):
     ot.plot_validation(found, tmp_path / name)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
+import platform
+import sys
 
 import pytest
 
+HAS_WHEEL = sys.platform in ("darwin", "win32") or platform.machine() == "x86_64"
 needs_sumo = pytest.mark.skipif(
-    importlib.util.find_spec("libsumo") is None,
-    reason="libsumo is not installed (extra [sumo]); it has no wheel for every platform",
+    not HAS_WHEEL,  # Where there is one, a missing one is a failure.
+    reason="libsumo has wheels for macOS, Windows and x86-64 alone",
 )

@@ -1,7 +1,6 @@
 """Carries out a recipe: sample, simulate, write; whole shards only, and never one twice."""
 
 import dataclasses
-import os
 import platform
 import shutil
 from collections.abc import Callable, Iterator, Mapping
@@ -21,6 +20,7 @@ from overtaking.datasets.interruption import Terminated, termination_raises
 from overtaking.datasets.load import Dataset, load
 from overtaking.datasets.manifest import Identity, Manifest, Provenance, ShardRecord
 from overtaking.datasets.recipe import Recipe, Simulator
+from overtaking.datasets.refusals import no_room
 from overtaking.scenarios import sample
 from overtaking.tables.unknown import schema_of
 
@@ -29,6 +29,8 @@ Progress = Callable[[int, int], None]
 
 MAX_SIMULATIONS = 10**12
 """More than anyone has disks for; a number beyond it is a slip."""
+
+_MORE_ROOM = "make room or choose another folder; --resume goes on with what is finished"
 
 _OWN = frozenset({lock.FILE_NAME, write.PARTIAL})
 """What may lie in a folder in which nothing was begun."""
@@ -73,7 +75,7 @@ def generate(
         with termination_raises(), lock.locked(out):
             work.run(resume=resume)
     except OSError as error:
-        raise _no_room(out, error) from error
+        raise no_room(out, error, _MORE_ROOM) from error
     except Terminated:
         raise DatasetError(work.interrupted("SIGTERM")) from None
     except KeyboardInterrupt:
@@ -296,18 +298,6 @@ def _shown(identity: Identity, name: str) -> object:
 def _sweep(out: Path) -> None:
     """Remove what is not finished; it cannot be used by anyone."""
     shutil.rmtree(out / write.PARTIAL, ignore_errors=True)
-
-
-def _no_room(out: Path, error: OSError) -> DatasetError:
-    """What the system refused, with what can be done about it."""
-    place = error.filename or out
-    return DatasetError.of(
-        what="writing",
-        where=str(place),
-        expected="room and permission to write",
-        got=os.strerror(error.errno) if error.errno else str(error),
-        next_step="make room or choose another folder; --resume goes on with what is finished",
-    )
 
 
 def _provenance(simulator: Simulator) -> Provenance:

@@ -4,7 +4,6 @@ A recording is read before anything is written, so there is nothing to resume: t
 beside its place and takes its name when it is complete.
 """
 
-import os
 import platform
 from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
@@ -15,13 +14,13 @@ from typing import Any, Protocol
 import numpy as np
 import pyarrow as pa
 
-from overtaking.core.errors import DatasetError
 from overtaking.datasets import card, manifest, plan, write
 from overtaking.datasets.contents import contents
 from overtaking.datasets.interruption import Terminated, termination_raises
 from overtaking.datasets.manifest import Identity, Manifest, Provenance, ShardRecord, Source
 from overtaking.datasets.plan import SHARD_SIZE
 from overtaking.datasets.recipe import Keep
+from overtaking.datasets.refusals import asked_to_end, no_room
 from overtaking.exchange.recording_folder import refuse_strangers, whole_folder
 from overtaking.model.road import Road
 from overtaking.model.trajectory import Trajectories
@@ -112,21 +111,12 @@ def write_scenes(
         with termination_raises(), whole_folder(out) as folder:
             _write(scenes, _identity(scenes, source), folder, on_piece or _silent)
     except OSError as error:
-        raise DatasetError.of(
-            what="writing",
-            where=str(out),
-            expected="room and permission to write",
-            got=os.strerror(error.errno) if error.errno else str(error),
-            next_step="make room or choose another folder; nothing was written",
-        ) from error
+        next_step = "make room or choose another folder; nothing was written"
+        error.filename = None  # It lies in a folder that is gone.
+        raise no_room(out, error, next_step) from error
     except Terminated:
-        raise DatasetError.of(
-            what="data set",
-            where=str(out),
-            expected="time to complete it",
-            got="SIGTERM",
-            next_step="import it again; nothing was written",
-        ) from None
+        next_step = "import it again; nothing was written"
+        raise asked_to_end(out, "time to complete it", next_step) from None
 
 
 def _identity(scenes: Scenes, source: Source) -> Identity:

@@ -1,15 +1,14 @@
 """Labels a data set anew: with rules that have changed, or for the first time."""
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
-from overtaking.core.errors import DatasetError
 from overtaking.datasets import card, lock, manifest, plan, write
 from overtaking.datasets.interruption import Terminated, termination_raises
 from overtaking.datasets.load import Dataset, load
 from overtaking.datasets.recipe import Simulator
+from overtaking.datasets.refusals import asked_to_end, no_room
 from overtaking.labelling import label
 from overtaking.model.trajectory import Trajectories
 from overtaking.tables.encode import Numbers
@@ -41,21 +40,10 @@ def relabel(path: Path, simulator: Simulator, progress: Progress | None = None) 
         with termination_raises(), lock.locked(path):
             return _Work(data, path, simulator, progress or _silent).run()
     except OSError as error:
-        raise DatasetError.of(
-            what="writing",
-            where=str(error.filename or path),
-            expected="room and permission to write",
-            got=os.strerror(error.errno) if error.errno else str(error),
-            next_step="make room and label it again; it is as it was",
-        ) from error
+        raise no_room(path, error, "make room and label it again; it is as it was") from error
     except Terminated:
-        raise DatasetError.of(
-            what="data set",
-            where=str(path),
-            expected="time to label it",
-            got="SIGTERM",
-            next_step="label it again; it is as it was",
-        ) from None
+        next_step = "label it again; it is as it was"
+        raise asked_to_end(path, "time to label it", next_step) from None
 
 
 class _Work:

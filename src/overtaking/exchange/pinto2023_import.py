@@ -34,7 +34,8 @@ from overtaking.exchange.pinto2023_tracks import (
     weather_of,
 )
 from overtaking.exchange.recording import NEVER_RECORDED, Recording, slope
-from overtaking.exchange.recording_batch import MAX_SLOTS, trajectories
+from overtaking.exchange.recording_batch import MAX_SLOTS
+from overtaking.exchange.recording_scenes import Parts
 from overtaking.model.trajectory import Stage, Trajectories
 from overtaking.model.vehicles import Role
 
@@ -53,48 +54,20 @@ _SLOW_KMH = 10.0  # Below this a whole km/h is too coarse for a ratio.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TableScenes:
+class TableScenes(Parts):
     """The simulations of the paper's table, in order of their number.
 
+    Each has a carriageway of its own in the recording; the ego comes first, the others by id.
+
     Attributes:
-        recording: All vehicles; each simulation has a carriageway of its own.
-        windows: One for each simulation.
-        casts: Vehicles by slot: the ego, then the others by id.
         numbers: The table's number of each simulation.
         frames: What belongs to each simulation and frame.
         weather: Of each simulation.
     """
 
-    recording: Recording
-    windows: list[Window]
-    casts: list[tuple[int, ...]]
     numbers: I64
     frames: Frames
     weather: Weather
-
-    def __len__(self) -> int:
-        """Number of simulations."""
-        return len(self.windows)
-
-    @property
-    def name(self) -> str:
-        """What the recording calls itself."""
-        return self.recording.name
-
-    @property
-    def road(self) -> Road:
-        """The road of all of them."""
-        return self.recording.road
-
-    @property
-    def unknown(self) -> frozenset[str]:
-        """What the table does not tell."""
-        return self.recording.unknown
-
-    @property
-    def notes(self) -> dict[str, Any]:
-        """What the reader decided and measured."""
-        return self.recording.notes
 
     @property
     def counts(self) -> dict[str, Any]:
@@ -107,10 +80,8 @@ class TableScenes:
 
     def trajectories(self, numbers: range) -> Trajectories:
         """Some of the simulations."""
+        made = Parts.trajectories(self, numbers)
         part = slice(numbers.start, numbers.stop)
-        made = trajectories(
-            self.recording, self.windows[part], self.casts[part], first_index=numbers.start
-        )
         scenario = made.scenario.replace(weather=self.weather.select(part))
         return self._with_frames(made.replace(scenario=scenario), numbers)
 

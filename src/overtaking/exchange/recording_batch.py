@@ -151,7 +151,7 @@ def trajectories(
         stage=np.full(shape, Stage.FOLLOW, np.uint8),
         collided_with=np.full(shape, NO_VEHICLE),
         contacts=_no_contacts((len(windows), slots)),
-        percepts=_no_percepts(len(windows)),
+        percepts=Percepts.nothing(len(windows), 0),
         trace_hash=_hashes(states, present, num_frames),
         unknown=recording.unknown,
     )
@@ -236,22 +236,6 @@ def _no_contacts(shape: tuple[int, int]) -> Contacts:
     nothing = np.zeros(shape, np.int32)
     return Contacts(
         partner=np.full(shape, NO_VEHICLE), time=nothing, impulse=nothing, closing_speed=nothing
-    )
-
-
-def _no_percepts(num_simulations: int) -> Percepts:
-    """Nobody knows what the drivers believed."""
-    shape = (num_simulations, 0)
-    three = (*shape, 3)
-    return Percepts(
-        valid=np.zeros(shape, np.bool_),
-        kind=np.zeros(shape, np.uint8),
-        time=np.zeros(shape, np.int32),
-        vehicle=np.full(three, NO_VEHICLE),
-        detected=np.zeros(three, np.bool_),
-        **dict.fromkeys(
-            ("gap", "closing_speed", "true_gap", "true_closing_speed"), np.zeros(three, np.int32)
-        ),
     )
 
 

@@ -34,20 +34,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scenes:
-    """Simulations that wait to be made from a recording, in order.
+class Parts:
+    """Simulations that are parts of a recording.
 
     Attributes:
         recording: The recording.
-        windows: Which part of it each simulation is.
+        windows: Which frames of it each simulation is.
         casts: The vehicles of each by slot, as places among the tracks.
-        counts: What was found.
     """
 
     recording: Recording
     windows: Sequence[Window]
     casts: Sequence[tuple[int, ...]]
-    counts: dict[str, Any]
 
     def __len__(self) -> int:
         """Number of simulations."""
@@ -79,6 +77,17 @@ class Scenes:
         return trajectories(
             self.recording, self.windows[part], self.casts[part], first_index=numbers.start
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenes(Parts):
+    """Simulations that wait to be made from a recording, in order.
+
+    Attributes:
+        counts: What was found.
+    """
+
+    counts: dict[str, Any]
 
     def sources(self, numbers: range) -> list[str]:
         """Where in the recording some of the simulations come from, one text for each.

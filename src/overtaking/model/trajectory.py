@@ -156,6 +156,22 @@ class Percepts(Batch):
     true_gap: I32
     true_closing_speed: I32
 
+    @classmethod
+    def nothing(cls, num_simulations: int, num_rows: int) -> "Percepts":
+        """Rows for decisions of which nothing is written down yet, nor need ever be."""
+        pair, triple = (num_simulations, num_rows), (num_simulations, num_rows, 3)
+        return cls(
+            valid=np.zeros(pair, bool),
+            kind=np.zeros(pair, np.uint8),
+            time=np.zeros(pair, np.int32),
+            vehicle=np.full(triple, NO_VEHICLE),
+            detected=np.zeros(triple, bool),
+            gap=np.zeros(triple, np.int32),
+            closing_speed=np.zeros(triple, np.int32),
+            true_gap=np.zeros(triple, np.int32),
+            true_closing_speed=np.zeros(triple, np.int32),
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trajectories(Batch):

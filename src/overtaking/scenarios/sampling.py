@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from overtaking.core.errors import ConfigError, InfeasibleError
 from overtaking.core.units import kmh_from_mps, mps_from_kmh
 from overtaking.knowledge import VEHICLE_CLASS_ORDER
 from overtaking.model.batch import Batch, concatenate
-from overtaking.model.scenario import Scenario, slots_for
+from overtaking.model.scenario import Scenario
 from overtaking.model.weather import Weather
 from overtaking.scenarios import natural
 from overtaking.scenarios.bodies import (
@@ -33,7 +32,7 @@ from overtaking.scenarios.schema_flow import Flow
 from overtaking.scenarios.weather import sample_weather
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from overtaking.core.philox import U64
     from overtaking.model.road import Road
@@ -273,7 +272,6 @@ def _block(spec: Spec, road: Road, starter: Starter, seed: int, index: U64) -> S
     bend = Bending(spec.proposal, seed, index)
     weather = sample_weather(spec.weather, seed, index, bend)
     start = starter(seed, index, weather, bend)
-    valid = _widen(start.vehicles.valid, empty=True)
     return Scenario(
         profile=spec.name,
         road=road,
@@ -283,25 +281,10 @@ def _block(spec: Spec, road: Road, starter: Starter, seed: int, index: U64) -> S
         horizon=np.full(index.shape, spec.time.horizon_s, np.float32),
         attempt_deadline=start.deadline,
         weight=bend.weight,
-        vehicles=_widened(start.vehicles).replace(valid=valid),
-        drivers=_widened(start.drivers),
+        vehicles=start.vehicles,
+        drivers=start.drivers,
         weather=weather,
-        start_s=_widen(start.s),
-        start_lane=_widen(start.lane),
-        start_speed=_widen(start.speed),
+        start_s=start.s,
+        start_lane=start.lane,
+        start_speed=start.speed,
     )
-
-
-def _widened(batch: B) -> B:
-    """A batch of arrays (simulation, vehicle) with all slots."""
-    names = [field.name for field in dataclasses.fields(cast("Any", batch))]
-    return batch.replace(**{name: _widen(getattr(batch, name)) for name in names})
-
-
-def _widen(values: NDArray[T], *, empty: bool = False) -> NDArray[T]:
-    """An array with the missing slots, filled with zeros if `empty`, else as the last one is."""
-    widened = np.zeros((values.shape[0], slots_for(values.shape[1])), values.dtype)
-    widened[:, : values.shape[1]] = values
-    if not empty:
-        widened[:, values.shape[1] :] = values[:, -1:]
-    return widened

@@ -109,7 +109,7 @@ class Recording:
                 impulse=np.zeros_like(self._contact["time"]),
                 closing_speed=self._contact["closing_speed"],
             ),
-            percepts=_no_percepts(self._scenario.num_simulations),
+            percepts=Percepts.nothing(self._scenario.num_simulations, 0),
             trace_hash=self._hash,
             unknown=UNKNOWN,
         )
@@ -175,19 +175,3 @@ def _lights(road: Road, signals: F64) -> NDArray[np.int64]:
         fast, slow = slow, fast
     lit = np.where(bits & _LEFT, fast, 0) + np.where(bits & _RIGHT, slow, 0)
     return lit + np.where(bits & _BRAKE, Lights.BRAKE.value, 0)
-
-
-def _no_percepts(count: int) -> Percepts:
-    """Percepts of drivers of whom nothing is known: no row."""
-    pair, triple = (count, 0), (count, 0, 3)
-    return Percepts(
-        valid=np.zeros(pair, bool),
-        kind=np.zeros(pair, np.uint8),
-        time=np.zeros(pair, np.int32),
-        vehicle=np.full(triple, NO_VEHICLE),
-        detected=np.zeros(triple, bool),
-        gap=np.zeros(triple, np.int32),
-        closing_speed=np.zeros(triple, np.int32),
-        true_gap=np.zeros(triple, np.int32),
-        true_closing_speed=np.zeros(triple, np.int32),
-    )

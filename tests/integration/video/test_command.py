@@ -10,8 +10,6 @@ import pytest
 
 from overtaking import api
 
-pytest.importorskip("av", reason="the extra [video] is not installed")
-
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):

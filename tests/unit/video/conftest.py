@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import pytest
-
-pytest.importorskip("av", reason="the extra [video] is not installed")
-pytest.importorskip("PIL", reason="the extra [video] is not installed")
-
 from tests.support.worlds import Vehicle, scenario
 
 from overtaking import api

@@ -59,22 +59,6 @@ def _empty_states(shape: tuple[int, int, int]) -> States:
     return States(**arrays)
 
 
-def _empty_percepts(num_simulations: int) -> Percepts:
-    pair = (num_simulations, MAX_PERCEPTS)
-    triple = (*pair, 3)
-    return Percepts(
-        valid=np.zeros(pair, bool),
-        kind=np.zeros(pair, np.uint8),
-        time=np.zeros(pair, np.int32),
-        vehicle=np.full(triple, NO_VEHICLE),
-        detected=np.zeros(triple, bool),
-        gap=np.zeros(triple, np.int32),
-        closing_speed=np.zeros(triple, np.int32),
-        true_gap=np.zeros(triple, np.int32),
-        true_closing_speed=np.zeros(triple, np.int32),
-    )
-
-
 def _belief_and_truth(
     state: State, near: Neighbours, believed: Beliefs, role: int
 ) -> dict[str, NDArray[Any]]:
@@ -118,7 +102,7 @@ class Recorder:
         self.stage = np.zeros((n, frames), np.uint8)
         self.collided_with = np.full((n, frames), NO_VEHICLE)
         self.num_frames = np.zeros(n, np.int32)
-        self.beliefs = _empty_percepts(n)
+        self.beliefs = Percepts.nothing(n, MAX_PERCEPTS)
         self.scenario, self.given = scenario, given
         self.hash = np.stack([np.full(n, word, np.uint32) for word in _START])
 

@@ -1,0 +1,48 @@
+"""The public functions: what to call from Python, and which simulator they call."""
+
+from overtaking.api.carla import carla_limits, replay_in_carla, serve_carla
+from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, simulator_of
+from overtaking.api.data import EXPORTS, export, generate, import_recording, load, relabel, resume
+from overtaking.api.results import (
+    entity_relationship_diagram,
+    film,
+    literature,
+    plot_validation,
+    query,
+    statistics,
+    validate,
+    write_report,
+)
+from overtaking.api.simulating import branch, compare, label, sample, simulate
+from overtaking.datasets.load import Dataset
+
+__all__ = [
+    "BRANCHING",
+    "EXPORTS",
+    "SIMULATORS",
+    "Dataset",
+    "Profile",
+    "branch",
+    "carla_limits",
+    "compare",
+    "entity_relationship_diagram",
+    "export",
+    "film",
+    "generate",
+    "import_recording",
+    "label",
+    "literature",
+    "load",
+    "plot_validation",
+    "query",
+    "relabel",
+    "replay_in_carla",
+    "resume",
+    "sample",
+    "serve_carla",
+    "simulate",
+    "simulator_of",
+    "statistics",
+    "validate",
+    "write_report",
+]

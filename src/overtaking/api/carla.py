@@ -1,0 +1,114 @@
+"""CARLA: its clients without it, its limits, and recorded simulations in it."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from overtaking.api.data import load
+from overtaking.datasets.generate import Progress
+from overtaking.datasets.load import Dataset
+
+if TYPE_CHECKING:
+    from overtaking.simulators.carla_limits import Limits
+    from overtaking.simulators.carla_replay import Replayed
+
+
+def carla_limits() -> "Limits":
+    """Measure the limits of CARLA's Traffic Manager that the study met.
+
+    Raises:
+        MissingExtraError: CARLA's client is not installed.
+        ConfigError: The server that `OVERTAKING_CARLA` names is not there or of another version.
+        SimulationLostError: Client or server failed several times.
+    """
+    from overtaking.simulators import carla_company
+
+    return carla_company.limits()
+
+
+def replay_in_carla(
+    data: Dataset | str | Path,
+    out: str | Path,
+    *,
+    simulations: Iterable[int],
+    size: tuple[int, int] = (800, 450),
+    progress: Progress | None = None,
+) -> "list[Replayed]":
+    """Play recorded simulations in CARLA pose by pose, and film them from behind and from above.
+
+    Args:
+        data: The data set, or its folder; what it did not keep is simulated again.
+        out: Folder for the films; made if missing. Each appears when it is complete.
+        simulations: Their numbers.
+        size: Width and height of the pictures, even numbers [pixels].
+        progress: Called with the number of simulations that are done, and of all.
+
+    Returns:
+        The films of each simulation.
+
+    Raises:
+        ConfigError: There is no such simulation or size, or the server that `OVERTAKING_CARLA`
+            names is not there or of another version.
+        MissingExtraError: CARLA's client or the encoder of films is not installed.
+        SimulationLostError: Client or server failed several times.
+    """
+    from overtaking.exchange.opendrive_writer import write_opendrive
+    from overtaking.simulators import carla_company, carla_replay
+
+    source = data if isinstance(data, Dataset) else load(data)
+    folder, chosen = Path(out), list(simulations)
+    carla_replay.check_size(size)
+    films: list[Replayed] = []
+    for number in chosen:
+        run = source.trajectory(number)
+        job = carla_replay.ReplayJob(
+            run=run,
+            folder=folder.resolve(),
+            name=f"{number:06d}",
+            size=size,
+            opendrive=None if carla_replay.map_of(run) else write_opendrive(run.road),
+        )
+        folder.mkdir(parents=True, exist_ok=True)
+        films.append(carla_company.replay(job))
+        if progress is not None:
+            progress(len(films), len(chosen))
+    return films
+
+
+def serve_carla(
+    *,
+    port: int = 2000,
+    host: str = "127.0.0.1",
+    place: str | Path = "town06",
+    seed: int = 1,
+    ready: Callable[[int, int], None] | None = None,
+    log: Callable[[str], None] | None = None,
+) -> None:
+    """Answer clients of CARLA 0.9.16 without CARLA, until the process is interrupted.
+
+    Args:
+        port: For calls; streams get the next one. 0 lets the system choose both.
+        host: Address to listen on; whoever can reach it can use the server.
+        place: The map: a road of the package, or an OpenDRIVE file.
+        seed: Seed of gusts and puddles, 0 <= seed < 2**64.
+        ready: Called with the ports of calls and streams when clients may come.
+        log: Called with a line when something happens that a person may want to know.
+
+    Raises:
+        ConfigError: An argument cannot be used, or the port is taken.
+        MissingExtraError: The map is a file, and CARLA's wheel is not there to read it.
+    """
+    from overtaking.carla_server.running import run_server
+
+    run_server(
+        port=port,
+        host=host,
+        place=place,
+        seed=seed,
+        ready=ready or _ignore,
+        log=log or _ignore,
+    )
+
+
+def _ignore(*_: object) -> None:
+    """Where nobody wants to be told."""

@@ -1,0 +1,85 @@
+"""What the public functions are given by name: profiles, simulators, roads."""
+
+import importlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from overtaking.core.errors import ConfigError
+from overtaking.datasets.recipe import Simulator
+from overtaking.exchange.roads import load_road
+from overtaking.model.road import Road
+from overtaking.scenarios import Spec
+from overtaking.sim.version import MODEL_VERSION
+
+Profile = str | Path | Mapping[str, Any] | Spec
+"""A profile of the package, a TOML file, what a manifest recorded, or a specification."""
+
+SIMULATORS = ("engine", "reference", "sumo", "carla", "carla-traffic-manager")
+"""What can simulate: the compiled engine, its readable twin with the same results, SUMO, and CARLA
+with our drivers or with its own."""
+
+_HOMES = {
+    "engine": "overtaking.sim.engine",
+    "reference": "overtaking.sim.reference",
+    "sumo": "overtaking.simulators.sumo",
+    "carla": "overtaking.simulators.carla",
+    "carla-traffic-manager": "overtaking.simulators.carla_traffic",
+}
+"""The module of each simulator, loaded when it is asked for."""
+
+BRANCHING = ("engine", "reference")
+"""The simulators of our own model, which can go on from the middle of a simulation."""
+
+
+def simulator_of(name: str) -> Simulator:
+    """A simulator by its name."""
+    module = module_of(name)
+    if name in BRANCHING:
+        return Simulator(
+            name=name,
+            version=MODEL_VERSION,
+            simulate=module.simulate,
+            threads=os.cpu_count() or 1,
+        )
+    return Simulator(
+        name=name,
+        version=module.version(),
+        simulate=module.simulate,
+        unknown=module.UNKNOWN,
+        chunk_size=module.CHUNK_SIZE,
+        shard_size=module.SHARD_SIZE,
+    )
+
+
+def module_of(name: str, among: tuple[str, ...] = SIMULATORS) -> ModuleType:
+    """The module of a simulator."""
+    if name not in among:
+        raise ConfigError.of(
+            what="simulator",
+            where="simulate",
+            expected=" or ".join(among),
+            got=name,
+            next_step="choose one of them",
+        )
+    return importlib.import_module(_HOMES[name])
+
+
+def road_of(road: str | Path | Road) -> Road:
+    """A road, read where it is given by name or file."""
+    return road if isinstance(road, Road) else load_road(road)
+
+
+def at_least_one(simulations: int, where: str) -> int:
+    """A number of simulations, refused if it is none."""
+    if simulations < 1:
+        raise ConfigError.of(
+            what="simulations",
+            where=where,
+            expected="1 or more",
+            got=simulations,
+            next_step="choose a number in that range",
+        )
+    return simulations

@@ -1,0 +1,272 @@
+"""Data sets: made, completed, loaded, labelled anew, imported and exported."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from overtaking import scenarios
+from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, road_of, simulator_of
+from overtaking.core.errors import ConfigError, DatasetError
+from overtaking.datasets import generate as writing
+from overtaking.datasets import load as reading
+from overtaking.datasets.balance import Balance
+from overtaking.datasets.generate import Progress
+from overtaking.datasets.load import Dataset
+from overtaking.datasets.manifest import read_manifest
+from overtaking.datasets.recipe import Keep, Recipe
+from overtaking.exchange import recording_export
+from overtaking.model.road import Road
+
+EXPORTS = ("pinto2023", "commonroad", "highd")
+"""The formats that a data set can be written in."""
+
+
+def generate(
+    profile: Profile,
+    simulations: int,
+    seed: int,
+    out: str | Path,
+    *,
+    keep: str = Keep.FRAMES,
+    resume: bool = False,
+    overrides: Mapping[str, Any] | None = None,
+    road: str | Path | Road | None = None,
+    simulator: str = "engine",
+    shard_size: int | None = None,
+    balance: Balance | None = None,
+    progress: Progress | None = None,
+    on_candidates: Progress | None = None,
+) -> Dataset:
+    """Make a data set.
+
+    Args:
+        profile: What to sample.
+        simulations: How many simulations.
+        seed: Seed of all random numbers, 0 <= seed < 2**64.
+        out: Folder for the data set; made if missing.
+        keep: `frames` writes everything; `features` leaves out what has a row per frame, which is
+            simulated again when it is asked for.
+        resume: Whether to complete what an earlier call has begun in this folder.
+        overrides: Dotted keys of the specification with other values, as in `scenarios.spec`.
+        road: A road in place of the profile's: a name, an OpenDRIVE file, or a `Road`.
+        simulator: One of `SIMULATORS`.
+        shard_size: Simulations a file; what suits the simulator if left out.
+        balance: Which classes get equal shares, and what is done if one is too rare; None for
+            natural shares.
+        progress: Called with the number of simulations that are done, and of all.
+        on_candidates: Called with the number of candidates of a balanced data set that have been
+            looked at, and about how many there will be; all that comes before the simulations.
+
+    Returns:
+        The complete data set.
+
+    Raises:
+        ConfigError: The specification or a number cannot be used.
+        DatasetError: The folder holds something else or cannot be written, another process writes
+            it, or the process was asked to end. Finished shards are kept, and `resume` goes on.
+        KeyboardInterrupt: Ctrl-C; the same holds.
+    """
+    spec = scenarios.spec(profile, overrides)
+    chosen = simulator_of(simulator)
+    recipe = Recipe(
+        spec=spec,
+        road=road_of(road or spec.road),
+        seed=seed,
+        num_simulations=simulations,
+        keep=_keep(keep),
+        shard_size=chosen.shard_size if shard_size is None else shard_size,
+        balance=balance,
+    )
+    return writing.generate(
+        recipe,
+        Path(out),
+        chosen,
+        resume=resume,
+        progress=progress,
+        on_candidates=on_candidates,
+    )
+
+
+def resume(
+    out: str | Path,
+    *,
+    progress: Progress | None = None,
+    on_candidates: Progress | None = None,
+) -> Dataset:
+    """Complete a data set from what its manifest says, or check that it is complete.
+
+    Args:
+        out: Folder of the data set.
+        progress: Called with the number of simulations that are done, and of all.
+        on_candidates: As in `generate`.
+
+    Returns:
+        The complete data set; shards that were damaged are written again.
+
+    Raises:
+        DatasetError: Nothing was begun there, or as in `generate`.
+        SchemaError: It was begun by a newer version.
+    """
+    begun = read_manifest(Path(out)).identity
+    if begun.seed is None:
+        raise DatasetError.of(
+            what="data set",
+            where=str(out),
+            expected="one that was generated",
+            got=f"one that was imported from {begun.profile}",
+            next_step="import it again into another folder",
+        )
+    return generate(
+        begun.spec,
+        begun.simulations,
+        begun.seed,
+        out,
+        keep=begun.keep,
+        resume=True,
+        road=begun.road,
+        simulator=begun.simulator,
+        shard_size=begun.shard_size,
+        balance=begun.balance,
+        progress=progress,
+        on_candidates=on_candidates,
+    )
+
+
+def load(path: str | Path) -> Dataset:
+    """A complete data set.
+
+    Raises:
+        DatasetError: There is none, or it is not complete.
+        SchemaError: It is of a newer version.
+    """
+    by = read_manifest(Path(path)).identity.simulator
+    is_foreign = by in SIMULATORS and by not in BRANCHING
+    return reading.load(Path(path), simulator_of(by if is_foreign else "engine"))
+
+
+def relabel(data: str | Path, *, progress: Progress | None = None) -> Dataset:
+    """Write the labels of a data set anew, by the rules of this version.
+
+    Args:
+        data: Folder of the data set.
+        progress: Called with the number of simulations that are done, and of all.
+
+    Raises:
+        DatasetError: There is none, it is not complete or damaged, or another process writes it.
+        SchemaError: It is of a newer version.
+    """
+    from overtaking.datasets.relabel import relabel as written_anew
+
+    return written_anew(Path(data), simulator_of("engine"), progress)
+
+
+def export(
+    data: Dataset | str | Path,
+    out: str | Path,
+    *,
+    file_format: str = EXPORTS[0],
+    progress: Progress | None = None,
+) -> int:
+    """Write a data set as a file of another program or paper.
+
+    Args:
+        data: The data set, or its folder.
+        out: The paper's table is a file that ends in `.csv` or `.parquet`, replaced as a whole;
+            the other formats are a folder, which must not exist or be empty, with one scenario or
+            recording for each simulation.
+        file_format: One of `EXPORTS`.
+        progress: Called with the number of simulations that are done, and of all.
+
+    Returns:
+        Number of rows or states written.
+
+    Raises:
+        ConfigError: There is no such format, the name does not fit it, or the folder is taken.
+        DatasetError: The data set is not complete, or damaged.
+        OSError: The file cannot be written.
+    """
+    if file_format not in EXPORTS:
+        raise ConfigError.of(
+            what=f"format {file_format}",
+            where="export",
+            expected=" or ".join(EXPORTS),
+            got=file_format,
+            next_step="choose one of them",
+        )
+    source = data if isinstance(data, Dataset) else load(data)
+    if file_format in recording_export.FORMATS:
+        return recording_export.write_folder(
+            source.batches(),
+            Path(out),
+            file_format=file_format,
+            total=len(source),
+            road=source.road,
+            progress=progress,
+        )
+    from overtaking.exchange import pinto2023  # It loads pandas, which nothing else here needs.
+
+    def tables() -> Iterator[pa.Table]:
+        for numbers, trajectories in source.batches():
+            yield pinto2023.to_table(trajectories, numbers)
+            if progress is not None:
+                progress(int(numbers[-1]) + 1, len(source))
+
+    return pinto2023.write_table(tables(), out)
+
+
+def import_recording(
+    file_format: str,
+    path: str | Path,
+    out: str | Path,
+    *,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Dataset:
+    """Make a data set of a recording of others: every overtake in it becomes a simulation.
+
+    Args:
+        file_format: `commonroad` (XML 2018b or 2020a), `highd` or `pinto2023` (the paper's table).
+        path: The file; of highD its `_tracks.csv`.
+        out: Folder for the data set; it must not exist, or be empty.
+        progress: Called with the number of simulations that are done, and of all.
+        options: `attempts_only=True` leaves out vehicles that follow and never move left, and
+            `vehicles` is how many a simulation has at most (both not for `pinto2023`); `lanelet`
+            chooses a road of a CommonRoad file, `direction` (1, 2) one of highD, `road` (a `Road`)
+            is where a `pinto2023` table was recorded.
+
+    Returns:
+        The complete, labelled data set; its manifest says what was found and what was measured.
+
+    Raises:
+        ConfigError: There is no such format, an option is not for it, or the folder is taken.
+        ImportFormatError: The file cannot be used; the message names line and element or column.
+        DatasetError: The folder cannot be written. Nothing is left behind.
+    """
+    from overtaking.datasets.importing import write_scenes
+    from overtaking.exchange.recording_formats import read_recording
+
+    read = read_recording(file_format, path, options)
+    write_scenes(
+        read.scenes,
+        Path(out),
+        file_format=file_format,
+        files=read.files,
+        options=read.options,
+        on_piece=progress,
+    )
+    return load(out)
+
+
+def _keep(name: str) -> Keep:
+    try:
+        return Keep(name)
+    except ValueError:
+        raise ConfigError.of(
+            what="keep",
+            where="generate",
+            expected=" or ".join(Keep),
+            got=name,
+            next_step="choose one of them",
+        ) from None

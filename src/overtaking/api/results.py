@@ -1,0 +1,258 @@
+"""What is made of a data set or a profile: numbers, pages, films, answers."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from overtaking import scenarios
+from overtaking.api.choices import Profile, at_least_one, road_of
+from overtaking.api.data import load
+from overtaking.datasets.generate import Progress
+from overtaking.datasets.load import Dataset
+from overtaking.model.road import Road
+
+if TYPE_CHECKING:
+    from overtaking.database.query import Answer
+    from overtaking.report.write import Report
+    from overtaking.stats.results import Statistics
+    from overtaking.validation.run import Validation
+    from overtaking.video.produce import Video
+
+
+def statistics(
+    data: Dataset | str | Path,
+    *,
+    policy: str = "paper",
+    reading: str | None = None,
+    weighted: bool = False,
+) -> "Statistics":
+    """The paper's tables, class frequencies and waiting times of a data set.
+
+    Args:
+        data: The data set, or its folder.
+        policy: Which rules decide about the class: `paper`, `default` or `strict`.
+        reading: How features are measured, `paper` or `matched`; as in `Dataset.features`.
+        weighted: Whether to count each simulation by its importance weight.
+
+    Raises:
+        ConfigError: There is no such policy or reading.
+        DatasetError: The data set is not complete, or damaged.
+        SchemaError: The weights cannot be used.
+    """
+    from overtaking.stats.results import statistics as computed
+
+    source = data if isinstance(data, Dataset) else load(data)
+    frame = source.features(policy, reading=reading)
+    return computed(frame, policy=policy, reading=reading, weighted=weighted)
+
+
+def write_report(
+    data: Dataset | str | Path,
+    out: str | Path | None = None,
+    *,
+    policy: str = "paper",
+    reading: str | None = None,
+    weighted: bool = False,
+    progress: Progress | None = None,
+) -> "Report":
+    """Write figures, tables and associations of a data set as one page that needs no network.
+
+    Args:
+        data: The data set, or its folder.
+        out: Folder for the page, its figures and tables; `report` in that of the data set if not
+            given. Files of an earlier report are replaced.
+        policy: Which rules decide about the class: `paper`, `default` or `strict`.
+        reading: How features are measured, `paper` or `matched`; as in `Dataset.features`.
+        weighted: Whether to count each simulation by its importance weight.
+        progress: Called with the number of parts that are done, and of all.
+
+    Returns:
+        Where it is, and what it could not show: without the extra `plots` it has no figures,
+        without `stats` no associations.
+
+    Raises:
+        ConfigError: There is no such policy or reading.
+        DatasetError: The data set is not complete, or damaged.
+        OSError: A file cannot be written.
+    """
+    from overtaking.report.of_dataset import report_on
+
+    source = data if isinstance(data, Dataset) else load(data)
+    return report_on(
+        source,
+        None if out is None else Path(out),
+        policy=policy,
+        reading=reading,
+        weighted=weighted,
+        progress=progress,
+    )
+
+
+def film(
+    data: Dataset | str | Path,
+    out: str | Path | None = None,
+    *,
+    simulations: Iterable[int] | str = "one-per-class",
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> "list[Video]":
+    """Film simulations from above, as mp4 files; each appears when it is complete.
+
+    Args:
+        data: The data set, or its folder; what it did not keep is simulated again.
+        out: Folder for the files, `videos` in that of the data set if not given.
+        simulations: Their numbers, `all`, or `one-per-class`: the first of each class.
+        threads: How many films are made beside each other; all processors if not given.
+        progress: Called with the number of films that are done, and of all.
+
+    Raises:
+        ConfigError: There is no such simulation.
+        DatasetError: The data set is not complete or damaged, or the encoder failed.
+        MissingExtraError: The extra `video` is not installed.
+        OSError: A file cannot be written.
+    """
+    from overtaking.video import jobs, produce
+
+    source = data if isinstance(data, Dataset) else load(data)
+    folder = source.path / "videos" if out is None else Path(out)
+    chosen = simulations if isinstance(simulations, str) else list(simulations)
+    total = jobs.num_films(source, chosen)
+    films = jobs.jobs(source, chosen)
+    return produce.produce(films, folder, total=total, threads=threads, progress=progress)
+
+
+def validate(
+    profile: Profile,
+    simulations: int = 1000,
+    seed: int = 1,
+    *,
+    overrides: Mapping[str, Any] | None = None,
+    road: str | Path | Road | None = None,
+    progress: Progress | None = None,
+) -> "Validation":
+    """Hold the traffic of a profile against what is known of real traffic.
+
+    Args:
+        profile: What to sample.
+        simulations: How many.
+        seed: Seed of all random numbers, 0 <= seed < 2**64.
+        overrides: Dotted keys of the specification with other values.
+        road: A road in place of the profile's.
+        progress: Called with the number of simulations that are done, and of all.
+
+    Returns:
+        Each figure with its interval, target and verdict, and outcomes by weather;
+        `plot_validation` draws it.
+
+    Raises:
+        ConfigError: The specification or a number cannot be used.
+    """
+    from overtaking.validation.run import validate as run
+
+    spec = scenarios.spec(profile, overrides)
+    number = at_least_one(simulations, "validate")
+    return run(spec, road_of(road or spec.road), number, seed, progress)
+
+
+def plot_validation(found: "Validation", out: str | Path) -> None:
+    """Draw a validation as a PNG or SVG file, by its name.
+
+    Args:
+        found: What `validate` returned.
+        out: The file, replaced as a whole.
+
+    Raises:
+        MissingExtraError: The extra `plots` is not installed.
+        OSError: The file cannot be written.
+    """
+    from overtaking.plots.style import to_png, to_svg
+    from overtaking.plots.validation import draw_validation
+    from overtaking.report.files import put
+
+    drawing, path = draw_validation(found), Path(out)
+    content = to_svg(drawing) if path.suffix == ".svg" else to_png(drawing)
+    put(path, content)
+
+
+def literature(
+    table: str,
+    *,
+    wanted: Iterable[str] = (),
+    own: str | Path | Dataset | None = None,
+    is_corrected: bool = True,
+) -> dict[str, Any]:
+    """What the source paper says of the literature, with corrections and sources.
+
+    Args:
+        table: `systems`, `datasets`, `factors` or `studies`.
+        wanted: What a data set must have, such as `night` or `boxes3d`.
+        own: A data set of one's own to put below the others.
+        is_corrected: Whether corrections are applied; if not, values are as printed.
+
+    Returns:
+        `rows` by the names of their columns, and `references` by their ids.
+
+    Raises:
+        ConfigError: There is no such table, or no such thing can be wanted.
+        DatasetError: One's own data set is not complete or damaged.
+    """
+    from overtaking.literature.answers import answer
+
+    data = own if own is None or isinstance(own, Dataset) else load(own)
+    return answer(table, wanted=tuple(wanted), own=data, is_corrected=is_corrected)
+
+
+def query(
+    data: str | Path | Dataset,
+    sql: str,
+    *,
+    max_rows: int = 10_000,
+    timeout_s: float = 60.0,
+    memory_mib: int = 1024,
+) -> "Answer":
+    """Ask a data set a question in SQL (DuckDB's), which reads its tables and nothing else.
+
+    Args:
+        data: The data set, or its folder.
+        sql: One SELECT, DESCRIBE, SUMMARIZE or SHOW. The tables have their own names; the source
+            paper's entities are views, such as `paper.EgoVehicle`.
+        max_rows: How many rows to give at most.
+        timeout_s: How long it may take [s].
+        memory_mib: How much memory the database may use [MiB].
+
+    Returns:
+        Names of the columns, the rows, and whether there are more.
+
+    Raises:
+        ConfigError: It is no query, is wrong, or needs more time or memory than it may.
+        DatasetError: The data set is not complete or damaged.
+        MissingExtraError: The extra `sql` is not installed.
+    """
+    from overtaking.database import query as asking
+
+    source = data if isinstance(data, Dataset) else load(data)
+    return asking.query(source, sql, max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
+
+
+def entity_relationship_diagram(form: str = "svg", out: str | Path | None = None) -> str:
+    """The diagram of the tables of a data set, drawn from their schemas.
+
+    Args:
+        form: `svg` or `mermaid`.
+        out: File to write it to; it appears whole or not at all.
+
+    Returns:
+        The diagram.
+
+    Raises:
+        ConfigError: There is no such form.
+        OSError: The file cannot be written.
+    """
+    from overtaking.database.diagram import diagram
+
+    text = diagram(form)
+    if out is not None:
+        from overtaking.report.files import put
+
+        put(Path(out), text.encode())
+    return text
