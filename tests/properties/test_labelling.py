@@ -11,11 +11,11 @@ import pytest
 
 from overtaking.exchange.roads import load_road
 from overtaking.labelling import Labelled, label
-from overtaking.labels.frames import at
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Verdict
 from overtaking.model.trajectory import NO_VEHICLE, Lights, Trajectories
 from overtaking.scenarios import sample, spec
+from overtaking.signals.frames import at
 from overtaking.sim import engine
 
 SIZE = 400

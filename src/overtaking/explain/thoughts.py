@@ -9,7 +9,7 @@ from overtaking.model.labels import Belief, Case
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
 from overtaking.rules.beliefs import FRONT, LEADER, REAR, Decision, Margin, belief
 from overtaking.rules.distances import margin_ahead, margin_behind, margin_of_gap, sure_decel
-from overtaking.rules.frames import at
+from overtaking.signals.frames import at
 
 _METRES = np.float32(1e-3)
 _LAW: dict[tuple[DecisionKind, int], tuple[str, Margin]] = {

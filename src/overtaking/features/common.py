@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, as_f32
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.trajectory import NO_VEHICLE
@@ -14,22 +13,12 @@ from overtaking.model.vehicles import Role
 I32 = NDArray[np.int32]
 
 
-def seconds(case: Case, frames: I32) -> F32:
-    """A number of frames as a duration, shape (simulation,) [s]."""
-    return as_f32(frames * np.int32(case.signals.frame_interval_ms)) / np.float32(1000.0)
-
-
 def end_of(case: Case, *events: I32) -> I32:
-    """The first of some events that happened, else the last frame, shape (simulation,)."""
+    """The first in the list of events that happened, else the last frame, shape (simulation,)."""
     end = case.events.last
     for event in reversed(events):
         end = np.where(event == NEVER, end, event)
     return end
-
-
-def at(values: NDArray[Any], frame: I32) -> NDArray[Any]:
-    """`values` (simulation, time) at one frame each; at the first one where that is `NEVER`."""
-    return values[np.arange(len(frame)), np.maximum(frame, 0)]
 
 
 def static(case: Case) -> dict[str, NDArray[Any]]:

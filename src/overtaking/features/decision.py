@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, as_f32
-from overtaking.features.common import at, seconds
 from overtaking.features.decision_lanes import lane_around, left_lane, next_ahead
 from overtaking.features.encounters import Index, Side, encounter
 from overtaking.features.matched import pseudo_attempt
@@ -29,6 +28,7 @@ from overtaking.rules.distances import (
     sure_decel,
 )
 from overtaking.rules.limits import speed_limits
+from overtaking.signals.frames import at, seconds_of
 from overtaking.signals.reference import METRES, side_of
 
 I32 = NDArray[np.int32]
@@ -114,7 +114,7 @@ def _ego(case: Case, rows: Index, frames: Index) -> OwnState:
         accel=seen.accel[rows, frames],
         available_accel=available_accel(case, speed),
         desired_speed=scenario.drivers.desired_speed[:, Role.EGO],
-        waiting_time=seconds(case, waited),
+        waiting_time=seconds_of(case, waited),
         lateral_offset=seen.lateral[rows, frames] - _lane_centre(case, rows, frames),
     )
 

@@ -4,12 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask, as_f32
-from overtaking.features.common import at
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.model.vehicles import Role
+from overtaking.signals.frames import at
 from overtaking.signals.reference import METRES
 
 Index = NDArray[np.intp]

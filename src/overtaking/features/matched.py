@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, as_f32, maximum
 from overtaking.core.philox import Draws, Stream
-from overtaking.features.common import at, end_of, seconds, static
+from overtaking.features.common import end_of, static
 from overtaking.knowledge import Quantity, quantities
 from overtaking.model.events import NEVER
 from overtaking.model.features import Features
 from overtaking.model.labels import Case
+from overtaking.signals.frames import at, seconds_of
 
 I32 = NDArray[np.int32]
 
@@ -35,8 +36,8 @@ def matched_features(case: Case) -> Features:
     own, other = at(seen.speed, frame), at(target.speed, frame)
     return Features(
         policy=POLICY,
-        waiting_time=seconds(case, np.maximum(frame - events.follow, 0)),
-        overtaking_time=seconds(case, lasted),
+        waiting_time=seconds_of(case, np.maximum(frame - events.follow, 0)),
+        overtaking_time=seconds_of(case, lasted),
         ego_speed=own,
         target_speed=other,
         speed_difference=own - other,
@@ -59,7 +60,7 @@ def pseudo_attempt(case: Case) -> I32:
     quantiles = as_f32(known.value)
     draw = Draws(scenario.seed, scenario.index, Stream.LABEL).uniform()
     end = end_of(case, events.collision)
-    longest = seconds(case, np.maximum(end - events.follow, 0))
+    longest = seconds_of(case, np.maximum(end - events.follow, 0))
     waited = _quantile(quantiles, draw * _share_below(quantiles, longest))
     frames = np.rint(waited * np.float32(1000.0 / case.signals.frame_interval_ms))
     frame = np.minimum(events.follow + frames.astype(np.int32), end)

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask, as_f32
-from overtaking.features.common import at, end_of, seconds, static
+from overtaking.features.common import end_of, static
 from overtaking.model.events import NEVER
 from overtaking.model.features import Features
 from overtaking.model.labels import Case
 from overtaking.model.signals import Around
 from overtaking.model.vehicles import Role
+from overtaking.signals.frames import at, seconds_of
 from overtaking.signals.reference import METRES
 
 I32 = NDArray[np.int32]
@@ -40,8 +41,8 @@ def paper_features(case: Case) -> Features:
     measured: dict[str, Any] = {**_at_attempt(case, attempted), **static(case)}
     return Features(
         policy=POLICY,
-        waiting_time=seconds(case, waited),
-        overtaking_time=seconds(case, lasted),
+        waiting_time=seconds_of(case, waited),
+        overtaking_time=seconds_of(case, lasted),
         frame=np.where(attempted, events.attempt, NEVER),
         **measured,
     )

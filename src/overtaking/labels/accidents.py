@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import Mask
-from overtaking.labels.frames import at, first_true
 from overtaking.model.events import NEVER
 from overtaking.model.signals import Signals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
+from overtaking.signals.frames import at, first_true
 from overtaking.signals.target import signals_of
 
 

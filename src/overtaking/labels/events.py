@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask, as_f32, maximum
 from overtaking.labels.accidents import Accidents, accidents
-from overtaking.labels.frames import at, earliest, first_true, only, since, until
 from overtaking.labels.movements import Movements, movements, num_frames_of
 from overtaking.model.batch import Batch
 from overtaking.model.events import NEVER, Events
@@ -21,6 +20,7 @@ from overtaking.model.road import Road
 from overtaking.model.signals import Around, Signals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
 from overtaking.physics.constants import known
+from overtaking.signals.frames import at, earliest, first_true, only, since, until
 from overtaking.signals.reference import side_of
 from overtaking.signals.target import alongside
 

@@ -11,7 +11,8 @@ from overtaking.model.events import NEVER
 from overtaking.model.labels import Belief, Case
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
 from overtaking.rules.distances import sure_decel
-from overtaking.rules.frames import at, frames_of
+from overtaking.rules.frames import frames_of
+from overtaking.signals.frames import at
 
 I32 = NDArray[np.int32]
 U8 = NDArray[np.uint8]

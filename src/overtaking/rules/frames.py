@@ -57,11 +57,6 @@ def frames_of(case: Case, seconds: float | np.floating) -> int:
     return round(float(seconds) * 1000.0 / case.signals.frame_interval_ms)
 
 
-def seconds_of(case: Case, frames: NDArray[np.integer]) -> F32:
-    """Duration of a number of frames [s]."""
-    return frames.astype(np.float32) * np.float32(case.signals.frame_interval_ms / 1000.0)
-
-
 def is_two_way(road: Road) -> bool:
     """Whether the lane beyond the fast edge belongs to oncoming traffic."""
     beyond = road.fast_side_neighbour
@@ -115,11 +110,6 @@ def alongside(case: Case) -> tuple[Index, Index]:
     rows, frames = span.frames()
     beside_it = case.target.overlaps[rows, frames]
     return rows[beside_it], frames[beside_it]
-
-
-def at(values: NDArray[S], frame: NDArray[np.integer]) -> NDArray[S]:
-    """`values` (simulation, time) at one frame each; the first frame where that is `NEVER`."""
-    return values[np.arange(len(frame)), np.maximum(frame, 0)]
 
 
 def beside(values: NDArray[S], place: int, frame: NDArray[np.integer]) -> NDArray[S]:

@@ -5,8 +5,9 @@ from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.rules.beliefs import FRONT, belief, pull_out
 from overtaking.rules.distances import margin_ahead, sure_decel
-from overtaking.rules.frames import at, beside, instant
+from overtaking.rules.frames import beside, instant
 from overtaking.rules.rule import Check, Grade, Rule
+from overtaking.signals.frames import at
 
 
 def check(case: Case) -> Check:

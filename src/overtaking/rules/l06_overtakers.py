@@ -5,9 +5,10 @@ import numpy as np
 from overtaking.core.elementary import F32, Mask, maximum
 from overtaking.model.labels import Case
 from overtaking.physics.constants import known
-from overtaking.rules.frames import at, instant
+from overtaking.rules.frames import instant
 from overtaking.rules.others import Others, others_at, out_indicator
 from overtaking.rules.rule import Check, Grade, Rule
+from overtaking.signals.frames import at
 
 
 def check(case: Case) -> Check:

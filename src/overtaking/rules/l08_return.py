@@ -8,8 +8,9 @@ from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.rules.beliefs import FRONT, REAR, belief, going_back
 from overtaking.rules.distances import margin_behind, margin_of_gap, sure_decel
-from overtaking.rules.frames import at, beside, instant
+from overtaking.rules.frames import beside, instant
 from overtaking.rules.rule import Check, Grade, Rule
+from overtaking.signals.frames import at
 
 _FAR = np.float32(3.0e38)
 

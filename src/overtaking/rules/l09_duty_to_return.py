@@ -7,9 +7,10 @@ from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.physics.constants import known
 from overtaking.rules.distances import lawful_gap, sure_decel
-from overtaking.rules.frames import Span, frames_of, manoeuvre, seconds_of
+from overtaking.rules.frames import Span, frames_of, manoeuvre
 from overtaking.rules.room import slow_lane_room
 from overtaking.rules.rule import Check, Grade, Rule, decided
+from overtaking.signals.frames import seconds_of
 
 Index = NDArray[np.intp]
 

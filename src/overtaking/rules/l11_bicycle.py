@@ -4,9 +4,10 @@ import numpy as np
 
 from overtaking.model.labels import Case
 from overtaking.physics.constants import known
-from overtaking.rules.frames import alongside, always_at, at
+from overtaking.rules.frames import alongside, always_at
 from overtaking.rules.kinds import target_may_be_bicycle
 from overtaking.rules.rule import Check, Grade, Rule
+from overtaking.signals.frames import at
 
 _LEAST_SPEED = np.float32(1e-3)
 """One step of recorded speed, so that a start from rest can be divided by [m/s]."""

@@ -7,8 +7,9 @@ from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.physics.constants import known
 from overtaking.rules.air import optical_range
-from overtaking.rules.frames import Span, always, at, is_two_way, manoeuvre, seconds_of
+from overtaking.rules.frames import Span, always, is_two_way, manoeuvre
 from overtaking.rules.rule import Check, Grade, Rule
+from overtaking.signals.frames import at, seconds_of
 
 
 def check_air(case: Case) -> Check:

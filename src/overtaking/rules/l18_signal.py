@@ -7,9 +7,10 @@ from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.vehicles import Role
 from overtaking.physics.constants import known
-from overtaking.rules.frames import Span, at, driving_end, frames_of, seconds_of
+from overtaking.rules.frames import Span, driving_end, frames_of
 from overtaking.rules.others import back_indicator, out_indicator
 from overtaking.rules.rule import Check, Grade, Rule, decided
+from overtaking.signals.frames import at, seconds_of
 
 I32 = NDArray[np.int32]
 

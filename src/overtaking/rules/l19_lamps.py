@@ -10,9 +10,10 @@ from overtaking.model.trajectory import NO_VEHICLE, Lights
 from overtaking.model.vehicles import Role
 from overtaking.physics.constants import known
 from overtaking.rules.air import optical_range
-from overtaking.rules.frames import Span, conduct, ends_in, reduced, seconds_of
+from overtaking.rules.frames import Span, conduct, ends_in, reduced
 from overtaking.rules.others import others_at
 from overtaking.rules.rule import Check, Grade, Rule, decided
+from overtaking.signals.frames import seconds_of
 
 _HIGH = int(Lights.HIGH_BEAM)
 _BEAMS = int(Lights.LOW_BEAM) | _HIGH

@@ -3,9 +3,10 @@
 import numpy as np
 
 from overtaking.model.labels import Case
-from overtaking.rules.frames import at, driving_end, instant
+from overtaking.rules.frames import driving_end, instant
 from overtaking.rules.room import slow_lane_room
 from overtaking.rules.rule import Check, Grade, Rule
+from overtaking.signals.frames import at
 
 
 def check(case: Case) -> Check:

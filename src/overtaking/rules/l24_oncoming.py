@@ -6,9 +6,10 @@ from overtaking.core.elementary import maximum
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.physics.constants import known
-from overtaking.rules.frames import at, instant, is_two_way
+from overtaking.rules.frames import instant, is_two_way
 from overtaking.rules.others import others_at
 from overtaking.rules.rule import Check, Grade, Rule, inapplicable
+from overtaking.signals.frames import at
 
 _ENDLESS = np.float32(3.0e38)
 

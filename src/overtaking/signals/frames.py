@@ -5,8 +5,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import Mask
+from overtaking.core.elementary import F32, Mask, as_f32
 from overtaking.model.events import NEVER
+from overtaking.model.labels import Case
 
 I32 = NDArray[np.int32]
 T = TypeVar("T", bound=np.generic)
@@ -16,12 +17,6 @@ def first_true(mask: Mask) -> I32:
     """First frame at which each row of `mask` holds, `NEVER` where it never does."""
     first = mask.argmax(axis=1).astype(np.int32)
     return np.where(mask[np.arange(len(mask)), first], first, NEVER)
-
-
-def last_true(mask: Mask) -> I32:
-    """Last frame at which each row of `mask` holds, `NEVER` where it never does."""
-    first = first_true(mask[:, ::-1])
-    return np.where(first == NEVER, NEVER, np.int32(mask.shape[1] - 1) - first)
 
 
 def since(first: I32, num_frames: int) -> Mask:
@@ -52,3 +47,8 @@ def only(frames: I32, where: Mask) -> I32:
 def at(values: NDArray[T], frames: I32) -> NDArray[T]:
     """`values` (simulation, time) at one frame each; where that is `NEVER`, at the first frame."""
     return values[np.arange(len(frames)), np.maximum(frames, 0)]
+
+
+def seconds_of(case: Case, frames: NDArray[np.integer]) -> F32:
+    """Duration of a number of frames, of the same shape [s]."""
+    return as_f32(frames * np.int32(case.signals.frame_interval_ms)) / np.float32(1000.0)
