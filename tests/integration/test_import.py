@@ -81,6 +81,13 @@ def test_what_is_read_back_is_what_was_read(scene, tmp_path):
         assert again.unknown == memory.unknown
 
 
+def test_what_a_recording_does_not_tell_is_not_made_up_for_the_papers_table(scene, tmp_path):
+    data = api.import_recording("commonroad", scene, tmp_path / "data")
+    with pytest.raises(ConfigError, match="does not tell speed_limit, stage, weather"):
+        api.export(data, tmp_path / "table.csv")
+    assert [each.name for each in tmp_path.glob("table*")] == []
+
+
 def test_the_same_file_gives_the_same_content_and_names_its_hash(scene, tmp_path):
     one = api.import_recording("commonroad", scene, tmp_path / "a")
     two = api.import_recording("commonroad", scene, tmp_path / "b")

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
+from overtaking.core.errors import ConfigError
 from overtaking.core.units import deg_from_rad, kmh_from_mps
 from overtaking.exchange.pinto2023_files import read_table, write_table
 from overtaking.exchange.pinto2023_schema import (
@@ -46,6 +47,8 @@ __all__ = ["COLUMNS", "FORMAT", "SCHEMA", "read_table", "to_table", "write_table
 
 _BEYOND_SLOW_EDGE = 255  # How `States.lane` says it.
 _MS_PER_S = 1000
+_NEEDED = frozenset({"weather", "speed_limit", "stage"})
+"""What no cell can leave open, of `model.trajectory.UNKNOWNS`."""
 _STEPS_PER_CENTIMETRE = round(0.01 / METRES_PER_STEP)
 
 
@@ -59,7 +62,18 @@ def to_table(trajectories: Trajectories, numbers: NDArray[np.integer] | None = N
 
     Returns:
         A table of `SCHEMA`, sorted by simulation and frame, rounded as the paper rounds.
+
+    Raises:
+        ConfigError: The recording does not say what the table has to: it is from elsewhere.
     """
+    if missing := sorted(_NEEDED & trajectories.unknown):
+        raise ConfigError.of(
+            what="the paper's table",
+            where="export",
+            expected="simulations, of which everything in it is known",
+            got=f"a recording that does not tell {', '.join(missing)}",
+            next_step="choose --format commonroad or highd",
+        )
     simulation, frame = np.nonzero(trajectories.frame_valid)
     numbered = trajectories.scenario.index if numbers is None else numbers
     columns = {
