@@ -123,6 +123,19 @@ def test_what_was_not_kept_is_simulated_again(simulation, data, summary):
     assert np.array_equal(again.trace_hash, data.trajectory(simulation).trace_hash)
 
 
+def test_a_data_set_is_a_sequence_of_simulations_whatever_it_kept(data, summary, runs):
+    for source in (data, summary):
+        hashes = [source[np.int64(number)].trace_hash[0] for number in range(len(source))]
+        assert np.array_equal(hashes, runs.trace_hash)
+        assert np.array_equal(source[-1].trace_hash[0], runs.trace_hash[-1])
+        assert sum(1 for _ in source) == len(source)
+        for number in (len(source), -len(source) - 1):
+            with pytest.raises(IndexError, match="expected 0 to 19"):
+                source[number]
+        with pytest.raises(TypeError):
+            source["4"]
+
+
 def test_batches_give_every_simulation_once(data, summary, runs):
     for source in (data, summary):
         numbers, hashes = zip(*((n, t.trace_hash) for n, t in source.batches()), strict=True)
@@ -376,7 +389,7 @@ def test_a_simulator_that_has_changed_is_noticed(summary):
 
     changed = load(summary.path, Simulator(name="other", version="9", simulate=other))
     with refused(DatasetError, "simulation 5, simulated again", "got another from other 9"):
-        changed.trajectory(5)
+        changed[5]
     with refused(DatasetError, "simulation 0, simulated again"):
         next(iter(changed.batches()))
 

@@ -50,7 +50,7 @@ def test_an_overtake_in_a_recording_is_labelled_like_one_of_ours(scene, tmp_path
     data = api.import_recording("commonroad", scene, tmp_path / "data")
     assert source_of(data).counts["candidate_overtakes"] == 1
     assert len(data) == 3
-    run = data.trajectory(0)
+    run = data[0]
     ids = data.simulations()["source_recording"][0]
     assert ids.startswith("ZAM_Hand-1_1_T-1 frames 0 to ")
     assert ids.split("vehicles ")[1].split()[:2] == ["7", "3"]

@@ -50,6 +50,10 @@ class ConfigError(OvertakingError, ValueError):
     """A profile, specification, option or argument that cannot be used."""
 
 
+class NoSuchSimulationError(ConfigError, IndexError):
+    """The number of a simulation that a data set does not have; ends a loop over its numbers."""
+
+
 class SchemaError(OvertakingError, ValueError):
     """A table or array whose columns, types, units or version are not those agreed on."""
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from operator import index
+from typing import TYPE_CHECKING, SupportsIndex
 
 import numpy as np
 import pyarrow as pa
 
-from overtaking.core.errors import ConfigError, DatasetError
+from overtaking.core.errors import ConfigError, DatasetError, NoSuchSimulationError
 from overtaking.datasets import plan, write
 from overtaking.datasets.contents import contents
 from overtaking.datasets.manifest import Manifest, read_manifest
@@ -70,6 +71,21 @@ class Dataset:
     def __len__(self) -> int:
         """Number of simulations."""
         return self._manifest.num_simulations
+
+    def __getitem__(self, simulation: SupportsIndex) -> Trajectories:
+        """One recorded simulation, as a batch of one; what was not kept is simulated again.
+
+        `batches` is the quick way through all of them.
+
+        Args:
+            simulation: Its number; -1 is the last one.
+
+        Raises:
+            DatasetError: Simulated again, it has another trace hash: the simulator has changed.
+            NoSuchSimulationError: There is no such number; it is an `IndexError` as well.
+        """
+        number = index(simulation)
+        return self.trajectory(number + len(self) if -len(self) <= number < 0 else number)
 
     def __repr__(self) -> str:
         """What it is and where."""
@@ -328,7 +344,7 @@ class Dataset:
     def _part(self, table: str, simulation: int) -> pa.Table:
         """The rows of one simulation."""
         if not 0 <= simulation < len(self):
-            raise ConfigError.of(
+            raise NoSuchSimulationError.of(
                 what="simulation",
                 where=str(self._path),
                 expected=f"0 to {len(self) - 1}",

@@ -8,6 +8,8 @@ from overtaking.core import errors
 
 KINDS = [
     (errors.ConfigError, ValueError),
+    (errors.NoSuchSimulationError, errors.ConfigError),
+    (errors.NoSuchSimulationError, IndexError),
     (errors.SchemaError, ValueError),
     (errors.ImportFormatError, ValueError),
     (errors.DatasetError, RuntimeError),
