@@ -29,12 +29,14 @@ _HOMES = {
     "plot_validation": "overtaking.api.results",
     "query": "overtaking.api.results",
     "relabel": "overtaking.api.data",
+    "reproduce": "overtaking.api.results",
     "resume": "overtaking.api.data",
     "sample": "overtaking.api.simulating",
     "simulate": "overtaking.api.simulating",
     "statistics": "overtaking.api.results",
     "validate": "overtaking.api.results",
     "write_report": "overtaking.api.results",
+    "write_reproduction": "overtaking.api.results",
 }
 """The module that defines each public name."""
 

@@ -5,9 +5,11 @@ from overtaking.api.data import resume as resume
 from overtaking.api.results import film as film
 from overtaking.api.results import plot_validation as plot_validation
 from overtaking.api.results import query as query
+from overtaking.api.results import reproduce as reproduce
 from overtaking.api.results import statistics as statistics
 from overtaking.api.results import validate as validate
 from overtaking.api.results import write_report as write_report
+from overtaking.api.results import write_reproduction as write_reproduction
 from overtaking.api.simulating import branch as branch
 from overtaking.api.simulating import compare as compare
 from overtaking.api.simulating import label as label

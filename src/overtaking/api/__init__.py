@@ -9,9 +9,11 @@ from overtaking.api.results import (
     literature,
     plot_validation,
     query,
+    reproduce,
     statistics,
     validate,
     write_report,
+    write_reproduction,
 )
 from overtaking.api.simulating import branch, compare, label, sample, simulate
 from overtaking.datasets.load import Dataset
@@ -37,6 +39,7 @@ __all__ = [
     "query",
     "relabel",
     "replay_in_carla",
+    "reproduce",
     "resume",
     "sample",
     "serve_carla",
@@ -45,4 +48,5 @@ __all__ = [
     "statistics",
     "validate",
     "write_report",
+    "write_reproduction",
 ]

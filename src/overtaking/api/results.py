@@ -5,15 +5,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from overtaking import scenarios
-from overtaking.api.choices import Profile, at_least_one, road_of
+from overtaking.api.choices import Profile, at_least_one, road_of, simulator_of
 from overtaking.api.data import load
+from overtaking.core.errors import ConfigError
 from overtaking.datasets.generate import Progress
 from overtaking.datasets.load import Dataset
 from overtaking.model.road import Road
 
 if TYPE_CHECKING:
     from overtaking.database.query import Answer
+    from overtaking.report.reproduction import Written
     from overtaking.report.write import Report
+    from overtaking.reproduction.run import Reproduction
     from overtaking.stats.results import Statistics
     from overtaking.validation.run import Validation
     from overtaking.video.produce import Video
@@ -172,6 +175,64 @@ def plot_validation(found: "Validation", out: str | Path) -> None:
     drawing, path = draw_validation(found), Path(out)
     content = to_svg(drawing) if path.suffix == ".svg" else to_png(drawing)
     put(path, content)
+
+
+def reproduce(
+    study: str,
+    replicates: int = 1000,
+    seed: int = 2023,
+    *,
+    overrides: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> "Reproduction":
+    """Put every number that a paper states among replicates of its data set.
+
+    Args:
+        study: `pinto2023`.
+        replicates: How many sets of 276 simulations.
+        seed: Seed of all random numbers, none that the drivers were fitted with.
+        overrides: Dotted keys of the specification with other values; the parameters are then not
+            the frozen ones, and it says so.
+        progress: Called with the number of simulations that are done, and of all.
+
+    Returns:
+        Each number with its place among ours, what it is to us, and what the paper's label hides;
+        `write_reproduction` makes a page of it.
+
+    Raises:
+        ConfigError: There is no such study, or a number cannot be used.
+    """
+    from overtaking.reproduction.run import STUDIES
+    from overtaking.reproduction.run import reproduce as run
+
+    if study not in STUDIES:
+        raise ConfigError.of(
+            what="study",
+            where="reproduce",
+            expected=" or ".join(STUDIES),
+            got=study,
+            next_step="choose one of them",
+        )
+    spec = scenarios.spec(study, overrides)
+    return run(spec, road_of(spec.road), replicates, seed, simulator_of("engine"), progress)
+
+
+def write_reproduction(found: "Reproduction", out: str | Path) -> "Written":
+    """Write a reproduction as one page that needs no network.
+
+    Args:
+        found: What `reproduce` returned.
+        out: Folder for the page, its figures and tables; files of an earlier one are replaced.
+
+    Returns:
+        Where it is, and what it could not show: without the extra `plots` it has no figures.
+
+    Raises:
+        OSError: A file cannot be written.
+    """
+    from overtaking.report.reproduction import write_reproduction as write
+
+    return write(found, Path(out))
 
 
 def literature(

@@ -11,6 +11,7 @@ from overtaking.cli import (
     labelling,
     literature,
     options,
+    reproducing,
     sql,
     stats,
     sumo,
@@ -199,6 +200,7 @@ COMMANDS: dict[options.Body, str] = {
     **sql.COMMANDS,
     video.video: "overtaking video data/pinto --simulations 1,7",
     **validate.COMMANDS,
+    **reproducing.COMMANDS,
     compare: "overtaking compare pinto2023 -n 100 --seed 1 --with sumo",
     doctor: "overtaking doctor --json",
 }

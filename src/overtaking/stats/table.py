@@ -16,6 +16,7 @@ class Style(Enum):
     TEXT = "text"
     COUNT = "count"
     NUMBER = "number"
+    COEFFICIENT = "coefficient"
     SHARE = "share"
     P_VALUE = "p-value"
 
@@ -81,7 +82,7 @@ def write(value: Any, style: Style) -> str:
         return "< 0.001" if value < 1e-3 else f"{value:.3f}"
     if style is Style.COUNT:
         return f"{value:,.0f}" if float(value).is_integer() else f"{value:,.1f}"
-    text = f"{value:,.2f}"
+    text = f"{value:,.3f}" if style is Style.COEFFICIENT else f"{value:,.2f}"
     return text.lstrip("-") if not text.strip("-0.") else text.replace("-", "−")
 
 

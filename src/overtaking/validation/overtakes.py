@@ -9,7 +9,7 @@ import numpy as np
 from overtaking.labels.events import find_events
 from overtaking.labels.outcome import outcome
 from overtaking.model.events import NEVER, Events, Outcome
-from overtaking.model.trajectory import Stage
+from overtaking.model.trajectory import Stage, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.signals import engine as signals
 from overtaking.validation.traffic import Batch, limit
@@ -74,16 +74,29 @@ def _passing(tally: Tally, batch: Batch, events: Events) -> None:
 
 
 def _approach(tally: Tally, batch: Batch, events: Events) -> None:
-    """Add overtakes, and those whose ego never came down to the speed of the other before."""
+    """Add overtakes, and those that were flying."""
+    at, is_flying = flying(batch.runs, events)
+    tally.add("overtakes", batch.group[at], batch.weight[at])
+    tally.add("flying", batch.group[at], batch.weight[at] * is_flying)
+
+
+def flying(runs: Trajectories, events: Events) -> tuple[Array, Array]:
+    """Overtakes whose ego never came down to the speed of the other before it pulled out.
+
+    Args:
+        runs: Recorded simulations.
+        events: What happened in them.
+
+    Returns:
+        The simulations with an overtake that came alongside, and whether each was flying.
+    """
     at = np.flatnonzero((events.attempt != NEVER) & (events.overlap_begin != NEVER))
-    speed = batch.runs.states.speed
+    speed = runs.states.speed
     frames = np.arange(speed.shape[2])[None, :]
     faster = speed[at, 0].astype(np.int64) - speed[at, events.target[at]]
     near = (frames >= events.follow[at, None]) & (frames <= events.attempt[at, None])
     least = np.where(near, faster, np.iinfo(np.int64).max).min(axis=1, initial=2**62)
-    flying = least > 1e3 * limit("flying_margin")
-    tally.add("overtakes", batch.group[at], batch.weight[at])
-    tally.add("flying", batch.group[at], batch.weight[at] * flying)
+    return at, least > 1e3 * limit("flying_margin")
 
 
 def _edges(tally: Tally, batch: Batch) -> None:

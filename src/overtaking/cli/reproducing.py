@@ -1,0 +1,94 @@
+"""The command that puts our simulations beside every number of a paper."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from overtaking.cli import options
+from overtaking.cli.output import Output
+
+if TYPE_CHECKING:
+    from overtaking.reproduction.run import Reproduction
+
+REPLICATES, SEED = 1000, 2023
+
+Study = Annotated[str, typer.Argument(metavar="STUDY", help="What to reproduce: pinto2023.")]
+Replicates = Annotated[
+    int,
+    typer.Option(
+        "--replicates", metavar="N", help="How many sets of 276 simulations; fewer are faster."
+    ),
+]
+Seed = Annotated[
+    int,
+    typer.Option("--seed", metavar="N", help="Seed; none that the drivers were fitted with."),
+]
+Page = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="FOLDER", help="Write it as a page with figures, too."),
+]
+
+
+def reproduce(
+    output: Output,
+    study: Study,
+    replicates: Replicates = REPLICATES,
+    seed: Seed = SEED,
+    out: Page = None,
+    threads: options.Threads = None,
+    changes: options.Changes = None,
+) -> None:
+    """Put every number of a paper among replicates of its data set."""
+    from overtaking import api
+    from overtaking.cli import arguments
+
+    arguments.limit_threads(threads)
+    begin = time.monotonic()
+    with output.progress("simulations") as meter:
+        found = api.reproduce(
+            study,
+            replicates,
+            seed,
+            overrides=arguments.overrides(changes or [], None),
+            progress=meter,
+        )
+    values = found.values()
+    if out is not None:
+        made = api.write_reproduction(found, out)
+        values |= {"page": str(made.path), "missing": list(made.remarks)}
+        for text in (f"{made.path}: {len(made.figures)} figures", *made.remarks):
+            output.say(text)
+    values["duration_s"] = round(time.monotonic() - begin, 3)
+    output.text(values, rendered(found))
+
+
+def rendered(found: "Reproduction") -> str:
+    """All of it as text for a terminal."""
+    from overtaking.reproduction import tables, words
+    from overtaking.stats.formats import table_to_text
+
+    numbers, design, lawful, starts = map(table_to_text, tables.tables(found))
+    meanings = "\n".join(f"{name:<14} {text}" for name, text in words.standings())
+    remarks = "\n".join(f"{name}: {text}" for name, text in words.remarks_on_numbers(found))
+    parts = [
+        words.lead(found),
+        *(f"note: {text}" for text in words.notes(found)),
+        *(f"warning: {text}" for text in words.warnings(found)),
+        numbers,
+        meanings,
+        design,
+        remarks,
+        "What the label hides",
+        *words.hidden(found),
+        lawful,
+        words.about_starts(found),
+        starts,
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+COMMANDS: dict[options.Body, str] = {
+    reproduce: "overtaking reproduce pinto2023 --replicates 100 --out reproduction",
+}

@@ -1,0 +1,168 @@
+"""What the source paper states about its data set, number by number."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache
+from typing import TYPE_CHECKING
+
+from overtaking.core.errors import KnowledgeError
+from overtaking.knowledge.conversion import converter
+from overtaking.knowledge.reader import load, read_section
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from overtaking.knowledge.quantity import Quantity
+
+_FILE = "paper.toml"
+
+ALL = "all"
+"""The scope of a statement about every simulation."""
+
+_DIGITS = 9  # Decimals that no printed number has; what is beyond is of the conversion.
+
+
+class Standing(StrEnum):
+    """What a number of the paper is to us."""
+
+    CALIBRATED = "calibrated"
+    IMPLIED = "implied"
+    PREDICTED = "predicted"
+    PRESET = "preset"
+    CONTRADICTION = "contradiction"
+    DESIGN = "design"
+
+    @property
+    def meaning(self) -> str:
+        """The same in words."""
+        return _MEANINGS[self]
+
+
+_MEANINGS = {
+    Standing.CALIBRATED: "our drivers were fitted to it",
+    Standing.IMPLIED: "it follows from what was fitted",
+    Standing.PREDICTED: "nothing was fitted to it",
+    Standing.PRESET: "an artefact of CARLA's weather presets",
+    Standing.CONTRADICTION: "the paper contradicts itself",
+    Standing.DESIGN: "an input of its simulations, taken over",
+}
+
+
+class Measure(StrEnum):
+    """What is computed of a set of simulations to stand beside a number."""
+
+    COUNT = "count"
+    MEAN = "mean"
+    SUM = "sum"
+    WITHIN = "within"
+    RATIO = "ratio"
+    SPEARMAN = "spearman"
+    P_VALUE = "p_value"
+    DESIGN = "design"
+
+
+COUNTS = (Measure.COUNT, Measure.SUM, Measure.WITHIN)
+"""The measures that count simulations."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Statement:
+    """One number of the paper.
+
+    Attributes:
+        about: The group that it belongs to.
+        text: What it is, in words.
+        standing: One of `Standing`.
+        measure: One of `Measure`.
+        stated: The number, in SI, with the unit in which the paper has it.
+        of: The feature, or for a design the input, that is measured.
+        against: The other feature of a ratio or a correlation.
+        scope: The class of the simulations, or `ALL`.
+        low: Where a range begins, in SI; NaN without one.
+        high: Where it ends.
+        note: What a reader has to know.
+    """
+
+    about: str
+    text: str
+    standing: str
+    measure: str
+    stated: Quantity
+    of: str = ""
+    against: str = ""
+    scope: str = ALL
+    low: float = math.nan
+    high: float = math.nan
+    note: str = ""
+
+    @property
+    def unit(self) -> str:
+        """The unit of the paper, empty for a plain number."""
+        unit = self.stated.quoted_unit
+        return {"1": "", "percent": "%"}.get(unit, unit)
+
+    @property
+    def factor(self) -> float:
+        """One of the paper's unit, in SI."""
+        return converter(self.stated.quoted_unit, where=_FILE)(1.0)
+
+    @property
+    def quoted(self) -> float:
+        """The number as the paper has it."""
+        return round(self.stated.number / self.factor, _DIGITS)
+
+    @property
+    def resolution(self) -> float:
+        """Half of the last decimal of `quoted`: how well it is known at best."""
+        decimals = repr(self.quoted).partition(".")[2]
+        return 0.5 * 10.0 ** -len(decimals)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """What was fitted to the paper.
+
+    Attributes:
+        population: The drivers that were fitted.
+        parameters_sha256: Hash over them and the profile, frozen when they were.
+        seeds: Seeds that no reproduction may use.
+    """
+
+    population: str
+    parameters_sha256: str
+    seeds: tuple[float, ...]
+
+
+@cache
+def statements() -> Mapping[str, Statement]:
+    """Every number by its name, in the order in which it is shown.
+
+    Raises:
+        KnowledgeError: A standing or a measure is unknown.
+    """
+    found: dict[str, Statement] = {}
+    for name in load(_FILE)["statements"]:
+        one = read_section(Statement, _FILE, f"statements.{name}")
+        for what, got, known in (
+            ("standing", one.standing, Standing),
+            ("measure", one.measure, Measure),
+        ):
+            if got not in tuple(known):
+                raise KnowledgeError.of(
+                    what=what,
+                    where=f"{_FILE} [statements.{name}]",
+                    expected=f"one of {', '.join(known)}",
+                    got=got,
+                    next_step="correct the entry",
+                )
+        found[name] = one
+    return found
+
+
+@cache
+def calibration() -> Calibration:
+    """What was fitted, and with which random numbers."""
+    return read_section(Calibration, _FILE, "calibration")

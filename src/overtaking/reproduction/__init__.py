@@ -1,0 +1,1 @@
+"""Our simulations beside every number that the source paper states."""
