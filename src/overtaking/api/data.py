@@ -1,6 +1,6 @@
 """Data sets: made, completed, loaded, labelled anew, imported and exported."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from overtaking.datasets.recipe import Keep, Recipe
 from overtaking.exchange import recording_export
 from overtaking.model.road import Road
 
-EXPORTS = ("pinto2023", "commonroad", "highd")
+EXPORTS = ("pinto2023", "commonroad", "highd", "asp", "prolog")
 """The formats that a data set can be written in."""
 
 
@@ -168,6 +168,7 @@ def export(
     *,
     file_format: str = EXPORTS[0],
     progress: Progress | None = None,
+    **options: Any,
 ) -> int:
     """Write a data set as a file of another program or paper.
 
@@ -175,12 +176,15 @@ def export(
         data: The data set, or its folder.
         out: The paper's table is a file that ends in `.csv` or `.parquet`, replaced as a whole;
             the other formats are a folder, which must not exist or be empty, with one scenario or
-            recording for each simulation.
+            recording for each simulation; of `asp` and `prolog` with files of facts and a theory.
         file_format: One of `EXPORTS`.
         progress: Called with the number of simulations that are done, and of all.
+        options: Of `asp` and `prolog`: `simulations` are numbers, `label` is a class that they must
+            have under `policy`; `every` is every how many frames positions are written;
+            `with_law=True` writes what only the law reads, too.
 
     Returns:
-        Number of rows or states written.
+        Number of rows, states or facts written.
 
     Raises:
         ConfigError: There is no such format, the name does not fit it, or the folder is taken.
@@ -196,6 +200,16 @@ def export(
             next_step="choose one of them",
         )
     source = data if isinstance(data, Dataset) else load(data)
+    if file_format in ("asp", "prolog"):
+        return _export_facts(source, Path(out), file_format, progress, **options)
+    if options:
+        raise ConfigError.of(
+            what=f"option {min(options)}",
+            where=f"export to {file_format}",
+            expected="none, as all simulations are written",
+            got=options[min(options)],
+            next_step="leave it out",
+        )
     if file_format in recording_export.FORMATS:
         return recording_export.write_folder(
             source.batches(),
@@ -214,6 +228,33 @@ def export(
                 progress(int(numbers[-1]) + 1, len(source))
 
     return pinto2023.write_table(tables(), out)
+
+
+def _export_facts(
+    data: Dataset,
+    out: Path,
+    language: str,
+    progress: Progress | None,
+    *,
+    simulations: Iterable[int] | None = None,
+    label: str | None = None,
+    policy: str = "paper",
+    every: int = 10,
+    with_law: bool = False,
+) -> int:
+    """Write chosen simulations as facts; see `export`."""
+    from overtaking.logic.export import write_facts
+    from overtaking.logic.source import choice
+
+    return write_facts(
+        data,
+        out,
+        language=language,
+        chosen=choice(data, simulations, label, policy),
+        every=every,
+        with_law=with_law,
+        progress=progress,
+    )
 
 
 def import_recording(

@@ -139,14 +139,26 @@ def export(
     out: options.OutFile,
     file_format: options.Format = "pinto2023",
     is_csv: options.IsCsv = None,
+    simulations: options.ChosenSimulations = None,
+    label: options.ChosenClass = None,
+    policy: options.ChosenPolicy = None,
+    every: options.EveryFrames = None,
+    law: options.WithLaw = False,
 ) -> None:
     """Write a data set in the format of another program or paper."""
     from overtaking import api
     from overtaking.cli import arguments, summary
 
     target = arguments.export_target(out, file_format, is_csv=is_csv)
+    chosen = arguments.given(
+        simulations=arguments.numbers(simulations, "export"),
+        label=label,
+        policy=policy,
+        every=every,
+        with_law=law or None,
+    )
     with output.progress("simulations") as meter:
-        rows = api.export(data, target, file_format=file_format, progress=meter)
+        rows = api.export(data, target, file_format=file_format, progress=meter, **chosen)
     values = summary.of_table(target, rows)
     output.result(values, lambda _: summary.render_table(values))
 

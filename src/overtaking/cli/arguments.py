@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 THREADS_VARIABLE = "RAYON_NUM_THREADS"
 FRAME_INTERVAL_KEY = "profile.frame_interval_ms"
+MOST_NUMBERS = 1_000_000
 
 DEFAULTS: dict[str, Any] = {
     "profile": "pinto2023",
@@ -126,6 +127,37 @@ def road(map_file: Path | None, name: str | None) -> Road | None:
     from overtaking.exchange.roads import load_road
 
     return load_road(str(name)) if map_file is None else load_road(map_file, name)
+
+
+def numbers(text: str | None, where: str) -> list[int] | None:
+    """Numbers and ranges with commas between them, None where nothing is said.
+
+    Args:
+        text: Such as `1,7,20-29`.
+        where: The command.
+
+    Raises:
+        ConfigError: It is something else.
+    """
+    if text is None:
+        return None
+    return [number for part in text.split(",") for number in _numbers(part.strip(), where)]
+
+
+def _numbers(part: str, where: str) -> range:
+    """A number, or all from one to another."""
+    first, dash, last = part.partition("-")
+    is_number = first.isdecimal() and (last.isdecimal() if dash else True)
+    found = range(int(first), int(last or first) + 1) if is_number else range(0)
+    if not found or len(found) > MOST_NUMBERS:
+        raise ConfigError.of(
+            what="--simulations",
+            where=where,
+            expected="numbers and ranges such as 1,7,20-29",
+            got=repr(part),
+            next_step="write them with commas and without spaces",
+        )
+    return found
 
 
 def export_target(out: Path, file_format: str, *, is_csv: bool | None) -> Path:

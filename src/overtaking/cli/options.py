@@ -134,12 +134,44 @@ Format = Annotated[
     typer.Option(
         "--format",
         metavar="NAME",
-        help="Whose format: pinto2023 is the paper's table; commonroad and highd are folders.",
+        help="Whose format: pinto2023 is the paper's table; commonroad and highd are folders; asp "
+        "and prolog are folders of facts.",
     ),
 ]
 IsCsv = Annotated[
     bool | None,
     typer.Option("--csv/--parquet", help="Kind of file.  [default: by its name, else CSV]"),
+]
+ChosenSimulations = Annotated[
+    str | None,
+    typer.Option(
+        "--simulations",
+        metavar="LIST",
+        help="Numbers and ranges of simulations, such as 1,7,20-29.  [default: all]",
+    ),
+]
+ChosenClass = Annotated[
+    str | None,
+    typer.Option("--class", metavar="NAME", help="Only simulations of a class, as Success_I."),
+]
+ChosenPolicy = Annotated[
+    str | None,
+    typer.Option(
+        "--policy", metavar="NAME", help="Whose class: paper, default or strict.  [default: paper]"
+    ),
+]
+EveryFrames = Annotated[
+    int | None,
+    typer.Option(
+        "--every",
+        min=1,
+        metavar="N",
+        help="Facts about positions every N frames, beside those where something changes.  "
+        "[default: 10]",
+    ),
+]
+WithLaw = Annotated[
+    bool, typer.Option("--law", help="Facts that the law reads, in every frame, and the law.")
 ]
 Folder = Annotated[
     Path, typer.Option("--out", metavar="FOLDER", help="Where data would be written.")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from overtaking.cli import options
+from overtaking.cli import arguments, options
 from overtaking.cli.output import Output
 from overtaking.core.errors import ConfigError
 
@@ -34,7 +34,6 @@ Folder = Annotated[
 
 _MOST_LISTED = 12
 _BYTES_PER_MB = 1e6
-_MOST_NUMBERS = 1_000_000
 
 
 def video(
@@ -78,23 +77,7 @@ def choice(text: str | None, *, is_per_class: bool, is_every: bool) -> list[int]
         )
     if text is None:
         return "all" if is_every else "one-per-class"
-    return [number for part in text.split(",") for number in _numbers(part.strip())]
-
-
-def _numbers(part: str) -> range:
-    """A number, or all from one to another."""
-    first, dash, last = part.partition("-")
-    is_number = first.isdecimal() and (last.isdecimal() if dash else True)
-    numbers = range(int(first), int(last or first) + 1) if is_number else range(0)
-    if not numbers or len(numbers) > _MOST_NUMBERS:
-        raise ConfigError.of(
-            what="--simulations",
-            where="video",
-            expected="numbers and ranges such as 1,7,20-29",
-            got=repr(part),
-            next_step="write them with commas and without spaces",
-        )
-    return numbers
+    return arguments.numbers(text, "video") or []
 
 
 def values_of(films: "list[Video]", seconds: float) -> dict[str, Any]:

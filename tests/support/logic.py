@@ -1,0 +1,49 @@
+"""Facts, programs and answers of clingo, for tests."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from overtaking.logic import facts as writing
+
+if TYPE_CHECKING:
+    from overtaking.model.labels import Case
+
+Row = tuple[Any, ...]
+ALL = writing.everything(with_law=True)
+
+
+def program_of(case: Case, *, every: int = writing.EVERY) -> str:
+    """All facts of a case, as text."""
+    recorded = case.trajectories
+    shared = writing.shared_facts(
+        recorded.road, recorded.unknown, recorded.scenario.frame_interval_ms, ALL
+    )
+    numbers = np.arange(case.signals.num_simulations)
+    found = writing.facts(case, numbers, ALL, every=every)
+    return (writing.text(shared) + writing.text(found)).decode()
+
+
+def solved(text: str) -> dict[str, set[Row]]:
+    """What a program without choices says: the arguments of the atoms of each predicate."""
+    import clingo
+
+    complaints: list[str] = []
+    control = clingo.Control(logger=lambda _, message: complaints.append(message))
+    control.add("base", [], text)
+    control.ground([("base", [])])
+    assert [one for one in complaints if "does not occur" not in one] == []
+    found: dict[str, set[Row]] = {}
+    for atom in control.symbolic_atoms:
+        found.setdefault(atom.symbol.name, set()).add(tuple(map(value, atom.symbol.arguments)))
+    return found
+
+
+def value(symbol: object) -> int | str:
+    """A number or a constant of clingo as Python's."""
+    import clingo
+
+    assert isinstance(symbol, clingo.Symbol)
+    return symbol.number if symbol.type is clingo.SymbolType.Number else str(symbol)
