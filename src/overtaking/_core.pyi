@@ -72,6 +72,50 @@ def signals(
         ValueError: An array has another shape, or the SIMD level is unknown or not available.
     """
 
+def weather_driven(
+    driven: Mapping[str, Any],
+    table: NDArray[np.float32],
+    decision: int,
+    level: str | None = None,
+) -> None:
+    """Write gusts, friction and wind of a decision into a table of what moves.
+
+    Args:
+        driven: vehicle, simulation, index, slots, seed, road and constants as in `simulate`, of one
+            simulation.
+        table: Shape (field, vehicle), fields as `moving_fields`.
+        decision: Its number.
+        level: SIMD level; None for the best of this CPU.
+
+    Raises:
+        ValueError: An array has another length, or the SIMD level is unknown or not available.
+    """
+
+def drive(
+    driven: Mapping[str, Any],
+    table: NDArray[np.float32],
+    controls: NDArray[np.float32],
+    wheel_rate: float,
+    steps: int,
+    level: str | None = None,
+) -> None:
+    """Move the vehicles of a table by some steps.
+
+    Args:
+        driven: As in `weather_driven`.
+        table: Shape (field, vehicle), fields as `moving_fields`.
+        controls: Throttle, brake and wanted angle of the front wheels [rad], shape (3, vehicle).
+        wheel_rate: How fast the wheels turn [rad/s].
+        steps: How many.
+        level: SIMD level; None for the best of this CPU.
+
+    Raises:
+        ValueError: An array has another length, or the SIMD level is unknown or not available.
+    """
+
+def moving_fields() -> list[str]:
+    """Names of the rows of the table of what moves, in order."""
+
 def vehicle_fields() -> list[str]:
     """Names of the vehicle parameters, in order."""
 

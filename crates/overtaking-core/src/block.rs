@@ -268,7 +268,7 @@ fn merge<S: Simd, const N: usize>(blocks: &mut Vec<Box<Block<'_, S, N>>>) {
 
 /// The parameters of the simulations of a block.
 #[inline(always)]
-fn load<S: Simd, const N: usize>(
+pub(crate) fn load<S: Simd, const N: usize>(
     simd: S,
     vehicle: &[f32],
     simulation: &[f32],

@@ -7,6 +7,7 @@
 mod block;
 mod collisions;
 mod control;
+pub mod driven;
 mod dynamics;
 mod ego;
 mod elementary;

@@ -1,5 +1,7 @@
 //! Thin Python binding of `overtaking-core`: arrays in, arrays filled in place.
 
+mod driven;
+
 use numpy::{
     Element, PyReadonlyArray1, PyReadonlyArray3, PyReadwriteArrayDyn, PyUntypedArrayMethods,
     ndarray,
@@ -379,6 +381,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("VERSION", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(simulate, module)?)?;
     module.add_function(wrap_pyfunction!(signals, module)?)?;
+    module.add_function(wrap_pyfunction!(driven::weather_driven, module)?)?;
+    module.add_function(wrap_pyfunction!(driven::drive, module)?)?;
+    module.add_function(wrap_pyfunction!(driven::moving_fields, module)?)?;
     module.add_function(wrap_pyfunction!(vehicle_fields, module)?)?;
     module.add_function(wrap_pyfunction!(simulation_fields, module)?)?;
     module.add_function(wrap_pyfunction!(constant_fields, module)?)?;

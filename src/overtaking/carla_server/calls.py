@@ -26,6 +26,12 @@ if TYPE_CHECKING:
     from overtaking.carla_server.arguments import Settings
     from overtaking.carla_server.protocol import Session
 
+PACE = 0.002
+"""Least time between a tick being asked for and its snapshot where Traffic Managers run [s].
+
+The client of 0.9.16 wakes its Traffic Manager without holding the lock that the manager waits with,
+so a tick that comes too soon after the last is never seen and the client waits for ever.
+"""
 
 # --- server and map ---
 
@@ -111,7 +117,9 @@ def copy_opendrive_to_file(session: Session, opendrive: str, _: Any) -> Answer:
 def tick_cue(session: Session) -> Answer:
     """Let one tick pass."""
     world = session.world
-    return value(world.tick() if world.settings.synchronous else world.frame)
+    if world.settings.synchronous:
+        world.tick(pace=PACE if session.managers else 0.0)
+    return value(world.frame)
 
 
 # --- weather and lamps of the street ---

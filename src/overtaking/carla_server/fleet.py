@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,17 +17,17 @@ import numpy as np
 from overtaking.carla_server.arguments import Control
 from overtaking.carla_server.bodies import Body, Nature, scenario_of
 from overtaking.carla_server.motion import Ground, Motion, Touch, overlap
-from overtaking.core.elementary import sincos
 from overtaking.core.units import kmh_from_mps
-from overtaking.sim.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Parameters, parameters
-from overtaking.sim.reference import collisions, dynamics, environment
+from overtaking.sim.driven import Mover, mover
+from overtaking.sim.parameters import VEHICLE_FIELDS, Parameters, parameters
+from overtaking.sim.reference import collisions
+from overtaking.sim.reference.driven import MOVING, Controls
 from overtaking.sim.reference.state import NOBODY, Fields, State, initial_state
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from overtaking.core.elementary import F32
-    from overtaking.physics.constants import Constants
 
 LONGEST_STEP = 0.01
 """Longest step of the dynamics, as in a simulation [s]."""
@@ -39,9 +38,6 @@ MAX_WHEEL_ANGLE = math.radians(70.0)
 STEERING_CURVE = ((0.0, 1.0), (20.0, 0.9), (60.0, 0.8), (120.0, 0.7))
 """Part of full lock against speed (km/h), as the vehicles of CARLA report theirs."""
 
-WHEEL_RATE = 6.0
-"""How fast the front wheels turn [rad/s]; CARLA's follow the control almost at once."""
-
 HAND_BRAKE = 0.6
 """Part of the brakes that the hand brake has."""
 
@@ -51,14 +47,11 @@ BACKWARDS_ACCEL = 2.0
 BACKWARDS_SPEED = 8.0
 """Fastest reverse [m/s]."""
 
-_KEPT = (
-    "s", "d", "psi", "vx", "vy", "r", "wheel", "accel", "a_lon", "a_lat", "gust",
-    "distance_error", "speed_error", "wander", "mu_fast", "mu_slow", "wind_force", "wind_moment",
-    "tail_wind",
-)  # fmt: skip
-_NEAR = 1.0  # Closer than this plus what they drive in a tick, two vehicles may touch [m].
+_NEAR = 0.5  # Closer than this plus what they approach in a tick, two vehicles may touch [m].
+_HARDEST = 20.0  # How fast their approach may grow meanwhile [m/s^2].
 _FOREVER = np.float32(1e9)
 _ZERO = np.float32(0.0)
+_NO_CONTROL = Control()
 
 
 class Fleet:
@@ -80,6 +73,7 @@ class Fleet:
         self._backwards: dict[int, float] = {}
         self._still: set[int] = set()
         self._forces: dict[int, tuple[float, float]] = {}
+        self._movers: dict[float, Mover] = {}
 
     def __contains__(self, vehicle: int) -> bool:
         """Whether this vehicle is there."""
@@ -198,19 +192,18 @@ class Fleet:
         if not self._ids:
             return []
         count = max(1, math.ceil(duration / LONGEST_STEP - 1e-9))
-        c = self._given.constants.replace(step=duration / count, decision=duration)
-        given = dataclasses.replace(self._given, constants=c)
-        p, state = self._fields, self._state
-        environment.move_random_processes(state, given, self._sky(), self._decision)
+        mover = self._mover(duration, count)
+        mover.weather(self._state, self._decision)
         self._decision += 1
-        environment.grip(state, given, p, self._sky())
-        environment.wind(state, given, p, self._sky())
-        self._add_forces(c, count)
-        pedals = self._pedals(controls)
+        self._add_forces(duration)
+        wanted = self._wanted(controls)
         pairs = self._near_pairs(duration)
         touches: list[Touch] = []
-        for _ in range(count):
-            touches += self._step(c, pedals, pairs)
+        if pairs:
+            for _ in range(count):
+                touches += self._collide(mover, wanted, pairs)
+        else:
+            self._drive(mover, wanted, count)
         self._roll_back(duration, controls)
         self._forces.clear()
         return touches
@@ -228,36 +221,35 @@ class Fleet:
         self._fields = Fields(VEHICLE_FIELDS, given.vehicle)
         if not self._ground.shelters:
             self._fields.shelters[:] = _ZERO
-        self._weather_fields = Fields(SIMULATION_FIELDS, given.simulation)
+        self._movers.clear()
         state = initial_state(given)
         state.end_step[:] = _FOREVER
         for vehicle, row in old.items():
-            for name in _KEPT:
+            for name in MOVING:
                 getattr(state, name)[self._rows[vehicle]] = getattr(self._state, name)[row]
         self._state: State = state
 
-    def _sky(self) -> Fields:
-        """Weather with the wind turned into the axes of each vehicle."""
-        sky: dict[str, Any] = dict(vars(self._weather_fields))
-        sine, cosine = sincos(self._state.psi)
-        along, across = sky["wind_along"], sky["wind_across"]
-        sky["wind_along"] = along * cosine + across * sine
-        sky["wind_across"] = across * cosine - along * sine
-        return Fields(sky.keys(), sky.values())
+    def _mover(self, duration: float, count: int) -> Mover:
+        """What moves the vehicles by a tick of `count` steps, kept for the next one."""
+        if duration not in self._movers:
+            self._movers.clear()
+            c = self._given.constants.replace(step=duration / count, decision=duration)
+            self._movers[duration] = mover(dataclasses.replace(self._given, constants=c))
+        return self._movers[duration]
 
-    def _add_forces(self, c: Constants, count: int) -> None:
+    def _add_forces(self, duration: float) -> None:
         """Add what pushes from outside: sideways like the wind, lengthwise as a change of speed."""
         state = self._state
         for vehicle, (along, across) in self._forces.items():
             row = self._rows[vehicle]
             cosine, sine = math.cos(float(state.psi[row, 0])), math.sin(float(state.psi[row, 0]))
             state.wind_force[row] += np.float32(across * cosine - along * sine)
-            change = (along * cosine + across * sine) * count * float(c.step)
+            change = (along * cosine + across * sine) * duration
             state.vx[row] = max(float(state.vx[row, 0]) + change / self.body(vehicle)["mass"], 0.0)
 
-    def _pedals(self, controls: Mapping[int, Control]) -> tuple[F32, F32, F32]:
-        """Throttle, brake and wanted wheel angle of each vehicle, shape (vehicle, 1)."""
-        wanted = [controls.get(vehicle, Control()) for vehicle in self._ids]
+    def _wanted(self, controls: Mapping[int, Control]) -> Controls:
+        """Throttle, brake and wanted wheel angle of each vehicle."""
+        wanted = [controls.get(vehicle, _NO_CONTROL) for vehicle in self._ids]
         throttle = [0.0 if one.reverse else one.throttle for one in wanted]
         brake = [min(one.brake + HAND_BRAKE * one.hand_brake, 1.0) for one in wanted]
         # Forward motion ends under full braking before the reverse gear engages.
@@ -267,73 +259,47 @@ class Fleet:
         lock = MAX_WHEEL_ANGLE * np.interp(speeds, knots, shares)
         # CARLA's steering is positive to the right.
         angle = -lock * np.array([one.steer for one in wanted])
-        return _column(throttle), _column(brake), _column(angle)
+        return Controls(_column(throttle), _column(brake), _column(angle))
 
-    def _step(
-        self, c: Constants, pedals: tuple[F32, F32, F32], pairs: list[tuple[int, int]]
-    ) -> list[Touch]:
-        """One step of the dynamics, then contacts."""
-        throttle, brake, angle = pedals
-        state, p = self._state, self._fields
-        still = self._frozen_rows()
+    def _drive(self, mover: Mover, wanted: Controls, steps: int) -> None:
+        """Let physics move the vehicles, but for those that only who places them moves."""
+        state = self._state
+        still = [self._rows[vehicle] for vehicle in self._ids if vehicle in self._still]
         held = {name: getattr(state, name)[still].copy() for name in ("s", "d", "psi")}
-        self._press(c, throttle, brake)
-        self._turn(c, angle)
-        before = (state.s.copy(), state.d.copy())
-        dynamics.move(state, c, p)
+        mover.drive(state, wanted, steps)
         for name, value in held.items():
             getattr(state, name)[still] = value
-        return self._collide(c, before, pairs) if pairs else []
-
-    def _frozen_rows(self) -> list[int]:
-        return [self._rows[vehicle] for vehicle in self._ids if vehicle in self._still]
-
-    def _press(self, c: Constants, throttle: F32, brake: F32) -> None:
-        """From pedals to the acceleration that the dynamics are asked for.
-
-        They add what drag and rolling take and cut at engine, brakes and grip, so a foot off both
-        pedals lets the vehicle coast.
-        """
-        state, p = self._state, self._fields
-        air = state.vx - state.tail_wind
-        resistance = p.drag * air * np.abs(air) + p.rolling
-        engine = np.minimum(p.launch_force, p.power / np.maximum(state.vx, c.slip_speed))
-        force = throttle * engine - brake * p.brake_force - resistance
-        state.accel = (force * p.inverse_mass).astype(np.float32)
-
-    def _turn(self, c: Constants, angle: F32) -> None:
-        """Turn front wheels towards the wanted angle, or lean into the curve it stands for."""
-        state, p = self._state, self._fields
-        most = np.float32(WHEEL_RATE) * c.step
-        turned = state.wheel + np.clip(angle - state.wheel, -most, most)
-        sine, cosine = sincos(angle)
-        curve = state.vx * state.vx * sine / (cosine * p.wheelbase)
-        grip = c.gravity * np.float32(0.5) * (state.mu_fast + state.mu_slow)
-        lean = np.clip(curve, -grip, grip)
-        leaned = state.wheel + (lean - state.wheel) * (c.step / c.two_wheeler_lag)
-        state.wheel = np.where(p.two_wheeler > 0, leaned, turned).astype(np.float32)
 
     def _near_pairs(self, duration: float) -> list[tuple[int, int]]:
-        """Rows of vehicles that may touch before the next tick."""
+        """Rows of vehicles that may touch before the next tick: near along and across the ground.
+
+        Most pass each other in lanes of their own, and those need no look at their contacts.
+        """
         if len(self._ids) < 2:
             return []
         state, p = self._state, self._fields
-        place = np.stack([state.s[:, 0], state.d[:, 0]], axis=1).astype(np.float64)
-        reach = np.hypot(p.half_length[:, 0], p.half_width[:, 0])
-        reach = reach + 0.5 * _NEAR + duration * np.hypot(state.vx[:, 0], state.vy[:, 0])
-        apart = np.hypot(*np.moveaxis(place[:, None] - place[None], -1, 0))
-        close = apart < reach[:, None] + reach[None]
-        return [pair for pair in combinations(range(len(self._ids)), 2) if close[pair]]
+        sine, cosine = np.sin(state.psi), np.cos(state.psi)
+        turned = duration * np.abs(state.r) * p.half_length
+        nearer = _NEAR + 0.5 * _HARDEST * duration * duration
+        close = np.ones((len(self._ids),) * 2, np.bool_)
+        for place, length, width, speed in (
+            (state.s, cosine, sine, state.vx * cosine - state.vy * sine),
+            (state.d, sine, cosine, state.vx * sine + state.vy * cosine),
+        ):
+            reach = p.half_length * np.abs(length) + p.half_width * np.abs(width) + turned
+            closing = duration * np.abs(speed - speed.T)
+            close &= np.abs(place - place.T) < reach + reach.T + closing + nearer
+        return [(i, j) for i, j in np.argwhere(close).tolist() if i < j]
 
-    def _collide(
-        self, c: Constants, before: tuple[F32, F32], pairs: list[tuple[int, int]]
-    ) -> list[Touch]:
-        """Exchange momentum; unlike in a simulation, who was hit drives on."""
+    def _collide(self, mover: Mover, wanted: Controls, pairs: list[tuple[int, int]]) -> list[Touch]:
+        """One step, and the exchange of momentum; unlike in a simulation, who was hit drives on."""
         state = self._state
+        before = (state.s.copy(), state.d.copy())
+        self._drive(mover, wanted, 1)
         state.contact_partner[:] = NOBODY
         was = {row: self._momentum(row) for pair in pairs for row in pair}
         every = {pair: np.ones(1, np.bool_) for pair in pairs}
-        collisions.collide(state, c, self._fields, every, before, 0)
+        collisions.collide(state, mover.constants, self._fields, every, before, 0)
         state.crashed[:] = _ZERO
         touches: list[Touch] = []
         for row, (along, across) in was.items():
@@ -355,7 +321,7 @@ class Fleet:
         """Drive backwards: slowly, on the circle that the front wheels give, without slip."""
         state = self._state
         for vehicle, row in self._rows.items():
-            control, speed = controls.get(vehicle, Control()), self._backwards.get(vehicle, 0.0)
+            control, speed = controls.get(vehicle, _NO_CONTROL), self._backwards.get(vehicle, 0.0)
             wants = control.reverse and float(state.vx[row, 0]) == 0.0
             push = BACKWARDS_ACCEL * control.throttle if wants else 0.0
             braking = self.body(vehicle)["peak_decel"] * max(control.brake, control.hand_brake)

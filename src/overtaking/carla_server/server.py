@@ -21,13 +21,6 @@ from overtaking.core.errors import ConfigError, OvertakingError
 if TYPE_CHECKING:
     from overtaking.carla_server.places import Atlas
 
-PACE = 0.002
-"""Least time between a tick being asked for and its snapshot where Traffic Managers run [s].
-
-The client of 0.9.16 wakes its Traffic Manager without holding the lock that the manager waits with,
-so a tick that comes too soon after the last is never seen and the client waits for ever.
-"""
-
 SILENCE = 10.0
 """A synchronous client with Traffic Managers that is silent this long is reported [s]."""
 
@@ -73,7 +66,8 @@ class Server:
                 for message in decoder.feed(data):
                     writer.write(await self._answer(session, message))
                 await writer.drain()
-                await asyncio.sleep(0)  # The others come to their turn.
+                if len(data) == _READ_BYTES:
+                    await asyncio.sleep(0)  # The others come to their turn.
         except ProtocolError as error:
             self._complain(f"a connection was dropped: it sent {error}")
         except ConnectionError:
@@ -91,7 +85,6 @@ class Server:
         self._last_call = asyncio.get_running_loop().time()
         if name == "tick_cue":
             await self.world.streams.settle()
-            await asyncio.sleep(PACE if self.managers else 0.0)
         try:
             if name in SLOW:
                 given = (session, name, parameters)

@@ -125,7 +125,7 @@ class Decoder:
         self._items += 1
         if self._items > MAX_ITEMS:
             raise ProtocolError(f"a message of more than {MAX_ITEMS} values")
-        if isinstance(value, _Array):
+        if type(value) is _Array:
             if len(self._open) >= MAX_DEPTH:
                 raise ProtocolError(f"a message nested deeper than {MAX_DEPTH}")
             if value.length:
@@ -216,18 +216,25 @@ def encode(value: Any) -> bytes:
     return b"".join(parts)
 
 
+_DOUBLE = struct.Struct(">Bd")
+_ARRAY_HEADS = ((0xDC, "H"), (0xDD, "I"))
+
+
 def _append(value: Any, parts: list[bytes]) -> None:
     """Append the bytes of a value, the common types first."""
-    if isinstance(value, float):
-        parts.append(struct.pack(">Bd", 0xCB, value))
-    elif isinstance(value, bool) or value is None:
+    kind = type(value)
+    if kind is float:
+        parts.append(_DOUBLE.pack(0xCB, value))
+    elif kind is int:
+        parts.append(_INTEGERS[value] if 0 <= value < len(_INTEGERS) else _integer(value))
+    elif kind is bool or value is None:
         parts.append(b"\xc0" if value is None else b"\xc3" if value else b"\xc2")
-    elif isinstance(value, int):
-        parts.append(_integer(value))
     elif isinstance(value, list | tuple):
-        parts.append(_head(len(value), 0x90, 16, ((0xDC, "H"), (0xDD, "I"))))
+        parts.append(_head(len(value), 0x90, 16, _ARRAY_HEADS))
         for item in value:
             _append(item, parts)
+    elif isinstance(value, int | float):  # An enumeration, or a number of a library.
+        _append(int(value) if isinstance(value, int) else float(value), parts)
     else:
         parts.extend(_whole(value))
 
@@ -264,3 +271,7 @@ def _integer(value: int) -> bytes:
         kinds = ((0xD0, "b"), (0xD1, "h"), (0xD2, "i"), (0xD3, "q"))
         fits = next(kind for kind in kinds if value >= -(1 << (8 * struct.calcsize(kind[1]) - 1)))
     return struct.pack(f">B{fits[1]}", fits[0], value)
+
+
+_INTEGERS = tuple(_integer(value) for value in range(1 << 10))
+"""Numbers of actors and the like, which are written all the time."""

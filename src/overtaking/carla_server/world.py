@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from time import monotonic, sleep
 from typing import TYPE_CHECKING
 
 from overtaking.carla_server import snapshot
@@ -233,18 +234,23 @@ class World:
 
     # --- time ---
 
-    def tick(self) -> int:
-        """Let one tick pass, and tell all who listen; the number of the new frame."""
-        delta = self.delta
+    def tick(self, *, pace: float = 0.0) -> None:
+        """Let one tick pass, and tell all who listen.
+
+        Args:
+            pace: They are not told before this time has passed since now [s].
+        """
+        begin, delta = monotonic(), self.delta
         self.frame += 1
         self.time += delta
         controls = {one.actor_id: one.control for one in self.vehicles}
         touches = self.fleet.advance(delta, controls)
         self._follow_fleet(delta)
+        # Two milliseconds at most, which an event loop cannot wait for as exactly.
+        sleep(max(begin + pace - monotonic(), 0.0))
         self._tell_contacts(touches)
         self._tell_world(delta)
         self._take_pictures()
-        return self.frame
 
     def _follow_fleet(self, delta: float) -> None:
         """Bring the poses of all vehicles up to date."""

@@ -77,6 +77,25 @@ def simulate(
     return run(scenario, parameters(scenario), level=level, buffers=buffers)
 
 
+def chosen_level(level: str | None = None) -> str | None:
+    """The SIMD level to ask the engine for: this one, that of `OVERTAKING_SIMD`, or None.
+
+    Raises:
+        ConfigError: It is unknown, or this CPU lacks it.
+    """
+    forced = level or os.environ.get(SIMD_VARIABLE) or None
+    known = [name for name, is_available in _core.simd_levels() if is_available]
+    if forced is not None and forced not in known:
+        raise ConfigError.of(
+            what="SIMD level",
+            where=SIMD_VARIABLE,
+            expected=", ".join(known),
+            got=forced,
+            next_step="unset it or choose another level",
+        )
+    return forced
+
+
 def run(
     scenario: Scenario,
     given: Parameters,
@@ -89,38 +108,30 @@ def run(
     """Simulate a batch from its parameters; from step `switch` on with the parameters `later`."""
     room = -(-given.num_frames // _core.LANES) * _core.LANES
     outputs = _outputs(scenario.num_simulations, scenario.num_slots, room, buffers or Buffers())
-    forced = level or os.environ.get(SIMD_VARIABLE) or None
+    forced = chosen_level(level)
     flat = {name: array.reshape(-1) for name, array in outputs.items()}
     afterwards = None
     if later is not None:
         afterwards = (later.vehicle.reshape(-1), later.simulation.reshape(-1), switch)
-    try:
-        _core.simulate(
-            vehicle=given.vehicle.reshape(-1),
-            simulation=given.simulation.reshape(-1),
-            index=given.index,
-            slots=scenario.num_slots,
-            frames=room,
-            seed=given.seed,
-            record_every=given.record_every,
-            road=_road(given),
-            constants=constant_values(given.constants),
-            outputs=flat,
-            later=afterwards,
-            level=forced,
-        )
-    except ValueError as error:
-        raise ConfigError.of(
-            what="SIMD level",
-            where=SIMD_VARIABLE,
-            expected=", ".join(n for n, ok in _core.simd_levels() if ok),
-            got=forced or str(error),
-            next_step="unset it or choose another level",
-        ) from error
+    _core.simulate(
+        vehicle=given.vehicle.reshape(-1),
+        simulation=given.simulation.reshape(-1),
+        index=given.index,
+        slots=scenario.num_slots,
+        frames=room,
+        seed=given.seed,
+        record_every=given.record_every,
+        road=road_values(given),
+        constants=constant_values(given.constants),
+        outputs=flat,
+        later=afterwards,
+        level=forced,
+    )
     return _trajectories(scenario, outputs)
 
 
-def _road(given: Parameters) -> dict[str, Any]:
+def road_values(given: Parameters) -> dict[str, Any]:
+    """The road as the compiled engine takes it."""
     road = given.road
     pose = [road.x0, road.y0, road.heading, road.cosine, road.sine]
     return {

@@ -1,0 +1,100 @@
+//! Binding of `overtaking_core::driven`: a table of vehicles, changed in place.
+
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
+use overtaking_core::driven::{Controls, Deed, MOVING};
+use overtaking_core::{Inputs, MAX_VEHICLES, SIMULATION_NAMES, VEHICLE_NAMES};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::{Numbers, Road, expect_length};
+
+/// Vehicles of one simulation that somebody else drives, and what they stand on.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Driven<'py> {
+    vehicle: PyReadonlyArray1<'py, f32>,
+    simulation: PyReadonlyArray1<'py, f32>,
+    index: PyReadonlyArray1<'py, u64>,
+    slots: usize,
+    seed: u64,
+    road: Road,
+    constants: Numbers,
+}
+
+impl Driven<'_> {
+    fn act(
+        &self,
+        deed: Deed<'_>,
+        level: Option<&str>,
+        mut table: PyReadwriteArray2<'_, f32>,
+    ) -> PyResult<()> {
+        let (vehicle, simulation) = (self.vehicle.as_slice()?, self.simulation.as_slice()?);
+        if self.slots == 0 || self.slots > MAX_VEHICLES {
+            return Err(PyValueError::new_err(format!(
+                "slots: expected 1 to {MAX_VEHICLES}, got {}",
+                self.slots
+            )));
+        }
+        expect_length("vehicle", vehicle.len(), VEHICLE_NAMES.len() * self.slots)?;
+        expect_length("simulation", simulation.len(), SIMULATION_NAMES.len())?;
+        expect_length("index", self.index.len(), 1)?;
+        let constants = self.constants.constants()?;
+        let inputs = Inputs {
+            vehicle,
+            simulation,
+            index: self.index.as_slice()?,
+            slots: self.slots,
+            constants: &constants,
+            num_lanes: self.road.num_lanes.clamp(1, 8),
+            boundaries: self.road.boundaries,
+            film_path: self.road.film_path,
+            side: self.road.side,
+            pose: self.road.pose,
+            seed: self.seed,
+            record_every: 1,
+        };
+        overtaking_core::driven::act(&inputs, deed, level, table.as_slice_mut()?)
+            .map_err(PyValueError::new_err)
+    }
+}
+
+/// Gusts, friction and wind of a decision, written into the table of what moves.
+#[pyfunction]
+#[pyo3(signature = (driven, table, decision, level=None))]
+pub fn weather_driven(
+    driven: Driven<'_>,
+    table: PyReadwriteArray2<'_, f32>,
+    decision: u32,
+    level: Option<&str>,
+) -> PyResult<()> {
+    driven.act(Deed::Weather(decision), level, table)
+}
+
+/// Move vehicles by some steps with throttle, brake and wheel angle, rows of `controls`.
+#[pyfunction]
+#[pyo3(signature = (driven, table, controls, wheel_rate, steps, level=None))]
+pub fn drive(
+    driven: Driven<'_>,
+    table: PyReadwriteArray2<'_, f32>,
+    controls: PyReadonlyArray2<'_, f32>,
+    wheel_rate: f32,
+    steps: u32,
+    level: Option<&str>,
+) -> PyResult<()> {
+    expect_length("controls", controls.len(), 3 * driven.slots)?;
+    let mut rows = controls.as_slice()?.chunks_exact(driven.slots.max(1));
+    let mut row = || rows.next().unwrap_or_default();
+    let controls = Controls {
+        throttle: row(),
+        brake: row(),
+        angle: row(),
+        wheel_rate,
+    };
+    driven.act(Deed::Drive(controls, steps), level, table)
+}
+
+/// Names of the rows of the table of what moves, in order.
+#[pyfunction]
+pub fn moving_fields() -> Vec<&'static str> {
+    MOVING.to_vec()
+}

@@ -1,0 +1,117 @@
+"""A tick of driven vehicles, by the compiled engine where they fit into it.
+
+Both ways give the same bits: `sim.reference.driven` says what happens.
+"""
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking import _core
+from overtaking.physics.constants import Constants
+from overtaking.sim.engine import chosen_level, constant_values, road_values
+from overtaking.sim.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Parameters
+from overtaking.sim.reference import driven as reference
+from overtaking.sim.reference.driven import MOVING, WHEEL_RATE, Controls
+from overtaking.sim.reference.state import Fields, State
+
+
+class Mover(Protocol):
+    """What moves the vehicles of one simulation."""
+
+    @property
+    def constants(self) -> Constants:
+        """Constants with the lengths of step and tick."""
+        ...
+
+    def weather(self, state: State, decision: int) -> None:
+        """Gusts, friction and wind for the tick with this number."""
+        ...
+
+    def drive(self, state: State, controls: Controls, steps: int) -> None:
+        """Motion over some steps; contacts are not looked for."""
+        ...
+
+
+def mover(given: Parameters) -> Mover:
+    """The fastest way to move the vehicles of a batch of one.
+
+    Args:
+        given: Their parameters, with the lengths of step and tick among the constants.
+    """
+    is_small = given.vehicle.shape[1] <= _core.MAX_VEHICLES
+    return EngineMover(given) if is_small else ReferenceMover(given)
+
+
+class ReferenceMover:
+    """The reference, for any number of vehicles.
+
+    Args:
+        given: As in `mover`.
+    """
+
+    def __init__(self, given: Parameters) -> None:
+        """Name the parameters."""
+        self.constants, self._given = given.constants, given
+        self._p = Fields(VEHICLE_FIELDS, given.vehicle)
+        self._q = Fields(SIMULATION_FIELDS, given.simulation)
+
+    def weather(self, state: State, decision: int) -> None:
+        """See `Mover`."""
+        reference.weather(state, self._given, self._p, self._q, decision)
+
+    def drive(self, state: State, controls: Controls, steps: int) -> None:
+        """See `Mover`."""
+        reference.drive(state, self.constants, self._p, controls, steps)
+
+
+class EngineMover:
+    """The compiled engine.
+
+    Args:
+        given: As in `mover`, with no more vehicles than the engine has slots.
+        level: SIMD level; None for `OVERTAKING_SIMD` or the best of this CPU.
+
+    Raises:
+        ConfigError: The SIMD level is unknown, or this CPU lacks it.
+    """
+
+    def __init__(self, given: Parameters, level: str | None = None) -> None:
+        """Turn the parameters into what the engine takes."""
+        self.constants = given.constants
+        self._level = chosen_level(level)
+        self._given: dict[str, Any] = {
+            "vehicle": np.ascontiguousarray(given.vehicle, np.float32).reshape(-1),
+            "simulation": np.ascontiguousarray(given.simulation, np.float32).reshape(-1),
+            "index": given.index,
+            "slots": given.vehicle.shape[1],
+            "seed": given.seed,
+            "road": road_values(given),
+            "constants": constant_values(given.constants),
+        }
+
+    def weather(self, state: State, decision: int) -> None:
+        """See `Mover`."""
+        table = _table(state)
+        _core.weather_driven(self._given, table, decision, self._level)
+        _spread(state, table)
+
+    def drive(self, state: State, controls: Controls, steps: int) -> None:
+        """See `Mover`."""
+        table = _table(state)
+        rows = [controls.throttle, controls.brake, controls.angle]
+        wanted = np.concatenate([row.reshape(1, -1) for row in rows]).astype(np.float32)
+        _core.drive(self._given, table, wanted, float(WHEEL_RATE), steps, self._level)
+        _spread(state, table)
+
+
+def _table(state: State) -> NDArray[np.float32]:
+    """What changes, shape (field, vehicle)."""
+    return np.concatenate([getattr(state, name) for name in MOVING], axis=1).T.copy()
+
+
+def _spread(state: State, table: NDArray[np.float32]) -> None:
+    """Put the rows of a table back where they came from."""
+    for name, row in zip(MOVING, table[:, :, None], strict=True):
+        setattr(state, name, row)
