@@ -2,7 +2,7 @@
 
 import importlib
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -83,3 +83,16 @@ def at_least_one(simulations: int, where: str) -> int:
             next_step="choose a number in that range",
         )
     return simulations
+
+
+def several(simulators: Sequence[str]) -> Sequence[str]:
+    """Names of simulators to compare, refused if they are not two or more different ones."""
+    if len(set(simulators)) < 2 or len(set(simulators)) < len(simulators):
+        raise ConfigError.of(
+            what="simulators",
+            where="compare",
+            expected="two or more different ones",
+            got=", ".join(simulators),
+            next_step=f"choose among {', '.join(SIMULATORS)}",
+        )
+    return simulators

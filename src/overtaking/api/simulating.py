@@ -1,6 +1,6 @@
 """Simulations in memory: drawn, carried out, branched, labelled, compared."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from overtaking.api.choices import (
     at_least_one,
     module_of,
     road_of,
+    several,
     simulator_of,
 )
 from overtaking.datasets.generate import Progress
@@ -112,37 +113,37 @@ def compare(
     simulations: int,
     seed: int,
     *,
-    simulators: tuple[str, str] = ("engine", "sumo"),
+    simulators: Sequence[str] = ("engine", "sumo"),
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
-    """Simulate the same scenarios twice, and say how they end and where they part.
+    """Simulate the same scenarios on several simulators: how they end, and where they part.
 
     Args:
         profile: What to sample.
         simulations: How many.
         seed: Seed of all random numbers, 0 <= seed < 2**64.
-        simulators: Two of `SIMULATORS`.
+        simulators: Two or more of `SIMULATORS`; the others are held against the first.
         overrides: Dotted keys of the specification with other values.
         road: A road in place of the profile's.
         progress: Called with the number of simulations that are done, and of all.
 
     Raises:
-        ConfigError: The specification or a number cannot be used, or there is no such simulator.
+        ConfigError: The specification or a number cannot be used, or there is no such simulator,
+            or it is compared with itself.
         MissingExtraError: A simulator is not installed.
     """
     spec = scenarios.spec(profile, overrides)
     place = road_of(road or spec.road)
-    chosen = [simulator_of(name) for name in simulators]
+    chosen = [simulator_of(name) for name in several(simulators)]
     step = min(one.chunk_size for one in chosen)
     parts: list[Comparison] = []
     for first in range(0, at_least_one(simulations, "compare"), step):
         count = min(step, simulations - first)
         batch = sample(spec, count, seed, first=first, road=place)
         runs = [by.simulate(batch) for by in chosen]
-        one, other = ((run, labelled(run).labels) for run in runs)
-        parts.append(Comparison.of(simulators, one, other))
+        parts.append(Comparison.of(simulators, [(run, labelled(run).labels) for run in runs]))
         if progress is not None:
             progress(first + count, simulations)
     return concatenate(parts)

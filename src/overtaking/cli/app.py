@@ -168,17 +168,18 @@ def compare(
     profile: options.ProfileWord = None,
     simulations: options.Simulations = None,
     seed: options.Seed = None,
-    other: options.Other = "sumo",
+    others: options.Others = "sumo",
     map_file: options.Map = None,
     road: options.Road = None,
     threads: options.Threads = None,
     changes: options.Changes = None,
 ) -> None:
-    """Simulate the same scenarios on another simulator, and show where the two part."""
+    """Simulate the same scenarios on other simulators too, and show where they part."""
     from overtaking import api
     from overtaking.cli import arguments, comparison
 
     arguments.limit_threads(threads)
+    chosen = ("engine", *(name.strip() for name in others.split(",")))
     recipe = arguments.DEFAULTS | arguments.given(
         profile=profile,
         simulations=simulations,
@@ -187,7 +188,7 @@ def compare(
         overrides=arguments.overrides(changes or [], None),
     )
     with output.progress("simulations") as meter:
-        found = api.compare(simulators=("engine", other), progress=meter, **recipe)
+        found = api.compare(simulators=chosen, progress=meter, **recipe)
     values = comparison.values_of(found)
     output.result(values, lambda _: comparison.render(values))
 
@@ -213,7 +214,7 @@ COMMANDS: dict[options.Body, str] = {
     video.video: "overtaking video data/pinto --simulations 1,7",
     **validate.COMMANDS,
     **reproducing.COMMANDS,
-    compare: "overtaking compare pinto2023 -n 100 --seed 1 --with sumo",
+    compare: "overtaking compare pinto2023 -n 100 --seed 1 --with sumo,carla",
     doctor: "overtaking doctor --json",
 }
 

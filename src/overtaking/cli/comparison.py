@@ -1,4 +1,4 @@
-"""A comparison of two simulators, as values and as a page."""
+"""A comparison of simulators, as values and as a page."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from rich.text import Text
 
 from overtaking.model.events import Outcome
 from overtaking.model.labels import OvertakeClass
-from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.model.vehicles import Role
 from overtaking.simulators.comparison import PARTING_DISTANCE, POLICY, TOGETHER
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from rich.console import RenderableType
 
-    from overtaking.simulators.comparison import Comparison, Ending
+    from overtaking.simulators.comparison import Comparison, Ending, Parting
 
 Values = dict[str, Any]
 
@@ -27,48 +27,66 @@ _KINDS = ("ego ahead or behind", "ego in another lane", "other ahead or behind",
 
 def values_of(found: Comparison) -> Values:
     """What is said of all simulations together, and a row for each."""
-    counts = _crossed(found)
+    classes = found.endings[0].classes
+    groups = {
+        "by_class": [
+            (one.title, classes == one) for one in OvertakeClass if (classes == one).any()
+        ],
+        "by_weather": [(str(name), found.weather == name) for name in np.unique(found.weather)],
+    }
     return {
         "simulators": list(found.simulators),
         "simulations": len(found.index),
         "policy": POLICY,
-        "same_class": int(np.trace(counts)),
+        "same_class": int(found.is_same_class.all(axis=0).sum()),
         "classes": [one.title for one in OvertakeClass],
-        "class_counts": counts.tolist(),
         "parting_distance_m": PARTING_DISTANCE,
-        "partings": {name: int((_kind(found) == k).sum()) for k, name in enumerate(_KINDS)},
-        "never_part": int((found.parting.frame == TOGETHER).sum()),
-        "by_weather": [_weather(found, str(name)) for name in np.unique(found.weather)],
+        "others": [_other(found, k) for k in range(len(found.partings))],
+        **{
+            name: [_group(found, title, mask) for title, mask in group]
+            for name, group in groups.items()
+        },
         "rows": [_row(found, row) for row in range(len(found.index))],
     }
 
 
-def _crossed(found: Comparison) -> NDArray[np.int64]:
-    """Number of simulations by class on the first and on the second simulator."""
+def _other(found: Comparison, k: int) -> Values:
+    """One of the others beside the first simulator."""
+    first, other = found.endings[0], found.endings[k + 1]
     counts = np.zeros((len(OvertakeClass), len(OvertakeClass)), np.int64)
-    np.add.at(counts, (found.one.classes, found.other.classes), 1)
-    return counts
-
-
-def _kind(found: Comparison) -> NDArray[np.int64]:
-    """Index into `_KINDS` of each parting; -1 where there is none."""
-    p = found.parting
-    kind = 2 * (p.vehicle != Role.EGO) + (np.abs(p.left) > np.abs(p.along))
-    return np.where(p.frame == TOGETHER, -1, kind)
-
-
-def _weather(found: Comparison, name: str) -> Values:
-    mask = found.weather == name
-    times = found.time[mask]
-    parted = times[np.isfinite(times)]
+    np.add.at(counts, (first.classes, other.classes), 1)
+    kind = _kind(found.partings[k])
     return {
-        "weather": name,
-        "simulations": int(mask.sum()),
-        "same_class": int((found.one.classes == found.other.classes)[mask].sum()),
-        "completed": [_count(one, mask, Outcome.COMPLETED) for one in (found.one, found.other)],
-        "collisions": [_count(one, mask, Outcome.COLLISION) for one in (found.one, found.other)],
-        "median_parting_s": round(float(np.median(parted)), 3) if len(parted) else None,
+        "simulator": found.simulators[k + 1],
+        "same_class": int(np.trace(counts)),
+        "class_counts": counts.tolist(),
+        "partings": {name: int((kind == at).sum()) for at, name in enumerate(_KINDS)},
+        "never_part": int((kind < 0).sum()),
     }
+
+
+def _kind(parting: Parting) -> NDArray[np.int64]:
+    """Index into `_KINDS` of each parting; -1 where there is none."""
+    aside = np.abs(parting.left) > np.abs(parting.along)
+    return np.where(parting.frame == TOGETHER, -1, 2 * (parting.vehicle != Role.EGO) + aside)
+
+
+def _group(found: Comparison, name: str, mask: NDArray[np.bool_]) -> Values:
+    """Some of the simulations, side by side on every simulator."""
+    return {
+        "name": name,
+        "simulations": int(mask.sum()),
+        "same_class": found.is_same_class[:, mask].sum(axis=1).tolist(),
+        "completed": [_count(one, mask, Outcome.COMPLETED) for one in found.endings],
+        "collisions": [_count(one, mask, Outcome.COLLISION) for one in found.endings],
+        "median_parting_s": [_median(times[mask]) for times in found.times],
+    }
+
+
+def _median(times: NDArray[np.float64]) -> float | None:
+    """The time by which half have parted, None if so many never do [s]."""
+    middle = float(np.median(times))
+    return round(middle, 3) if np.isfinite(middle) else None
 
 
 def _count(ended: Ending, mask: NDArray[np.bool_], outcome: Outcome) -> int:
@@ -76,72 +94,80 @@ def _count(ended: Ending, mask: NDArray[np.bool_], outcome: Outcome) -> int:
 
 
 def _row(found: Comparison, row: int) -> Values:
-    p = found.parting
-    parted = p.frame[row] != TOGETHER
+    every = found.endings
     return {
         "index": int(found.index[row]),
         "weather": str(found.weather[row]),
-        "classes": [OvertakeClass(e.classes[row]).title for e in (found.one, found.other)],
-        "lane_changes": [int(e.lane_changes[row]) for e in (found.one, found.other)],
-        "contacts": [bool(e.has_contact[row]) for e in (found.one, found.other)],
-        "frames": [int(e.num_frames[row]) for e in (found.one, found.other)],
-        "parting_s": round(float(found.time[row]), 3) if parted else None,
-        "parting_vehicle": int(p.vehicle[row]) if p.vehicle[row] != NO_VEHICLE else None,
-        "parting_position_m": round(float(p.s[row]), 3) if parted else None,
-        "parting_along_m": round(float(p.along[row]), 3) if parted else None,
-        "parting_left_m": round(float(p.left[row]), 3) if parted else None,
+        "classes": [OvertakeClass(one.classes[row]).title for one in every],
+        "lane_changes": [int(one.lane_changes[row]) for one in every],
+        "contacts": [bool(one.has_contact[row]) for one in every],
+        "frames": [int(one.num_frames[row]) for one in every],
+        "partings": [_parting(found, k, row) for k in range(len(found.partings))],
+    }
+
+
+def _parting(found: Comparison, k: int, row: int) -> Values | None:
+    """Where and when one of the others parts from the first, None if it never does."""
+    p = found.partings[k]
+    if p.frame[row] == TOGETHER:
+        return None
+    return {
+        "time_s": round(float(found.times[k, row]), 3),
+        "vehicle": int(p.vehicle[row]),
+        "position_m": round(float(p.s[row]), 3),
+        "along_m": round(float(p.along[row]), 3),
+        "left_m": round(float(p.left[row]), 3),
     }
 
 
 def render(values: Values) -> Group:
     """A comparison as a page."""
-    one, other = values["simulators"]
-    total = values["simulations"]
-    head = f"{total:,} scenarios on {one} and {other}: {values['same_class']:,} of one class"
-    kinds = ", ".join(f"{count:,} {name}" for name, count in values["partings"].items())
+    *most, last = values["simulators"]
+    names = f"{', '.join(most)} and {last}"
+    head = f"{values['simulations']:,} scenarios on {names}: {values['same_class']:,} of one class"
+    parts: list[RenderableType] = [Text(head)]
+    for other in values["others"]:
+        parts += [Text(), _class_table(values, other), Text(_partings(values, other))]
+    for key, title in (("by_class", f"class on {most[0]}"), ("by_weather", "weather")):
+        parts += [Text(), _group_table(values, key, title)]
+    return Group(*parts)
+
+
+def _partings(values: Values, other: Values) -> str:
+    kinds = ", ".join(f"{count:,} {name}" for name, count in other["partings"].items())
     distance = f"{values['parting_distance_m']:g} m"
-    foot = f"first {distance} apart: {kinds}; {values['never_part']:,} never part"
-    return Group(
-        Text(head),
-        Text(),
-        _class_table(values),
-        Text(),
-        _weather_table(values),
-        Text(),
-        Text(foot),
-    )
+    return f"first {distance} apart: {kinds}; {other['never_part']:,} never part"
 
 
-def _class_table(values: Values) -> Table:
+def _class_table(values: Values, other: Values) -> Table:
     """The classes that there are, one simulator below, the other across."""
-    one, other = values["simulators"]
-    counts = np.array(values["class_counts"])
+    counts = np.array(other["class_counts"])
     across = np.flatnonzero(counts.any(axis=0) | counts.any(axis=1))
     names = [values["classes"][k] for k in across]
-    table = _table(f"{one} below, {other} across", *names)
+    table = _table(f"{values['simulators'][0]} below, {other['simulator']} across", *names)
     for k, name in zip(across, names, strict=True):
         table.add_row(name, *(f"{count:,}" for count in counts[k, across]))
     return table
 
 
-def _weather_table(values: Values) -> Table:
-    one, other = values["simulators"]
-    pair = f"{one}, {other}"
-    heads = ("scenarios", "alike", f"completed {pair}", f"collisions {pair}", "part after")
-    table = _table("weather", *heads)
-    for row in values["by_weather"]:
-        median = row["median_parting_s"]
-        table.add_row(
-            row["weather"],
-            f"{row['simulations']:,}",
-            f"{row['same_class']:,}",
-            *(
-                ", ".join(f"{count:,}" for count in row[name])
-                for name in ("completed", "collisions")
-            ),
-            "never" if median is None else f"{median:.2f} s",
-        )
+def _group_table(values: Values, key: str, title: str) -> Table:
+    """Groups of simulations, each with what became of them on every simulator."""
+    every = values["simulators"]
+    others = every[1:]
+    columns = [("alike", others, "same_class"), ("completed", every, "completed")]
+    columns += [("collided", every, "collisions"), ("half apart", others, "median_parting_s")]
+    heads = [f"{head}\n{name}" for head, names, _ in columns for name in names]
+    table = _table(title, "scenarios", *heads)
+    for row in values[key]:
+        cells = [_cell(cell) for _, _, name in columns for cell in row[name]]
+        table.add_row(row["name"], f"{row['simulations']:,}", *cells)
     return table
+
+
+def _cell(value: float | None) -> str:
+    if value is None:
+        return "never"
+    return f"{value:.2f} s" if isinstance(value, float) else f"{value:,}"
 
 
 def _table(first: str, *others: str) -> Table:

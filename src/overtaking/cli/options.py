@@ -45,8 +45,11 @@ ProfileWord = Annotated[
         help="Profile of the package, or a TOML file of your own.  [default: pinto2023]",
     ),
 ]
-Other = Annotated[
-    str, typer.Option("--with", metavar="NAME", help="The simulator to compare ours with.")
+Others = Annotated[
+    str,
+    typer.Option(
+        "--with", metavar="NAME[,NAME]", help="Simulators to compare ours with: sumo, carla."
+    ),
 ]
 Simulations = Annotated[
     int | None, typer.Option("--simulations", "-n", metavar="N", help="How many.  [default: 276]")

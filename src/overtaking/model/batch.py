@@ -10,7 +10,10 @@ B = TypeVar("B", bound="Batch")
 
 
 class Batch:
-    """Base of the frozen dataclasses whose array fields all lead with the `simulation` axis."""
+    """Base of the frozen dataclasses whose array fields all lead with the `simulation` axis.
+
+    A field may also be another batch, or a tuple of them.
+    """
 
     __slots__ = ()
 
@@ -19,12 +22,12 @@ class Batch:
         changes = {}
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             value = getattr(self, field.name)
-            if isinstance(value, np.ndarray | Batch):
-                changes[field.name] = (
-                    value[simulations]
-                    if isinstance(value, np.ndarray)
-                    else value.select(simulations)
-                )
+            if isinstance(value, np.ndarray):
+                changes[field.name] = value[simulations]
+            elif isinstance(value, Batch):
+                changes[field.name] = value.select(simulations)
+            elif _are_batches(value):
+                changes[field.name] = tuple(one.select(simulations) for one in value)
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
     def replace(self, **changes: Any) -> Self:
@@ -48,6 +51,15 @@ def concatenate(batches: list[B]) -> B:
             changes[field.name] = np.concatenate(values)
         elif isinstance(values[0], Batch):
             changes[field.name] = concatenate(values)
+        elif _are_batches(values[0]):
+            changes[field.name] = tuple(
+                concatenate(list(ones)) for ones in zip(*values, strict=True)
+            )
         elif any(value != values[0] for value in values):
             raise ValueError(f"concatenate: {field.name} differs between the batches")
     return dataclasses.replace(first, **changes)  # type: ignore[type-var]
+
+
+def _are_batches(value: object) -> bool:
+    """Whether a field holds several batches side by side."""
+    return isinstance(value, tuple) and len(value) > 0 and isinstance(value[0], Batch)

@@ -1,5 +1,6 @@
-"""The same scenarios on two simulators: how each ended, and where and when they first part."""
+"""The same scenarios on several simulators: how each ended, and where and when they first part."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,49 +78,56 @@ class Parting(Batch):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison(Batch):
-    """The same scenarios on two simulators.
+    """The same scenarios on several simulators.
 
     Attributes:
-        simulators: Their names.
+        simulators: Their names; the others are held against the first.
         frame_interval_ms: Time between two frames [ms].
         index: Number of each simulation, shape (simulation,).
         weather: Name of its weather, shape (simulation,).
-        one: How it ended on the first simulator.
-        other: How it ended on the second.
-        parting: Where and when the two part.
+        endings: How it ended on each simulator.
+        partings: Where and when each of the others parts from the first.
     """
 
-    simulators: tuple[str, str]
+    simulators: tuple[str, ...]
     frame_interval_ms: int
     index: NDArray[np.uint64]
     weather: NDArray[np.str_]
-    one: Ending
-    other: Ending
-    parting: Parting
+    endings: tuple[Ending, ...]
+    partings: tuple[Parting, ...]
 
     @classmethod
-    def of(cls, simulators: tuple[str, str], one: Labelled, other: Labelled) -> "Comparison":
-        """Compare two recordings of the same scenarios.
+    def of(cls, simulators: Sequence[str], recordings: Sequence[Labelled]) -> "Comparison":
+        """Compare recordings of the same scenarios.
+
+        Args:
+            simulators: Names, two or more.
+            recordings: What each of them recorded.
 
         Raises:
             ValueError: They are not of the same scenarios.
         """
-        scenario = one[0].scenario
+        first = recordings[0][0]
         return cls(
-            simulators=simulators,
-            frame_interval_ms=scenario.frame_interval_ms,
-            index=scenario.index,
-            weather=weather_names(scenario.weather),
-            one=ending(one),
-            other=ending(other),
-            parting=parting(one[0], other[0]),
+            simulators=tuple(simulators),
+            frame_interval_ms=first.scenario.frame_interval_ms,
+            index=first.scenario.index,
+            weather=weather_names(first.scenario.weather),
+            endings=tuple(ending(one) for one in recordings),
+            partings=tuple(parting(first, other) for other, _ in recordings[1:]),
         )
 
     @property
-    def time(self) -> F64:
-        """When the two part, +inf if they never do, shape (simulation,) [s]."""
-        seconds = self.parting.frame * (self.frame_interval_ms * 1e-3)
-        return np.where(self.parting.frame == TOGETHER, np.inf, seconds)
+    def times(self) -> F64:
+        """When each of the others parts from the first, +inf if never, (other, simulation) [s]."""
+        frames = np.stack([one.frame for one in self.partings])
+        return np.where(frames == TOGETHER, np.inf, frames * (self.frame_interval_ms * 1e-3))
+
+    @property
+    def is_same_class(self) -> Mask:
+        """Whether each of the others ends in the class of the first, shape (other, simulation)."""
+        first, *others = (one.classes for one in self.endings)
+        return np.stack([other == first for other in others])
 
 
 def weather_names(weather: Weather) -> NDArray[np.str_]:

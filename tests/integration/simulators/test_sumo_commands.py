@@ -86,16 +86,22 @@ def test_a_comparison_counts_every_simulation_once(capsys):
     assert main(["compare", *FEW, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["simulators"] == ["engine", "sumo"]
-    assert sum(map(sum, told["class_counts"])) == 5
-    assert sum(one["simulations"] for one in told["by_weather"]) == 5
-    assert sum(told["partings"].values()) + told["never_part"] == 5
+    (other,) = told["others"]
+    assert sum(map(sum, other["class_counts"])) == 5
+    assert sum(other["partings"].values()) + other["never_part"] == 5
+    for groups in (told["by_weather"], told["by_class"]):
+        assert sum(one["simulations"] for one in groups) == 5
     assert [row["index"] for row in told["rows"]] == list(range(5))
 
 
 def test_a_comparison_of_the_engine_with_its_twin_finds_no_difference(capsys):
-    assert main(["compare", *FEW, "--with", "reference", "--json"]) == 0
+    assert main(["compare", *FEW, "--with", "reference,sumo", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["same_class"] == told["never_part"] == 5
+    twin, sumo = told["others"]
+    assert twin["same_class"] == twin["never_part"] == 5
+    assert sumo["simulator"] == "sumo"
+    assert sumo["never_part"] < 5
+    assert told["same_class"] == sumo["same_class"]
 
 
 def test_a_comparison_is_a_page_for_people(capsys):
@@ -109,6 +115,8 @@ def test_a_comparison_is_a_page_for_people(capsys):
     ("given", "message"),
     [
         (["compare", "--with", "carma"], "got carma"),
+        (["compare", "--with", "sumo,sumo"], "two or more different ones, got engine, sumo, sumo"),
+        (["compare", "--with", "engine"], "two or more different ones, got engine, engine"),
         (["compare", "-n", "0"], "simulations: expected 1 or more, got 0"),
         (["compare", "nothing-like-it"], "nothing-like-it"),
         (["sumo"], "missing command"),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from tests.support.worlds import Vehicle, scenario, wide_road
 
+from overtaking.cli import comparison
 from overtaking.labelling import label
 from overtaking.model.batch import concatenate
 from overtaking.model.events import Outcome
@@ -25,7 +26,7 @@ from overtaking.simulators.comparison import (
 )
 
 ROAD = wide_road()
-NAMES = ("engine", "sumo")
+NAMES = ("engine", "sumo", "carla")
 
 
 @pytest.fixture(scope="module")
@@ -44,8 +45,8 @@ def moved(run, *, vehicle, frames, s=0, d=0, row=1):
     return run.replace(states=dataclasses.replace(states, **new))
 
 
-def compared(one, other):
-    return Comparison.of(NAMES, (one, label(one).labels), (other, label(other).labels))
+def compared(*runs):
+    return Comparison.of(NAMES[: len(runs)], [(run, label(run).labels) for run in runs])
 
 
 # --- where they part ---
@@ -55,7 +56,7 @@ def test_a_recording_never_parts_from_itself(run):
     found = parting(run, run)
     assert found.frame.tolist() == [TOGETHER] * 3
     assert found.vehicle.tolist() == [NO_VEHICLE] * 3
-    assert np.isinf(compared(run, run).time).all()
+    assert np.isinf(compared(run, run).times).all()
 
 
 def test_they_part_where_a_vehicle_is_more_than_two_metres_away(run):
@@ -65,7 +66,7 @@ def test_they_part_where_a_vehicle_is_more_than_two_metres_away(run):
     assert found.vehicle[1] == 1
     assert found.along[1] == pytest.approx(2.001)
     assert found.s[1] == pytest.approx(run.states.s[1, 1, 12] / 1000)
-    assert compared(run, there).time[1] == pytest.approx(0.6)
+    assert compared(run, there).times[0, 1] == pytest.approx(0.6)
 
 
 def test_distance_counts_in_both_directions_together(run):
@@ -142,8 +143,49 @@ def test_comparisons_of_parts_are_the_comparison_of_the_whole(run):
     there = moved(run, vehicle=1, frames=slice(7, None), s=5000)
     parts = [compared(run.select(rows), there.select(rows)) for rows in (slice(0, 1), slice(1, 3))]
     joined, whole = concatenate(parts), compared(run, there)
-    assert joined.parting.frame.tolist() == whole.parting.frame.tolist()
+    assert joined.partings[0].frame.tolist() == whole.partings[0].frame.tolist()
+    assert joined.select(slice(1, 2)).partings[0].frame.tolist() == [7]
     assert joined.weather.tolist() == whole.weather.tolist()
+
+
+def test_each_of_several_is_held_against_the_first(run):
+    near = moved(run, vehicle=1, frames=slice(7, None), s=5000, row=0)
+    far = moved(run, vehicle=0, frames=slice(3, None), d=3000, row=2)
+    found = compared(run, near, far)
+    assert [one.frame.tolist() for one in found.partings] == [
+        [7, TOGETHER, TOGETHER],
+        [TOGETHER, TOGETHER, 3],
+    ]
+    values = comparison.values_of(found)
+    assert values["same_class"] == 3
+    assert [other["simulator"] for other in values["others"]] == ["sumo", "carla"]
+    assert [row["partings"][1] for row in values["rows"]] == [
+        None,
+        None,
+        {
+            "time_s": 0.15,
+            "vehicle": 0,
+            "position_m": pytest.approx(run.states.s[2, 0, 3] / 1000),
+            "along_m": 0.0,
+            "left_m": 3.0,
+        },
+    ]
+
+
+def test_groups_say_by_when_half_of_them_have_parted(run):
+    there = moved(run, vehicle=1, frames=slice(7, None), s=5000, row=0)
+    once = comparison.values_of(compared(run, there))
+    assert [group["median_parting_s"] for group in once["by_class"]] == [[None]]
+    twice = moved(there, vehicle=1, frames=slice(20, None), s=5000, row=1)
+    (group,) = comparison.values_of(compared(run, twice))["by_class"]
+    assert group == {
+        "name": "No_attempt",
+        "simulations": 3,
+        "same_class": [3],
+        "completed": [0, 0],
+        "collisions": [0, 0],
+        "median_parting_s": [1.0],
+    }
 
 
 def test_weather_is_named_by_preset_or_by_what_it_is():
