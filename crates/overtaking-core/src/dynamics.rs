@@ -46,14 +46,20 @@ fn drive_force<S: Simd, const N: usize>(
 #[inline(always)]
 fn axle_forces<S: Simd>(
     c: &Constants,
+    p: &Vehicle<S>,
     mu_fast: V<S>,
     mu_slow: V<S>,
     force: V<S>,
     load: V<S>,
 ) -> (V<S>, V<S>, V<S>) {
     let half_load = 0.5 * load;
-    let bound_fast = c.abs_share * mu_fast * half_load;
-    let bound_slow = c.abs_share * mu_slow * half_load;
+    let share = choose(
+        force.simd_gt(0.0) & p.two_wheeler.simd_eq(0.0),
+        splat(force.simd, c.traction_share),
+        splat(force.simd, c.abs_share),
+    );
+    let bound_fast = share * mu_fast * half_load;
+    let bound_slow = share * mu_slow * half_load;
     let fast = clamp(0.5 * force, -bound_fast, bound_fast);
     let slow = clamp(0.5 * force, -bound_slow, bound_slow);
     let total = fast + slow;
@@ -93,9 +99,9 @@ fn tyre_forces<S: Simd, const N: usize>(
     );
     let (mu_fast, mu_slow) = (state.mu_fast[i], state.mu_slow[i]);
     let (front_x, front_split, front_limit) =
-        axle_forces(c, mu_fast, mu_slow, share * force, front_load);
+        axle_forces(c, p, mu_fast, mu_slow, share * force, front_load);
     let (rear_x, rear_split, rear_limit) =
-        axle_forces(c, mu_fast, mu_slow, (1.0 - share) * force, rear_load);
+        axle_forces(c, p, mu_fast, mu_slow, (1.0 - share) * force, rear_load);
     let (sine, cosine) = sincos(state.wheel[i]);
     let slip = (state.vy[i] + p.cg_front * state.r[i]) * inverse_speed;
     let front_slope = (slip * cosine - sine) / (cosine + slip * sine);

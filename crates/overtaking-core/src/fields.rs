@@ -100,7 +100,7 @@ number_fields! {
     /// Constants of the model.
     Constants {
         step, decision, after_overtake, after_collision, smallest_gap, jerk_up, jerk_down,
-        jerk_emergency, jerk_release, coolness, signalling_time_gap, emergency_decel, corridor_margin, footprint_margin, clear_fraction, cooldown,
+        jerk_emergency, jerk_release, coolness, signalling_time_gap, emergency_decel, corridor_margin, footprint_margin, clear_fraction, clear_margin, visible_fraction, cooldown,
         mobil_interval, close_time_gap, unseen_gap, seen_before, brake_memory, stop_lamp_decel,
         inverse_puddle_wave_1, inverse_puddle_wave_2, puddle_slope,
         no_passing_right_speed, smallest_rear_gap, free_ahead_time, patience_floor, waiting_time_gap, accelerate_gain,
@@ -108,7 +108,7 @@ number_fields! {
         settled_offset, sight_range, mirror_range, detection_growth, blind_spot, looming_threshold,
         lane_deviation, error_time, lane_time, spray_coefficient, spray_film, spray_speed, spray_reach,
         rain_speed, inverse_stop_lamp, position_gain, velocity_gain, yaw_gain, slip_share, wind_lag,
-        steering_lag, steering_rate, steering_limit, slip_speed, abs_share,
+        steering_lag, steering_rate, steering_limit, slip_speed, abs_share, traction_share,
         governor_band, two_wheeler_lag, standstill, restitution, near_gap,
         near_side, edge_margin, spin_angle, sliding_ratio, friction_floor, truck_dry_factor, truck_loss_factor,
         turbulence_intensity, gust_length_scale, wind_angle_factor, gust_spacing, shelter_factor,

@@ -89,12 +89,15 @@ pub fn find_neighbours<S: Simd, const N: usize>(
         let other = w.p[j].valid.simd_gt(0.0);
         let low_side = state.d[j] - w.p[j].half_width;
         let high_side = state.d[j] + w.p[j].half_width;
-        let signals = state.indicator[j].simd_ne(0.0);
+        let moves = state.path_time[j].simd_gt(c.visible_fraction * state.path_duration[j]);
+        let changing = state.path_time[j].simd_lt(state.path_duration[j])
+            & state.crashed[j].simd_eq(0.0);
+        let shows = changing & (state.indicator[j].simd_ne(0.0) | moves);
         let shift = state.lane[j] - lane;
         for (k, (low, high)) in bands.into_iter().enumerate() {
             let overlaps = high_side.simd_gt(low + c.corridor_margin)
                 & low_side.simd_lt(high - c.corridor_margin);
-            let inside = other & (overlaps | (signals & shift.simd_eq(SHIFTS[k])));
+            let inside = other & (overlaps | (shows & shift.simd_eq(SHIFTS[k])));
             let front = inside & ahead.simd_ge(0.0) & ahead.simd_lt(nearest[2 * k]);
             let back = inside & ahead.simd_lt(0.0) & (-ahead).simd_lt(nearest[2 * k + 1]);
             nearest[2 * k] = choose(front, ahead, nearest[2 * k]);

@@ -40,6 +40,10 @@ from overtaking.scenarios.fields import (
 from overtaking.scenarios.schema_flow import Flow, FlowLane, Proposal
 
 Exponent = Annotated[float, Field(gt=0.0, le=20.0)] | None
+Weibull = (
+    tuple[Annotated[float, Field(gt=0.0, le=100.0)], Annotated[float, Field(ge=0.2, le=20.0)]]
+    | None
+)
 
 
 def _kind_of_traffic(given: Any) -> str:
@@ -142,8 +146,10 @@ class PresetWeather(Section):
 class IndependentWeather(Section):
     """Section `[weather]` with `mode = "independent"`: every quantity is drawn on its own.
 
-    Each range is uniform, or low + (high - low) u^exponent with u uniform where an exponent is
-    given. Puddles and clouds are raised to what rain needs; see `weather`.
+    Each range is uniform; or low + (high - low) u^exponent with u uniform where an exponent is
+    given; or a Weibull distribution above its lower end, cut off at its upper one, where a scale in
+    percent and a shape are given, as for what is seldom extreme. Puddles and clouds are raised to
+    what rain needs; see `weather`.
 
     Attributes:
         mode: Says which of the two kinds of weather this is.
@@ -159,6 +165,9 @@ class IndependentWeather(Section):
         fog_exponent: The same for fog.
         wind_exponent: The same for wind.
         puddles_exponent: The same for the water that lies on the road.
+        rain_weibull: Scale and shape of rain.
+        wind_weibull: Scale and shape of wind.
+        puddles_weibull: Scale and shape of the water that lies on the road.
     """
 
     mode: Literal["independent"]
@@ -177,6 +186,22 @@ class IndependentWeather(Section):
     fog_exponent: Exponent = None
     wind_exponent: Exponent = None
     puddles_exponent: Exponent = None
+    rain_weibull: Weibull = None
+    wind_weibull: Weibull = None
+    puddles_weibull: Weibull = None
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> Self:
+        for name in ("rain", "wind", "puddles"):
+            given = (getattr(self, f"{name}_exponent"), getattr(self, f"{name}_weibull"))
+            if None not in given:
+                raise complaint(
+                    f"{name}_exponent or {name}_weibull",
+                    "leave one of them out",
+                    key=f"{name}_weibull",
+                    got="both",
+                )
+        return self
 
 
 class FixedTraits(Section):

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from overtaking.core.elementary import F32, PI, Mask, maximum, power
+from overtaking.core.elementary import F32, PI, Mask, log, maximum, minimum, power
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import rad_from_deg
 from overtaking.knowledge import Preset, presets, weather_maps
@@ -20,6 +20,8 @@ SUN_AHEAD = rad_from_deg(10.0)
 
 RAIN_CLOUDS_PERCENT = 60.0
 """It does not rain out of a sky with less cloud; CARLA's presets with rain have 60 and more."""
+
+_LEAST_TAIL = np.float32(2.0**-24)  # Keeps the logarithm of a tail finite.
 
 RAIN_PUDDLES = 0.5
 """Rain leaves at least this part of its percentage as water on the road."""
@@ -69,8 +71,18 @@ def _from_presets(spec: PresetWeather, noise: Noise, wind_direction: F32, sun: F
     )
 
 
-def _skewed(u: F32, limits: tuple[float, float], exponent: float | None) -> F32:
-    """A number between limits, nearer to the lower one the larger the exponent is."""
+def _skewed(
+    u: F32,
+    limits: tuple[float, float],
+    exponent: float | None,
+    weibull: tuple[float, float] | None = None,
+) -> F32:
+    """A number between limits, nearer to the lower one the larger the exponent is, or Weibull."""
+    if weibull is not None:
+        scale, shape = weibull
+        depth = -log(maximum(np.float32(1.0) - u, np.full_like(u, _LEAST_TAIL)))
+        beyond = np.float32(scale) * power(depth, np.full_like(u, 1.0 / shape))
+        return minimum(np.float32(limits[0]) + beyond, np.full_like(u, limits[1]))
     if exponent is not None:
         u = power(u, np.full_like(u, exponent))
     return spread(u, *limits)
@@ -80,16 +92,18 @@ def _independent(
     spec: IndependentWeather, noise: Noise, wind_direction: F32, sun: F32, bend: Bend
 ) -> Weather:
     rains = bend("rains", noise.uniform()) < np.float32(spec.rain_probability)
-    rain = _skewed(bend("rain", noise.uniform()), spec.rain_percent, spec.rain_exponent)
+    u = bend("rain", noise.uniform())
+    rain = _skewed(u, spec.rain_percent, spec.rain_exponent, spec.rain_weibull)
     rain = np.where(rains, rain, np.float32(0.0))
     foggy = bend("foggy", noise.uniform()) < np.float32(spec.fog_probability)
     fog = _skewed(bend("fog", noise.uniform()), spec.fog_percent, spec.fog_exponent)
     fog = np.where(foggy, fog, np.float32(0.0))
     wet = bend("puddles", noise.uniform())
-    puddles = _skewed(wet, spec.puddles_percent, spec.puddles_exponent)
+    puddles = _skewed(wet, spec.puddles_percent, spec.puddles_exponent, spec.puddles_weibull)
     clouds = np.where(rain > 0, np.float32(RAIN_CLOUDS_PERCENT), np.float32(0.0))
     cloudiness = maximum(spread(noise.uniform(), *spec.cloudiness_percent), clouds)
-    wind = _skewed(bend("wind", noise.uniform()), spec.wind_percent, spec.wind_exponent)
+    u = bend("wind", noise.uniform())
+    wind = _skewed(u, spec.wind_percent, spec.wind_exponent, spec.wind_weibull)
     low_sun, high_sun = (rad_from_deg(angle) for angle in spec.sun_altitude_deg)
     altitude = spread(bend("sun", noise.uniform()), low_sun, high_sun)
     azimuth = spread(sun, -PI, PI)

@@ -5,6 +5,7 @@ from scipy import stats
 from overtaking.knowledge import presets
 from overtaking.model.weather import NO_PRESET
 from overtaking.scenarios import sample, spec
+from overtaking.scenarios.weather import sample_weather
 
 SMALLEST_P = 1e-3  # Seeds are fixed: a failure is a bug and not bad luck.
 NAMES = tuple(presets())
@@ -119,3 +120,31 @@ def test_an_independent_sun_dazzles_only_low_ahead_and_in_a_clear_sky(town06):
     wanted = (altitude >= 0) & (altitude <= 18) & ahead & (weather.cloudiness < 60)
     np.testing.assert_array_equal(weather.horizon_line, wanted)
     assert 0 < wanted.mean() < 0.1
+
+
+def test_what_is_seldom_extreme_may_be_weibull(town06):
+    weather = independent(
+        town06,
+        rain_probability=1.0,
+        rain_weibull=[14.0, 1.0],
+        wind_weibull=[22.5, 2.0],
+        puddles_percent=[10.0, 50.0],
+        puddles_weibull=[6.3, 0.8],
+    )
+    for values, law in (
+        (weather.rain, stats.weibull_min(1.0, scale=14.0)),
+        (weather.wind, stats.weibull_min(2.0, scale=22.5)),
+    ):
+        assert stats.kstest(values[values < 99.0], law.cdf).pvalue > SMALLEST_P
+    dry = weather.puddles > 0.5 * weather.rain
+    assert weather.puddles[dry].min() >= 10.0
+    assert weather.puddles[dry].max() == 50.0
+
+
+def test_the_rain_of_the_profile_falls_as_often_as_that_of_western_iberia():
+    index = np.arange(400_000, dtype=np.uint64)
+    weather = sample_weather(spec("motorway").weather, 5, index)
+    rate = 50.0 * (weather.rain.astype(np.float64) / 100.0) ** 2.5
+    # ITU-R P.837-1, zones H and K: exceeded in 0.1 % and in 0.01 % of the time.
+    assert 10.0 * 0.8 < np.quantile(rate, 0.999) < 12.0 * 1.2
+    assert 32.0 * 0.8 < np.quantile(rate, 0.9999) < 42.0 * 1.2

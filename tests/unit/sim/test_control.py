@@ -8,7 +8,7 @@ from tests.support.minds import moment
 from tests.support.worlds import Vehicle
 
 from overtaking.model.trajectory import Stage
-from overtaking.sim.reference import control, steering
+from overtaking.sim.reference import control, dynamics, steering
 
 JERK = {"up": 2.5, "down": 5.0, "emergency": 20.0, "release": 5.0}
 
@@ -96,9 +96,9 @@ def brakes_for_the_old_leader(*, gap: float, done: float, duration: float = 5.0)
 
 def test_who_pulls_out_late_brakes_until_the_bodies_are_clear():
     assert brakes_for_the_old_leader(gap=10.0, done=0.5)
-    # 10 m/s closing, 3 s until clear: 45 m are enough, 20 m are not.
+    # 10 m/s closing, 3 s until clear, 1 s to spare and 2 m at standstill: 42 m.
     assert not brakes_for_the_old_leader(gap=45.0, done=0.0)
-    assert brakes_for_the_old_leader(gap=20.0, done=0.0)
+    assert brakes_for_the_old_leader(gap=39.0, done=0.0)
 
 
 def test_who_is_beside_the_old_leader_does_not_brake():
@@ -111,3 +111,16 @@ def test_who_keeps_the_lane_does_not_brake_for_the_next():
     near, believed = m.neighbours(), m.look()
     wanted = control.behind_old_leader(m.state, m.given, m.p, near, believed)
     assert float(wanted[0, 0]) > 1e6
+
+
+@pytest.mark.parametrize(("kind", "share"), [("L", 0.6), ("MC", 0.95)])
+def test_traction_control_leaves_driven_axles_most_of_their_side_force(kind: str, share: float):
+    m = moment([Vehicle(kind=kind, speed=30.0)])
+    load = np.full_like(m.state.s, 8000.0)
+    grip = float(m.state.mu_fast[0, 0]) * 8000.0
+    for force, expected in ((1e6, share), (-1e6, -0.95)):
+        asked = np.full_like(load, force)
+        along, _, left = dynamics.axle_forces(m.given.constants, m.p, m.state, asked, load)
+        assert float(along[0, 0]) == pytest.approx(expected * grip, rel=1e-5)
+        rest = np.sqrt(1.0 - expected * expected)
+        assert float(left[0, 0]) == pytest.approx(rest * grip, rel=1e-4)

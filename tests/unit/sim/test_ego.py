@@ -264,7 +264,13 @@ def test_a_branch_can_force_the_return_into_the_other_who_makes_room_only_if_war
     signals: float, partner: int
 ):
     # A lorry that is 1.5 m/s faster by its governor: beside the other for many seconds.
-    slow = ego(speed=25.0, passing_gain=0.1, pull_out_time=60.0, uses_indicator=signals)
+    slow = ego(
+        speed=25.0,
+        passing_gain=0.1,
+        pull_out_time=60.0,
+        uses_indicator=signals,
+        lane_change_duration=4.0,
+    )
     lorry = dataclasses.replace(slow, body={"max_speed": 25.0})
     story = (lorry, other(25.0, 0, 23.5))
     undisturbed = engine.simulate(scenario(list(story), road=wide_road(), horizon=40.0))

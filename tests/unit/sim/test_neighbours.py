@@ -81,13 +81,29 @@ def test_treading_on_a_line_is_not_being_in_the_lane():
     assert int(m.neighbours().slot[AHEAD_OF_OWN, 0, 0]) == -1
 
 
+def seen_changing(signal: float, done: float, crashed: float = 0.0) -> int:
+    """Whom a driver sees ahead when another has done a part of its change into the lane."""
+    m = moment([Vehicle(s=0.0, lane=1), Vehicle(s=40.0, lane=0), Vehicle(s=0.0, lane=0)])
+    m.state.lane[1], m.state.indicator[1] = 1.0, signal
+    m.state.path_time[1], m.state.path_duration[1] = 5.0 * done, 5.0
+    m.state.crashed[1] = crashed
+    near = m.neighbours()
+    assert int(near.slot[AHEAD_OF_OWN, 2, 0]) == 1  # From where it still is.
+    return int(near.slot[AHEAD_OF_OWN, 0, 0])
+
+
 def test_who_signals_a_lane_change_is_seen_from_there_before_the_body_arrives():
-    for signal, seen in ((1.0, 1), (0.0, -1)):
-        m = moment([Vehicle(s=0.0, lane=1), Vehicle(s=40.0, lane=0), Vehicle(s=0.0, lane=0)])
-        m.state.lane[1], m.state.indicator[1] = 1.0, signal
-        near = m.neighbours()
-        assert int(near.slot[AHEAD_OF_OWN, 0, 0]) == seen
-        assert int(near.slot[AHEAD_OF_OWN, 2, 0]) == 1  # And from where it still is.
+    assert seen_changing(signal=1.0, done=0.01) == 1
+
+
+def test_who_does_not_signal_is_seen_from_there_once_it_visibly_moves():
+    assert seen_changing(signal=0.0, done=0.19) == -1
+    assert seen_changing(signal=0.0, done=0.21) == 1
+
+
+def test_a_wreck_is_seen_only_where_it_lies():
+    assert seen_changing(signal=1.0, done=0.5, crashed=1.0) == -1
+    assert seen_changing(signal=1.0, done=1.0) == -1  # Nor one that has slid back.
 
 
 def test_an_indicator_alone_is_not_a_lane_change():

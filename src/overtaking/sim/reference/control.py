@@ -52,7 +52,8 @@ def behind_old_leader(
 ) -> F32:
     """Acceleration behind the one whose lane is being left, as long as the bodies still overlap.
 
-    Nobody brakes for a vehicle that the path clears before the gap is closed.
+    Nobody brakes for a vehicle that the path clears a moment before the gap is closed. The moment
+    is what covers errors of judgement: without it a leader that is believed farther off is hit.
     """
     c = given.constants
     changing = state.path_time < state.path_duration
@@ -63,7 +64,7 @@ def behind_old_leader(
     aside = np.abs(np.where(to_fast, near.aside[SLOW_LEAD], near.aside[FAST_LEAD]))
     overlaps = aside < p.half_width + pick(p.half_width, slot) + c.footprint_margin
     left = c.clear_fraction * state.path_duration - state.path_time
-    clears = (left > 0) & (gap > closing * left)
+    clears = (left > 0) & (gap > p.min_gap + closing * (left + c.clear_margin))
     matters = changing & (slot >= 0) & overlaps & ~clears
     wanted = follow(c, p, state.vx, _desired_speed(state, p), gap, closing, p.time_gap)
     return np.where(matters, wanted, _FREE)

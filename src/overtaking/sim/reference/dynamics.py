@@ -39,18 +39,24 @@ def drive_force(c: Constants, p: Fields, state: State, resistance: F32, inverse_
     return maximum(minimum(wanted, engine * throttle), -p.brake_force)
 
 
-def axle_forces(c: Constants, state: State, force: F32, load: F32) -> tuple[F32, F32, F32]:
+def axle_forces(
+    c: Constants, p: Fields, state: State, force: F32, load: F32
+) -> tuple[F32, F32, F32]:
     """Longitudinal force, its imbalance and the lateral limit of one axle.
 
-    Each side transmits what its own friction allows, which turns the vehicle on split friction.
+    Each side transmits what its own friction allows, which turns the vehicle on split friction. Of
+    that, traction control lets the engine have less than anti-lock brakes let the brakes have:
+    driven wheels that use all of it would have none left to keep the vehicle on its course.
 
     Returns:
         Force on the axle [N], force of the slow side minus that of the fast side [N], and the
         lateral force left by the friction circle [N].
     """
     half_load = _HALF * load
-    bound_fast = c.abs_share * state.mu_fast * half_load
-    bound_slow = c.abs_share * state.mu_slow * half_load
+    controlled = (force > 0) & (p.two_wheeler == 0)
+    share = np.where(controlled, c.traction_share, c.abs_share)
+    bound_fast = share * state.mu_fast * half_load
+    bound_slow = share * state.mu_slow * half_load
     fast = clamp(_HALF * force, -bound_fast, bound_fast)
     slow = clamp(_HALF * force, -bound_slow, bound_slow)
     total = fast + slow
@@ -100,8 +106,8 @@ def _tyre_forces(
     rear_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_front + shift)
     # Brakes follow the load, so that no axle locks before the other (UN R13-H asks for it).
     share = np.where(force < 0, front_weight * (_ONE / c.gravity), p.front_drive)
-    front_x, front_split, front_limit = axle_forces(c, state, share * force, front_load)
-    rear_x, rear_split, rear_limit = axle_forces(c, state, (_ONE - share) * force, rear_load)
+    front_x, front_split, front_limit = axle_forces(c, p, state, share * force, front_load)
+    rear_x, rear_split, rear_limit = axle_forces(c, p, state, (_ONE - share) * force, rear_load)
     sine, cosine = sincos(state.wheel)
     slip = (state.vy + p.cg_front * state.r) * inverse_speed
     front_slope = (slip * cosine - sine) / (cosine + slip * sine)

@@ -50,8 +50,8 @@ def find_neighbours(state: State, given: Parameters, p: Fields) -> Neighbours:
 
     A vehicle counts in every lane that its body overlaps by more than the margin, so one that
     straddles a line is seen by both lanes; and in the lane that it is changing to, from the first
-    moment if it signals. Those who make for one place from both sides would else see each other
-    too late.
+    moment if it signals, and else as soon as it visibly moves over. Those who make for one place
+    from both sides would else see each other too late.
     """
     bands = [lane_borders(state, given, shift) for shift in _SHIFTS]
     found = _Nearest(state.s.shape)
@@ -59,9 +59,10 @@ def find_neighbours(state: State, given: Parameters, p: Fields) -> Neighbours:
         ahead, beside = along(given, state.s[j] - state.s), state.d[j] - state.d
         others = np.broadcast_to(p.valid[j] > 0, ahead.shape).copy()
         others[j] = False
+        shows = _shows(state, given, j)
         for k, (low, high) in enumerate(bands):
-            signalled = (state.indicator[j] != 0) & (state.lane[j] - state.lane == _SHIFTS[k])
-            inside = others & (_overlaps(state, given, p, j, low, high) | signalled)
+            heading = shows & (state.lane[j] - state.lane == _SHIFTS[k])
+            inside = others & (_overlaps(state, given, p, j, low, high) | heading)
             found.offer(2 * k, j, inside & (ahead >= 0), ahead, beside)
             found.offer(2 * k + 1, j, inside & (ahead < 0), -ahead, beside)
     half = pick(p.half_length, found.slot)
@@ -81,6 +82,13 @@ def along(given: Parameters, distance: F32) -> F32:
     ring = given.simulation[SIMULATION_FIELDS.index("ring")]
     inverse = given.simulation[SIMULATION_FIELDS.index("inverse_ring")]
     return distance - ring * np.rint(distance * inverse)
+
+
+def _shows(state: State, given: Parameters, j: int) -> Mask:
+    """Whether others can tell to which lane vehicle `j` is changing."""
+    changing = (state.path_time[j] < state.path_duration[j]) & (state.crashed[j] == 0)
+    moves = state.path_time[j] > given.constants.visible_fraction * state.path_duration[j]
+    return changing & ((state.indicator[j] != 0) | moves)
 
 
 def _overlaps(state: State, given: Parameters, p: Fields, j: int, low: F32, high: F32) -> Mask:
