@@ -133,3 +133,56 @@ def simd_level() -> str:
 
 def num_threads() -> int:
     """Threads of the pool that simulations are spread over."""
+
+class ParquetFile:
+    """A Parquet file of integers and names, as the bytes that it grows by."""
+
+    def __init__(self, template: bytes, keys: list[int]) -> None:
+        """Begin a file.
+
+        Args:
+            template: An empty Parquet file, of which this one takes schema and metadata.
+            keys: Places of the columns that rows are sorted by.
+
+        Raises:
+            ValueError: The template is no Parquet file.
+        """
+
+    def append(self, columns: list[dict[str, Any]]) -> bytes:
+        """Add rows as one row group.
+
+        Args:
+            columns: One for each of the schema: values (int8 for codes of names, uint8, int16,
+                int32 or int64), missing (bool, or None), names, is_key (the footer tells its
+                range), is_few (int16 as runs).
+
+        Raises:
+            ValueError: The columns are not those of the schema.
+        """
+
+    def digests(self) -> list[tuple[str, str]]:
+        """BLAKE3 over the values and over `missing` of each column so far, in hexadecimal."""
+
+    def finish(self, notes: list[tuple[str, str]]) -> bytes:
+        """End the file with some texts in its metadata."""
+
+class Hash:
+    """BLAKE3, 256 bits."""
+
+    def __init__(self) -> None: ...
+    def update(self, data: bytes | memoryview) -> None:
+        """Add bytes."""
+
+    def hexdigest(self) -> str:
+        """The hash so far, 64 hexadecimal digits."""
+
+def compact(values: NDArray[Any], counts: NDArray[np.int64]) -> NDArray[Any]:
+    """The first values of each row of a table, one after another.
+
+    Args:
+        values: Shape (row, place), of int32, int16 or uint8.
+        counts: How many of each row, shape (row,).
+
+    Raises:
+        ValueError: A row has fewer places, or there are other rows.
+    """

@@ -20,7 +20,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 COMPILED = "overtaking._core"
-BINDINGS = ("overtaking.sim", "overtaking.signals.engine")
+BINDINGS = (
+    "overtaking.sim",
+    "overtaking.signals.engine",
+    "overtaking.tables.digest",
+    "overtaking.tables.encode",
+    "overtaking.tables.packed",
+)
 REFERENCES = ("overtaking.sim.reference", "overtaking.signals.reference")
 
 LOAD_REFERENCE = f"""

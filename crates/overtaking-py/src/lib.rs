@@ -1,6 +1,7 @@
-//! Thin Python binding of `overtaking-core`: arrays in, arrays filled in place.
+//! Thin Python binding of `overtaking-core`: arrays in, arrays filled in place; and of `overtaking-tables`.
 
 mod driven;
+mod tables;
 
 use numpy::{
     Element, PyReadonlyArray1, PyReadonlyArray3, PyReadwriteArrayDyn, PyUntypedArrayMethods,
@@ -390,5 +391,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(simd_levels, module)?)?;
     module.add_function(wrap_pyfunction!(simd_level, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)?;
+    module.add_function(wrap_pyfunction!(tables::compact, module)?)?;
+    module.add_class::<tables::ParquetFile>()?;
+    module.add_class::<tables::Hash>()?;
     Ok(())
 }

@@ -1,26 +1,28 @@
 """A hash over what a table says, whatever the file or the batches it comes in."""
 
 import hashlib
+from collections.abc import Iterable
 
 import numpy as np
 import pyarrow as pa
 
+from overtaking import _core
 from overtaking.tables.arrow import Array, Mask, missing_in, to_numpy
 from overtaking.tables.columns import codes, names_of
 
 
 class ContentDigest:
-    """SHA-256 over the values of a table that arrives in pieces.
+    """A hash over the values of a table that arrives in pieces.
 
-    Each column has a hash of its own, so that pieces of any length give the same result; nulls are
-    hashed as a column of their own, and what stands behind them does not count.
+    Each column has a BLAKE3 hash of its own, so that pieces of any length give the same result;
+    nulls are hashed as a column of their own, and what stands behind them does not count.
     """
 
     def __init__(self, schema: pa.Schema) -> None:
         """Start with no rows of a table of one of the `SCHEMAS`."""
         self._schema = schema
-        self._values = [hashlib.sha256() for _ in schema]
-        self._nulls = [hashlib.sha256() for _ in schema]
+        self._values = [_core.Hash() for _ in schema]
+        self._nulls = [_core.Hash() for _ in schema]
         self.num_rows = 0
 
     def update(self, table: pa.Table) -> None:
@@ -35,12 +37,18 @@ class ContentDigest:
 
     def hexdigest(self) -> str:
         """The hash over all rows so far, 64 hexadecimal digits."""
-        total = hashlib.sha256()
-        for field, values, nulls in zip(self._schema, self._values, self._nulls, strict=True):
-            total.update(f"{field.name}\0{field.type}\0".encode())
-            total.update(values.digest())
-            total.update(nulls.digest())
-        return total.hexdigest()
+        pairs = zip(self._values, self._nulls, strict=True)
+        return total_of(
+            self._schema, ((values.hexdigest(), nulls.hexdigest()) for values, nulls in pairs)
+        )
+
+
+def total_of(schema: pa.Schema, digests: Iterable[tuple[str, str]]) -> str:
+    """The hash of a table from the hashes over the values and over the nulls of its columns."""
+    total = hashlib.sha256()
+    for field, (values, nulls) in zip(schema, digests, strict=True):
+        total.update(f"{field.name}\0{field.type}\0{values}\0{nulls}\0".encode())
+    return total.hexdigest()
 
 
 def content_of(table: pa.Table) -> str:

@@ -1,12 +1,14 @@
 """Recorded simulations as tables: without padding, not rounded again, null where nothing is."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from overtaking import _core
 from overtaking.knowledge import presets
 from overtaking.model.batch import Batch
 from overtaking.model.road import Road
@@ -174,26 +176,17 @@ def overtaking(trajectories: Trajectories) -> Mask:
 def states(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation, vehicle and frame, in this order."""
     recorded = trajectories.states
-    rows = _rows(trajectories)
-    count = recorded.x.shape[2]
-    lane = _flat(recorded.lane, rows)
-    lights = _flat(recorded.lights, rows)
+    rows = _Rows.of(trajectories)
+    lane = rows.of_state(recorded.lane)
+    lights = rows.of_state(recorded.lights)
     around = Surroundings.of(trajectories.road)
-    simulation, slot, frame = (
-        np.broadcast_to(values, recorded.x.shape)
-        for values in (
-            numbers[:, None, None],
-            np.arange(recorded.x.shape[1], dtype=np.uint8)[None, :, None],
-            np.arange(count, dtype=np.int32)[None, None, :],
-        )
-    )
     return build(
         "states",
         {
-            "simulation": _flat(simulation, rows),
-            "vehicle": _flat(slot, rows),
-            "frame": _flat(frame, rows),
-            **{column: _flat(getattr(recorded, name), rows) for name, column in STATE_FIELDS},
+            "simulation": numbers[rows.simulation],
+            "vehicle": rows.vehicle,
+            "frame": rows.frame,
+            **{column: rows.of_state(getattr(recorded, name)) for name, column in STATE_FIELDS},
             "lane_id": Masked(around.lane_id[lane], ~around.on_road[lane]),
             "indicator": lights & _INDICATOR_BITS,
             "lights": lights >> NUM_INDICATOR_BITS,
@@ -279,19 +272,58 @@ def _attributes(batch: Batch, fields: Iterable[tuple[str, str]], valid: Mask) ->
     return {column: getattr(batch, name)[valid] for name, column in fields}
 
 
-def _rows(trajectories: Trajectories) -> Mask | None:
-    """Where there is a state, shape (simulation, vehicle, time); None if that is everywhere."""
-    if trajectories.present is not None:
-        return trajectories.state_valid
-    vehicle, frame = trajectories.scenario.vehicles.valid, trajectories.frame_valid
-    if vehicle.all() and frame.all():
-        return None
-    return vehicle[:, :, None] & frame[:, None, :]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Rows:
+    """Which states there are, in the order of simulations, vehicles and frames.
 
+    Attributes:
+        simulation: Row of the batch, shape (row,).
+        vehicle: Slot, same shape.
+        frame: Same shape.
+        counts: Frames of each simulation and slot if they begin with the first, shape
+            (simulation * vehicle,); else None.
+        mask: Where there is a state otherwise, shape (simulation, vehicle, time).
+    """
 
-def _flat(values: Array, rows: Mask | None) -> Array:
-    """The rows of an array of shape (simulation, vehicle, time); a view where that is possible."""
-    return values.reshape(-1) if rows is None else values[rows]
+    simulation: NDArray[np.int64]
+    vehicle: NDArray[np.uint8]
+    frame: NDArray[np.int32]
+    counts: NDArray[np.int64] | None
+    mask: Mask | None
+
+    @classmethod
+    def of(cls, trajectories: Trajectories) -> Self:
+        """The rows of a batch."""
+        if trajectories.present is not None:
+            mask = trajectories.state_valid
+            simulation, vehicle, frame = np.nonzero(mask)
+            return cls(
+                simulation=simulation,
+                vehicle=vehicle.astype(np.uint8),
+                frame=frame.astype(np.int32),
+                counts=None,
+                mask=mask,
+            )
+        valid = trajectories.scenario.vehicles.valid
+        counts = np.where(valid, trajectories.num_frames[:, None], 0).astype(np.int64).reshape(-1)
+        simulation, vehicle = np.divmod(np.arange(valid.size), valid.shape[1])
+        begins = np.cumsum(counts) - counts
+        return cls(
+            simulation=np.repeat(simulation, counts),
+            vehicle=np.repeat(vehicle.astype(np.uint8), counts),
+            frame=np.arange(counts.sum(), dtype=np.int32)
+            - np.repeat(begins.astype(np.int32), counts),
+            counts=counts,
+            mask=None,
+        )
+
+    def of_state(self, values: Array) -> Array:
+        """The recorded values of an array of shape (simulation, vehicle, time)."""
+        if self.counts is None:
+            return values[self.mask]
+        if (self.counts == values.shape[2]).all():
+            return values.reshape(-1)
+        return _core.compact(values.reshape(len(self.counts), -1), self.counts)
 
 
 def _ego_lane(road: Road, lane: NDArray[np.uint8]) -> dict[str, Column]:

@@ -16,6 +16,7 @@ from overtaking.core.errors import SchemaError
 from overtaking.tables.arrow import column_to_numpy
 from overtaking.tables.columns import names_of
 from overtaking.tables.digest import ContentDigest
+from overtaking.tables.packed import PackedRows
 from overtaking.tables.schemas import FORMAT, KEYS, SCHEMAS, VERSION
 
 T = TypeVar("T")
@@ -23,8 +24,8 @@ T = TypeVar("T")
 _FEW_VALUES = frozenset({"vehicle", "lane_id", "lights", "right_lane_id", "left_lane_id"})
 """Integers that take few values and rarely change: run lengths beat differences."""
 
-_COMPRESSION = {"states": "lz4"}
-"""Of the large table, differences leave little to compress; lz4 costs almost nothing there."""
+_PACKED = frozenset({"states"})
+"""The large table: of integers, and of differences that leave little to compress."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,11 +62,9 @@ class TableWriter:
         Raises:
             OSError: The file cannot be created.
         """
-        schema = SCHEMAS[table] if schema is None else schema
-        self._digest = ContentDigest(schema)
         self._file = _HashedFile(path)
         try:
-            self._writer = pq.ParquetWriter(self._file, schema, **_options(table))
+            self._rows = _rows(self._file, table, SCHEMAS[table] if schema is None else schema)
         except BaseException:
             self._file.close()
             raise
@@ -81,8 +80,7 @@ class TableWriter:
         trace: TracebackType | None,
     ) -> None:
         """Close the file; without `finish` it stays incomplete and is of no use."""
-        # The Parquet writer would else complete the file when it is collected, full disk or not.
-        self._writer.is_open = False
+        self._rows.abandon()
         self._file.close()
 
     def write(self, table: pa.Table) -> None:
@@ -92,13 +90,12 @@ class TableWriter:
             OSError: The disk is full or the file cannot be written.
         """
         if table.num_rows:
-            self._writer.write_table(table, row_group_size=table.num_rows)
-            self._digest.update(table)
+            self._rows.append(table)
 
     @property
     def content(self) -> str:
         """Hash over the values so far, 64 hexadecimal digits."""
-        return self._digest.hexdigest()
+        return self._rows.content
 
     def finish(self, notes: dict[str, str] | None = None) -> FileFacts:
         """Complete the file and force it to the disk.
@@ -109,16 +106,55 @@ class TableWriter:
         Raises:
             OSError: The disk is full or the file cannot be written.
         """
-        if notes:
-            self._writer.add_key_value_metadata(notes)
-        self._writer.close()
+        self._rows.close(notes or {})
         os.fsync(self._file.fileno())
         return FileFacts(
-            rows=self._digest.num_rows,
+            rows=self._rows.num_rows,
             size_bytes=self._file.tell(),
             sha256=self._file.hexdigest(),
             content=self.content,
         )
+
+
+class _ArrowRows:
+    """Encodes any table with pyarrow; each piece becomes a row group."""
+
+    def __init__(self, file: io.RawIOBase, table: str, schema: pa.Schema) -> None:
+        self._digest = ContentDigest(schema)
+        self._writer = pq.ParquetWriter(file, schema, **_options(table))
+
+    @property
+    def num_rows(self) -> int:
+        """Rows so far."""
+        return self._digest.num_rows
+
+    @property
+    def content(self) -> str:
+        """Hash over the values so far."""
+        return self._digest.hexdigest()
+
+    def append(self, table: pa.Table) -> None:
+        """Append some rows."""
+        self._writer.write_table(table, row_group_size=table.num_rows)
+        self._digest.update(table)
+
+    def close(self, notes: dict[str, str]) -> None:
+        """Complete the file."""
+        if notes:
+            self._writer.add_key_value_metadata(notes)
+        self._writer.close()
+
+    def abandon(self) -> None:
+        """Leave the file as it is."""
+        # The Parquet writer would else complete it when it is collected, full disk or not.
+        self._writer.is_open = False
+
+
+def _rows(file: io.RawIOBase, table: str, schema: pa.Schema) -> _ArrowRows | PackedRows:
+    """What encodes a table: compiled code where it is large, and all of it is known."""
+    if table in _PACKED and schema == SCHEMAS[table]:
+        return PackedRows(file, schema, KEYS[table], _FEW_VALUES)
+    return _ArrowRows(file, table, schema)
 
 
 def sync_folder(folder: Path) -> None:
@@ -223,7 +259,7 @@ def _options(table: str) -> dict[str, Any]:
     return {
         "use_dictionary": dictionaries,
         "column_encoding": encodings,
-        "compression": _COMPRESSION.get(table, "zstd"),
+        "compression": "zstd",
         "write_statistics": list(KEYS[table]),
         "sorting_columns": pq.SortingColumn.from_ordering(SCHEMAS[table], ordering),
     }
