@@ -119,7 +119,8 @@ def starts(found: Reproduction) -> Table:
         name="starts",
         title="Classes by the treatment of starts",
         note="avoidable: who would start too fast behind another starts farther back, or slower; "
-        "as drawn: places and speeds at random, also where no braking avoids a collision. "
+        "as drawn: places and speeds at random, also where no braking avoids a collision. Both "
+        "keep the profile's least gap. "
         + ", ".join(f"{names[one.allow_doomed]}: {one.simulations:,}" for one in found.starts)
         + " simulations.",
         rows=pd.DataFrame(

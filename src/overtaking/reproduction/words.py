@@ -137,10 +137,10 @@ def about_starts(found: Reproduction) -> str:
     shares = {one.allow_doomed: one.shares[_COLLISION] for one in found.starts}
     return (
         "The paper places vehicles and draws their speeds at random, and says nothing of starts "
-        f"from which no driver could avoid a collision. With starts as drawn {shares[True]:.1%} of "
-        f"our simulations end as {_COLLISION}, with starts that can be survived {shares[False]:.1%}"
-        ". The profile keeps the latter: a collision that the draw of a start decides says nothing "
-        "about overtaking."
+        f"from which no driver could avoid a collision. With starts as drawn, but for a least gap, "
+        f"{shares[True]:.1%} of our simulations end as {_COLLISION}, with starts that can be "
+        f"survived {shares[False]:.1%}. The profile keeps the latter: a collision that the draw of "
+        "a start decides says nothing about overtaking."
     )
 
 

@@ -193,12 +193,19 @@ def test_every_parameter_can_be_fixed():
         assert set(drawn[name]) == {0.5}
 
 
-def test_most_egos_want_to_be_faster_than_their_leader_and_some_do_not(pinto):
+def test_the_egos_of_the_study_want_to_be_faster_than_their_leader(pinto):
     own, lead = pinto.drivers.desired_speed[:, 0], pinto.drivers.desired_speed[:, 1]
     wanting = own > lead
-    # 30 of the study's 276 simulations are without an attempt.
+    # Its ego "always wants to overtake"; a few have a vehicle that cannot be faster.
+    assert wanting.mean() > 0.99
+    assert np.mean(own[wanting] - lead[wanting] > 5 / 3.6) > 0.75
+
+
+def test_some_egos_of_the_mixed_population_are_content_to_follow(town06):
+    chosen = spec("pinto2023", {"drivers.population": "mixed"})
+    drawn = sample(chosen, town06, seed=3, index=np.arange(5_000)).drivers.desired_speed
+    wanting = drawn[:, 0] > drawn[:, 1]
     assert 0.85 < wanting.mean() < 0.95
-    assert np.mean(own[wanting] - lead[wanting] > 5 / 3.6) > 0.9
 
 
 def test_the_traffic_wants_about_the_speed_that_it_came_with(town06):

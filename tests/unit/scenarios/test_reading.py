@@ -6,7 +6,7 @@ import pytest
 from overtaking.core.errors import ConfigError
 from overtaking.scenarios import Spec, profile_names, spec
 from overtaking.scenarios.reading import PROFILES
-from overtaking.scenarios.schema import Traffic
+from overtaking.scenarios.schema import Starts, Traffic
 
 PINTO = "pinto2023"
 
@@ -117,7 +117,8 @@ def test_the_other_mode_of_the_weather_replaces_its_keys():
 def test_defaults_are_those_of_the_models(tmp_path):
     table = tomllib.loads((PROFILES / f"{PINTO}.toml").read_text(encoding="utf-8"))
     del table["starts"]
-    assert spec(table).starts == spec(PINTO).starts
+    assert spec(table).starts == Starts()
+    assert Starts() == spec(PINTO, {"starts.min_gap_m": 10.0}).starts
 
 
 MISTAKES = {
