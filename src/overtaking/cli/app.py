@@ -9,6 +9,7 @@ from overtaking.cli import (
     carla,
     importing,
     labelling,
+    learn,
     literature,
     options,
     reproducing,
@@ -223,6 +224,7 @@ GROUPS: dict[str, tuple[str, dict[options.Body, str]]] = {
         "CARLA 0.9.16: the same scenarios there, and its clients without it.",
         carla.COMMANDS,
     ),
+    "learn": ("What decides an overtake, learned from a data set.", learn.COMMANDS),
     "literature": ("What the literature knows, with corrections.", literature.COMMANDS),
     "sumo": ("The same scenarios on Eclipse SUMO.", sumo.COMMANDS),
 }

@@ -1,0 +1,61 @@
+"""What decides an overtake, learned from a data set."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from overtaking.api.data import load
+from overtaking.datasets.generate import Progress
+from overtaking.datasets.load import Dataset
+
+if TYPE_CHECKING:
+    from overtaking.learning.rules import RulesFound
+
+
+def learn_rules(
+    data: Dataset | str | Path,
+    about: str = "legal",
+    *,
+    policy: str = "paper",
+    seed: int = 1,
+    max_rules: int = 8,
+    max_conditions: int = 3,
+    progress: Progress | None = None,
+) -> "RulesFound":
+    """Learn a few short rules from what is known when an overtake begins.
+
+    Args:
+        data: The data set, or its folder.
+        about: `legal`, `collision`, or `start`: that this is no time to begin.
+        policy: Which rules of law decide about the class: `paper`, `default` or `strict`.
+        seed: Of the split into what is learned from and what is kept back, and of the black box.
+        max_rules: How many rules at most.
+        max_conditions: How many conditions a rule may have.
+        progress: Called with the number of rounds that are done, and of all.
+
+    Returns:
+        The rules with precision, recall and counterexamples; beside them, on the simulations that
+        were kept back, a black box and the speed limit alone.
+
+    Raises:
+        ConfigError: There is no such target or policy, or a number cannot be used.
+        DatasetError: The data set is not complete or damaged, or has too few examples.
+        MissingExtraError: The extra `learn` is not installed.
+    """
+    from overtaking.learning.checks import at_least_one
+    from overtaking.learning.examples import examples_of
+    from overtaking.learning.extra import require_models
+    from overtaking.learning.rules import learn_rules as learned
+    from overtaking.learning.targets import target_of
+
+    require_models()
+    target = target_of(about)
+    at_least_one("--max-rules", max_rules)
+    at_least_one("--max-conditions", max_conditions)
+    return learned(
+        examples_of(data if isinstance(data, Dataset) else load(data), policy),
+        target,
+        seed=seed,
+        max_rules=max_rules,
+        max_conditions=max_conditions,
+        progress=progress,
+    )

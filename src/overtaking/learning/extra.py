@@ -1,0 +1,32 @@
+"""The optional library of models, and one thread for it."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+
+from overtaking.core.errors import MissingExtraError
+
+
+def require_models() -> None:
+    """Refuse to go on without scikit-learn.
+
+    Raises:
+        MissingExtraError: It is not installed.
+    """
+    if find_spec("sklearn") is None:
+        raise MissingExtraError.of(
+            what="scikit-learn, which fits models",
+            where="learn",
+            expected="the extra [learn]",
+            got="no such package",
+            next_step="run: pip install 'overtaking[learn]'",
+        )
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Compute in one thread: sums in another order would be other models in the last digits."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        yield
