@@ -25,6 +25,7 @@ _HOMES = {
     "film": "overtaking.api.results",
     "generate": "overtaking.api.data",
     "label": "overtaking.api.simulating",
+    "learn_factors": "overtaking.api.learning",
     "learn_rules": "overtaking.api.learning",
     "load": "overtaking.api.data",
     "plot_validation": "overtaking.api.results",

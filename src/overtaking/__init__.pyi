@@ -2,6 +2,7 @@ from overtaking.api.data import generate as generate
 from overtaking.api.data import load as load
 from overtaking.api.data import relabel as relabel
 from overtaking.api.data import resume as resume
+from overtaking.api.learning import learn_factors as learn_factors
 from overtaking.api.learning import learn_rules as learn_rules
 from overtaking.api.results import film as film
 from overtaking.api.results import plot_validation as plot_validation

@@ -3,7 +3,7 @@
 from overtaking.api.carla import carla_limits, replay_in_carla, serve_carla
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, simulator_of
 from overtaking.api.data import EXPORTS, export, generate, import_recording, load, relabel, resume
-from overtaking.api.learning import learn_rules
+from overtaking.api.learning import learn_factors, learn_rules
 from overtaking.api.results import (
     entity_relationship_diagram,
     film,
@@ -34,6 +34,7 @@ __all__ = [
     "generate",
     "import_recording",
     "label",
+    "learn_factors",
     "learn_rules",
     "literature",
     "load",

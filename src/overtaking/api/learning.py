@@ -1,5 +1,6 @@
 """What decides an overtake, learned from a data set."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,6 +9,7 @@ from overtaking.datasets.generate import Progress
 from overtaking.datasets.load import Dataset
 
 if TYPE_CHECKING:
+    from overtaking.learning.factors import FactorsFound
     from overtaking.learning.rules import RulesFound
 
 
@@ -57,5 +59,61 @@ def learn_rules(
         seed=seed,
         max_rules=max_rules,
         max_conditions=max_conditions,
+        progress=progress,
+    )
+
+
+def learn_factors(
+    data: Dataset | str | Path,
+    about: str = "outcome",
+    *,
+    features: Iterable[str] = (),
+    policy: str = "paper",
+    seed: int = 1,
+    repeats: int = 1,
+    show_leakage: bool = False,
+    progress: Progress | None = None,
+) -> "FactorsFound":
+    """Find out which factors decide, from what is known when an overtake begins.
+
+    Args:
+        data: The data set, or its folder.
+        about: `outcome` for the class; or `legal`, `collision`, `start`.
+        features: Factors or single attributes to use; all factors if none.
+        policy: Which rules of law decide about the class: `paper`, `default` or `strict`.
+        seed: Of all choices.
+        repeats: How often the factors are ranked, each time on other simulations.
+        show_leakage: Whether to show what features would fake that are known only afterwards.
+        progress: Called with the number of models that are fitted, and of all.
+
+    Returns:
+        Three calibrated models on simulations that were kept back, and the factors in order, with
+        the accuracy that each reaches together with those before it.
+
+    Raises:
+        ConfigError: There is no such target, feature or policy, or a feature is known only
+            afterwards.
+        DatasetError: The data set is not complete or damaged, or has too few examples.
+        MissingExtraError: The extra `learn` is not installed.
+    """
+    from overtaking.learning import leakage
+    from overtaking.learning.checks import at_least_one
+    from overtaking.learning.examples import examples_of
+    from overtaking.learning.extra import require_models
+    from overtaking.learning.factors import learn_factors as learned
+    from overtaking.learning.targets import target_of
+
+    require_models()
+    factors = leakage.chosen_factors(tuple(features))
+    at_least_one("--repeats", repeats)
+    target = None if about == "outcome" else target_of(about, others=("outcome",))
+    source = data if isinstance(data, Dataset) else load(data)
+    return learned(
+        examples_of(source, policy),
+        factors,
+        target,
+        seed=seed,
+        repeats=repeats,
+        leaks=leakage.leaks_of(source) if show_leakage else None,
         progress=progress,
     )

@@ -11,6 +11,7 @@ from overtaking.cli.output import Output
 if TYPE_CHECKING:
     from rich.console import Group, RenderableType
 
+    from overtaking.learning.factors import FactorsFound
     from overtaking.learning.rules import RulesFound
     from overtaking.stats.table import Table
 
@@ -20,6 +21,27 @@ About = Annotated[
         "--about",
         metavar="NAME",
         help="legal, collision, or start (do not start now).",
+    ),
+]
+AboutFactors = Annotated[
+    str,
+    typer.Option("--about", metavar="NAME", help="outcome (the class), legal, collision, or start."),
+]
+Features = Annotated[
+    str | None,
+    typer.Option(
+        "--features",
+        metavar="NAME,NAME",
+        help="Factors or attributes to use, separated by commas.  [default: all factors]",
+    ),
+]
+Repeats = Annotated[
+    int, typer.Option("--repeats", metavar="N", help="Rank so often, to see how sure it is.")
+]
+ShowLeakage = Annotated[
+    bool,
+    typer.Option(
+        "--show-leakage", help="Show what features would fake that are known only afterwards."
     ),
 ]
 Policy = Annotated[
@@ -56,6 +78,49 @@ def rules(
             progress=meter,
         )
     output.result(found.values(), lambda _: _drawn_rules(found))
+
+
+def factors(
+    output: Output,
+    data: options.Data,
+    about: AboutFactors = "outcome",
+    features: Features = None,
+    policy: Policy = "paper",
+    seed: Seed = 1,
+    repeats: Repeats = 1,
+    show_leakage: ShowLeakage = False,
+) -> None:
+    """Find out what decides: calibrated models, and the factors in order of importance."""
+    from overtaking import api
+
+    with output.progress("models") as meter:
+        found = api.learn_factors(
+            data,
+            about,
+            features=[one.strip() for one in (features or "").split(",") if one.strip()],
+            policy=policy,
+            seed=seed,
+            repeats=repeats,
+            show_leakage=show_leakage,
+            progress=meter,
+        )
+    output.result(found.values(), lambda _: _drawn_factors(found))
+
+
+def _drawn_factors(found: "FactorsFound") -> "Group":
+    """Models, confusion, the factors in order, and leaks."""
+    from rich.console import Group
+
+    from overtaking.learning import tables_of_factors as tables
+
+    parts = [
+        tables.model_table(found),
+        tables.confusion_table(found),
+        tables.ranking_table(found),
+    ]
+    if found.faked:
+        parts.append(tables.leakage_table(found))
+    return Group(*(drawn(one) for one in parts))
 
 
 def _drawn_rules(found: "RulesFound") -> "Group":
@@ -100,4 +165,5 @@ def drawn(table: "Table") -> "RenderableType":
 
 COMMANDS: dict[options.Body, str] = {
     rules: "overtaking learn rules data/pinto --about start",
+    factors: "overtaking learn factors data/pinto --repeats 3 --show-leakage",
 }

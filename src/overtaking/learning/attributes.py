@@ -108,11 +108,11 @@ _OF_EGO = (
         low=-10.0, high=10.0,
     ),
     Attribute(
-        name="ego_available_accel_mps2", factor="power in reserve", words="acceleration in reserve",
+        name="ego_available_accel_mps2", factor="type and power of the ego", words="acceleration in reserve",
         unit="m/s²", low=-10.0, high=10.0,
     ),
     Attribute(
-        name="ego_kind", factor="type of the ego", words="the ego", levels=KINDS,
+        name="ego_kind", factor="type and power of the ego", words="the ego", levels=KINDS,
     ),
     Attribute(
         name="waiting_time_s", factor="waiting time", words="time waited", unit="s", low=0.0,
@@ -163,7 +163,7 @@ _OF_AHEAD = (
         unit="km/h", needs="ahead",
     ),
     Attribute(
-        name="ahead_accel_mps2", factor="acceleration of the vehicle ahead",
+        name="ahead_accel_mps2", factor="what the vehicle ahead is about to do",
         words=f"acceleration of the {_AHEAD}", unit="m/s²", low=-10.0, high=10.0, needs="ahead",
     ),
     Attribute(
@@ -180,7 +180,7 @@ _OF_AHEAD = (
         above="left of the middle of its lane", below="right of the middle of its lane",
     ),
     Attribute(
-        name="ahead_indicator", factor="indicator of the vehicle ahead",
+        name="ahead_indicator", factor="what the vehicle ahead is about to do",
         words=f"indicator of the {_AHEAD}", levels=("off", "left", "right", "both"), needs="ahead",
     ),
     _gap("return_gap_m", "room to return", f"gap in front of the {_AHEAD}", "next ahead"),
@@ -192,9 +192,9 @@ _OF_AHEAD = (
 )  # fmt: skip
 
 _OF_LEFT = (
-    _yes_no("left_exists", "lane to the left", "there is no lane to the left",
+    _yes_no("left_exists", "lane", "there is no lane to the left",
             "there is a lane to the left"),
-    _yes_no("left_crossable", "lane to the left", "the line on the left may not be crossed",
+    _yes_no("left_crossable", "lane", "the line on the left may not be crossed",
             "the line on the left may be crossed"),
     _gap("left_front_gap_m", "vehicle ahead on the left", f"gap to the {_FRONT}", _NOBODY_FRONT),
     _difference(
@@ -240,9 +240,9 @@ _OF_WORLD = (
               unit="km/h", is_plain=False),
     _yes_no("night", "sight", "it is day", "it is night"),
     _yes_no("low_sun", "sight", "the sun does not stand low ahead", "the sun stands low ahead"),
-    Attribute(name="rain_mmph", factor="rain and grip", words="rain", unit="mm/h", low=0.0,
+    Attribute(name="rain_mmph", factor="rain, grip and wind", words="rain", unit="mm/h", low=0.0,
               high=200.0),
-    Attribute(name="friction", factor="rain and grip", words="friction of the road", low=0.0,
+    Attribute(name="friction", factor="rain, grip and wind", words="friction of the road", low=0.0,
               high=2.0),
     Attribute(name="optical_range_m", factor="sight", words="visibility in the fog", unit="m",
               absent=2000.0, low=0.0, high=2000.0, is_plain=False),
@@ -255,7 +255,7 @@ _OF_WORLD = (
         "law_stop_lit_m", "sight", "the distance seen ahead is", "longer than the way to stop",
         "shorter than the way to stop", unit="m", absent=FAR, reach=FAR,
     ),
-    Attribute(name="wind_mps", factor="wind", words="wind", unit="km/h", low=0.0, high=60.0),
+    Attribute(name="wind_mps", factor="rain, grip and wind", words="wind", unit="km/h", low=0.0, high=60.0),
 )  # fmt: skip
 
 ATTRIBUTES: tuple[Attribute, ...] = (*_OF_EGO, *_OF_AHEAD, *_OF_LEFT, *_OF_WORLD)

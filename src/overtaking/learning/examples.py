@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.errors import DatasetError
 from overtaking.datasets.load import Dataset
-from overtaking.learning.attributes import ATTRIBUTES, Attribute
+from overtaking.learning.attributes import ATTRIBUTES, BY_NAME, Attribute
 from overtaking.learning.derived import DERIVED
 from overtaking.learning.targets import Target, is_asked
 
@@ -74,15 +74,15 @@ class Examples:
 
     def about(self, target: Target) -> tuple["Examples", Mask]:
         """Those that a target asks about, and in which of them it is so."""
-        # A gap that is cut off at its longest is nobody: everybody nearer is seen.
-        asked = is_asked(self.classes, self.attempted, self._seen, target)
+        asked = is_asked(self.classes, self.attempted, self.is_seen, target)
         chosen = self.where(asked)
         return chosen, chosen.classes.isin(target.classes).to_numpy()
 
     @property
-    def _seen(self) -> Mask:
-        gap = next(one for one in self.attributes if one.name == "ahead_gap_m")
-        return self.column(gap.name) < gap.absent
+    def is_seen(self) -> Mask:
+        """Whether there is a vehicle ahead, shape (simulation,)."""
+        # A gap that is cut off at its longest is nobody: everybody nearer is seen.
+        return self.column("ahead_gap_m") < BY_NAME["ahead_gap_m"].absent
 
 
 def examples_of(data: Dataset, policy: str = "paper") -> Examples:

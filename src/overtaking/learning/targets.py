@@ -12,7 +12,6 @@ from overtaking.model.labels import OvertakeClass
 Mask = NDArray[np.bool_]
 
 _OPEN = (OvertakeClass.CENSORED.title, OvertakeClass.SUCCESS_U.title)
-_SUCCESS = (OvertakeClass.SUCCESS_L.title, OvertakeClass.SUCCESS_I.title)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,8 +75,12 @@ TARGETS = {
 """What rules can be learned about, by name."""
 
 
-def target_of(name: str) -> Target:
+def target_of(name: str, others: tuple[str, ...] = ()) -> Target:
     """A target by its name.
+
+    Args:
+        name: The name.
+        others: What else could have been asked for, for the message.
 
     Raises:
         ConfigError: There is none.
@@ -86,7 +89,7 @@ def target_of(name: str) -> Target:
         raise ConfigError.of(
             what="--about",
             where="learn",
-            expected=" or ".join(TARGETS),
+            expected=" or ".join((*others, *TARGETS)),
             got=name,
             next_step="choose one of them",
         )
@@ -105,5 +108,10 @@ def is_asked(classes: "pd.Series[str]", attempted: Mask, seen: Mask, target: Tar
     Returns:
         Those with somebody to overtake whose end is known, and if it is about attempts, begun.
     """
-    known = seen & ~classes.isin(_OPEN).to_numpy()
+    known = is_ended(classes, seen)
     return known & attempted if target.of_attempts else known
+
+
+def is_ended(classes: "pd.Series[str]", seen: Mask) -> Mask:
+    """Where there was somebody to overtake, and it is known how it ended, shape (simulation,)."""
+    return seen & ~classes.isin(_OPEN).to_numpy()
