@@ -19,8 +19,12 @@ from overtaking.datasets.recipe import Keep, Recipe
 from overtaking.exchange import recording_export
 from overtaking.model.road import Road
 
-EXPORTS = ("pinto2023", "commonroad", "highd", "asp", "prolog")
+EXPORTS = ("pinto2023", "commonroad", "highd", "asp", "prolog", "popper")
 """The formats that a data set can be written in."""
+
+_OF_FACTS = ("simulations", "label", "policy", "every", "with_law")
+_EXPORT_OPTIONS = {"asp": _OF_FACTS, "prolog": _OF_FACTS, "popper": ("about", "policy")}
+"""The options that some formats have."""
 
 
 def generate(
@@ -176,12 +180,14 @@ def export(
         data: The data set, or its folder.
         out: The paper's table is a file that ends in `.csv` or `.parquet`, replaced as a whole;
             the other formats are a folder, which must not exist or be empty, with one scenario or
-            recording for each simulation; of `asp` and `prolog` with files of facts and a theory.
+            recording for each simulation; of `asp` and `prolog` with files of facts and a theory,
+            of `popper` with its three files.
         file_format: One of `EXPORTS`.
         progress: Called with the number of simulations that are done, and of all.
         options: Of `asp` and `prolog`: `simulations` are numbers, `label` is a class that they must
             have under `policy`; `every` is every how many frames positions are written;
-            `with_law=True` writes what only the law reads, too.
+            `with_law=True` writes what only the law reads, too. Of `popper`: `about` is `legal`,
+            `collision` or `start`, judged under `policy`.
 
     Returns:
         Number of rows, states or facts written.
@@ -200,16 +206,11 @@ def export(
             next_step="choose one of them",
         )
     source = data if isinstance(data, Dataset) else load(data)
+    _refuse_options(file_format, options)
     if file_format in ("asp", "prolog"):
         return _export_facts(source, Path(out), file_format, progress, **options)
-    if options:
-        raise ConfigError.of(
-            what=f"option {min(options)}",
-            where=f"export to {file_format}",
-            expected="none, as all simulations are written",
-            got=options[min(options)],
-            next_step="leave it out",
-        )
+    if file_format == "popper":
+        return _export_popper(source, Path(out), **options)
     if file_format in recording_export.FORMATS:
         return recording_export.write_folder(
             source.batches(),
@@ -228,6 +229,19 @@ def export(
                 progress(int(numbers[-1]) + 1, len(source))
 
     return pinto2023.write_table(tables(), out)
+
+
+def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
+    """Refuse what a format has no use for."""
+    known = _EXPORT_OPTIONS.get(file_format, ())
+    for name in sorted(set(options) - set(known)):
+        raise ConfigError.of(
+            what=f"option {name}",
+            where=f"export to {file_format}",
+            expected=", ".join(known) or "none, as all simulations are written",
+            got=options[name],
+            next_step="leave it out",
+        )
 
 
 def _export_facts(
@@ -255,6 +269,16 @@ def _export_facts(
         with_law=with_law,
         progress=progress,
     )
+
+
+def _export_popper(data: Dataset, out: Path, *, about: str = "legal", policy: str = "paper") -> int:
+    """Write what a data set holds about a target for the learner Popper; see `export`."""
+    from overtaking.learning.examples import examples_of
+    from overtaking.learning.popper import write_popper
+    from overtaking.learning.targets import target_of
+
+    target = target_of(about)
+    return write_popper(examples_of(data, policy), target, out)
 
 
 def import_recording(

@@ -56,6 +56,7 @@ def write_report(
     policy: str = "paper",
     reading: str | None = None,
     weighted: bool = False,
+    learn: bool = False,
     progress: Progress | None = None,
 ) -> "Report":
     """Write figures, tables and associations of a data set as one page that needs no network.
@@ -67,11 +68,12 @@ def write_report(
         policy: Which rules decide about the class: `paper`, `default` or `strict`.
         reading: How features are measured, `paper` or `matched`; as in `Dataset.features`.
         weighted: Whether to count each simulation by its importance weight.
+        learn: Whether to learn rules and factors too, which takes minutes.
         progress: Called with the number of parts that are done, and of all.
 
     Returns:
         Where it is, and what it could not show: without the extra `plots` it has no figures,
-        without `stats` no associations.
+        without `stats` no associations, without `learn` nothing learned.
 
     Raises:
         ConfigError: There is no such policy or reading.
@@ -87,6 +89,7 @@ def write_report(
         policy=policy,
         reading=reading,
         weighted=weighted,
+        is_learned=learn,
         progress=progress,
     )
 

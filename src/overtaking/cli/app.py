@@ -145,6 +145,7 @@ def export(
     policy: options.ChosenPolicy = None,
     every: options.EveryFrames = None,
     law: options.WithLaw = False,
+    about: options.AboutTarget = None,
 ) -> None:
     """Write a data set in the format of another program or paper."""
     from overtaking import api
@@ -157,6 +158,7 @@ def export(
         policy=policy,
         every=every,
         with_law=law or None,
+        about=about,
     )
     with output.progress("simulations") as meter:
         rows = api.export(data, target, file_format=file_format, progress=meter, **chosen)

@@ -25,7 +25,9 @@ About = Annotated[
 ]
 AboutFactors = Annotated[
     str,
-    typer.Option("--about", metavar="NAME", help="outcome (the class), legal, collision, or start."),
+    typer.Option(
+        "--about", metavar="NAME", help="outcome (the class), legal, collision, or start."
+    ),
 ]
 Features = Annotated[
     str | None,

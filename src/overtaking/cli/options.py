@@ -138,7 +138,15 @@ Format = Annotated[
         "--format",
         metavar="NAME",
         help="Whose format: pinto2023 is the paper's table; commonroad and highd are folders; asp "
-        "and prolog are folders of facts.",
+        "and prolog are folders of facts; popper is what a learner of rules reads.",
+    ),
+]
+AboutTarget = Annotated[
+    str | None,
+    typer.Option(
+        "--about",
+        metavar="NAME",
+        help="With popper: legal, collision, or start (do not start now).  [default: legal]",
     ),
 ]
 IsCsv = Annotated[

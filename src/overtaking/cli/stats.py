@@ -30,6 +30,9 @@ Reading = Annotated[
         help="How features are measured: paper or matched.  [default: the policy's]",
     ),
 ]
+Learn = Annotated[
+    bool, typer.Option("--learn", help="Learn rules and factors too; this takes minutes.")
+]
 Written = Annotated[str, typer.Option("--format", metavar="NAME", help="text, csv, json or latex.")]
 Folder = Annotated[
     Path | None,
@@ -68,6 +71,7 @@ def report(
     weighted: Weighted = False,
     policy: Policy = "paper",
     reading: Reading = None,
+    learn: Learn = False,
 ) -> None:
     """Write figures, tables and associations of a data set as one page."""
     from overtaking import api
@@ -75,7 +79,13 @@ def report(
     begin = time.monotonic()
     with output.progress("parts") as meter:
         made = api.write_report(
-            data, out, policy=policy, reading=reading, weighted=weighted, progress=meter
+            data,
+            out,
+            policy=policy,
+            reading=reading,
+            weighted=weighted,
+            learn=learn,
+            progress=meter,
         )
     values = values_of(made, time.monotonic() - begin)
     output.result(values, lambda _: render(values))

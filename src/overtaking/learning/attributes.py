@@ -108,8 +108,8 @@ _OF_EGO = (
         low=-10.0, high=10.0,
     ),
     Attribute(
-        name="ego_available_accel_mps2", factor="type and power of the ego", words="acceleration in reserve",
-        unit="m/s²", low=-10.0, high=10.0,
+        name="ego_available_accel_mps2", factor="type and power of the ego",
+        words="acceleration in reserve", unit="m/s²", low=-10.0, high=10.0,
     ),
     Attribute(
         name="ego_kind", factor="type and power of the ego", words="the ego", levels=KINDS,
@@ -255,7 +255,8 @@ _OF_WORLD = (
         "law_stop_lit_m", "sight", "the distance seen ahead is", "longer than the way to stop",
         "shorter than the way to stop", unit="m", absent=FAR, reach=FAR,
     ),
-    Attribute(name="wind_mps", factor="rain, grip and wind", words="wind", unit="km/h", low=0.0, high=60.0),
+    Attribute(name="wind_mps", factor="rain, grip and wind", words="wind", unit="km/h",
+              low=0.0, high=60.0),
 )  # fmt: skip
 
 ATTRIBUTES: tuple[Attribute, ...] = (*_OF_EGO, *_OF_AHEAD, *_OF_LEFT, *_OF_WORLD)

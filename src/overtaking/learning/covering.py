@@ -124,8 +124,7 @@ def f_measure(said: Mask, positive: Mask) -> float:
 
 
 def _may_join(holds: F32, names: Sequence[str]) -> Mask:
-    """Which conditions may stand together: those on different attributes, or both ends of a range.
-    """
+    """Which conditions may stand together: on different attributes, or both ends of a range."""
     both = holds.T @ holds
     alone = np.diag(both)
     narrows = (both > 0.0) & (both < alone[:, None]) & (both < alone[None, :])
@@ -164,9 +163,7 @@ def _best_rule(task: _Task, is_open: Mask, max_conditions: int) -> Numbers:
     return best[1]
 
 
-def _grown(
-    task: _Task, hit: F32, miss: F32, beam: list[Numbers]
-) -> tuple[list[Numbers], F64, F64]:
+def _grown(task: _Task, hit: F32, miss: F32, beam: list[Numbers]) -> tuple[list[Numbers], F64, F64]:
     """Every rule of the beam with one condition more, and how many of each kind it covers.
 
     Counts are whole numbers below 2^24, which float32 adds up exactly in any order: the result does
@@ -214,7 +211,7 @@ def _needed(task: _Task, rules: list[Numbers]) -> list[Numbers]:
 
 
 def _covered(task: _Task, rule: Numbers) -> Mask:
-    return task.holds[:, list(rule)].all(axis=1)
+    return np.asarray(task.holds[:, list(rule)].all(axis=1))
 
 
 def _union(task: _Task, rules: Sequence[Numbers]) -> Mask:

@@ -27,13 +27,15 @@ def supervised_cuts(values: F64, positive: Mask, depth: int = MAX_DEPTH) -> F64:
         for classification learning, IJCAI 1993, 1022-1027: entropy, and the criterion of the
         minimum description length.
     """
+    if not len(values):
+        return np.zeros(0)
     order = np.argsort(values, kind="stable")
     ordered, hits = values[order], positive[order].astype(np.int64)
     starts = np.flatnonzero(np.diff(ordered, prepend=-np.inf) > 0.0)
     levels = ordered[starts]
     ends = np.append(starts[1:], len(ordered))
     total = np.concatenate([[0], ends])
-    positives = np.concatenate([[0], np.cumsum(hits)[ends - 1]]) if len(ends) else total
+    positives = np.concatenate([[0], np.cumsum(hits)[ends - 1]])
     found: list[int] = []
     _cut(total, positives, (0, len(levels)), depth, found)
     return np.array([(levels[n - 1] + levels[n]) / 2.0 for n in sorted(found)], dtype=np.float64)
@@ -87,4 +89,3 @@ def entropy(hits: I64, size: I64) -> F64:
 def _kinds(hits: np.int64, size: np.int64) -> int:
     """How many classes occur."""
     return int(hits > 0) + int(hits < size)
-

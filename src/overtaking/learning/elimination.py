@@ -28,7 +28,7 @@ Outcomes = NDArray[Any]
 Factors = Mapping[str, tuple[str, ...]]
 Step = Callable[[], None]
 
-_ROUNDS, _FINAL_ROUNDS = 30, 100
+_ROUNDS, _FINAL_ROUNDS = 25, 100
 _MOST = 5000
 """Examples that a choice is made on: more cost time and change little."""
 

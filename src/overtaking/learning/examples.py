@@ -1,6 +1,4 @@
-"""The simulations of a data set as examples: what was known when, what came of it, what belongs
-together.
-"""
+"""The simulations of a data set as examples: what was known, what came of it, what is kin."""
 
 from dataclasses import dataclass, replace
 

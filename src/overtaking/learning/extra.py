@@ -1,6 +1,6 @@
 """The optional library of models, and one thread for it."""
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from importlib.util import find_spec
 
@@ -24,7 +24,7 @@ def require_models() -> None:
 
 
 @contextmanager
-def one_thread() -> Iterator[None]:
+def one_thread() -> Generator[None]:
     """Compute in one thread: sums in another order would be other models in the last digits."""
     from threadpoolctl import threadpool_limits
 

@@ -184,9 +184,7 @@ def learn_factors(
     steps = _Steps(len(MODELS) + num_fits(len(factors), repeats) + len(leaks or {}), progress)
     known, kept = parts
     models = tuple(_judged(name, seen, outcomes, parts, seed, steps) for name in MODELS)
-    ranking = rank(
-        seen, outcomes, factors, parts, seed=seed, repeats=repeats, step=steps.step
-    )
+    ranking = rank(seen, outcomes, factors, parts, seed=seed, repeats=repeats, step=steps.step)
     given = {name: (why, values[places]) for name, (why, values) in (leaks or {}).items()}
     counts = {name: int((outcomes[known] == name).sum()) for name in np.unique(outcomes)}
     most = max(counts, key=lambda name: counts[name])
@@ -332,9 +330,7 @@ def _faked(
     return tuple(found)
 
 
-def _accuracy(
-    seen: Examples, outcomes: Outcomes, parts: Split, more: F64, seed: int
-) -> float:
+def _accuracy(seen: Examples, outcomes: Outcomes, parts: Split, more: F64, seed: int) -> float:
     """Accuracy of gradient boosting with more columns."""
     known, kept = parts
     values = np.column_stack([seen.values, more])

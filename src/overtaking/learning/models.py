@@ -42,17 +42,16 @@ def _network(attributes: tuple[Attribute, ...], seed: int) -> "BaseEstimator":
     from sklearn.neural_network import MLPClassifier
     from sklearn.pipeline import make_pipeline
 
-    network = MLPClassifier(
-        hidden_layer_sizes=(32,),
-        alpha=1e-3,
-        batch_size=256,
-        learning_rate_init=3e-3,
-        max_iter=60,
-        early_stopping=True,
-        n_iter_no_change=6,
-        random_state=seed % 2**32,
-    )
-    return make_pipeline(_numbers(attributes), network)
+    settings: dict[str, Any] = {  # Annotations of scikit-learn are guessed from its defaults.
+        "hidden_layer_sizes": (32,),
+        "alpha": 1e-3,
+        "learning_rate_init": 3e-3,
+        "max_iter": 60,
+        "early_stopping": True,
+        "n_iter_no_change": 6,
+        "random_state": seed % 2**32,
+    }
+    return make_pipeline(_numbers(attributes), MLPClassifier(**settings))
 
 
 MODELS: dict[str, Callable[[tuple[Attribute, ...], int], "BaseEstimator"]] = {
@@ -78,15 +77,16 @@ def trees(attributes: tuple[Attribute, ...], seed: int, *, rounds: int) -> "Base
     require_models()
     from sklearn.ensemble import HistGradientBoostingClassifier
 
-    return HistGradientBoostingClassifier(
-        max_iter=rounds,
-        learning_rate=0.1,
-        max_leaf_nodes=15,
-        min_samples_leaf=20,
-        categorical_features=[len(one.levels) > 2 for one in attributes],
-        early_stopping=False,
-        random_state=seed % 2**32,
-    )
+    settings: dict[str, Any] = {
+        "max_iter": rounds,
+        "learning_rate": 0.1,
+        "max_leaf_nodes": 15,
+        "min_samples_leaf": 20,
+        "categorical_features": [len(one.levels) > 2 for one in attributes],
+        "early_stopping": False,
+        "random_state": seed % 2**32,
+    }
+    return HistGradientBoostingClassifier(**settings)
 
 
 def _numbers(attributes: tuple[Attribute, ...]) -> Any:
@@ -159,10 +159,12 @@ def fit_calibrated(
     """
     from sklearn.calibration import CalibratedClassifierCV
 
-    parts = folds(groups, NUM_FOLDS)
-    return fit(
-        CalibratedClassifierCV(model, method="sigmoid", cv=parts, ensemble=False), values, outcomes
-    )
+    settings: dict[str, Any] = {
+        "method": "sigmoid",
+        "cv": folds(groups, NUM_FOLDS),
+        "ensemble": False,
+    }
+    return fit(CalibratedClassifierCV(model, **settings), values, outcomes)
 
 
 def probabilities(model: Model, values: F64) -> F64:

@@ -206,8 +206,7 @@ def _baseline(kept: Examples, is_so: Mask, target: Target) -> Score:
 
 
 def _black_box(known: Examples, was: Mask, kept: Examples, is_so: Mask, seed: int) -> Score:
-    """What gradient boosting foretells; its threshold is chosen on what it was fitted on, by folds.
-    """
+    """What gradient boosting foretells, with a threshold chosen by folds."""
     from sklearn.metrics import roc_auc_score
 
     model = model_of(TREES, known.attributes, seed)

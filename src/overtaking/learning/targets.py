@@ -1,13 +1,16 @@
 """What is to be foretold: legal, collision, do not start now; and the class itself."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError
 from overtaking.model.labels import OvertakeClass
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Mask = NDArray[np.bool_]
 

@@ -13,6 +13,8 @@ from overtaking.stats.results import Statistics
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from overtaking.learning.factors import FactorsFound
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
@@ -144,6 +146,38 @@ def association_pictures(found: Associations) -> list[Picture]:
             draw=lambda: draw_p_values(found),
         ),
     ]
+
+
+def model_pictures(found: "FactorsFound") -> list[Picture]:
+    """Confusion of the trees, and calibration of all models."""
+    from overtaking.plots.learning import draw_confusion, draw_reliability
+
+    return [
+        Picture(
+            name="learning-confusion",
+            caption="What came, by what gradient boosting foretold: simulations that were kept "
+            "back, and shares of what came.",
+            draw=lambda: draw_confusion(found),
+        ),
+        Picture(
+            name="learning-calibration",
+            caption="How often each model is right, by how sure it is; larger points stand for "
+            "more simulations. On the line confidence can be taken at its word.",
+            draw=lambda: draw_reliability(found),
+        ),
+    ]
+
+
+def ranking_picture(found: "FactorsFound") -> Picture:
+    """The factors in order."""
+    from overtaking.plots.learning import draw_ranking
+
+    return Picture(
+        name="learning-ranking",
+        caption="Accuracy of gradient boosting with the first factor, the first two, and so on; "
+        "the band is its 95 % confidence.",
+        draw=lambda: draw_ranking(found),
+    )
 
 
 def overtake_picture(name: str, simulation: int, one: Diagram) -> Picture:

@@ -6,6 +6,7 @@ from overtaking.datasets.load import Dataset
 from overtaking.labelling import label
 from overtaking.model.events import Events
 from overtaking.model.trajectory import Trajectories
+from overtaking.report.learned import learn
 from overtaking.report.write import Progress, Report, write_report
 
 FOLDER = "report"
@@ -21,6 +22,7 @@ def report_on(
     policy: str = "paper",
     reading: str | None = None,
     weighted: bool = False,
+    is_learned: bool = False,
     progress: Progress | None = None,
 ) -> Report:
     """Write the report on a data set.
@@ -31,6 +33,7 @@ def report_on(
         policy: Which rules decide about the class.
         reading: How features are measured.
         weighted: Whether to count each simulation by its importance weight.
+        is_learned: Whether to learn rules and factors, and tell them.
         progress: Called with the number of parts that are done, and of all.
 
     Raises:
@@ -52,6 +55,7 @@ def report_on(
         reading=reading,
         weighted=weighted,
         example=example,
+        learned=learn(data, policy) if is_learned else None,
         progress=progress,
     )
 

@@ -10,6 +10,8 @@ from overtaking.core.errors import MissingExtraError, OvertakingError
 from overtaking.model.events import Events
 from overtaking.model.trajectory import Trajectories
 from overtaking.report import files, prose
+from overtaking.report.learned import Learned
+from overtaking.report.learned import sections as sections_of
 from overtaking.report.page import (
     Section,
     figure_block,
@@ -64,6 +66,7 @@ def write_report(
     reading: str | None = None,
     weighted: bool = False,
     example: Example | None = None,
+    learned: Learned | None = None,
     progress: Progress | None = None,
 ) -> Report:
     """Write the report on some features.
@@ -77,6 +80,7 @@ def write_report(
         reading: How the features were measured.
         weighted: Whether to count each simulation by its importance weight.
         example: Gives a simulation for the diagrams; without it there are none.
+        learned: What was learned from the data, if it is to be told.
         progress: Called with the number of parts that are done, and of all.
 
     Raises:
@@ -85,7 +89,7 @@ def write_report(
     """
     found = statistics(frame, policy=policy, reading=reading, weighted=weighted)
     files.make_folders(out)
-    writer = _Writer(out, found, progress)
+    writer = Writer(out, found, progress)
     sections = [
         writer.to_know_first(),
         writer.classes(),
@@ -95,6 +99,7 @@ def write_report(
         writer.pairs(),
         writer.associations(),
         writer.examples(example),
+        *(sections_of(writer, learned) if learned else ()),
         Section(name="methods", title="How the numbers were made", blocks=prose.methods()),
     ]
     text = page(title, prose.lead(found), [*facts, *prose.facts(found)], sections, prose.FOOT)
@@ -110,7 +115,7 @@ def write_report(
     )
 
 
-class _Writer:
+class Writer:
     """Makes the sections, and writes their figures and tables on the way."""
 
     def __init__(self, out: Path, found: Statistics, progress: Progress | None) -> None:
@@ -141,32 +146,32 @@ class _Writer:
 
     def classes(self) -> Section:
         """How often each class occurs."""
-        blocks = (self._pictures("class_picture", self._found), self._table(self._found.classes))
+        blocks = (self.pictures("class_picture", self._found), self.table(self._found.classes))
         return Section(name="classes", title="Classes", blocks=blocks)
 
     def tables_of_features(self) -> Section:
         """The paper's two tables."""
-        blocks = (self._table(self._found.static), self._table(self._found.dynamic))
+        blocks = (self.table(self._found.static), self.table(self._found.dynamic))
         return Section(name="features", title="Statistics of the features", blocks=blocks)
 
     def waiting(self) -> Section:
         """How long drivers wait."""
         curve = self._found.waiting
         if curve is None:
-            blocks = (self._lacking("No curve of waiting times can be estimated from these data."),)
+            blocks = (self.lacking("No curve of waiting times can be estimated from these data."),)
         else:
-            drawn = self._pictures("waiting_picture", self._found)
+            drawn = self.pictures("waiting_picture", self._found)
             blocks = (paragraph(prose.about_waiting(curve)), drawn)
         return Section(name="waiting", title="Waiting time", blocks=blocks)
 
     def distributions(self) -> Section:
         """Histograms and boxes."""
-        drawn = self._pictures("distribution_pictures", self._found)
+        drawn = self.pictures("distribution_pictures", self._found)
         return Section(name="distributions", title="Distributions", blocks=(drawn,))
 
     def pairs(self) -> Section:
         """Features against each other."""
-        drawn = self._pictures("pair_pictures", self._found)
+        drawn = self.pictures("pair_pictures", self._found)
         return Section(name="pairs", title="Features against each other", blocks=(drawn,))
 
     def associations(self) -> Section:
@@ -174,7 +179,7 @@ class _Writer:
         try:
             measured = associations(self._found.sample)
         except MissingExtraError as error:
-            blocks = (self._lacking(f"Associations and p-values are left out: {error}"),)
+            blocks = (self.lacking(f"Associations and p-values are left out: {error}"),)
         else:
             self.step()
             blocks = self._of_associations(measured)
@@ -184,16 +189,16 @@ class _Writer:
         """The two matrices, and the strongest pairs in words."""
         return (
             *(paragraph(text) for text in prose.about_associations(self._found, measured)),
-            self._pictures("association_pictures", measured),
-            self._table(class_associations(measured)),
-            self._table(strongest_pairs(measured)),
+            self.pictures("association_pictures", measured),
+            self.table(class_associations(measured)),
+            self.table(strongest_pairs(measured)),
         )
 
     def examples(self, example: Example | None) -> Section:
         """A typical simulation of each class in space and time."""
         blocks = [paragraph(prose.ABOUT_EXAMPLES)]
         if example is None:
-            blocks.append(self._lacking("These data have no simulations to draw, only features."))
+            blocks.append(self.lacking("These data have no simulations to draw, only features."))
         else:
             numbers = self._found.sample.frame.index
             for name, place in typical(self._found.sample).items():
@@ -207,17 +212,17 @@ class _Writer:
         try:
             one = diagram(*example(simulation))
         except OvertakingError as error:
-            return self._lacking(f"Simulation {simulation} ({name}) cannot be drawn: {error}")
-        return self._pictures("overtake_picture", name, simulation, one)
+            return self.lacking(f"Simulation {simulation} ({name}) cannot be drawn: {error}")
+        return self.pictures("overtake_picture", name, simulation, one)
 
-    def _pictures(self, maker: str, *arguments: object) -> str:
+    def pictures(self, maker: str, *arguments: object) -> str:
         """Draw the figures that a function of `gallery` makes, and write them."""
         from overtaking.report import gallery
 
         try:
             made = getattr(gallery, maker)(*arguments)
         except MissingExtraError as error:
-            return self._lacking(f"Figures are left out: {error}")
+            return self.lacking(f"Figures are left out: {error}")
         return "".join(self._picture(one) for one in (made if isinstance(made, list) else [made]))
 
     def _picture(self, one: object) -> str:
@@ -234,13 +239,13 @@ class _Writer:
         self.step()
         return figure_block(one.name, svg, one.caption)
 
-    def _table(self, table: Table) -> str:
+    def table(self, table: Table) -> str:
         """Write a table."""
         files.put_table(self._out, table)
         self.tables.append(table.name)
         return table_block(table, self._colours)
 
-    def _lacking(self, why: str) -> str:
+    def lacking(self, why: str) -> str:
         """Note what cannot be shown."""
         if why not in self.remarks:
             self.remarks.append(why)

@@ -1,0 +1,121 @@
+"""The rules and the factors of a data set, as the page about learning shows them.
+
+Makes the data sets that are missing in a folder, learns from them, and prints tables; with --into
+they replace what stands between two marks in a page.
+
+    python benchmarks/learning.py --folder build/learning --into docs/explanation/learning.md
+"""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import overtaking
+from overtaking.learning.factors import FactorsFound
+from overtaking.learning.rules import RulesFound
+from overtaking.learning.tables_of_factors import (
+    confusion_table,
+    leakage_table,
+    model_table,
+    ranking_table,
+)
+from overtaking.learning.tables_of_rules import comparison_table, rule_table
+from overtaking.stats.table import Table
+
+BEGIN = "<!-- begin: benchmarks/learning.py -->"
+END = "<!-- end: benchmarks/learning.py -->"
+SIZES = {"pinto2023": 20_000, "motorway-risk": 5_000}
+TARGETS = ("legal", "collision", "start")
+
+
+def data_set(folder: Path, profile: str, simulations: int) -> Path:
+    """The folder of a data set, made if it is not there."""
+    path = folder / f"{profile}-{simulations}"
+    if not path.exists():
+        overtaking.generate(profile, simulations, 1, path, keep="features")
+    return path
+
+
+def progress(what: str) -> Callable[[int, int], None]:
+    """Says how much is done."""
+
+    def say(done: int, total: int) -> None:
+        print(f"\r{what}: {done} of {total}   ", end="", file=sys.stderr, flush=True)
+
+    return say
+
+
+def markdown(table: Table) -> str:
+    """A table with its title and its note."""
+    header = [name or "#" for name in table.header]
+    rows = [header, ["---"] * len(header), *table.cells()]
+    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
+    return f"**{table.title}**\n\n" + "\n".join(lines) + f"\n\n{table.note}\n"
+
+
+def rules_page(found: RulesFound) -> str:
+    """What was learned about a target."""
+    overlooked = ", ".join(str(one) for one in found.missed) or "none"
+    return "\n".join(
+        [
+            markdown(rule_table(found)),
+            markdown(comparison_table(found)),
+            f"Learned from {found.num_learned_from:,} simulations. Run over all "
+            f"{found.everywhere.num:,}, the rules are right in "
+            f"{100.0 * found.everywhere.accuracy:.1f} %; none holds where one should in "
+            f"{found.num_missed:,}, such as {overlooked}.\n",
+        ]
+    )
+
+
+def factors_page(found: FactorsFound) -> str:
+    """What was found out about the factors."""
+    tables = [model_table(found), confusion_table(found), ranking_table(found)]
+    tables += [leakage_table(found)] if found.faked else []
+    return "\n".join(markdown(one) for one in tables)
+
+
+def page(folder: Path, sizes: dict[str, int], repeats: int) -> str:
+    """All of it."""
+    parts: list[str] = []
+    for profile, simulations in sizes.items():
+        path = data_set(folder, profile, simulations)
+        content = overtaking.load(path).content_hash
+        parts.append(f"### {profile}, {simulations:,} simulations\n")
+        parts.append(f"Seed 1, content hash `{content[:16]}`.\n")
+        for about in TARGETS:
+            told = progress(f"{profile}, {about}")
+            parts.append(rules_page(overtaking.learn_rules(path, about, progress=told)))
+        told = progress(f"{profile}, factors")
+        found = overtaking.learn_factors(path, repeats=repeats, show_leakage=True, progress=told)
+        parts.append(factors_page(found))
+    return "\n".join(parts)
+
+
+def replaced(text: str, new: str) -> str:
+    """A page with something else between the marks."""
+    before, _, rest = text.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    return f"{before}{BEGIN}\n\n{new}\n{END}{after}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--folder", type=Path, default=Path("build/learning"))
+    parser.add_argument("--profile", choices=SIZES, help="only this one")
+    parser.add_argument("--simulations", type=int, help="in place of the usual number")
+    parser.add_argument("--repeats", type=int, default=1, help="how often to rank the factors")
+    parser.add_argument("--into", type=Path, help="page to write the tables into")
+    given = parser.parse_args()
+    names = [given.profile] if given.profile else list(SIZES)
+    sizes = {name: given.simulations or SIZES[name] for name in names}
+    text = page(given.folder, sizes, given.repeats)
+    if given.into:
+        given.into.write_text(replaced(given.into.read_text("utf-8"), text), "utf-8")
+    else:
+        print(text)
+
+
+if __name__ == "__main__":
+    main()
