@@ -1,0 +1,71 @@
+"""Twenty scenarios of the study with each driver, from the command line to labels and films."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from tests.support.carla import needs_wheel
+
+from overtaking import api
+from overtaking.cli import main
+from overtaking.model.labels import OvertakeClass
+from overtaking.simulators.carla_library import SERVER_VARIABLE
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from overtaking.datasets.load import Dataset
+
+pytestmark = needs_wheel
+
+COUNT, SEED = 20, 5
+SHORT = {"time.horizon_s": 1.5, "time.attempt_deadline_s": 1.5}
+AGAIN = range(2, 5)
+"""Simulations that are run twice, the second time in another batch."""
+
+SIMULATORS = {"own": "carla", "traffic-manager": "carla-traffic-manager"}
+
+
+def films_of(data: Dataset, folder: Path) -> dict[str, int]:
+    """Films of two simulations, and how many pictures each has."""
+    import av
+
+    words = ["--simulations", "0,19", "--size", "160x90", "--out", str(folder), "--quiet"]
+    assert main(["carla", "replay", str(data.path), *words]) == 0
+    lengths: dict[str, int] = {}
+    for path in sorted(folder.iterdir()):
+        with av.open(str(path)) as film:
+            lengths[path.name] = sum(1 for _ in film.decode(video=0))
+    return lengths
+
+
+@pytest.mark.parametrize("driver", SIMULATORS)
+def test_twenty_scenarios_go_from_the_command_to_labels_and_films(
+    driver: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv(SERVER_VARIABLE, "headless")
+    words = ["carla", "run", "pinto2023", "-n", str(COUNT), "--seed", str(SEED), "--driver", driver]
+    short = [f"--set={key}={value}" for key, value in SHORT.items()]
+    assert main([*words, *short, "--out", str(tmp_path / "data"), "--quiet"]) == 0
+    data = api.load(tmp_path / "data")
+    data.verify()
+    runs = data.simulations().set_index("index")
+    assert runs.index.tolist() == list(range(COUNT))
+    assert (runs["num_frames"] == 31).all()
+    classes = data.labels().query("policy == 'paper'")
+    assert len(classes) == COUNT
+    assert set(classes["class"]) <= {one.title for one in OvertakeClass}
+
+    part = api.sample("pinto2023", len(AGAIN), SEED, first=AGAIN[0], overrides=SHORT)
+    again = api.simulate(part, simulator=SIMULATORS[driver])
+    for row, number in enumerate(AGAIN):
+        assert (again.trace_hash[row] == data.trajectory(number).trace_hash[0]).all(), number
+    assert len({tuple(one) for one in again.trace_hash.tolist()}) == len(AGAIN)
+
+    assert films_of(data, tmp_path / "films") == {
+        f"{number:06d}-{view}.mp4": 31 for number in (0, 19) for view in ("above", "behind")
+    }
+    moved = np.diff(data.trajectory(0).states.s[0, 0, :31])
+    assert (moved > 0).all()
