@@ -68,7 +68,8 @@ def test_our_driver_overtakes_at_120_kmh_through_the_genuine_client(overtaken: T
         Stage.RETURN,
         Stage.DONE,
     ]
-    assert metres(run, "speed").max() * 3.6 > 112.0
+    passing = run.stage[0, : run.num_frames[0]] == Stage.PASS
+    assert metres(run, "speed")[passing].min() * 3.6 > 120.0
     assert (run.contacts.partner == 255).all()
     assert run.unknown == frozenset()
 
@@ -114,13 +115,13 @@ def test_at_a_third_of_the_speed_places_speeds_and_time_agree_after_conversion()
 
 
 def test_the_limits_that_the_study_met_are_those_of_the_client(capsys: pytest.CaptureFixture):
-    """A forced change works up to 36 km/h and not at 42, nor twice in a row within 11.5 s."""
+    """A forced change works up to 36 km/h and not from 38 on, nor twice in a row within 12 s."""
     assert main(["carla", "limits", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     changed = {row["speed_kmh"]: row["changed"] for row in found["forced_lane_changes"]}
-    assert changed[30.0] == changed[36.0] == 4
-    assert changed[42.0] <= 1
-    assert 11.5 < found["again_after_s"] < 14.0
+    assert changed.pop(50.0) <= 1  # By luck: where a waypoint happens to be near enough.
+    assert changed == {20.0: 4, 30.0: 4, 34.0: 4, 36.0: 4, 38.0: 0, 40.0: 0, 42.0: 0}
+    assert 12.0 < found["again_after_s"] < 13.0
 
 
 def test_a_client_that_is_killed_is_replaced_and_the_result_the_same():

@@ -4,19 +4,19 @@ import atexit
 import contextlib
 import dataclasses
 import json
-import os
 import queue
 import socket
 import subprocess
 import sys
 import tempfile
 import threading
+import time
 from dataclasses import dataclass
 from typing import IO, Any
 
 import numpy as np
 
-from overtaking.core.errors import OvertakingError
+from overtaking.core.errors import ConfigError, OvertakingError
 from overtaking.model.batch import Batch, concatenate
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import NO_VEHICLE, States, Trajectories
@@ -41,15 +41,15 @@ from overtaking.simulators.carla_messages import (
     receive,
     send,
 )
+from overtaking.simulators.carla_ports import free_port
 from overtaking.simulators.carla_replay import Replayed, ReplayJob, encoder
 from overtaking.simulators.carla_stage import SimulationLostError
 
 ATTEMPTS = 3
 """How often a simulation is tried before it is given up."""
 
-_PORTS = range(8000, 20_000)
-_HANDED_OUT: list[int] = []
 _START_TIME = 30.0
+_GLANCE = 2.0  # Between two looks at whether the server is still there [s].
 _ADAPTER = "1"
 """Changes whenever this package asks CARLA for something else."""
 
@@ -78,7 +78,7 @@ def simulate(scenario: Scenario, driver: str) -> Trajectories:
     for row in range(scenario.num_simulations):
         one = scenario.select(slice(row, row + 1))
         try:
-            job = Job(driver, one, (_free_port(), _free_port()))
+            job = Job(driver, one, (free_port(), free_port()))
             done.append(_simulated(_with_patience(job, keep=driver == "own")))
         except SimulationLostError as error:
             missing.append((int(scenario.index[row]), str(error)))
@@ -97,7 +97,7 @@ def simulate(scenario: Scenario, driver: str) -> Trajectories:
 def limits() -> Limits:
     """Measure the limits of the Traffic Manager; errors as in `simulate`."""
     library()
-    found = _with_patience(LimitsJob(_free_port()), keep=False)
+    found = _with_patience(LimitsJob(free_port()), keep=False)
     assert isinstance(found, Limits)
     return found
 
@@ -128,9 +128,13 @@ def _with_patience(job: Request, *, keep: bool) -> Result:
         try:
             return _company().run(job)
         except SimulationLostError:
-            _dismiss()
+            dismiss()
             if attempt == ATTEMPTS:
                 raise
+        except ConfigError as error:
+            if attempt == 1:
+                raise
+            raise lost(job, str(error)) from None  # It was there before.
         finally:
             if not keep:
                 _dismiss_worker()
@@ -177,27 +181,6 @@ def _padded(part: Trajectories, frames: int) -> Trajectories:
     )
 
 
-def _free_port() -> int:
-    """A port that nobody uses, outside the range from which outgoing connections get theirs."""
-    start = os.getpid() % len(_PORTS)
-    for k in range(len(_PORTS)):
-        port = _PORTS[(start + k) % len(_PORTS)]
-        if port in _HANDED_OUT:
-            continue
-        with contextlib.suppress(OSError), socket.socket() as plug:
-            plug.bind(("", port))
-            _HANDED_OUT.append(port)
-            del _HANDED_OUT[: -len(_PORTS) // 2]
-            return port
-    raise SimulationLostError.of(
-        what="port for a Traffic Manager",
-        where="this machine",
-        expected=f"a free one from {_PORTS.start} to {_PORTS.stop - 1}",
-        got="none",
-        next_step="end what uses them",
-    )
-
-
 # --- processes ---
 
 
@@ -207,12 +190,14 @@ class Worker:
 
     Attributes:
         process: The process.
+        address: The server that its client talks to.
         answers: What it has said, filled by a thread of its own.
         errors: What it has printed.
         listener: The thread that hears the answers.
     """
 
     process: "subprocess.Popen[bytes]"
+    address: Address
     answers: "queue.Queue[Any]"
     errors: IO[bytes]
     listener: threading.Thread
@@ -231,7 +216,7 @@ class Worker:
         answers: queue.Queue[Any] = queue.Queue()
         listener = threading.Thread(target=_listen, args=(process, answers), daemon=True)
         listener.start()
-        return cls(process, answers, errors, listener)
+        return cls(process, address, answers, errors, listener)
 
     def run(self, job: Request) -> Result:
         """One result; `SimulationLostError` if the worker dies or falls silent."""
@@ -240,10 +225,7 @@ class Worker:
             send(self.process.stdin, job)
         patience = LOADING
         while True:
-            try:
-                answer = self.answers.get(timeout=patience)
-            except queue.Empty:
-                raise lost(job, f"no sign of life for {patience:g} s") from None
+            answer = self._next_answer(job, patience)
             if isinstance(answer, Trajectories | Limits | Replayed):
                 return answer
             if isinstance(answer, OvertakingError):
@@ -252,6 +234,17 @@ class Worker:
                 patience = answer.patience
             else:
                 raise lost(job, self._last_words())
+
+    def _next_answer(self, job: Request, patience: float) -> Any:
+        """What it says next; meanwhile the server is looked after, which the client does not do."""
+        begin = time.monotonic()
+        while (waited := time.monotonic() - begin) < patience:
+            try:
+                return self.answers.get(timeout=min(_GLANCE, patience - waited))
+            except queue.Empty:
+                if not _listens(self.address):
+                    raise lost(job, "nobody listens there any more") from None
+        raise lost(job, f"no sign of life for {patience:g} s")
 
     def end(self) -> None:
         """End the process."""
@@ -268,6 +261,17 @@ class Worker:
         self.errors.seek(0)
         lines = self.errors.read().decode(errors="replace").strip().split("\n")
         return f"the client ended with status {status}: {lines[-1]}"
+
+
+def _listens(address: Address) -> bool:
+    """Whether somebody takes connections there."""
+    try:
+        with socket.create_connection((address.host, address.port), timeout=_GLANCE):
+            return True
+    except TimeoutError:
+        return True  # Too busy is not gone.
+    except OSError:
+        return False
 
 
 def _listen(process: "subprocess.Popen[bytes]", answers: "queue.Queue[Any]") -> None:
@@ -293,6 +297,11 @@ _ADDRESSES: dict[str, Address] = {}
 def workers() -> list[int]:
     """Process ids of the clients that run now."""
     return [worker.process.pid for worker in _WORKERS.values()]
+
+
+def servers() -> list[int]:
+    """Process ids of the headless servers that run now."""
+    return [server.pid for server in _SERVERS.values() if server.poll() is None]
 
 
 def _company() -> Worker:
@@ -357,7 +366,7 @@ def _dismiss_worker() -> None:
         worker.end()
 
 
-def _dismiss() -> None:
+def dismiss() -> None:
     """End worker and server of our own; whatever was wrong with them is gone."""
     _dismiss_worker()
     server = _SERVERS.pop(chosen_server(), None)

@@ -1,0 +1,177 @@
+"""What becomes of scenarios on CARLA when the server dies, hangs, refuses or is another."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+from tests.support.carla import headless_server, needs_wheel
+from tests.support.worlds import Vehicle, scenario
+
+from overtaking import api
+from overtaking.carla_server import server as serving
+from overtaking.carla_server.arguments import Settings
+from overtaking.carla_server.places import Atlas, known_place
+from overtaking.carla_server.streams import Streams
+from overtaking.carla_server.survey import survey
+from overtaking.carla_server.wire import Decoder, encode
+from overtaking.carla_server.world import World
+from overtaking.cli import main
+from overtaking.core.errors import ConfigError
+from overtaking.simulators import carla, carla_company
+from overtaking.simulators.carla_library import HEADLESS, SERVER_VARIABLE
+from overtaking.simulators.carla_stage import SimulationLostError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import numpy as np
+
+    from overtaking.model.scenario import Scenario
+
+pytestmark = [
+    needs_wheel,
+    pytest.mark.skipif(sys.platform == "win32", reason="servers are stopped by signals here"),
+]
+
+SHORT = ["--set", "time.horizon_s=2", "--set", "time.attempt_deadline_s=2"]
+
+
+def lone_ego(horizon: float = 2.0, s: float = 380.0) -> Scenario:
+    """An ego and a car ahead of it, or in the same place."""
+    ego = Vehicle(kind="M", s=320.0, lane=1, speed=25.0)
+    return scenario([ego, Vehicle(kind="S", s=s, lane=1, speed=25.0)], horizon=horizon)
+
+
+def in_background(act: object) -> threading.Thread:
+    thread = threading.Thread(target=act)  # type: ignore[arg-type]
+    thread.start()
+    return thread
+
+
+def test_a_server_that_hangs_is_replaced_and_the_result_the_same(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv(SERVER_VARIABLE, HEADLESS)
+    expected = carla.simulate(lone_ego(horizon=6.0)).trace_hash
+    found: list[np.ndarray] = []
+    thread = in_background(lambda: found.append(carla.simulate(lone_ego(horizon=6.0)).trace_hash))
+    time.sleep(0.5)
+    (hung,) = carla_company.servers()
+    os.kill(hung, signal.SIGSTOP)
+    thread.join(120.0)
+    assert (found[0] == expected).all()
+    assert carla_company.servers() != [hung]
+
+
+def test_a_server_that_dies_leaves_a_list_of_what_is_missing_and_resume_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    monkeypatch.setenv(SERVER_VARIABLE, HEADLESS)  # Put back afterwards, whatever --server sets.
+    words = [
+        "carla",
+        "run",
+        "pinto2023",
+        "-n",
+        "10",
+        "--seed",
+        "4",
+        "--out",
+        str(tmp_path / "data"),
+    ]
+    words += [*SHORT, "--quiet"]
+    told: list[int] = []
+
+    def run_until_it_dies() -> None:
+        with headless_server() as there:
+            given = [*words, "--server", f"127.0.0.1:{there.port}"]
+            thread = in_background(lambda: told.append(main(given)))
+            while not any((tmp_path / "data").glob("simulations/*.parquet")):
+                time.sleep(0.05)
+            os.kill(there.process, signal.SIGKILL)
+            thread.join(60.0)
+
+    with pytest.raises(AssertionError, match="did not live to the end"):
+        run_until_it_dies()
+    assert told == [2]
+    error = capsys.readouterr().err
+    assert "simulations 8, 9: expected a result" in error
+    assert "--resume" in error
+    assert len(error.strip().splitlines()) == 1
+    with headless_server() as there:
+        assert main([*words, "--resume", "--server", f"127.0.0.1:{there.port}"]) == 0
+    carla_company.dismiss()
+    data = api.load(tmp_path / "data")
+    data.verify()
+    assert data.simulations()["index"].tolist() == list(range(10))
+
+
+def test_a_spawn_that_is_refused_is_named_and_the_others_are_run(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv(SERVER_VARIABLE, HEADLESS)
+    monkeypatch.setattr(carla_company, "ATTEMPTS", 1)
+    with pytest.raises(SimulationLostError, match=r"simulations 0: .*refusal of the server"):
+        carla.simulate(lone_ego(s=320.0))
+    assert carla.simulate(lone_ego()).num_frames[0] == 41
+
+
+@contextmanager
+def older_server() -> Iterator[int]:
+    """Something that says of itself that it is CARLA 0.9.15, and no more."""
+    with socket.create_server(("127.0.0.1", 0)) as plug:
+
+        def answer() -> None:
+            while True:
+                try:
+                    link, _ = plug.accept()
+                except OSError:
+                    return
+                in_background(lambda link=link: speak(link))
+
+        def speak(link: socket.socket) -> None:
+            decoder = Decoder()
+            with link:
+                while data := link.recv(1 << 12):
+                    for message in decoder.feed(data):
+                        link.sendall(encode([1, message[1], None, [[1, "0.9.15"]]]))
+
+        thread = in_background(answer)
+        yield plug.getsockname()[1]
+        plug.shutdown(socket.SHUT_RDWR)
+    thread.join(10.0)
+
+
+def test_a_server_of_another_version_is_refused_with_both_versions(monkeypatch: pytest.MonkeyPatch):
+    with older_server() as port:
+        monkeypatch.setenv(SERVER_VARIABLE, f"127.0.0.1:{port}")
+        with pytest.raises(ConfigError, match=r"expected 0\.9\.16, got 0\.9\.15"):
+            carla.simulate(lone_ego())
+        carla_company.dismiss()
+
+
+def test_a_client_that_falls_silent_between_its_ticks_is_told_of_once(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(serving, "SILENCE", 0.04)
+    log: list[str] = []
+    world = World(Atlas(known_place("town06"), survey), Streams(log.append), 1)
+    world.settings = Settings()._replace(synchronous=True)
+    server = serving.Server(world, log.append, managers={8000: "127.0.0.1"})
+
+    async def wait() -> None:
+        watching = asyncio.create_task(server.watch())
+        await asyncio.sleep(0.4)
+        watching.cancel()
+
+    asyncio.run(wait())
+    (line,) = log
+    assert "after frame 0 although a Traffic Manager runs" in line
+    server.managers.clear()
+    asyncio.run(wait())
+    assert len(log) == 1
