@@ -31,7 +31,7 @@ from overtaking.simulators.carla_library import HEADLESS, SERVER_VARIABLE
 from overtaking.simulators.carla_stage import SimulationLostError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Generator
     from pathlib import Path
 
     import numpy as np
@@ -122,7 +122,7 @@ def test_a_spawn_that_is_refused_is_named_and_the_others_are_run(monkeypatch: py
 
 
 @contextmanager
-def older_server() -> Iterator[int]:
+def older_server() -> Generator[int]:
     """Something that says of itself that it is CARLA 0.9.15, and no more."""
     with socket.create_server(("127.0.0.1", 0)) as plug:
 
