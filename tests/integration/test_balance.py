@@ -22,6 +22,7 @@ from overtaking.datasets.balance_scan import FILE_NAME
 from overtaking.datasets.card import FILE_NAME as CARD
 from overtaking.datasets.manifest import FILE_NAME as MANIFEST
 from overtaking.datasets.manifest import BalanceRecord
+from overtaking.datasets.place import Folder
 from overtaking.datasets.recipe import Keep, Recipe
 from overtaking.model.known_roads import known_road
 from overtaking.scenarios import spec
@@ -163,7 +164,7 @@ def test_batches_and_threads_change_nothing(chunk_size, threads, data, tmp_path)
         shard_size=SHARD_SIZE,
         balance=BALANCE,
     )
-    other = writing.generate(recipe, tmp_path / "data", engine)
+    other = writing.generate(recipe, Folder(tmp_path / "data"), engine)
     assert other.content_hash == data.content_hash
     assert (other.path / FILE_NAME).read_bytes() == (data.path / FILE_NAME).read_bytes()
     assert other.manifest.balance == data.manifest.balance

@@ -9,6 +9,7 @@ import sys
 
 PAGES = (
     "make-a-data-set.md",
+    "generate-at-scale.md",
     "balance-classes.md",
     "look-at-a-simulation.md",
     "videos.md",

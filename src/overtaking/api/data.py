@@ -15,6 +15,8 @@ from overtaking.datasets.balance import Balance
 from overtaking.datasets.generate import Progress
 from overtaking.datasets.load import Dataset
 from overtaking.datasets.manifest import read_manifest
+from overtaking.datasets.orders import Crew, here
+from overtaking.datasets.place import folder_of, place_of
 from overtaking.datasets.recipe import Keep, Recipe
 from overtaking.exchange import recording_export
 from overtaking.model.road import Road
@@ -25,6 +27,9 @@ EXPORTS = ("pinto2023", "commonroad", "highd", "asp", "prolog", "popper")
 _OF_FACTS = ("simulations", "label", "policy", "every", "with_law")
 _EXPORT_OPTIONS = {"asp": _OF_FACTS, "prolog": _OF_FACTS, "popper": ("about", "policy")}
 """The options that some formats have."""
+
+ENGINES = ("threads", "ray")
+"""Who makes the shards of a data set: the threads of one process, or a Ray cluster."""
 
 
 def generate(
@@ -40,6 +45,9 @@ def generate(
     simulator: str = "engine",
     shard_size: int | None = None,
     balance: Balance | None = None,
+    engine: str = ENGINES[0],
+    address: str | None = None,
+    workers: int | None = None,
     progress: Progress | None = None,
     on_candidates: Progress | None = None,
 ) -> Dataset:
@@ -49,7 +57,8 @@ def generate(
         profile: What to sample.
         simulations: How many simulations.
         seed: Seed of all random numbers, 0 <= seed < 2**64.
-        out: Folder for the data set; made if missing.
+        out: Folder for the data set, made if missing, or its URL in a store, such as
+            `s3://bucket/data`.
         keep: `frames` writes everything; `features` leaves out what has a row per frame, which is
             simulated again when it is asked for.
         resume: Whether to complete what an earlier call has begun in this folder.
@@ -59,6 +68,10 @@ def generate(
         shard_size: Simulations a file; what suits the simulator if left out.
         balance: Which classes get equal shares, and what is done if one is too rare; None for
             natural shares.
+        engine: Who makes it, one of `ENGINES`: the threads of this process, or the processes of a
+            Ray cluster. The files are the same.
+        address: Of a Ray cluster; None for one on this machine, as long as the work lasts.
+        workers: Processes of a Ray cluster on this machine; one on each core if left out.
         progress: Called with the number of simulations that are done, and of all.
         on_candidates: Called with the number of candidates of a balanced data set that have been
             looked at, and about how many there will be; all that comes before the simulations.
@@ -67,7 +80,8 @@ def generate(
         The complete data set.
 
     Raises:
-        ConfigError: The specification or a number cannot be used.
+        ConfigError: The specification, a number or the cluster cannot be used.
+        MissingExtraError: Ray, or what reaches the store, is not installed.
         DatasetError: The folder holds something else or cannot be written, another process writes
             it, or the process was asked to end. Finished shards are kept, and `resume` goes on.
         KeyboardInterrupt: Ctrl-C; the same holds.
@@ -85,8 +99,9 @@ def generate(
     )
     return writing.generate(
         recipe,
-        Path(out),
+        place_of(out),
         chosen,
+        crew=_crew(engine, address, workers),
         resume=resume,
         progress=progress,
         on_candidates=on_candidates,
@@ -96,13 +111,19 @@ def generate(
 def resume(
     out: str | Path,
     *,
+    engine: str = ENGINES[0],
+    address: str | None = None,
+    workers: int | None = None,
     progress: Progress | None = None,
     on_candidates: Progress | None = None,
 ) -> Dataset:
     """Complete a data set from what its manifest says, or check that it is complete.
 
     Args:
-        out: Folder of the data set.
+        out: Folder of the data set, or its URL.
+        engine: As in `generate`, whoever began it.
+        address: As in `generate`.
+        workers: As in `generate`.
         progress: Called with the number of simulations that are done, and of all.
         on_candidates: As in `generate`.
 
@@ -113,7 +134,7 @@ def resume(
         DatasetError: Nothing was begun there, or as in `generate`.
         SchemaError: It was begun by a newer version.
     """
-    begun = read_manifest(Path(out)).identity
+    begun = read_manifest(place_of(out)).identity
     if begun.seed is None:
         raise DatasetError.of(
             what="data set",
@@ -133,6 +154,9 @@ def resume(
         simulator=begun.simulator,
         shard_size=begun.shard_size,
         balance=begun.balance,
+        engine=engine,
+        address=address,
+        workers=workers,
         progress=progress,
         on_candidates=on_candidates,
     )
@@ -141,13 +165,18 @@ def resume(
 def load(path: str | Path) -> Dataset:
     """A complete data set.
 
+    Args:
+        path: Its folder, or its URL in a store; of that, files are copied to this machine when
+            they are first read, and for as long as the data set is in use.
+
     Raises:
         DatasetError: There is none, or it is not complete.
         SchemaError: It is of a newer version.
     """
-    by = read_manifest(Path(path)).identity.simulator
+    place = place_of(path)
+    by = read_manifest(place).identity.simulator
     is_foreign = by in SIMULATORS and by not in BRANCHING
-    return reading.load(Path(path), simulator_of(by if is_foreign else "engine"))
+    return reading.load(place, simulator_of(by if is_foreign else "engine"))
 
 
 def relabel(data: str | Path, *, progress: Progress | None = None) -> Dataset:
@@ -163,7 +192,7 @@ def relabel(data: str | Path, *, progress: Progress | None = None) -> Dataset:
     """
     from overtaking.datasets.relabel import relabel as written_anew
 
-    return written_anew(Path(data), simulator_of("engine"), progress)
+    return written_anew(folder_of(data, "label anew"), simulator_of("engine"), progress)
 
 
 def export(
@@ -205,16 +234,17 @@ def export(
             got=file_format,
             next_step="choose one of them",
         )
+    target = folder_of(out, "export to")
     source = data if isinstance(data, Dataset) else load(data)
     _refuse_options(file_format, options)
     if file_format in ("asp", "prolog"):
-        return _export_facts(source, Path(out), file_format, progress, **options)
+        return _export_facts(source, target, file_format, progress, **options)
     if file_format == "popper":
-        return _export_popper(source, Path(out), **options)
+        return _export_popper(source, target, **options)
     if file_format in recording_export.FORMATS:
         return recording_export.write_folder(
             source.batches(),
-            Path(out),
+            target,
             file_format=file_format,
             total=len(source),
             road=source.road,
@@ -228,7 +258,7 @@ def export(
             if progress is not None:
                 progress(int(numbers[-1]) + 1, len(source))
 
-    return pinto2023.write_table(tables(), out)
+    return pinto2023.write_table(tables(), target)
 
 
 def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
@@ -312,26 +342,42 @@ def import_recording(
     from overtaking.datasets.importing import write_scenes
     from overtaking.exchange.recording_formats import read_recording
 
+    target = folder_of(out, "import to")
     read = read_recording(file_format, path, options)
     write_scenes(
         read.scenes,
-        Path(out),
+        target,
         file_format=file_format,
         files=read.files,
         options=read.options,
         on_piece=progress,
     )
-    return load(out)
+    return load(target)
 
 
 def _keep(name: str) -> Keep:
     try:
         return Keep(name)
     except ValueError:
-        raise ConfigError.of(
-            what="keep",
-            where="generate",
-            expected=" or ".join(Keep),
-            got=name,
-            next_step="choose one of them",
-        ) from None
+        raise _refused("keep", " or ".join(Keep), name, "choose one of them") from None
+
+
+def _crew(engine: str, address: str | None, workers: int | None) -> Crew:
+    """Who makes the shards."""
+    if engine not in ENGINES:
+        raise _refused("engine", " or ".join(ENGINES), engine, "choose one of them")
+    if engine == "ray":
+        from overtaking.datasets.ray_crew import RayCrew
+
+        return RayCrew(address=address, workers=workers)
+    for what, value in {"address": address, "workers": workers}.items():
+        if value is not None:
+            next_step = "add --engine ray, or leave it out"
+            raise _refused(what, "the engine ray beside it", f"{value} without", next_step)
+    return here
+
+
+def _refused(what: str, expected: str, got: object, next_step: str) -> ConfigError:
+    return ConfigError.of(
+        what=what, where="generate", expected=expected, got=got, next_step=next_step
+    )

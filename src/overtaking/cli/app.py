@@ -74,7 +74,7 @@ def _overtaking(
 
 def generate(
     output: Output,
-    out: options.OutFolder,
+    out: options.OutPlace,
     profile: options.Profile = None,
     simulations: options.Simulations = None,
     seed: options.Seed = None,
@@ -83,6 +83,9 @@ def generate(
     keep: options.Keep = None,
     resume: options.Resume = False,
     threads: options.Threads = None,
+    engine: options.Engine = "threads",
+    address: options.Address = None,
+    workers: options.Workers = None,
     changes: options.Changes = None,
     frame_interval_ms: options.FrameInterval = None,
     balance: options.Balance = False,
@@ -112,7 +115,8 @@ def generate(
             allow_missing=allow_missing or None,
         ),
     )
-    making.make(output, out, recipe, resume=resume)
+    crew = {"engine": engine, "address": address, "workers": workers}
+    making.make(output, out, recipe, resume=resume, crew=crew)
 
 
 def show(output: Output, data: options.Data, simulation: options.Number) -> None:

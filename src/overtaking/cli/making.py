@@ -18,16 +18,23 @@ if TYPE_CHECKING:
 
 
 def make(
-    output: Output, out: Path, recipe: dict[str, Any], *, resume: bool, simulator: str = "engine"
+    output: Output,
+    out: str | Path,
+    recipe: dict[str, Any],
+    *,
+    resume: bool,
+    simulator: str = "engine",
+    crew: dict[str, Any] | None = None,
 ) -> None:
     """Make a data set, or complete one, and tell about it.
 
     Args:
         output: Where things are said.
-        out: Its folder.
+        out: Its folder, or its URL.
         recipe: What was asked for; nothing is enough to complete what was begun.
         resume: Whether to complete what was begun.
         simulator: What simulates.
+        crew: Who makes the shards: `engine`, `address` and `workers` of `api.generate`.
     """
     from overtaking import api
     from overtaking.cli import arguments, summary
@@ -37,6 +44,7 @@ def make(
         talk: dict[str, Any] = {
             "progress": phases.of("simulations"),
             "on_candidates": phases.of("candidates"),
+            **(crew or {}),
         }
         if resume and not recipe:
             data = api.resume(out, **talk)

@@ -21,9 +21,17 @@ Log = Annotated[
     typer.Option("--log", metavar="FILE", help="Append what happens to FILE, one JSON per line."),
 ]
 
-Data = Annotated[Path, typer.Argument(metavar="DATA", help="Folder of a data set.")]
+Data = Annotated[
+    str, typer.Argument(metavar="DATA", help="Folder of a data set, or its URL in a store.")
+]
 Number = Annotated[int, typer.Argument(metavar="N", help="Number of a simulation, from 0.")]
 OutFolder = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder to write to.")]
+OutPlace = Annotated[
+    str,
+    typer.Option(
+        "--out", metavar="FOLDER|URL", help="Where to write: a folder, or s3://bucket/data."
+    ),
+]
 OutFile = Annotated[
     Path,
     typer.Option(
@@ -79,6 +87,31 @@ Resume = Annotated[
 Threads = Annotated[
     int | None,
     typer.Option("--threads", min=1, metavar="N", help="Threads to compute with.  [default: all]"),
+]
+Engine = Annotated[
+    str,
+    typer.Option(
+        "--engine",
+        metavar="threads|ray",
+        help="Work with the threads of this process, or with the processes of a Ray cluster.",
+    ),
+]
+Address = Annotated[
+    str | None,
+    typer.Option(
+        "--address",
+        metavar="HOST:PORT",
+        help="A Ray cluster that runs.  [default: one on this machine, for this command]",
+    ),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        "--workers",
+        min=1,
+        metavar="N",
+        help="Processes of a Ray cluster on this machine.  [default: one on each core]",
+    ),
 ]
 Changes = Annotated[
     list[str] | None,

@@ -32,7 +32,7 @@ def of_dataset(data: Dataset, seconds: float | None = None) -> Values:
             tables[name]["rows"] += file.rows
             tables[name]["size_bytes"] += file.size_bytes
     return {
-        "data": str(data.path),
+        "data": data.where,
         "profile": data.profile,
         "simulations": len(data),
         "seed": identity.seed,

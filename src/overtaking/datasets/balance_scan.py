@@ -9,7 +9,6 @@ import json
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -20,7 +19,8 @@ from overtaking.core.errors import DatasetError
 from overtaking.datasets import plan
 from overtaking.datasets.ahead import in_order
 from overtaking.datasets.balance import MAX_CANDIDATES, OUTSIDE, Balance, selection_weights
-from overtaking.datasets.manifest import BalanceRecord, CellRecord, Identity, put_text
+from overtaking.datasets.manifest import BalanceRecord, CellRecord, Identity
+from overtaking.datasets.place import Place
 from overtaking.datasets.recipe import Recipe, Simulator
 from overtaking.labelling import label
 from overtaking.rules import PORTUGAL, policy
@@ -163,17 +163,16 @@ class Scan:
         recipe: What to make.
         identity: Its identity, with a balance.
         simulator: What simulates.
-        out: The data set.
-        partial: Folder in it for the unfinished file.
+        place: Where the data set lies.
     """
 
     def __init__(
-        self, recipe: Recipe, identity: Identity, simulator: Simulator, out: Path, partial: Path
+        self, recipe: Recipe, identity: Identity, simulator: Simulator, place: Place
     ) -> None:
         """Refuse what cannot be; nothing is read or written yet."""
         assert identity.balance is not None
         self._recipe, self._simulator = recipe, simulator
-        self._out, self._partial = out, partial
+        self._place = place
         self._balance: Balance = identity.balance
         self._limit = self._balance.limit(recipe.num_simulations)
         self._key = _key(identity, self._balance)
@@ -190,7 +189,7 @@ class Scan:
             DatasetError: A cell is too rare.
             OSError: The folder cannot be written.
         """
-        _read(self._out / FILE_NAME, self._key, self._limit, self.selection)
+        _read(self._place, self._key, self._limit, self.selection)
         progress(self.selection.candidates, self.selection.expected(self._limit))
         if not self.selection.is_full:
             self._look(progress)
@@ -233,7 +232,7 @@ class Scan:
             cell=found.cell.tolist(),
         )
         text = remembered.sealed().model_dump_json() + "\n"
-        put_text(self._out / FILE_NAME, text, self._partial)
+        self._place.put_text(FILE_NAME, text)
 
     def _refuse_too_rare(self) -> None:
         found = self.selection
@@ -243,7 +242,7 @@ class Scan:
         short = int((found.missing > 0).sum())
         raise DatasetError.of(
             what=f"cell {self._balance.cells[rarest]}",
-            where=str(self._out),
+            where=str(self._place),
             expected=f"{found.kept[rarest] + found.missing[rarest]} simulations of it among "
             f"{self._limit} candidates",
             got=f"{found.kept[rarest]}; cells with too few: {short}",
@@ -296,10 +295,11 @@ class _Remembered(BaseModel):
         )
 
 
-def _read(path: Path, key: str, limit: int, selection: Selection) -> None:
+def _read(place: Place, key: str, limit: int, selection: Selection) -> None:
     """Let a selection go on from what was remembered for the same key, if it is whole."""
     try:
-        known = _Remembered.model_validate_json(path.read_bytes())
+        with place.open(FILE_NAME) as file:
+            known = _Remembered.model_validate_json(file.read())
     except (OSError, ValidationError):
         return
     if known.fits(key, limit, len(selection.seen)):

@@ -3,14 +3,13 @@
 `README.md` is for people and the Hugging Face Hub, `croissant.json` for other catalogues.
 """
 
-from pathlib import Path
-
 import pyarrow as pa
 
 from overtaking.datasets import croissant, datasheet
 from overtaking.datasets.card_header import card_header
 from overtaking.datasets.datasheet import num_rows, plain
-from overtaking.datasets.manifest import BalanceRecord, Identity, ShardRecord, put_text
+from overtaking.datasets.manifest import BalanceRecord, Identity, ShardRecord
+from overtaking.datasets.place import Place
 from overtaking.tables.columns import names_of
 from overtaking.tables.schemas import KEYS
 
@@ -106,18 +105,16 @@ One row for each {keys}.
 
 
 def write_cards(
-    folder: Path,
-    partial: Path,
+    place: Place,
     identity: Identity,
     shards: tuple[ShardRecord, ...],
     content_hash: str,
     balance: BalanceRecord | None = None,
 ) -> None:
-    """Put `README.md` and `croissant.json` into the folder of a data set.
+    """Put `README.md` and `croissant.json` beside the tables of a data set.
 
     Args:
-        folder: The data set.
-        partial: Folder on the same disk for unfinished files.
+        place: Where it lies.
         identity: What decides the content.
         shards: All shards.
         content_hash: Hash over the values of all tables.
@@ -128,9 +125,9 @@ def write_cards(
     """
     card = data_card(identity, shards, content_hash, balance)
     given = _answers(identity, shards, balance)
-    put_text(folder / FILE_NAME, card, partial)
+    place.put_text(FILE_NAME, card)
     text = croissant.croissant(identity, shards, content_hash, given)
-    put_text(folder / croissant.FILE_NAME, text, partial)
+    place.put_text(croissant.FILE_NAME, text)
 
 
 def data_card(

@@ -2,27 +2,21 @@
 
 import dataclasses
 import platform
-import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
+from contextlib import closing
 from datetime import UTC, datetime
 from importlib.metadata import version
-from pathlib import Path
-
-import numpy as np
-import pyarrow as pa
 
 from overtaking.core.errors import ConfigError, DatasetError
-from overtaking.datasets import card, lock, manifest, plan, write
-from overtaking.datasets.ahead import in_order
+from overtaking.datasets import card, lock, manifest, plan
 from overtaking.datasets.balance_scan import Chosen, Scan
-from overtaking.datasets.contents import contents
 from overtaking.datasets.interruption import Terminated, termination_raises
 from overtaking.datasets.load import Dataset, load
 from overtaking.datasets.manifest import Identity, Manifest, Provenance, ShardRecord
+from overtaking.datasets.orders import Crew, Order, Task, here
+from overtaking.datasets.place import PARTIAL, Place
 from overtaking.datasets.recipe import Recipe, Simulator
 from overtaking.datasets.refusals import no_room
-from overtaking.scenarios import sample
-from overtaking.tables.unknown import schema_of
 
 Progress = Callable[[int, int], None]
 """Called with the number of simulations that are done, and of all."""
@@ -32,15 +26,16 @@ MAX_SIMULATIONS = 10**12
 
 _MORE_ROOM = "make room or choose another folder; --resume goes on with what is finished"
 
-_OWN = frozenset({lock.FILE_NAME, write.PARTIAL})
+_OWN = frozenset({lock.FILE_NAME, PARTIAL})
 """What may lie in a folder in which nothing was begun."""
 
 
 def generate(
     recipe: Recipe,
-    out: Path,
+    place: Place,
     simulator: Simulator,
     *,
+    crew: Crew = here,
     resume: bool = False,
     progress: Progress | None = None,
     on_candidates: Progress | None = None,
@@ -49,10 +44,11 @@ def generate(
 
     Args:
         recipe: What to make.
-        out: Folder for it; made if missing.
+        place: Where; made if missing.
         simulator: What simulates.
-        resume: Whether to complete what an earlier call has begun in this folder.
-        progress: Told about every few hundred simulations.
+        crew: Who makes the shards.
+        resume: Whether to complete what an earlier call has begun in this place.
+        progress: Told about simulations that are done.
         on_candidates: Told about every few hundred candidates of a balanced data set, and about how
             many there will be; this comes before all simulations.
 
@@ -61,79 +57,85 @@ def generate(
 
     Raises:
         ConfigError: The recipe cannot be carried out.
-        DatasetError: The folder holds something else, cannot be written, or another process
+        DatasetError: The place holds something else, cannot be written, or another process
             writes it, or the process was asked to end; finished shards are kept.
         KeyboardInterrupt: Ctrl-C; finished shards are kept.
     """
     _check(recipe)
     identity = Identity.of(recipe, simulator)
     progresses = (on_candidates or _silent, progress or _silent)
-    work = _Work(recipe, identity, simulator, out, progresses)
+    order = Order(
+        recipe=recipe, simulator=simulator, fingerprint=identity.fingerprint, is_resumed=resume
+    )
+    work = _Work(order, identity, place, progresses)
     try:
-        _refuse_strangers(out)
-        out.mkdir(parents=True, exist_ok=True)
-        with termination_raises(), lock.locked(out):
-            work.run(resume=resume)
+        _refuse_strangers(place)
+        with termination_raises(), place.locked():
+            work.run(crew)
     except OSError as error:
-        raise no_room(out, error, _MORE_ROOM) from error
+        raise no_room(place, error, _MORE_ROOM) from error
     except Terminated:
         raise DatasetError(work.interrupted("SIGTERM")) from None
     except KeyboardInterrupt:
         raise KeyboardInterrupt(work.interrupted("Ctrl-C")) from None
-    return load(out, simulator)
+    return load(place, simulator)
 
 
 class _Work:
     """One call of `generate`."""
 
     def __init__(
-        self,
-        recipe: Recipe,
-        identity: Identity,
-        simulator: Simulator,
-        out: Path,
-        progresses: tuple[Progress, Progress],
+        self, order: Order, identity: Identity, place: Place, progresses: tuple[Progress, Progress]
     ) -> None:
-        self._recipe, self._identity, self._simulator = recipe, identity, simulator
-        self._out, (self._on_candidates, self._progress) = out, progresses
-        self._tables = recipe.keep.tables
-        self._fingerprint = identity.fingerprint
+        self._order, self._identity, self._place = order, identity, place
+        self._on_candidates, self._progress = progresses
         self._scan: Scan | None = None
         if identity.balance is not None:
-            self._scan = Scan(recipe, identity, simulator, out, out / write.PARTIAL)
+            self._scan = Scan(order.recipe, identity, order.simulator, place)
         self._chosen: Chosen | None = None
-        self._num_simulations = recipe.num_simulations
-        self._shards = plan.shards(recipe.num_simulations, recipe.shard_size)
-        self._records: list[ShardRecord] = []
+        self._plan(order.recipe.num_simulations)
+        self._records: dict[int, ShardRecord] = {}
         self._done = 0
 
-    def run(self, *, resume: bool) -> None:
+    def run(self, crew: Crew) -> None:
         """Write what is missing, and the manifest."""
-        begun = _begun(self._out, self._identity, resume=resume)
-        _sweep(self._out)
+        begun = _begun(self._place, self._identity, resume=self._order.is_resumed)
+        self._place.sweep()
         try:
-            write.make_folders(self._out, [write.PARTIAL])
             current = begun or self._first_manifest()
             if self._scan and not current.complete:
                 self._save(current)  # What was begun may now look at more candidates.
             # Whoever finds the folders of tables must also find what they belong to.
-            write.make_folders(self._out, self._tables)
+            self._place.prepare(self._order.recipe.keep.tables)
             self._choose()
             self._progress(0, self._num_simulations)
-            for shard in self._shards:
-                known = self._finished(shard, current) if resume else None
-                self._records.append(known or self._write(shard))
+            tasks = (self._task(shard, current) for shard in self._shards)
+            with closing(crew(self._order, tasks, self._place, self._count)) as records:
+                for record in records:
+                    self._records[record.number] = record
             self._complete(current)
         finally:
-            _sweep(self._out)
+            self._place.sweep()
+
+    def _plan(self, num_simulations: int) -> None:
+        self._num_simulations = num_simulations
+        self._shards = plan.shards(num_simulations, self._order.recipe.shard_size)
 
     def _choose(self) -> None:
         """Find the candidates that a balanced data set consists of."""
         if self._scan is None:
             return
         self._chosen = self._scan.run(self._on_candidates)
-        self._num_simulations = len(self._chosen.index)
-        self._shards = plan.shards(self._num_simulations, self._recipe.shard_size)
+        self._plan(len(self._chosen.index))
+
+    def _task(self, shard: plan.Shard, current: Manifest) -> Task:
+        """What is to be done about a shard."""
+        known = current.shards[shard.number] if current.complete else None
+        if self._chosen is None:
+            return Task(shard=shard, known=known)
+        part = slice(shard.first, shard.stop)
+        index, weight = self._chosen.index[part], self._chosen.weight[part]
+        return Task(shard=shard, known=known, index=index, weight=weight)
 
     def interrupted(self, by: str) -> str:
         """What to say when the work was ended."""
@@ -142,7 +144,7 @@ class _Work:
             expected, got = "every quota filled", f"{self._scan.selection.candidates} candidates"
         message = DatasetError.of(
             what="data set",
-            where=str(self._out),
+            where=str(self._place),
             expected=expected,
             got=f"{got} before {by}; they are kept",
             next_step="run the same command with --resume to complete it",
@@ -150,60 +152,27 @@ class _Work:
         return str(message)
 
     def _first_manifest(self) -> Manifest:
-        first = Manifest(identity=self._identity, provenance=_provenance(self._simulator))
-        self._save(first)
+        provenance = _provenance(self._order.simulator)
+        first = Manifest(identity=self._identity, provenance=provenance)
+        try:
+            manifest.write_manifest(self._place, first, is_first=True)
+        except FileExistsError:
+            raise _not_first(self._place) from None
         return first
-
-    def _finished(self, shard: plan.Shard, current: Manifest) -> ShardRecord | None:
-        """What is known of a shard of an earlier call, if it is there and as it was written."""
-        known = write.finished_shard(
-            self._out, shard, tables=self._tables, fingerprint=self._fingerprint
-        )
-        if known is None or (current.complete and current.shards[shard.number] != known):
-            return None
-        self._count(shard.num_simulations)
-        return known
-
-    def _write(self, shard: plan.Shard) -> ShardRecord:
-        return write.write_shard(
-            self._out,
-            shard,
-            self._pieces(shard),
-            tables=self._tables,
-            fingerprint=self._fingerprint,
-            on_piece=self._count,
-            schemas={name: schema_of(name, self._simulator.unknown) for name in self._tables},
-        )
-
-    def _pieces(self, shard: plan.Shard) -> Iterator[Mapping[str, pa.Table]]:
-        """The tables of a shard, as many simulations at a time as memory is meant to hold."""
-        size = plan.batch_size(self._recipe.spec.resolved(), self._simulator.chunk_size)
-        return in_order(self._piece, plan.chunks(shard, size), self._simulator.threads)
-
-    def _piece(self, chunk: range) -> Mapping[str, pa.Table]:
-        numbers = np.arange(chunk.start, chunk.stop)
-        index = numbers.astype(np.uint64) if self._chosen is None else self._chosen.index[numbers]
-        scenario = sample(self._recipe.spec, self._recipe.road, self._recipe.seed, index)
-        run = self._simulator.simulate(scenario)
-        weight = scenario.weight
-        if self._chosen is not None:
-            weight = weight * self._chosen.weight[numbers]
-        return contents(run, numbers, self._tables, class_weight=weight)
 
     def _count(self, simulations: int) -> None:
         self._done += simulations
         self._progress(self._done, self._num_simulations)
 
     def _save(self, current: Manifest) -> None:
-        manifest.write_manifest(self._out, current, self._out / write.PARTIAL)
+        manifest.write_manifest(self._place, current)
 
     def _complete(self, current: Manifest) -> None:
         """Say what is there, in the data card and last of all in the manifest."""
-        shards = tuple(self._records)
+        shards = tuple(self._records[shard.number] for shard in self._shards)
         balance = self._chosen.record if self._chosen else None
         content = manifest.content_hash(shards)
-        partial = self._out / write.PARTIAL
-        card.write_cards(self._out, partial, self._identity, shards, content, balance)
+        card.write_cards(self._place, self._identity, shards, content, balance)
         if current.complete and current.shards == shards:
             return
         finished = current.provenance.model_copy(update={"finished": _now()})
@@ -230,31 +199,41 @@ def _check(recipe: Recipe) -> None:
             )
 
 
-def _refuse_strangers(out: Path) -> None:
-    """Refuse a path that holds something other than a data set, before anything is touched."""
-    if out.is_dir():
-        names = {path.name for path in out.iterdir()}
+def _refuse_strangers(place: Place) -> None:
+    """Refuse a place that holds something other than a data set, before anything is touched."""
+    try:
+        names = place.names()
+    except NotADirectoryError:
+        got = "a file"
+    else:
         if manifest.FILE_NAME in names or names <= _OWN:
             return
         got = f"a folder with {min(names - _OWN)}"
-    elif out.exists():
-        got = "a file"
-    else:
-        return
     raise DatasetError.of(
         what="folder",
-        where=str(out),
+        where=str(place),
         expected="an empty folder or a data set",
         got=got,
         next_step="choose another folder",
     )
 
 
-def _begun(out: Path, identity: Identity, *, resume: bool) -> Manifest | None:
+def _not_first(place: Place) -> DatasetError:
+    """What to say where another process has begun a data set in the meantime."""
+    return DatasetError.of(
+        what="data set",
+        where=str(place),
+        expected="no other process that begins one",
+        got="one that was faster",
+        next_step="choose another place, or complete the same data set with --resume",
+    )
+
+
+def _begun(place: Place, identity: Identity, *, resume: bool) -> Manifest | None:
     """The manifest of what an earlier call has begun here, if this call may go on with it."""
-    if not (out / manifest.FILE_NAME).exists():
+    if not place.has(manifest.FILE_NAME):
         return None
-    begun = manifest.read_manifest(out)
+    begun = manifest.read_manifest(place)
     if not begun.complete and _looks_further(begun.identity, identity):
         begun = begun.model_copy(update={"identity": identity})
     if different := begun.identity.differences(identity):
@@ -262,7 +241,7 @@ def _begun(out: Path, identity: Identity, *, resume: bool) -> Manifest | None:
         ours, theirs = (_shown(one, name) for one in (identity, begun.identity))
         raise DatasetError.of(
             what=f"{name} of the data set",
-            where=str(out),
+            where=str(place),
             expected=ours,
             got=theirs,
             next_step="choose another folder, or ask for what it was begun with",
@@ -270,7 +249,7 @@ def _begun(out: Path, identity: Identity, *, resume: bool) -> Manifest | None:
     if not resume:
         raise DatasetError.of(
             what="data set",
-            where=str(out),
+            where=str(place),
             expected="an empty folder",
             got="one that is complete" if begun.complete else "one that is not finished",
             next_step="choose another folder" if begun.complete else "complete it with --resume",
@@ -293,11 +272,6 @@ def _shown(identity: Identity, name: str) -> object:
     if name == "spec":
         return identity.spec_hash[:12]
     return identity.road.name if name == "road" else str(getattr(identity, name))
-
-
-def _sweep(out: Path) -> None:
-    """Remove what is not finished; it cannot be used by anyone."""
-    shutil.rmtree(out / write.PARTIAL, ignore_errors=True)
 
 
 def _provenance(simulator: Simulator) -> Provenance:

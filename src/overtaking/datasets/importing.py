@@ -18,6 +18,7 @@ from overtaking.datasets import card, manifest, plan, write
 from overtaking.datasets.contents import contents
 from overtaking.datasets.interruption import Terminated, termination_raises
 from overtaking.datasets.manifest import Identity, Manifest, Provenance, ShardRecord, Source
+from overtaking.datasets.place import Folder, Place
 from overtaking.datasets.plan import SHARD_SIZE
 from overtaking.datasets.recipe import Keep
 from overtaking.datasets.refusals import asked_to_end, no_room
@@ -143,7 +144,8 @@ def _write(
 ) -> None:
     """Everything that belongs into the folder."""
     tables, done = identity.keep.tables, 0
-    write.make_folders(folder, [write.PARTIAL, *tables])
+    place = Folder(folder)
+    place.prepare(tables)
 
     def count(simulations: int) -> None:
         nonlocal done
@@ -153,7 +155,7 @@ def _write(
     started = _now()
     records = tuple(
         write.write_shard(
-            folder,
+            place,
             shard,
             _pieces(scenes, shard, tables),
             tables=tables,
@@ -163,8 +165,8 @@ def _write(
         )
         for shard in plan.shards(len(scenes))
     )
-    _complete(folder, identity, records, started)
-    (folder / write.PARTIAL).rmdir()
+    _complete(place, identity, records, started)
+    place.sweep()
 
 
 def _pieces(
@@ -177,11 +179,11 @@ def _pieces(
 
 
 def _complete(
-    folder: Path, identity: Identity, records: tuple[ShardRecord, ...], started: str
+    place: Place, identity: Identity, records: tuple[ShardRecord, ...], started: str
 ) -> None:
     """The data card and the manifest."""
-    content, partial = manifest.content_hash(records), folder / write.PARTIAL
-    card.write_cards(folder, partial, identity, records, content)
+    content = manifest.content_hash(records)
+    card.write_cards(place, identity, records, content)
     complete = Manifest(
         complete=True,
         content_hash=content,
@@ -196,7 +198,7 @@ def _complete(
             machine=f"{platform.system()} {platform.machine()}",
         ),
     )
-    manifest.write_manifest(folder, complete, partial)
+    manifest.write_manifest(place, complete)
 
 
 def _now() -> str:

@@ -9,9 +9,11 @@ import numpy as np
 import pyarrow as pa
 
 from overtaking.core.errors import ConfigError, DatasetError, NoSuchSimulationError
-from overtaking.datasets import plan, write
+from overtaking.datasets import plan
 from overtaking.datasets.contents import contents
 from overtaking.datasets.manifest import Manifest, read_manifest
+from overtaking.datasets.place import folder_of, place_of
+from overtaking.datasets.shard_files import ShardFiles
 from overtaking.tables.files import read_rows, read_table
 from overtaking.tables.label_schemas import POLICY_NAMES
 from overtaking.tables.restore import restore, restore_scenario
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
+    from overtaking.datasets.place import Place
     from overtaking.datasets.recipe import Simulator
     from overtaking.datasets.verdict import Verdict
     from overtaking.model.road import Road
@@ -31,42 +34,42 @@ if TYPE_CHECKING:
     from overtaking.model.trajectory import Trajectories
 
 
-def load(path: Path, simulator: Simulator) -> Dataset:
+def load(where: str | Path | Place, simulator: Simulator) -> Dataset:
     """A complete data set.
 
     Args:
-        path: Its folder.
+        where: Its folder, or its URL in a store.
         simulator: Simulates again what was not kept.
 
     Raises:
         DatasetError: There is none, or it is not complete.
         SchemaError: It is of a newer version.
     """
-    manifest = read_manifest(path)
+    place = place_of(where)
+    manifest = read_manifest(place)
     if not manifest.complete:
         raise DatasetError.of(
             what="data set",
-            where=str(path),
+            where=str(place),
             expected="one that is complete",
             got="one that is not finished",
-            next_step=f"run: overtaking generate --resume --out {path}",
+            next_step=f"run: overtaking generate --resume --out {place}",
         )
-    return Dataset(path, manifest, simulator)
+    return Dataset(place, manifest, simulator)
 
 
 class Dataset:
-    """A complete data set in a folder.
+    """A complete data set in a folder or a store.
 
     Simulations are numbered from 0. Every method that returns a table reads it anew; a file whose
     bytes are not those that were written is an error, whatever it would have said.
     """
 
-    def __init__(self, path: Path, manifest: Manifest, simulator: Simulator) -> None:
-        """Use `load`, which checks the folder."""
-        self._path, self._manifest, self._simulator = path, manifest, simulator
-        identity = manifest.identity
-        self._shards = plan.shards(manifest.num_simulations, identity.shard_size)
-        self._intact: set[Path] = set()
+    def __init__(self, place: Place, manifest: Manifest, simulator: Simulator) -> None:
+        """Use `load`, which checks the place."""
+        self._place, self._manifest, self._simulator = place, manifest, simulator
+        self._files = ShardFiles(place, manifest)
+        self._shards = self._files.shards
 
     def __len__(self) -> int:
         """Number of simulations."""
@@ -89,12 +92,26 @@ class Dataset:
 
     def __repr__(self) -> str:
         """What it is and where."""
-        return f"Dataset({str(self._path)!r}: {len(self)} simulations of {self.profile})"
+        return f"Dataset({self.where!r}: {len(self)} simulations of {self.profile})"
+
+    @property
+    def where(self) -> str:
+        """Its folder, or its URL."""
+        return str(self._place)
+
+    @property
+    def name(self) -> str:
+        """The name of its folder, or the last part of its URL."""
+        return self._place.name
 
     @property
     def path(self) -> Path:
-        """Its folder."""
-        return self._path
+        """Its folder.
+
+        Raises:
+            ConfigError: It lies in a store.
+        """
+        return folder_of(self.where, "write beside the data")
 
     @property
     def manifest(self) -> Manifest:
@@ -238,7 +255,7 @@ class Dataset:
             for numbers in plan.chunks(shard, size):
                 first, last = numbers[0], numbers[-1]
                 rows = {
-                    name: read_rows(self._file(name, shard), name, first, last)
+                    name: read_rows(self._files.one(name, shard), name, first, last)
                     for name in self._recorded_tables
                 }
                 yield np.arange(first, last + 1), self._recorded(rows)
@@ -254,7 +271,7 @@ class Dataset:
             DatasetError: The file is damaged.
         """
         shard = self._shards[first // self._manifest.identity.shard_size]
-        rows = read_rows(self._file("labels", shard), "labels", first, last)
+        rows = read_rows(self._files.one("labels", shard), "labels", first, last)
         return rows["class_weight"].to_numpy()[:: len(POLICY_NAMES.names)]
 
     def table(self, name: str) -> pa.Table:
@@ -266,12 +283,12 @@ class Dataset:
         if name not in self._tables:
             raise ConfigError.of(
                 what=f"table {name}",
-                where=str(self._path),
+                where=self.where,
                 expected=f"one of {', '.join(self._tables)}",
                 got=f"a data set that keeps the {self._manifest.identity.keep}",
                 next_step="generate it with --keep frames",
             )
-        parts = [read_table(self._file(name, shard), name) for shard in self._shards]
+        parts = [read_table(self._files.one(name, shard), name) for shard in self._shards]
         return pa.concat_tables(parts)
 
     @property
@@ -290,9 +307,7 @@ class Dataset:
         Raises:
             DatasetError: A file is damaged.
         """
-        if is_checked:
-            return [self._file(name, shard) for shard in self._shards]
-        return [write.path_of(self._path, name, shard) for shard in self._shards]
+        return self._files.of(name, is_checked=is_checked)
 
     def verify(self) -> None:
         """Read every file and compare it with what was written.
@@ -300,10 +315,7 @@ class Dataset:
         Raises:
             DatasetError: One of them is missing or damaged.
         """
-        self._intact.clear()
-        for shard in self._shards:
-            for name in self._manifest.shards[shard.number].tables:
-                self._file(name, shard)
+        self._files.verify()
 
     @property
     def _tables(self) -> tuple[str, ...]:
@@ -313,46 +325,18 @@ class Dataset:
     def _recorded_tables(self) -> tuple[str, ...]:
         return tuple(name for name in self._tables if name in RECORDED_TABLES)
 
-    def _file(self, table: str, shard: plan.Shard) -> Path:
-        """A file of the data set, once its bytes have been compared with what was written."""
-        path = write.path_of(self._path, table, shard)
-        if path not in self._intact:
-            facts = self._manifest.shards[shard.number].tables.get(table)
-            if facts is None:
-                raise self._older(table)
-            if not write.is_intact(path, facts):
-                raise DatasetError.of(
-                    what="file",
-                    where=str(path),
-                    expected="the bytes that were written",
-                    got="others" if path.exists() else "no such file",
-                    next_step=f"run: overtaking generate --resume --out {self._path}",
-                )
-            self._intact.add(path)
-        return path
-
-    def _older(self, table: str) -> DatasetError:
-        """What to say of a table that came into being after the data set was made."""
-        return DatasetError.of(
-            what=f"table {table}",
-            where=str(self._path),
-            expected="one of this version",
-            got="a data set that was made before there was such a table",
-            next_step=f"run: overtaking label {self._path}",
-        )
-
     def _part(self, table: str, simulation: int) -> pa.Table:
         """The rows of one simulation."""
         if not 0 <= simulation < len(self):
             raise NoSuchSimulationError.of(
                 what="simulation",
-                where=str(self._path),
+                where=self.where,
                 expected=f"0 to {len(self) - 1}",
                 got=simulation,
                 next_step="choose a number in that range",
             )
         shard = self._shards[simulation // self._manifest.identity.shard_size]
-        return read_rows(self._file(table, shard), table, simulation, simulation)
+        return read_rows(self._files.one(table, shard), table, simulation, simulation)
 
     def _rows(self, simulation: int) -> Mapping[str, pa.Table]:
         """The rows of one simulation in every table of recordings that was kept."""
@@ -378,7 +362,7 @@ class Dataset:
         identity = self._manifest.identity
         return DatasetError.of(
             what=f"simulation {simulation}, simulated again",
-            where=str(self._path),
+            where=self.where,
             expected="the recorded trace hash",
             got=f"another from {self._simulator.name} {self._simulator.version}",
             next_step=f"simulate with {identity.simulator} {identity.simulator_version}",

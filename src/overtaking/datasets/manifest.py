@@ -4,16 +4,16 @@ import dataclasses
 import hashlib
 import json
 import os
-from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
 from overtaking.core.errors import DatasetError, SchemaError
 from overtaking.datasets.balance import Balance
+from overtaking.datasets.place import Place
 from overtaking.datasets.recipe import Keep, Recipe, Simulator
 from overtaking.model.road import Road
-from overtaking.tables.files import FileFacts, sync_folder
+from overtaking.tables.files import FileFacts
 from overtaking.tables.schemas import VERSION as TABLE_VERSION
 
 FILE_NAME = "dataset.json"
@@ -239,48 +239,39 @@ def content_hash(shards: tuple[ShardRecord, ...]) -> str:
     return total.hexdigest()
 
 
-def write_manifest(folder: Path, manifest: Manifest, partial: Path) -> None:
-    """Put a manifest into its folder, whole or not at all.
+def write_manifest(place: Place, manifest: Manifest, *, is_first: bool = False) -> None:
+    """Put a manifest into its place, whole or not at all.
 
     Args:
-        folder: The data set.
+        place: Where the data set lies.
         manifest: What to write.
-        partial: Folder on the same disk for the unfinished file.
+        is_first: Whether there must be none yet.
 
     Raises:
+        FileExistsError: Another writer of the same store was first.
         OSError: It cannot be written.
     """
-    put_text(folder / FILE_NAME, manifest.model_dump_json(indent=2) + "\n", partial)
+    text = manifest.model_dump_json(indent=2) + "\n"
+    place.put_text(FILE_NAME, text, is_first=is_first)
 
 
-def put_text(path: Path, text: str, partial: Path) -> None:
-    """Put a text into its place, whole or not at all; arguments as in `write_manifest`.
-
-    Raises:
-        OSError: It cannot be written.
-    """
-    unfinished = partial / path.name
-    with unfinished.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    unfinished.replace(path)
-    sync_folder(path.parent)
-
-
-def read_manifest(folder: Path) -> Manifest:
+def read_manifest(place: Place) -> Manifest:
     """The manifest of a data set.
+
+    Args:
+        place: Where it lies.
 
     Raises:
         DatasetError: There is none, or it cannot be read.
         SchemaError: It is of a newer version.
     """
-    path = folder / FILE_NAME
+    path = place.at(FILE_NAME)
     try:
-        text = path.read_text(encoding="utf-8")
+        with place.open(FILE_NAME) as file:
+            text = file.read().decode()
     except (OSError, UnicodeDecodeError) as error:
-        got = error.strerror if isinstance(error, OSError) else "a file that is no text"
-        raise _unreadable(path, str(got), "check the path of the data set") from None
+        got = _reason(error) if isinstance(error, OSError) else "a file that is no text"
+        raise _unreadable(path, got, "check the path of the data set") from None
     try:
         _check_version(path, json.loads(text))
         return Manifest.model_validate_json(text)
@@ -288,11 +279,16 @@ def read_manifest(folder: Path) -> Manifest:
         raise _unreadable(path, str(error), "restore it from a copy") from None
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise _unreadable(path, f"{place}: {first['msg']}", "restore it from a copy") from None
+        key = ".".join(str(part) for part in first["loc"])
+        raise _unreadable(path, f"{key}: {first['msg']}", "restore it from a copy") from None
 
 
-def _check_version(path: Path, content: JsonValue) -> None:
+def _reason(error: OSError) -> str:
+    """Why a file cannot be read: what the system says, or the store."""
+    return os.strerror(error.errno) if error.errno else str(error)
+
+
+def _check_version(path: str, content: JsonValue) -> None:
     """Refuse what is no manifest, or one of a version that is not known yet."""
     given = content if isinstance(content, dict) else {}
     version = given.get("version")
@@ -301,17 +297,17 @@ def _check_version(path: Path, content: JsonValue) -> None:
     if version > VERSION:
         raise SchemaError.of(
             what="version of the manifest",
-            where=str(path),
+            where=path,
             expected=f"at most {VERSION}",
             got=version,
             next_step="upgrade the package: pip install --upgrade overtaking",
         )
 
 
-def _unreadable(path: Path, got: str, next_step: str) -> DatasetError:
+def _unreadable(path: str, got: str, next_step: str) -> DatasetError:
     return DatasetError.of(
         what="manifest",
-        where=str(path),
+        where=path,
         expected="that of a data set",
         got=got,
         next_step=next_step,

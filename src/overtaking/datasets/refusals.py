@@ -1,12 +1,11 @@
 """What to say when writing a data set could not go on."""
 
 import os
-from pathlib import Path
 
 from overtaking.core.errors import DatasetError
 
 
-def no_room(out: Path, error: OSError, next_step: str) -> DatasetError:
+def no_room(out: object, error: OSError, next_step: str) -> DatasetError:
     """What the system refused, with what can be done about it."""
     return DatasetError.of(
         what="writing",
@@ -17,7 +16,7 @@ def no_room(out: Path, error: OSError, next_step: str) -> DatasetError:
     )
 
 
-def asked_to_end(out: Path, expected: str, next_step: str) -> DatasetError:
+def asked_to_end(out: object, expected: str, next_step: str) -> DatasetError:
     """That the process was asked to end before it was done."""
     return DatasetError.of(
         what="data set", where=str(out), expected=expected, got="SIGTERM", next_step=next_step

@@ -4,16 +4,17 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
-from overtaking.datasets import card, lock, manifest, plan, write
+from overtaking.datasets import card, manifest, plan, write
 from overtaking.datasets.interruption import Terminated, termination_raises
 from overtaking.datasets.load import Dataset, load
+from overtaking.datasets.place import Folder, Place
 from overtaking.datasets.recipe import Simulator
 from overtaking.datasets.refusals import asked_to_end, no_room
 from overtaking.labelling import label
 from overtaking.model.trajectory import Trajectories
 from overtaking.tables.encode import Numbers
 from overtaking.tables.encode_labels import Weights, encode_labels
-from overtaking.tables.files import FileFacts, TableWriter, sync_folder
+from overtaking.tables.files import FileFacts, TableWriter
 from overtaking.tables.label_schemas import LABEL_TABLES
 
 Progress = Callable[[int, int], None]
@@ -37,43 +38,43 @@ def relabel(path: Path, simulator: Simulator, progress: Progress | None = None) 
     """
     data = load(path, simulator)
     try:
-        with termination_raises(), lock.locked(path):
-            return _Work(data, path, simulator, progress or _silent).run()
+        with termination_raises(), Folder(path).locked():
+            _Work(data, Folder(path), progress or _silent).run()
     except OSError as error:
         raise no_room(path, error, "make room and label it again; it is as it was") from error
     except Terminated:
         next_step = "label it again; it is as it was"
         raise asked_to_end(path, "time to label it", next_step) from None
+    return load(path, simulator)
 
 
 class _Work:
     """One call of `relabel`."""
 
-    def __init__(self, data: Dataset, path: Path, simulator: Simulator, progress: Progress) -> None:
-        self._data, self._path, self._simulator = data, path, simulator
-        self._progress = progress
+    def __init__(self, data: Dataset, place: Place, progress: Progress) -> None:
+        self._data, self._place, self._progress = data, place, progress
         self._done = 0
         self._shards = plan.shards(len(data), data.manifest.identity.shard_size)
 
-    def run(self) -> Dataset:
-        write.make_folders(self._path, [write.PARTIAL, *LABEL_TABLES])
+    def run(self) -> None:
+        self._place.prepare(LABEL_TABLES)
         try:
-            self._progress(0, len(self._data))
-            batches = self._data.batches()
-            facts = [self._write(shard, batches) for shard in self._shards]
-            self._put_into_place()
-            self._complete(facts)
+            with self._place.staging() as staging:
+                self._progress(0, len(self._data))
+                batches = self._data.batches()
+                facts = [self._write(shard, batches, staging) for shard in self._shards]
+                self._put_into_place(staging)
+                self._complete(facts)
         finally:
-            self._sweep()
-        return load(self._path, self._simulator)
+            self._place.sweep()
 
     def _write(
-        self, shard: plan.Shard, batches: Iterator[tuple[Numbers, Trajectories]]
+        self, shard: plan.Shard, batches: Iterator[tuple[Numbers, Trajectories]], staging: Path
     ) -> dict[str, FileFacts]:
         """The unfinished files of a shard; `batches` stands at its first simulation."""
         with ExitStack() as stack:
             writers = {
-                name: stack.enter_context(TableWriter(self._unfinished(name, shard), name))
+                name: stack.enter_context(TableWriter(_unfinished(staging, name, shard), name))
                 for name in LABEL_TABLES
             }
             written = 0
@@ -92,15 +93,10 @@ class _Work:
             return None
         return self._data.class_weights(int(numbers[0]), int(numbers[-1]))
 
-    def _unfinished(self, table: str, shard: plan.Shard) -> Path:
-        return self._path / write.PARTIAL / f"{table}-{shard.file_name}"
-
-    def _put_into_place(self) -> None:
+    def _put_into_place(self, staging: Path) -> None:
         for shard in self._shards:
             for name in LABEL_TABLES:
-                self._unfinished(name, shard).replace(write.path_of(self._path, name, shard))
-        for name in LABEL_TABLES:
-            sync_folder(self._path / name)
+                self._place.put(_unfinished(staging, name, shard), write.name_of(name, shard))
 
     def _complete(self, facts: list[dict[str, FileFacts]]) -> None:
         """Say in the manifest and the data card what is there now."""
@@ -111,18 +107,16 @@ class _Work:
         )
         content = manifest.content_hash(shards)
         after = before.model_copy(update={"shards": shards, "content_hash": content})
-        partial = self._path / write.PARTIAL
-        card.write_cards(self._path, partial, before.identity, shards, content, before.balance)
-        manifest.write_manifest(self._path, after, partial)
+        card.write_cards(self._place, before.identity, shards, content, before.balance)
+        manifest.write_manifest(self._place, after)
 
     def _count(self, simulations: int) -> None:
         self._done += simulations
         self._progress(self._done, len(self._data))
 
-    def _sweep(self) -> None:
-        for path in (self._path / write.PARTIAL).iterdir():
-            path.unlink()
-        (self._path / write.PARTIAL).rmdir()
+
+def _unfinished(staging: Path, table: str, shard: plan.Shard) -> Path:
+    return staging / f"{table}-{shard.file_name}"
 
 
 def _silent(done: int, total: int) -> None:

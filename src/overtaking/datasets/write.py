@@ -1,8 +1,8 @@
 """Writes one shard: all of its files, or none that counts.
 
-Files grow in a folder of their own and are renamed into place when they are complete and on the
-disk. That of the `simulations` comes last and is the commit mark: it carries what is known of the
-others, and without it the shard does not exist.
+Files grow in a staging folder and are put into place when they are complete and on the disk. That
+of the `simulations` comes last and is the commit mark: it carries what is known of the others, and
+without it the shard does not exist.
 """
 
 import dataclasses
@@ -11,13 +11,15 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, wait
 from contextlib import ExitStack
-from pathlib import Path
+from functools import partial
+from io import BufferedIOBase
 
 import pyarrow as pa
 
 from overtaking.core.errors import SchemaError
 from overtaking.datasets.ahead import pool_of
 from overtaking.datasets.manifest import ShardRecord
+from overtaking.datasets.place import Place
 from overtaking.datasets.plan import Shard
 from overtaking.tables.digest import content_of
 from overtaking.tables.files import (
@@ -26,14 +28,10 @@ from overtaking.tables.files import (
     read_notes,
     read_table,
     sha256_of,
-    sync_folder,
 )
 
 MARK = "simulations"
 """The table whose file is the commit mark of its shard."""
-
-PARTIAL = ".partial"
-"""Folder in the data set for files that are not finished; what is left there has no meaning."""
 
 WRITING_THREADS = 4
 """Tables that are written beside each other; one of them takes most of the time."""
@@ -41,24 +39,13 @@ WRITING_THREADS = 4
 _FACTS, _SEAL = "overtaking.facts", "overtaking.seal"
 
 
-def path_of(folder: Path, table: str, shard: Shard) -> Path:
-    """Where the file of a shard lies."""
-    return folder / table / shard.file_name
-
-
-def make_folders(folder: Path, names: Iterable[str]) -> None:
-    """Make some folders of a data set, where they are missing.
-
-    Raises:
-        OSError: They cannot be made.
-    """
-    for name in names:
-        (folder / name).mkdir(exist_ok=True)
-    sync_folder(folder)
+def name_of(table: str, shard: Shard) -> str:
+    """Name of the file of a shard in its place."""
+    return f"{table}/{shard.file_name}"
 
 
 def write_shard(
-    folder: Path,
+    place: Place,
     shard: Shard,
     pieces: Iterable[Mapping[str, pa.Table]],
     *,
@@ -70,7 +57,7 @@ def write_shard(
     """Write the files of a shard and put them into place.
 
     Args:
-        folder: The data set, with the folders of its tables.
+        place: Where the data set lies, prepared for its tables.
         shard: Which simulations.
         pieces: Their tables, a few simulations at a time, in order.
         tables: The tables to write.
@@ -82,42 +69,37 @@ def write_shard(
         OSError: The disk is full or cannot be written.
     """
     known_schemas = schemas or {}
-    unfinished = {name: folder / PARTIAL / f"{name}-{shard.file_name}" for name in tables}
-    with ExitStack() as stack:
-        writers = {
-            name: stack.enter_context(TableWriter(path, name, known_schemas.get(name)))
-            for name, path in unfinished.items()
-        }
-        _write_pieces(pieces, writers, on_piece)
-        mark = writers.pop(MARK)
-        facts = {name: writer.finish() for name, writer in writers.items()}
-        known = json.dumps({name: dataclasses.asdict(one) for name, one in facts.items()})
-        seal = _seal(fingerprint, known, mark.content)
-        facts[MARK] = mark.finish({_FACTS: known, _SEAL: seal})
-    for name in (*writers, MARK):
-        target = path_of(folder, name, shard)
-        unfinished[name].replace(target)
-        sync_folder(target.parent)
+    with place.staging() as staging:
+        unfinished = {name: staging / f"{name}-{shard.file_name}" for name in tables}
+        with ExitStack() as stack:
+            writers = {
+                name: stack.enter_context(TableWriter(path, name, known_schemas.get(name)))
+                for name, path in unfinished.items()
+            }
+            _write_pieces(pieces, writers, on_piece)
+            facts = _finish(writers, fingerprint)
+        for name in sorted(tables, key=lambda name: name == MARK):  # The mark comes last.
+            place.put(unfinished[name], name_of(name, shard))
     return _record(shard, facts)
 
 
 def finished_shard(
-    folder: Path, shard: Shard, *, tables: tuple[str, ...], fingerprint: str
+    place: Place, shard: Shard, *, tables: tuple[str, ...], fingerprint: str
 ) -> ShardRecord | None:
     """What is known of a shard, or None if it has to be written.
 
     Every file is read, so that what was damaged since it was written is written again.
 
     Args:
-        folder: The data set.
+        place: Where the data set lies.
         shard: Which simulations.
         tables: The tables that it must have.
         fingerprint: Of the identity that it must belong to.
     """
-    mark = path_of(folder, MARK, shard)
     try:
+        mark = place.fetch(name_of(MARK, shard))
         notes, rows = read_notes(mark, MARK), read_table(mark, MARK)
-    except SchemaError:
+    except (FileNotFoundError, SchemaError):
         return None
     known, content = notes.get(_FACTS, ""), content_of(rows)
     if notes.get(_SEAL) != _seal(fingerprint, known, content):
@@ -131,16 +113,30 @@ def finished_shard(
     )
     if not facts.keys() >= set(tables):  # Made before there were all of these tables.
         return None
-    intact = (is_intact(path_of(folder, name, shard), facts[name]) for name in tables)
+    intact = (is_intact(partial(place.open, name_of(name, shard)), facts[name]) for name in tables)
     return _record(shard, facts) if all(intact) else None
 
 
-def is_intact(path: Path, facts: FileFacts) -> bool:
-    """Whether a file is there and its bytes are those that were written."""
+def is_intact(opened: Callable[[], BufferedIOBase], facts: FileFacts) -> bool:
+    """Whether a file is there and its bytes are those that were written.
+
+    Args:
+        opened: Opens it.
+        facts: What was written.
+    """
     try:
-        return path.stat().st_size == facts.size_bytes and sha256_of(path) == facts.sha256
+        with opened() as file:
+            return hashlib.file_digest(file, "sha256").hexdigest() == facts.sha256
     except OSError:
         return False
+
+
+def _finish(writers: Mapping[str, TableWriter], fingerprint: str) -> dict[str, FileFacts]:
+    """Complete the files, with what is known of all the others in the commit mark."""
+    facts = {name: writer.finish() for name, writer in writers.items() if name != MARK}
+    known = json.dumps({name: dataclasses.asdict(one) for name, one in facts.items()})
+    seal = _seal(fingerprint, known, writers[MARK].content)
+    return {**facts, MARK: writers[MARK].finish({_FACTS: known, _SEAL: seal})}
 
 
 def _write_pieces(

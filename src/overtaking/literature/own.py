@@ -33,8 +33,8 @@ def own_row(data: Dataset) -> DrivingDataset:
         "dawn": weather["horizon_line"].to_numpy(zero_copy_only=False).any(),
     }
     return DrivingDataset(
-        id=data.path.resolve().name,
-        name=data.path.resolve().name,
+        id=data.name,
+        name=data.name,
         year=int(data.manifest.provenance.started[:4]),
         num_scenes=len(data),
         duration_h=float(duration.sum()) / _MILLISECONDS_PER_HOUR,

@@ -18,6 +18,7 @@ from overtaking.datasets.manifest import (
     read_manifest,
     write_manifest,
 )
+from overtaking.datasets.place import PARTIAL, Folder
 from overtaking.datasets.recipe import Keep
 from overtaking.model.known_roads import known_road
 from overtaking.scenarios import spec
@@ -29,24 +30,23 @@ if TYPE_CHECKING:
 @pytest.fixture
 def written(manifest: Manifest, tmp_path: Path) -> Path:
     """A folder with a manifest."""
-    (tmp_path / "partial").mkdir()
-    write_manifest(tmp_path, manifest, tmp_path / "partial")
+    write_manifest(Folder(tmp_path), manifest)
     return tmp_path
 
 
 def test_a_manifest_comes_back_as_it_was_written(manifest: Manifest, written: Path):
-    assert read_manifest(written) == manifest
-    assert list((written / "partial").iterdir()) == []
+    assert read_manifest(Folder(written)) == manifest
+    assert list((written / PARTIAL).iterdir()) == []
 
 
 def test_the_road_comes_back_to_the_last_bit(manifest: Manifest, written: Path):
-    road = read_manifest(written).identity.road
+    road = read_manifest(Folder(written)).identity.road
     assert road == known_road("town06")
     assert road.heading.hex() == known_road("town06").heading.hex()
 
 
 def test_the_specification_comes_back(manifest: Manifest, written: Path):
-    assert spec(read_manifest(written).identity.spec) == spec("pinto2023")
+    assert spec(read_manifest(Folder(written)).identity.spec) == spec("pinto2023")
 
 
 def change(folder: Path, **values: object) -> None:
@@ -59,7 +59,7 @@ def test_a_newer_version_says_to_upgrade(written: Path):
     with pytest.raises(
         SchemaError, match=f"at most {VERSION}, got {VERSION + 1}; upgrade"
     ) as caught:
-        read_manifest(written)
+        read_manifest(Folder(written))
     assert "\n" not in str(caught.value)
 
 
@@ -77,7 +77,7 @@ def test_a_newer_version_says_to_upgrade(written: Path):
 def test_what_is_no_manifest_is_refused(text: str, got: str, tmp_path: Path):
     (tmp_path / FILE_NAME).write_text(text)
     with pytest.raises(DatasetError, match=got) as caught:
-        read_manifest(tmp_path)
+        read_manifest(Folder(tmp_path))
     assert "\n" not in str(caught.value)
     assert str(tmp_path / FILE_NAME) in str(caught.value)
 
@@ -85,18 +85,18 @@ def test_what_is_no_manifest_is_refused(text: str, got: str, tmp_path: Path):
 def test_bytes_that_are_no_text_are_refused(tmp_path: Path):
     (tmp_path / FILE_NAME).write_bytes(b"\xff\xfe\x00")
     with pytest.raises(DatasetError, match="got a file that is no text"):
-        read_manifest(tmp_path)
+        read_manifest(Folder(tmp_path))
 
 
 def test_a_folder_without_a_manifest_is_named(tmp_path: Path):
     with pytest.raises(DatasetError, match=r"dataset\.json: manifest: .*No such file"):
-        read_manifest(tmp_path)
+        read_manifest(Folder(tmp_path))
 
 
 def test_an_unknown_key_is_refused(written: Path):
     change(written, colour="blue")
     with pytest.raises(DatasetError, match="colour: Extra inputs"):
-        read_manifest(written)
+        read_manifest(Folder(written))
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,170 @@
+"""A place in a store that a URL names: S3, Google Cloud, Azure, memory and whatever fsspec knows.
+
+Object stores show an object when all of it is there, so nothing has to be renamed. They cannot be
+locked: see `Store.put_text`, and ADR 21.
+"""
+
+import os
+import shutil
+import tempfile
+import weakref
+from collections.abc import Generator, Iterable
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from io import BufferedIOBase
+from pathlib import Path
+from typing import Any
+
+from overtaking.core.errors import ConfigError, MissingExtraError
+
+
+class Store:
+    """A part of a store; see `place.Place` for what each method promises."""
+
+    def __init__(self, url: str) -> None:
+        """Nothing is read or made yet.
+
+        Args:
+            url: Where.
+
+        Raises:
+            ConfigError: No store is known by such a URL.
+            MissingExtraError: A package is missing that is needed for it.
+        """
+        self._url = url.rstrip("/")
+        self._files, self._root = _reached(self._url)
+        self._copies: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """The last part of the URL."""
+        return self._url.rpartition("/")[2]
+
+    def __str__(self) -> str:
+        """Its URL."""
+        return self._url
+
+    def resolved(self) -> "Store":
+        """A URL is always whole."""
+        return self
+
+    def at(self, name: str) -> str:
+        """The URL of an object."""
+        return f"{self._url}/{name}"
+
+    def names(self) -> set[str]:
+        """The first parts of the names of its objects."""
+        with _asking():
+            self._files.invalidate_cache()
+            try:
+                found: list[str] = self._files.ls(self._root, detail=False)
+            except FileNotFoundError:
+                return set()
+            if self._files.isfile(self._root):
+                raise NotADirectoryError(str(self))
+        return {path.rstrip("/").rpartition("/")[2] for path in found}
+
+    def has(self, name: str) -> bool:
+        """Whether there is such an object."""
+        with _asking():
+            self._files.invalidate_cache()
+            return bool(self._files.exists(self._key(name)))
+
+    def open(self, name: str) -> BufferedIOBase:
+        """An object, read piece by piece."""
+        with _asking():
+            self._files.invalidate_cache()
+            return self._files.open(self._key(name), "rb")
+
+    def fetch(self, name: str) -> Path:
+        """A copy that lives as long as this place is in use."""
+        if self._copies is None:
+            self._copies = Path(tempfile.mkdtemp(prefix="overtaking-"))
+            weakref.finalize(self, shutil.rmtree, self._copies, ignore_errors=True)
+        copy = self._copies / name
+        if not copy.exists():
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            arriving = copy.with_name(f"{copy.name}.{os.urandom(4).hex()}")
+            with _asking():
+                self._files.invalidate_cache()
+                self._files.get_file(self._key(name), str(arriving))
+            arriving.replace(copy)
+        return copy
+
+    def prepare(self, folders: Iterable[str]) -> None:
+        """Do nothing: stores have no folders."""
+
+    @contextmanager
+    def staging(self) -> Generator[Path]:
+        """A folder on this machine."""
+        with tempfile.TemporaryDirectory(prefix="overtaking-") as folder:
+            yield Path(folder)
+
+    def put(self, finished: Path, name: str) -> None:
+        """Send a file; the store shows it when all of it has arrived."""
+        with _asking():
+            self._files.put_file(str(finished), self._key(name))
+        self._forget(name)
+
+    def put_text(self, name: str, text: str, *, is_first: bool = False) -> None:
+        """Send a text; the store itself decides who is first, if it can."""
+        with _asking():
+            mode = "create" if is_first else "overwrite"
+            self._files.pipe_file(self._key(name), text.encode(), mode=mode)
+        self._forget(name)
+
+    def sweep(self) -> None:
+        """Do nothing: what is not finished is not in the store."""
+
+    def locked(self) -> AbstractContextManager[None]:
+        """Do nothing: a store cannot be held."""
+        return nullcontext()
+
+    def _key(self, name: str) -> str:
+        return f"{self._root}/{name}"
+
+    def _forget(self, name: str) -> None:
+        """Do not show what was fetched before it was replaced."""
+        if self._copies is not None:
+            (self._copies / name).unlink(missing_ok=True)
+
+
+@contextmanager
+def _asking() -> Generator[None]:
+    """Make one kind of error of the many that stores and networks know."""
+    try:
+        yield
+    except (OSError, MemoryError):
+        raise
+    except Exception as error:
+        raise OSError(f"{type(error).__name__}: {error}") from error
+
+
+def _reached(url: str) -> tuple[Any, str]:
+    """What reaches a store, and the path of a URL in it."""
+    try:
+        from fsspec.core import url_to_fs
+    except ImportError:
+        raise _missing(url, "fsspec", "install it: pip install 'overtaking[cloud]'") from None
+    try:
+        files, root = url_to_fs(url)
+    except ImportError as error:
+        raise _missing(url, str(error), "install the package of that store") from None
+    except Exception as error:
+        raise ConfigError.of(
+            what="place",
+            where=url,
+            expected="a folder, or a URL such as s3://bucket/data",
+            got=str(error),
+            next_step="see docs/how-to/generate-at-scale.md for stores that are known",
+        ) from None
+    return files, str(root).rstrip("/")
+
+
+def _missing(url: str, got: str, next_step: str) -> MissingExtraError:
+    return MissingExtraError.of(
+        what="store",
+        where=url,
+        expected="the packages that reach it",
+        got=f"none: {got}",
+        next_step=next_step,
+    )

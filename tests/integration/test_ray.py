@@ -1,0 +1,207 @@
+"""A Ray cluster makes the same files as one process, whoever dies on the way."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+import types
+import uuid
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from overtaking import api
+from overtaking.core.errors import ConfigError, DatasetError, MissingExtraError
+from overtaking.datasets import ray_crew
+from overtaking.datasets.place import PARTIAL
+
+pytestmark = pytest.mark.filterwarnings(
+    # Where Ray's first start was too slow, it drops the processes of that try without a wait.
+    "ignore::pytest.PytestUnraisableExceptionWarning"
+)
+
+NUM_SIMULATIONS = 1500
+SETTINGS = {
+    "overrides": {"time.horizon_s": 6.0, "time.attempt_deadline_s": 6.0},
+    "shard_size": 150,
+    "keep": "features",
+}
+
+
+def generate(out: str | Path, **changes) -> api.Dataset:
+    return api.generate("pinto2023", NUM_SIMULATIONS, 1, out, **{**SETTINGS, **changes})
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """A cluster of two workers on this machine, for all tests of this file."""
+    if find_spec("ray") is None:
+        pytest.skip("Ray has no wheel for this platform or version of Python")
+    heard = signal.getsignal(signal.SIGTERM)
+    ray = ray_crew._ray(is_only_here=True)
+    with ray_crew._cluster(ray, None, 2):
+        assert signal.getsignal(signal.SIGTERM) is heard  # Else SIGTERM would end in silence.
+        yield ray
+
+
+class Killer(threading.Thread):
+    """Kills processes that have begun a shard and not finished it.
+
+    Args:
+        out: Folder of the data set.
+        kills: How many to kill.
+    """
+
+    def __init__(self, out: Path, kills: int) -> None:
+        super().__init__(daemon=True)
+        self.out, self.kills = out, kills
+        self.killed: dict[int, str] = {}
+        self.is_over = False
+
+    def run(self) -> None:
+        while len(self.killed) < self.kills and not self.is_over:
+            for folder in self.out.glob(f"{PARTIAL}/*-*"):
+                pid = int(folder.name.partition("-")[0])
+                # A file that grows is that of a shard: whoever writes it is in the middle of it.
+                if pid in (os.getpid(), *self.killed) or not any(folder.glob("*.parquet")):
+                    continue
+                self.killed[pid] = Path(f"/proc/{pid}/cmdline").read_text().partition("\0")[0]
+                os.kill(pid, signal.SIGKILL)
+                break
+            time.sleep(0.002)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_two_workers_killed_in_the_middle_change_not_one_byte(cluster, tmp_path):
+    killer = Killer(tmp_path / "killed", kills=2)
+    killer.start()
+    told: list[int] = []
+    try:
+        killed = generate(
+            tmp_path / "killed", engine="ray", progress=lambda done, _: told.append(done)
+        )
+    finally:
+        killer.is_over = True
+    assert len(killer.killed) == 2
+    assert all(name.startswith("ray::") for name in killer.killed.values())
+    assert told == list(range(0, NUM_SIMULATIONS + 1, SETTINGS["shard_size"]))
+    undisturbed = generate(tmp_path / "undisturbed")
+    assert killed.content_hash == undisturbed.content_hash
+    assert killed.manifest.shards == undisturbed.manifest.shards
+    names = {path.relative_to(killed.path) for path in killed.path.rglob("*")}
+    assert names == {path.relative_to(undisturbed.path) for path in undisturbed.path.rglob("*")}
+    for name in names - {Path("dataset.json")}:
+        if (killed.path / name).is_file():
+            assert (killed.path / name).read_bytes() == (undisturbed.path / name).read_bytes()
+
+
+def test_a_cluster_completes_what_threads_have_begun(cluster, tmp_path, monkeypatch):
+    def stop(done: int, total: int) -> None:
+        if done >= 450:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        generate(tmp_path / "data", progress=stop)
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("part-0000[01].parquet")}
+    assert before
+    monkeypatch.chdir(tmp_path)  # Workers have a working directory of their own.
+    completed = api.resume("data", engine="ray")
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+    completed.verify()
+    assert len(completed) == NUM_SIMULATIONS
+
+
+def test_a_place_that_workers_do_not_see_is_refused(cluster):
+    with pytest.raises(DatasetError, match=r"expected one that every worker sees, got nothing"):
+        generate(f"memory://{uuid.uuid4()}", engine="ray")
+
+
+def test_what_goes_wrong_in_a_worker_is_told_as_if_it_had_gone_wrong_here(
+    cluster, tmp_path, monkeypatch
+):
+    other = ray_crew._packages() | {"numpy": "0.1"}
+    monkeypatch.setattr(ray_crew, "_packages", lambda: other)
+    with pytest.raises(ConfigError, match=r"\Aworker on .*: version of numpy: expected 0\.1, got"):
+        generate(tmp_path / "data", engine="ray")
+    assert not (tmp_path / "data" / PARTIAL).exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_nobody_beyond_this_machine_can_reach_the_cluster(cluster):
+    session = cluster._private.worker._global_node.get_session_dir_path()
+    ours = {
+        int(folder.name)
+        for folder in Path("/proc").glob("[0-9]*")
+        if session in _read(folder / "cmdline") or _read(folder / "cmdline").startswith("ray::")
+    }
+    assert len(ours) >= 3  # The store of objects, the keeper of the cluster, workers.
+    loopback = {"0100007F", "0000000000000000FFFF00000100007F", f"{1 << 24:032X}"}
+    assert set(_listening(ours | {os.getpid()})) <= loopback
+
+
+def _listening(pids: set[int]) -> list[str]:
+    """The addresses, as the kernel writes them, on which some processes listen."""
+    sockets = set[str]()
+    for pid in pids:
+        for handle in Path(f"/proc/{pid}/fd").glob("*"):
+            try:
+                sockets.add(str(handle.readlink()))
+            except OSError:
+                continue
+    rows = [
+        line.split()
+        for table in ("tcp", "tcp6")
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]
+    ]
+    found = [row[1].partition(":")[0] for row in rows if row[3] == "0A"]
+    ours = [
+        row[1].partition(":")[0]
+        for row in rows
+        if row[3] == "0A" and f"socket:[{row[9]}]" in sockets
+    ]
+    assert found
+    assert ours
+    return ours
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text()
+    except OSError:
+        return ""
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({"engine": "spark"}, "engine: expected threads or ray, got spark"),
+        ({"address": "10.0.0.1:6379"}, "address: expected the engine ray beside it"),
+        ({"workers": 2}, "workers: expected the engine ray beside it"),
+        ({"engine": "ray", "workers": 0}, "workers: expected 1 or more, got 0"),
+        ({"engine": "ray", "workers": 2, "address": "h:1"}, "expected none beside an address"),
+    ],
+)
+def test_words_that_do_not_fit_are_refused_before_anything_is_made(words, said, tmp_path):
+    with pytest.raises(ConfigError, match=said):
+        generate(tmp_path / "data", **words)
+    assert not (tmp_path / "data").exists()
+
+
+def test_ray_is_not_started_where_others_could_reach_it(tmp_path, monkeypatch):
+    ray = types.SimpleNamespace(
+        is_initialized=lambda: False,
+        util=types.SimpleNamespace(get_node_ip_address=lambda: "192.0.2.1"),
+    )
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    with pytest.raises(ConfigError, match="expected a cluster that only this machine can reach"):
+        generate(tmp_path / "data", engine="ray")
+
+
+def test_ray_that_is_missing_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(MissingExtraError, match=r"engine ray: .*pip install 'overtaking\[ray\]'"):
+        generate(tmp_path / "data", engine="ray")
