@@ -4,6 +4,8 @@ from overtaking.api.data import relabel as relabel
 from overtaking.api.data import resume as resume
 from overtaking.api.learning import learn_factors as learn_factors
 from overtaking.api.learning import learn_rules as learn_rules
+from overtaking.api.logic import ask as ask
+from overtaking.api.logic import prove as prove
 from overtaking.api.results import film as film
 from overtaking.api.results import plot_validation as plot_validation
 from overtaking.api.results import query as query

@@ -15,6 +15,7 @@ PAGES = (
     "videos.md",
     "export-the-papers-table.md",
     "query-with-sql.md",
+    "ask-with-logic.md",
     "literature.md",
     "check-the-installation.md",
 )

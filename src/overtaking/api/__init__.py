@@ -4,6 +4,7 @@ from overtaking.api.carla import carla_limits, replay_in_carla, serve_carla
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, simulator_of
 from overtaking.api.data import EXPORTS, export, generate, import_recording, load, relabel, resume
 from overtaking.api.learning import learn_factors, learn_rules
+from overtaking.api.logic import ask, prove
 from overtaking.api.results import (
     entity_relationship_diagram,
     film,
@@ -25,6 +26,7 @@ __all__ = [
     "SIMULATORS",
     "Dataset",
     "Profile",
+    "ask",
     "branch",
     "carla_limits",
     "compare",
@@ -39,6 +41,7 @@ __all__ = [
     "literature",
     "load",
     "plot_validation",
+    "prove",
     "query",
     "relabel",
     "replay_in_carla",

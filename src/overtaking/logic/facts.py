@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
@@ -38,6 +38,9 @@ Pattern = tuple[str | None, ...]
 BY_NAME = {one.name: one for one in FACTS}
 EVERY = 10
 """Positions are written every so many frames, unless asked otherwise."""
+
+_POOLED = 100
+"""Facts in a statement."""
 
 _BY_MOTION = frozenset(["frame", "next", "position", "speed"])
 
@@ -179,14 +182,30 @@ def text(found: Mapping[str, Columns]) -> bytes:
     Raises:
         SchemaError: A value is outside the range of its type, so that sums of it could wrap.
     """
-    return b"".join(_lines(BY_NAME[name], columns) for name, columns in found.items())
+    parts: list[bytes] = []
+    for name, columns in found.items():
+        joined = _arguments(BY_NAME[name], columns, f"{name}(", ").\n")
+        parts.append(joined.buffers()[2].to_pybytes() if len(joined) else b"")
+    return b"".join(parts)
 
 
-def _lines(predicate: Predicate, columns: Columns) -> bytes:
-    """All facts of one predicate."""
-    if not len(columns[0]):
-        return b""
-    parts: list[object] = [f"{predicate.name}("]
+def pooled_text(found: Mapping[str, Columns]) -> bytes:
+    """The same for clingo alone, with many facts in a statement, which it reads faster.
+
+    Raises:
+        SchemaError: A value is outside the range of its type.
+    """
+    lines: list[str] = []
+    for name, columns in found.items():
+        rows = _arguments(BY_NAME[name], columns, "", "").to_pylist()
+        parts = (rows[first : first + _POOLED] for first in range(0, len(rows), _POOLED))
+        lines += [f"{name}({';'.join(part)})." for part in parts]
+    return "\n".join(lines).encode()
+
+
+def _arguments(predicate: Predicate, columns: Columns, before: str, after: str) -> Any:
+    """The arguments of all facts of one predicate, with something before and after each."""
+    parts: list[object] = [before]
     for place, (column, (name, kind)) in enumerate(zip(columns, predicate.arguments, strict=True)):
         if place:
             parts.append(",")
@@ -194,12 +213,11 @@ def _lines(predicate: Predicate, columns: Columns) -> bytes:
             names = pa.array(kind.names, pa.large_string())
             parts.append(names.take(pa.array(column.astype(np.int64))))
             continue
-        if column.min() < kind.low or column.max() > kind.high:
+        if len(column) and (column.min() < kind.low or column.max() > kind.high):
             raise _out_of_range(predicate, name, column, kind.low, kind.high)
         parts.append(pc.cast(pa.array(column), pa.large_string()))
-    parts.append(").\n")
-    joined = pc.binary_join_element_wise(*_as_large(parts), pa.scalar("", pa.large_string()))
-    return joined.buffers()[2].to_pybytes()
+    parts.append(after)
+    return pc.binary_join_element_wise(*_as_large(parts), pa.scalar("", pa.large_string()))
 
 
 def _as_large(parts: list[object]) -> list[object]:

@@ -80,7 +80,7 @@ MAX_FRAME = 1_000_000
 MAX_MM = 500_000_000
 MAX_SPEED = 200_000
 
-SIMULATION = _number("simulation", "number of a simulation in its data set", 0, LARGEST)
+SIMULATION = _number("simulation", "number of a simulation in its data set", 0, 10**9)
 VEHICLE = _number("vehicle", "slot of a vehicle, the ego being 0", 0, MAX_VEHICLES - 1)
 LANE = _number("lane", "lane index, 0 the slowest, -1 beyond the slow edge", -1, 16)
 FRAME = _number("frame", "number of a frame", 0, MAX_FRAME)
@@ -88,9 +88,11 @@ COUNT = _number("count", "number of things", 0, MAX_FRAME)
 PERCENT = _number("percent", "hundredths", 0, 100)
 INTERVAL = _number("ms", "duration of a frame in milliseconds", 1, 1000)
 MM = _number("mm", "length in millimetres", -MAX_MM, MAX_MM)
+SIZE = _number("size", "length or width of a vehicle in millimetres", 0, 100_000)
 SPEED = _number("mm_per_s", "speed in millimetres per second", -MAX_SPEED, MAX_SPEED)
 BRAKING = _number("mm_per_s2", "deceleration in millimetres per second squared", 0, 1_000_000)
 KMH = _number("km_per_h", "speed in kilometres per hour", 0, 1000)
+DURATION = _number("duration", "time in milliseconds", 0, 3_600_000)
 KIND = _names("kind", "class of vehicle", _atoms(tuple(one.name for one in VehicleKind)))
 EVENT = _names("event", "what happened, see the page on events", EVENTS)
 PLACE = _names("place", "place around the ego", PLACES)
@@ -103,6 +105,33 @@ OUTCOME = _names("outcome", "how it ended, legality aside", _atoms(tuple(o.name 
 UNKNOWN = _names("unknown", "what a recording does not tell", UNKNOWNS)
 RULE = _names("rule", "rule of law", _atoms(PORTUGAL.codes))
 VERDICT = _names("verdict", "what a rule says", _atoms(tuple(one.name for one in Verdict)))
+
+LIMITS = _names("limits", "class of vehicle by its speed limits", ("light", "van", "heavy"))
+
+TYPES = {
+    one.name: one
+    for one in (
+        *(SIMULATION, VEHICLE, LANE, FRAME, COUNT, PERCENT, INTERVAL, DURATION, MM, SIZE, SPEED),
+        *(
+            BRAKING,
+            KMH,
+            KIND,
+            EVENT,
+            PLACE,
+            SIDE,
+            MARK,
+            ROAD,
+            POLICY,
+            CLASS,
+            OUTCOME,
+            UNKNOWN,
+            RULE,
+            VERDICT,
+        ),
+        LIMITS,
+    )
+}
+"""Every type by its name."""
 
 Arguments = tuple[tuple[str, Type], ...]
 Signature = tuple[str, int]
@@ -190,8 +219,8 @@ FACTS: tuple[Predicate, ...] = (
         _S,
         _V,
         ("Kind", KIND),
-        ("Length", MM),
-        ("Width", MM),
+        ("Length", SIZE),
+        ("Width", SIZE),
     ),
     _fact("present", "The vehicle was recorded from frame to frame.", _S, _V, *_SPAN),
     _fact("lane", "The vehicle's centre is in a lane.", _S, _V, ("Lane", LANE), *_SPAN),
@@ -272,7 +301,7 @@ THEORY: tuple[Predicate, ...] = (
     _fact("returns", "A changes to the right into the lane of B, ahead of it.", _S, _A, _B, _F),
     _fact(
         "overtakes",
-        "A returns in front of B, having left its lane and passed it on the left.",
+        "A is back in its lane, having left it behind B and passed B on the left.",
         _S,
         _A,
         _B,

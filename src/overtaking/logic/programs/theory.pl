@@ -93,11 +93,10 @@ came_back(S, A, F, H) :-
     changes_lane(S, A, K, _, F), changes_lane(S, A, _, K, G),
     changes_lane(S, A, _, K, H), F < G, G < H.
 
-% overtakes(S,A,B,H): A returns in front of B, having left its lane and passed it on the left.
+% overtakes(S,A,B,H): A is back in its lane, having left it behind B and passed B on the left.
 overtakes(S, A, B, H) :-
     leaves_behind(S, A, B, K, F),
-    returns(S, A, B, H), F < H,
-    changes_lane(S, A, _, K, H), \+ came_back(S, A, F, H),
+    changes_lane(S, A, L, K, H), L > K, F < H, \+ came_back(S, A, F, H),
     passes(S, A, B, G), F < G, G =< H,
     left_of(S, A, B, G).
 

@@ -1,0 +1,205 @@
+"""Questions to a data set in logic, and proofs from the law."""
+
+import dataclasses
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from overtaking.cli import options
+from overtaking.cli.output import Output
+from overtaking.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rich.console import Group
+    from rich.table import Table
+
+    from overtaking.logic.ask import Answers
+    from overtaking.logic.proof import Proof
+
+Query = Annotated[
+    str | None,
+    typer.Argument(metavar="[QUERY]", help="A condition in clingo's language, in quotes."),
+]
+Why = Annotated[
+    int | None,
+    typer.Option("--why", min=0, metavar="N", help="Prove what simulation N breaks of the law."),
+]
+Words = Annotated[bool, typer.Option("--predicates", help="List the words that there are.")]
+Rows = Annotated[int, typer.Option("--rows", min=1, metavar="N", help="Answers to give at most.")]
+Seconds = Annotated[float, typer.Option("--timeout", metavar="S", help="Seconds to reason.")]
+Memory = Annotated[
+    int, typer.Option("--memory", min=16, metavar="MIB", help="Memory to reason in [MiB].")
+]
+
+_INDENT = 2
+_MS_PER_S = 1000.0
+
+
+def ask(
+    output: Output,
+    data: options.Data,
+    query: Query = None,
+    why: Why = None,
+    predicates: Words = False,
+    simulations: options.ChosenSimulations = None,
+    label: options.ChosenClass = None,
+    policy: options.ChosenPolicy = None,
+    every: options.EveryFrames = None,
+    rows: Rows = 1000,
+    timeout_s: Seconds = 600.0,
+    memory_mib: Memory = 2048,
+) -> None:
+    """Ask which simulations and frames make a condition true, or why one is illegal."""
+    from overtaking import api
+    from overtaking.cli import arguments
+
+    _check_one(query, why, predicates)
+    if predicates:
+        words = list(_words())
+        output.result({"predicates": words}, lambda _: _words_page(words))
+    elif why is not None:
+        proofs = api.prove(data, why)
+        found = {"simulation": why, "proofs": [_proof(one) for one in proofs]}
+        output.text(found, _proofs_page(why, proofs))
+    else:
+        chosen = arguments.given(
+            simulations=arguments.numbers(simulations, "ask"),
+            label=label,
+            policy=policy,
+            every=every,
+        )
+        bounds = {"max_rows": rows, "timeout_s": timeout_s, "memory_mib": memory_mib}
+        with output.progress("simulations") as meter:
+            answers = api.ask(data, str(query), progress=meter, **bounds, **chosen)
+        if answers.is_cut:
+            output.say(f"there are more answers than these {rows}; --rows gives more")
+        values = values_of(answers)
+        output.result(values, lambda _: render(values))
+
+
+def _check_one(query: str | None, why: int | None, predicates: bool) -> None:
+    if (query is not None) + (why is not None) + predicates != 1:
+        raise ConfigError.of(
+            what="question",
+            where="ask",
+            expected="a query, --why N or --predicates",
+            got="none" if query is None else "several",
+            next_step='ask for one, such as "overtakes(S,ego,P,F)"',
+        )
+
+
+def values_of(answers: "Answers") -> dict[str, Any]:
+    """The answers as plain values."""
+    return {
+        "columns": [
+            {"name": one.name, "type": None if one.kind is None else one.kind.name}
+            for one in answers.columns
+        ],
+        "rows": [list(row) for row in answers.rows],
+        "is_cut": answers.is_cut,
+        "simulations_asked": answers.num_asked,
+        "frame_interval_ms": answers.frame_interval_ms,
+    }
+
+
+def render(values: dict[str, Any]) -> "Group":
+    """The answers as a table, frames with their times."""
+    from rich import box
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for column in values["columns"]:
+        table.add_column(Text(column["name"] + (f" ({column['type']})" if column["type"] else "")))
+    for row in values["rows"]:
+        cells = zip(row, values["columns"], strict=True)
+        table.add_row(
+            *(
+                Text(_cell(one, column["type"], values["frame_interval_ms"]))
+                for one, column in cells
+            )
+        )
+    count, asked = len(values["rows"]), values["simulations_asked"]
+    line = f"{count:,} answer{'' if count == 1 else 's'} of {asked:,} simulations"
+    return Group(table, Text(line)) if values["columns"] and count else Group(Text(line))
+
+
+def _cell(value: Any, kind: str | None, interval_ms: int) -> str:
+    """A value; a frame with its time."""
+    if kind == "frame":
+        return f"{value} ({value * interval_ms / _MS_PER_S:.2f} s)"
+    if kind == "vehicle" and value == 0:
+        return "0 (ego)"
+    return str(value)
+
+
+def _words() -> "Iterator[dict[str, Any]]":
+    """Every predicate, by where it is from."""
+    from overtaking.logic.vocabulary import FACTS, LAW, THEORY
+
+    for source, predicates in (("fact", FACTS), ("theory", THEORY), ("law", LAW)):
+        for one in predicates:
+            types = [{"name": name, "type": kind.name} for name, kind in one.arguments]
+            yield {"predicate": one.head, "from": source, "about": one.about, "arguments": types}
+
+
+def _words_page(words: list[dict[str, Any]]) -> "Table":
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for name in ("predicate", "from", "says"):
+        table.add_column(name, overflow="fold")
+    for one in words:
+        table.add_row(one["predicate"], one["from"], one["about"])
+    return table
+
+
+def _proof(proof: "Proof") -> dict[str, Any]:
+    """A proof as plain values."""
+    from overtaking.logic.law import title_of
+
+    return {"title": title_of(proof.rule), **dataclasses.asdict(proof)}
+
+
+def _proofs_page(simulation: int, proofs: "tuple[Proof, ...]") -> str:
+    """All proofs as text; what was shown before is not shown again."""
+    from overtaking.logic.law import CODES, title_of
+
+    if not proofs:
+        return f"Simulation {simulation} breaks none of {', '.join(CODES)}.\n"
+    shown: set[str] = set()
+    lines: list[str] = []
+    for one in proofs:
+        frames = f"frames {one.first} to {one.last}, {one.num_frames} in all"
+        if one.num_frames == 1:
+            frames = f"frame {one.first}"
+        lines += [f"{title_of(one.rule)}: broken in {frames}", *_steps(one.step, 1, shown), ""]
+    return "\n".join(lines)
+
+
+def _steps(step: Any, depth: int, shown: set[str]) -> "Iterator[str]":
+    """A step and all that it rests on, a line each."""
+    indent, inner = " " * (_INDENT * depth), " " * (_INDENT * (depth + 1))
+    if step.atom in shown:
+        yield f"{indent}{step.says} (as above)"
+        return
+    shown.add(step.atom)
+    more = f" (and so for {step.num_skipped} before)" if step.num_skipped else ""
+    yield f"{indent}{step.says}{more}"
+    for text in step.facts:
+        yield f"{inner}fact: {text}"
+    if step.conditions:
+        yield f"{inner}where {'; '.join(step.conditions)}"
+    if step.absent:
+        yield f"{inner}and {'; '.join(step.absent)}"
+    for one in step.because:
+        yield from _steps(one, depth + 1, shown)
+
+
+COMMANDS: dict[options.Body, str] = {
+    ask: 'overtaking ask data/pinto "overtakes(S,ego,P,F), night(S), illegal(S,l3)"',
+}
