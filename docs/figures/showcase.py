@@ -1,0 +1,133 @@
+"""Makes the two pictures of the README that show what the package makes: a film and a report.
+
+    python docs/figures/showcase.py
+
+writes `film.webp` and `report.png` beside this file, both from one simulated data set. Their bytes
+depend on the versions of Matplotlib and Pillow, so nothing compares them; make them anew when films
+or reports look different. Both are cards with a margin of their own, for a light and a dark page.
+"""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from PIL import Image, ImageDraw
+
+import overtaking
+from overtaking.plots.style import to_png
+from overtaking.report import gallery
+from overtaking.stats.diagrams import diagram
+from overtaking.stats.distributions import typical
+from overtaking.video.canvas import rgb
+from overtaking.video.film import Film
+from overtaking.video.jobs import jobs
+from overtaking.video.scene import RATE as FILM_RATE
+
+if TYPE_CHECKING:
+    from overtaking.datasets.load import Dataset
+    from overtaking.report.gallery import Picture
+    from overtaking.video.canvas import U8
+
+HERE = Path(__file__).parent
+SIMULATIONS, SEED = 276, 1
+CLASS = "Success_I"
+"""Class of the simulation that is filmed: there is something to tell."""
+
+WIDTH, RATE, QUALITY = 720, 5, 30
+FIRST_S, LAST_S = 0.0, 12.0
+"""What of the film is shown."""
+
+GAP, CARD, CORNER = 18, 760, 14  # Pixels.
+
+
+def film(data: Dataset) -> bytes:
+    """A film of one simulation as a small animated picture."""
+    chosen = next(one for one in jobs(data, "one-per-class") if one.label == CLASS)
+    whole = Film(
+        chosen.labelled.trajectories,
+        title=f"Simulation {chosen.number}",
+        events=chosen.labelled.events,
+        findings=chosen.labelled.findings,
+        articles=chosen.articles,
+        label=chosen.label,
+    )
+    return animated(whole)
+
+
+def animated(whole: Film) -> bytes:
+    """Frames of a film, as animated WebP."""
+    last = min(whole.num_frames, round(LAST_S * FILM_RATE))
+    numbers = range(round(FIRST_S * FILM_RATE), last, FILM_RATE // RATE)
+    pictures = [small(rgb(whole.draw(number))) for number in numbers]
+    buffer = io.BytesIO()
+    pictures[0].save(
+        buffer,
+        "WEBP",
+        save_all=True,
+        append_images=pictures[1:],
+        duration=1000 // RATE,
+        loop=0,
+        quality=QUALITY,
+    )
+    return buffer.getvalue()
+
+
+def small(frame: U8) -> Image.Image:
+    """One frame at the width of the page."""
+    picture = Image.fromarray(frame)
+    return picture.resize((WIDTH, round(picture.height * WIDTH / picture.width)))
+
+
+def figures(data: Dataset) -> list[Picture]:
+    """Figures of the report that are shown, two to a row."""
+    found = overtaking.statistics(data)
+    number = typical(found.sample)[CLASS]
+    run = data.trajectory(number)
+    example = diagram(run, overtaking.label(run).events)
+    return [
+        gallery.class_picture(found),
+        gallery.pair_pictures(found)[-1],
+        gallery.overtake_picture(CLASS, number, example),
+        gallery.distribution_pictures(found)[-1],
+    ]
+
+
+def report(data: Dataset) -> bytes:
+    """Figures of a report on white cards, as PNG with a transparent ground."""
+    pictures = [fitted(Image.open(io.BytesIO(to_png(one.draw())))) for one in figures(data)]
+    rows = [pictures[place : place + 2] for place in range(0, len(pictures), 2)]
+    heights = [max(one.height for one in row) + 2 * GAP for row in rows]
+    size = (2 * CARD + GAP, sum(heights) + GAP * (len(rows) - 1))
+    sheet = Image.new("RGBA", size, (0, 0, 0, 0))
+    pen, top = ImageDraw.Draw(sheet), 0
+    for row, height in zip(rows, heights, strict=True):
+        for place, one in enumerate(row):
+            left = place * (CARD + GAP)
+            pen.rounded_rectangle((left, top, left + CARD, top + height), CORNER, fill="white")
+            sheet.paste(one, (left + GAP, top + (height - one.height) // 2))
+        top += height + GAP
+    buffer = io.BytesIO()
+    sheet.quantize(128, Image.Quantize.FASTOCTREE).save(buffer, "PNG", optimize=True)
+    return buffer.getvalue()
+
+
+def fitted(picture: Image.Image) -> Image.Image:
+    """A figure at the width of a card."""
+    width = CARD - 2 * GAP
+    return picture.convert("RGB").resize((width, round(picture.height * width / picture.width)))
+
+
+def main() -> None:
+    """Write both pictures."""
+    with tempfile.TemporaryDirectory() as folder:
+        data = overtaking.generate("pinto2023", SIMULATIONS, SEED, Path(folder) / "data")
+        for name, content in (("film.webp", film(data)), ("report.png", report(data))):
+            (HERE / name).write_bytes(content)
+            print(f"docs/figures/{name}: {len(content) / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()
