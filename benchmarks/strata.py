@@ -4,7 +4,7 @@ A label that is impossible in a stratum says more about the stratum than about t
 is the share of legal overtakes among those completed, for day and night, three ranges of sight and
 three of rain, with Wilson's interval; a stratum fails with a share below 1 % or above 99 %.
 
-    python benchmarks/strata.py --profile motorway-risk --simulations 8000
+    python benchmarks/strata.py --profile motorway-risk --simulations 10000
 """
 
 import sys

@@ -4,7 +4,7 @@
     python calibration/motorway.py --search       # one round of factors on each fitted parameter
     python calibration/motorway.py --freeze       # write motorway.json anew
 
-What is fitted is fitted on four figures of `overtaking validate`, `FITTED_ON`. Everything else that
+What is fitted is fitted on five figures of `overtaking validate`, `FITTED_ON`. Everything else that
 it judges is held out: no parameter was chosen by it. The frozen parameters are those of
 `knowledge/data/drivers.toml` (`motorway`), of the profile, and one constant of the step;
 `motorway.json` has their hash and the figures that they gave.
@@ -34,10 +34,18 @@ FITTED = (
     "pull_out_time",
     "return_time_gap",
     "lane_change_duration",
+    "right_bias",
 )
-"""Parameters of drivers that were fitted, beside the constant `lane_change.free_ahead_time`."""
+"""Parameters of drivers that were fitted by a factor; beside them the spread of `cruise_factor`, the
+spacing of the profile and the constant `lane_change.free_ahead_time`."""
 
-FITTED_ON = ("lane_changes_per_km", "lane_change_duration", "flying_share", "open_at_end")
+FITTED_ON = (
+    "lane_changes_per_km",
+    "lane_change_duration",
+    "flying_share",
+    "open_at_end",
+    "passing_speed",
+)
 """Figures that they were fitted on; all others with a target are held out."""
 
 FACTORS = (0.9, 1.0, 1.1)

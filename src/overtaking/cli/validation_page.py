@@ -1,4 +1,4 @@
-"""What `overtaking validate` shows: each figure beside its target, and outcomes by weather."""
+"""What `overtaking validate` shows: figures beside their targets, classes by weather, rates."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ def render(values: Values) -> Group:
     missed = sum(figure["met"] is False for figure in values["figures"])
     verdict = "every target is met" if not missed else f"{missed} targets are missed"
     head = f"{values['profile']}: {values['simulations']:,} simulations, {verdict}"
-    return Group(Text(head), Text(), _figures(values["figures"]), Text(), _strata(values["strata"]))
+    parts = [Text(head), Text(), _figures(values["figures"]), Text(), _strata(values["strata"])]
+    if values["comparison"]:
+        parts += [_missing(values["missing"]), Text(), *_comparison(values["comparison"])]
+    return Group(*parts)
 
 
 def _figures(figures: list[Values]) -> Table:
@@ -55,7 +58,7 @@ def _verdict(figure: Values) -> Text:
 
 def _strata(strata: Mapping[str, Values]) -> Table:
     names = list(next(iter(strata.values()))["counts"])
-    table = _table("weather", *(name.replace("_", " ").lower() for name in names))
+    table = _table("weather", *names)
     for stratum, found in strata.items():
         cells = [
             f"{found['counts'][name]:,}"
@@ -64,6 +67,32 @@ def _strata(strata: Mapping[str, Values]) -> Table:
         ]
         table.add_row(stratum, *cells)
     return table
+
+
+def _missing(pairs: list[list[str]]) -> Text:
+    if not pairs:
+        return Text("every class of the study occurs in every kind of weather")
+    said = ", ".join(f"{kind} ({weather})" for weather, kind in pairs)
+    return Text(f"no simulation: {said}", "bold red")
+
+
+def _comparison(rates: list[Values]) -> tuple[Text, Table]:
+    apart = sum(not rate["agrees"] for rate in rates)
+    verdict = "all agree" if not apart else f"{apart} disagree"
+    table = _table("rate", "weighted", "natural", "difference, interval", "verdict")
+    for rate in rates:
+        unit = f" {rate['unit']}" if rate["unit"] else ""
+        table.add_row(
+            rate["title"],
+            f"{number(rate['weighted'])}{unit}",
+            f"{number(rate['natural'])}{unit}",
+            f"{number(rate['low'])} .. {number(rate['high'])}",
+            Text("agrees") if rate["agrees"] else Text("disagrees", "bold red"),
+        )
+    head = (
+        f"{len(rates)} rates that are common enough to compare, {verdict} (95 % for all together)"
+    )
+    return Text(head), table
 
 
 def number(value: float | None) -> str:

@@ -70,14 +70,25 @@ class Figure:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Definition:
-    """How a figure is made: its words, its unit over SI, and what is computed."""
+class Definition:
+    """How a figure is made.
+
+    Attributes:
+        name: Its name.
+        title: What it is, in words.
+        statistic: What is computed.
+        unit: Unit of what is shown.
+        scale: That unit over the SI one.
+        counts: The sum that must not be empty for two profiles to be compared in it; empty for what
+            is not a property of the traffic.
+    """
 
     name: str
     title: str
     statistic: Statistic
     unit: str = ""
     scale: float = 1.0
+    counts: str = ""
 
 
 def figures(open_road: Tally, ring: Tally | None) -> list[Figure]:
@@ -88,7 +99,7 @@ def figures(open_road: Tally, ring: Tally | None) -> list[Figure]:
         ring: What was counted on rings; None if the profile cannot be put on one, and the rate of
             lane changes of the open road is held against the target.
     """
-    rate = _Definition(
+    rate = Definition(
         name="lane_changes_per_km",
         title="lane changes per vehicle-km, steady at 15 to 25 vehicles/km/lane"
         if ring
@@ -98,19 +109,11 @@ def figures(open_road: Tally, ring: Tally | None) -> list[Figure]:
         scale=1e3,
     )
     first = _figure(rate, ring or open_road)
-    own = _Definition(
-        name="own_lane_changes_per_km",
-        title="the same at the profile's own densities",
-        statistic=_rate,
-        unit="1/km",
-        scale=1e3,
-    )
-    return [first, *([_figure(own, open_road)] if ring else [])] + [
-        _figure(definition, open_road) for definition in _DEFINITIONS
-    ]
+    rest = [one for one in DEFINITIONS if ring or one.name != _OWN_RATE]
+    return [first, *(_figure(definition, open_road) for definition in rest)]
 
 
-def _figure(definition: _Definition, tally: Tally) -> Figure:
+def _figure(definition: Definition, tally: Tally) -> Figure:
     value, low, high = (
         definition.scale * float(number) for number in tally.estimate(definition.statistic)
     )
@@ -170,82 +173,102 @@ def effective_share(tally: Tally) -> float:
     return float(weights * weights / (squares * number)) if number else float("nan")
 
 
-_DEFINITIONS = (
-    _Definition(
+_OWN_RATE = "own_lane_changes_per_km"
+
+DEFINITIONS = (
+    Definition(
+        name=_OWN_RATE,
+        title="lane changes per vehicle-km at the profile's own densities",
+        statistic=_rate,
+        unit="1/km",
+        scale=1e3,
+        counts="changes",
+    ),
+    Definition(
         name="lane_change_duration",
         title="mean duration of a lane change",
         statistic=_mean_duration,
         unit="s",
+        counts="durations",
     ),
-    _Definition(
+    Definition(
         name="lane_change_lognormal",
         title="distance of the durations from a lognormal",
         statistic=_distance_from_lognormal,
     ),
-    _Definition(
+    Definition(
         name="gap_time",
         title="median time gap of who follows",
         statistic=lambda tally: quantile(tally.total("gap_times"), 0.5, GAP_WIDTH),
         unit="s",
+        counts="gap_times",
     ),
-    _Definition(
+    Definition(
         name="short_ttc",
         title="time to collision below 3 s, share of the time behind another",
         statistic=_share("critical", "behind"),
+        counts="critical",
     ),
-    _Definition(
+    Definition(
         name="passing_speed",
         title="how much faster a car is than the car it begins to pass",
         statistic=_share("passing_speed", "passing"),
         unit="km/h",
         scale=kmh_from_mps(1.0),
+        counts="passing",
     ),
-    _Definition(
+    Definition(
         name="lateral_accel",
         title="95th percentile of the lateral acceleration",
         statistic=lambda tally: quantile(tally.total("lateral"), 0.95, ACCEL_WIDTH),
         unit="m/s^2",
+        counts="lateral",
     ),
-    _Definition(
+    Definition(
         name="usual_accel",
         title="longitudinal acceleration in -3 to 2 m/s^2, share of the uncritical time",
         statistic=_share("usual", "calm"),
+        counts="usual",
     ),
-    _Definition(
+    Definition(
         name="impossible_accel",
         title="simulations with more than 11 m/s^2",
         statistic=_share("impossible", "simulations"),
     ),
-    _Definition(
+    Definition(
         name="flying_share",
         title="flying overtakes, share of all",
         statistic=_share("flying", "overtakes"),
+        counts="flying",
     ),
-    _Definition(
+    Definition(
         name="open_at_end",
         title="overtakes that are open at the end",
         statistic=_share("open", "attempts"),
+        counts="open",
     ),
-    _Definition(
+    Definition(
         name="effective_share",
         title="effective number of simulations over their number",
         statistic=effective_share,
     ),
-    _Definition(
+    Definition(
         name="contacts",
         title="contacts per 1,000 vehicle-km",
         statistic=_share("contacts", "metres"),
         unit="1/Mm",
         scale=1e6,
+        counts="contacts",
     ),
-    _Definition(
+    Definition(
         name="edges",
         title="time in which the ego sees where the traffic ends",
         statistic=_share("edges", "frames"),
     ),
-    _Definition(
+    Definition(
         name="attempts",
         title="simulations with an attempt",
         statistic=_share("attempts", "simulations"),
+        counts="attempts",
     ),
 )

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.labels.events import find_events
-from overtaking.labels.outcome import outcome
-from overtaking.model.events import NEVER, Events, Outcome
+from overtaking.labelling import label
+from overtaking.model.events import NEVER, Events
+from overtaking.model.labels import OvertakeClass
 from overtaking.model.trajectory import Stage, Trajectories
 from overtaking.model.vehicles import VehicleKind
-from overtaking.signals import engine as signals
 from overtaking.validation.traffic import Batch, limit
 
 if TYPE_CHECKING:
@@ -20,8 +19,11 @@ if TYPE_CHECKING:
 
 CARS = (VehicleKind.S, VehicleKind.M, VehicleKind.L)
 
-STRATA = ("dry day", "night", "rain", "fog", "wind", "low sun")
-"""Kinds of weather that outcomes are counted in; a simulation may belong to several."""
+STRATA = ("any weather", "dry day", "night", "rain", "fog", "wind", "low sun")
+"""Kinds of weather that classes are counted in; a simulation may belong to several."""
+
+POLICY = "default"
+"""Whose classes are counted."""
 
 UNDER_WAY = (Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.ABORT)
 """An overtake whose ego is in one of these stages in the last frame is open."""
@@ -35,8 +37,9 @@ _RAIN, _FOG, _WIND = 20.0, 20.0, 50.0  # Percent from which weather counts as su
 def count(tally: Tally, batch: Batch) -> None:
     """Add a batch to a tally."""
     runs = batch.runs
-    events = find_events(runs, signals.signals(runs))
-    ended = outcome(events)
+    labelled = label(runs)
+    events, labels = labelled.events, labelled.labels
+    ended = labels.classes[:, labels.policies.index(POLICY)]
     begun = (runs.stage == Stage.PULL_OUT).any(axis=1)
     tally.add("attempts", batch.group, batch.weight * begun)
     last = runs.stage[np.arange(len(runs.num_frames)), runs.num_frames - 1]
@@ -45,19 +48,29 @@ def count(tally: Tally, batch: Batch) -> None:
     _approach(tally, batch, events)
     _edges(tally, batch)
     for number, inside in enumerate(strata(runs.scenario.weather)):
-        place = number * len(Outcome) + ended
-        bins = len(STRATA) * len(Outcome)
-        tally.add_binned("outcomes", batch.group[inside], place[inside], batch.weight[inside], bins)
-        tally.add_binned("raw_outcomes", batch.group[inside], place[inside], np.ones(1), bins)
+        group, weight, place = (
+            batch.group[inside],
+            batch.weight[inside],
+            cell(number, ended)[inside],
+        )
+        bins = len(STRATA) * len(OvertakeClass)
+        tally.add_binned("classes", group, place, weight, bins)
+        tally.add_binned("raw_classes", group, place, np.ones(1), bins)
+        tally.add_binned("stratum", group, np.full_like(place, number), weight, len(STRATA))
     tally.add("squares", batch.group, batch.weight**2)
     tally.add("number", batch.group, np.ones(1))
+
+
+def cell(stratum: int, kind: Any) -> Any:
+    """Bin of a class, or of an array of classes, in a stratum."""
+    return stratum * len(OvertakeClass) + kind
 
 
 def strata(weather: Weather) -> list[Array]:
     """Which simulations belong to each of `STRATA`."""
     rain, fog, wind = weather.rain >= _RAIN, weather.fog >= _FOG, weather.wind >= _WIND
     dry_day = ~(weather.night | rain | fog | wind | weather.horizon_line)
-    return [dry_day, weather.night, rain, fog, wind, weather.horizon_line]
+    return [np.ones_like(dry_day), dry_day, weather.night, rain, fog, wind, weather.horizon_line]
 
 
 def _passing(tally: Tally, batch: Batch, events: Events) -> None:

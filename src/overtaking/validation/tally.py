@@ -66,11 +66,19 @@ class Tally:
         Source:
             B. Efron, C. Stein, The jackknife estimate of variance, Ann. Statist. 9 (1981) 586-596.
         """
-        value = statistic(self)
+        value, spread = self.spread(statistic)
+        return value, value - _T95 * spread, value + _T95 * spread
+
+    def spread(self, statistic: Callable[[Tally], float]) -> tuple[float, float]:
+        """A statistic and its standard error, by leaving out one group after the other."""
         left_out = np.array([statistic(self._without(group)) for group in range(GROUPS)])
         variance = (GROUPS - 1) / GROUPS * float(((left_out - left_out.mean()) ** 2).sum())
-        reach = _T95 * variance**0.5
-        return value, value - reach, value + reach
+        return statistic(self), variance**0.5
+
+    def groups_with(self, name: str, place: int = -1) -> int:
+        """In how many groups something was counted, in the bin at `place` or in any."""
+        sums = self._of(name)
+        return int(((sums if place < 0 else sums[:, place : place + 1]) > 0.0).any(axis=1).sum())
 
     def _of(self, name: str) -> F64:
         return self._sums.get(name, np.zeros((GROUPS, 1)))
