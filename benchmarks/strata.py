@@ -2,11 +2,14 @@
 
 A label that is impossible in a stratum says more about the stratum than about the driver. Printed
 is the share of legal overtakes among those completed, for day and night, three ranges of sight and
-three of rain, with Wilson's interval; a stratum fails with a share below 1 % or above 99 %.
+three of rain, with Wilson's interval; a stratum fails with a share below 1 % or above 99 %, or with
+too few completed. Each stratum is drawn on its own, with weather from its ranges and everything
+else as the profile has it: most of them are too rare to wait for.
 
-    python benchmarks/strata.py --profile motorway-risk --simulations 10000
+    python benchmarks/strata.py --profile motorway --each 130
 """
 
+import math
 import sys
 from typing import Any
 
@@ -26,50 +29,62 @@ from overtaking.sim import engine
 PIECE = 64
 ENOUGH = 30
 Z_95 = 1.96
+LIGHTS = {"day": (0.0, 60.0), "night": (-60.0, 0.0)}  # Height of the sun [deg].
 SIGHTS = {
-    "sight > 1000 m": (1000.0, np.inf),
+    "sight > 1000 m": (1000.0, 10000.0),
     "200-1000 m": (200.0, 1000.0),
-    "< 200 m": (0.0, 200.0),
+    "< 200 m": (50.0, 200.0),
 }
-RAINS = {"no rain": (-1.0, 0.0), "< 7.6 mm/h": (0.0, 7.6), ">= 7.6 mm/h": (7.6, np.inf)}
+RAINS = {"no rain": (0.0, 0.0), "< 7.6 mm/h": (0.0, 7.6), ">= 7.6 mm/h": (7.6, 50.0)}
 
 
-def gather(profile: str, simulations: int, policy: str) -> dict[str, NDArray[Any]]:
-    """Light, sight, rain and verdict of every completed overtake."""
-    given = spec(profile)
+def percent_of(value: float, to_value: Any) -> float:
+    """The percentage that a growing or falling map of the weather takes to a value."""
+    grid = np.linspace(0.0, 100.0, 10_001, dtype=np.float32)
+    return float(grid[np.abs(to_value(grid) - value).argmin()])
+
+
+def weather(light: str, sight: str, rain: str) -> dict[str, Any]:
+    """Overrides of a profile with weather of a stratum only."""
+    near, far = SIGHTS[sight]
+    fog = [percent_of(metres, meteorological_range) for metres in (far, near)]
+    wet = [percent_of(rate, rain_rate) for rate in RAINS[rain]]
+    overrides: dict[str, Any] = {
+        "weather.sun_altitude_deg": list(LIGHTS[light]),
+        "weather.fog_percent": fog,
+        "weather.rain_percent": wet,
+        "weather.rain_probability": float(wet[1] > 0.0),
+    }
+    return overrides | ({} if far > 1000.0 else {"weather.fog_probability": 1.0})
+
+
+def verdicts(
+    profile: str, overrides: dict[str, Any], simulations: int, policy: str
+) -> NDArray[np.bool_]:
+    """Whether each completed overtake is legal."""
+    given = spec(profile, overrides)
     road = load_road(given.road)
-    parts: dict[str, list[NDArray[Any]]] = {}
+    parts: list[NDArray[np.bool_]] = []
     for first in range(0, simulations, PIECE):
         index = np.arange(first, min(first + PIECE, simulations), dtype=np.uint64)
-        scenario = sample(given, road, 3, index)
-        said = label(engine.simulate(scenario)).labels
-        done = said.outcome == Outcome.COMPLETED
+        said = label(engine.simulate(sample(given, road, 3, index))).labels
         legal = said.classes[:, said.policies.index(policy)] == OvertakeClass.SUCCESS_L
-        found = {
-            "night": scenario.weather.night,
-            "sight": meteorological_range(scenario.weather.fog),
-            "rain": rain_rate(scenario.weather.rain),
-            "legal": legal,
-        }
-        for name, values in found.items():
-            parts.setdefault(name, []).append(values[done])
-        print(f"\r{first + len(index):,} of {simulations:,}", end="", file=sys.stderr)
-    print(file=sys.stderr)
-    return {name: np.concatenate(each) for name, each in parts.items()}
+        parts.append(legal[said.outcome == Outcome.COMPLETED])
+    return np.concatenate(parts)
 
 
 def wilson(hits: int, count: int) -> tuple[float, float]:
     """Wilson's interval of a share."""
     centre = (hits + Z_95**2 / 2) / (count + Z_95**2)
-    half = Z_95 / (count + Z_95**2) * np.sqrt(hits * (count - hits) / count + Z_95**2 / 4)
+    half = Z_95 / (count + Z_95**2) * math.sqrt(hits * (count - hits) / count + Z_95**2 / 4)
     return centre - half, centre + half
 
 
-def row(legal: NDArray[Any]) -> tuple[str, bool]:
+def row(legal: NDArray[np.bool_]) -> tuple[str, bool]:
     """What to print of a stratum, and whether it fails."""
     count, hits = len(legal), int(legal.sum())
     if count < ENOUGH:
-        return f"{count:6d} completed: too few", False
+        return f"{count:6d} completed: too few", True
     low, high = wilson(hits, count)
     share = hits / count
     fails = not 0.01 <= share <= 0.99
@@ -81,25 +96,19 @@ def row(legal: NDArray[Any]) -> tuple[str, bool]:
 def main() -> int:
     """Measure and print."""
     arguments = parser(__doc__)
-    arguments.add_argument("--profile", default="motorway-risk")
-    arguments.add_argument("--simulations", type=int, default=8000)
+    arguments.add_argument("--profile", default="motorway")
+    arguments.add_argument("--each", type=int, default=130)
     arguments.add_argument("--policy", default="default")
     given = arguments.parse_args()
-    found = gather(given.profile, given.simulations, given.policy)
     failed = 0
-    for light, is_night in (("day", False), ("night", True)):
-        for sight, (least, most) in SIGHTS.items():
-            for rain, (low, high) in RAINS.items():
-                there = (
-                    (found["night"] == is_night)
-                    & (found["sight"] > least)
-                    & (found["sight"] <= most)
-                    & (found["rain"] > low)
-                    & (found["rain"] <= high)
-                )
-                text, fails = row(found["legal"][there])
+    for light in LIGHTS:
+        for sight in SIGHTS:
+            for rain in RAINS:
+                drawn = weather(light, sight, rain)
+                text, fails = row(verdicts(given.profile, drawn, given.each, given.policy))
                 failed += fails
-                print(f"{light:6s}{sight:16s}{rain:12s}{text}")
+                print(f"{light:6s}{sight:16s}{rain:12s}{text}", flush=True)
+    print(f"{failed} strata fail", file=sys.stderr)
     return 1 if failed else 0
 
 

@@ -36,8 +36,8 @@ FITTED = (
     "lane_change_duration",
     "right_bias",
 )
-"""Parameters of drivers that were fitted by a factor; beside them the spread of `cruise_factor`, the
-spacing of the profile and the constant `lane_change.free_ahead_time`."""
+"""Parameters of drivers that were fitted by a factor; beside them the spread of `cruise_factor`,
+the spacing of the profile and the constant `lane_change.free_ahead_time`."""
 
 FITTED_ON = (
     "lane_changes_per_km",
