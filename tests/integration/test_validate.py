@@ -61,3 +61,27 @@ def test_the_picture_is_written_whole(found, tmp_path, name):
     content = (tmp_path / name).read_bytes()
     assert content.startswith(b"\x89PNG" if name.endswith("png") else b"<?xml")
     assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_an_enriched_profile_is_held_against_the_one_that_it_enriches():
+    from rich.console import Console
+
+    from overtaking.cli.validation_page import render
+
+    enriched = ot.validate("motorway-risk", 40, seed=3)
+    rates = {rate.title: rate for rate in enriched.comparison}
+    assert {"median time gap of who follows", "No_attempt"} <= set(rates)
+    assert all(rate.agrees for rate in enriched.comparison)
+    values = json.loads(json.dumps(enriched.values()))
+    assert len(values["comparison"]) == len(rates)
+    # Forty simulations cannot have all of five classes in each of seven kinds of weather.
+    assert len(values["missing"]) == len(enriched.missing) > 0
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(render(values))
+    page = console.export_text()
+    assert all(title in page for title in rates)
+    assert "all agree" in page
+
+
+def test_a_profile_without_a_proposal_is_compared_with_nothing(found):
+    assert found.comparison == ()

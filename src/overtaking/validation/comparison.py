@@ -90,15 +90,16 @@ def student(probability: float, freedom: int) -> float:
 
 
 def _rate(one: Definition, weighted: Tally, natural: Tally, reach: float) -> Rate:
-    (there, spread), (here, other) = (tally.spread(one.statistic) for tally in (weighted, natural))
+    there, spread = weighted.spread(one.statistic)
+    here, other = natural.spread(one.statistic)
     half = reach * math.hypot(spread, other)
     return Rate(
         title=one.title,
         unit=one.unit,
-        weighted=one.scale * there,
-        natural=one.scale * here,
-        low=one.scale * (there - here - half),
-        high=one.scale * (there - here + half),
+        weighted=float(one.scale * there),
+        natural=float(one.scale * here),
+        low=float(one.scale * (there - here - half)),
+        high=float(one.scale * (there - here + half)),
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -46,6 +48,7 @@ def test_weights_that_do_not_undo_the_proposal_are_found_out():
     assert said.natural == pytest.approx(0.1, abs=0.02)
     assert not said.agrees
     assert said.low < said.weighted - said.natural < said.high
+    assert json.loads(json.dumps(said.values()))["agrees"] is False
 
 
 def test_what_is_rare_in_either_is_not_compared():
