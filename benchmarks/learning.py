@@ -77,7 +77,7 @@ def factors_page(found: FactorsFound) -> str:
 
 
 def page(folder: Path, sizes: dict[str, int], repeats: int) -> str:
-    """All of it."""
+    """All of it; without factors if they are to be ranked 0 times."""
     parts: list[str] = []
     for profile, simulations in sizes.items():
         path = data_set(folder, profile, simulations)
@@ -87,6 +87,8 @@ def page(folder: Path, sizes: dict[str, int], repeats: int) -> str:
         for about in TARGETS:
             told = progress(f"{profile}, {about}")
             parts.append(rules_page(overtaking.learn_rules(path, about, progress=told)))
+        if not repeats:
+            continue
         told = progress(f"{profile}, factors")
         found = overtaking.learn_factors(path, repeats=repeats, show_leakage=True, progress=told)
         parts.append(factors_page(found))
@@ -105,7 +107,7 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=Path("build/learning"))
     parser.add_argument("--profile", choices=SIZES, help="only this one")
     parser.add_argument("--simulations", type=int, help="in place of the usual number")
-    parser.add_argument("--repeats", type=int, default=1, help="how often to rank the factors")
+    parser.add_argument("--repeats", type=int, default=1, help="rank so often; 0: only rules")
     parser.add_argument("--into", type=Path, help="page to write the tables into")
     given = parser.parse_args()
     names = [given.profile] if given.profile else list(SIZES)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.learning.examples import Examples
-from overtaking.learning.models import fit, trees
+from overtaking.learning.models import fit, probabilities, trees
 from overtaking.learning.scores import grouped_interval
 from overtaking.learning.splits import Split, split
 
@@ -178,5 +178,5 @@ def _rightly(
     known, kept = parts
     seen = examples.with_attributes(names)
     model = fit(trees(seen.attributes, seed, rounds=rounds), seen.values[known], outcomes[known])
-    said = model.classes_[np.argmax(model.predict_proba(seen.values[kept]), axis=1)]
+    said = model.classes_[np.argmax(probabilities(model, seen.values[kept]), axis=1)]
     return said == outcomes[kept]

@@ -338,7 +338,7 @@ def _accuracy(seen: Examples, outcomes: Outcomes, parts: Split, more: F64, seed:
     model = fit(
         trees((*seen.attributes, *columns), seed, rounds=100), values[known], outcomes[known]
     )
-    said = model.classes_[np.argmax(model.predict_proba(values[kept]), axis=1)]
+    said = model.classes_[np.argmax(probabilities(model, values[kept]), axis=1)]
     return float((said == outcomes[kept]).mean())
 
 
