@@ -7,7 +7,17 @@ from matplotlib.ticker import PercentFormatter
 
 from overtaking.learning.factors import FactorsFound
 from overtaking.learning.models import TREES
-from overtaking.plots.style import ACCENT, GRID, INK, LINE, QUIET, new_figure, styled, words
+from overtaking.plots.style import (
+    ACCENT,
+    GRID,
+    INK,
+    LINE,
+    QUIET,
+    new_figure,
+    set_margins,
+    styled,
+    words,
+)
 
 _SHADES = LinearSegmentedColormap.from_list("shares", ("#ffffff", "#8fbfdd", ACCENT))
 _DARK = 0.6  # Shares beyond this need white letters.
@@ -23,7 +33,8 @@ def draw_confusion(found: FactorsFound) -> Figure:
     counts = next(one for one in found.models if one.name == TREES).confusion
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     names = [words(one) for one in found.outcomes]
-    figure = new_figure(1.3 + 0.46 * len(names))
+    figure = new_figure(0.6 + 0.5 * len(names), is_fixed=True)
+    set_margins(figure, left=1.35, right=0.1, top=0.1, bottom=0.5)
     axes = figure.add_subplot()
     axes.imshow(shares, cmap=_SHADES, vmin=0.0, vmax=1.0, aspect="auto")
     for row, column in np.ndindex(*counts.shape):
@@ -86,7 +97,8 @@ def draw_ranking(found: FactorsFound) -> Figure:
     Args:
         found: `learning.factors.learn_factors`.
     """
-    figure = new_figure(0.9 + 0.19 * len(found.ranking))
+    figure = new_figure(0.9 + 0.19 * len(found.ranking), is_fixed=True)
+    set_margins(figure, left=2.55, right=0.15, top=0.1, bottom=0.5)
     axes = figure.add_subplot()
     places = np.arange(len(found.ranking))
     middle = np.array([one.accuracy for one in found.ranking])
