@@ -51,6 +51,7 @@ def simulate(
 def signals(
     *,
     states: Mapping[str, NDArray[Any] | None],
+    vehicles: Mapping[str, Any],
     around: Mapping[str, Any],
     constants: Mapping[str, Any],
     outputs: dict[str, NDArray[Any]],
@@ -61,9 +62,10 @@ def signals(
     Args:
         states: s, d, speed, heading, accel, lane and present (or None), shape (simulation, vehicle,
             time), the frames of a vehicle adjacent.
-        around: num_frames, valid, length, width, film (simulation, 8), wear, truck, fog, rain,
-            contrast_depth, lamp_depth, lamp_clear, unlit_limit, all flat; and the numbers
-            attention, side, heading, num_lanes, interval_ms, half_window.
+        vehicles: num_frames, valid, length, width, all flat; and the numbers side, heading,
+            interval_ms, half_window.
+        around: film (simulation, 8), wear, truck, fog, rain, contrast_depth, lamp_depth,
+            lamp_clear, unlit_limit, all flat; and the numbers attention and num_lanes.
         constants: As in `simulate`.
         outputs: Arrays of shape (simulation, time) or (simulation, 6, time) by name.
         level: SIMD level; None for the best of this CPU.
@@ -115,6 +117,54 @@ def drive(
 
 def moving_fields() -> list[str]:
     """Names of the rows of the table of what moves, in order."""
+
+def target(
+    *,
+    states: Mapping[str, NDArray[Any] | None],
+    vehicles: Mapping[str, Any],
+    own: Mapping[str, NDArray[Any]],
+    outputs: dict[str, NDArray[Any]],
+    level: str | None = None,
+) -> None:
+    """Work out the signals of the vehicles that are overtaken and fill the arrays of `outputs`.
+
+    Args:
+        states: As in `signals`.
+        vehicles: As in `signals`.
+        own: target, the slot of that vehicle, 255 for none; lateral, right_reach and left_reach of
+            the ego, flat (simulation, time).
+        outputs: Arrays of shape (simulation, time) by name.
+        level: SIMD level; None for the best of this CPU.
+
+    Raises:
+        ValueError: An array has another shape, a slot does not exist, or the SIMD level is unknown
+            or not available.
+    """
+
+def events(
+    *,
+    recorded: Mapping[str, NDArray[Any] | None],
+    seen: Mapping[str, NDArray[Any]],
+    limits: Mapping[str, Any],
+    out: NDArray[np.int32],
+) -> None:
+    """Find the events of a recording: a row of `out` for each of `event_fields`.
+
+    Args:
+        recorded: num_frames, valid, length, flat; s and present (or None), shape (simulation,
+            vehicle, time), and hit, shape (simulation, time), the frames adjacent.
+        seen: Signals of the ego, flat: lane, lateral, lateral_speed, right_reach, left_reach,
+            speed, vehicle, gap.
+        limits: borders, least_frames, window, least_speed, least_shift, settled_shift,
+            follow_time_gap.
+        out: Shape (event, simulation).
+
+    Raises:
+        ValueError: An array has another shape, or a slot does not exist.
+    """
+
+def event_fields() -> list[str]:
+    """Names of the rows of events, in order."""
 
 def vehicle_fields() -> list[str]:
     """Names of the vehicle parameters, in order."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from tests.support.recordings import with_gaps
 
 from overtaking import _core
 from overtaking.exchange.roads import load_road
@@ -28,12 +29,6 @@ def recorded(interval_ms: int = 50, *, mirrored: bool = False) -> Trajectories:
     road = load_road(given.road)
     road = road.mirrored() if mirrored else road
     return simulator.simulate(sample(given, road, 3, np.arange(96, dtype=np.uint64)))
-
-
-def with_gaps(run: Trajectories) -> Trajectories:
-    """The recording as if some vehicles had not been there in some frames."""
-    draw = np.random.default_rng(1)
-    return dataclasses.replace(run, present=draw.random(run.states.s.shape) > 0.3)
 
 
 def differences(one: Signals, other: Signals) -> list[str]:

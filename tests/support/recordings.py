@@ -5,6 +5,7 @@ The writers here are not those of the package, so that readers are held to the f
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,12 @@ if TYPE_CHECKING:
     from overtaking.model.trajectory import Trajectories
 
 WIDTH = 3.5
+
+
+def with_gaps(run: Trajectories) -> Trajectories:
+    """The recording as if some vehicles had not been there in some frames."""
+    draw = np.random.default_rng(1)
+    return dataclasses.replace(run, present=draw.random(run.states.s.shape) > 0.3)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -70,6 +70,20 @@ pub(crate) fn level(name: Option<&str>) -> Option<Level> {
     }
 }
 
+/// The SIMD level `name`, or the best one.
+///
+/// # Errors
+/// It is unknown or not supported by this CPU.
+pub(crate) fn supported(forced: Option<&str>) -> Result<Level, String> {
+    let message = || {
+        format!(
+            "SIMD level {} is not supported by this CPU",
+            forced.unwrap_or("?")
+        )
+    };
+    level(forced).ok_or_else(message)
+}
+
 /// Every SIMD level that the engine has, and whether this CPU can run it.
 pub fn available_levels() -> Vec<(&'static str, bool)> {
     ["avx512", "avx2", "portable"]
@@ -101,12 +115,7 @@ pub fn simulate(
             out.frames
         ));
     }
-    let Some(level) = level(forced) else {
-        return Err(format!(
-            "SIMD level {} is not supported by this CPU",
-            forced.unwrap_or("?")
-        ));
-    };
+    let level = supported(forced)?;
     match SLOTS.into_iter().find(|slots| inputs.slots <= *slots) {
         Some(8) => run_blocks::<8>(level, inputs, later, out),
         Some(16) => run_blocks::<16>(level, inputs, later, out),

@@ -114,8 +114,9 @@ macro_rules! dispatch {
             fearless_simd::Level::Avx2($simd) => $body,
             #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
             fearless_simd::Level::Sse4_2(_) | fearless_simd::Level::Sse2(_) => {
-                if let Some($simd) = $level.as_sse2() {
-                    $body
+                match $level.as_sse2() {
+                    Some($simd) => $body,
+                    None => unreachable!("a level above SSE2 has SSE2"),
                 }
             }
             #[cfg(target_arch = "aarch64")]

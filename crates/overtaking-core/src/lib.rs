@@ -13,6 +13,7 @@ mod ego;
 mod elementary;
 mod engine;
 mod environment;
+pub mod events;
 mod fields;
 mod following;
 mod lanes;
@@ -25,6 +26,7 @@ mod recording;
 pub mod signals;
 mod state;
 mod steering;
+pub mod stretches;
 mod tile;
 
 pub use engine::{Inputs, Later, available_levels, current_level, simulate};

@@ -3,12 +3,14 @@
 //! Here sixteen frames of one simulation lie side by side.
 
 mod chunk;
+mod target;
 
 use fearless_simd::Simd;
 use rayon::prelude::*;
 
-use self::chunk::Chunk;
-use crate::engine::level;
+use self::chunk::{Chunk, Frames};
+pub use self::target::{Target, Targets, target};
+use crate::engine::supported;
 use crate::fields::Constants;
 use crate::lanes::{LANES, dispatch};
 
@@ -37,14 +39,35 @@ pub struct Recording<'a> {
     pub present: Option<Vec<&'a [bool]>>,
 }
 
-/// What signals need beside the states; slices lead with the simulation.
-pub struct Surroundings<'a> {
+impl Recording<'_> {
+    /// Recorded frames of a simulation, of which there is room for some.
+    fn recorded(&self, simulation: usize, frames: usize) -> usize {
+        (self.num_frames[simulation].max(0) as usize).min(frames)
+    }
+}
+
+/// The vehicles of a batch, and how road and clock measure them; slices lead with the simulation.
+pub struct Bodies<'a> {
     /// Whether a slot holds a vehicle, (simulation, slot).
     pub valid: &'a [bool],
     /// Length, (simulation, slot) [m].
     pub length: &'a [f32],
     /// Width, (simulation, slot) [m].
     pub width: &'a [f32],
+    /// Driving side.
+    pub side: f32,
+    /// Direction of the road [rad].
+    pub heading: f32,
+    /// Time between frames [ms].
+    pub interval_ms: i32,
+    /// Frames on either side over which a lateral speed is measured.
+    pub half_window: usize,
+}
+
+/// What signals need beside the states; slices lead with the simulation.
+pub struct Surroundings<'a> {
+    /// The vehicles.
+    pub bodies: Bodies<'a>,
     /// Mean film of each lane, (simulation, lane) [mm].
     pub film: &'a [f32],
     /// Tread wear of the ego.
@@ -69,25 +92,17 @@ pub struct Surroundings<'a> {
     pub constants: &'a Constants,
     /// Driving lanes.
     pub num_lanes: usize,
-    /// Driving side.
-    pub side: f32,
-    /// Direction of the road [rad].
-    pub heading: f32,
-    /// Time between frames [ms].
-    pub interval_ms: i32,
-    /// Frames on either side over which the lateral speed is measured.
-    pub half_window: usize,
 }
 
 /// Slices of outputs that are cut into simulations.
 macro_rules! signal_outputs {
-    ($($(#[$doc:meta])* $field:ident: $kind:ty, $rows:expr;)*) => {
-        /// Where signals go: a row of frames, or `PLACES` of them, for each simulation.
-        pub struct Signals<'a> {
+    ($(#[$about:meta])* $name:ident: $($(#[$doc:meta])* $field:ident: $kind:ty, $rows:expr;)*) => {
+        $(#[$about])*
+        pub struct $name<'a> {
             $($(#[$doc])* pub $field: &'a mut [$kind],)*
         }
 
-        impl<'a> Signals<'a> {
+        impl<'a> $name<'a> {
             /// Rows of frames that each slice has for a simulation, by name.
             pub const ROWS: &'static [(&'static str, usize)] = &[$((stringify!($field), $rows)),*];
 
@@ -98,17 +113,20 @@ macro_rules! signal_outputs {
                 })*
             }
 
-            fn into_simulations(self, frames: usize) -> Vec<Signals<'a>> {
+            fn into_simulations(self, frames: usize) -> Vec<Self> {
                 let count = self.lane.len() / frames.max(1);
                 $(let mut $field = self.$field.chunks_mut(($rows * frames).max(1));)*
-                let next = |_| Some(Signals { $($field: $field.next()?,)* });
+                let next = |_| Some($name { $($field: $field.next()?,)* });
                 (0..count).map(next).collect::<Option<Vec<_>>>().unwrap_or_default()
             }
         }
     };
 }
+use signal_outputs;
 
 signal_outputs! {
+    /// Where signals go: a row of frames, or `PLACES` of them, for each simulation.
+    Signals:
     /// Lane of the ego.
     lane: u8, 1;
     /// Position along the road [m].
@@ -156,12 +174,7 @@ pub fn signals(
     forced: Option<&str>,
     out: Signals<'_>,
 ) -> Result<(), String> {
-    let Some(level) = level(forced) else {
-        return Err(format!(
-            "SIMD level {} is not supported by this CPU",
-            forced.unwrap_or("?")
-        ));
-    };
+    let level = supported(forced)?;
     out.into_simulations(frames)
         .into_par_iter()
         .enumerate()
@@ -182,24 +195,25 @@ fn one<S: Simd>(
     frames: usize,
     out: &mut Signals<'_>,
 ) {
-    let recorded = (recording.num_frames[simulation].max(0) as usize).min(frames);
-    let ego = simulation * recording.slots;
-    lateral_speed(recording.d[ego], recorded, around, out.lateral_speed);
+    let recorded = recording.recorded(simulation, frames);
+    let (ego, bodies) = (simulation * recording.slots, &around.bodies);
+    lateral_speed(recording.d[ego], recorded, bodies, out.lateral_speed);
     let rest = recorded.next_multiple_of(LANES).min(frames);
     out.clear_from(rest, frames);
     for at in (0..rest).step_by(LANES) {
         simd.vectorize(
             #[inline(always)]
             || {
-                let chunk = Chunk {
+                let frames = Frames {
                     simd,
                     recording,
-                    around,
+                    bodies,
                     simulation,
                     at,
                     frames,
                 };
-                let body = chunk.footprint(ego);
+                let chunk = Chunk { frames, around };
+                let body = frames.footprint(ego);
                 chunk.own(body, out);
                 chunk.neighbours(body, out);
                 chunk.left_lane(out);
@@ -209,13 +223,13 @@ fn one<S: Simd>(
 }
 
 /// Speed to the left: a central difference, one-sided at the ends.
-fn lateral_speed(d: &[i32], recorded: usize, around: &Surroundings<'_>, out: &mut [f32]) {
+fn lateral_speed(d: &[i32], recorded: usize, bodies: &Bodies<'_>, out: &mut [f32]) {
     let last = recorded.saturating_sub(1);
     for (frame, speed) in out.iter_mut().enumerate() {
-        let later = (frame + around.half_window).min(last);
-        let earlier = frame.saturating_sub(around.half_window).min(last);
+        let later = (frame + bodies.half_window).min(last);
+        let earlier = frame.saturating_sub(bodies.half_window).min(last);
         let moved = d[later].wrapping_sub(d[earlier]) as f32;
-        let elapsed = ((later - earlier) as i32 * around.interval_ms).max(1) as f32;
-        *speed = around.side * (moved / elapsed);
+        let elapsed = ((later - earlier) as i32 * bodies.interval_ms).max(1) as f32;
+        *speed = bodies.side * (moved / elapsed);
     }
 }

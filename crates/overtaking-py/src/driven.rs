@@ -6,7 +6,8 @@ use overtaking_core::{Inputs, MAX_VEHICLES, SIMULATION_NAMES, VEHICLE_NAMES};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::{Numbers, Road, expect_length};
+use crate::arrays::expect_length;
+use crate::{Numbers, Road};
 
 /// Vehicles of one simulation that somebody else drives, and what they stand on.
 #[derive(FromPyObject)]

@@ -13,9 +13,9 @@ from overtaking.physics.friction import stoppable_speed
 from overtaking.physics.measures import drac
 from overtaking.rules.beliefs import Margin
 from overtaking.rules.distances import margin_behind, margin_of_gap, sure_decel
-from overtaking.rules.l03_follow import recapturing
 from overtaking.rules.limits import speed_limits
 from overtaking.rules.others import others_at
+from overtaking.rules.reference import recapturing
 
 _TWO = np.float32(2.0)
 _NONE = np.float32(-1.0)

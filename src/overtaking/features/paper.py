@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask, as_f32
 from overtaking.features.common import end_of, static
+from overtaking.features.engine import sums
 from overtaking.model.events import NEVER
 from overtaking.model.features import Features
 from overtaking.model.labels import Case
-from overtaking.model.signals import Around
-from overtaking.model.vehicles import Role
 from overtaking.signals.frames import at, seconds_of
 from overtaking.signals.reference import METRES
 
@@ -69,24 +68,16 @@ def _instant(case: Case) -> dict[str, F32]:
 
 def _means(case: Case) -> dict[str, F32]:
     """Means over the frames, up to a collision; of the recorded integers, so that none is lost."""
-    states, seen = case.trajectories.states, case.signals
-    last = end_of(case, case.events.collision)
-    counted = seen.valid & (np.arange(seen.num_frames) <= last[:, None])
-    led = counted & seen.has(Around.LEADER)
-    slot = np.where(led, seen.vehicle[:, Around.LEADER], Role.EGO).astype(np.intp)[:, None]
-    own, other = states.speed[:, Role.EGO], np.take_along_axis(states.speed, slot, axis=1)[:, 0]
-    ahead = np.take_along_axis(states.s, slot, axis=1)[:, 0] - states.s[:, Role.EGO]
+    total = sums(case, end_of(case, case.events.collision))
     others = np.maximum(case.trajectories.scenario.num_vehicles - 1, 1)
+
+    def mean(name: str, counted: str) -> F32:
+        return as_f32(total[name] / np.maximum(total[counted], 1))
+
     return {
-        "ego_speed": _mean(own, counted) * METRES,
-        "target_speed": _mean(other, led) * METRES,
-        "speed_difference": _mean(np.abs(own - other), led) * METRES,
-        "distance": _mean(np.abs(ahead), led) * METRES,
-        "left_occupancy": _mean(seen.left_count, counted) / as_f32(others),
+        "ego_speed": mean("ego_speed", "frames") * METRES,
+        "target_speed": mean("target_speed", "led") * METRES,
+        "speed_difference": mean("speed_difference", "led") * METRES,
+        "distance": mean("distance", "led") * METRES,
+        "left_occupancy": mean("left_count", "frames") / as_f32(others),
     }
-
-
-def _mean(values: NDArray[Any], counted: Mask) -> F32:
-    """Mean of integers over some frames, 0 over none, shape (simulation,)."""
-    total = np.where(counted, values, 0).sum(axis=1, dtype=np.int64)
-    return as_f32(total / np.maximum(counted.sum(axis=1), 1))

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.features import engine
 from overtaking.features.encounters import Index, Side, encounter
 from overtaking.features.encroachment import entry_encroachment, return_encroachment
-from overtaking.features.instants import Instants
 from overtaking.model.batch import Batch
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
@@ -18,8 +18,9 @@ from overtaking.model.signals import Around
 from overtaking.model.vehicles import Role
 from overtaking.physics.constants import known
 from overtaking.physics.friction import stopping_distance
-from overtaking.physics.measures import headway, is_critical, picud, rss_longitudinal, shortfall
+from overtaking.physics.measures import headway, picud, rss_longitudinal
 from overtaking.rules.distances import margin_of_gap, sure_decel
+from overtaking.rules.engine import stop_margin
 from overtaking.rules.frames import Span, conduct
 
 B = TypeVar("B", Encounter, "_Margins")
@@ -115,7 +116,7 @@ def _at_events(case: Case) -> _Events:
     entered_front = encounter(case, ahead[event], Side.AHEAD, rows, frames)
     entered_rear = encounter(case, behind[event], Side.BEHIND, rows, frames)
     margins = _shaped(
-        _Margins(**_front_margins(case, front, rows, frames), **_stops(case, rows, frames)),
+        _Margins(**front_margins(case, front, rows, frames), **_stops(case, rows, frames)),
         frame.shape,
     )
     return _Events(
@@ -136,28 +137,42 @@ def _entered_places() -> tuple[Index, Index]:
 
 def _manoeuvre(case: Case, span: Span) -> _Worst:
     """The worst of each measure over the frames of a span."""
-    count = case.signals.num_simulations
-    within = span.mask(np.arange(count), case.signals.num_frames)
-    led = Instants.of(within & case.signals.has(Around.LEADER))
-    chased = Instants.of(within & case.signals.has(Around.FOLLOWER))
-    front = encounter(case, Around.LEADER, Side.AHEAD, led.rows, led.frames)
-    rear = encounter(case, Around.FOLLOWER, Side.BEHIND, chased.rows, chased.frames)
-    margins = _front_margins(case, front, led.rows, led.frames)
-    stops = {name: _lowest(values, within) for name, values in _all_stops(case).items()}
+    found = engine.worst(case, span)
     interval = np.float32(case.signals.frame_interval_ms / 1000.0)
-    limit = known("labels.safety.critical_ttc")
     lasted = np.maximum(span.stop - span.start + 1, 1)
     return _Worst(
-        front=_extreme(front, led),
-        rear=_extreme(rear, chased),
-        margins=_Margins(**{name: led.lowest(one) for name, one in margins.items()}, **stops),
-        close_share=led.total(margins["lawful_margin"] < 0) / as_f32(lasted),
-        time_exposed=led.total(is_critical(front.ttc, limit)) * interval,
-        time_integrated=led.total(shortfall(front.ttc, limit)) * interval,
+        front=_encounter(found, "front"),
+        rear=_encounter(found, "rear"),
+        margins=_Margins(
+            headway=found["headway"],
+            picud=found["picud"],
+            rss_margin=found["rss_margin"],
+            lawful_margin=found["lawful_margin"],
+            stop_margin_lit=_lowest_stop(case, case.signals.sight_lit, span),
+            stop_margin_unlit=_lowest_stop(case, case.signals.sight_unlit, span),
+        ),
+        close_share=found["num_close"] / as_f32(lasted),
+        time_exposed=found["num_critical"] * interval,
+        time_integrated=found["shortfall"] * interval,
     )
 
 
-def _front_margins(case: Case, front: Encounter, rows: Index, frames: Index) -> dict[str, F32]:
+def _encounter(found: dict[str, F32], side: str) -> Encounter:
+    """The worst of an encounter out of all measures."""
+    values: dict[str, Any] = {
+        field.name: found[f"{side}.{field.name}"] for field in fields(Encounter)
+    }
+    values["valid"] = values["valid"] > 0
+    return Encounter(**values)
+
+
+def _lowest_stop(case: Case, sight: F32, span: Span) -> F32:
+    """The smallest margin to a stop in a span, infinite where that is empty."""
+    low = stop_margin(case, sight, span).low
+    return np.where(span.exists, low, np.float32(np.inf))
+
+
+def front_margins(case: Case, front: Encounter, rows: Index, frames: Index) -> dict[str, F32]:
     """What else there is to say of the vehicle ahead."""
     seen = case.signals
     speed, slot = seen.speed[rows, frames], seen.vehicle[rows, Around.LEADER, frames]
@@ -200,11 +215,6 @@ def _stops(case: Case, rows: Index, frames: Index) -> dict[str, F32]:
     )
 
 
-def _all_stops(case: Case) -> dict[str, F32]:
-    seen = case.signals
-    return stop_margins(seen.speed, seen.friction, seen.sight_lit, seen.sight_unlit)
-
-
 def stop_margins(speed: F32, friction: F32, lit: F32, unlit: F32) -> dict[str, F32]:
     """Distance at which something is seen minus the stopping distance [m].
 
@@ -219,24 +229,6 @@ def stop_margins(speed: F32, friction: F32, lit: F32, unlit: F32) -> dict[str, F
     decel = known("friction.table.usable_share") * known("model.nature.gravity") * grip
     stop = stopping_distance(speed, as_f32(known("law.sight.reaction_time")), decel)
     return {"stop_margin_lit": lit - stop, "stop_margin_unlit": unlit - stop}
-
-
-def _lowest(values: F32, within: Mask) -> F32:
-    """The smallest of `values` (simulation, time) where `within`, else infinite."""
-    return np.min(values, axis=1, where=within, initial=np.float32(np.inf))
-
-
-def _extreme(found: Encounter, instants: Instants) -> Encounter:
-    """The worst of each measure of each simulation."""
-    return Encounter(
-        valid=instants.exists,
-        gap=instants.lowest(found.gap),
-        closing_speed=instants.highest(found.closing_speed),
-        time_gap=instants.lowest(found.time_gap),
-        ttc=instants.lowest(found.ttc),
-        mttc=instants.lowest(found.mttc),
-        drac=instants.highest(found.drac),
-    )
 
 
 def _where(found: Encounter, there: Mask) -> Encounter:

@@ -19,8 +19,7 @@ from overtaking.model.safety import Safety
 from overtaking.model.signals import Signals
 from overtaking.model.trajectory import Trajectories
 from overtaking.rules import POLICIES, PORTUGAL, Pack, Policy, check, legality
-from overtaking.signals.engine import signals
-from overtaking.signals.target import target_signals
+from overtaking.signals.engine import signals, target_signals
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,12 +29,34 @@ def accidents(trajectories: Trajectories, seen: Signals) -> Accidents:
     collision = first_true(seen.valid & (hit != NO_VEHICLE))
     partner = np.where(collision == NEVER, NO_VEHICLE, at(hit, collision))
     departed = first_true(seen.valid & (seen.lane >= trajectories.road.num_lanes))
-    struck = np.zeros(len(collision), dtype=np.bool_)
+    return Accidents(
+        collision=collision,
+        road_departure=departed,
+        partner=partner,
+        struck=struck(trajectories, seen, partner, collision),
+    )
+
+
+def struck(
+    trajectories: Trajectories,
+    seen: Signals,
+    partner: NDArray[np.uint8],
+    collision: NDArray[np.int32],
+) -> Mask:
+    """Whether the other one ran into the ego, shape (simulation,); not where nobody did.
+
+    Args:
+        trajectories: The batch.
+        seen: Its signals.
+        partner: Slot of the other one, shape (simulation,).
+        collision: First frame after the contact, `NEVER` without one, same shape.
+    """
+    by_other = np.zeros(len(collision), dtype=np.bool_)
     hurt = np.flatnonzero(collision != NEVER)
     if len(hurt):
         others = trajectories.select(hurt), seen.select(hurt)
-        struck[hurt] = _is_struck(*others, partner[hurt], collision[hurt])
-    return Accidents(collision=collision, road_departure=departed, partner=partner, struck=struck)
+        by_other[hurt] = _is_struck(*others, partner[hurt], collision[hurt])
+    return by_other
 
 
 def _is_struck(

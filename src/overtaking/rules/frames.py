@@ -57,6 +57,11 @@ def frames_of(case: Case, seconds: float | np.floating) -> int:
     return round(float(seconds) * 1000.0 / case.signals.frame_interval_ms)
 
 
+def time_to_regain(case: Case) -> int:
+    """Number of frames in which a distance that another has taken may be regained."""
+    return frames_of(case, known("law.safe_distance.recapture"))
+
+
 def is_two_way(road: Road) -> bool:
     """Whether the lane beyond the fast edge belongs to oncoming traffic."""
     beyond = road.fast_side_neighbour
@@ -157,19 +162,60 @@ def ends_in(span: Span, rows: Index, broken: Mask) -> tuple[I32, I32]:
     return first, last
 
 
-def always(margin: F32, span: Span, *, belief: U8 | None = None) -> Check:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stretch:
+    """A margin over a span; every array has shape (simulation,).
+
+    Attributes:
+        low: Its smallest value, `ENDLESS` where it does not count in any frame; means nothing where
+            the span is empty.
+        first: First frame in which it is negative, `NEVER` without one.
+        last: Last such frame.
+    """
+
+    low: F32
+    first: I32
+    last: I32
+
+
+def stretch(margin: F32, span: Span) -> Stretch:
+    """A margin (simulation, time) over a span; `ENDLESS` where it does not count."""
+    low = lowest(margin, span)
+    rows = np.flatnonzero(span.exists & (low < 0))
+    first, last = ends_in(span, rows, margin[rows] < 0)
+    return Stretch(low=low, first=first, last=last)
+
+
+def stretch_of_instants(margin: F32, rows: Index, frames: Index, num_simulations: int) -> Stretch:
+    """The same of a margin at single frames; arguments as in `always_at`."""
+    low = np.full(num_simulations, ENDLESS)
+    first = np.full(num_simulations, NEVER)
+    last = first.copy()
+    if rows.size:
+        begins = np.flatnonzero(np.diff(rows, prepend=-1))
+        low[rows[begins]] = np.minimum.reduceat(margin, begins)
+        broken = margin < 0
+        row, frame = rows[broken], frames[broken]
+        # Of several frames of a simulation the one that is written last stays.
+        first[row[::-1]], last[row] = frame[::-1], frame
+    return Stretch(low=low, first=first, last=last)
+
+
+def never_negative(found: Stretch, span: Span, *, belief: U8 | None = None) -> Check:
     """A margin that may never be negative: its smallest value, and the frames in which it is.
 
     Args:
-        margin: Shape (simulation, time); `ENDLESS` where it does not count.
-        span: Where it counts; the rule applies where there are any such frames.
+        found: The margin over the span.
+        span: Where it counts; the rule applies where it counts in any frame.
         belief: `Belief` of each simulation, where the rule is about one.
     """
-    low = lowest(margin, span)
-    about = span.exists & (low < ENDLESS)
-    rows = np.flatnonzero(about & (low < 0))
-    first, last = ends_in(span, rows, margin[rows] < 0)
-    return decided(about, low, first, last, belief=belief)
+    about = span.exists & (found.low < ENDLESS)
+    return decided(about, found.low, found.first, found.last, belief=belief)
+
+
+def always(margin: F32, span: Span, *, belief: U8 | None = None) -> Check:
+    """`never_negative` of a margin of shape (simulation, time)."""
+    return never_negative(stretch(margin, span), span, belief=belief)
 
 
 def always_at(margin: F32, rows: Index, frames: Index, num_simulations: int) -> Check:
@@ -181,17 +227,8 @@ def always_at(margin: F32, rows: Index, frames: Index, num_simulations: int) -> 
         frames: Frame of each, in order within a simulation.
         num_simulations: Length of the results.
     """
-    low = np.full(num_simulations, ENDLESS)
-    first = np.full(num_simulations, NEVER)
-    last = first.copy()
-    if rows.size:
-        begins = np.flatnonzero(np.diff(rows, prepend=-1))
-        low[rows[begins]] = np.minimum.reduceat(margin, begins)
-        broken = margin < 0
-        row, frame = rows[broken], frames[broken]
-        # Of several frames of a simulation the one that is written last stays.
-        first[row[::-1]], last[row] = frame[::-1], frame
-    return decided(low < ENDLESS, low, first, last)
+    found = stretch_of_instants(margin, rows, frames, num_simulations)
+    return decided(found.low < ENDLESS, found.low, found.first, found.last)
 
 
 def instant(

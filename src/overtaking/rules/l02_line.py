@@ -7,7 +7,8 @@ from overtaking.core.elementary import F32, Mask, as_f32
 from overtaking.model.labels import Case, Severity, Verdict
 from overtaking.model.road import DrivingSide, Road, RoadMark
 from overtaking.physics.constants import known
-from overtaking.rules.frames import Span, conduct, ends_in, is_two_way, lowest, reduced
+from overtaking.rules.engine import highest, lowest
+from overtaking.rules.frames import Span, conduct, ends_in, is_two_way
 from overtaking.rules.rule import Check, Grade, Rule, decided, inapplicable
 
 _CLOSED = frozenset(
@@ -63,7 +64,7 @@ def _lowest_clearance(case: Case, span: Span, k: int, sides: tuple[bool, bool]) 
     if k == 0:
         return lowest(seen.right_reach, span) - _borders(road)[0]
     if k == road.num_lanes:
-        return _borders(road)[k] - reduced(np.maximum, seen.left_reach, span)
+        return _borders(road)[k] - highest(seen.left_reach, span)
     return lowest(_clearance(case, np.arange(seen.num_simulations), k, sides), span)
 
 

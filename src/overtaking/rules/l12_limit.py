@@ -7,7 +7,8 @@ from overtaking.core.elementary import F32, Mask
 from overtaking.model.labels import Case, Severity, Verdict
 from overtaking.model.vehicles import Role
 from overtaking.physics.constants import known
-from overtaking.rules.frames import conduct, ends_in, reduced
+from overtaking.rules.engine import highest
+from overtaking.rules.frames import conduct, ends_in
 from overtaking.rules.limits import class_of, speed_limits
 from overtaking.rules.rule import Check, Grade, Rule, decided
 
@@ -18,11 +19,11 @@ _ROUNDING = np.float32(5e-4)
 def check(case: Case) -> Check:
     """Speed never exceeds the posted limit and that of the class of vehicle on this road."""
     seen, span = case.signals, conduct(case)
-    lowest, highest = (limit + _ROUNDING for limit in speed_limits(case))
-    fastest = reduced(np.maximum, seen.speed, span)
-    rows = np.flatnonzero(span.exists & (fastest > highest))
-    first, last = ends_in(span, rows, seen.speed[rows] > highest[rows, None])
-    found = decided(span.exists, highest - fastest, first, last, doubtful=fastest > lowest)
+    least, most = (limit + _ROUNDING for limit in speed_limits(case))
+    fastest = highest(seen.speed, span)
+    rows = np.flatnonzero(span.exists & (fastest > most))
+    first, last = ends_in(span, rows, seen.speed[rows] > most[rows, None])
+    found = decided(span.exists, most - fastest, first, last, doubtful=fastest > least)
     return found.replace(severity=_severity(case, found))
 
 

@@ -1,10 +1,12 @@
 """L13: the lowest speed on motorways."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.model.labels import Case, Verdict
 from overtaking.physics.constants import known
-from overtaking.rules.frames import ENDLESS, always, conduct, lowest
+from overtaking.rules.engine import excess
+from overtaking.rules.frames import ENDLESS, Span, Stretch, conduct, never_negative, stretch
 from overtaking.rules.others import num_slow
 from overtaking.rules.rule import Check, Grade, Rule, decided, inapplicable
 
@@ -17,23 +19,31 @@ def check(case: Case) -> Check:
     seen, road_known = case.signals, "road_kind" not in case.trajectories.unknown
     if road_known and case.trajectories.road.kind != "motorway":
         return inapplicable(seen.num_simulations)
-    margin = seen.speed - known("law.minimum.speed")
     span = conduct(case)
-    slow = np.flatnonzero(span.exists & (lowest(margin, span) < 0))
-    row, frames = np.nonzero(span.mask(slow, seen.num_frames) & (margin[slow] < 0))
-    rows = slow[row]
-    if rows.size:
-        crawling = num_slow(
-            case,
-            rows,
-            frames.astype(np.int32),
-            below=float(known("law.minimum.congestion_speed")),
-            reach=_ANYWHERE,
-        )
-        congested = crawling >= known("law.minimum.congestion_vehicles")
-        margin[rows[congested], frames[congested]] = ENDLESS
-    found = always(margin, span)
+    found = excess(seen.speed, known("law.minimum.speed"), span)
+    slow = np.flatnonzero(span.exists & (found.low < 0))
+    found = never_negative(_but_in_jams(case, span, found, slow) if slow.size else found, span)
     return found if road_known else _perhaps(found)
+
+
+def _but_in_jams(case: Case, span: Span, found: Stretch, slow: NDArray[np.intp]) -> Stretch:
+    """The same, where in some simulations frames in a traffic jam do not count."""
+    part = Span(start=span.start[slow], stop=span.stop[slow])
+    margin = case.signals.speed[slow] - known("law.minimum.speed")
+    inside = part.mask(np.arange(len(slow)), margin.shape[1])
+    row, frames = np.nonzero(inside & (margin < 0))
+    crawling = num_slow(
+        case,
+        slow[row],
+        frames.astype(np.int32),
+        below=float(known("law.minimum.congestion_speed")),
+        reach=_ANYWHERE,
+    )
+    congested = crawling >= known("law.minimum.congestion_vehicles")
+    margin[row[congested], frames[congested]] = ENDLESS
+    again = stretch(margin, part)
+    found.low[slow], found.first[slow], found.last[slow] = again.low, again.first, again.last
+    return found
 
 
 def _perhaps(found: Check) -> Check:

@@ -1,35 +1,25 @@
 """L14 and L14s: be able to stop in the visible distance."""
 
-from collections.abc import Callable
-
-import numpy as np
-
-from overtaking.core.elementary import F32, as_f32
+from overtaking.core.elementary import F32
 from overtaking.model.labels import Case
-from overtaking.model.signals import Signals
-from overtaking.physics.constants import known
-from overtaking.physics.friction import stopping_distance
-from overtaking.rules.frames import always, conduct
+from overtaking.rules.engine import stop_margin
+from overtaking.rules.frames import conduct, never_negative
 from overtaking.rules.rule import Check, Grade, Rule
 
 
 def check_lit(case: Case) -> Check:
     """The stopping distance is at most the distance at which a lit vehicle is seen."""
-    return _check(case, lambda seen: seen.sight_lit)
+    return _check(case, case.signals.sight_lit)
 
 
 def check_unlit(case: Case) -> Check:
     """The stopping distance is at most the distance at which an unlit obstacle is seen."""
-    return _check(case, lambda seen: seen.sight_unlit)
+    return _check(case, case.signals.sight_unlit)
 
 
-def _check(case: Case, sight: Callable[[Signals], F32]) -> Check:
-    seen = case.signals
-    # Beyond the end of a recording there is no friction, and none of this counts.
-    grip = np.maximum(seen.friction, known("friction.table.floor"))
-    decel = known("friction.table.usable_share") * known("model.nature.gravity") * grip
-    stop = stopping_distance(seen.speed, as_f32(known("law.sight.reaction_time")), decel)
-    return always(sight(seen) - stop, conduct(case))
+def _check(case: Case, sight: F32) -> Check:
+    span = conduct(case)
+    return never_negative(stop_margin(case, sight, span), span)
 
 
 _GLOSS = (

@@ -7,33 +7,52 @@ from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.physics.constants import known
 from overtaking.rules.air import optical_range
-from overtaking.rules.frames import Span, always, is_two_way, manoeuvre
+from overtaking.rules.engine import excess
+from overtaking.rules.frames import (
+    Span,
+    Stretch,
+    always,
+    is_two_way,
+    manoeuvre,
+    never_negative,
+)
 from overtaking.rules.rule import Check, Grade, Rule
 from overtaking.signals.frames import at, seconds_of
 
 
 def check_air(case: Case) -> Check:
     """From the start until the target is passed, the air lets one see the carriageway."""
-    sight = np.broadcast_to(optical_range(case)[:, None], case.signals.valid.shape)
-    return _check(case, sight)
+    sight, span = optical_range(case), _until_passed(case)
+    if is_two_way(case.trajectories.road):
+        whole = np.broadcast_to(sight[:, None], case.signals.valid.shape)
+        return always(_with_oncoming(case, whole), span)
+    found = Stretch(low=sight - known("law.sight.least"), first=span.start, last=span.stop)
+    return never_negative(found, span)
 
 
 def check_unlit(case: Case) -> Check:
     """From the start until the target is passed, an unlit obstacle is seen far enough away."""
-    return _check(case, case.signals.sight_unlit)
+    sight, span = case.signals.sight_unlit, _until_passed(case)
+    if is_two_way(case.trajectories.road):
+        return always(_with_oncoming(case, sight), span)
+    return never_negative(excess(sight, known("law.sight.least"), span), span)
 
 
-def _check(case: Case, sight: F32) -> Check:
+def _until_passed(case: Case) -> Span:
+    """From the attempt until the target is passed, or to the end; empty without an attempt."""
     events, stop = case.events, manoeuvre(case).stop
     passed = np.where(events.overlap_end != NEVER, np.minimum(events.overlap_end, stop), stop)
-    start = np.where(events.attempted, events.attempt, passed + 1)
+    return Span(start=np.where(events.attempted, events.attempt, passed + 1), stop=passed)
+
+
+def _with_oncoming(case: Case, sight: F32) -> F32:
+    """Margin of a sight, and at the attempt that of the sight of oncoming traffic [m]."""
     margin = sight - known("law.sight.least")
-    if is_two_way(case.trajectories.road):
-        row = np.flatnonzero(events.attempted)
-        first = events.attempt[row]
-        clear = case.signals.sight_lit[row, first] - passing_sight(case)[row]
-        margin[row, first] = np.minimum(margin[row, first], clear)
-    return always(margin, Span(start=start, stop=passed))
+    row = np.flatnonzero(case.events.attempted)
+    first = case.events.attempt[row]
+    clear = case.signals.sight_lit[row, first] - passing_sight(case)[row]
+    margin[row, first] = np.minimum(margin[row, first], clear)
+    return margin
 
 
 def passing_sight(case: Case) -> F32:

@@ -1,4 +1,4 @@
-"""The signals by the compiled engine: those of `signals.reference`, bit for bit."""
+"""The signals by the compiled engine: those of `reference` and `target`, bit for bit."""
 
 import os
 from typing import Any
@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 
 from overtaking import _core
 from overtaking.core.elementary import log, maximum
-from overtaking.model.signals import Around, Signals
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.events import Events
+from overtaking.model.signals import Around, Signals, TargetSignals
+from overtaking.model.trajectory import NO_VEHICLE, Trajectories
+from overtaking.model.vehicles import Role
 from overtaking.physics.constants import constants, known
-from overtaking.signals.conditions import Conditions, conditions
-from overtaking.signals.reference import half_window, side_of
+from overtaking.signals.arrays import flat, states, vehicles
+from overtaking.signals.conditions import conditions
 from overtaking.sim.engine import SIMD_VARIABLE, Buffers, constant_values
 
 _BYTES = ("lane", "left_count")
@@ -29,6 +31,18 @@ _ROWS = (
     "sight_lit",
     "sight_unlit",
 )
+_OF_TARGET = {
+    "valid": np.bool_,
+    "lead": np.float32,
+    "overlaps": np.bool_,
+    "gap": np.float32,
+    "lateral": np.float32,
+    "lateral_gap": np.float32,
+    "lane": np.uint8,
+    "speed": np.float32,
+    "accel": np.float32,
+    "lateral_speed": np.float32,
+}
 _NEIGHBOURS = ("gap", "closing_speed", "lateral_gap")
 
 
@@ -47,8 +61,9 @@ def signals(
     """
     outputs = _outputs(trajectories, buffers or Buffers())
     _core.signals(
-        states=_states(trajectories),
-        around=_around(trajectories, conditions(trajectories)),
+        states=states(trajectories),
+        vehicles=vehicles(trajectories),
+        around=_around(trajectories),
         constants=constant_values(constants()),
         outputs=outputs,
         level=level or os.environ.get(SIMD_VARIABLE) or None,
@@ -60,50 +75,51 @@ def signals(
     )
 
 
-def _states(trajectories: Trajectories) -> dict[str, NDArray[Any] | None]:
-    states = trajectories.states
-    names = ("s", "d", "speed", "heading", "lane")
-    arrays = {name: _adjacent(getattr(states, name)) for name in names}
-    present = trajectories.present
-    return arrays | {
-        "accel": _adjacent(states.accel_lon),
-        "present": None if present is None else _adjacent(present),
-    }
+def target_signals(
+    trajectories: Trajectories, seen: Signals, events: Events, *, level: str | None = None
+) -> TargetSignals:
+    """The target of each simulation, frame by frame; see `model.signals.TargetSignals`.
+
+    Args:
+        trajectories: The batch.
+        seen: Its signals.
+        events: What names the targets.
+        level: As in `signals`.
+
+    Raises:
+        ValueError: As in `signals`.
+    """
+    vehicle, shape = events.target, trajectories.stage.shape
+    outputs = {name: np.empty(shape, kind) for name, kind in _OF_TARGET.items()}
+    reaches = ("lateral", "right_reach", "left_reach")
+    _core.target(
+        states=states(trajectories),
+        vehicles=vehicles(trajectories),
+        own={"target": flat(vehicle)} | {name: flat(getattr(seen, name)) for name in reaches},
+        outputs=outputs,
+        level=level or os.environ.get(SIMD_VARIABLE) or None,
+    )
+    slot = np.where(vehicle == NO_VEHICLE, Role.EGO, vehicle).astype(np.intp)
+    length = trajectories.scenario.vehicles.length[np.arange(len(slot)), slot]
+    return TargetSignals(vehicle=vehicle, length=length, **outputs)
 
 
-def _adjacent(values: NDArray[Any]) -> NDArray[Any]:
-    """`values` with the frames of a vehicle side by side; a copy only if they are not."""
-    return values if values.strides[-1] == values.itemsize else np.ascontiguousarray(values)
-
-
-def _around(trajectories: Trajectories, given: Conditions) -> dict[str, Any]:
-    bodies, road = trajectories.scenario.vehicles, trajectories.road
+def _around(trajectories: Trajectories) -> dict[str, Any]:
+    given = conditions(trajectories)
     lamp = given.lamp_intensity / given.lamp_threshold
     return {
-        "num_frames": np.ascontiguousarray(trajectories.num_frames),
-        "valid": _flat(bodies.valid),
-        "length": _flat(bodies.length),
-        "width": _flat(bodies.width),
-        "film": _flat(given.film),
-        "wear": _flat(given.wear),
-        "truck": _flat(given.truck),
-        "fog": _flat(given.fog_extinction),
-        "rain": _flat(given.rain_extinction),
+        "film": flat(given.film),
+        "wear": flat(given.wear),
+        "truck": flat(given.truck),
+        "fog": flat(given.fog_extinction),
+        "rain": flat(given.rain_extinction),
         "contrast_depth": maximum(given.contrast_depth, np.float32(0.0)),
         "lamp_depth": log(lamp),
         "lamp_clear": np.sqrt(lamp),
-        "unlit_limit": _flat(given.unlit_limit),
+        "unlit_limit": flat(given.unlit_limit),
         "attention": float(known("model.perception.range")),
-        "side": float(side_of(road)),
-        "heading": float(np.float32(road.heading)),
-        "num_lanes": road.num_lanes,
-        "interval_ms": trajectories.scenario.frame_interval_ms,
-        "half_window": half_window(trajectories.scenario.frame_interval_ms),
+        "num_lanes": trajectories.road.num_lanes,
     }
-
-
-def _flat(values: NDArray[Any]) -> NDArray[Any]:
-    return np.ascontiguousarray(values).reshape(-1)
 
 
 def _outputs(trajectories: Trajectories, buffers: Buffers) -> dict[str, NDArray[Any]]:

@@ -21,7 +21,7 @@ from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.physics.constants import known
 from overtaking.rules import PORTUGAL, judge
 from overtaking.rules.distances import lawful_gap, sure_decel
-from overtaking.rules.l09_duty_to_return import longest_run
+from overtaking.rules.reference import longest_run
 
 RULES = {rule.code: rule for rule in PORTUGAL.rules}
 SURE = 1e6

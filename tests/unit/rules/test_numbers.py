@@ -29,7 +29,7 @@ from overtaking.model.road import RoadMark
 from overtaking.model.trajectory import DecisionKind
 from overtaking.rules import PORTUGAL, judge
 from overtaking.rules.frames import conduct, driving_end, manoeuvre
-from overtaking.rules.l09_duty_to_return import longest_run
+from overtaking.rules.reference import longest_run
 
 RULES = {rule.code: rule for rule in PORTUGAL.rules}
 RULE_FILES = sorted(Path(rules.__file__).parent.glob("*.py"))

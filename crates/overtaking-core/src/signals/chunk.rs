@@ -3,13 +3,13 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
 
-use super::{PLACES, Recording, Signals, Surroundings};
+use super::{Bodies, PLACES, Recording, Signals, Surroundings};
 use crate::elementary::{log, sincos};
 use crate::environment::{at_film, speed_columns};
 use crate::lanes::{LANES, M, V, at_least, at_most, choose, max, min, splat};
 
 const NO_VEHICLE: u8 = 255;
-const METRES: f32 = 1e-3;
+pub(super) const METRES: f32 = 1e-3;
 const RADIANS: f32 = 1e-4;
 const OCCUPANCY_REACH_MM: i32 = 100_000;
 const NEWTON_STEPS: usize = 8;
@@ -29,19 +29,20 @@ struct Nearest<S: Simd> {
 }
 
 /// Up to sixteen frames of one simulation.
-pub(super) struct Chunk<'a, S: Simd> {
+#[derive(Clone, Copy)]
+pub(super) struct Frames<'a, S: Simd> {
     pub(super) simd: S,
     pub(super) recording: &'a Recording<'a>,
-    pub(super) around: &'a Surroundings<'a>,
+    pub(super) bodies: &'a Bodies<'a>,
     pub(super) simulation: usize,
     pub(super) at: usize,
     pub(super) frames: usize,
 }
 
-impl<S: Simd> Chunk<'_, S> {
+impl<S: Simd> Frames<'_, S> {
     /// The frames of a row as integers, zero beyond its end.
     #[inline(always)]
-    fn load<T: Copy + Into<i32>>(&self, row: &[T]) -> i32x16<S> {
+    pub(super) fn load<T: Copy + Into<i32>>(&self, row: &[T]) -> i32x16<S> {
         let mut values = [0; LANES];
         if let Some(row) = row[self.at..].first_chunk::<LANES>() {
             for (value, recorded) in values.iter_mut().zip(row) {
@@ -56,7 +57,7 @@ impl<S: Simd> Chunk<'_, S> {
     }
 
     #[inline(always)]
-    fn store(&self, row: &mut [f32], values: V<S>) {
+    pub(super) fn store(&self, row: &mut [f32], values: V<S>) {
         let values: [f32; LANES] = values.to_array();
         if let Some(row) = row[self.at..].first_chunk_mut::<LANES>() {
             *row = values;
@@ -67,7 +68,7 @@ impl<S: Simd> Chunk<'_, S> {
     }
 
     #[inline(always)]
-    fn store_bytes(&self, row: &mut [u8], values: i32x16<S>) {
+    pub(super) fn store_bytes(&self, row: &mut [u8], values: i32x16<S>) {
         let values: [i32; LANES] = values.to_array();
         for (to, value) in row[self.at..].iter_mut().zip(values) {
             *to = value as u8;
@@ -75,19 +76,19 @@ impl<S: Simd> Chunk<'_, S> {
     }
 
     #[inline(always)]
-    fn int(&self, value: i32) -> i32x16<S> {
+    pub(super) fn int(&self, value: i32) -> i32x16<S> {
         i32x16::splat(self.simd, value)
     }
 
     #[inline(always)]
-    fn slot(&self, vehicle: usize) -> usize {
+    pub(super) fn slot(&self, vehicle: usize) -> usize {
         self.simulation * self.recording.slots + vehicle
     }
 
     /// Where a body lies across the road: its centre, and its reach to either side.
     #[inline(always)]
     pub(super) fn footprint(&self, slot: usize) -> (V<S>, V<S>) {
-        let a = self.around;
+        let a = self.bodies;
         let d: V<S> = self.load(self.recording.d[slot]).to_float();
         let across = a.side * (d * METRES);
         let heading: V<S> = self.load(self.recording.heading[slot]).to_float();
@@ -99,47 +100,62 @@ impl<S: Simd> Chunk<'_, S> {
 
     /// Whether a vehicle is there at all.
     #[inline(always)]
-    fn present(&self, slot: usize) -> M<S> {
+    pub(super) fn present(&self, slot: usize) -> M<S> {
         match &self.recording.present {
             Some(rows) => self.load(rows[slot]).simd_gt(0),
             None => self.int(1).simd_gt(0),
         }
     }
+}
 
+/// The same, with what is around the ego.
+pub(super) struct Chunk<'a, S: Simd> {
+    pub(super) frames: Frames<'a, S>,
+    pub(super) around: &'a Surroundings<'a>,
+}
+
+impl<S: Simd> Chunk<'_, S> {
     /// Signals of the ego alone.
     #[inline(always)]
     pub(super) fn own(&self, (across, reach): (V<S>, V<S>), out: &mut Signals<'_>) {
-        let ego = self.slot(0);
-        let s: V<S> = self.load(self.recording.s[ego]).to_float();
-        let speed: V<S> = self.load(self.recording.speed[ego]).to_float();
-        let accel: V<S> = self.load(self.recording.accel[ego]).to_float();
+        let ego = self.frames.slot(0);
+        let s: V<S> = self.frames.load(self.frames.recording.s[ego]).to_float();
+        let speed: V<S> = self
+            .frames
+            .load(self.frames.recording.speed[ego])
+            .to_float();
+        let accel: V<S> = self
+            .frames
+            .load(self.frames.recording.accel[ego])
+            .to_float();
         let speed = speed * METRES;
-        self.store_bytes(out.lane, self.load(self.recording.lane[ego]));
-        self.store(out.s, s * METRES);
-        self.store(out.lateral, across);
-        self.store(out.speed, speed);
-        self.store(out.accel, accel * METRES);
-        self.store(out.right_reach, across - reach);
-        self.store(out.left_reach, across + reach);
-        self.store(out.friction, self.friction(ego, speed));
+        self.frames
+            .store_bytes(out.lane, self.frames.load(self.frames.recording.lane[ego]));
+        self.frames.store(out.s, s * METRES);
+        self.frames.store(out.lateral, across);
+        self.frames.store(out.speed, speed);
+        self.frames.store(out.accel, accel * METRES);
+        self.frames.store(out.right_reach, across - reach);
+        self.frames.store(out.left_reach, across + reach);
+        self.frames.store(out.friction, self.friction(ego, speed));
         let (lit, unlit) = self.sights(speed);
-        self.store(out.sight_lit, lit);
-        self.store(out.sight_unlit, unlit);
+        self.frames.store(out.sight_lit, lit);
+        self.frames.store(out.sight_unlit, unlit);
     }
 
     #[inline(always)]
     fn friction(&self, ego: usize, speed: V<S>) -> V<S> {
         let a = self.around;
-        let lane = self.load(self.recording.lane[ego]);
-        let films = &a.film[self.simulation * MAX_LANES..][..a.num_lanes];
-        let mut film = splat(self.simd, films[0]);
+        let lane = self.frames.load(self.frames.recording.lane[ego]);
+        let films = &a.film[self.frames.simulation * MAX_LANES..][..a.num_lanes];
+        let mut film = splat(self.frames.simd, films[0]);
         for (k, value) in films.iter().enumerate().skip(1) {
             // 255 is beyond the slow edge.
             let beyond = lane.simd_ge(k as i32) & lane.simd_lt(255);
-            film = choose(beyond, splat(self.simd, *value), film);
+            film = choose(beyond, splat(self.frames.simd, *value), film);
         }
-        let wear = splat(self.simd, a.wear[self.simulation]);
-        let truck = splat(self.simd, a.truck[self.simulation]);
+        let wear = splat(self.frames.simd, a.wear[self.frames.simulation]);
+        let truck = splat(self.frames.simd, a.truck[self.frames.simulation]);
         at_film(
             a.constants,
             &speed_columns(a.constants, speed, wear, truck),
@@ -150,7 +166,7 @@ impl<S: Simd> Chunk<'_, S> {
     /// Distances at which something lit and something unlit is seen.
     #[inline(always)]
     fn sights(&self, speed: V<S>) -> (V<S>, V<S>) {
-        let (a, k) = (self.around, self.simulation);
+        let (a, k) = (self.around, self.frames.simulation);
         let rain = a.rain[k] * (1.0 + speed / a.constants.rain_speed);
         let air = a.fog[k] + rain;
         let contrast = a.contrast_depth[k] / at_least(air, LEAST_EXTINCTION);
@@ -161,13 +177,20 @@ impl<S: Simd> Chunk<'_, S> {
 
     #[inline(always)]
     fn lamp_range(&self, air: V<S>) -> V<S> {
-        let (a, k) = (self.around, self.simulation);
+        let (a, k) = (self.around, self.frames.simulation);
         let depth = a.lamp_depth[k];
-        let mut r = min(splat(self.simd, a.lamp_clear[k]), 4.0 / at_least(air, 1e-6));
+        let mut r = min(
+            splat(self.frames.simd, a.lamp_clear[k]),
+            4.0 / at_least(air, 1e-6),
+        );
         for _ in 0..NEWTON_STEPS {
             let excess = 2.0 * log(r) + air * r - depth;
-            r = r - r * excess / (2.0 + air * r);
-            r = at_least(r, 0.5);
+            let next = at_least(r - r * excess / (2.0 + air * r), 0.5);
+            // What a step leaves as it is every further step leaves as well.
+            if next.simd_eq(r).all_true() {
+                break;
+            }
+            r = next;
         }
         r
     }
@@ -175,33 +198,33 @@ impl<S: Simd> Chunk<'_, S> {
     /// Who is nearest in each place.
     #[inline(always)]
     pub(super) fn neighbours(&self, body: (V<S>, V<S>), out: &mut Signals<'_>) {
-        let r = self.recording;
-        let ego = self.slot(0);
-        let (own_s, own_lane) = (self.load(r.s[ego]), self.load(r.lane[ego]));
+        let r = self.frames.recording;
+        let ego = self.frames.slot(0);
+        let (own_s, own_lane) = (self.frames.load(r.s[ego]), self.frames.load(r.lane[ego]));
         let num_lanes = self.around.num_lanes as i32;
         let on_road = own_lane.simd_lt(num_lanes);
-        let zero = splat(self.simd, 0.0);
+        let zero = splat(self.frames.simd, 0.0);
         let mut nearest = [Nearest {
-            distance: self.int(i32::MAX),
-            vehicle: self.int(i32::from(NO_VEHICLE)),
+            distance: self.frames.int(i32::MAX),
+            vehicle: self.frames.int(i32::from(NO_VEHICLE)),
             length: zero,
-            speed: self.int(0),
+            speed: self.frames.int(0),
             across: zero,
             reach: zero,
         }; PLACES];
         for j in 1..r.slots {
-            let slot = self.slot(j);
-            if !self.around.valid[slot] {
+            let slot = self.frames.slot(j);
+            if !self.frames.bodies.valid[slot] {
                 continue;
             }
-            let ahead = self.load(r.s[slot]) - own_s;
-            let lane = self.load(r.lane[slot]);
-            let there = self.present(slot) & on_road & lane.simd_lt(num_lanes);
+            let ahead = self.frames.load(r.s[slot]) - own_s;
+            let lane = self.frames.load(r.lane[slot]);
+            let there = self.frames.present(slot) & on_road & lane.simd_lt(num_lanes);
             let shift = lane - own_lane;
             let is_ahead = ahead.simd_ge(0);
             let distance = is_ahead.select(ahead, -ahead);
-            let speed = self.load(r.speed[slot]);
-            let (across, reach) = self.footprint(slot);
+            let speed = self.frames.load(r.speed[slot]);
+            let (across, reach) = self.frames.footprint(slot);
             for (place, known) in nearest.iter_mut().enumerate() {
                 let right_shift = shift.simd_eq([0, 1, -1][place / 2]);
                 let right_end = if place.is_multiple_of(2) {
@@ -210,12 +233,15 @@ impl<S: Simd> Chunk<'_, S> {
                     !is_ahead
                 };
                 let closer = there & right_shift & right_end & distance.simd_lt(known.distance);
+                if !closer.any_true() {
+                    continue;
+                }
                 known.distance = closer.select(distance, known.distance);
-                known.vehicle = closer.select(self.int(j as i32), known.vehicle);
+                known.vehicle = closer.select(self.frames.int(j as i32), known.vehicle);
                 known.speed = closer.select(speed, known.speed);
                 known.length = choose(
                     closer,
-                    splat(self.simd, self.around.length[slot] * 0.5),
+                    splat(self.frames.simd, self.frames.bodies.length[slot] * 0.5),
                     known.length,
                 );
                 known.across = choose(closer, across, known.across);
@@ -235,13 +261,13 @@ impl<S: Simd> Chunk<'_, S> {
         (across, reach): (V<S>, V<S>),
         out: &mut Signals<'_>,
     ) {
-        let ego = self.slot(0);
-        let own_speed = self.load(self.recording.speed[ego]);
-        let row = place * self.frames..(place + 1) * self.frames;
+        let ego = self.frames.slot(0);
+        let own_speed = self.frames.load(self.frames.recording.speed[ego]);
+        let row = place * self.frames.frames..(place + 1) * self.frames.frames;
         let nobody = known.vehicle.simd_eq(i32::from(NO_VEHICLE));
-        let zero = splat(self.simd, 0.0);
+        let zero = splat(self.frames.simd, 0.0);
         let distance: V<S> = known.distance.to_float();
-        let gap = distance * METRES - (self.around.length[ego] * 0.5 + known.length);
+        let gap = distance * METRES - (self.frames.bodies.length[ego] * 0.5 + known.length);
         let closing = if place.is_multiple_of(2) {
             own_speed - known.speed
         } else {
@@ -249,46 +275,51 @@ impl<S: Simd> Chunk<'_, S> {
         };
         let closing: V<S> = closing.to_float();
         let aside = (across - known.across).abs() - (reach + known.reach);
-        self.store_bytes(&mut out.vehicle[row.clone()], known.vehicle);
-        self.store(&mut out.gap[row.clone()], choose(nobody, zero, gap));
-        self.store(
+        self.frames
+            .store_bytes(&mut out.vehicle[row.clone()], known.vehicle);
+        self.frames
+            .store(&mut out.gap[row.clone()], choose(nobody, zero, gap));
+        self.frames.store(
             &mut out.closing_speed[row.clone()],
             choose(nobody, zero, closing * METRES),
         );
-        self.store(&mut out.lateral_gap[row], choose(nobody, zero, aside));
+        self.frames
+            .store(&mut out.lateral_gap[row], choose(nobody, zero, aside));
     }
 
     /// Occupancy of the lane to the left, summed in half-millimetres.
     #[inline(always)]
     pub(super) fn left_lane(&self, out: &mut Signals<'_>) {
-        let r = self.recording;
-        let ego = self.slot(0);
-        let (own_s, own_lane) = (self.load(r.s[ego]), self.load(r.lane[ego]));
-        let limit = self.int(2 * OCCUPANCY_REACH_MM);
-        let mut total = self.int(0);
-        let mut count = self.int(0);
+        let r = self.frames.recording;
+        let ego = self.frames.slot(0);
+        let (own_s, own_lane) = (self.frames.load(r.s[ego]), self.frames.load(r.lane[ego]));
+        let limit = self.frames.int(2 * OCCUPANCY_REACH_MM);
+        let mut total = self.frames.int(0);
+        let mut count = self.frames.int(0);
         for j in 1..r.slots {
-            let slot = self.slot(j);
-            if !self.around.valid[slot] {
+            let slot = self.frames.slot(j);
+            if !self.frames.bodies.valid[slot] {
                 continue;
             }
-            let lane = self.load(r.lane[slot]);
-            let there = self.present(slot)
+            let lane = self.frames.load(r.lane[slot]);
+            let there = self.frames.present(slot)
                 & lane.simd_eq(own_lane + 1)
                 & lane.simd_lt(self.around.num_lanes as i32);
-            let length = self.int((self.around.length[slot] * 1000.0).round_ties_even() as i32);
-            let ahead = (self.load(r.s[slot]) - own_s).max(-limit).min(limit) * 2;
+            let length = self
+                .frames
+                .int((self.frames.bodies.length[slot] * 1000.0).round_ties_even() as i32);
+            let ahead = (self.frames.load(r.s[slot]) - own_s).max(-limit).min(limit) * 2;
             let front = (ahead + length).min(limit);
             let rear = (ahead - length).max(-limit);
-            let inside = (front - rear).max(self.int(0));
+            let inside = (front - rear).max(self.frames.int(0));
             total = there.select(total + inside, total);
             count = there.select(count + 1, count);
         }
         let total: V<S> = total.to_float();
-        self.store(
+        self.frames.store(
             out.left_occupancy,
             total * (1.0 / (4 * OCCUPANCY_REACH_MM) as f32),
         );
-        self.store_bytes(out.left_count, count);
+        self.frames.store_bytes(out.left_count, count);
     }
 }

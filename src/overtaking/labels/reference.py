@@ -1,4 +1,7 @@
-"""The events of each simulation, found in what was recorded; never in what the ego meant to do.
+"""The events of each simulation as a person reads them.
+
+`crates/overtaking-core/src/events.rs` is the fast twin. Events are found in what was recorded;
+never in what the ego meant to do.
 
 An attempt begins with a movement to the left behind a vehicle ahead, and ends by the return in
 front of it, by the return behind it (an abort), or not at all. After an abort the ego may begin

@@ -1,0 +1,73 @@
+//! Movements across the road: sustained, and far enough to be meant.
+
+use super::scene::Scene;
+
+/// Frames of an unbroken movement, both within it.
+#[derive(Clone, Copy)]
+pub(super) struct Movement {
+    pub(super) begin: usize,
+    pub(super) end: usize,
+}
+
+impl Scene<'_> {
+    /// The first movement to the left that begins at a frame or later.
+    pub(super) fn movement_left(&self, from: usize) -> Option<Movement> {
+        let least = self.limits.least_speed;
+        self.movement(from, |frame| {
+            let speed = self.lateral_speed[frame];
+            // However slowly: who goes over the line leaves the lane.
+            speed > least || (speed > 0.0 && self.treads(frame))
+        })
+    }
+
+    /// Where the first movement to the right begins that was meant, from a frame on and before another.
+    pub(super) fn meant_right(&self, from: usize, until: usize) -> Option<usize> {
+        let least = -self.limits.least_speed;
+        let mut next = from;
+        loop {
+            let one = self.movement(next, |frame| self.lateral_speed[frame] < least)?;
+            if one.begin >= until {
+                return None;
+            }
+            if self.is_meant(one, -1.0) {
+                return Some(one.begin);
+            }
+            next = one.end + 1;
+        }
+    }
+
+    /// The first unbroken run of frames that begins at a frame or later; runs end with the drive.
+    fn movement(&self, from: usize, moving: impl Fn(usize) -> bool) -> Option<Movement> {
+        let begins = |frame: &usize| moving(*frame) && (*frame == 0 || !moving(*frame - 1));
+        let begin = (from..self.driven).find(begins)?;
+        let after = (begin + 1..self.driven).find(|&frame| !moving(frame));
+        Some(Movement {
+            begin,
+            end: after.unwrap_or(self.driven) - 1,
+        })
+    }
+
+    /// Whether a movement is long and wide enough to be a change of lane or its beginning.
+    pub(super) fn is_meant(&self, one: Movement, sign: f32) -> bool {
+        one.end - one.begin + 1 >= self.limits.least_frames
+            && sign * (self.lateral[one.end] - self.median_before(one.begin))
+                >= self.limits.least_shift
+    }
+
+    /// Where the ego was in the median over the frames before one of them, and in it.
+    fn median_before(&self, frame: usize) -> f32 {
+        let earliest = frame.saturating_sub(self.limits.window);
+        // Before the recording it was where it was at first.
+        let missing = self.limits.window - (frame - earliest);
+        let mut places = vec![self.lateral[0]; missing];
+        places.extend_from_slice(&self.lateral[earliest..=frame]);
+        let middle = places.len() / 2;
+        let is_odd = !places.len().is_multiple_of(2);
+        let (lower, upper, _) = places.select_nth_unstable_by(middle, f32::total_cmp);
+        if is_odd {
+            return *upper;
+        }
+        let below = lower.iter().copied().max_by(f32::total_cmp);
+        (below.unwrap_or(*upper) + *upper) / 2.0
+    }
+}

@@ -1,0 +1,244 @@
+//! One simulation, frame by frame, and the small questions to it.
+
+use super::NO_VEHICLE;
+
+const METRES: f32 = 1e-3;
+/// Keeps time gaps finite [m/s].
+const LEAST_SPEED: f32 = 0.1;
+/// Places around the ego in a row of neighbours, the leader first.
+const PLACES: usize = 6;
+
+/// What events are looked for in; slices lead with the simulation, and end with the frame.
+pub struct Watched<'a> {
+    /// Recorded frames of each simulation.
+    pub num_frames: &'a [i32],
+    /// Vehicle slots of a simulation.
+    pub slots: usize,
+    /// Frames that there is room for.
+    pub frames: usize,
+    /// Position of each slot along the road [mm].
+    pub s: Vec<&'a [i32]>,
+    /// Slot that the ego has collided with so far.
+    pub hit: Vec<&'a [u8]>,
+    /// Whether there is a state; `None` where every vehicle has all frames.
+    pub present: Option<Vec<&'a [bool]>>,
+    /// Whether a slot holds a vehicle, (simulation, slot).
+    pub valid: &'a [bool],
+    /// Length, (simulation, slot) [m].
+    pub length: &'a [f32],
+    /// Lane of the ego.
+    pub lane: &'a [u8],
+    /// Its position across the road, to the left [m].
+    pub lateral: &'a [f32],
+    /// Its speed to the left [m/s].
+    pub lateral_speed: &'a [f32],
+    /// Its right-most corner [m].
+    pub right_reach: &'a [f32],
+    /// Its left-most corner [m].
+    pub left_reach: &'a [f32],
+    /// Its speed [m/s].
+    pub speed: &'a [f32],
+    /// Neighbours, (simulation, place, frame).
+    pub vehicle: &'a [u8],
+    /// Gaps to them [m].
+    pub gap: &'a [f32],
+}
+
+/// What makes a movement one, and where the lanes lie.
+pub struct Limits {
+    /// Lane borders from the right to the left [m].
+    pub borders: Vec<f32>,
+    /// Frames that a movement lasts at least.
+    pub least_frames: usize,
+    /// Frames before a movement that say where the ego was.
+    pub window: usize,
+    /// Least speed of a movement [m/s].
+    pub least_speed: f32,
+    /// Least way of a movement [m].
+    pub least_shift: f32,
+    /// Way within which a movement counts as undone [m].
+    pub settled_shift: f32,
+    /// Time gap that is close [s].
+    pub follow_time_gap: f32,
+}
+
+/// One simulation.
+pub(super) struct Scene<'a> {
+    pub(super) limits: &'a Limits,
+    /// Frames that were recorded, and that there is room for.
+    pub(super) recorded: usize,
+    /// Frames before any accident.
+    pub(super) driven: usize,
+    pub(super) collision: Option<usize>,
+    pub(super) departure: Option<usize>,
+    pub(super) hit: &'a [u8],
+    pub(super) lane: &'a [u8],
+    pub(super) lateral: &'a [f32],
+    pub(super) lateral_speed: &'a [f32],
+    pub(super) right_reach: &'a [f32],
+    pub(super) left_reach: &'a [f32],
+    speed: &'a [f32],
+    leader: &'a [u8],
+    gap: &'a [f32],
+    s: &'a [&'a [i32]],
+    present: Option<&'a [&'a [bool]]>,
+    valid: &'a [bool],
+    length: &'a [f32],
+}
+
+impl<'a> Scene<'a> {
+    /// A simulation of a batch.
+    pub(super) fn new(watched: &'a Watched<'a>, limits: &'a Limits, simulation: usize) -> Self {
+        let frames = watched.frames;
+        let recorded = (watched.num_frames[simulation].max(0) as usize).min(frames);
+        let own = simulation * frames..(simulation + 1) * frames;
+        let leaders = simulation * PLACES * frames..(simulation * PLACES + 1) * frames;
+        let slots = simulation * watched.slots..(simulation + 1) * watched.slots;
+        let (lane, hit) = (&watched.lane[own.clone()], watched.hit[simulation]);
+        let collision = hit[..recorded]
+            .iter()
+            .position(|&other| other != NO_VEHICLE);
+        let beyond = limits.borders.len() - 1;
+        let departure = lane[..recorded]
+            .iter()
+            .position(|&each| usize::from(each) >= beyond);
+        let accident = [collision, departure].into_iter().flatten().min();
+        Self {
+            limits,
+            recorded,
+            driven: accident.unwrap_or(recorded),
+            collision,
+            departure,
+            hit,
+            lane,
+            lateral: &watched.lateral[own.clone()],
+            lateral_speed: &watched.lateral_speed[own.clone()],
+            right_reach: &watched.right_reach[own.clone()],
+            left_reach: &watched.left_reach[own.clone()],
+            speed: &watched.speed[own],
+            leader: &watched.vehicle[leaders.clone()],
+            gap: &watched.gap[leaders],
+            s: &watched.s[slots.clone()],
+            present: watched.present.as_ref().map(|rows| &rows[slots.clone()]),
+            valid: &watched.valid[slots.clone()],
+            length: &watched.length[slots],
+        }
+    }
+
+    /// Left border of a lane; the last border for what is beyond the lanes.
+    pub(super) fn left_line(&self, lane: u8) -> f32 {
+        let borders = &self.limits.borders;
+        borders[(usize::from(lane) + 1).min(borders.len() - 1)]
+    }
+
+    /// Right border of a lane; the last border for what is beyond the lanes.
+    pub(super) fn right_line(&self, lane: u8) -> f32 {
+        let borders = &self.limits.borders;
+        borders[usize::from(lane).min(borders.len() - 1)]
+    }
+
+    /// Whether a corner of the ego is over the left line of its lane.
+    pub(super) fn treads(&self, frame: usize) -> bool {
+        self.left_reach[frame] > self.left_line(self.lane[frame])
+    }
+
+    fn leader(&self, frame: usize) -> Option<u8> {
+        let leader = self.leader[frame];
+        (frame < self.recorded && leader != NO_VEHICLE).then_some(leader)
+    }
+
+    /// The leader, or who was it until a moment ago.
+    pub(super) fn lately_ahead(&self, frame: usize) -> Option<u8> {
+        let earliest = frame.saturating_sub(self.limits.window);
+        (earliest..=frame).rev().find_map(|each| self.leader(each))
+    }
+
+    /// The leader that the ego is close behind.
+    fn followed(&self, frame: usize) -> Option<u8> {
+        let speed = self.speed[frame];
+        let moving = if speed > LEAST_SPEED {
+            speed
+        } else {
+            LEAST_SPEED
+        };
+        self.leader(frame)
+            .filter(|_| self.gap[frame] / moving < self.limits.follow_time_gap)
+    }
+
+    /// Whom an ego that attempts nothing might have overtaken.
+    pub(super) fn prospect(&self) -> Option<u8> {
+        let frames = 0..self.recorded;
+        let followed = frames.clone().find_map(|frame| self.followed(frame));
+        followed.or_else(|| frames.clone().find_map(|frame| self.leader(frame)))
+    }
+
+    /// First frame close behind the target, up to a frame; else the first one.
+    pub(super) fn follow(&self, target: u8, until: usize) -> usize {
+        let end = self.recorded.min(until + 1);
+        (0..end)
+            .find(|&frame| self.followed(frame) == Some(target))
+            .unwrap_or(0)
+    }
+
+    /// Where the ego is along the road, seen from another vehicle.
+    pub(super) fn beside(&self, slot: u8) -> Beside<'a> {
+        let slot = usize::from(slot);
+        Beside {
+            own: self.s[0],
+            other: self.s[slot],
+            half: 0.5 * (self.length[0] + self.length[slot]),
+            present: self.present.map(|rows| rows[slot]),
+        }
+    }
+
+    /// Vehicles ahead of the ego at one frame and behind it at another.
+    pub(super) fn num_passed(&self, begin: usize, end: usize) -> i32 {
+        let there = |slot: usize, frame: usize| {
+            let present = self.present.is_none_or(|rows| rows[slot][frame]);
+            self.valid[slot] && frame < self.recorded && present
+        };
+        let lead = |slot: usize, frame: usize| self.s[0][frame].wrapping_sub(self.s[slot][frame]);
+        let passed = |slot: &usize| {
+            there(*slot, begin)
+                && there(*slot, end)
+                && lead(*slot, begin) < 0
+                && lead(*slot, end) > 0
+        };
+        (0..self.s.len()).filter(passed).count() as i32
+    }
+}
+
+/// The ego seen from another vehicle, frame by frame.
+pub(super) struct Beside<'a> {
+    own: &'a [i32],
+    other: &'a [i32],
+    half: f32,
+    present: Option<&'a [bool]>,
+}
+
+impl Beside<'_> {
+    fn is_there(&self, frame: usize) -> bool {
+        self.present.is_none_or(|row| row[frame])
+    }
+
+    /// Centre of the ego minus that of the other along the road [m].
+    fn lead(&self, frame: usize) -> f32 {
+        self.own[frame].wrapping_sub(self.other[frame]) as f32 * METRES
+    }
+
+    /// Whether the two overlap along the road.
+    pub(super) fn overlaps(&self, frame: usize) -> bool {
+        self.is_there(frame) && self.lead(frame).abs() - self.half < 0.0
+    }
+
+    /// Whether the ego is wholly ahead.
+    pub(super) fn is_past(&self, frame: usize) -> bool {
+        let lead = self.lead(frame);
+        self.is_there(frame) && lead > 0.0 && lead.abs() - self.half >= 0.0
+    }
+
+    /// Whether the centre of the ego is behind.
+    pub(super) fn is_ahead(&self, frame: usize) -> bool {
+        self.is_there(frame) && self.lead(frame) < 0.0
+    }
+}

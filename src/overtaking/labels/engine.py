@@ -1,0 +1,82 @@
+"""The events by the compiled engine: those of `labels.reference`, number for number."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking import _core
+from overtaking.core.elementary import as_f32
+from overtaking.labels.accidents import struck
+from overtaking.labels.movements import num_frames_of
+from overtaking.model.events import Events
+from overtaking.model.signals import Signals
+from overtaking.model.trajectory import Trajectories
+from overtaking.physics.constants import known
+from overtaking.signals.arrays import adjacent, flat
+from overtaking.signals.reference import side_of
+
+_NARROW = frozenset(["target", "original_lane", "num_attempts", "num_passed", "partner"])
+"""Events that are bytes; the others are frames."""
+
+_SEEN = (
+    "lane",
+    "lateral",
+    "lateral_speed",
+    "right_reach",
+    "left_reach",
+    "speed",
+    "vehicle",
+    "gap",
+)
+
+
+def find_events(trajectories: Trajectories, seen: Signals) -> Events:
+    """The events of a batch.
+
+    Args:
+        trajectories: The recording.
+        seen: Its signals.
+
+    Returns:
+        Events of the attempt that decides each simulation, see `model.events.Events`.
+    """
+    names = _core.event_fields()
+    found = np.empty((len(names), seen.num_simulations), np.int32)
+    _core.events(
+        recorded=_recorded(trajectories),
+        seen={name: flat(getattr(seen, name)) for name in _SEEN},
+        limits=_limits(trajectories, seen),
+        out=found,
+    )
+    columns: dict[str, Any] = {
+        name: row.astype(np.uint8) if name in _NARROW else row
+        for name, row in zip(names, found, strict=True)
+    }
+    by_other = struck(trajectories, seen, columns["partner"], columns["collision"])
+    return Events(struck=by_other, **columns)
+
+
+def _recorded(trajectories: Trajectories) -> dict[str, NDArray[Any] | None]:
+    bodies, present = trajectories.scenario.vehicles, trajectories.present
+    return {
+        "num_frames": flat(trajectories.num_frames),
+        "valid": flat(bodies.valid),
+        "length": flat(bodies.length),
+        "s": adjacent(trajectories.states.s),
+        "hit": adjacent(trajectories.collided_with),
+        "present": None if present is None else adjacent(present),
+    }
+
+
+def _limits(trajectories: Trajectories, seen: Signals) -> dict[str, Any]:
+    borders = side_of(trajectories.road) * as_f32(trajectories.road.boundaries)
+    return {
+        "borders": [float(each) for each in borders],
+        "least_frames": num_frames_of(seen, "motion.least_time"),
+        "window": num_frames_of(seen, "motion.median_window"),
+        "least_speed": float(known("labels.motion.least_speed")),
+        "least_shift": float(known("labels.motion.least_shift")),
+        "settled_shift": float(known("labels.motion.settled_shift")),
+        "follow_time_gap": float(known("labels.phases.follow_time_gap")),
+    }

@@ -1,0 +1,147 @@
+"""What compiled rules and measures find over stretches is what the readable ones find, bit for bit."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cache
+
+import numpy as np
+import pytest
+from tests.support.recordings import with_gaps
+
+from overtaking import _core
+from overtaking.exchange.roads import load_road
+from overtaking.features import engine as fast_measures
+from overtaking.features import reference as measures
+from overtaking.labels import find_events
+from overtaking.model.labels import Case
+from overtaking.rules import engine, reference
+from overtaking.rules.frames import Span, conduct, lowest, manoeuvre, reduced
+from overtaking.scenarios import sample, spec
+from overtaking.signals.engine import signals, target_signals
+from overtaking.sim import engine as simulator
+from overtaking.sim.engine import SIMD_VARIABLE
+
+LEVELS = [name for name, available in _core.simd_levels() if available]
+
+
+@cache
+def case(profile: str = "pinto2023", *, gaps: bool = False) -> Case:
+    given = spec(profile)
+    road = load_road(given.road)
+    run = simulator.simulate(sample(given, road, 21, np.arange(192, dtype=np.uint64)))
+    run = with_gaps(run) if gaps else run
+    seen = signals(run)
+    events = find_events(run, seen)
+    target = target_signals(run, seen, events)
+    return Case(trajectories=run, signals=seen, events=events, target=target)
+
+
+def whole(given: Case) -> Span:
+    """All that was recorded."""
+    return Span(start=given.events.first, stop=given.events.last)
+
+
+def some_frames(given: Case) -> Span:
+    """Stretches of every length, none among them."""
+    draw = np.random.default_rng(4)
+    ends = draw.integers(0, given.events.last + 1, (2, len(given.events.last))).astype(np.int32)
+    return Span(start=ends[0], stop=ends[1])
+
+
+CASES = {
+    "study": case,
+    "risk": lambda: case("motorway-risk"),
+    "gaps": lambda: case(gaps=True),
+}
+SPANS = {"conduct": conduct, "manoeuvre": manoeuvre, "all": whole, "some frames": some_frames}
+
+every_case = pytest.mark.parametrize("make", CASES.values(), ids=list(CASES))
+every_span = pytest.mark.parametrize("span_of", SPANS.values(), ids=list(SPANS))
+
+
+@pytest.fixture(params=LEVELS, autouse=True)
+def level(request, monkeypatch):
+    """Everything is worked out at every SIMD level."""
+    monkeypatch.setenv(SIMD_VARIABLE, request.param)
+
+
+def same(one: np.ndarray, other: np.ndarray, where: np.ndarray | slice = slice(None)) -> bool:
+    return one.dtype == other.dtype and one[where].tobytes() == other[where].tobytes()
+
+
+def assert_same_stretch(expected, found, span: Span) -> None:
+    for field in dataclasses.fields(expected):
+        a, b = getattr(expected, field.name), getattr(found, field.name)
+        assert same(a, b, span.exists), field.name
+
+
+@every_span
+@every_case
+def test_margins_to_a_stop_are_the_same(make, span_of):
+    given = make()
+    span = span_of(given)
+    for sight in (given.signals.sight_lit, given.signals.sight_unlit):
+        expected = reference.stop_margin(given, sight, span)
+        assert_same_stretch(expected, engine.stop_margin(given, sight, span), span)
+
+
+@every_span
+@every_case
+def test_margins_to_the_leader_are_the_same(make, span_of):
+    given = make()
+    span = span_of(given)
+    expected = reference.follow_margin(given, span)
+    assert_same_stretch(expected, engine.follow_margin(given, span), span)
+
+
+@every_span
+@every_case
+def test_the_duty_to_return_is_the_same(make, span_of):
+    given = make()
+    span = span_of(given)
+    expected, found = (of.duty_to_return(given, span) for of in (reference, engine))
+    assert (expected[1] > 0).any()
+    for a, b in zip(expected, found, strict=True):
+        assert same(a, b)
+
+
+@every_span
+@every_case
+def test_braking_forced_on_others_is_the_same(make, span_of):
+    given = make()
+    span = span_of(given)
+    expected = reference.braking_margin(given, span)
+    assert_same_stretch(expected, engine.braking_margin(given, span), span)
+
+
+@every_span
+@every_case
+def test_extremes_are_the_same(make, span_of):
+    given = make()
+    span = span_of(given)
+    for values in (given.signals.speed, given.signals.left_reach):
+        assert same(lowest(values, span), engine.lowest(values, span))
+        assert same(reduced(np.maximum, values, span), engine.highest(values, span))
+
+
+@every_span
+@every_case
+def test_the_worst_of_each_measure_is_the_same(make, span_of):
+    given = make()
+    expected, found = (of.worst(given, span_of(given)) for of in (measures, fast_measures))
+    assert expected.keys() == found.keys()
+    assert expected["num_close"].any()
+    assert expected["num_critical"].any()
+    for name, values in expected.items():
+        assert same(values, found[name]), name
+
+
+@every_case
+def test_sums_over_frames_are_the_same(make):
+    given = make()
+    last = given.events.last - np.int32(30)
+    expected, found = (of.sums(given, last) for of in (measures, fast_measures))
+    assert expected.keys() == found.keys()
+    for name, values in expected.items():
+        assert same(values, found[name]), name
