@@ -166,6 +166,153 @@ def events(
 def event_fields() -> list[str]:
     """Names of the rows of events, in order."""
 
+def extreme_float(
+    *,
+    span: Mapping[str, Any],
+    values: NDArray[np.floating[Any]],
+    greatest: bool,
+    out: NDArray[np.floating[Any]],
+) -> None:
+    """The smallest or largest of an array in a stretch of each simulation.
+
+    Args:
+        span: start and stop, the first and last frame of each simulation; frames, how many there is
+            room for; and level, the SIMD level or None.
+        values: Flat (simulation, time).
+        greatest: Whether the largest is asked for.
+        out: Flat (simulation).
+
+    Raises:
+        ValueError: An array has another length, or the SIMD level is unknown or not available.
+    """
+
+def stops(
+    *,
+    span: Mapping[str, Any],
+    speed: NDArray[np.floating[Any]],
+    friction: NDArray[np.floating[Any]],
+    sight: NDArray[np.floating[Any]],
+    floor: float,
+    usable: float,
+    reaction_time: float,
+    out: Mapping[str, NDArray[Any]],
+) -> None:
+    """Sight minus stopping distance over a stretch.
+
+    Args:
+        span: As in `extreme_float`.
+        speed: Flat (simulation, time).
+        friction: The same.
+        sight: The same.
+        floor: Least friction.
+        usable: Usable share of friction times gravity.
+        reaction_time: In seconds.
+        out: low, first and last of each simulation.
+
+    Raises:
+        ValueError: As in `extreme_float`.
+    """
+
+def follow(
+    *,
+    span: Mapping[str, Any],
+    seen: Mapping[str, Any],
+    law: Mapping[str, float],
+    out: Mapping[str, NDArray[Any]],
+) -> None:
+    """Gap to the leader minus lawful gap over a stretch, but for the time after a cut-in.
+
+    Args:
+        span: As in `extreme_float`.
+        seen: speed, friction, lane, vehicle, gap, closing_speed, flat; lanes and present (or None),
+            shape (simulation, vehicle, time); regain, a number of frames.
+        law: floor, usable, decel_limit, reaction_time.
+        out: As in `stops`.
+
+    Raises:
+        ValueError: As in `extreme_float`, or a slot does not exist.
+    """
+
+def duty(
+    *,
+    span: Mapping[str, Any],
+    seen: Mapping[str, Any],
+    law: Mapping[str, float],
+    first: NDArray[np.int32],
+    length: NDArray[np.int32],
+) -> None:
+    """The longest run of frames of a stretch in which the ego could have returned.
+
+    Args:
+        span: As in `extreme_float`.
+        seen: lane, original_lane, speed, friction, vehicle, gap, closing_speed, lead, target_gap,
+            target_speed, flat; and the numbers num_lanes, time_gap, free_time, reach.
+        law: As in `follow`.
+        first: First frame of the run, -1 without one.
+        length: Its number of frames.
+
+    Raises:
+        ValueError: As in `extreme_float`.
+    """
+
+def obstruction(
+    *,
+    span: Mapping[str, Any],
+    seen: Mapping[str, Any],
+    out: Mapping[str, NDArray[Any]],
+) -> None:
+    """Allowed braking minus what is forced on the follower after each change of lane.
+
+    Args:
+        span: As in `extreme_float`.
+        seen: lane, vehicle, gap, closing_speed, flat; and the numbers lasting, allowed, most.
+        out: As in `stops`.
+
+    Raises:
+        ValueError: As in `extreme_float`.
+    """
+
+def worst(
+    *,
+    span: Mapping[str, Any],
+    seen: Mapping[str, Any],
+    law: Mapping[str, float],
+    measures: Mapping[str, float],
+    out: NDArray[np.floating[Any]],
+) -> None:
+    """The worst of each measure of safety over a stretch: a row of `out` for each `worst_fields`.
+
+    Args:
+        span: As in `extreme_float`.
+        seen: speed, accel, friction, vehicle, gap, closing_speed and length, flat; accels, shape
+            (simulation, vehicle, time).
+        law: As in `follow`.
+        measures: picud_reaction_time, picud_decel, rss_reaction_time, rss_accel, rss_rear_decel,
+            rss_lead_decel, critical_ttc.
+        out: Shape (measure, simulation).
+
+    Raises:
+        ValueError: As in `follow`.
+    """
+
+def worst_fields() -> list[str]:
+    """Names of the rows of `worst`, in order."""
+
+def means(*, span: Mapping[str, Any], seen: Mapping[str, Any], out: NDArray[np.int64]) -> None:
+    """Sums over the frames up to the last of a stretch: a row of `out` for each of `mean_fields`.
+
+    Args:
+        span: As in `extreme_float`.
+        seen: vehicle and left_count, flat; s and speed, shape (simulation, vehicle, time).
+        out: Shape (sum, simulation).
+
+    Raises:
+        ValueError: As in `follow`.
+    """
+
+def mean_fields() -> list[str]:
+    """Names of the rows of `means`, in order."""
+
 def vehicle_fields() -> list[str]:
     """Names of the vehicle parameters, in order."""
 

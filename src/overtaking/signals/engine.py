@@ -90,7 +90,9 @@ def target_signals(
         ValueError: As in `signals`.
     """
     vehicle, shape = events.target, trajectories.stage.shape
-    outputs = {name: np.empty(shape, kind) for name, kind in _OF_TARGET.items()}
+    outputs: dict[str, NDArray[Any]] = {
+        name: np.empty(shape, kind) for name, kind in _OF_TARGET.items()
+    }
     reaches = ("lateral", "right_reach", "left_reach")
     _core.target(
         states=states(trajectories),
