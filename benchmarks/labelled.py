@@ -4,38 +4,46 @@
     python benchmarks/labelled.py --simulations 50000 --agree 2000
 
 Generates `pinto2023` without frames, draws some of its simulations at random, and compares what the
-files say of them with what the readable reference says; then labels simulations from memory and
-from stored frames and compares every value. The share of each stage is measured on pieces of their
-own, in processor time of one thread.
+files say of them with what the readable reference says, which simulates and labels in NumPy alone;
+then labels simulations from memory and from stored frames and compares every value. The share of
+each stage is measured on pieces of their own, in processor time of all threads.
 """
 
 import resource
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 
 from measure import Measure, parser, report
 from overtaking import api
 from overtaking.datasets.contents import contents
 from overtaking.datasets.load import Dataset
+from overtaking.datasets.plan import shards
 from overtaking.datasets.recipe import Keep
+from overtaking.datasets.write import PARTIAL, make_folders, write_shard
 from overtaking.exchange.roads import load_road
-from overtaking.features import matched_features, paper_features
+from overtaking.features import (
+    decision_features,
+    matched_features,
+    paper_features,
+    safety_measures,
+)
 from overtaking.labelling import label
 from overtaking.labels import find_events
 from overtaking.model.labels import Case
 from overtaking.rules import PORTUGAL, check
 from overtaking.scenarios import sample, spec
-from overtaking.signals.engine import signals
-from overtaking.signals.target import target_signals
+from overtaking.signals.engine import signals, target_signals
 from overtaking.sim import engine, reference
 from overtaking.sim.parameters import parameters
 from overtaking.tables.encode_labels import encode_labels
 from overtaking.tables.label_schemas import LABEL_TABLES
+from readable import readable
 
 MILLION = 1_000_000
 MUST_S = 120.0
@@ -61,8 +69,9 @@ def against_the_reference(data: Dataset, count: int) -> Measure:
     draw = np.sort(np.random.default_rng(1).choice(len(data), count, replace=False))
     given = spec("pinto2023")
     index = draw.astype(np.uint64)
-    runs = reference.simulate(sample(given, load_road(given.road), 5, index))
-    expected = encode_labels(label(runs), draw.astype(np.int64))
+    with readable():
+        runs = reference.simulate(sample(given, load_road(given.road), 5, index))
+        expected = encode_labels(label(runs), draw.astype(np.int64))
     hashes = data.table("simulations")["trace_hash"].take(draw).to_pylist()
     own = [row.astype("<u4").tobytes() for row in runs.trace_hash]
     different = sum(one != other for one, other in zip(hashes, own, strict=True))
@@ -98,6 +107,8 @@ def stages() -> list[Measure]:
     seen = signals(runs)
     events = find_events(runs, seen)
     target = target_signals(runs, seen, events)
+    numbers = index.astype(np.int64)
+    tables = contents(runs, numbers, KEPT)
     case = Case(trajectories=runs, signals=seen, events=events, target=target)
     work: dict[str, Callable[[], object]] = {
         "sample": lambda: sample(given, road, 9, index),
@@ -108,11 +119,26 @@ def stages() -> list[Measure]:
         "target": lambda: target_signals(runs, seen, events),
         "rules": lambda: check(PORTUGAL, case),
         "features": lambda: (paper_features(case), matched_features(case)),
-        "label and tables": lambda: contents(runs, index.astype(np.int64), KEPT),
+        "decisions": lambda: decision_features(case),
+        "safety": lambda: safety_measures(case),
+        "label": lambda: label(runs),
+        "label and tables": lambda: contents(runs, numbers, KEPT),
+        "write": lambda: _write(tables),
     }
     return [
         Measure(name=f"stage {name}", value=_cost(each), unit="µs") for name, each in work.items()
     ]
+
+
+def _write(tables: Mapping[str, pa.Table]) -> None:
+    """Write a shard of one piece, to the disk and with `fsync`."""
+    with tempfile.TemporaryDirectory(prefix="overtaking-") as name:
+        folder, shard = Path(name), shards(PIECE)[0]
+        make_folders(folder, [PARTIAL])
+        make_folders(folder, KEPT)
+        write_shard(
+            folder, shard, [tables], tables=KEPT, fingerprint="none", on_piece=lambda _: None
+        )
 
 
 def _cost(work: Callable[[], object]) -> float:

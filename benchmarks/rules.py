@@ -16,8 +16,7 @@ from overtaking import api
 from overtaking.labels import find_events
 from overtaking.model.labels import Case
 from overtaking.rules import PORTUGAL, check, judge
-from overtaking.signals.engine import signals
-from overtaking.signals.target import target_signals
+from overtaking.signals.engine import signals, target_signals
 
 BATCH, REPEATS = 512, 7
 LIMIT = 60.0

@@ -14,7 +14,7 @@ from overtaking.datasets.contents import contents
 from overtaking.datasets.manifest import ShardRecord
 from overtaking.datasets.place import Place
 from overtaking.datasets.plan import Shard
-from overtaking.datasets.recipe import Recipe, Simulator
+from overtaking.datasets.recipe import Keep, Recipe, Simulator
 from overtaking.scenarios import sample
 from overtaking.tables.unknown import schema_of
 
@@ -109,7 +109,11 @@ def carry_out(order: Order, task: Task, place: Place, on_done: Told) -> ShardRec
 def _pieces(order: Order, task: Task) -> Iterator[Mapping[str, pa.Table]]:
     """The tables of a shard, as many simulations at a time as memory is meant to hold."""
     simulator = order.simulator
-    size = plan.batch_size(order.recipe.spec.resolved(), simulator.chunk_size)
+    size = plan.batch_size(
+        order.recipe.spec.resolved(),
+        simulator.chunk_size,
+        keeps_frames=order.recipe.keep is Keep.FRAMES,
+    )
 
     def piece(chunk: range) -> Mapping[str, pa.Table]:
         return _tables(order, task, chunk)

@@ -10,6 +10,8 @@ from overtaking import _core
 from overtaking.tables.arrow import Array, Mask, missing_in, to_numpy
 from overtaking.tables.columns import codes, names_of
 
+_LENGTH_BYTES = 8
+
 
 class ContentDigest:
     """A hash over the values of a table that arrives in pieces.
@@ -63,18 +65,42 @@ def _values(chunk: pa.Array, field: pa.Field, missing: Mask | None) -> Array:
     if names := names_of(field):
         return codes(chunk, names).astype(np.int8)
     if pa.types.is_string(field.type) or pa.types.is_fixed_size_binary(field.type):
-        texts = b"".join(_bytes(value) for value in chunk.to_pylist())
-        return np.frombuffer(texts, dtype=np.uint8)
+        return _texts(chunk)
     values = to_numpy(chunk)
     if missing is None or not missing.any():
         return values
     return np.where(missing, np.zeros(1, dtype=values.dtype), values)
 
 
-def _bytes(value: str | bytes | None) -> bytes:
-    """A text after its length, so that no two columns of texts look alike."""
-    text = value.encode() if isinstance(value, str) else value or b""
-    return len(text).to_bytes(8, "little") + text
+def _texts(chunk: pa.Array) -> Array:
+    """Each text after its length, so that no two columns of texts look alike; null is empty."""
+    data, lengths = _octets(chunk)
+    missing = missing_in(chunk)
+    if missing.any():  # What lies behind a null does not count.
+        data = data[np.repeat(~missing, lengths)]
+        lengths = np.where(missing, 0, lengths)
+    row = np.arange(len(chunk), dtype=np.int64)
+    begins = np.cumsum(lengths) - lengths + _LENGTH_BYTES * row
+    hashed = np.empty(len(data) + _LENGTH_BYTES * len(chunk), dtype=np.uint8)
+    prefixes = lengths.astype("<i8").view(np.uint8).reshape(-1, _LENGTH_BYTES)
+    hashed[begins[:, None] + np.arange(_LENGTH_BYTES)] = prefixes
+    hashed[np.arange(len(data)) + np.repeat(_LENGTH_BYTES * (row + 1), lengths)] = data
+    return hashed
+
+
+def _octets(chunk: pa.Array) -> tuple[Array, Array]:
+    """The bytes of all texts one after the other, and the length of each."""
+    _, *others = chunk.buffers()
+    count, first = len(chunk), chunk.offset
+    if pa.types.is_fixed_size_binary(chunk.type):
+        width = chunk.type.byte_width
+        data = np.frombuffer(others[0], np.uint8)[first * width : (first + count) * width]
+        return data, np.full(count, width, dtype=np.int64)
+    if not count or others[0] is None:
+        return np.empty(0, dtype=np.uint8), np.zeros(count, dtype=np.int64)
+    ends = np.frombuffer(others[0], np.int32)[first : first + count + 1].astype(np.int64)
+    texts = others[1] if others[1] is not None else b""
+    return np.frombuffer(texts, np.uint8)[ends[0] : ends[-1]], np.diff(ends)
 
 
 def _little_endian(values: Array) -> bytes | memoryview:

@@ -270,8 +270,6 @@ def _options(table: str) -> dict[str, Any]:
             dictionaries.append(field.name)
         elif pa.types.is_integer(field.type):
             encodings[field.name] = "DELTA_BINARY_PACKED"
-        elif pa.types.is_floating(field.type):
-            encodings[field.name] = "BYTE_STREAM_SPLIT"
     ordering = [(key, "ascending") for key in KEYS[table]]
     return {
         "use_dictionary": dictionaries,

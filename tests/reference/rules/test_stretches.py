@@ -1,4 +1,4 @@
-"""What compiled rules and measures find over stretches is what the readable ones find, bit for bit."""
+"""What compiled rules and measures find over stretches is what the readable ones find."""
 
 from __future__ import annotations
 

@@ -8,7 +8,9 @@ from hypothesis import strategies as st
 from overtaking.datasets.plan import (
     CHUNK_SIZE,
     CHUNK_STATES,
+    LARGE_CHUNK_SIZE,
     SHARD_SIZE,
+    batch_size,
     chunk_size,
     chunks,
     shards,
@@ -42,6 +44,13 @@ def test_large_worlds_come_in_smaller_chunks():
     crowded = {"traffic.vehicles": [32, 32], "time.horizon_s": 120.0}
     large = spec("pinto2023", crowded | {"time.attempt_deadline_s": 60.0}).resolved()
     assert 32 * 2401 * chunk_size(large) <= CHUNK_STATES < 32 * 2401 * (chunk_size(large) + 1)
+
+
+def test_chunks_are_larger_where_no_frames_are_kept_and_nobody_minds():
+    study = spec("pinto2023").resolved()
+    assert batch_size(study, CHUNK_SIZE) == CHUNK_SIZE
+    assert batch_size(study, CHUNK_SIZE, keeps_frames=False) == LARGE_CHUNK_SIZE > CHUNK_SIZE
+    assert batch_size(study, 4, keeps_frames=False) == 4
 
 
 def test_the_papers_276_simulations_fit_into_one_file():

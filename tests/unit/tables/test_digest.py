@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -81,3 +83,27 @@ def test_texts_cannot_run_together():
     schema = pa.schema([pa.field("name", pa.string())])
     one, other = (pa.table({"name": texts}, schema) for texts in (["ab", "c"], ["a", "bc"]))
     assert content_of(one) != content_of(other)
+
+
+@pytest.mark.parametrize(
+    ("kind", "texts"),
+    [
+        (pa.string(), ["ab", None, "", "ünï", "c"]),
+        (pa.string(), [None, None]),
+        (pa.string(), []),
+        (pa.binary(3), [b"abc", b"def", None]),
+    ],
+    ids=["some missing", "all missing", "none", "fixed width"],
+)
+def test_texts_are_hashed_one_after_the_other(kind: pa.DataType, texts: list[str | bytes | None]):
+    schema = pa.schema([pa.field("name", kind)])
+    table = pa.table({"name": pa.array(texts, kind)}, schema)
+    parts = [each.encode() if isinstance(each, str) else each or b"" for each in texts]
+    values = b"".join(len(each).to_bytes(8, "little") + each for each in parts)
+    nulls = bytes(each is None for each in texts)
+    head = f"name\0{kind}\0".encode()
+    hashes = [hashlib.sha256(each).digest() for each in (values, nulls)]
+    expected = hashlib.sha256(head + b"".join(hashes)).hexdigest()
+    assert content_of(table) == expected
+    longer = pa.table({"name": pa.array([*texts[:1], *texts], kind)}, schema)
+    assert content_of(longer.slice(len(texts[:1]))) == expected

@@ -14,6 +14,7 @@ import pytest
 
 from overtaking.core.errors import SchemaError
 from overtaking.datasets.contents import contents
+from overtaking.tables import files
 from overtaking.tables.digest import content_of
 from overtaking.tables.files import (
     FileFacts,
@@ -90,11 +91,13 @@ def test_every_column_of_the_states_reads_the_same_in_another_program(
         assert np.array_equal(np.ma.getdata(columns[name]), values), name
 
 
-def test_rows_of_one_simulation_are_found_in_any_piece(tables, tmp_path: Path):
+def test_rows_of_one_simulation_are_found_in_any_group(tables, tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(files, "LEAST_GROUP_BYTES", 1)
     states = tables["states"]
     key = states["simulation"].to_numpy()
     cut = int(np.searchsorted(key, 2))
     write(tmp_path / "a.parquet", "states", states.slice(0, cut), states.slice(cut))
+    assert pq.ParquetFile(tmp_path / "a.parquet").num_row_groups == 2
     for number in range(5):
         found = read_rows(tmp_path / "a.parquet", "states", number, number)
         assert content_of(found) == content_of(states.filter(pa.array(key == number)))
@@ -104,6 +107,21 @@ def test_rows_of_one_simulation_are_found_in_any_piece(tables, tmp_path: Path):
         3,
     ]
     assert read_rows(tmp_path / "a.parquet", "states", 9, 9).num_rows == 0
+
+
+def test_small_pieces_share_a_row_group(tables, tmp_path: Path):
+    weather = tables["weather"]
+    pieces = [weather.slice(k, 1) for k in range(weather.num_rows)]
+    facts = write(tmp_path / "a.parquet", "weather", *pieces)
+    assert pq.ParquetFile(tmp_path / "a.parquet").num_row_groups == 1
+    assert facts == write(tmp_path / "b.parquet", "weather", weather)
+    assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
+
+
+def test_the_content_counts_pieces_that_wait(tables, tmp_path: Path):
+    with TableWriter(tmp_path / "a.parquet", "weather") as writer:
+        writer.write(tables["weather"])
+        assert writer.content == content_of(tables["weather"])
 
 
 def test_notes_are_kept(tables, tmp_path: Path):
