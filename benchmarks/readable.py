@@ -1,7 +1,7 @@
 """Labels by the readable functions alone, in place of their compiled twins."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
@@ -41,7 +41,7 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
 
 
 @contextmanager
-def readable() -> Iterator[None]:
+def readable() -> Generator[None]:
     """While it lasts, whoever imported a compiled function calls the readable one."""
     undo: list[Callable[[], None]] = []
     for module in list(sys.modules.values()):

@@ -83,12 +83,13 @@ def duty_to_return(case: Case, span: Span) -> tuple[I32, I32]:
     Returns:
         Its first frame, `NEVER` without one, and its number of frames, shape (simulation,).
     """
-    first, length = np.empty((2, case.signals.num_simulations), np.int32)
+    count = case.signals.num_simulations
+    first, length = np.empty(count, np.int32), np.empty(count, np.int32)
     _core.duty(
         span=recorded_span(case, span),
         seen={
             **of_signals(case, "lane", "speed", "friction", *_NEIGHBOURS),
-            "original_lane": flat(case.events.original_lane),
+            "original_lane": np.ascontiguousarray(case.events.original_lane, np.uint8),
             "num_lanes": case.trajectories.road.num_lanes,
             "lead": flat(case.target.lead),
             "target_gap": flat(case.target.gap),
@@ -154,8 +155,8 @@ def of_signals(case: Case, *names: str) -> dict[str, NDArray[Any]]:
 def _nothing(case: Case) -> dict[str, NDArray[Any]]:
     """Room for a `Stretch`."""
     count = case.signals.num_simulations
-    first, last = np.empty((2, count), np.int32)
-    return {"low": np.empty(count, np.float32), "first": first, "last": last}
+    kinds = {"low": np.float32, "first": np.int32, "last": np.int32}
+    return {name: np.empty(count, kind) for name, kind in kinds.items()}
 
 
 def _extreme(values: F32, span: Span, *, greatest: bool) -> F32:

@@ -97,7 +97,8 @@ def target_signals(
     _core.target(
         states=states(trajectories),
         vehicles=vehicles(trajectories),
-        own={"target": flat(vehicle)} | {name: flat(getattr(seen, name)) for name in reaches},
+        own={"target": np.ascontiguousarray(vehicle, np.uint8)}
+        | {name: flat(getattr(seen, name)) for name in reaches},
         outputs=outputs,
         level=level or os.environ.get(SIMD_VARIABLE) or None,
     )
