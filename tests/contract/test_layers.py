@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 COMPILED = "overtaking._core"
 BINDINGS = (
+    "overtaking.features.engine",
+    "overtaking.labels.engine",
+    "overtaking.rules.engine",
     "overtaking.sim",
     "overtaking.signals.engine",
     "overtaking.tables.digest",

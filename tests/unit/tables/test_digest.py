@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from overtaking import _core
 from overtaking.datasets.contents import contents
 from overtaking.tables.digest import ContentDigest, content_of
 from overtaking.tables.schemas import SCHEMAS
@@ -101,9 +102,11 @@ def test_texts_are_hashed_one_after_the_other(kind: pa.DataType, texts: list[str
     parts = [each.encode() if isinstance(each, str) else each or b"" for each in texts]
     values = b"".join(len(each).to_bytes(8, "little") + each for each in parts)
     nulls = bytes(each is None for each in texts)
-    head = f"name\0{kind}\0".encode()
-    hashes = [hashlib.sha256(each).digest() for each in (values, nulls)]
-    expected = hashlib.sha256(head + b"".join(hashes)).hexdigest()
+    digests = [_core.Hash() for _ in range(2)]
+    for digest, part in zip(digests, (values, nulls), strict=True):
+        digest.update(part)
+    whole = "".join(f"{digest.hexdigest()}\0" for digest in digests)
+    expected = hashlib.sha256(f"name\0{kind}\0{whole}".encode()).hexdigest()
     assert content_of(table) == expected
     longer = pa.table({"name": pa.array([*texts[:1], *texts], kind)}, schema)
     assert content_of(longer.slice(len(texts[:1]))) == expected
