@@ -23,9 +23,10 @@ from measure import Measure, parser, report
 from overtaking import api
 from overtaking.datasets.contents import contents
 from overtaking.datasets.load import Dataset
+from overtaking.datasets.place import Folder
 from overtaking.datasets.plan import shards
 from overtaking.datasets.recipe import Keep
-from overtaking.datasets.write import PARTIAL, make_folders, write_shard
+from overtaking.datasets.write import write_shard
 from overtaking.exchange.roads import load_road
 from overtaking.features import (
     decision_features,
@@ -133,9 +134,8 @@ def stages() -> list[Measure]:
 def _write(tables: Mapping[str, pa.Table]) -> None:
     """Write a shard of one piece, to the disk and with `fsync`."""
     with tempfile.TemporaryDirectory(prefix="overtaking-") as name:
-        folder, shard = Path(name), shards(PIECE)[0]
-        make_folders(folder, [PARTIAL])
-        make_folders(folder, KEPT)
+        folder, shard = Folder(Path(name)), shards(PIECE)[0]
+        folder.prepare(KEPT)
         write_shard(
             folder, shard, [tables], tables=KEPT, fingerprint="none", on_piece=lambda _: None
         )

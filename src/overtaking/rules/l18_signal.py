@@ -18,11 +18,15 @@ I32 = NDArray[np.int32]
 def check(case: Case) -> Check:
     """The indicator is on from 2 s before either line is crossed to 1 s after."""
     out, back = case.events.line_crossed, return_crossed(case)
-    found = [_missing(case, out, out_indicator(case)), _missing(case, back, back_indicator(case))]
-    missing = found[0][0] + found[1][0]
-    first = np.where(found[0][0] > 0, found[0][1], found[1][1])
-    last = np.where(found[1][0] > 0, found[1][2], found[0][2])
-    return decided((out != NEVER) | (back != NEVER), -seconds_of(case, missing), first, last)
+    dark_out, first_out, last_out = _missing(case, out, out_indicator(case))
+    dark_back, first_back, last_back = _missing(case, back, back_indicator(case))
+    # In a short overtake the way back begins before the way out is done.
+    first = np.where(dark_out > 0, first_out, first_back)
+    first = np.where(dark_back > 0, np.minimum(first, first_back), first)
+    last = np.where(dark_back > 0, last_back, last_out)
+    last = np.where(dark_out > 0, np.maximum(last, last_out), last)
+    missing = seconds_of(case, dark_out + dark_back)
+    return decided((out != NEVER) | (back != NEVER), -missing, first, last)
 
 
 def return_crossed(case: Case) -> I32:
