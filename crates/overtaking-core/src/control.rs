@@ -108,8 +108,7 @@ fn behind_old_leader<S: Simd, const N: usize>(
     let overlaps =
         aside.simd_lt(p.half_width + pick!(n, slot, |j| w.p[j].half_width) + c.footprint_margin);
     let left = c.clear_fraction * state.path_duration[i] - state.path_time[i];
-    let clears =
-        left.simd_gt(0.0) & gap.simd_gt(p.min_gap + closing * (left + c.clear_margin));
+    let clears = left.simd_gt(0.0) & gap.simd_gt(p.min_gap + closing * (left + c.clear_margin));
     let matters = changing & slot.simd_ge(0.0) & overlaps & !clears;
     if !matters.any_true() {
         return free;

@@ -90,8 +90,8 @@ pub fn find_neighbours<S: Simd, const N: usize>(
         let low_side = state.d[j] - w.p[j].half_width;
         let high_side = state.d[j] + w.p[j].half_width;
         let moves = state.path_time[j].simd_gt(c.visible_fraction * state.path_duration[j]);
-        let changing = state.path_time[j].simd_lt(state.path_duration[j])
-            & state.crashed[j].simd_eq(0.0);
+        let changing =
+            state.path_time[j].simd_lt(state.path_duration[j]) & state.crashed[j].simd_eq(0.0);
         let shows = changing & (state.indicator[j].simd_ne(0.0) | moves);
         let shift = state.lane[j] - lane;
         for (k, (low, high)) in bands.into_iter().enumerate() {
