@@ -83,8 +83,8 @@ MUTATIONS = (
     ),
     Mutation(
         file="neighbours.rs",
-        marked="let inside = other & (overlaps | (signals & shift«.simd_eq(SHIFTS[k])));",
-        meaning="comparison: who signals is seen in every lane but the one that he makes for",
+        marked="let inside = other & (overlaps | (shows & shift«.simd_eq(SHIFTS[k])));",
+        meaning="comparison: who moves over is seen in every lane but the one that he makes for",
     ),
     Mutation(
         file="perception.rs",
