@@ -14,10 +14,12 @@ from overtaking.carla_server.motion import Ground, Motion, overlap
 from overtaking.knowledge import presets
 from overtaking.knowledge.blueprints import blueprints
 from overtaking.model.known_roads import known_road
+from overtaking.physics.constants import constants
 
 TICK = 0.05
 GRAVITY = 9.81
 CAR = "vehicle.audi.a2"
+TRUCK = "vehicle.carlamotors.european_hgv"
 
 
 def fleet_in(**changes: float) -> Fleet:
@@ -39,12 +41,28 @@ def drive(fleet: Fleet, seconds: float, **controls: Control) -> None:
 
 def test_full_throttle_gives_the_launch_acceleration_of_the_class():
     fleet = fleet_in()
-    fleet.add(1, body_of(CAR), at(100.0))
+    fleet.add(1, body_of(TRUCK), at(100.0))
     drive(fleet, 1.0, _1=Control(throttle=1.0))
     body = fleet.body(1)
     rolling = body["rolling_resistance"] * GRAVITY
     expected = body["launch_accel"] - rolling
     assert fleet.motion(1).along == pytest.approx(expected, rel=0.03)
+
+
+def test_full_throttle_of_a_car_is_held_back_by_traction_control():
+    fleet = fleet_in()
+    fleet.add(1, body_of(CAR), at(100.0))
+    drive(fleet, 1.0, _1=Control(throttle=1.0))
+    body = fleet.body(1)
+    # Front-wheel drive: the front axle's load less what acceleration moves to the rear.
+    front = 1.0 - body["cg_to_front"] / body["wheelbase"]
+    lift = body["cg_height"] / body["wheelbase"]
+    # On dry roads up to 50 km/h, half-way between new (0.85) and worn tyres (1.0), see Bosch.
+    grip = float(constants().traction_share) * 0.925
+    rolling = body["rolling_resistance"] * GRAVITY
+    expected = (grip * GRAVITY * front - rolling) / (1.0 + grip * lift)
+    assert fleet.motion(1).along == pytest.approx(expected, rel=0.01)
+    assert expected < body["launch_accel"] - rolling
 
 
 def test_coasting_slows_by_drag_and_rolling_resistance():

@@ -117,9 +117,9 @@ def test_a_collision_is_marked(labelled: Labelled):
 
 
 def test_without_an_attempt_the_ego_follows(labelled: Labelled):
-    simulation = int(
-        np.flatnonzero(~labelled.events.attempted & (labelled.events.collision < 0))[0]
-    )
+    events = labelled.events
+    ended = (events.collision != NEVER) | (events.road_departure != NEVER)
+    simulation = int(np.flatnonzero(~events.attempted & ~ended)[0])
     one = of(labelled, simulation)
     assert [phase.name for phase in one.phases] == ["follows"]
     assert one.marks == ()
