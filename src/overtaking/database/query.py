@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from overtaking.core.bounds import check_bounds
 from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.database.views import SCHEMA, VIEWS
 
@@ -78,7 +79,7 @@ def query(
         MissingExtraError: DuckDB is not installed.
     """
     duckdb = _duckdb()
-    _check_bounds(max_rows, timeout_s, memory_mib)
+    check_bounds("sql", max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
     with duckdb.connect(":memory:") as connection:
         _fill(connection, data, sql, memory_mib)
         try:
@@ -164,22 +165,6 @@ def _duckdb() -> Any:
             next_step="run: pip install 'overtaking[sql]'",
         ) from None
     return duckdb
-
-
-def _check_bounds(max_rows: int, timeout_s: float, memory_mib: int) -> None:
-    for what, value, low in (
-        ("rows", max_rows, 1),
-        ("time in seconds", timeout_s, 0.001),
-        ("memory in MiB", memory_mib, 16),
-    ):
-        if not low <= value <= 1e9:
-            raise ConfigError.of(
-                what=what,
-                where="sql",
-                expected=f"{low} or more",
-                got=value,
-                next_step="choose a number in that range",
-            )
 
 
 def _first_line(error: Exception) -> str:

@@ -9,6 +9,7 @@ import threading
 import time
 from typing import IO, TYPE_CHECKING, Any, Self
 
+from overtaking.core.bounds import check_bounds
 from overtaking.core.errors import ConfigError
 from overtaking.logic.clauses import reasoner
 
@@ -55,7 +56,7 @@ class Reasoner:
             MissingExtraError: clingo is not installed.
         """
         reasoner()
-        _check_bounds(max_rows, timeout_s, memory_mib)
+        check_bounds("ask", max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
         self._left, self._timeout, self._memory = timeout_s, timeout_s, memory_mib
         asked = {
             "program": program,
@@ -143,22 +144,6 @@ class ProgramError(Exception):
         """Keep what it says, line by line."""
         super().__init__(" ".join(said))
         self.said = said
-
-
-def _check_bounds(max_rows: int, timeout_s: float, memory_mib: int) -> None:
-    for what, value, low in (
-        ("rows", max_rows, 1),
-        ("time in seconds", timeout_s, 0.001),
-        ("memory in MiB", memory_mib, 16),
-    ):
-        if not low <= value <= 1e9:
-            raise ConfigError.of(
-                what=what,
-                where="ask",
-                expected=f"{low} or more",
-                got=value,
-                next_step="choose a number in that range",
-            )
 
 
 def _over(expected: str, got: str) -> ConfigError:
