@@ -6,7 +6,7 @@ three of rain, with Wilson's interval; a stratum fails with a share below 1 % or
 too few completed. Each stratum is drawn on its own, with weather from its ranges and everything
 else as the profile has it: most of them are too rare to wait for.
 
-    python benchmarks/strata.py --profile motorway --each 130
+    python benchmarks/strata.py --profile motorway-risk --each 1024
 """
 
 import math
@@ -96,8 +96,8 @@ def row(legal: NDArray[np.bool_]) -> tuple[str, bool]:
 def main() -> int:
     """Measure and print."""
     arguments = parser(__doc__)
-    arguments.add_argument("--profile", default="motorway")
-    arguments.add_argument("--each", type=int, default=130)
+    arguments.add_argument("--profile", default="motorway-risk")
+    arguments.add_argument("--each", type=int, default=1024)
     arguments.add_argument("--policy", default="default")
     given = arguments.parse_args()
     failed = 0

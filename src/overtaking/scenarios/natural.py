@@ -125,18 +125,20 @@ def road_length(spec: Spec, flow: Flow) -> float:
 def _own_wish(
     spec: Spec, flow: Flow, seed: int, index: U64, lane: U8, bend: Bend
 ) -> tuple[F32, Bend]:
-    """The speed that the ego wants [m/s], and what gives its temper once more.
+    """The speed that the ego wants [m/s], and what gives its temper and traits once more.
 
     The traffic is placed by what the ego wants, so it is drawn before the others are.
     """
     u = first_uniform(seed, index, Role.EGO)[:, None]
     kind = layout.kinds(flow, u, lane[:, None])
-    temper: dict[str, F32] = {}
+    drawn: dict[str, F32] = {}
 
     def remembered(name: str, u: F32) -> F32:
-        if name not in temper:
-            temper[name] = bend(name, u)
-        return temper[name]
+        if not name.startswith("ego_"):
+            return bend(name, u)
+        if name not in drawn:
+            drawn[name] = bend(name, u)
+        return drawn[name]
 
     traits = sample_traits(spec.drivers, seed, index, kind, remembered)
     wish = layout.wishes(flow, traits["cruise_factor"], kind, lane[:, None])

@@ -45,16 +45,24 @@ class Noise:
 
     def normal(self) -> F32:
         """The next standard normal number, cut off at `REACH`."""
+        return cut_off(self.unbounded_normal())
+
+    def unbounded_normal(self) -> F32:
+        """The next standard normal number, as far out as it may be."""
         if self._spare is not None:
             number, self._spare = self._spare, None
             return number
-        first, second = normal_pair(self._draws.uniform(), self._draws.uniform())
-        self._spare = clamp(second, -REACH, REACH)
-        return clamp(first, -REACH, REACH)
+        first, self._spare = normal_pair(self._draws.uniform(), self._draws.uniform())
+        return first
 
     def integer(self, count: int) -> NDArray[np.int32]:
         """The next integer in [0, count)."""
         return self._draws.integer(count)
+
+
+def cut_off(normal: F32) -> F32:
+    """Normal numbers, those beyond `REACH` at it."""
+    return clamp(normal, -REACH, REACH)
 
 
 def spread(u: F32, low: Number, high: Number) -> F32:

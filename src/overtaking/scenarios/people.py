@@ -13,7 +13,7 @@ from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge import VEHICLE_CLASS_ORDER, Distribution, vehicle_classes
 from overtaking.model.drivers import Drivers
 from overtaking.model.vehicles import Role
-from overtaking.scenarios.noise import U8, Noise, spread
+from overtaking.scenarios.noise import U8, Noise, cut_off, spread
 from overtaking.scenarios.populations import TRAITS, Population, population
 from overtaking.scenarios.proposal import Bend, as_met
 
@@ -42,7 +42,7 @@ def sample_traits(
         seed: Seed of the data set.
         index: Simulation numbers, shape (simulation,).
         kind: Vehicle types, shape (simulation, vehicle).
-        bend: Draws the ego's temper from where more happens (see `proposal`).
+        bend: Draws tempers and the ego's traits from where more happens (see `proposal`).
 
     Returns:
         `TRAITS` by name, each of the shape of `kind`; yes or no is 1 or 0.
@@ -52,8 +52,10 @@ def sample_traits(
     who = population(people.population)
     temper = noise.uniform()
     temper[:, Role.EGO] = bend("ego_temper", temper[:, Role.EGO])
+    for slot in range(Role.EGO + 1, temper.shape[1]):
+        temper[:, slot] = bend("others_temper", temper[:, slot])
     temper = spread(temper, *people.temper)
-    traits = {name: _trait(name, who, temper, noise) for name in TRAITS}
+    traits = {name: _trait(name, who, temper, noise, bend) for name in TRAITS}
     for name, factor in _FACTORS.items():
         traits[name] = traits[name] * _factors(people.population, factor)[kind]
     traits["decel"] = traits["decel"] * _comfort()[kind]
@@ -110,7 +112,7 @@ def most_cruise(people: People) -> float:
     return max(who.careful.cruise_factor.high, who.reckless.cruise_factor.high)
 
 
-def _trait(name: str, who: Population, temper: F32, noise: Noise) -> F32:
+def _trait(name: str, who: Population, temper: F32, noise: Noise, bend: Bend) -> F32:
     """One parameter of each driver, drawn from the distribution of its temper."""
     ends = (getattr(who.careful, name), getattr(who.reckless, name))
     kind = ends[0].kind
@@ -124,7 +126,9 @@ def _trait(name: str, who: Population, temper: F32, noise: Noise) -> F32:
     )
     if kind == "uniform":
         return spread(noise.uniform(), low, high)
-    deviation = _between(temper, *(end.parameter("sigma") for end in ends)) * noise.normal()
+    normal = noise.unbounded_normal()
+    normal[:, Role.EGO] = bend(f"ego_{name}", normal[:, Role.EGO])
+    deviation = _between(temper, *(end.parameter("sigma") for end in ends)) * cut_off(normal)
     return clamp(_shifted(kind, ends, temper, deviation), low, high)
 
 

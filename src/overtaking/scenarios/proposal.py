@@ -1,9 +1,10 @@
 """Draws from where more happens, and knows by how much more often that is.
 
-A simulation is drawn with probability `share` from the proposal's bent distributions and otherwise
-from the profile's own, so it has the density (1 - share) p + share q, and its weight is p over that
-(Owen and Zhou 2000, "Safe and effective importance sampling"). Weights never exceed
-1 / (1 - share), so the effective sample size is at least (1 - share) n, whatever is bent.
+A simulation is drawn from one of the proposal's components k with probability share_k, and else
+from the profile's own distributions, so it has the density (1 - sum share_k) p + sum share_k q_k,
+and its weight is p over that (Owen and Zhou 2000, "Safe and effective importance sampling"),
+whichever it was drawn from. Weights never exceed 1 / (1 - sum share_k), so the effective sample
+size is at least that part of n, whatever is bent.
 """
 
 from __future__ import annotations
@@ -13,18 +14,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.core.elementary import F32, power
+from overtaking.core.elementary import F32, Mask, exp, power
 from overtaking.core.philox import U64, Stream
 from overtaking.scenarios.noise import Noise
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from overtaking.scenarios.schema_flow import Proposal
+    from overtaking.scenarios.schema_flow import Component, Proposal
 
 
 Bend = Callable[[str, F32], F32]
-"""Draws a named number in (0, 1) from where more happens; each name is asked for once."""
+"""Draws a named number, uniform in (0, 1) or standard normal, from where more happens."""
 
 
 def as_met(name: str, u: F32) -> F32:
@@ -34,34 +35,65 @@ def as_met(name: str, u: F32) -> F32:
 
 
 class Bending:
-    """The uniform numbers of a batch, bent where the proposal says so; used once for each name."""
+    """Numbers of a batch, drawn as each simulation's component says, independent of each other.
+
+    Uniform numbers that a component has a power for become u^power, of density v^(1/power - 1) /
+    power; standard normal ones that it has a shift for z + shift, whose density over the plain one
+    is exp(shift v - shift^2 / 2).
+    """
 
     def __init__(self, spec: Proposal | None, seed: int, index: U64) -> None:
-        """Decide which simulations are drawn from the bent distributions.
+        """Decide which simulations are drawn from which component.
 
         Args:
             spec: What the specification says; None bends nothing.
             seed: Seed of the data set.
             index: Simulation numbers, shape (simulation,).
         """
-        self._powers = spec.powers if spec else {}
-        self._share = spec.share if spec else 0.0
+        self._components = spec or ()
         drawn = Noise(seed, index, Stream.PROPOSAL).uniform() if spec else np.ones(len(index))
-        self._bent = drawn < np.float32(self._share)
-        self._density = np.ones(len(index), np.float64)
+        self._taken: list[Mask] = []
+        below = 0.0
+        for one in self._components:
+            above = below + one.share
+            self._taken.append((drawn >= np.float32(below)) & (drawn < np.float32(above)))
+            below = above
+        self._natural = np.full(len(index), 1.0 - below)
+        self._densities = [np.ones(len(index), np.float64) for _ in self._components]
 
-    def __call__(self, name: str, u: F32) -> F32:
-        """The number to use in place of `u`, shape (simulation,)."""
-        if name not in self._powers:
-            return u
-        exponent = self._powers[name]
-        v = np.where(self._bent, power(u, np.full_like(u, exponent)), u)
-        inverse = np.float32(1.0 / exponent)
-        density = inverse * power(v, np.full_like(v, inverse - np.float32(1.0)))
-        self._density = self._density * density.astype(np.float64)
-        return v
+    def __call__(self, name: str, number: F32) -> F32:
+        """The number to use in place of `number`, shape (simulation,)."""
+        if not any(name in one.powers or name in one.shifts for one in self._components):
+            return number
+        drawn = number
+        for one, taken in zip(self._components, self._taken, strict=True):
+            drawn = np.where(taken, _moved(one, name, number), drawn)
+        for one, density in zip(self._components, self._densities, strict=True):
+            density *= _density(one, name, drawn)
+        return drawn
 
     @property
     def weight(self) -> NDArray[np.float64]:
         """Profile's density over the one that was drawn from, shape (simulation,)."""
-        return 1.0 / ((1.0 - self._share) + self._share * self._density)
+        drawn_from = self._natural
+        for one, density in zip(self._components, self._densities, strict=True):
+            drawn_from = drawn_from + one.share * density
+        return 1.0 / drawn_from
+
+
+def _moved(component: Component, name: str, number: F32) -> F32:
+    """The number as the component draws it."""
+    if name in component.powers:
+        return power(number, np.full_like(number, component.powers[name]))
+    return number + np.float32(component.shifts.get(name, 0.0))
+
+
+def _density(component: Component, name: str, drawn: F32) -> NDArray[np.float64]:
+    """The component's density over the profile's own at what was drawn."""
+    if name in component.powers:
+        inverse = np.float32(1.0 / component.powers[name])
+        density = inverse * power(drawn, np.full_like(drawn, inverse - np.float32(1.0)))
+    else:
+        shift = np.float32(component.shifts.get(name, 0.0))
+        density = exp(shift * (drawn - np.float32(0.5) * shift))
+    return density.astype(np.float64)

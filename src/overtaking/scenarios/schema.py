@@ -37,7 +37,7 @@ from overtaking.scenarios.fields import (
     multiple,
     ordered,
 )
-from overtaking.scenarios.schema_flow import Flow, FlowLane, Proposal
+from overtaking.scenarios.schema_flow import Component, Flow, FlowLane, Proposal
 
 Exponent = Annotated[float, Field(gt=0.0, le=20.0)] | None
 Weibull = (
@@ -339,7 +339,7 @@ _SECTIONS: dict[tuple[str, ...], type[Section]] = {
     ("drivers",): People,
     ("drivers", "fixed"): FixedTraits,
     ("starts",): Starts,
-    ("proposal",): Proposal,
+    ("proposal",): Component,
     ("traffic", "lanes"): FlowLane,
 }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -22,6 +22,9 @@ from overtaking.scenarios.fields import (
     ordered,
 )
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
 BENT = (
     "rains",
     "rain",
@@ -32,10 +35,29 @@ BENT = (
     "sun",
     "density",
     "ego_temper",
+    "others_temper",
 )
 """What a proposal may draw differently. `rains` and `foggy` decide whether there is any: they are
-small where there is."""
+small where there is. `others_temper` is bent for each of the others on its own."""
 
+SHIFTED = tuple(
+    f"ego_{trait}"
+    for trait in (
+        "time_gap",
+        "lane_change_duration",
+        "passing_gain",
+        "patience",
+        "pull_out_time",
+        "gap_acceptance",
+        "return_time_gap",
+        "signal_time",
+        "cruise_factor",
+    )
+)
+"""Traits of the ego that a proposal may draw differently, all of them normal or lognormal."""
+
+_Power = Annotated[float, Field(gt=0.0, le=20.0)]
+_Shift = Annotated[float, Field(ge=-3.0, le=3.0)]
 DensityRange = Annotated[tuple[Positive, Positive], AfterValidator(ordered)]
 
 
@@ -103,26 +125,50 @@ class Flow(Section):
         return self
 
 
-def _bendable(powers: dict[str, Any]) -> dict[str, Any]:
-    for name in powers:
-        if name not in BENT:
-            raise complaint("a known quantity", advice(name, BENT), got=name)
-    return powers
+def _known(of: tuple[str, ...]) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    def refuse_others(given: dict[str, Any]) -> dict[str, Any]:
+        for name in given:
+            if name not in of:
+                raise complaint("a known quantity", advice(name, of), got=name)
+        return given
+
+    return refuse_others
 
 
-class Proposal(Section):
-    """Section `[proposal]`: draws some simulations from where more happens, and weights them.
+class Component(Section):
+    """Entry of section `[[proposal]]`: draws a part of the simulations from elsewhere.
 
     A bent quantity is made from u^power in place of u, uniform in (0, 1): a power below one favours
-    its upper end, a power above one its lower.
+    its upper end, a power above one its lower. A shifted one is made from z + shift in place of z,
+    normal: it lies so many standard deviations higher.
 
     Attributes:
-        share: Part of the simulations that is drawn so; the others are drawn as they are met, which
-            bounds every weight by 1 / (1 - share).
+        name: What the simulations of this part are for.
+        share: Part of the simulations that is drawn so.
         powers: Quantity of `BENT` to power.
+        shifts: Trait of the ego, of `SHIFTED`, to standard deviations.
     """
 
-    share: Annotated[Share, Field(lt=1.0)]
-    powers: Annotated[
-        dict[str, Annotated[float, Field(gt=0.0, le=20.0)]], AfterValidator(_bendable)
-    ]
+    name: Annotated[str, Field(min_length=1, max_length=40)]
+    share: Annotated[Share, Field(gt=0.0, lt=1.0)]
+    powers: Annotated[dict[str, _Power], AfterValidator(_known(BENT))] = Field(default_factory=dict)
+    shifts: Annotated[dict[str, _Shift], AfterValidator(_known(SHIFTED))] = Field(
+        default_factory=dict
+    )
+
+
+def _leave_some(components: tuple[Component, ...]) -> tuple[Component, ...]:
+    total = sum(one.share for one in components)
+    if not total < 1.0:
+        raise complaint(
+            "shares that leave some simulations as they are met, a sum below 1",
+            "lower a share",
+            key="share",
+            got=f"{total:g}",
+        )
+    return components
+
+
+Proposal = Annotated[tuple[Component, ...], Field(min_length=1), AfterValidator(_leave_some)]
+"""What is drawn differently; the rest of the simulations is drawn as it is met, which bounds every
+weight by 1 / (1 - the sum of the shares)."""

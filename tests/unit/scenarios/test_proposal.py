@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.stats
 
 from overtaking.core.errors import ConfigError
 from overtaking.exchange.roads import load_road
+from overtaking.model.vehicles import Role
 from overtaking.scenarios import sample, spec
 from overtaking.scenarios.proposal import Bending
-from overtaking.scenarios.schema_flow import Proposal
+from overtaking.scenarios.schema_flow import Component
 from overtaking.scenarios.weather import sample_weather
 
 NUMBERS = np.arange(20_000, dtype=np.uint64)
 
 
 def bent(share: float, power: float) -> tuple[np.ndarray, np.ndarray]:
-    proposal = Proposal(share=share, powers={"wind": power})
-    bending = Bending(proposal, 3, NUMBERS)
+    proposal = Component(name="windy", share=share, powers={"wind": power})
+    bending = Bending((proposal,), 3, NUMBERS)
     u = (np.random.default_rng(1).permutation(len(NUMBERS)) + 0.5) / len(NUMBERS)
     return bending("wind", u.astype(np.float32)), bending.weight
 
@@ -44,6 +46,31 @@ def test_a_power_below_one_favours_the_upper_end():
     upper, _ = bent(0.8, 0.4)
     lower, _ = bent(0.8, 3.0)
     assert upper.mean() > 0.6 > 0.4 > lower.mean()
+
+
+def shifted(shift: float) -> tuple[np.ndarray, np.ndarray]:
+    far = Component(name="far", share=0.4, shifts={"ego_time_gap": shift})
+    near = Component(name="near", share=0.3, shifts={"ego_time_gap": -shift})
+    bending = Bending((far, near), 3, NUMBERS)
+    z = scipy.stats.norm.ppf((np.random.default_rng(1).permutation(20_000) + 0.5) / 20_000)
+    return bending("ego_time_gap", z.astype(np.float32)), bending.weight
+
+
+@pytest.mark.parametrize("shift", [0.5, 1.5, 3.0])
+def test_weighted_moments_of_shifted_numbers_are_those_of_the_normal_distribution(shift):
+    v, weight = shifted(shift)
+    for moment in range(5):
+        estimate = weight * v**moment
+        spread = estimate.std() / np.sqrt(len(v))
+        assert estimate.mean() == pytest.approx(scipy.stats.norm.moment(moment), abs=5.0 * spread)
+    assert weight.max() <= 1.0 / 0.3 + 1e-6
+
+
+def test_each_component_draws_its_share():
+    v, _ = shifted(3.0)
+    # Of those moved there 93 % lie beyond 1.5, of those as they are met 7 %.
+    assert (v > 1.5).mean() == pytest.approx(0.4 * 0.933 + 0.3 * 0.0668, abs=0.02)
+    assert (v < -1.5).mean() == pytest.approx(0.3 * 0.933 + 0.3 * 0.0668, abs=0.02)
 
 
 def test_without_a_proposal_every_weight_is_one():
@@ -77,6 +104,33 @@ def test_scenarios_carry_their_weights():
     assert (natural.weight == 1.0).all()
 
 
-def test_an_unknown_quantity_is_refused():
-    with pytest.raises(ConfigError, match="did you mean wind"):
-        spec("motorway-risk", {"proposal.powers": {"winds": 2.0}})
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"share": 0.5, "powers": {"winds": 2.0}}, "did you mean wind"),
+        ({"share": 0.5, "shifts": {"ego_time_gaps": 1.0}}, "did you mean ego_time_gap"),
+        ({"share": 1.0}, "less than 1"),
+        ({"share": 0.5, "power": {"wind": 2.0}}, "did you mean powers"),
+    ],
+)
+def test_a_wrong_component_is_refused(given, message):
+    with pytest.raises(ConfigError, match=message):
+        spec("motorway-risk", {"proposal": [{"name": "windy"} | given]})
+
+
+def test_components_that_leave_nothing_as_it_is_met_are_refused():
+    half = {"name": "half", "share": 0.5}
+    with pytest.raises(ConfigError, match="a sum below 1"):
+        spec("motorway-risk", {"proposal": [half, half]})
+
+
+def test_the_risk_profile_has_orderly_drivers_and_weighs_them_back():
+    road = load_road("motorway")
+    natural = sample(spec("motorway"), road, 1, NUMBERS[:8000]).drivers
+    risk = sample(spec("motorway-risk"), road, 1, NUMBERS[:8000])
+    weight, far = risk.weight, 2.2
+    for slot, more in ((Role.EGO, 2.0), (5, 1.2)):
+        enriched, plain = (who.time_gap[:, slot] > far for who in (risk.drivers, natural))
+        assert enriched.mean() > more * plain.mean()
+        spread = np.hypot((weight * enriched).std(), plain.std()) / np.sqrt(len(weight))
+        assert (weight * enriched).mean() == pytest.approx(plain.mean(), abs=4.0 * spread)
