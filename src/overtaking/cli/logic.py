@@ -8,6 +8,7 @@ import typer
 from overtaking.cli import options
 from overtaking.cli.output import Output
 from overtaking.core.errors import ConfigError
+from overtaking.core.words import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -123,7 +124,7 @@ def render(values: dict[str, Any]) -> "Group":
             )
         )
     count, asked = len(values["rows"]), values["simulations_asked"]
-    line = f"{count:,} answer{'' if count == 1 else 's'} of {asked:,} simulations"
+    line = f"{counted(count, 'answer')} of {counted(asked, 'simulation')}"
     return Group(table, Text(line)) if values["columns"] and count else Group(Text(line))
 
 

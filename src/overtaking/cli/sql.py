@@ -8,6 +8,7 @@ import typer
 from overtaking.cli import options
 from overtaking.cli.output import Output
 from overtaking.core.errors import ConfigError
+from overtaking.core.words import counted
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -85,7 +86,7 @@ def render(values: dict[str, Any]) -> "Group":
     for row in values["rows"]:
         table.add_row(*(Text(shown(cell)) for cell in row))
     count = len(values["rows"])
-    return Group(table, Text(f"{count:,} row{'' if count == 1 else 's'}"))
+    return Group(table, Text(counted(count, "row")))
 
 
 def shown(cell: object) -> str:

@@ -9,6 +9,7 @@ import typer
 from overtaking.cli import options
 from overtaking.cli.output import Output
 from overtaking.core.errors import ConfigError
+from overtaking.core.words import counted
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -110,9 +111,10 @@ def render(values: dict[str, Any]) -> "Text":
 
     warnings = len(values["warnings"])
     lines = [
-        f"{values['page']}: {len(values['figures'])} figures and {len(values['tables'])} tables of "
-        f"{values['simulations']:,} simulations, {values['duration_s']:.1f} s",
-        *([f"{warnings} warnings about its classes, see the page"] if warnings else []),
+        f"{values['page']}: {counted(len(values['figures']), 'figure')} and "
+        f"{counted(len(values['tables']), 'table')} of "
+        f"{counted(values['simulations'], 'simulation')}, {values['duration_s']:.1f} s",
+        *([f"{counted(warnings, 'warning')} about its classes, see the page"] if warnings else []),
         *values["missing"],
     ]
     return Text("\n".join(lines))

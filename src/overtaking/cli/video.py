@@ -9,6 +9,7 @@ import typer
 from overtaking.cli import arguments, options
 from overtaking.cli.output import Output
 from overtaking.core.errors import ConfigError
+from overtaking.core.words import counted
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -114,6 +115,6 @@ def render(values: dict[str, Any]) -> "Table":
         table.add_row(f"and {len(films) - _MOST_LISTED} more in the same folder", "", "", "")
     seconds = values["duration_s"]
     rate = len(films) / max(seconds, 1e-3)
-    noun = "film" if len(films) == 1 else "films"
-    table.add_row(f"{len(films)} {noun} in {seconds:.1f} s, {rate:.1f}/s", "", "", "")
+    made = f"{counted(len(films), 'film')} in {seconds:.1f} s, {rate:.1f}/s"
+    table.add_row(made, "", "", "")
     return table

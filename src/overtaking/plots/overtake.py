@@ -18,7 +18,7 @@ from overtaking.stats.diagrams import Diagram, Track
 
 _OTHERS = "#9aa1aa"
 _SKY = "#56b4e9"  # Of the same palette; the grey of No_attempt would be lost among the others.
-_LETTER = 0.0105  # Width of a letter, in lengths of the time axis.
+_LETTER = 0.0085  # Width of a letter, in lengths of the time axis.
 _NAME_HEIGHT = 0.05  # Height of a name, in heights of the upper panel.
 
 

@@ -2,6 +2,7 @@
 
 from html import escape
 
+from overtaking.core.words import counted
 from overtaking.report.page import paragraph
 from overtaking.stats.associations import ALPHA, Associations
 from overtaking.stats.results import Statistics
@@ -25,8 +26,8 @@ def lead(found: Statistics) -> str:
     """One line on what this is."""
     sample = found.sample
     policy = _POLICIES.get(sample.policy, f"the {sample.policy} policy")
-    counted = "counted by their importance weights" if sample.is_weighted else "each counted once"
-    return f"{len(sample):,} simulations, classified under {policy}, {counted}."
+    weighing = "counted by their importance weights" if sample.is_weighted else "each counted once"
+    return f"{counted(len(sample), 'simulation')}, classified under {policy}, {weighing}."
 
 
 def facts(found: Statistics) -> list[tuple[str, str]]:
@@ -74,9 +75,9 @@ def known_leaks(found: Statistics) -> list[str]:
 def about_waiting(curve: Survival) -> str:
     """The waiting time in words."""
     text = (
-        f"{curve.num_events:,} drivers began to overtake; {curve.num_censored:,} had not begun "
-        "when their simulation or a collision ended the waiting, and are censored: all that is "
-        "known is that they would have waited longer."
+        f"{counted(curve.num_events, 'driver')} began to overtake; {curve.num_censored:,} had not "
+        "begun when their simulation or a collision ended the waiting, and are censored: all that "
+        "is known is that they would have waited longer."
     )
     if curve.median == curve.median:
         return f"{text} Half of the drivers have begun after {curve.median:.2f} s."
@@ -90,7 +91,7 @@ def about_associations(found: Statistics, measured: Associations) -> list[str]:
         "A p-value is the probability that simulations like these would show an association at "
         "least this strong if there were none. It is not the probability that there is none, and a "
         "small one says neither that an association is strong nor that one thing causes the other. "
-        f"With {number:,} simulations, "
+        f"With {counted(number, 'simulation')}, "
         + (
             "even associations too weak to matter have tiny p-values: read the effect first."
             if number >= 5_000
@@ -116,9 +117,9 @@ def _count(measured: Associations) -> str:
     place = {name: number for number, name in enumerate(measured.names)}
     kept = sum(measured.q_values[place[one.first], place[one.second]] < ALPHA for one in tested)
     return (
-        f"Of {len(tested)} pairs, {below} have p < {ALPHA:g}; about {ALPHA * len(tested):.0f} "
-        f"would if nothing were associated with anything. {kept} remain after the correction of "
-        "Benjamini and Hochberg, which bounds the share of false discoveries among them."
+        f"Of {counted(len(tested), 'pair')}, {below} have p < {ALPHA:g}; about "
+        f"{ALPHA * len(tested):.0f} would if nothing were associated with anything. {kept} "
+        "remain after the correction of Benjamini and Hochberg, which bounds the share of false discoveries among them."
     )
 
 

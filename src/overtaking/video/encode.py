@@ -6,8 +6,6 @@ import os
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from overtaking.core.errors import DatasetError, MissingExtraError
 from overtaking.tables.files import sync_folder
 from overtaking.video.canvas import HEIGHT, WIDTH, blank
@@ -18,9 +16,8 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import ModuleType
 
-    from av import VideoFrame, VideoStream
+    from av import VideoStream
 
-    from overtaking.video.canvas import U8
     from overtaking.video.film import Film
 
 PARTIAL = ".partial"
@@ -98,13 +95,13 @@ def _encode(
     av: ModuleType, film: Film, path: Path, title: str, is_wanted: Callable[[], bool]
 ) -> None:
     with _opened(av, path, title) as (container, stream):
-        target, planes = _buffers(av)
         drawn = blank()
+        # The same memory: the encoder takes its own copy of each frame before the next is drawn.
+        target = av.VideoFrame.from_numpy_buffer(drawn, "yuv420p")
         for number in range(film.num_frames):
             if not is_wanted():
                 raise Interrupted
             film.draw(number, drawn)
-            _copy(drawn, planes)
             target.pts = number
             for packet in stream.encode(target):
                 container.mux(packet)
@@ -125,27 +122,6 @@ def _opened(av: ModuleType, path: Path, title: str) -> Generator[tuple[Any, Vide
         context.color_primaries = context.color_trc = _BT709
         stream.options = dict(_OPTIONS)
         yield container, stream
-
-
-def _buffers(av: ModuleType) -> tuple[VideoFrame, list[U8]]:
-    """A frame of the encoder, and its memory as arrays: it copies what it gets."""
-    frame = av.VideoFrame(WIDTH, HEIGHT, "yuv420p")
-    planes = [
-        np.frombuffer(plane, dtype=np.uint8).reshape(plane.height, plane.line_size)[
-            :, : plane.width
-        ]
-        for plane in frame.planes
-    ]
-    return frame, planes
-
-
-def _copy(drawn: U8, planes: list[U8]) -> None:
-    luma, *chroma = planes
-    luma[...] = drawn[:HEIGHT]
-    for plane, values in zip(
-        chroma, drawn[HEIGHT:].reshape(2, HEIGHT // 2, WIDTH // 2), strict=True
-    ):
-        plane[...] = values
 
 
 def _sync(path: Path) -> None:

@@ -177,7 +177,8 @@ class Veil:
 
 
 def _veiled(plane: NDArray[np.uint8], keep: U16, added: U16) -> None:
-    mixed = plane * keep
+    mixed = plane.astype(np.uint16)  # Operands of two types would be converted piece by piece.
+    mixed *= keep
     mixed += added
     mixed >>= 8
     plane[...] = mixed

@@ -210,6 +210,7 @@ def test_a_poor_data_set_has_a_report_that_says_so(undrawn: None, tmp_path: Path
         "drawn": "no curve of waiting times can be estimated",
     }
     assert said[kind] in text
+    assert ("1 simulation, classified" if kind == "one" else "9 simulations, classified") in text
 
 
 def test_features_that_cannot_be_used_leave_no_folder(tmp_path: Path):
