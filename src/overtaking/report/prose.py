@@ -119,7 +119,8 @@ def _count(measured: Associations) -> str:
     return (
         f"Of {counted(len(tested), 'pair')}, {below} have p < {ALPHA:g}; about "
         f"{ALPHA * len(tested):.0f} would if nothing were associated with anything. {kept} "
-        "remain after the correction of Benjamini and Hochberg, which bounds the share of false discoveries among them."
+        "remain after the correction of Benjamini and Hochberg, which bounds the share of false "
+        "discoveries among them."
     )
 
 
