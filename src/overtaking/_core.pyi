@@ -313,6 +313,36 @@ def means(*, span: Mapping[str, Any], seen: Mapping[str, Any], out: NDArray[np.i
 def mean_fields() -> list[str]:
     """Names of the rows of `means`, in order."""
 
+def words(
+    *,
+    seed: int,
+    index: NDArray[np.uint64],
+    stream: NDArray[np.uint32],
+    draw: int,
+    level: str | None = None,
+) -> list[NDArray[np.uint32]]:
+    """The four words of a block of draws, `core.philox.words` of flat arrays.
+
+    Raises:
+        ValueError: The arrays differ in length, or the SIMD level is unknown or not available.
+    """
+
+def exponentials(values: NDArray[np.floating[Any]], *, level: str | None = None) -> None:
+    """Put `core.elementary.exp` of each number of a flat array in its place.
+
+    Raises:
+        ValueError: The SIMD level is unknown or not available.
+    """
+
+def normal_pairs(
+    u: NDArray[np.floating[Any]], v: NDArray[np.floating[Any]], *, level: str | None = None
+) -> None:
+    """Put `core.philox.normal_pair` of two flat arrays in their places.
+
+    Raises:
+        ValueError: As for `words`.
+    """
+
 def vehicle_fields() -> list[str]:
     """Names of the vehicle parameters, in order."""
 

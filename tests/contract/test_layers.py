@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 COMPILED = "overtaking._core"
 BINDINGS = (
+    "overtaking.core.compiled",
     "overtaking.features.engine",
     "overtaking.labels.engine",
     "overtaking.rules.engine",

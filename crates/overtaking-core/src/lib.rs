@@ -7,6 +7,7 @@
 mod block;
 mod collisions;
 mod control;
+pub mod draws;
 pub mod driven;
 mod dynamics;
 mod ego;

@@ -18,7 +18,19 @@ pub fn words(
     stream: u32,
     draw: u32,
 ) -> [[u32; LANES]; 4] {
-    let (mut c0, mut c1) = ([draw; LANES], [stream; LANES]);
+    words_of(key, low, high, &[stream; LANES], draw)
+}
+
+/// As `words`, each of a stream of its own.
+#[inline(always)]
+pub fn words_of(
+    key: [u32; 2],
+    low: &[u32; LANES],
+    high: &[u32; LANES],
+    stream: &[u32; LANES],
+    draw: u32,
+) -> [[u32; LANES]; 4] {
+    let (mut c0, mut c1) = ([draw; LANES], *stream);
     let (mut c2, mut c3) = (*low, *high);
     let [mut k0, mut k1] = key;
     for _ in 0..ROUNDS {

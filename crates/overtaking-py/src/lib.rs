@@ -1,6 +1,7 @@
 //! Thin Python binding of `overtaking-core`: arrays in, arrays filled in place; and of `overtaking-tables`.
 
 mod arrays;
+mod draws;
 mod driven;
 mod events;
 mod signals;
@@ -207,6 +208,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(driven::weather_driven, module)?)?;
     module.add_function(wrap_pyfunction!(driven::drive, module)?)?;
     module.add_function(wrap_pyfunction!(driven::moving_fields, module)?)?;
+    module.add_function(wrap_pyfunction!(draws::words, module)?)?;
+    module.add_function(wrap_pyfunction!(draws::exponentials, module)?)?;
+    module.add_function(wrap_pyfunction!(draws::normal_pairs, module)?)?;
     module.add_function(wrap_pyfunction!(vehicle_fields, module)?)?;
     module.add_function(wrap_pyfunction!(simulation_fields, module)?)?;
     module.add_function(wrap_pyfunction!(constant_fields, module)?)?;

@@ -111,9 +111,13 @@ class Draws:
     def word(self) -> U32:
         """The next 32-bit word."""
         if not self._ready:
-            self._ready = list(words(self._seed, self._index, self._stream, self._block))
+            self._ready = list(self._words(self._block))
             self._block += 1
         return self._ready.pop(0)
+
+    def _words(self, draw: int) -> tuple[U32, U32, U32, U32]:
+        """The words of a block."""
+        return words(self._seed, self._index, self._stream, draw)
 
     def uniform(self, low: float = 0.0, high: float = 1.0) -> F32:
         """The next number in (low, high)."""

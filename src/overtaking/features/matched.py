@@ -7,8 +7,9 @@ time drawn from those of the attempts, within the time for which the ego did fol
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.compiled import Draws
 from overtaking.core.elementary import F32, as_f32, maximum
-from overtaking.core.philox import Draws, Stream
+from overtaking.core.philox import Stream
 from overtaking.features.common import end_of, static
 from overtaking.knowledge import Quantity, quantities
 from overtaking.model.events import NEVER

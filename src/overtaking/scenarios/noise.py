@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.compiled import Draws, normal_pair
 from overtaking.core.elementary import F32, clamp
-from overtaking.core.philox import U32, U64, Draws, normal_pair
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+    from overtaking.core.philox import U32, U64
 
 U8: TypeAlias = NDArray[np.uint8]
 Number: TypeAlias = float | np.floating[Any] | NDArray[np.float32]

@@ -1,0 +1,113 @@
+//! Draws and elementary functions of many numbers; see `overtaking.core.philox` and `.elementary`.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::elementary::{exp, log, sincos};
+use crate::engine::supported;
+use crate::lanes::{LANES, V, dispatch};
+use crate::philox;
+
+/// A block of draws of every simulation and stream.
+pub struct Block<'a> {
+    /// Key of the random numbers.
+    pub seed: u64,
+    /// Number of each simulation.
+    pub index: &'a [u64],
+    /// Stream of each.
+    pub stream: &'a [u32],
+    /// Number of the block inside the stream.
+    pub draw: u32,
+}
+
+/// The four words of a block, each as long as the block.
+///
+/// # Errors
+/// The SIMD level is unknown or not supported by this CPU.
+pub fn words(block: &Block<'_>, forced: Option<&str>, out: [&mut [u32]; 4]) -> Result<(), String> {
+    let level = supported(forced)?;
+    dispatch!(level, |simd| fill_words(simd, block, out));
+    Ok(())
+}
+
+/// The exponential of each number, in its place.
+///
+/// # Errors
+/// As for `words`.
+pub fn exponentials(forced: Option<&str>, values: &mut [f32]) -> Result<(), String> {
+    let level = supported(forced)?;
+    dispatch!(level, |simd| fill_exponentials(simd, values));
+    Ok(())
+}
+
+/// Two independent normal numbers from each two uniform ones, in their places.
+///
+/// # Errors
+/// As for `words`.
+pub fn normal_pairs(forced: Option<&str>, u: &mut [f32], v: &mut [f32]) -> Result<(), String> {
+    let level = supported(forced)?;
+    dispatch!(level, |simd| fill_pairs(simd, u, v));
+    Ok(())
+}
+
+fn fill_words<S: Simd>(simd: S, block: &Block<'_>, out: [&mut [u32]; 4]) {
+    let key = [block.seed as u32, (block.seed >> 32) as u32];
+    let [a, b, c, d] = out;
+    let out = a.chunks_mut(LANES).zip(b.chunks_mut(LANES));
+    let out = out.zip(c.chunks_mut(LANES).zip(d.chunks_mut(LANES)));
+    let given = block.index.chunks(LANES).zip(block.stream.chunks(LANES));
+    for ((index, stream), ((a, b), (c, d))) in given.zip(out) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let (mut low, mut high, mut streams) = ([0; LANES], [0; LANES], [0; LANES]);
+                for (lane, (&index, &stream)) in index.iter().zip(stream).enumerate() {
+                    low[lane] = index as u32;
+                    high[lane] = (index >> 32) as u32;
+                    streams[lane] = stream;
+                }
+                let found = philox::words_of(key, &low, &high, &streams, block.draw);
+                for (row, words) in [a, b, c, d].into_iter().zip(found) {
+                    row.copy_from_slice(&words[..row.len()]);
+                }
+            },
+        );
+    }
+}
+
+fn fill_exponentials<S: Simd>(simd: S, values: &mut [f32]) {
+    for row in values.chunks_mut(LANES) {
+        simd.vectorize(
+            #[inline(always)]
+            || store(row, exp(load(simd, row))),
+        );
+    }
+}
+
+fn fill_pairs<S: Simd>(simd: S, u: &mut [f32], v: &mut [f32]) {
+    for (u, v) in u.chunks_mut(LANES).zip(v.chunks_mut(LANES)) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let radius = (-2.0 * log(load(simd, u))).sqrt();
+                let (sine, cosine) = sincos(6.283_185_5 * load(simd, v));
+                store(u, radius * cosine);
+                store(v, radius * sine);
+            },
+        );
+    }
+}
+
+/// At most sixteen numbers, and ones beyond them.
+#[inline(always)]
+fn load<S: Simd>(simd: S, row: &[f32]) -> V<S> {
+    let mut values = [1.0; LANES];
+    values[..row.len()].copy_from_slice(row);
+    V::simd_from(simd, values)
+}
+
+#[inline(always)]
+fn store<S: Simd>(row: &mut [f32], values: V<S>) {
+    let values: [f32; LANES] = values.to_array();
+    row.copy_from_slice(&values[..row.len()]);
+}

@@ -1,0 +1,64 @@
+//! Draws and elementary functions of many numbers.
+
+use numpy::{PyArray1, PyReadonlyArray1, PyReadwriteArray1, PyUntypedArrayMethods};
+use overtaking_core::draws::{self as core, Block};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::arrays::expect_length;
+
+/// Four arrays of words.
+type Words<'py> = [Bound<'py, PyArray1<u32>>; 4];
+
+/// The four words of a block of draws of every simulation and stream.
+#[pyfunction]
+#[pyo3(signature = (*, seed, index, stream, draw, level=None))]
+pub fn words<'py>(
+    py: Python<'py>,
+    seed: u64,
+    index: PyReadonlyArray1<'py, u64>,
+    stream: PyReadonlyArray1<'py, u32>,
+    draw: u32,
+    level: Option<&str>,
+) -> PyResult<Words<'py>> {
+    expect_length("stream", stream.len(), index.len())?;
+    let block = Block {
+        seed,
+        index: index.as_slice()?,
+        stream: stream.as_slice()?,
+        draw,
+    };
+    let mut found: [Vec<u32>; 4] = std::array::from_fn(|_| vec![0; block.index.len()]);
+    let out = found.each_mut().map(Vec::as_mut_slice);
+    let done = py.detach(|| core::words(&block, level, out));
+    done.map_err(PyValueError::new_err)?;
+    Ok(found.map(|row| PyArray1::from_vec(py, row)))
+}
+
+/// Put the exponential of each number in its place.
+#[pyfunction]
+#[pyo3(signature = (values, *, level=None))]
+pub fn exponentials(
+    py: Python<'_>,
+    mut values: PyReadwriteArray1<'_, f32>,
+    level: Option<&str>,
+) -> PyResult<()> {
+    let values = values.as_slice_mut()?;
+    let done = py.detach(|| core::exponentials(level, values));
+    done.map_err(PyValueError::new_err)
+}
+
+/// Put two independent normal numbers in the place of each two uniform ones.
+#[pyfunction]
+#[pyo3(signature = (u, v, *, level=None))]
+pub fn normal_pairs(
+    py: Python<'_>,
+    mut u: PyReadwriteArray1<'_, f32>,
+    mut v: PyReadwriteArray1<'_, f32>,
+    level: Option<&str>,
+) -> PyResult<()> {
+    expect_length("v", v.len(), u.len())?;
+    let (u, v) = (u.as_slice_mut()?, v.as_slice_mut()?);
+    let done = py.detach(|| core::normal_pairs(level, u, v));
+    done.map_err(PyValueError::new_err)
+}
