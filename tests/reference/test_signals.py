@@ -13,7 +13,7 @@ from tests.support.recordings import with_gaps
 from overtaking import _core
 from overtaking.exchange.roads import load_road
 from overtaking.scenarios import sample, spec
-from overtaking.signals import engine, reference
+from overtaking.signals import engine, reference, target
 from overtaking.sim import engine as simulator
 
 if TYPE_CHECKING:
@@ -79,3 +79,16 @@ def test_what_is_not_recorded_is_zero_although_memory_is_used_again():
 def test_an_unknown_level_is_refused():
     with pytest.raises(ValueError, match="SIMD level abacus is not supported"):
         engine.signals(recorded(), level="abacus")
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_vehicle_at_single_frames_is_what_it_is_among_all_frames(mirrored):
+    run = recorded(mirrored=mirrored)
+    seen, rows = engine.signals(run), np.arange(len(run.num_frames))
+    vehicle = (1 + rows % (run.scenario.num_vehicles - 1)).astype(np.uint8)
+    whole = target.signals_of(run, seen, vehicle)
+    for frames in (rows * 0, run.num_frames // 2, run.num_frames - 1):
+        found = target.signals_at(run, seen, rows, vehicle, frames)
+        for field in dataclasses.fields(found):
+            expected = getattr(whole, field.name)[rows, frames]
+            np.testing.assert_array_equal(getattr(found, field.name), expected, field.name)

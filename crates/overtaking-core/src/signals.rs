@@ -200,6 +200,7 @@ fn one<S: Simd>(
     lateral_speed(recording.d[ego], recorded, bodies, out.lateral_speed);
     let rest = recorded.next_multiple_of(LANES).min(frames);
     out.clear_from(rest, frames);
+    let mut lamp = None;
     for at in (0..rest).step_by(LANES) {
         simd.vectorize(
             #[inline(always)]
@@ -214,7 +215,7 @@ fn one<S: Simd>(
                 };
                 let chunk = Chunk { frames, around };
                 let body = frames.footprint(ego);
-                chunk.own(body, out);
+                chunk.own(body, &mut lamp, out);
                 chunk.neighbours(body, out);
                 chunk.left_lane(out);
             },

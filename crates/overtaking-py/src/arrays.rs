@@ -2,7 +2,7 @@
 
 use numpy::{
     Element, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArrayDyn, PyUntypedArrayMethods,
-    ndarray,
+    ndarray::Axis,
 };
 use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
@@ -16,6 +16,19 @@ pub fn expect_length(what: &str, got: usize, expected: usize) -> PyResult<()> {
     Err(PyValueError::new_err(format!(
         "{what}: expected {expected} numbers, got {got}"
     )))
+}
+
+/// Refuse neighbours that are no slots of the recording.
+pub fn expect_slots(vehicles: &[u8], slots: usize) -> PyResult<()> {
+    let known = |slot: &u8| *slot == u8::MAX || usize::from(*slot) < slots;
+    // In pieces without an early end, many of them are compared at a time.
+    let all_known = |piece: &[u8]| piece.iter().fold(true, |all, slot| all & known(slot));
+    if vehicles.chunks(4096).all(all_known) {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(
+        "vehicle: expected slots of the recording",
+    ))
 }
 
 /// A writable array out of the dictionary of outputs, of the expected length.
@@ -39,7 +52,9 @@ pub fn rows<'a, T: Element>(array: &'a PyReadonlyArray3<'_, T>) -> PyResult<Vec<
     let mut rows = Vec::with_capacity(simulations * vehicles);
     for simulation in 0..simulations {
         for vehicle in 0..vehicles {
-            let row = view.slice_move(ndarray::s![simulation, vehicle, ..]);
+            let row = view
+                .index_axis_move(Axis(0), simulation)
+                .index_axis_move(Axis(0), vehicle);
             let row = row.to_slice().ok_or_else(|| {
                 PyValueError::new_err("states: expected the frames of a vehicle side by side")
             })?;
@@ -53,7 +68,7 @@ pub fn rows<'a, T: Element>(array: &'a PyReadonlyArray3<'_, T>) -> PyResult<Vec<
 pub fn rows_of_two<'a, T: Element>(array: &'a PyReadonlyArray2<'_, T>) -> PyResult<Vec<&'a [T]>> {
     let view = array.as_array();
     let row = |simulation| {
-        let row = view.slice_move(ndarray::s![simulation, ..]);
+        let row = view.index_axis_move(Axis(0), simulation);
         row.to_slice().ok_or_else(|| {
             PyValueError::new_err("states: expected the frames of a vehicle side by side")
         })

@@ -7,7 +7,7 @@ use overtaking_core::events::{Limits, NAMES, Watched};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::arrays::{expect_length, rows, rows_of_two};
+use crate::arrays::{expect_length, expect_slots, rows, rows_of_two};
 
 /// What events are looked for in, beside the signals.
 #[derive(FromPyObject)]
@@ -81,13 +81,7 @@ impl Seen<'_> {
         for (name, length, expected) in each {
             expect_length(name, length, expected)?;
         }
-        let known = |slot: &u8| *slot == u8::MAX || usize::from(*slot) < slots;
-        if self.vehicle.as_slice()?.iter().all(known) {
-            return Ok(());
-        }
-        Err(PyValueError::new_err(
-            "vehicle: expected slots of the recording",
-        ))
+        expect_slots(self.vehicle.as_slice()?, slots)
     }
 }
 

@@ -11,7 +11,7 @@ use overtaking_core::stretches::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::arrays::{expect_length, rows};
+use crate::arrays::{expect_length, expect_slots, rows};
 
 type Floats<'py> = PyReadonlyArray1<'py, f32>;
 type Octets<'py> = PyReadonlyArray1<'py, u8>;
@@ -57,13 +57,8 @@ impl Span<'_> {
     /// Neighbours that are slots of the recording.
     fn neighbours<'a>(&self, values: &'a Octets<'_>, slots: usize) -> PyResult<&'a [u8]> {
         let found = self.around(values)?;
-        let known = |slot: &u8| *slot == u8::MAX || usize::from(*slot) < slots;
-        if found.iter().all(known) {
-            return Ok(found);
-        }
-        Err(PyValueError::new_err(
-            "vehicle: expected slots of the recording",
-        ))
+        expect_slots(found, slots)?;
+        Ok(found)
     }
 }
 

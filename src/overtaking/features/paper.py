@@ -67,8 +67,13 @@ def _instant(case: Case) -> dict[str, F32]:
 
 
 def _means(case: Case) -> dict[str, F32]:
-    """Means over the frames, up to a collision; of the recorded integers, so that none is lost."""
-    total = sums(case, end_of(case, case.events.collision))
+    """Means over the frames up to a collision, 0 where there is an attempt.
+
+    They are means of the recorded integers, so that no digit is lost.
+    """
+    end = end_of(case, case.events.collision)
+    # Where there is an attempt nobody asks for means.
+    total = sums(case, np.where(case.events.attempted, NEVER, end).astype(np.int32))
     others = np.maximum(case.trajectories.scenario.num_vehicles - 1, 1)
 
     def mean(name: str, counted: str) -> F32:

@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.core.elementary import F32, as_f32
 from overtaking.features import engine
 from overtaking.features.encounters import Index, Side, encounter
 from overtaking.features.encroachment import entry_encroachment, return_encroachment
@@ -105,26 +105,23 @@ def _frames(case: Case) -> NDArray[np.int32]:
 
 def _at_events(case: Case) -> _Events:
     frame = _frames(case)
-    happened = frame != NEVER
-    rows, event = np.indices(frame.shape).reshape(2, -1)
-    frames = np.maximum(frame, 0).astype(np.intp).reshape(-1)
+    rows, event = np.nonzero(frame != NEVER)  # Most events do not come.
+    frames = frame[rows, event].astype(np.intp)
     ahead, behind = _entered_places()
-    enters = happened & np.isin(MOMENTS[1:], list(_ENTERED))
-    there = happened.reshape(-1)
+    enters = np.isin(MOMENTS[1:], list(_ENTERED))[event]
+    entered = rows[enters], frames[enters]
     front = encounter(case, Around.LEADER, Side.AHEAD, rows, frames)
     rear = encounter(case, Around.FOLLOWER, Side.BEHIND, rows, frames)
-    entered_front = encounter(case, ahead[event], Side.AHEAD, rows, frames)
-    entered_rear = encounter(case, behind[event], Side.BEHIND, rows, frames)
-    margins = _shaped(
-        _Margins(**front_margins(case, front, rows, frames), **_stops(case, rows, frames)),
-        frame.shape,
-    )
+    entered_front = encounter(case, ahead[event[enters]], Side.AHEAD, *entered)
+    entered_rear = encounter(case, behind[event[enters]], Side.BEHIND, *entered)
+    margins = _Margins(**front_margins(case, front, rows, frames), **_stops(case, rows, frames))
+    where, where_entered = (rows, event), (rows[enters], event[enters])
     return _Events(
-        front=_shaped(_where(front, there), frame.shape),
-        rear=_shaped(_where(rear, there), frame.shape),
-        entered_front=_shaped(_where(entered_front, enters.reshape(-1)), frame.shape),
-        entered_rear=_shaped(_where(entered_rear, enters.reshape(-1)), frame.shape),
-        margins=margins,
+        front=_spread(front, where, frame.shape),
+        rear=_spread(rear, where, frame.shape),
+        entered_front=_spread(entered_front, where_entered, frame.shape),
+        entered_rear=_spread(entered_rear, where_entered, frame.shape),
+        margins=_spread(margins, where, frame.shape),
     )
 
 
@@ -231,13 +228,15 @@ def stop_margins(speed: F32, friction: F32, lit: F32, unlit: F32) -> dict[str, F
     return {"stop_margin_lit": lit - stop, "stop_margin_unlit": unlit - stop}
 
 
-def _where(found: Encounter, there: Mask) -> Encounter:
-    return found.replace(valid=found.valid & there)
+def _spread(found: B, where: tuple[Index, Index], shape: tuple[int, ...]) -> B:
+    """What was found at some places of larger arrays, and 0 at all others."""
 
+    def spread(values: NDArray[Any]) -> NDArray[Any]:
+        whole = np.zeros(shape, values.dtype)
+        whole[where] = values
+        return whole
 
-def _shaped(batch: B, shape: tuple[int, ...]) -> B:
-    """The same arrays in another shape."""
-    return batch.replace(**{f.name: getattr(batch, f.name).reshape(shape) for f in fields(batch)})
+    return found.replace(**{f.name: spread(getattr(found, f.name)) for f in fields(found)})
 
 
 def _joined(worst: Encounter, at_events: Encounter) -> Encounter:

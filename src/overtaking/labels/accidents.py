@@ -10,7 +10,7 @@ from overtaking.model.events import NEVER
 from overtaking.model.signals import Signals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
 from overtaking.signals.frames import at, first_true
-from overtaking.signals.target import signals_of
+from overtaking.signals.target import signals_at
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,29 +54,28 @@ def struck(
     by_other = np.zeros(len(collision), dtype=np.bool_)
     hurt = np.flatnonzero(collision != NEVER)
     if len(hurt):
-        others = trajectories.select(hurt), seen.select(hurt)
-        by_other[hurt] = _is_struck(*others, partner[hurt], collision[hurt])
+        before = np.maximum(collision[hurt] - 1, 0)
+        by_other[hurt] = _is_struck(trajectories, seen, hurt, partner[hurt], before)
     return by_other
 
 
 def _is_struck(
     trajectories: Trajectories,
     seen: Signals,
+    hurt: NDArray[np.intp],
     partner: NDArray[np.uint8],
-    collision: NDArray[np.int32],
+    before: NDArray[np.int32],
 ) -> Mask:
-    """Whether the other one ran into the ego.
+    """Whether the other one ran into the ego, in some simulations.
 
     In the last frame before the contact: where the two are apart along the road, the one behind
     runs into the one ahead; where they are side by side, the one that moves towards the other
     faster does.
     """
-    before = np.maximum(collision - 1, 0)
-    other = signals_of(trajectories, seen, partner)
-    lead, gap, aside = (at(each, before) for each in (other.lead, other.gap, other.lateral_gap))
-    is_left = at(seen.lateral, before) > at(other.lateral, before)
-    own, others = at(seen.lateral_speed, before), at(other.lateral_speed, before)
+    other = signals_at(trajectories, seen, hurt, partner, before)
+    is_left = seen.lateral[hurt, before] > other.lateral
+    own, others = seen.lateral_speed[hurt, before], other.lateral_speed
     # Towards the other: to the right for the one on the left.
     towards, towards_ego = np.where(is_left, -own, own), np.where(is_left, others, -others)
-    beside = (gap < 0) & (aside > gap)
-    return np.where(beside, towards_ego > towards, lead > 0)
+    beside = (other.gap < 0) & (other.lateral_gap > other.gap)
+    return np.where(beside, towards_ego > towards, other.lead > 0)

@@ -137,6 +137,7 @@ class Constants:
         return dataclasses.replace(self, values=values)
 
 
+@cache
 def known(path: str) -> np.float32:
     """One number of the knowledge base, rounded once.
 

@@ -122,6 +122,23 @@ def lateral_speed(trajectories: Trajectories, d: I32) -> F32:
     return side_of(trajectories.road) * (as_f32(moved) / as_f32(elapsed))
 
 
+def lateral_speed_at(
+    trajectories: Trajectories,
+    rows: NDArray[np.intp],
+    slot: NDArray[np.intp],
+    frames: NDArray[np.integer],
+) -> F32:
+    """What `lateral_speed` says of vehicles at single frames; all arrays of one shape [m/s]."""
+    interval, d = trajectories.scenario.frame_interval_ms, trajectories.states.d
+    half = half_window(interval)
+    last = maximum_of(trajectories.num_frames[rows] - 1, 0)
+    later = np.minimum(frames + half, last)
+    earlier = np.minimum(np.maximum(frames - half, 0), last)
+    moved = d[rows, slot, later] - d[rows, slot, earlier]
+    elapsed = maximum_of((later - earlier) * interval, 1)
+    return side_of(trajectories.road) * (as_f32(moved) / as_f32(elapsed))
+
+
 def half_window(interval_ms: int) -> int:
     """Frames on either side over which the lateral speed is measured."""
     return max(1, round(_SMOOTHING_MS / interval_ms))

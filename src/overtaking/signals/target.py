@@ -10,7 +10,12 @@ from overtaking.model.events import Events
 from overtaking.model.signals import Signals, TargetSignals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
 from overtaking.model.vehicles import Role
-from overtaking.signals.reference import METRES, footprint, lateral_speed
+from overtaking.signals.reference import (
+    METRES,
+    footprint,
+    lateral_speed,
+    lateral_speed_at,
+)
 
 
 def target_signals(trajectories: Trajectories, seen: Signals, events: Events) -> TargetSignals:
@@ -92,4 +97,54 @@ def signals_of(
         speed=as_f32(states.speed[row, slot]) * METRES,
         accel=as_f32(states.accel_lon[row, slot]) * METRES,
         lateral_speed=lateral_speed(trajectories, states.d[row, slot]),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Instant:
+    """A vehicle at one frame each, as in `TargetSignals`; arrays have shape (instant,)."""
+
+    lead: F32
+    gap: F32
+    lateral: F32
+    lateral_gap: F32
+    lateral_speed: F32
+
+
+def signals_at(
+    trajectories: Trajectories,
+    seen: Signals,
+    rows: NDArray[np.intp],
+    vehicle: NDArray[np.uint8],
+    frames: NDArray[np.integer],
+) -> Instant:
+    """What `signals_of` says of single frames, without the others.
+
+    Args:
+        trajectories: The batch.
+        seen: Its signals.
+        rows: Simulations, shape (instant,).
+        vehicle: Slot of the vehicle in each, same shape.
+        frames: A frame of each, same shape.
+    """
+    states, bodies = trajectories.states, trajectories.scenario.vehicles
+    slot = vehicle.astype(np.intp)
+    length, place = bodies.length[rows, slot], (rows, slot, frames)
+    lead = as_f32(states.s[rows, Role.EGO, frames] - states.s[place]) * METRES
+    across, reach = footprint(
+        trajectories.road,
+        states.d[place][:, None],
+        states.heading[place][:, None],
+        length,
+        bodies.width[rows, slot],
+    )
+    own = (rows, frames)
+    own_reach = (seen.left_reach[own] - seen.right_reach[own]) * np.float32(0.5)
+    aside = np.abs(across[:, 0] - seen.lateral[own])
+    return Instant(
+        lead=lead,
+        gap=np.abs(lead) - np.float32(0.5) * (bodies.length[rows, Role.EGO] + length),
+        lateral=across[:, 0],
+        lateral_gap=aside - (own_reach + reach[:, 0]),
+        lateral_speed=lateral_speed_at(trajectories, rows, slot, frames),
     )

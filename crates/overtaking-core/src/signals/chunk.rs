@@ -117,7 +117,12 @@ pub(super) struct Chunk<'a, S: Simd> {
 impl<S: Simd> Chunk<'_, S> {
     /// Signals of the ego alone.
     #[inline(always)]
-    pub(super) fn own(&self, (across, reach): (V<S>, V<S>), out: &mut Signals<'_>) {
+    pub(super) fn own(
+        &self,
+        (across, reach): (V<S>, V<S>),
+        lamp: &mut Option<V<S>>,
+        out: &mut Signals<'_>,
+    ) {
         let ego = self.frames.slot(0);
         let s: V<S> = self.frames.load(self.frames.recording.s[ego]).to_float();
         let speed: V<S> = self
@@ -138,7 +143,7 @@ impl<S: Simd> Chunk<'_, S> {
         self.frames.store(out.right_reach, across - reach);
         self.frames.store(out.left_reach, across + reach);
         self.frames.store(out.friction, self.friction(ego, speed));
-        let (lit, unlit) = self.sights(speed);
+        let (lit, unlit) = self.sights(speed, lamp);
         self.frames.store(out.sight_lit, lit);
         self.frames.store(out.sight_unlit, unlit);
     }
@@ -165,13 +170,21 @@ impl<S: Simd> Chunk<'_, S> {
 
     /// Distances at which something lit and something unlit is seen.
     #[inline(always)]
-    fn sights(&self, speed: V<S>) -> (V<S>, V<S>) {
+    fn sights(&self, speed: V<S>, known: &mut Option<V<S>>) -> (V<S>, V<S>) {
         let (a, k) = (self.around, self.frames.simulation);
         let rain = a.rain[k] * (1.0 + speed / a.constants.rain_speed);
         let air = a.fog[k] + rain;
         let contrast = a.contrast_depth[k] / at_least(air, LEAST_EXTINCTION);
         let unlit = at_most(contrast, a.unlit_limit[k]);
-        let lamp = self.lamp_range(air);
+        if unlit.simd_ge(a.attention).all_true() {
+            return (splat(self.frames.simd, a.attention), unlit);
+        }
+        // Without rain the air is the same at any speed, and so in every frame.
+        let lamp = match *known {
+            Some(lamp) if a.rain[k] == 0.0 => lamp,
+            _ => self.lamp_range(air),
+        };
+        *known = Some(lamp);
         (at_most(max(lamp, unlit), a.attention), unlit)
     }
 

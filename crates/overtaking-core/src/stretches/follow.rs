@@ -76,7 +76,7 @@ struct CutIns<'a> {
     leaders: &'a [u8],
     lane: &'a [u8],
     first_slot: usize,
-    latest: [Option<usize>; NO_VEHICLE as usize],
+    latest: Vec<Option<usize>>,
 }
 
 impl<'a> CutIns<'a> {
@@ -86,7 +86,7 @@ impl<'a> CutIns<'a> {
             leaders: &given.vehicle[spans.place(simulation, 0)],
             lane: &given.lane[spans.own(simulation)],
             first_slot: simulation * given.slots,
-            latest: [None; NO_VEHICLE as usize],
+            latest: vec![None; given.slots],
         }
     }
 
