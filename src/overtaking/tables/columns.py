@@ -8,6 +8,7 @@ back as SI numbers under the SI name: `x_m`, `heading_rad`.
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pyarrow as pa
@@ -138,6 +139,22 @@ def codes(values: pa.ChunkedArray | pa.Array, names: tuple[str, ...]) -> NDArray
     return np.concatenate(parts)
 
 
+def short_codes(chunk: pa.Array, names: tuple[str, ...]) -> NDArray[np.int8]:
+    """The codes of an enumeration column of few names, as `codes`."""
+    if chunk.dictionary.to_pylist() != list(names):
+        return codes(chunk, names).astype(np.int8)
+    found = to_numpy(chunk.indices).astype(np.int8)
+    if chunk.null_count:
+        found[missing_in(chunk.indices)] = -1
+    return found
+
+
 def _listed(field: pa.Field, key: bytes) -> tuple[str, ...]:
     text = (field.metadata or {}).get(key)
-    return tuple(json.loads(text)) if text else ()
+    return _read_list(text) if text else ()
+
+
+@cache
+def _read_list(text: bytes) -> tuple[str, ...]:
+    """The names in a text of metadata; the same few are asked for with every column."""
+    return tuple(json.loads(text))

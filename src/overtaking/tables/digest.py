@@ -8,7 +8,7 @@ import pyarrow as pa
 
 from overtaking import _core
 from overtaking.tables.arrow import Array, Mask, missing_in, to_numpy
-from overtaking.tables.columns import codes, names_of
+from overtaking.tables.columns import names_of, short_codes
 
 _LENGTH_BYTES = 8
 
@@ -63,7 +63,7 @@ def content_of(table: pa.Table) -> str:
 def _values(chunk: pa.Array, field: pa.Field, missing: Mask | None) -> Array:
     """The values of a chunk as an array whose bytes say all of them, with zero for null."""
     if names := names_of(field):
-        return codes(chunk, names).astype(np.int8)
+        return short_codes(chunk, names)
     if pa.types.is_string(field.type) or pa.types.is_fixed_size_binary(field.type):
         return _texts(chunk)
     values = to_numpy(chunk)

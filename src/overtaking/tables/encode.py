@@ -15,7 +15,7 @@ from overtaking.model.road import Road
 from overtaking.model.trajectory import NO_VEHICLE, Percepts, Stage, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.model.weather import NO_PRESET
-from overtaking.tables.arrow import Array, Mask, to_arrow, to_names, to_texts
+from overtaking.tables.arrow import Array, Mask, to_arrow, to_names, to_same_text, to_texts
 from overtaking.tables.columns import names_of
 from overtaking.tables.derived import derived_weather
 from overtaking.tables.schemas import (
@@ -80,11 +80,12 @@ def simulations(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
             "simulation": numbers,
             "seed": np.full(count, scenario.seed, dtype=np.uint64),
             "index": scenario.index,
-            "profile": to_texts([scenario.profile] * count),
-            "road": to_texts([scenario.road.name] * count),
+            "profile": to_same_text(scenario.profile, count),
+            "road": to_same_text(scenario.road.name, count),
             "num_vehicles": scenario.num_vehicles.astype(np.uint8),
             "weather": numbers,
-            "num_frames": trajectories.num_frames,
+            # Recordings may lie in memory that is used again.
+            "num_frames": trajectories.num_frames.copy(),
             "frame_interval_ms": np.full(count, scenario.frame_interval_ms, dtype=np.int32),
             "horizon_s": scenario.horizon,
             "attempt_deadline_s": scenario.attempt_deadline,
@@ -99,12 +100,13 @@ def weather(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation: each has weather of its own."""
     given = trajectories.scenario.weather
     names = tuple(presets())
-    preset = [None if code == NO_PRESET else names[code] for code in given.preset.tolist()]
+    unnamed = given.preset == NO_PRESET
+    preset = to_names(np.where(unnamed, 0, given.preset), names, unnamed)
     return build(
         "weather",
         {
             "weather": numbers,
-            "preset": to_texts(preset),
+            "preset": preset.dictionary_decode(),
             **{column: getattr(given, name) for name, column in WEATHER_FIELDS},
             **derived_weather(trajectories.scenario),
         },

@@ -16,7 +16,7 @@ from overtaking.model.safety import MOMENTS
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.model.vehicles import Role
 from overtaking.rules import PORTUGAL
-from overtaking.tables.arrow import to_texts
+from overtaking.tables.arrow import to_same_text
 from overtaking.tables.decision_columns import DECISION_COLUMNS
 from overtaking.tables.encode import Masked, Numbers, build
 from overtaking.tables.label_schemas import ARTICLES, EVENTS_IN_ORDER, POLICY_NAMES, READINGS
@@ -94,7 +94,7 @@ def labels(labelled: Labelled, numbers: Numbers, weight: Weights) -> pa.Table:
             "legal_as_far_as_decidable": found.is_legal.reshape(-1),
             "num_broken": found.num_broken.reshape(-1),
             "num_undecidable": found.num_undecidable.reshape(-1),
-            "rule_set": to_texts([labelled.findings.version] * (count * policies)),
+            "rule_set": to_same_text(labelled.findings.version, count * policies),
             "class_weight": np.repeat(weight, policies),
         },
     )

@@ -25,6 +25,9 @@ LEAST_GROUP_BYTES = 4_000_000
 """Pieces wait for each other until a row group is this large: a column of a group costs the same
 time whether it holds a hundred rows or ten thousand."""
 
+LEAST_WRITE_BYTES = 1 << 20
+"""Pages wait for each other until this much is written at a time."""
+
 _FEW_VALUES = frozenset({"vehicle", "lane_id", "lights", "right_lane_id", "left_lane_id"})
 """Integers that take few values and rarely change: run lengths beat differences."""
 
@@ -111,6 +114,7 @@ class TableWriter:
             OSError: The disk is full or the file cannot be written.
         """
         self._rows.close(notes or {})
+        self._file.settle()
         os.fsync(self._file.fileno())
         return FileFacts(
             rows=self._rows.num_rows,
@@ -241,20 +245,40 @@ def read_notes(path: Path, table: str) -> dict[str, str]:
 
 
 class _HashedFile(io.FileIO):
-    """A file that hashes what is written to it, and never writes less than it was given."""
+    """A file that hashes what is written to it, and never writes less than it was given.
+
+    What is written in small parts, as pages of columns are, waits until there is more of it.
+    """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "wb")
         self._hash = hashlib.sha256()
+        self._waiting = bytearray()
 
     def write(self, data: Any, /) -> int:
-        """Write all of `data`; the system may take it in parts when the disk is almost full."""
+        """Write all of `data`, now or with what comes next."""
         view = memoryview(data).cast("B")
-        self._hash.update(view)
-        done = 0
+        self._waiting += view
+        if len(self._waiting) >= LEAST_WRITE_BYTES:
+            self.settle()
+        return len(view)
+
+    def settle(self) -> None:
+        """Write what waits; the system may take it in parts when the disk is almost full.
+
+        Raises:
+            OSError: The disk is full or the file cannot be written.
+        """
+        # Not `flush`, which closing calls: a file that is given up is not worth another error.
+        whole, self._waiting = self._waiting, bytearray()
+        self._hash.update(whole)
+        view, done = memoryview(whole), 0
         while done < len(view):
             done += super().write(view[done:])
-        return done
+
+    def tell(self) -> int:
+        """Number of bytes so far."""
+        return super().tell() + len(self._waiting)
 
     def hexdigest(self) -> str:
         """Hash over what was written."""

@@ -8,13 +8,12 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from overtaking import _core
 from overtaking.tables.arrow import Array, missing_in, to_numpy
-from overtaking.tables.columns import codes, names_of
+from overtaking.tables.columns import names_of, short_codes
 from overtaking.tables.digest import total_of
 
 
@@ -84,11 +83,7 @@ class PackedRows:
 
 def _values(chunk: pa.Array, names: tuple[str, ...]) -> Array:
     """The numbers of a column, or the codes of its names."""
-    if not names:
-        return to_numpy(chunk)
-    if chunk.null_count == 0 and chunk.dictionary.to_pylist() == list(names):
-        return to_numpy(chunk.indices).astype(np.int8)
-    return codes(chunk, names).astype(np.int8)
+    return short_codes(chunk, names) if names else to_numpy(chunk)
 
 
 def _template(schema: pa.Schema) -> bytes:
