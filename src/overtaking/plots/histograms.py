@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from overtaking.plots.style import (
     CLASS_COLOURS,
@@ -22,6 +23,7 @@ from overtaking.stats.distributions import Histogram
 
 COLUMNS = 3
 _PANEL_HEIGHT = 1.55
+_FEW = 5  # Of fewer simulations an axis would show fractions.
 
 
 @styled
@@ -73,6 +75,8 @@ def _draw_panel(axes: Axes, one: Histogram, classes: Sequence[str]) -> None:
             **face(name),
         )
         below = below + counts
+    if one.counts.sum(axis=0).max() < _FEW:
+        axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     if one.num_missing:
         axes.text(
             1.0, 1.02, f"{one.num_missing:,} without", ha="right", va="bottom", color=QUIET,

@@ -31,12 +31,14 @@ def draw_waiting(curve: Survival, last: float) -> Figure:
     )  # fmt: skip
     axes.step(time, stairs(curve.survival), where="post", color=ACCENT, linewidth=1.6)
     if not math.isnan(curve.median):
+        is_late = curve.median > 0.6 * time[-1]  # Right of the line there would be no room.
         axes.plot([0.0, curve.median, curve.median], [0.5, 0.5, 0.0], color=LINE, linewidth=0.9)
         axes.annotate(
             f"half have begun after {curve.median:.2f} s",
             (curve.median, 0.5),
-            (6, 4),
+            (-6, 4) if is_late else (6, 4),
             textcoords="offset points",
+            ha="right" if is_late else "left",
             color=INK,
         )
     axes.set_ylim(0.0, 1.03)
@@ -45,7 +47,7 @@ def draw_waiting(curve: Survival, last: float) -> Figure:
     axes.set_xlabel("waiting time, WT [s]")
     axes.set_ylabel("still waiting")
     axes.text(
-        1.0, 1.0, f"{curve.num_events:,} began, {curve.num_censored:,} censored", ha="right",
-        va="top", color=QUIET, transform=axes.transAxes,
+        1.0, 1.02, f"{curve.num_events:,} began, {curve.num_censored:,} censored", ha="right",
+        va="bottom", color=QUIET, transform=axes.transAxes,
     )  # fmt: skip
     return figure

@@ -122,6 +122,27 @@ def test_the_curve_goes_through_its_points():
     assert "half have begun after 2.00 s" in texts(axes.figure)  # type: ignore[arg-type]
 
 
+def test_a_late_median_is_named_within_the_axes():
+    curve = kaplan_meier(np.array([0.95]), np.array([True]))
+    figure = waiting.draw_waiting(curve, 0.95)
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    written = [one.get_window_extent() for one in axes.texts]
+    frame = axes.get_window_extent()
+    assert all(one.x1 <= frame.x1 + 1.0 for one in written)
+    curves = axes.lines[0].get_window_extent()
+    assert not any(one.y0 < curves.y1 < one.y1 for one in written)
+
+
+@pytest.mark.parametrize("simulations", [1, 3])
+def test_few_simulations_are_counted_in_whole_numbers(simulations: int):
+    sample = statistics(synthetic_features(simulations)).sample
+    counted = [distributions.histogram(sample, one.name) for one in FEATURES]
+    figure = histograms.draw_histograms(counted, sample.classes)
+    for axes in figure.axes[: len(counted)]:
+        assert all(tick == round(tick) for tick in axes.get_yticks() if axes.patches)
+
+
 def test_the_same_figure_has_the_same_bytes(result: Statistics):
     one, other = (classes.draw_classes(result.classes) for _ in range(2))
     assert style.to_svg(one) == style.to_svg(other)
