@@ -9,14 +9,14 @@ size is at least that part of n, whatever is bent.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from overtaking.core.elementary import F32, Mask, exp, power
 from overtaking.core.philox import U64, Stream
-from overtaking.scenarios.noise import Noise
+from overtaking.scenarios.noise import Noise, spread
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,8 +38,8 @@ class Bending:
     """Numbers of a batch, drawn as each simulation's component says, independent of each other.
 
     Uniform numbers that a component has a power for become u^power, of density v^(1/power - 1) /
-    power; standard normal ones that it has a shift for z + shift, whose density over the plain one
-    is exp(shift v - shift^2 / 2).
+    power; those with a part come from there, of density one over its width; standard normal ones
+    with a shift become z + shift, whose density over the plain one is exp(shift v - shift^2 / 2).
     """
 
     def __init__(self, spec: Proposal | None, seed: int, index: U64) -> None:
@@ -63,7 +63,7 @@ class Bending:
 
     def __call__(self, name: str, number: F32) -> F32:
         """The number to use in place of `number`, shape (simulation,)."""
-        if not any(name in one.powers or name in one.shifts for one in self._components):
+        if not any(name in kind for one in self._components for kind in _kinds(one)):
             return number
         drawn = number
         for one, taken in zip(self._components, self._taken, strict=True):
@@ -81,10 +81,16 @@ class Bending:
         return 1.0 / drawn_from
 
 
+def _kinds(component: Component) -> tuple[Mapping[str, object], ...]:
+    return component.powers, component.parts, component.shifts
+
+
 def _moved(component: Component, name: str, number: F32) -> F32:
     """The number as the component draws it."""
     if name in component.powers:
         return power(number, np.full_like(number, component.powers[name]))
+    if name in component.parts:
+        return spread(number, *component.parts[name])
     return number + np.float32(component.shifts.get(name, 0.0))
 
 
@@ -93,6 +99,10 @@ def _density(component: Component, name: str, drawn: F32) -> NDArray[np.float64]
     if name in component.powers:
         inverse = np.float32(1.0 / component.powers[name])
         density = inverse * power(drawn, np.full_like(drawn, inverse - np.float32(1.0)))
+    elif name in component.parts:
+        low, high = (np.float32(end) for end in component.parts[name])
+        inside = (drawn >= low) & (drawn <= high)
+        density = np.where(inside, np.float32(1.0) / (high - low), np.float32(0.0))
     else:
         shift = np.float32(component.shifts.get(name, 0.0))
         density = exp(shift * (drawn - np.float32(0.5) * shift))

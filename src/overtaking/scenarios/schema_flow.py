@@ -32,7 +32,9 @@ BENT = (
     "fog",
     "wind",
     "puddles",
+    "clouds",
     "sun",
+    "sun_direction",
     "density",
     "ego_temper",
     "others_temper",
@@ -56,7 +58,15 @@ SHIFTED = tuple(
 )
 """Traits of the ego that a proposal may draw differently, all of them normal or lognormal."""
 
+
+def _rising(part: tuple[float, float]) -> tuple[float, float]:
+    if not part[0] < part[1]:
+        raise complaint("a lower end below the upper one", "swap them", got=list(part))
+    return part
+
+
 _Power = Annotated[float, Field(gt=0.0, le=20.0)]
+_Part = Annotated[tuple[Share, Share], AfterValidator(_rising)]
 _Shift = Annotated[float, Field(ge=-3.0, le=3.0)]
 DensityRange = Annotated[tuple[Positive, Positive], AfterValidator(ordered)]
 
@@ -139,22 +149,35 @@ class Component(Section):
     """Entry of section `[[proposal]]`: draws a part of the simulations from elsewhere.
 
     A bent quantity is made from u^power in place of u, uniform in (0, 1): a power below one favours
-    its upper end, a power above one its lower. A shifted one is made from z + shift in place of z,
-    normal: it lies so many standard deviations higher.
+    its upper end, a power above one its lower. One that is drawn from a part of (0, 1) lies nowhere
+    else. A shifted one is made from z + shift in place of z, normal: it lies so many standard
+    deviations higher.
 
     Attributes:
         name: What the simulations of this part are for.
         share: Part of the simulations that is drawn so.
         powers: Quantity of `BENT` to power.
+        parts: Quantity of `BENT` to the part of (0, 1) that it is drawn from.
         shifts: Trait of the ego, of `SHIFTED`, to standard deviations.
     """
 
     name: Annotated[str, Field(min_length=1, max_length=40)]
     share: Annotated[Share, Field(gt=0.0, lt=1.0)]
     powers: Annotated[dict[str, _Power], AfterValidator(_known(BENT))] = Field(default_factory=dict)
+    parts: Annotated[dict[str, _Part], AfterValidator(_known(BENT))] = Field(default_factory=dict)
     shifts: Annotated[dict[str, _Shift], AfterValidator(_known(SHIFTED))] = Field(
         default_factory=dict
     )
+
+    @model_validator(mode="after")
+    def _once(self) -> Self:
+        twice = set(self.powers) & set(self.parts)
+        if twice:
+            name = min(twice)
+            raise complaint(
+                "a power or a part for a quantity", "leave one out", key=f"parts.{name}", got="both"
+            )
+        return self
 
 
 def _leave_some(components: tuple[Component, ...]) -> tuple[Component, ...]:

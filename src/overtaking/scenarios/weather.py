@@ -101,12 +101,13 @@ def _independent(
     wet = bend("puddles", noise.uniform())
     puddles = _skewed(wet, spec.puddles_percent, spec.puddles_exponent, spec.puddles_weibull)
     clouds = np.where(rain > 0, np.float32(RAIN_CLOUDS_PERCENT), np.float32(0.0))
-    cloudiness = maximum(spread(noise.uniform(), *spec.cloudiness_percent), clouds)
+    sky = spread(bend("clouds", noise.uniform()), *spec.cloudiness_percent)
+    cloudiness = maximum(sky, clouds)
     u = bend("wind", noise.uniform())
     wind = _skewed(u, spec.wind_percent, spec.wind_exponent, spec.wind_weibull)
     low_sun, high_sun = (rad_from_deg(angle) for angle in spec.sun_altitude_deg)
     altitude = spread(bend("sun", noise.uniform()), low_sun, high_sun)
-    azimuth = spread(sun, -PI, PI)
+    azimuth = spread(bend("sun_direction", sun), -PI, PI)
     return Weather(
         preset=np.full(sun.shape, NO_PRESET),
         cloudiness=cloudiness,

@@ -66,6 +66,18 @@ def test_weighted_moments_of_shifted_numbers_are_those_of_the_normal_distributio
     assert weight.max() <= 1.0 / 0.3 + 1e-6
 
 
+def test_what_a_component_draws_from_a_part_is_there_and_weighted_back():
+    low = Component(name="low", share=0.6, parts={"sun": (0.5, 0.65)})
+    bending = Bending((low,), 3, NUMBERS)
+    u = (np.random.default_rng(1).permutation(len(NUMBERS)) + 0.5) / len(NUMBERS)
+    v, weight = bending("sun", u.astype(np.float32)), bending.weight
+    inside = (v >= 0.5) & (v <= 0.65)
+    assert inside.mean() == pytest.approx(0.6 + 0.4 * 0.15, abs=0.01)
+    assert weight[~inside] == pytest.approx(2.5)
+    assert weight[inside] == pytest.approx(1.0 / (0.4 + 0.6 / 0.15))
+    assert (weight * inside).mean() == pytest.approx(0.15, abs=0.002)
+
+
 def test_each_component_draws_its_share():
     v, _ = shifted(3.0)
     # Of those moved there 93 % lie beyond 1.5, of those as they are met 7 %.
@@ -110,6 +122,8 @@ def test_scenarios_carry_their_weights():
         ({"share": 0.5, "powers": {"winds": 2.0}}, "did you mean wind"),
         ({"share": 0.5, "shifts": {"ego_time_gaps": 1.0}}, "did you mean ego_time_gap"),
         ({"share": 1.0}, "less than 1"),
+        ({"share": 0.5, "parts": {"sun": [0.7, 0.6]}}, "a lower end below the upper one"),
+        ({"share": 0.5, "parts": {"sun": [0, 1]}, "powers": {"sun": 2}}, "a power or a part"),
         ({"share": 0.5, "power": {"wind": 2.0}}, "did you mean powers"),
     ],
 )
