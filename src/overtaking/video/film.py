@@ -42,6 +42,7 @@ _SIGN_EVERY = 100  # Metres between two distances beside the road.
 _NOTE_GAP = 8
 _NOTE_HEIGHT = 24
 _TAG_HEIGHT = 18
+_TAG_PITCH = 20
 _MAX_NOTE_LETTERS = 110
 
 
@@ -207,12 +208,13 @@ class Film:
     ) -> None:
         """Rings and names: the others first, so that ego and target lie above them."""
         order = sorted(seen, key=lambda one: -self._rank(one[0]))
+        away: list[tuple[bool, int]] = []
         for index, x, y, angle in order:
             rank, body = self._rank(index), self.scene.bodies[index]
             if rank < _OTHER:
                 ring = mark(body.length, body.width, self.view.scale, is_ego=rank == 0)
                 canvas.blend(*ring.at(x, y, angle))
-            self._name(canvas, frame, index, (x, y))
+            self._name(canvas, frame, index, (x, y), away)
 
     def _rank(self, index: int) -> int:
         """0 for the ego, 1 for the target, 2 for the others."""
@@ -220,24 +222,36 @@ class Film:
             return 0
         return 1 if index == self.scene.target else _OTHER
 
-    def _name(self, canvas: Canvas, frame: int, index: int, place: tuple[float, float]) -> None:
-        """The name of a vehicle beside it, or at the edge of the picture that it has left by."""
+    def _name(
+        self,
+        canvas: Canvas,
+        frame: int,
+        index: int,
+        place: tuple[float, float],
+        away: list[tuple[bool, int]],
+    ) -> None:
+        """The name of a vehicle beside it, or at the edge of the picture that it has left by.
+
+        Names at an edge lie below each other: `away` holds on which side and in which row.
+        """
         rank = self._rank(index)
         text = ("EGO", "TARGET", str(self.scene.slots[index]))[rank]
         body = self.scene.bodies[index]
         if not 0.0 <= place[0] < WIDTH:
-            apart = abs(self.scene.s[index, frame] - self.scene.s[Role.EGO, frame])
-            far = f"{text}: {_AWAY_STEP * round(apart / _AWAY_STEP):.0f} m"
+            metres = abs(self.scene.s[index, frame] - self.scene.s[Role.EGO, frame])
+            far = f"{text}: {_AWAY_STEP * round(metres / _AWAY_STEP):.0f} m"
             text = f"< {far}" if place[0] < 0.0 else f"{far} >"
         elif rank < _OTHER:
             text = f"{text} {3.6 * self.scene.speed[index, frame]:.0f}"
         sprite = tag(text, rank)
         width, height = sprite.size
-        away = 0.5 * body.width * self.view.scale + 8.0
-        row = place[1] + away if rank == 1 else place[1] - away - height
+        apart = 0.5 * body.width * self.view.scale + 8.0
+        row = place[1] + apart if rank == 1 else place[1] - apart - height
         column = min(max(2 * round(0.5 * (place[0] - 0.5 * width)), 4), WIDTH - width - 4)
-        row = min(max(row, 2.0), canvas.height - height - 2.0)
-        canvas.blend(sprite, column, 2 * round(0.5 * row))
+        row = 2 * round(0.5 * min(max(row, 2.0), canvas.height - height - 2.0))
+        if not 0.0 <= place[0] < WIDTH:
+            row = _free(away, place[0] < 0.0, row, canvas.height - height)
+        canvas.blend(sprite, column, row)
 
     def _flash(self, canvas: Canvas, frame: int) -> None:
         """The flash of a collision, which fades."""
@@ -276,6 +290,15 @@ class Film:
 
 _OTHER = 2
 _AWAY_STEP = 5.0  # A distance that changed with every frame could not be read [m].
+
+
+def _free(away: list[tuple[bool, int]], is_left: bool, row: int, last: int) -> int:
+    """The row nearest to a wished one in which no name lies at the same edge, and take it."""
+    taken = [other for side, other in away if side == is_left]
+    rows = sorted(range(2, last, 2), key=lambda one: abs(one - row))
+    free = next((one for one in rows if all(abs(one - t) >= _TAG_PITCH for t in taken)), row)
+    away.append((is_left, free))
+    return free
 
 
 def _contact(scene: Scene) -> tuple[int, float, float] | None:

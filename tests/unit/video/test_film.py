@@ -266,3 +266,16 @@ def test_two_simulations_at_once_are_refused_in_one_line(run):
 
 def test_the_view_moves_by_whole_pixels_of_chroma(film):
     assert (view(film.scene).left % 2 == 0).all()
+
+
+def test_names_at_the_edge_do_not_cover_each_other():
+    cars = [Vehicle(kind="M", s=s, lane=2, speed=25.0) for s in (100.0, 130.0)]
+    alone = Film(api.simulate(scenario(cars)))
+    edge = (int(alone.view.left[0]) + WIDTH) / alone.view.scale
+    cars += [Vehicle(kind="M", s=edge + more, lane=2, speed=25.0) for more in (6.0, 22.0)]
+    before, after = (
+        film.draw(0).astype(int)[SCENE_TOP:SCENE_BOTTOM, WIDTH - 80 :]
+        for film in (alone, Film(api.simulate(scenario(cars))))
+    )
+    height = 18  # Of a name; two of them must be seen whole.
+    assert int((before != after).any(axis=1).sum()) >= 2 * height
