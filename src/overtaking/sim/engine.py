@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from overtaking import _core
 from overtaking.core.errors import ConfigError
+from overtaking.core.memory import empty
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Contacts, Percepts, States, Trajectories
 from overtaking.physics.constants import Constants
@@ -44,7 +45,7 @@ _PERCEPT_TYPES = {
 class Buffers:
     """Output arrays that are used again as long as they are large enough.
 
-    Fresh memory costs several times as much as the simulation that fills it.
+    Without one, memory is used again too, but only when nobody looks at the last batch any more.
     """
 
     def __init__(self) -> None:
@@ -56,7 +57,7 @@ class Buffers:
         size = int(np.prod(shape, dtype=np.int64))
         memory = self._memory.get(name)
         if memory is None or memory.size < size:
-            memory = self._memory[name] = np.empty(size, dtype)
+            memory = self._memory[name] = empty(size, dtype)
         return memory[:size].reshape(shape)
 
 
