@@ -197,8 +197,13 @@ fn one<S: Simd>(
 ) {
     let recorded = recording.recorded(simulation, frames);
     let (ego, bodies) = (simulation * recording.slots, &around.bodies);
-    lateral_speed(recording.d[ego], recorded, bodies, out.lateral_speed);
     let rest = recorded.next_multiple_of(LANES).min(frames);
+    lateral_speed(
+        recording.d[ego],
+        recorded,
+        bodies,
+        &mut out.lateral_speed[..rest],
+    );
     out.clear_from(rest, frames);
     let mut lamp = None;
     for at in (0..rest).step_by(LANES) {
@@ -226,11 +231,26 @@ fn one<S: Simd>(
 /// Speed to the left: a central difference, one-sided at the ends.
 fn lateral_speed(d: &[i32], recorded: usize, bodies: &Bodies<'_>, out: &mut [f32]) {
     let last = recorded.saturating_sub(1);
-    for (frame, speed) in out.iter_mut().enumerate() {
-        let later = (frame + bodies.half_window).min(last);
-        let earlier = frame.saturating_sub(bodies.half_window).min(last);
+    let half = bodies.half_window;
+    let at = |frame: usize| {
+        let later = (frame + half).min(last);
+        let earlier = frame.saturating_sub(half).min(last);
         let moved = d[later].wrapping_sub(d[earlier]) as f32;
         let elapsed = ((later - earlier) as i32 * bodies.interval_ms).max(1) as f32;
-        *speed = bodies.side * (moved / elapsed);
+        bodies.side * (moved / elapsed)
+    };
+    let begin = half.min(out.len());
+    let end = recorded.saturating_sub(half).clamp(begin, out.len());
+    for (frame, speed) in out[..begin].iter_mut().enumerate() {
+        *speed = at(frame);
+    }
+    // In between the time is always the same, and nothing is at an end.
+    let elapsed = (2 * half as i32 * bodies.interval_ms).max(1) as f32;
+    let pairs = d.iter().zip(d.iter().skip(2 * half));
+    for (speed, (earlier, later)) in out[begin..end].iter_mut().zip(pairs) {
+        *speed = bodies.side * (later.wrapping_sub(*earlier) as f32 / elapsed);
+    }
+    for (frame, speed) in out[end..].iter_mut().enumerate() {
+        *speed = at(end + frame);
     }
 }

@@ -39,10 +39,13 @@ def encounter(
         Arrays of shape (instant,).
     """
     seen, accels = case.signals, case.trajectories.states.accel_lon
-    where = (rows, place, frames)
-    vehicle, gap, closing = seen.vehicle[where], seen.gap[where], seen.closing_speed[where]
+    # Numbers of single cells are found faster than pairs and triples of them.
+    own = rows * seen.num_frames + frames
+    around = (rows * len(Around) + place) * seen.num_frames + frames
+    vehicle = seen.vehicle.reshape(-1).take(around)
+    gap, closing = (each.reshape(-1).take(around) for each in (seen.gap, seen.closing_speed))
     valid = vehicle != NO_VEHICLE
-    own_speed, own_accel = seen.speed[rows, frames], seen.accel[rows, frames]
+    own_speed, own_accel = (each.reshape(-1).take(own) for each in (seen.speed, seen.accel))
     accel = as_f32(accels[rows, np.where(valid, vehicle, 0), frames]) * METRES
     ahead = side is Side.AHEAD
     speed = own_speed if ahead else own_speed + closing

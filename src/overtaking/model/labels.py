@@ -72,9 +72,9 @@ _TITLES = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
 class Case(Batch):
-    """All that rules and features may look at.
+    """All that rules and features may look at; equal to itself alone.
 
     Attributes:
         trajectories: The recording, with its road, weather and vehicles.

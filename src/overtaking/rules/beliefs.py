@@ -12,6 +12,7 @@ from overtaking.model.labels import Belief, Case
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
 from overtaking.rules.distances import sure_decel
 from overtaking.rules.frames import frames_of
+from overtaking.rules.once import once
 from overtaking.signals.frames import at
 
 I32 = NDArray[np.int32]
@@ -45,6 +46,7 @@ class Decision:
     decel: F32
 
 
+@once
 def pull_out(case: Case) -> Decision:
     """The decision to pull out that led to the attempt."""
     events = case.events
@@ -53,6 +55,7 @@ def pull_out(case: Case) -> Decision:
     return _last(case, DecisionKind.PULL_OUT, np.where(events.attempted, until, NEVER))
 
 
+@once
 def going_back(case: Case) -> Decision:
     """The decision to return that ended in the original lane."""
     return _last(case, DecisionKind.RETURN, case.events.return_end)

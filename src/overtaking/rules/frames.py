@@ -11,6 +11,7 @@ from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.road import Road
 from overtaking.physics.constants import known
+from overtaking.rules.once import once
 from overtaking.rules.rule import Check, decided
 
 I32 = NDArray[np.int32]
@@ -68,6 +69,7 @@ def is_two_way(road: Road) -> bool:
     return beyond is not None and beyond.kind == "driving" and beyond.direction == -1
 
 
+@once
 def driving_end(case: Case) -> I32:
     """Last frame in which the ego is driven: before a collision, before it is off the road."""
     events = case.events
@@ -80,6 +82,7 @@ def driving_end(case: Case) -> I32:
     return end
 
 
+@once
 def manoeuvre(case: Case) -> Span:
     """From 3 s before the attempt to 3 s after its end; empty without an attempt.
 
@@ -97,6 +100,7 @@ def manoeuvre(case: Case) -> Span:
     )
 
 
+@once
 def conduct(case: Case) -> Span:
     """The manoeuvre, or all that was driven where there was no attempt."""
     attempted, within = case.events.attempted, manoeuvre(case)
@@ -106,6 +110,7 @@ def conduct(case: Case) -> Span:
     )
 
 
+@once
 def alongside(case: Case) -> tuple[Index, Index]:
     """Simulations and frames in which ego and target overlap, in the overtake, in order."""
     events, end = case.events, driving_end(case)

@@ -105,20 +105,20 @@ def decided(
     """
     broken = applies & (margin < 0)
     verdict = np.where(applies, np.uint8(Verdict.LEGAL), np.uint8(Verdict.NOT_APPLICABLE))
+    known = applies
     if doubtful is not None:
-        verdict[applies & doubtful] = Verdict.UNDECIDABLE
-    verdict[broken] = Verdict.ILLEGAL
-    known = broken | (verdict == Verdict.LEGAL)
-    if belief is None:
-        belief = np.full(len(applies), Belief.NONE, np.uint8)
+        np.copyto(verdict, np.uint8(Verdict.UNDECIDABLE), where=applies & doubtful)
+        known = applies & (broken | ~doubtful)
+    np.copyto(verdict, np.uint8(Verdict.ILLEGAL), where=broken)
+    nothing = np.full(len(applies), Belief.NONE, np.uint8)
     return Check(
         verdict=verdict,
         # The sum makes a negative zero positive.
         margin=np.where(known, margin, np.float32(0.0)) + np.float32(0.0),
-        first=np.where(broken, first, NEVER).astype(np.int32),
-        last=np.where(broken, last, NEVER).astype(np.int32),
+        first=np.where(broken, first, NEVER).astype(np.int32, copy=False),
+        last=np.where(broken, last, NEVER).astype(np.int32, copy=False),
         severity=np.zeros(len(applies), np.uint8),
-        belief=np.where(applies, belief, np.uint8(Belief.NONE)),
+        belief=nothing if belief is None else np.where(applies, belief, nothing),
     )
 
 
