@@ -24,19 +24,9 @@ def _largest(values: Any, span: frames.Span) -> Any:
     return frames.reduced(np.maximum, values, span)
 
 
-def _without_buffers(readable_twin: Callable[..., Any]) -> Callable[..., Any]:
-    """A function that is asked to use memory again, and takes fresh memory."""
-
-    def called(*given: Any, **options: Any) -> Any:
-        options.pop("buffers", None)
-        return readable_twin(*given, **options)
-
-    return called
-
-
 TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
-    signals.signals: _without_buffers(readable_signals.signals),
-    signals.target_signals: _without_buffers(readable_target.target_signals),
+    signals.signals: readable_signals.signals,
+    signals.target_signals: readable_target.target_signals,
     events.find_events: readable_events.find_events,
     margins.lowest: frames.lowest,
     margins.highest: _largest,

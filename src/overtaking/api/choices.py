@@ -43,7 +43,6 @@ def simulator_of(name: str) -> Simulator:
             version=MODEL_VERSION,
             simulate=module.simulate,
             threads=os.cpu_count() or 1,
-            takes_buffers=name == "engine",
         )
     return Simulator(
         name=name,

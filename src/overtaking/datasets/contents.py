@@ -6,7 +6,6 @@ import pyarrow as pa
 
 from overtaking.labelling import label
 from overtaking.model.trajectory import Trajectories
-from overtaking.sim.engine import Buffers
 from overtaking.tables.encode import Numbers, encode
 from overtaking.tables.encode_labels import Weights, encode_labels
 from overtaking.tables.label_schemas import LABEL_TABLES
@@ -18,7 +17,6 @@ def contents(
     tables: Collection[str],
     sources: Sequence[str] | None = None,
     class_weight: Weights | None = None,
-    buffers: Buffers | None = None,
 ) -> dict[str, pa.Table]:
     """The tables of a batch, by the names of their folders.
 
@@ -28,11 +26,10 @@ def contents(
         tables: Which tables.
         sources: Where in a recording each simulation comes from; None for what was simulated.
         class_weight: As in `encode_labels`.
-        buffers: Memory to use again; the tables do not lie in it.
     """
     recorded = [name for name in tables if name not in LABEL_TABLES]
     made = encode(trajectories, numbers, recorded, sources)
     if len(recorded) < len(tables):
-        said = encode_labels(label(trajectories, buffers=buffers), numbers, class_weight)
+        said = encode_labels(label(trajectories), numbers, class_weight)
         made |= {name: said[name] for name in tables if name in LABEL_TABLES}
     return made

@@ -15,9 +15,7 @@ from overtaking.datasets.manifest import ShardRecord
 from overtaking.datasets.place import Place
 from overtaking.datasets.plan import Shard
 from overtaking.datasets.recipe import Keep, Recipe, Simulator
-from overtaking.datasets.spare import Spare
 from overtaking.scenarios import sample
-from overtaking.sim.engine import Buffers
 from overtaking.tables.unknown import schema_of
 
 Told = Callable[[int], None]
@@ -79,22 +77,12 @@ def here(
         place: Where they belong.
         on_done: Told about every few hundred simulations.
     """
-    spare = Spare()
     for task in tasks:
-        yield carry_out(order, task, place, on_done, spare)
+        yield carry_out(order, task, place, on_done)
 
 
-def carry_out(
-    order: Order, task: Task, place: Place, on_done: Told, spare: Spare | None = None
-) -> ShardRecord:
+def carry_out(order: Order, task: Task, place: Place, on_done: Told) -> ShardRecord:
     """Put a shard into its place, if it is not there.
-
-    Args:
-        order: What is to be made.
-        task: The shard.
-        place: Where it belongs.
-        on_done: Told about every few hundred simulations.
-        spare: Memory that other shards of the order have used.
 
     Raises:
         OSError: It cannot be written.
@@ -110,7 +98,7 @@ def carry_out(
     return write.write_shard(
         place,
         task.shard,
-        _pieces(order, task, spare or Spare()),
+        _pieces(order, task),
         tables=tables,
         fingerprint=order.fingerprint,
         on_piece=on_done,
@@ -118,7 +106,7 @@ def carry_out(
     )
 
 
-def _pieces(order: Order, task: Task, spare: Spare) -> Iterator[Mapping[str, pa.Table]]:
+def _pieces(order: Order, task: Task) -> Iterator[Mapping[str, pa.Table]]:
     """The tables of a shard, as many simulations at a time as memory is meant to hold."""
     simulator = order.simulator
     size = plan.batch_size(
@@ -128,18 +116,17 @@ def _pieces(order: Order, task: Task, spare: Spare) -> Iterator[Mapping[str, pa.
     )
 
     def piece(chunk: range) -> Mapping[str, pa.Table]:
-        with spare.lent() as buffers:
-            return _tables(order, task, chunk, buffers)
+        return _tables(order, task, chunk)
 
     return in_order(piece, plan.chunks(task.shard, size), simulator.threads)
 
 
-def _tables(order: Order, task: Task, chunk: range, buffers: Buffers) -> Mapping[str, pa.Table]:
+def _tables(order: Order, task: Task, chunk: range) -> Mapping[str, pa.Table]:
     """The tables of some simulations of a shard."""
     recipe, numbers = order.recipe, np.arange(chunk.start, chunk.stop)
     part = slice(chunk.start - task.shard.first, chunk.stop - task.shard.first)
     index = numbers.astype(np.uint64) if task.index is None else task.index[part]
     scenario = sample(recipe.spec, recipe.road, recipe.seed, index)
-    run = order.simulator.simulated(scenario, buffers)
+    run = order.simulator.simulate(scenario)
     weight = scenario.weight if task.weight is None else scenario.weight * task.weight[part]
-    return contents(run, numbers, recipe.keep.tables, class_weight=weight, buffers=buffers)
+    return contents(run, numbers, recipe.keep.tables, class_weight=weight)

@@ -10,7 +10,6 @@ from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
 from overtaking.scenarios.schema import Spec
-from overtaking.sim.engine import Buffers
 from overtaking.tables.label_schemas import LABEL_TABLES
 
 
@@ -41,24 +40,16 @@ class Simulator:
         chunk_size: Simulations that it is given at a time; few where each of them takes long.
         shard_size: Simulations a file, and at most that many to do again after an interruption.
         threads: How many threads may simulate at a time; one where it has a world of its own.
-        takes_buffers: Whether `simulate` takes `buffers`, memory to use again.
     """
 
     name: str
     version: str
-    simulate: Callable[..., Trajectories]
+    simulate: Callable[[Scenario], Trajectories]
     details: Mapping[str, str] = field(default_factory=dict[str, str])
     unknown: frozenset[str] = frozenset()
     chunk_size: int = CHUNK_SIZE
     shard_size: int = SHARD_SIZE
     threads: int = 1
-    takes_buffers: bool = False
-
-    def simulated(self, scenario: Scenario, buffers: Buffers) -> Trajectories:
-        """A recording that lasts until the buffers are used again."""
-        if self.takes_buffers:
-            return self.simulate(scenario, buffers=buffers)
-        return self.simulate(scenario)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,7 +20,6 @@ from overtaking.model.signals import Signals
 from overtaking.model.trajectory import Trajectories
 from overtaking.rules import POLICIES, PORTUGAL, Pack, Policy, check, legality
 from overtaking.signals.engine import signals, target_signals
-from overtaking.sim.engine import Buffers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,11 +55,7 @@ class Labelled(Batch):
 
 
 def label(
-    trajectories: Trajectories,
-    *,
-    pack: Pack = PORTUGAL,
-    policies: Sequence[Policy] = POLICIES,
-    buffers: Buffers | None = None,
+    trajectories: Trajectories, *, pack: Pack = PORTUGAL, policies: Sequence[Policy] = POLICIES
 ) -> Labelled:
     """Label a recording of any origin.
 
@@ -68,18 +63,17 @@ def label(
         trajectories: The recording.
         pack: The rules of a jurisdiction.
         policies: Which of its rules decide about the classes.
-        buffers: Memory to use again; the signals are then valid until the next call with it.
 
     Raises:
         ConfigError: A policy requires a rule that the pack does not have.
     """
-    seen = signals(trajectories, buffers=buffers)
+    seen = signals(trajectories)
     events = find_events(trajectories, seen)
     case = Case(
         trajectories=trajectories,
         signals=seen,
         events=events,
-        target=target_signals(trajectories, seen, events, buffers=buffers),
+        target=target_signals(trajectories, seen, events),
     )
     findings = check(pack, case)
     judgements = [_judgement(findings, policy) for policy in policies]

@@ -76,12 +76,7 @@ def signals(
 
 
 def target_signals(
-    trajectories: Trajectories,
-    seen: Signals,
-    events: Events,
-    *,
-    level: str | None = None,
-    buffers: Buffers | None = None,
+    trajectories: Trajectories, seen: Signals, events: Events, *, level: str | None = None
 ) -> TargetSignals:
     """The target of each simulation, frame by frame; see `model.signals.TargetSignals`.
 
@@ -90,14 +85,13 @@ def target_signals(
         seen: Its signals.
         events: What names the targets.
         level: As in `signals`.
-        buffers: As in `signals`.
 
     Raises:
         ValueError: As in `signals`.
     """
     vehicle, shape = events.target, trajectories.stage.shape
-    array = (buffers or Buffers()).array
-    outputs = {name: array(f"target.{name}", shape, kind) for name, kind in _OF_TARGET.items()}
+    array = Buffers().array
+    outputs = {name: array(name, shape, kind) for name, kind in _OF_TARGET.items()}
     reaches = ("lateral", "right_reach", "left_reach")
     _core.target(
         states=states(trajectories),
@@ -133,11 +127,7 @@ def _around(trajectories: Trajectories) -> dict[str, Any]:
 def _outputs(trajectories: Trajectories, buffers: Buffers) -> dict[str, NDArray[Any]]:
     shape = trajectories.stage.shape
     wide = (shape[0], len(Around), shape[1])
-
-    def array(name: str, shape: tuple[int, ...], kind: Any) -> NDArray[Any]:
-        # Recordings have names of their own in the same buffers.
-        return buffers.array(f"signals.{name}", shape, kind)
-
+    array = buffers.array
     outputs = {name: array(name, shape, np.float32) for name in _ROWS}
     outputs |= {name: array(name, shape, np.uint8) for name in _BYTES}
     outputs |= {name: array(name, wide, np.float32) for name in _NEIGHBOURS}

@@ -84,8 +84,7 @@ def simulations(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
             "road": to_same_text(scenario.road.name, count),
             "num_vehicles": scenario.num_vehicles.astype(np.uint8),
             "weather": numbers,
-            # Recordings may lie in memory that is used again.
-            "num_frames": trajectories.num_frames.copy(),
+            "num_frames": trajectories.num_frames,
             "frame_interval_ms": np.full(count, scenario.frame_interval_ms, dtype=np.int32),
             "horizon_s": scenario.horizon,
             "attempt_deadline_s": scenario.attempt_deadline,
