@@ -83,7 +83,7 @@ MUTATIONS = (
     ),
     Mutation(
         file="neighbours.rs",
-        marked="let inside = other & (overlaps | (shows & shift«.simd_eq(SHIFTS[k])));",
+        marked="let inside = other.valid & (overlaps | (other.shows & shift«.simd_eq(SHIFTS[k])));",
         meaning="comparison: who moves over is seen in every lane but the one that he makes for",
     ),
     Mutation(

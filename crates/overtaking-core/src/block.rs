@@ -7,30 +7,16 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::collisions::{Pairs, collide, leave_road, near_pairs};
+use crate::collisions::Pairs;
 use crate::engine::{Inputs, Later, Seat};
 use crate::fields::{Simulation, Vehicle};
-use crate::lanes::{LANES, Seats, splat};
-use crate::neighbours::{Neighbours, find_neighbours};
+use crate::lanes::{LANES, Seats, outlined, splat};
 use crate::output::Output;
-use crate::perception::Beliefs;
 use crate::recording::Recorder;
-use crate::state::{EGO, History, Road, State, World};
+use crate::state::{History, Rates, Road, State, World};
+use crate::step::{Minds, SUBSTEPS, advance, decide, grip_again};
 use crate::tile::{TILE, Tile};
-use crate::{control, dynamics, ego, environment, mobil, perception, steering};
 
-/// Evaluate an expression in a function of its own that may use the SIMD features of the CPU.
-macro_rules! outlined {
-    ($simd:expr, $body:expr) => {
-        $simd.vectorize(
-            #[inline(always)]
-            || $body,
-        )
-    };
-}
-
-/// Steps between two decisions.
-const SUBSTEPS: u32 = 5;
 /// Tiles of frames between two pauses at least.
 const TILES_PER_PHASE: u32 = 1;
 
@@ -39,22 +25,6 @@ const TILES_PER_PHASE: u32 = 1;
 pub struct Scratch<const N: usize> {
     tile: Tile<N>,
     histories: Vec<History<N>>,
-}
-
-/// Who drives around each vehicle and what its driver believes: written anew at every decision, and
-/// kept in one place, as moving it costs more than some of what is computed from it.
-struct Minds<S: Simd, const N: usize> {
-    near: [Neighbours<S>; N],
-    believed: [Beliefs<S>; N],
-}
-
-impl<S: Simd, const N: usize> Minds<S, N> {
-    fn new(simd: S) -> Self {
-        Self {
-            near: [Neighbours::nobody(simd); N],
-            believed: [Beliefs::nothing(simd); N],
-        }
-    }
 }
 
 /// Simulate the share of one thread.
@@ -146,6 +116,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         let mut world = World {
             simd,
             c: inputs.constants,
+            rates: Rates::of(inputs.constants),
             road,
             p,
             q,
@@ -161,7 +132,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             world,
             state,
             recorder,
-            pairs: [[None; N]; N],
+            pairs: Pairs::none(),
             simulations,
         }))
     }
@@ -182,10 +153,11 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
                 let (vehicle, simulation) = (later.vehicle, later.simulation);
                 (self.world.p, self.world.q) =
                     load(simd, vehicle, simulation, inputs, &self.simulations);
+                grip_again(&mut self.state, &self.world);
             }
             let (state, world, recorder) = (&mut self.state, &self.world, &mut self.recorder);
             if step.is_multiple_of(SUBSTEPS) {
-                self.pairs = decide(state, world, minds, recorder, step);
+                decide(state, world, minds, recorder, &mut self.pairs, step);
             }
             if step.is_multiple_of(inputs.record_every) {
                 let number = (step / inputs.record_every) as usize;
@@ -194,7 +166,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
                     recorder.frame(state, world, active, number, tile);
                 });
             }
-            advance(state, world, &self.pairs, step);
+            advance(state, world, &self.pairs, &mut minds.before, step);
             step += 1;
         }
         let count = self.world.count;
@@ -296,99 +268,4 @@ fn runs<S: Simd, const N: usize>(state: &State<'_, S, N>, simd: S, step: u32) ->
         simd,
         splat(simd, step as f32).simd_le(state.end_step).any_true()
     )
-}
-
-/// Everything that happens 20 times a second: weather, perception, decisions.
-///
-/// Each part is a function of its own with the features of the CPU switched on; inlining them all into
-/// one makes the compiler slow and the code no faster.
-fn decide<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
-    minds: &mut Minds<S, N>,
-    recorder: &mut Recorder<'_, N>,
-    step: u32,
-) -> Pairs<S, N> {
-    let decision = step / SUBSTEPS;
-    surroundings(state, w, step);
-    let Minds { near, believed } = minds;
-    for i in 0..w.count {
-        near[i] = outlined!(w.simd, find_neighbours(state, w, i));
-        believed[i] = outlined!(
-            w.simd,
-            perception::perceive(state, w, &near[i], i, decision as usize)
-        );
-    }
-    let mut leader = [splat(w.simd, 0.0); N];
-    for i in 0..w.count {
-        leader[i] = outlined!(w.simd, control::behind_leader(state, w, i, &believed[i]));
-    }
-    for i in 0..w.count {
-        outlined!(
-            w.simd,
-            control::set_acceleration(state, w, i, &near[i], &believed[i], leader[i])
-        );
-    }
-    if mobil::is_due(w.c, decision as usize) {
-        for i in 1..w.count {
-            outlined!(
-                w.simd,
-                mobil::change_lanes(state, w, i, &believed[i], leader[i])
-            );
-        }
-    }
-    outlined!(
-        w.simd,
-        ego::decide(state, w, &near[EGO], &believed[EGO], recorder, step)
-    );
-    outlined!(w.simd, near_pairs(state, w))
-}
-
-/// Time, memory, weather and wind of a decision.
-fn surroundings<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
-    step: u32,
-) {
-    let decision = step / SUBSTEPS;
-    outlined!(w.simd, {
-        for i in 0..w.count {
-            state.since_change[i] += w.c.decision;
-        }
-        leave_road(state, w, step);
-    });
-    outlined!(w.simd, perception::remember(state, w, decision as usize));
-    outlined!(
-        w.simd,
-        environment::move_random_processes(state, w, decision)
-    );
-    outlined!(w.simd, environment::grip(state, w));
-    outlined!(w.simd, environment::wind(state, w));
-    for i in 0..w.count {
-        outlined!(w.simd, steering::hold_against_wind(state, w, i, step));
-    }
-}
-
-/// One step of 10 ms: steer, move, collide.
-fn advance<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
-    pairs: &Pairs<S, N>,
-    step: u32,
-) {
-    let before = (state.s, state.d);
-    outlined!(w.simd, {
-        // Short passes over all vehicles, so that the CPU works on several of them at once.
-        for i in 0..w.count {
-            steering::steer(state, w, i);
-        }
-        let mut turned = before.0;
-        for i in 0..w.count {
-            turned[i] = dynamics::accelerate(state, w, i);
-        }
-        for i in 0..w.count {
-            dynamics::integrate(state, w, i, turned[i]);
-        }
-    });
-    outlined!(w.simd, collide(state, w, pairs, &before, step));
 }

@@ -10,7 +10,7 @@ use crate::elementary::sincos;
 use crate::engine::{Inputs, level};
 use crate::fields::Simulation;
 use crate::lanes::{LANES, V, at_least, choose, clamp, clamp_to, dispatch, min, splat};
-use crate::state::{History, Road, State, World};
+use crate::state::{History, Rates, Road, State, World};
 use crate::{MAX_VEHICLES, SLOTS, dynamics, environment};
 
 /// Take fields out of a table with a row for each, and put them back.
@@ -125,6 +125,7 @@ fn among<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, deed: Deed<'_>, 
     let world = World::<S, N> {
         simd,
         c: inputs.constants,
+        rates: Rates::of(inputs.constants),
         road: &road,
         p,
         q,
@@ -206,7 +207,8 @@ fn drive<S: Simd, const N: usize>(
                 for i in 0..w.count {
                     press(&mut state, w, i, controls);
                     turn(&mut state, w, i, controls);
-                    let r = dynamics::accelerate(&mut state, w, i);
+                    let inverse_speed = dynamics::inverse_speed(&state, w, i);
+                    let r = dynamics::accelerate(&mut state, w, i, inverse_speed);
                     dynamics::integrate(&mut state, w, i, r);
                 }
             }
@@ -250,6 +252,6 @@ fn turn<S: Simd, const N: usize>(
     let curve = state.vx[i] * state.vx[i] * sine / (cosine * p.wheelbase);
     let grip = c.gravity * 0.5 * (state.mu_fast[i] + state.mu_slow[i]);
     let lean = clamp(curve, -grip, grip);
-    let leaned = state.wheel[i] + (lean - state.wheel[i]) * (c.step / c.two_wheeler_lag);
+    let leaned = state.wheel[i] + (lean - state.wheel[i]) * w.rates.leaning;
     state.wheel[i] = choose(p.two_wheeler.simd_gt(0.0), leaned, turned);
 }

@@ -25,17 +25,17 @@ fn fiala<S: Simd>(stiffness: V<S>, slope: V<S>, limit: V<S>) -> V<S> {
 
 #[inline(always)]
 fn drive_force<S: Simd, const N: usize>(
-    c: &Constants,
-    p: &Vehicle<S>,
     state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
     i: usize,
     resistance: V<S>,
     inverse_speed: V<S>,
 ) -> V<S> {
+    let (c, p) = (w.c, &w.p[i]);
     let wanted = p.mass * state.accel[i] + resistance;
     let engine = min(p.launch_force, p.power * inverse_speed);
     let throttle = clamp_to(
-        (p.max_speed + c.governor_band - state.vx[i]) * (1.0 / c.governor_band),
+        (p.max_speed + c.governor_band - state.vx[i]) * w.rates.governing,
         0.0,
         1.0,
     );
@@ -82,19 +82,19 @@ struct Tyres<S: Simd> {
 #[inline(always)]
 fn tyre_forces<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
-    c: &Constants,
-    p: &Vehicle<S>,
+    w: &World<'_, S, N>,
     i: usize,
     force: V<S>,
     inverse_speed: V<S>,
 ) -> Tyres<S> {
+    let (c, p) = (w.c, &w.p[i]);
     let shift = state.a_lon[i] * p.cg_height;
     let front_weight = p.inverse_wheelbase * (c.gravity * p.cg_rear - shift);
     let front_load = p.mass * front_weight;
     let rear_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_front + shift);
     let share = choose(
         force.simd_lt(0.0),
-        front_weight * (1.0 / c.gravity),
+        front_weight * w.rates.inverse_gravity,
         p.front_drive,
     );
     let (mu_fast, mu_slow) = (state.mu_fast[i], state.mu_slow[i]);
@@ -120,19 +120,29 @@ fn tyre_forces<S: Simd, const N: usize>(
     }
 }
 
+/// One over the speed of vehicle `i`, for slip angles; finite at rest.
+#[inline(always)]
+pub fn inverse_speed<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> V<S> {
+    1.0 / at_least(state.vx[i], w.c.slip_speed)
+}
+
 /// Accelerations of vehicle `i` by tyres and wind, kept in the state, and its new yaw rate.
 #[inline(always)]
 pub fn accelerate<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
+    inverse_speed: V<S>,
 ) -> V<S> {
     let (c, p) = (w.c, &w.p[i]);
-    let inverse_speed = 1.0 / at_least(state.vx[i], c.slip_speed);
     let air = state.vx[i] - state.tail_wind[i];
     let resistance = p.drag * air * air.abs() + p.rolling;
-    let force = drive_force(c, p, state, i, resistance, inverse_speed);
-    let t = tyre_forces(state, c, p, i, force, inverse_speed);
+    let force = drive_force(state, w, i, resistance, inverse_speed);
+    let t = tyre_forces(state, w, i, force, inverse_speed);
     let front_side = t.front_y * t.cosine + t.front_x * t.sine;
     let along =
         (t.front_x * t.cosine - t.front_y * t.sine + t.rear_x - resistance) * p.inverse_mass;

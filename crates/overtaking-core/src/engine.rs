@@ -4,7 +4,7 @@ use fearless_simd::Level;
 use rayon::prelude::*;
 
 use crate::block::{self, Scratch};
-use crate::fields::Constants;
+use crate::fields::{Constants, SIMULATION_NAMES};
 use crate::lanes::{LANES, dispatch};
 use crate::output::Output;
 use crate::{MAX_VEHICLES, SLOTS};
@@ -137,7 +137,7 @@ fn run_blocks<const N: usize>(
     later: Option<&Later<'_>>,
     out: Output<'_>,
 ) {
-    let order = by_number_of_vehicles(inputs);
+    let order = alike_together(inputs);
     let mut places: Vec<_> = out.into_simulations().into_iter().map(Some).collect();
     let seats: Vec<_> = order
         .into_iter()
@@ -152,9 +152,9 @@ fn run_blocks<const N: usize>(
         });
 }
 
-/// The simulations from the fullest to the emptiest: a block works on as many vehicles as its fullest
-/// has.
-fn by_number_of_vehicles(inputs: &Inputs<'_>) -> Vec<usize> {
+/// The simulations from the fullest to the emptiest, and those with the same weather side by side: a
+/// block works on as many vehicles as its fullest has, and on water and gusts if any simulation has them.
+fn alike_together(inputs: &Inputs<'_>) -> Vec<usize> {
     let batch = inputs.index.len();
     let valid = &inputs.vehicle[..inputs.slots * batch];
     let vehicles = |simulation: usize| {
@@ -162,8 +162,15 @@ fn by_number_of_vehicles(inputs: &Inputs<'_>) -> Vec<usize> {
             .filter(|slot| valid[slot * batch + simulation] > 0.0)
             .count()
     };
+    let weather = ["puddle_film", "film_rain", "gust_gain"].map(|name| {
+        let row = SIMULATION_NAMES.iter().position(|known| *known == name);
+        row.map_or(&[][..], |row| &inputs.simulation[row * batch..][..batch])
+    });
     let mut order: Vec<_> = (0..batch).collect();
-    order.sort_by_key(|simulation| std::cmp::Reverse(vehicles(*simulation)));
+    order.sort_by_cached_key(|simulation| {
+        let has = weather.map(|values| values.get(*simulation).is_some_and(|value| *value > 0.0));
+        std::cmp::Reverse((vehicles(*simulation), has))
+    });
     order
 }
 

@@ -115,6 +115,9 @@ pub fn speed_columns<S: Simd>(c: &Constants, speed: V<S>, wear: V<S>, truck: V<S
 #[inline(always)]
 pub fn at_film<S: Simd>(c: &Constants, columns: &[V<S>; 4], film: V<S>) -> V<S> {
     let [h0, h1, h2, h3] = c.friction_films;
+    if film.simd_le(h0).all_true() {
+        return at_least(columns[0], c.friction_floor);
+    }
     let a = clamp_to((film - h0) / (h1 - h0), 0.0, 1.0);
     let b = clamp_to((film - h1) / (h2 - h1), 0.0, 1.0);
     let d = clamp_to((film - h2) / (h3 - h2), 0.0, 1.0);
@@ -129,6 +132,7 @@ pub fn at_film<S: Simd>(c: &Constants, columns: &[V<S>; 4], film: V<S>) -> V<S> 
 pub fn grip<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, N>) {
     let (road, n) = (w.road, w.road.num_lanes);
     let width = (road.boundaries[n] - road.boundaries[0]) / (2 * n) as f32;
+    let has_puddles = w.q.puddle_film.simd_gt(0.0).any_true();
     for i in 0..w.count {
         let p = &w.p[i];
         let mut lane = splat(w.simd, 0.0);
@@ -141,6 +145,11 @@ pub fn grip<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, 
         }
         let water = lane_film(w, lane_value(&road.film_path[..n], lane));
         let columns = speed_columns(w.c, state.vx[i], p.wear, p.truck);
+        if !has_puddles {
+            let friction = at_film(w.c, &columns, water);
+            (state.mu_fast[i], state.mu_slow[i]) = (friction, friction);
+            continue;
+        }
         for (offset, friction) in [
             (p.half_track, &mut state.mu_fast[i]),
             (-p.half_track, &mut state.mu_slow[i]),
@@ -166,13 +175,6 @@ fn shelter<S: Simd, const N: usize>(
             continue;
         }
         let other = &w.p[j];
-        let beyond = (state.s[i] - state.s[j]).abs() - other.half_length;
-        let u = clamp_to(
-            beyond / (c.shelter_release * 2.0 * other.half_length),
-            0.0,
-            1.0,
-        );
-        let open_share = c.shelter_factor + (1.0 - c.shelter_factor) * (u * u * (3.0 - 2.0 * u));
         let aside = state.d[i] - state.d[j];
         let reach = c.shelter_reach + w.p[i].half_width + other.half_width;
         let upwind = (aside * w.q.wind_across).simd_gt(0.0);
@@ -180,6 +182,16 @@ fn shelter<S: Simd, const N: usize>(
             & other.valid.simd_gt(0.0)
             & upwind
             & aside.abs().simd_lt(reach);
+        if !beside.any_true() {
+            continue;
+        }
+        let beyond = (state.s[i] - state.s[j]).abs() - other.half_length;
+        let u = clamp_to(
+            beyond / (c.shelter_release * 2.0 * other.half_length),
+            0.0,
+            1.0,
+        );
+        let open_share = c.shelter_factor + (1.0 - c.shelter_factor) * (u * u * (3.0 - 2.0 * u));
         share = choose(beside, min(share, open_share), share);
     }
     share
@@ -202,10 +214,13 @@ fn gust_bump<S: Simd, const N: usize>(
 #[inline(always)]
 pub fn wind<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, N>) {
     let (c, q) = (w.c, &w.q);
+    let has_gusts = q.gust_gain.simd_ne(0.0).any_true();
     for i in 0..w.count {
         let p = &w.p[i];
-        let strength =
-            1.0 + c.turbulence_intensity * state.gust[i] + q.gust_gain * gust_bump(state, w, i);
+        let mut strength = 1.0 + c.turbulence_intensity * state.gust[i];
+        if has_gusts {
+            strength += q.gust_gain * gust_bump(state, w, i);
+        }
         let strength = at_least(strength, 0.0);
         let across = q.wind_across * strength * shelter(state, w, i);
         state.tail_wind[i] = q.wind_along * strength;

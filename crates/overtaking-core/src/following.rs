@@ -71,12 +71,16 @@ fn needed_braking<S: Simd>(
 /// A wanted acceleration without the alarm of car-following models at small gaps [m/s^2].
 #[inline(always)]
 fn cooled<S: Simd>(c: &Constants, p: &Vehicle<S>, wanted: V<S>, needed: V<S>) -> V<S> {
+    let enough = wanted.simd_ge(needed);
+    if enough.all_true() {
+        return wanted;
+    }
     let excess = at_most(wanted - needed, 0.0);
     let e = exp(2.0 * excess / p.decel);
     let softened = needed + p.decel * ((e - 1.0) / (e + 1.0));
     let alarmed = at_least(wanted, -c.gravity);
     let calm = (1.0 - c.coolness) * alarmed + c.coolness * softened;
-    choose(wanted.simd_ge(needed), wanted, calm)
+    choose(enough, wanted, calm)
 }
 
 /// Acceleration of the improved intelligent driver model [m/s^2].
@@ -95,14 +99,18 @@ fn iidm<S: Simd>(
     let ratio = speed / desired;
     let square = ratio * ratio;
     let free_below = p.accel * (one - square * square);
-    let over = exp(-p.overspeed_exponent * log(at_least(ratio, 1.0)));
-    let free_above = -p.decel * (one - over);
     let interacting = p.accel * (one - z * z);
     let steepness = at_most(2.0 * p.accel / at_least(free_below, LEAST_FREE), STEEPEST);
     let blended = free_below * (one - exp(steepness * log(clamp_to(z, LEAST_RATIO, 1.0))));
     let below = choose(z.simd_ge(one), interacting, blended);
+    let within = ratio.simd_le(one);
+    if within.all_true() {
+        return below;
+    }
+    let over = exp(-p.overspeed_exponent * log(at_least(ratio, 1.0)));
+    let free_above = -p.decel * (one - over);
     let above = choose(z.simd_ge(one), free_above + interacting, free_above);
-    choose(ratio.simd_le(one), below, above)
+    choose(within, below, above)
 }
 
 /// Acceleration, never positive, of someone following at the speed that they want [m/s^2].

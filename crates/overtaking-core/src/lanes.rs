@@ -129,6 +129,17 @@ macro_rules! dispatch {
 }
 pub(crate) use dispatch;
 
+/// Evaluate an expression in a function of its own that may use the SIMD features of the CPU.
+macro_rules! outlined {
+    ($simd:expr, $body:expr) => {
+        $simd.vectorize(
+            #[inline(always)]
+            || $body,
+        )
+    };
+}
+pub(crate) use outlined;
+
 /// The value of vehicle `slot` in each simulation; slot 0's where there is nobody.
 ///
 /// A macro, because a closure that the compiler leaves outside would lose the features of the CPU.
@@ -146,3 +157,22 @@ macro_rules! pick {
     }};
 }
 pub(crate) use pick;
+
+/// Several values of vehicle `slot` in each simulation, with one comparison for all of them.
+macro_rules! pick_each {
+    ($count:expr, $slot:expr, |$j:ident| $values:expr) => {{
+        let slot = $slot;
+        let mut picked = {
+            let $j = 0;
+            $values
+        };
+        for $j in 1..$count {
+            let here = slot.simd_eq($j as f32);
+            for (picked, value) in picked.iter_mut().zip($values) {
+                *picked = $crate::lanes::choose(here, value, *picked);
+            }
+        }
+        picked
+    }};
+}
+pub(crate) use pick_each;

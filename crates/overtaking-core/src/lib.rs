@@ -27,6 +27,7 @@ mod recording;
 pub mod signals;
 mod state;
 mod steering;
+mod step;
 pub mod stretches;
 mod tile;
 

@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::environment::lane_value;
-use crate::lanes::{V, choose, pick, splat};
+use crate::lanes::{M, V, at_most, choose, splat};
 use crate::state::{NOBODY, ROLES, State, World};
 
 const FAR: f32 = 1e9;
@@ -42,6 +42,51 @@ impl<S: Simd> Neighbours<S> {
     }
 }
 
+/// What everybody else sees of a vehicle, whoever looks.
+#[derive(Clone, Copy)]
+pub struct Body<S: Simd> {
+    valid: M<S>,
+    low_side: V<S>,
+    high_side: V<S>,
+    /// Whether it changes lanes and can be seen to.
+    shows: M<S>,
+    /// One over the intensity of the lamps that a follower sees: tail lamps, or stop lamps [1/cd].
+    pub inverse_rear_lamp: V<S>,
+}
+
+impl<S: Simd> Body<S> {
+    /// Nobody.
+    pub fn nothing(simd: S) -> Self {
+        let zero = splat(simd, 0.0);
+        let never = zero.simd_lt(zero);
+        Self {
+            valid: never,
+            low_side: zero,
+            high_side: zero,
+            shows: never,
+            inverse_rear_lamp: zero,
+        }
+    }
+
+    /// Vehicle `j`.
+    #[inline(always)]
+    pub fn new<const N: usize>(state: &State<'_, S, N>, w: &World<'_, S, N>, j: usize) -> Self {
+        let (c, p) = (w.c, &w.p[j]);
+        let moves = state.path_time[j].simd_gt(c.visible_fraction * state.path_duration[j]);
+        let changing =
+            state.path_time[j].simd_lt(state.path_duration[j]) & state.crashed[j].simd_eq(0.0);
+        let braking = state.accel[j].simd_lt(-c.stop_lamp_decel);
+        let lamp = p.inverse_tail_lamp;
+        Self {
+            valid: p.valid.simd_gt(0.0),
+            low_side: state.d[j] - p.half_width,
+            high_side: state.d[j] + p.half_width,
+            shows: changing & (state.indicator[j].simd_ne(0.0) | moves),
+            inverse_rear_lamp: choose(braking, at_most(lamp, c.inverse_stop_lamp), lamp),
+        }
+    }
+}
+
 /// Borders of the lane `shift` lanes from a vehicle's own [m].
 #[inline(always)]
 pub fn lane_borders<S: Simd, const N: usize>(
@@ -67,60 +112,54 @@ pub fn along<S: Simd, const N: usize>(w: &World<'_, S, N>, distance: V<S>) -> V<
 pub fn find_neighbours<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
+    bodies: &[Body<S>; N],
     i: usize,
 ) -> Neighbours<S> {
     let c = w.c;
     let lane = state.lane[i];
-    let [own, faster, slower] = SHIFTS;
-    let bands = [
-        lane_borders(w, lane, own),
-        lane_borders(w, lane, faster),
-        lane_borders(w, lane, slower),
-    ];
+    let (low, high) = lane_borders(w, lane, 0.0);
+    let (slower, _) = lane_borders(w, lane, -1.0);
+    let (_, faster) = lane_borders(w, lane, 1.0);
+    let bands = [(low, high), (high, faster), (slower, low)];
     let mut slot = [splat(w.simd, NOBODY); ROLES];
     let mut nearest = [splat(w.simd, FAR); ROLES];
     let mut aside = [splat(w.simd, 0.0); ROLES];
+    let mut half_length = [w.p[0].half_length; ROLES];
     for j in 0..w.count {
         if i == j {
             continue;
         }
         let ahead = along(w, state.s[j] - state.s[i]);
         let beside = state.d[j] - state.d[i];
-        let other = w.p[j].valid.simd_gt(0.0);
-        let low_side = state.d[j] - w.p[j].half_width;
-        let high_side = state.d[j] + w.p[j].half_width;
-        let moves = state.path_time[j].simd_gt(c.visible_fraction * state.path_duration[j]);
-        let changing =
-            state.path_time[j].simd_lt(state.path_duration[j]) & state.crashed[j].simd_eq(0.0);
-        let shows = changing & (state.indicator[j].simd_ne(0.0) | moves);
+        let other = &bodies[j];
         let shift = state.lane[j] - lane;
         for (k, (low, high)) in bands.into_iter().enumerate() {
-            let overlaps = high_side.simd_gt(low + c.corridor_margin)
-                & low_side.simd_lt(high - c.corridor_margin);
-            let inside = other & (overlaps | (shows & shift.simd_eq(SHIFTS[k])));
+            let overlaps = other.high_side.simd_gt(low + c.corridor_margin)
+                & other.low_side.simd_lt(high - c.corridor_margin);
+            let inside = other.valid & (overlaps | (other.shows & shift.simd_eq(SHIFTS[k])));
             let front = inside & ahead.simd_ge(0.0) & ahead.simd_lt(nearest[2 * k]);
             let back = inside & ahead.simd_lt(0.0) & (-ahead).simd_lt(nearest[2 * k + 1]);
             nearest[2 * k] = choose(front, ahead, nearest[2 * k]);
             slot[2 * k] = choose(front, splat(w.simd, j as f32), slot[2 * k]);
             aside[2 * k] = choose(front, beside, aside[2 * k]);
+            half_length[2 * k] = choose(front, w.p[j].half_length, half_length[2 * k]);
             nearest[2 * k + 1] = choose(back, -ahead, nearest[2 * k + 1]);
             slot[2 * k + 1] = choose(back, splat(w.simd, j as f32), slot[2 * k + 1]);
             aside[2 * k + 1] = choose(back, beside, aside[2 * k + 1]);
+            half_length[2 * k + 1] = choose(back, w.p[j].half_length, half_length[2 * k + 1]);
         }
     }
-    let (mut gap, mut half_length) = (nearest, nearest);
+    let mut gap = nearest;
     for role in 0..ROLES {
-        half_length[role] = pick!(w.count, slot[role], |j| w.p[j].half_length);
         gap[role] = nearest[role] - (half_length[role] + w.p[i].half_length);
     }
-    let (lane_low, lane_high) = bands[0];
     Neighbours {
         slot,
         gap,
         distance: nearest,
         aside,
         half_length,
-        lane_low,
-        lane_high,
+        lane_low: low,
+        lane_high: high,
     }
 }

@@ -6,10 +6,10 @@ use fearless_simd::{Simd, i32x16};
 use crate::elementary::exp;
 use crate::environment::{lane_film, lane_value};
 use crate::lanes::{
-    LANES, M, V, at_least, at_most, choose, clamp_to, floor, max, min, pick, splat,
+    LANES, M, V, at_least, at_most, choose, clamp_to, floor, max, min, pick, pick_each, splat,
 };
 use crate::mobil::is_due;
-use crate::neighbours::{Neighbours, along};
+use crate::neighbours::{Body, Neighbours, along};
 use crate::state::{EGO, HISTORY, LEAD, ROLES, State, UNKNOWN, World};
 
 /// Who touches is as visible, and looms as much, as at this gap [m].
@@ -72,42 +72,69 @@ fn optical_depth<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     near: &Neighbours<S>,
+    leader: &Leader<S>,
     i: usize,
 ) -> (V<S>, V<S>) {
     let (c, q) = (w.c, &w.q);
     let air = q.fog_extinction + q.rain_extinction * (1.0 + state.vx[i] / c.rain_speed);
     let path = lane_value(&w.road.film_path[..w.road.num_lanes], state.lane[i]);
     let water = lane_film(w, path);
-    let lead = near.slot[LEAD];
-    let speed = pick!(w.count, lead, |j| state.vx[j]) / c.spray_speed;
+    let zero = splat(w.simd, 0.0);
+    if water.simd_le(0.0).all_true() {
+        return (air, zero);
+    }
+    let speed = leader.speed / c.spray_speed;
     let wetness = at_most(water / c.spray_film, 1.0);
-    let spray =
-        c.spray_coefficient * wetness * (speed * speed) * pick!(w.count, lead, |j| w.p[j].spray);
-    let close = lead.simd_ge(0.0) & near.gap[LEAD].simd_lt(c.spray_reach);
-    (air, choose(close, spray, splat(w.simd, 0.0)))
+    let spray = c.spray_coefficient * wetness * (speed * speed) * leader.spray;
+    let close = near.slot[LEAD].simd_ge(0.0) & near.gap[LEAD].simd_lt(c.spray_reach);
+    (air, choose(close, spray, zero))
 }
 
-/// What the leader hides: whether it is high, and its half width.
-struct Screen<S: Simd> {
-    tall: V<S>,
+/// What the leader hides, or veils.
+struct Leader<S: Simd> {
+    /// Whether it is there and so high that nobody looks over it.
+    is_tall: M<S>,
     half_width: V<S>,
+    speed: V<S>,
+    spray: V<S>,
+}
+
+impl<S: Simd> Leader<S> {
+    #[inline(always)]
+    fn new<const N: usize>(
+        state: &State<'_, S, N>,
+        w: &World<'_, S, N>,
+        near: &Neighbours<S>,
+    ) -> Self {
+        let slot = near.slot[LEAD];
+        let [tall, half_width, spray, speed] = pick_each!(w.count, slot, |j| {
+            let p = &w.p[j];
+            [p.tall, p.half_width, p.spray, state.vx[j]]
+        });
+        Self {
+            is_tall: slot.simd_ge(0.0) & tall.simd_gt(0.0),
+            half_width,
+            speed,
+            spray,
+        }
+    }
 }
 
 #[inline(always)]
-fn is_hidden<S: Simd>(near: &Neighbours<S>, screen: &Screen<S>, role: usize) -> M<S> {
+fn is_hidden<S: Simd>(near: &Neighbours<S>, leader: &Leader<S>, role: usize) -> M<S> {
     let (lead, other) = (near.slot[LEAD], near.slot[role]);
     let reach = at_least(near.distance[LEAD] - near.half_length[LEAD], LEAST_REACH);
     let distance = near.distance[role];
     let crossing = near.aside[role] * (reach / at_least(distance, LEAST_REACH));
     let offset = (crossing - near.aside[LEAD]).abs();
-    let blocked = distance.simd_gt(reach) & offset.simd_lt(screen.half_width) & other.simd_ne(lead);
-    lead.simd_ge(0.0) & screen.tall.simd_gt(0.0) & blocked
+    let blocked = distance.simd_gt(reach) & offset.simd_lt(leader.half_width) & other.simd_ne(lead);
+    leader.is_tall & blocked
 }
 
 #[inline(always)]
 fn strain<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
     w: &World<'_, S, N>,
+    bodies: &[Body<S>; N],
     near: &Neighbours<S>,
     role: usize,
     depths: (V<S>, V<S>),
@@ -125,19 +152,13 @@ fn strain<S: Simd, const N: usize>(
     } else {
         q.sight_rear
     };
-    let by_contrast = depth
-        / at_least(
-            pick!(n, slot, |j| w.p[j].contrast) + sensitivity,
-            LEAST_CONTRAST,
-        );
-    let by_contrast = max(by_contrast, distance * q.inverse_lit_range);
-    let lamp = if is_front {
-        let braking = pick!(n, slot, |j| state.accel[j]).simd_lt(-c.stop_lamp_decel);
-        let lamp = pick!(n, slot, |j| w.p[j].inverse_tail_lamp);
-        choose(braking, at_most(lamp, c.inverse_stop_lamp), lamp)
+    let [contrast, lamp] = if is_front {
+        pick_each!(n, slot, |j| [w.p[j].contrast, bodies[j].inverse_rear_lamp])
     } else {
-        pick!(n, slot, |j| w.p[j].inverse_head_lamp)
+        pick_each!(n, slot, |j| [w.p[j].contrast, w.p[j].inverse_head_lamp])
     };
+    let by_contrast = depth / at_least(contrast + sensitivity, LEAST_CONTRAST);
+    let by_contrast = max(by_contrast, distance * q.inverse_lit_range);
     let by_lamp =
         (distance * distance * (q.lamp_threshold * lamp) * exp(at_most(depth, DEEPEST))).sqrt();
     min(by_contrast, by_lamp)
@@ -151,23 +172,22 @@ fn notice<S: Simd, const N: usize>(
     near: &Neighbours<S>,
     i: usize,
     role: usize,
-    depths: (V<S>, V<S>),
-    screen: &Screen<S>,
+    effort: V<S>,
+    leader: &Leader<S>,
     before: &([V<S>; ROLES], [V<S>; ROLES]),
 ) -> M<S> {
     let c = w.c;
     let zero = splat(w.simd, 0.0);
     let (slot, gap) = (near.slot[role], near.gap[role]);
     let is_front = role.is_multiple_of(2);
-    let effort = strain(state, w, near, role, depths);
     let reach = if is_front {
         c.sight_range
     } else {
         c.mirror_range
     };
     let mut visible = slot.simd_ge(0.0) & effort.simd_le(1.0) & gap.simd_lt(reach);
-    if is_front {
-        visible &= !is_hidden(near, screen, role);
+    if is_front && role != LEAD && leader.is_tall.any_true() {
+        visible &= !is_hidden(near, leader, role);
     }
     if role >= 2 {
         let mut blind = gap.simd_lt(c.blind_spot) & w.p[i].checks_blind_spot.simd_eq(0.0);
@@ -178,7 +198,7 @@ fn notice<S: Simd, const N: usize>(
     }
     let mut longer = zero;
     for (known, time) in before.0.into_iter().zip(before.1) {
-        longer = choose(slot.simd_eq(known), max(longer, time + c.decision), longer);
+        longer = choose(slot.simd_eq(known), max(longer, time), longer);
     }
     let first = before.0[role].simd_eq(UNKNOWN);
     let longer = choose(first, splat(w.simd, c.seen_before), longer);
@@ -229,17 +249,15 @@ fn recall<S: Simd, const N: usize>(
 pub fn perceive<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
+    bodies: &[Body<S>; N],
     near: &Neighbours<S>,
     i: usize,
     decision: usize,
 ) -> Beliefs<S> {
     let (c, q, p) = (w.c, &w.q, &w.p[i]);
     let zero = splat(w.simd, 0.0);
-    let depths = optical_depth(state, w, near, i);
-    let screen = Screen {
-        tall: pick!(w.count, near.slot[LEAD], |j| w.p[j].tall),
-        half_width: pick!(w.count, near.slot[LEAD], |j| w.p[j].half_width),
-    };
+    let leader = Leader::new(state, w, near);
+    let depths = optical_depth(state, w, near, &leader, i);
     // Beliefs that nobody acts on at this decision are not worked out; what is in view always is.
     let all = i == EGO || is_due(c, decision);
     let leaving = state.path_time[i]
@@ -252,13 +270,24 @@ pub fn perceive<S: Simd, const N: usize>(
     let (own_speed, _) = state.road_velocity(i);
     let judged = exp(q.distance_error * state.distance_error[i]);
     let mut believed = Beliefs::nothing(w.simd);
-    let before = (state.seen_id[i], state.seen_time[i]);
+    let longer = state.seen_time[i].map(|time| time + c.decision);
+    let before = (state.seen_id[i], longer);
+    // A short pass: the exponential and the root of one role take the time of those of several.
+    let mut efforts = [zero; ROLES];
+    for role in 0..ROLES {
+        efforts[role] = strain(w, bodies, near, role, depths);
+    }
     for role in 0..ROLES {
         let slot = near.slot[role];
         let is_front = role.is_multiple_of(2);
+        if slot.simd_lt(0.0).all_true() {
+            (state.seen_id[i][role], state.seen_time[i][role]) = (slot, zero);
+            believed.gap[role] = splat(w.simd, c.unseen_gap);
+            continue;
+        }
         let noticed = w.simd.vectorize(
             #[inline(always)]
-            || notice(state, w, near, i, role, depths, &screen, &before),
+            || notice(state, w, near, i, role, efforts[role], &leader, &before),
         );
         if !(all || role == LEAD || (leaving && is_front)) {
             continue;

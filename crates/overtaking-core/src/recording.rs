@@ -8,7 +8,7 @@ use crate::neighbours::Neighbours;
 use crate::output::{MAX_PERCEPTS, Output};
 use crate::perception::Beliefs;
 use crate::state::{EGO, State, World};
-use crate::tile::{Row, TILE, Tile, WORDS, bytes, halves, put, transposed};
+use crate::tile::{PACKED, Row, TILE, Tile, WORDS, bytes, halves, packed, put, transposed};
 
 const NO_VEHICLE: i32 = 255;
 const INT16_LIMIT: f32 = 32767.0;
@@ -116,9 +116,12 @@ impl<'a, const N: usize> Recorder<'a, N> {
             let valid = w.p[i].valid.simd_gt(0.0);
             let words = vehicle_words(state, w, i);
             for (k, word) in words.into_iter().enumerate() {
-                let word = valid.select(word, i32x16::splat(simd, 0));
-                tile.0[(k * N + i) * TILE + at] = Row(word.to_array());
                 hash[k % 4] = mix(hash[k % 4], word, active & valid);
+            }
+            let none = i32x16::splat(simd, 0);
+            for (k, word) in packed(&words).into_iter().enumerate() {
+                let word = valid.select(word, none);
+                tile.0[(i * PACKED + k) * TILE + at] = Row(word.to_array());
             }
         }
         let stage: i32x16<S> = state.stage.to_int();
@@ -160,8 +163,8 @@ impl<'a, const N: usize> Recorder<'a, N> {
             return;
         }
         for i in 0..count {
-            for k in 0..WORDS {
-                let from = (k * N + i) * TILE;
+            for k in 0..PACKED {
+                let from = (i * PACKED + k) * TILE;
                 let turned = transposed(simd, &tile.0[from..from + LANES]);
                 for (out, Row(row)) in self.out.iter_mut().zip(&turned) {
                     let Some(out) = out.as_mut().filter(|out| i < out.slots) else {
@@ -174,13 +177,19 @@ impl<'a, const N: usize> Recorder<'a, N> {
                         2 => put(out.s, place, *row),
                         3 => put(out.d, place, *row),
                         4 => put(out.speed, place, *row),
-                        5 => put(out.heading, place, halves(row)),
-                        6 => put(out.wheel_angle, place, halves(row)),
-                        7 => put(out.accel_lon, place, halves(row)),
-                        8 => put(out.accel_lat, place, halves(row)),
-                        9 => put(out.yaw_rate, place, halves(row)),
-                        10 => put(out.lane, place, bytes(row)),
-                        _ => put(out.lights, place, bytes(row)),
+                        5 => {
+                            put(out.heading, place, halves(row, 0));
+                            put(out.wheel_angle, place, halves(row, 16));
+                        }
+                        6 => {
+                            put(out.accel_lon, place, halves(row, 0));
+                            put(out.accel_lat, place, halves(row, 16));
+                        }
+                        _ => {
+                            put(out.yaw_rate, place, halves(row, 0));
+                            put(out.lane, place, bytes(row, 16));
+                            put(out.lights, place, bytes(row, 24));
+                        }
                     }
                 }
             }

@@ -62,10 +62,39 @@ pub struct Road {
     pub pose: [f32; 5],
 }
 
+/// Quotients of constants: a division costs as much for one number as for sixteen.
+#[derive(Clone, Copy, Debug)]
+pub struct Rates {
+    /// Share of the way to the wanted wheel angle in a step.
+    pub steering: f32,
+    /// The same of the lean of a two-wheeler.
+    pub leaning: f32,
+    /// The same of the answer to the side wind, in a decision.
+    pub trimming: f32,
+    /// Throttle that is taken back per speed above the limit [s/m].
+    pub governing: f32,
+    /// One over gravity [s^2/m].
+    pub inverse_gravity: f32,
+}
+
+impl Rates {
+    /// The quotients.
+    pub fn of(c: &Constants) -> Self {
+        Self {
+            steering: c.step / c.steering_lag,
+            leaning: c.step / c.two_wheeler_lag,
+            trimming: c.decision / c.wind_lag,
+            governing: 1.0 / c.governor_band,
+            inverse_gravity: 1.0 / c.gravity,
+        }
+    }
+}
+
 /// Everything that does not change during a block, but for a branch.
 pub struct World<'a, S: Simd, const N: usize> {
     pub simd: S,
     pub c: &'a Constants,
+    pub rates: Rates,
     pub road: &'a Road,
     pub p: [Vehicle<S>; N],
     pub q: Simulation<S>,
@@ -167,6 +196,8 @@ state_fields! {
     /// Sine and cosine of `psi`.
     sine: Each<S, N>,
     cosine: Each<S, N>,
+    /// How far the front wheels turn from the slip angle at most: on this friction, until the next decision.
+    reach: Each<S, N>,
 }
 
 impl<'a, S: Simd, const N: usize> State<'a, S, N> {
@@ -225,6 +256,7 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
             num_percepts: zero,
             sine: each(0.0),
             cosine: each(1.0),
+            reach: each(0.0),
             history: &mut history.0,
         }
     }

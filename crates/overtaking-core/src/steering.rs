@@ -3,7 +3,7 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::lanes::{M, V, at_least, choose, clamp, clamp_to, min, splat};
+use crate::lanes::{M, V, choose, clamp, clamp_to, min, splat};
 use crate::state::{State, World};
 
 /// Lay a quintic from where the path of vehicle `i` is now to the centre of another lane.
@@ -56,19 +56,34 @@ pub fn hold_against_wind<S: Simd, const N: usize>(
     i: usize,
     step: u32,
 ) {
-    let (c, p) = (w.c, &w.p[i]);
+    let p = &w.p[i];
     let pushed = state.wind_force[i] * p.inverse_mass;
     let angle = p.understeer * pushed + state.wind_moment[i] * p.moment_angle;
     let target = -choose(p.two_wheeler.simd_gt(0.0), pushed, angle);
     if step == 0 {
         state.trim[i] = target;
     }
-    state.trim[i] = state.trim[i] + (target - state.trim[i]) * (c.decision / c.wind_lag);
+    state.trim[i] = state.trim[i] + (target - state.trim[i]) * w.rates.trimming;
+}
+
+/// How far the front wheels may turn from the slip angle on the friction of this decision.
+#[inline(always)]
+pub fn reach<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> V<S> {
+    w.c.slip_share * 0.5 * (state.mu_fast[i] + state.mu_slow[i]) / w.p[i].front_stiffness
 }
 
 /// Turn the front wheels of vehicle `i`, or lean, towards the path for one step.
 #[inline(always)]
-pub fn steer<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, N>, i: usize) {
+pub fn steer<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    inverse_speed: V<S>,
+) {
     let (c, p) = (w.c, &w.p[i]);
     let (place, speed, accel) = path_now(state, i);
     let sideways = state.vx[i] * state.sine[i] + state.vy[i] * state.cosine[i];
@@ -76,20 +91,19 @@ pub fn steer<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_,
     let aim = place + c.lane_deviation * state.wander[i] - state.d[i];
     let wanted = wanted + c.position_gain * aim;
     let wanted = clamp(wanted, -w.q.side_accel, w.q.side_accel);
-    let inverse_speed = 1.0 / at_least(state.vx[i], c.slip_speed);
     let felt = wanted + c.yaw_gain * (wanted - state.vx[i] * state.r[i]);
     let angle =
         felt * (p.wheelbase * (inverse_speed * inverse_speed) + p.understeer) + state.trim[i];
     let slip = (state.vy[i] + p.cg_front * state.r[i]) * inverse_speed;
-    let reach = c.slip_share * 0.5 * (state.mu_fast[i] + state.mu_slow[i]) / p.front_stiffness;
+    let reach = state.reach[i];
     let angle = clamp_to(
         clamp(angle, slip - reach, slip + reach),
         -c.steering_limit,
         c.steering_limit,
     );
-    let turn = (angle - state.wheel[i]) * (c.step / c.steering_lag);
+    let turn = (angle - state.wheel[i]) * w.rates.steering;
     let turn = clamp_to(turn, -c.steering_rate * c.step, c.steering_rate * c.step);
-    let lean = (wanted + state.trim[i] - state.wheel[i]) * (c.step / c.two_wheeler_lag);
+    let lean = (wanted + state.trim[i] - state.wheel[i]) * w.rates.leaning;
     let moved = choose(
         p.two_wheeler.simd_gt(0.0),
         state.wheel[i] + lean,

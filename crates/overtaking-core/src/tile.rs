@@ -9,6 +9,8 @@ use crate::lanes::LANES;
 pub const TILE: usize = 16;
 /// Recorded numbers of a vehicle in a frame.
 pub const WORDS: usize = 12;
+/// Words of 32 bits that they take: five of their own, five halves and two bytes.
+pub const PACKED: usize = 8;
 
 /// Memory for the frames that wait to be moved; what is in it before it is written means nothing.
 pub struct Tile<const N: usize>(pub(crate) Vec<Row>);
@@ -20,8 +22,39 @@ pub struct Row(pub [i32; LANES]);
 
 impl<const N: usize> Default for Tile<N> {
     fn default() -> Self {
-        Self(vec![Row([0; LANES]); WORDS * N * TILE])
+        Self(vec![Row([0; LANES]); PACKED * N * TILE])
     }
+}
+
+/// Numbers that are as wide as a word stay, narrow ones share: fewer words wait, and are turned.
+#[inline(always)]
+pub fn packed<S: Simd>(words: &[i32x16<S>; WORDS]) -> [i32x16<S>; PACKED] {
+    let [
+        x,
+        y,
+        s,
+        d,
+        speed,
+        heading,
+        wheel,
+        a_lon,
+        a_lat,
+        yaw,
+        lane,
+        lights,
+    ] = *words;
+    let both = |low: i32x16<S>, high: i32x16<S>| (low & 0xFFFF) | (high << 16);
+    let bytes = lane | (lights << 8);
+    [
+        x,
+        y,
+        s,
+        d,
+        speed,
+        both(heading, wheel),
+        both(a_lon, a_lat),
+        both(yaw, bytes),
+    ]
 }
 
 /// Sixteen frames of sixteen simulations, turned into sixteen simulations of sixteen frames.
@@ -49,22 +82,14 @@ pub fn put<T: Copy>(out: &mut [T], place: usize, row: [T; LANES]) {
     }
 }
 
-/// The lower halves of sixteen numbers.
+/// The halves of sixteen words that begin at bit `from`.
 #[inline(always)]
-pub fn halves(row: &[i32; LANES]) -> [i16; LANES] {
-    let mut narrow = [0; LANES];
-    for (narrow, wide) in narrow.iter_mut().zip(row) {
-        *narrow = *wide as i16;
-    }
-    narrow
+pub fn halves(row: &[i32; LANES], from: u32) -> [i16; LANES] {
+    row.map(|word| (word >> from) as i16)
 }
 
-/// The lowest bytes of sixteen numbers.
+/// The bytes of sixteen words that begin at bit `from`.
 #[inline(always)]
-pub fn bytes(row: &[i32; LANES]) -> [u8; LANES] {
-    let mut narrow = [0; LANES];
-    for (narrow, wide) in narrow.iter_mut().zip(row) {
-        *narrow = *wide as u8;
-    }
-    narrow
+pub fn bytes(row: &[i32; LANES], from: u32) -> [u8; LANES] {
+    row.map(|word| (word >> from) as u8)
 }

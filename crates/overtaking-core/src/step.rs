@@ -1,0 +1,164 @@
+//! What happens in a step, and what only at every fifth: a decision; see `overtaking.sim.reference.run`.
+
+use fearless_simd::Simd;
+
+use crate::collisions::{Pairs, collide, leave_road, near_pairs};
+use crate::lanes::{outlined, splat};
+use crate::neighbours::{Body, Neighbours, find_neighbours};
+use crate::perception::Beliefs;
+use crate::recording::Recorder;
+use crate::state::{EGO, Each, State, World};
+use crate::{control, dynamics, ego, environment, mobil, perception, steering};
+
+/// Steps between two decisions.
+pub const SUBSTEPS: u32 = 5;
+
+/// Who drives around each vehicle and what its driver believes: written anew at every decision, and
+/// kept in one place, as moving it costs more than some of what is computed from it.
+pub struct Minds<S: Simd, const N: usize> {
+    bodies: [Body<S>; N],
+    near: [Neighbours<S>; N],
+    believed: [Beliefs<S>; N],
+    /// Where everybody was before a step, if anybody is near anybody.
+    pub before: Places<S, N>,
+}
+
+impl<S: Simd, const N: usize> Minds<S, N> {
+    /// Before anyone has looked.
+    pub fn new(simd: S) -> Self {
+        Self {
+            bodies: [Body::nothing(simd); N],
+            near: [Neighbours::nobody(simd); N],
+            believed: [Beliefs::nothing(simd); N],
+            before: ([splat(simd, 0.0); N], [splat(simd, 0.0); N]),
+        }
+    }
+}
+
+/// Positions along and across the road.
+pub type Places<S, const N: usize> = (Each<S, N>, Each<S, N>);
+
+/// Everything that happens 20 times a second: weather, perception, decisions.
+///
+/// Each part is a function of its own with the features of the CPU switched on; inlining them all into
+/// one makes the compiler slow and the code no faster.
+pub fn decide<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    minds: &mut Minds<S, N>,
+    recorder: &mut Recorder<'_, N>,
+    pairs: &mut Pairs<S, N>,
+    step: u32,
+) {
+    let decision = step / SUBSTEPS;
+    surroundings(state, w, step);
+    let Minds {
+        bodies,
+        near,
+        believed,
+        ..
+    } = minds;
+    outlined!(w.simd, {
+        for i in 0..w.count {
+            bodies[i] = Body::new(state, w, i);
+        }
+    });
+    for i in 0..w.count {
+        // Written in place: what a function with other features returns goes through memory twice.
+        outlined!(w.simd, near[i] = find_neighbours(state, w, bodies, i));
+        outlined!(w.simd, {
+            believed[i] = perception::perceive(state, w, bodies, &near[i], i, decision as usize);
+        });
+    }
+    let mut leader = [splat(w.simd, 0.0); N];
+    for i in 0..w.count {
+        leader[i] = outlined!(w.simd, control::behind_leader(state, w, i, &believed[i]));
+    }
+    for i in 0..w.count {
+        outlined!(
+            w.simd,
+            control::set_acceleration(state, w, i, &near[i], &believed[i], leader[i])
+        );
+    }
+    if mobil::is_due(w.c, decision as usize) {
+        for i in 1..w.count {
+            outlined!(
+                w.simd,
+                mobil::change_lanes(state, w, i, &believed[i], leader[i])
+            );
+        }
+    }
+    outlined!(
+        w.simd,
+        ego::decide(state, w, &near[EGO], &believed[EGO], recorder, step)
+    );
+    outlined!(w.simd, *pairs = near_pairs(state, w));
+}
+
+/// Time, memory, weather and wind of a decision.
+fn surroundings<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    step: u32,
+) {
+    let decision = step / SUBSTEPS;
+    outlined!(w.simd, {
+        for i in 0..w.count {
+            state.since_change[i] += w.c.decision;
+        }
+        leave_road(state, w, step);
+    });
+    outlined!(w.simd, perception::remember(state, w, decision as usize));
+    outlined!(
+        w.simd,
+        environment::move_random_processes(state, w, decision)
+    );
+    outlined!(w.simd, environment::grip(state, w));
+    outlined!(w.simd, environment::wind(state, w));
+    for i in 0..w.count {
+        outlined!(w.simd, steering::hold_against_wind(state, w, i, step));
+    }
+    grip_again(state, w);
+}
+
+/// Work out anew what follows from friction and vehicles, as one of them has changed.
+pub fn grip_again<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, N>) {
+    outlined!(w.simd, {
+        for i in 0..w.count {
+            state.reach[i] = steering::reach(state, w, i);
+        }
+    });
+}
+
+/// One step of 10 ms: steer, move, collide.
+pub fn advance<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    pairs: &Pairs<S, N>,
+    before: &mut Places<S, N>,
+    step: u32,
+) {
+    outlined!(w.simd, {
+        if pairs.any {
+            for i in 0..w.count {
+                (before.0[i], before.1[i]) = (state.s[i], state.d[i]);
+            }
+        }
+        // Short passes over all vehicles, so that the CPU works on several of them at once.
+        let mut inverse_speed = [splat(w.simd, 0.0); N];
+        for i in 0..w.count {
+            inverse_speed[i] = dynamics::inverse_speed(state, w, i);
+            steering::steer(state, w, i, inverse_speed[i]);
+        }
+        let mut turned = inverse_speed;
+        for i in 0..w.count {
+            turned[i] = dynamics::accelerate(state, w, i, inverse_speed[i]);
+        }
+        for i in 0..w.count {
+            dynamics::integrate(state, w, i, turned[i]);
+        }
+    });
+    if pairs.any {
+        outlined!(w.simd, collide(state, w, pairs, before, step));
+    }
+}
