@@ -76,8 +76,8 @@ def factors_page(found: FactorsFound) -> str:
     return "\n".join(markdown(one) for one in tables)
 
 
-def page(folder: Path, sizes: dict[str, int], repeats: int) -> str:
-    """All of it; without factors if they are to be ranked 0 times."""
+def page(folder: Path, sizes: dict[str, int], asked: str, repeats: int) -> str:
+    """All of it; the factors of what is asked, none if they are to be ranked 0 times."""
     parts: list[str] = []
     for profile, simulations in sizes.items():
         path = data_set(folder, profile, simulations)
@@ -90,7 +90,9 @@ def page(folder: Path, sizes: dict[str, int], repeats: int) -> str:
         if not repeats:
             continue
         told = progress(f"{profile}, factors")
-        found = overtaking.learn_factors(path, repeats=repeats, show_leakage=True, progress=told)
+        found = overtaking.learn_factors(
+            path, asked, repeats=repeats, show_leakage=True, progress=told
+        )
         parts.append(factors_page(found))
     return "\n".join(parts)
 
@@ -108,11 +110,12 @@ def main() -> None:
     parser.add_argument("--profile", choices=SIZES, help="only this one")
     parser.add_argument("--simulations", type=int, help="in place of the usual number")
     parser.add_argument("--repeats", type=int, default=1, help="rank so often; 0: only rules")
+    parser.add_argument("--factors-of", default="outcome", choices=("outcome", *TARGETS))
     parser.add_argument("--into", type=Path, help="page to write the tables into")
     given = parser.parse_args()
     names = [given.profile] if given.profile else list(SIZES)
     sizes = {name: given.simulations or SIZES[name] for name in names}
-    text = page(given.folder, sizes, given.repeats)
+    text = page(given.folder, sizes, given.factors_of, given.repeats)
     if given.into:
         given.into.write_text(replaced(given.into.read_text("utf-8"), text), "utf-8")
     else:

@@ -43,7 +43,7 @@ def test_rules_come_as_json(folder: Path, rules: Any, capsys: pytest.CaptureFixt
     said = capsys.readouterr()
     assert said.err == ""
     assert json.loads(said.out) == json.loads(json.dumps(rules.values()))
-    assert 1 <= len(rules.rules) <= 8
+    assert 1 <= len(rules.rules) <= 12
     assert all(len(one.rule.conditions) <= 3 for one in rules.rules)
 
 

@@ -19,7 +19,7 @@ def learn_rules(
     *,
     policy: str = "paper",
     seed: int = 1,
-    max_rules: int = 8,
+    max_rules: int = 12,
     max_conditions: int = 3,
     progress: Progress | None = None,
 ) -> "RulesFound":

@@ -63,7 +63,7 @@ def rules(
     about: About = "legal",
     policy: Policy = "paper",
     seed: Seed = 1,
-    max_rules: MaxRules = 8,
+    max_rules: MaxRules = 12,
     max_conditions: MaxConditions = 3,
 ) -> None:
     """Learn a few rules that a driver would recognise, from what is known when it begins."""

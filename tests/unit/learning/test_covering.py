@@ -69,6 +69,7 @@ def test_the_beam_finds_the_best_pair_of_conditions():
         return hits - cost * (int(covered.sum()) - hits)
 
     task = covering._Task(
+        is_negated=False,
         holds=holds.astype(np.float32),
         may_join=covering._may_join(
             holds.astype(np.float32), [one.attribute.name for one in conditions]
@@ -81,6 +82,36 @@ def test_the_beam_finds_the_best_pair_of_conditions():
     found = covering._best_rule(task, np.ones(len(EXAMPLES), np.bool_), 2)
     best = max(gain(pair) for pair in combinations(range(len(conditions)), 2))
     assert gain(found) >= best - least
+
+
+def test_a_rule_that_came_out_too_broad_is_looked_for_again():
+    positive = about("Unsuccess_col")
+    conditions = conditions_of(EXAMPLES, positive)
+    task = next(
+        one for one in covering._tasks(positive, conditions, EXAMPLES) if not one.is_negated
+    )
+    night = next(n for n, one in enumerate(conditions) if one.text == "it is night")
+    found = covering._bettered(task, [(night,)], max_rules=1, max_conditions=2)
+    assert found == covering._rules(task, 1, 2)
+    assert covering._worth(task, found) > covering._worth(task, [(night,)]) + task.least
+
+
+def test_looking_again_costs_no_more_than_what_is_dropped():
+    positive = about("Success_L")
+    conditions = conditions_of(EXAMPLES, positive)
+    for task in covering._tasks(positive, conditions, EXAMPLES):
+        once = covering._rules(task, 4, 2)
+        again = covering._bettered(task, once, 4, 2)
+        assert len(again) <= 4
+        assert covering._worth(task, again) > covering._worth(task, once) - task.least
+
+
+def test_the_rule_that_is_worth_most_comes_first():
+    positive = about("Success_L")
+    found = cover(EXAMPLES, positive, conditions_of(EXAMPLES, positive))
+    caught = [int((one.holds(EXAMPLES) & ~positive).sum()) for one in found.rules]
+    assert len(caught) > 1
+    assert caught == sorted(caught, reverse=True)
 
 
 def test_the_f_measure_is_that_of_scikit_learn():
