@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import overtaking
+from overtaking.core.errors import DatasetError
 from overtaking.learning.factors import FactorsFound
 from overtaking.learning.rules import RulesFound
 from overtaking.learning.tables_of_factors import (
@@ -86,7 +87,10 @@ def page(folder: Path, sizes: dict[str, int], asked: str, repeats: int) -> str:
         parts.append(f"Seed 1, content hash `{content[:16]}`.\n")
         for about in TARGETS:
             told = progress(f"{profile}, {about}")
-            parts.append(rules_page(overtaking.learn_rules(path, about, progress=told)))
+            try:
+                parts.append(rules_page(overtaking.learn_rules(path, about, progress=told)))
+            except DatasetError as lacking:
+                parts.append(f"No rules about *{about}*: {lacking}\n")
         if not repeats:
             continue
         told = progress(f"{profile}, factors")
