@@ -5,7 +5,8 @@ wanted, given the rules before it. The first rules are found before anybody know
 ones will cover, and so come out too broad: each is looked for again, given all the others, until
 none can be bettered. Where an outcome has many causes, rules say when it is so; where it takes many
 things to be right at once, as for what is lawful, they say when it is not. Both are tried, and the
-set with the higher F-measure is kept.
+set with the higher F-measure is kept; of what is rare rules say only when it is so, since when it
+is not is nearly always, for a hundred reasons that nobody would name.
 
 How much a false alarm weighs against a hit follows from the F-measure: a set of rules reaches f if
 (2 - f) TP - f FP >= f P, so for each f the best set is one that is best for weights. Some of them
@@ -41,6 +42,9 @@ MAX_RULES, MAX_CONDITIONS = 12, 3
 _BEAM = 24
 _COSTS = (0.12, 0.2, 0.35, 0.5, 0.75, 1.0)
 """f / (2 - f) from f = 0.2 to 1: what a false alarm costs, where a hit gives 1."""
+
+_RARE = 0.1
+"""What is so in a smaller share of the examples is rare."""
 
 _BETTERED = 3
 """Of so many sets, the best of all weights, the rules are looked for again: that takes longest."""
@@ -148,9 +152,10 @@ class _Steps:
 
 
 def _tasks(positive: Mask, conditions: Sequence[Condition], examples: Examples) -> list[_Task]:
-    """A search for what is so, and one for what is not, for each weight."""
+    """A search for what is so, and unless that is rare one for what is not, for each weight."""
     holds = np.column_stack([one.holds(examples) for one in conditions]).astype(np.float32)
     may_join = _may_join(holds, [one.attribute.name for one in conditions])
+    sides = (False,) if positive.mean() < _RARE else (False, True)
     return [
         _Task(
             holds=holds,
@@ -161,7 +166,7 @@ def _tasks(positive: Mask, conditions: Sequence[Condition], examples: Examples) 
             cost=1.0 if is_negated else cost,
             least=_LEAST_GAIN * float(positive.sum()),
         )
-        for is_negated in (False, True)
+        for is_negated in sides
         for cost in _COSTS
     ]
 

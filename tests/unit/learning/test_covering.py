@@ -41,6 +41,17 @@ def test_what_takes_many_things_at_once_is_told_by_what_forbids_it():
     assert f_measure(found.says(EXAMPLES), positive) > 0.95
 
 
+def test_of_what_is_rare_rules_say_when_it_is_so(monkeypatch):
+    values = dict(zip((one.name for one in EXAMPLES.attributes), EXAMPLES.values.T, strict=True))
+    near = (values["ahead_gap_m"] < 40.0) & (values["night"] > 0.0)
+    positive = near & (values["over_limit"] < -4.0) & (values["rain_mmph"] < 4.0)
+    assert 0.03 < positive.mean() < 0.1
+    conditions = conditions_of(EXAMPLES, positive)
+    assert not cover(EXAMPLES, positive, conditions).is_negated
+    monkeypatch.setattr(covering, "_RARE", 0.0)
+    assert cover(EXAMPLES, positive, conditions).is_negated
+
+
 def test_numbers_of_rules_and_conditions_are_bounded():
     positive = about("Success_L")
     conditions = conditions_of(EXAMPLES, positive)
