@@ -89,12 +89,12 @@ class RayCrew:
             OSError: A shard cannot be written.
         """
         ray = _ray(is_only_here=self.address is None)
-        with _cluster(ray, self.address, self.workers):
+        with _cluster(ray, self.address, self.workers) as is_left:
             shared = ray.put((dataclasses.replace(order, simulator=_single(order)), _packages()))
             make = ray.remote(_make).options(num_cpus=1, max_retries=MAX_RETRIES)
             most = TASKS_AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
             given = (make.remote(shared, task, _absolute(place)) for task in tasks)
-            for record in _finished(ray, given, most, place):
+            for record in _finished(ray, given, most, place, is_left=is_left):
                 on_done(record.simulations)
                 yield record
 
@@ -161,8 +161,14 @@ def _compare(packages: dict[str, str]) -> None:
             )
 
 
-def _finished(ray: Any, given: Iterator[Any], most: int, place: Place) -> Iterator[ShardRecord]:
-    """What workers return, with no more tasks given than are good for."""
+def _finished(
+    ray: Any, given: Iterator[Any], most: int, place: Place, *, is_left: bool
+) -> Iterator[ShardRecord]:
+    """What workers return, with no more tasks given than are good for.
+
+    After an error nobody works on: the cluster ends the tasks of who leaves it, and where it is not
+    left they are waited for. `ray.cancel` may end this process if a task is done at that moment.
+    """
     underway: list[Any] = []
     try:
         while True:
@@ -173,8 +179,8 @@ def _finished(ray: Any, given: Iterator[Any], most: int, place: Place) -> Iterat
             (done, *_), underway = ray.wait(underway, num_returns=1)
             yield _record(ray, done, place)
     finally:
-        for task in underway:
-            ray.cancel(task, force=True)
+        if underway and not is_left:
+            ray.wait(underway, num_returns=len(underway))
 
 
 def _record(ray: Any, done: Any, place: Place) -> ShardRecord:
@@ -196,15 +202,15 @@ def _record(ray: Any, done: Any, place: Place) -> ShardRecord:
 
 
 @contextmanager
-def _cluster(ray: Any, address: str | None, workers: int | None) -> Generator[None]:
-    """Be connected to a cluster; one that was there before is left as it was."""
+def _cluster(ray: Any, address: str | None, workers: int | None) -> Generator[bool]:
+    """Be connected to a cluster, and know whether it will be left; not if it was there before."""
     if ray.is_initialized() and address is None:
-        yield
+        yield False
         return
     with _signals_as_they_are():
         _connect(ray, address, workers)
     try:
-        yield
+        yield True
     finally:
         ray.shutdown()
 
