@@ -6,6 +6,8 @@ use fearless_simd::{Simd, u32x16};
 use crate::lanes::{LANES, V};
 
 const ROUNDS: usize = 10;
+/// The bits of a word.
+const WORD: u64 = 0xFFFF_FFFF;
 /// Stream of gusts and errors of perception; the vehicle's slot is added.
 pub const MOTION: u32 = 0x300;
 
@@ -30,22 +32,24 @@ pub fn words_of(
     stream: &[u32; LANES],
     draw: u32,
 ) -> [[u32; LANES]; 4] {
-    let (mut c0, mut c1) = ([draw; LANES], *stream);
-    let (mut c2, mut c3) = (*low, *high);
+    // Words in lanes of 64 bits, as products need them; what is in the upper halves means nothing.
+    let wide = |words: &[u32; LANES]| words.map(u64::from);
+    let (mut c0, mut c1) = ([u64::from(draw); LANES], wide(stream));
+    let (mut c2, mut c3) = (wide(low), wide(high));
     let [mut k0, mut k1] = key;
     for _ in 0..ROUNDS {
         for lane in 0..LANES {
-            let p0 = u64::from(c0[lane]) * 0xD251_1F53;
-            let p1 = u64::from(c2[lane]) * 0xCD9E_8D57;
-            c0[lane] = (p1 >> 32) as u32 ^ c1[lane] ^ k0;
-            c1[lane] = p1 as u32;
-            c2[lane] = (p0 >> 32) as u32 ^ c3[lane] ^ k1;
-            c3[lane] = p0 as u32;
+            let p0 = (c0[lane] & WORD) * 0xD251_1F53;
+            let p1 = (c2[lane] & WORD) * 0xCD9E_8D57;
+            c0[lane] = (p1 >> 32) ^ c1[lane] ^ u64::from(k0);
+            c1[lane] = p1;
+            c2[lane] = (p0 >> 32) ^ c3[lane] ^ u64::from(k1);
+            c3[lane] = p0;
         }
         k0 = k0.wrapping_add(0x9E37_79B9);
         k1 = k1.wrapping_add(0xBB67_AE85);
     }
-    [c0, c1, c2, c3]
+    [c0, c1, c2, c3].map(|words| words.map(|word| word as u32))
 }
 
 /// A word as a number in the open interval (0, 1).
