@@ -13,19 +13,11 @@ import time
 from pathlib import Path
 
 from measure import Measure, parser, report
+from scale import watched
 
 ROUNDS = 5
+SIZES = (8192, 32_768)
 A_MILLION, SECONDS_FOR_IT = 1e6, 120.0
-
-PEAK = """
-import sys
-from pathlib import Path
-from overtaking import api
-api.generate("pinto2023", int(sys.argv[1]), 1, sys.argv[2], keep="features")
-lines = Path("/proc/self/status").read_text().splitlines()
-print(next(line.split()[1] for line in lines if line.startswith("VmHWM")))
-"""
-"""Prints its peak memory in KiB. (What `getrusage` says includes the peak of the parent.)"""
 
 IMPORT = "import time; t = time.perf_counter(); import overtaking; print(time.perf_counter() - t)"
 
@@ -55,18 +47,33 @@ def importing() -> float:
     return statistics.median(float(one.stdout) for one in told)
 
 
-def peak(simulations: int, folder: Path) -> float:
-    """Peak memory of generating a data set without frames [MiB]."""
-    command = [sys.executable, "-c", PEAK, str(simulations), str(folder / f"peak{simulations}")]
-    told = subprocess.run(command, check=True, capture_output=True, text=True)
-    return int(told.stdout.split()[-1]) / 1024.0
+def peak(simulations: int, engine: str, folder: Path) -> float:
+    """Most memory of all processes that generate a data set without frames [MiB]."""
+    out = folder / f"peak-{engine}-{simulations}"
+    shared = [sys.executable, "-m", "overtaking.cli", "generate", "--json", "--keep", "features"]
+    return watched([*shared, "-n", str(simulations), "--engine", engine, "--out", str(out)]).peak
+
+
+def flatness(engine: str, folder: Path) -> list[Measure]:
+    """Memory at two sizes that keep every worker busy."""
+    small, large = (peak(size, engine, folder) for size in SIZES)
+    few, many = (f"{size:,}" for size in SIZES)
+    return [
+        Measure(name=f"memory of {few} simulations, {engine}", value=small, unit="MiB"),
+        Measure(
+            name=f"memory of {many} over {few}, {engine}",
+            value=large / small,
+            unit="times",
+            at_most=1.2,
+        ),
+    ]
 
 
 def rate(folder: Path) -> Measure:
     """Simulations a second without frames, sampling and all small tables included."""
     from overtaking import api
 
-    count = 16384
+    count = 32_768
     begin = time.perf_counter()
     data = api.generate("pinto2023", count, 2, folder / "rate", keep="features")
     taken = time.perf_counter() - begin
@@ -85,18 +92,12 @@ def measures() -> list[Measure]:
     """What a user waits for."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        small, large = peak(4096, folder), peak(32768, folder)
         return [
             Measure(name="import overtaking", value=importing(), unit="s", at_most=0.1),
             Measure(name="generate -n 276, cold", value=generation(folder), unit="s", at_most=2.0),
             rate(folder),
-            Measure(name="memory of 4,096 simulations", value=small, unit="MiB"),
-            Measure(
-                name="memory of 32,768 over 4,096 simulations",
-                value=large / small,
-                unit="times",
-                at_most=1.2,
-            ),
+            *flatness("threads", folder),
+            *flatness("processes", folder),
         ]
 
 

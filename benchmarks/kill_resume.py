@@ -1,9 +1,12 @@
 """Kills a `generate` at many moments, resumes it, and compares with an undisturbed run.
 
     python benchmarks/kill_resume.py --kills 200
+    python benchmarks/kill_resume.py --kills 60 --engine processes
 
 Half of the moments are random instants; the other half are the entries into the calls that change
 the file system (open, rename, make and remove), where the time is short and the danger greatest.
+With processes, these are the calls of a worker, which kills its parent and itself there; every
+other time itself alone, and then the run must go on as if nothing had been.
 After each kill the data set is resumed and must be the same as the undisturbed one: content hash,
 bytes of every file, every key once, nothing left over. Exits with 1 if a single one is not.
 """
@@ -41,12 +44,14 @@ class Job:
         shard_size: Simulations a file.
         simulator: Who simulates.
         horizon: Longest duration of a simulation [s].
+        engine: Who makes the shards.
     """
 
     simulations: int
     shard_size: int
     simulator: str
     horizon: float
+    engine: str
 
     def run(self, out: Path) -> None:
         """Make the data set, or complete it."""
@@ -60,6 +65,7 @@ class Job:
             overrides=overrides,
             simulator=self.simulator,
             shard_size=self.shard_size,
+            engine=self.engine,
         )
 
 
@@ -92,23 +98,76 @@ def kill_after(seconds: float, job: Job, out: Path) -> bool:
     return not finished(child)
 
 
+def watch(change: int, out: str, action: Callable[[], None]) -> None:
+    """Do something when this process is about to change the file system once more."""
+    left = change
+
+    def count(event: str, arguments: tuple[object, ...]) -> None:
+        nonlocal left
+        if event in CHANGES and any(out in str(one) for one in arguments):
+            left -= 1
+            if left == -1:
+                action()
+
+    sys.addaudithook(count)
+
+
 def kill_at(change: int, job: Job, out: Path) -> bool:
     """Kill a run that is about to change the file system once more; whether it got that far."""
 
     def run() -> None:
-        left = change
-
-        def count(event: str, arguments: tuple[object, ...]) -> None:
-            nonlocal left
-            if event in CHANGES and any(str(out) in str(one) for one in arguments):
-                if left == 0:
-                    os.kill(os.getpid(), signal.SIGKILL)
-                left -= 1
-
-        sys.addaudithook(count)
+        watch(change, str(out), lambda: os.kill(os.getpid(), signal.SIGKILL))
         job.run(out)
 
     return not finished(in_child(run))
+
+
+def kill_workers_at(change: int, job: Job, out: Path) -> bool:
+    """Kill the first worker that is about to change the file system once more.
+
+    Args:
+        change: How many changes it may make before; every other one takes its parent with it.
+        job: What to run.
+        out: Where.
+
+    Returns:
+        Whether a worker got that far.
+    """
+    mark = out.with_name("killed-worker")
+    mark.unlink(missing_ok=True)
+
+    folder = out.with_name("victim")
+    folder.mkdir(exist_ok=True)
+    # A worker finds it where its parent would, and Python imports it before all else.
+    (folder / "sitecustomize.py").write_text(VICTIM)
+
+    def run() -> None:
+        sys.path[:0] = [str(folder), str(Path(__file__).parent)]
+        os.environ["KILL_AT"] = json.dumps([change, str(out), str(mark), change % 2])
+        job.run(out)
+
+    goes_on = finished(in_child(run))
+    if mark.exists() and change % 2 == 0 and not goes_on:
+        raise SystemExit("the run did not go on without a worker")
+    return mark.exists()
+
+
+VICTIM = """
+import json, os, signal, sys
+def end():
+    try:
+        os.close(os.open(mark, os.O_CREAT | os.O_EXCL))
+    except FileExistsError:
+        return
+    if takes_parent:
+        os.kill(os.getppid(), signal.SIGKILL)
+    os.kill(os.getpid(), signal.SIGKILL)
+if "KILL_AT" in os.environ:
+    from kill_resume import watch
+    change, out, mark, takes_parent = json.loads(os.environ["KILL_AT"])
+    watch(change, out, end)
+"""
+"""What a worker runs before anything else: the first to get there dies."""
 
 
 def contents(out: Path) -> dict[str, str]:
@@ -163,7 +222,8 @@ def trials(job: Job, kills: int, seed: int, folder: Path) -> tuple[int, list[str
         moment = draw.uniform(0.0, duration)
 
         def kill(out: Path, number: int = number, moment: float = moment) -> bool:
-            return kill_at(number, job, out) if number >= 0 else kill_after(moment, job, out)
+            at = kill_workers_at if job.engine == "processes" else kill_at
+            return at(number, job, out) if number >= 0 else kill_after(moment, job, out)
 
         try:
             found = trial(kill, job, expected, folder)
@@ -184,6 +244,7 @@ def main() -> int:
     parser.add_argument("--simulations", type=int, default=400)
     parser.add_argument("--shard-size", type=int, default=50)
     parser.add_argument("--simulator", choices=api.SIMULATORS, default="engine")
+    parser.add_argument("--engine", choices=("threads", "processes"), default="threads")
     parser.add_argument("--horizon", type=float, default=20.0, help="longest duration in seconds")
     given = parser.parse_args()
     job = Job(
@@ -191,6 +252,7 @@ def main() -> int:
         shard_size=given.shard_size,
         simulator=given.simulator,
         horizon=given.horizon,
+        engine=given.engine,
     )
     with tempfile.TemporaryDirectory() as folder:
         done, wrong = trials(job, given.kills, given.seed, Path(folder))

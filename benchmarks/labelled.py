@@ -9,7 +9,7 @@ then labels simulations from memory and from stored frames and compares every va
 each stage is measured on pieces of their own, in processor time of all threads.
 """
 
-import resource
+import os
 import shutil
 import tempfile
 import time
@@ -20,6 +20,7 @@ import numpy as np
 import pyarrow as pa
 
 from measure import Measure, parser, report
+from memory import Watch
 from overtaking import api
 from overtaking.datasets.contents import contents
 from overtaking.datasets.load import Dataset
@@ -53,13 +54,14 @@ KEPT = Keep.FEATURES.tables
 
 
 def rate(folder: Path, simulations: int) -> tuple[list[Measure], Dataset]:
-    """Time and memory of generating labels, findings and features."""
+    """Time by the clock and memory of generating labels, findings and features."""
     begin = time.perf_counter()
-    data = api.generate("pinto2023", simulations, 5, folder, keep="features")
+    with Watch(os.getpid()) as watch:
+        data = api.generate("pinto2023", simulations, 5, folder, keep="features")
     seconds = (time.perf_counter() - begin) * MILLION / simulations
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
     frames = data.table("simulations")["num_frames"].to_numpy().mean()
-    note = f"{simulations:,} simulations of {frames:.0f} frames in the mean, peak {peak:,.0f} MB"
+    size = f"{simulations:,} simulations of {frames:.0f} frames in the mean"
+    note = f"{size}, {watch.cpu:,.0f} s of a processor, all processes {watch.peak:,.0f} MiB"
     return [
         Measure(name="a million labelled", value=seconds, unit="s", at_most=MUST_S, note=note)
     ], data

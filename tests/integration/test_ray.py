@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import threading
-import time
 import types
 import uuid
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from tests.support.killer import Killer, contents
 
 from overtaking import api
 from overtaking.core.errors import ConfigError, DatasetError, MissingExtraError
@@ -48,55 +47,20 @@ def cluster():
         yield ray
 
 
-class Killer(threading.Thread):
-    """Kills processes that have begun a shard and not finished it.
-
-    Args:
-        out: Folder of the data set.
-        kills: How many to kill.
-    """
-
-    def __init__(self, out: Path, kills: int) -> None:
-        super().__init__(daemon=True)
-        self.out, self.kills = out, kills
-        self.killed: dict[int, str] = {}
-        self.is_over = False
-
-    def run(self) -> None:
-        while len(self.killed) < self.kills and not self.is_over:
-            for folder in self.out.glob(f"{PARTIAL}/*-*"):
-                pid = int(folder.name.partition("-")[0])
-                # A file that grows is that of a shard: whoever writes it is in the middle of it.
-                if pid in (os.getpid(), *self.killed) or not any(folder.glob("*.parquet")):
-                    continue
-                self.killed[pid] = Path(f"/proc/{pid}/cmdline").read_text().partition("\0")[0]
-                os.kill(pid, signal.SIGKILL)
-                break
-            time.sleep(0.002)
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_two_workers_killed_in_the_middle_change_not_one_byte(cluster, tmp_path):
-    killer = Killer(tmp_path / "killed", kills=2)
-    killer.start()
     told: list[int] = []
-    try:
+    with Killer(tmp_path / "killed", kills=2) as killer:
         killed = generate(
             tmp_path / "killed", engine="ray", progress=lambda done, _: told.append(done)
         )
-    finally:
-        killer.is_over = True
     assert len(killer.killed) == 2
     assert all(name.startswith("ray::") for name in killer.killed.values())
     assert told == list(range(0, NUM_SIMULATIONS + 1, SETTINGS["shard_size"]))
     undisturbed = generate(tmp_path / "undisturbed")
     assert killed.content_hash == undisturbed.content_hash
     assert killed.manifest.shards == undisturbed.manifest.shards
-    names = {path.relative_to(killed.path) for path in killed.path.rglob("*")}
-    assert names == {path.relative_to(undisturbed.path) for path in undisturbed.path.rglob("*")}
-    for name in names - {Path("dataset.json")}:
-        if (killed.path / name).is_file():
-            assert (killed.path / name).read_bytes() == (undisturbed.path / name).read_bytes()
+    assert contents(killed.path) == contents(undisturbed.path)
 
 
 def test_a_cluster_completes_what_threads_have_begun(cluster, tmp_path, monkeypatch):
@@ -178,9 +142,14 @@ def _read(path: Path) -> str:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ({"engine": "spark"}, "engine: expected threads or ray, got spark"),
+        ({"engine": "spark"}, "engine: expected auto or threads or processes or ray, got spark"),
         ({"address": "10.0.0.1:6379"}, "address: expected the engine ray beside it"),
-        ({"workers": 2}, "workers: expected the engine ray beside it"),
+        (
+            {"engine": "threads", "workers": 2},
+            "workers: expected the engine processes or ray beside it",
+        ),
+        ({"engine": "processes", "workers": 0}, "workers: expected 1 or more, got 0"),
+        ({"engine": "processes", "address": "h:1"}, "got h:1 with processes; add --engine ray"),
         ({"engine": "ray", "workers": 0}, "workers: expected 1 or more, got 0"),
         ({"engine": "ray", "workers": 2, "address": "h:1"}, "expected none beside an address"),
     ],

@@ -33,6 +33,9 @@ _HOMES = {
 BRANCHING = ("engine", "reference")
 """The simulators of our own model, which can go on from the middle of a simulation."""
 
+SERVED = ("carla", "carla-traffic-manager")
+"""The simulators in which a server holds the world."""
+
 
 def simulator_of(name: str) -> Simulator:
     """A simulator by its name."""
@@ -51,6 +54,7 @@ def simulator_of(name: str) -> Simulator:
         unknown=module.UNKNOWN,
         chunk_size=module.CHUNK_SIZE,
         shard_size=module.SHARD_SIZE,
+        shares_world=name in SERVED,
     )
 
 

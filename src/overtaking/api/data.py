@@ -12,10 +12,10 @@ from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.datasets import generate as writing
 from overtaking.datasets import load as reading
 from overtaking.datasets.balance import Balance
+from overtaking.datasets.crews import ENGINES, crew_of
 from overtaking.datasets.generate import Progress
 from overtaking.datasets.load import Dataset
 from overtaking.datasets.manifest import read_manifest
-from overtaking.datasets.orders import Crew, here
 from overtaking.datasets.place import folder_of, place_of
 from overtaking.datasets.recipe import Keep, Recipe
 from overtaking.exchange import recording_export
@@ -27,9 +27,6 @@ EXPORTS = ("pinto2023", "commonroad", "highd", "asp", "prolog", "popper")
 _OF_FACTS = ("simulations", "label", "policy", "every", "with_law")
 _EXPORT_OPTIONS = {"asp": _OF_FACTS, "prolog": _OF_FACTS, "popper": ("about", "policy")}
 """The options that some formats have."""
-
-ENGINES = ("threads", "ray")
-"""Who makes the shards of a data set: the threads of one process, or a Ray cluster."""
 
 
 def generate(
@@ -68,10 +65,11 @@ def generate(
         shard_size: Simulations a file; what suits the simulator if left out.
         balance: Which classes get equal shares, and what is done if one is too rare; None for
             natural shares.
-        engine: Who makes it, one of `ENGINES`: the threads of this process, or the processes of a
-            Ray cluster. The files are the same.
+        engine: Who makes it, one of `ENGINES`: the threads of this process, processes of this
+            machine, or those of a Ray cluster; `auto` takes processes for a large data set in a
+            folder. The files are the same.
         address: Of a Ray cluster; None for one on this machine, as long as the work lasts.
-        workers: Processes of a Ray cluster on this machine; one on each core if left out.
+        workers: Processes on this machine; one on each core if left out.
         progress: Called with the number of simulations that are done, and of all.
         on_candidates: Called with the number of candidates of a balanced data set that have been
             looked at, and about how many there will be; all that comes before the simulations.
@@ -80,7 +78,7 @@ def generate(
         The complete data set.
 
     Raises:
-        ConfigError: The specification, a number or the cluster cannot be used.
+        ConfigError: The specification, a number, the engine or the cluster cannot be used.
         MissingExtraError: Ray, or what reaches the store, is not installed.
         DatasetError: The folder holds something else or cannot be written, another process writes
             it, or the process was asked to end. Finished shards are kept, and `resume` goes on.
@@ -97,11 +95,12 @@ def generate(
         shard_size=chosen.shard_size if shard_size is None else shard_size,
         balance=balance,
     )
+    place = place_of(out)
     return writing.generate(
         recipe,
-        place_of(out),
+        place,
         chosen,
-        crew=_crew(engine, address, workers),
+        crew=crew_of(engine, recipe, chosen, place, address=address, workers=workers),
         resume=resume,
         progress=progress,
         on_candidates=on_candidates,
@@ -359,25 +358,10 @@ def _keep(name: str) -> Keep:
     try:
         return Keep(name)
     except ValueError:
-        raise _refused("keep", " or ".join(Keep), name, "choose one of them") from None
-
-
-def _crew(engine: str, address: str | None, workers: int | None) -> Crew:
-    """Who makes the shards."""
-    if engine not in ENGINES:
-        raise _refused("engine", " or ".join(ENGINES), engine, "choose one of them")
-    if engine == "ray":
-        from overtaking.datasets.ray_crew import RayCrew
-
-        return RayCrew(address=address, workers=workers)
-    for what, value in {"address": address, "workers": workers}.items():
-        if value is not None:
-            next_step = "add --engine ray, or leave it out"
-            raise _refused(what, "the engine ray beside it", f"{value} without", next_step)
-    return here
-
-
-def _refused(what: str, expected: str, got: object, next_step: str) -> ConfigError:
-    return ConfigError.of(
-        what=what, where="generate", expected=expected, got=got, next_step=next_step
-    )
+        raise ConfigError.of(
+            what="keep",
+            where="generate",
+            expected=" or ".join(Keep),
+            got=name,
+            next_step="choose one of them",
+        ) from None

@@ -84,7 +84,7 @@ def generate(
     keep: options.Keep = None,
     resume: options.Resume = False,
     threads: options.Threads = None,
-    engine: options.Engine = "threads",
+    engine: options.Engine = "auto",
     address: options.Address = None,
     workers: options.Workers = None,
     changes: options.Changes = None,

@@ -6,13 +6,13 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from overtaking.core.errors import ConfigError
+from overtaking.core.processors import THREADS_VARIABLE
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from overtaking.model.road import Road
 
-THREADS_VARIABLE = "RAYON_NUM_THREADS"
 FRAME_INTERVAL_KEY = "profile.frame_interval_ms"
 MOST_NUMBERS = 1_000_000
 

@@ -9,6 +9,8 @@ import shutil
 from importlib import import_module, metadata
 from typing import TYPE_CHECKING, Any
 
+from overtaking.core import processors
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -68,11 +70,10 @@ def _engine() -> Values:
 
 def _threads() -> Values:
     """How many processors there are, how many this process may use, and what is asked for."""
-    may_use = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return {
         "processors": os.cpu_count(),
-        "usable": may_use,
-        "rayon_num_threads": os.environ.get("RAYON_NUM_THREADS"),
+        "usable": processors.usable(),
+        "rayon_num_threads": os.environ.get(processors.THREADS_VARIABLE),
     }
 
 

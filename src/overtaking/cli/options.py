@@ -92,8 +92,9 @@ Engine = Annotated[
     str,
     typer.Option(
         "--engine",
-        metavar="threads|ray",
-        help="Work with the threads of this process, or with the processes of a Ray cluster.",
+        metavar="auto|threads|processes|ray",
+        help="Work with the threads of this process, with processes of this machine or with those "
+        "of a Ray cluster; auto takes processes for much work.",
     ),
 ]
 Address = Annotated[
@@ -110,7 +111,7 @@ Workers = Annotated[
         "--workers",
         min=1,
         metavar="N",
-        help="Processes of a Ray cluster on this machine.  [default: one on each core]",
+        help="Processes on this machine.  [default: one on each core]",
     ),
 ]
 Changes = Annotated[

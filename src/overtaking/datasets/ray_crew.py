@@ -4,21 +4,22 @@ A worker is given an order and a task, and puts the files of one shard into the 
 It has no state: one that dies is replaced, and its shard is made again from the beginning.
 """
 
-import dataclasses
 import os
 import signal
 import socket
 import threading
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from typing import Any
 
 from overtaking.core.errors import ConfigError, DatasetError, MissingExtraError, OvertakingError
-from overtaking.datasets.manifest import ShardRecord, read_manifest
+from overtaking.datasets.elsewhere import absolute, seen, single
+from overtaking.datasets.manifest import ShardRecord
 from overtaking.datasets.orders import Order, Task, Told, carry_out
-from overtaking.datasets.place import Place, place_of
+from overtaking.datasets.place import Place
 from overtaking.sim.version import MODEL_VERSION
 
 MAX_RETRIES = 10
@@ -46,7 +47,7 @@ _ONLY_HERE = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
 """Makes Ray bind to loopback on every system. It reads this when it is imported."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RayCrew:
     """Carries out tasks on a Ray cluster; one worker has one core.
 
@@ -90,10 +91,10 @@ class RayCrew:
         """
         ray = _ray(is_only_here=self.address is None)
         with _cluster(ray, self.address, self.workers) as is_left:
-            shared = ray.put((dataclasses.replace(order, simulator=_single(order)), _packages()))
+            shared = ray.put((single(order), _packages()))
             make = ray.remote(_make).options(num_cpus=1, max_retries=MAX_RETRIES)
             most = TASKS_AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
-            given = (make.remote(shared, task, _absolute(place)) for task in tasks)
+            given = (make.remote(shared, task, absolute(place)) for task in tasks)
             for record in _finished(ray, given, most, place, is_left=is_left):
                 on_done(record.simulations)
                 yield record
@@ -103,38 +104,9 @@ def _make(shared: tuple[Order, dict[str, str]], task: Task, where: str) -> Shard
     """What a worker does."""
     order, packages = shared
     os.environ.setdefault("RAYON_NUM_THREADS", "1")  # The engine looks when it is first called.
-    place = _seen(where, order.fingerprint)
+    place = seen(where, order.fingerprint)
     _compare(packages)
     return carry_out(order, task, place, lambda _: None)
-
-
-def _single(order: Order) -> Any:
-    """The simulator with one thread: there is a worker for each core."""
-    return dataclasses.replace(order.simulator, threads=1)
-
-
-def _absolute(place: Place) -> str:
-    """Where a place is, for processes that run elsewhere."""
-    return str(place.resolved())
-
-
-@cache
-def _seen(where: str, fingerprint: str) -> Place:
-    """The place, if a worker sees the same one as the driver."""
-    place = place_of(where)
-    try:
-        found = read_manifest(place).identity.fingerprint
-    except DatasetError:
-        found = None
-    if found == fingerprint:
-        return place
-    raise DatasetError.of(
-        what="place",
-        where=where,
-        expected="one that every worker sees",
-        got=f"{'nothing' if found is None else 'another data set'} there on {socket.gethostname()}",
-        next_step="choose a folder that all machines share, or a store, such as s3://bucket/data",
-    )
 
 
 def _packages() -> dict[str, str]:

@@ -40,6 +40,8 @@ class Simulator:
         chunk_size: Simulations that it is given at a time; few where each of them takes long.
         shard_size: Simulations a file, and at most that many to do again after an interruption.
         threads: How many threads may simulate at a time; one where it has a world of its own.
+        shares_world: Whether all processes share one world, such as a server, so that only one of
+            them may simulate at a time.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Simulator:
     chunk_size: int = CHUNK_SIZE
     shard_size: int = SHARD_SIZE
     threads: int = 1
+    shares_world: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

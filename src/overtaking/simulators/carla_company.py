@@ -17,6 +17,7 @@ from typing import IO, Any
 import numpy as np
 
 from overtaking.core.errors import ConfigError, OvertakingError
+from overtaking.core.messages import receive, send
 from overtaking.model.batch import Batch, concatenate
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import NO_VEHICLE, States, Trajectories
@@ -38,8 +39,6 @@ from overtaking.simulators.carla_messages import (
     Request,
     Result,
     lost,
-    receive,
-    send,
 )
 from overtaking.simulators.carla_ports import free_port
 from overtaking.simulators.carla_replay import Replayed, ReplayJob, encoder

@@ -1,9 +1,6 @@
 """What a worker with CARLA's client and its parent say to each other."""
 
-import pickle
-import struct
 from dataclasses import dataclass
-from typing import IO, Any
 
 from overtaking.core.errors import OvertakingError
 from overtaking.model.scenario import Scenario
@@ -17,8 +14,6 @@ SILENCE = 30.0
 
 LOADING = 180.0
 """The same while a map may be loaded, which takes a real server its time [s]."""
-
-_LENGTH = struct.Struct("<I")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,22 +56,6 @@ class LimitsJob:
 Result = Trajectories | Limits | Replayed
 Request = Job | LimitsJob | ReplayJob
 Answer = Alive | Result | OvertakingError
-
-
-def send(stream: IO[bytes], message: object) -> None:
-    """Write one message."""
-    data = pickle.dumps(message)
-    stream.write(_LENGTH.pack(len(data)) + data)
-    stream.flush()
-
-
-def receive(stream: IO[bytes]) -> Any:
-    """Read one message; EOFError at the end."""
-    head = stream.read(_LENGTH.size)
-    if len(head) < _LENGTH.size:
-        raise EOFError
-    (length,) = _LENGTH.unpack(head)
-    return pickle.loads(stream.read(length))  # Of our own parent or child, nobody else's.
 
 
 def lost(request: Request, got: str) -> SimulationLostError:

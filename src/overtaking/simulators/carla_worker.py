@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import IO, Any
 
 from overtaking.core.errors import OvertakingError
+from overtaking.core.messages import receive, send
 from overtaking.model.trajectory import Trajectories
 from overtaking.simulators import carla_limits, carla_manager, carla_own, carla_replay
 from overtaking.simulators.carla_library import Address, connect, library
@@ -22,8 +23,6 @@ from overtaking.simulators.carla_messages import (
     Request,
     Result,
     lost,
-    receive,
-    send,
 )
 from overtaking.simulators.carla_replay import ReplayJob
 from overtaking.simulators.carla_stage import CarlaStage

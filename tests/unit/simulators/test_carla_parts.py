@@ -13,6 +13,7 @@ from tests.support.worlds import Vehicle, scenario, wide_road
 from overtaking import api
 from overtaking.carla_server.world import SCENARIO_NAME
 from overtaking.core.errors import ConfigError
+from overtaking.core.messages import receive, send
 from overtaking.knowledge import VEHICLE_CLASS_ORDER, presets
 from overtaking.knowledge.blueprints import blueprints
 from overtaking.model.road import DrivingSide
@@ -21,7 +22,7 @@ from overtaking.sim.reference.state import initial_state
 from overtaking.simulators import carla_cast, carla_manager, carla_replay
 from overtaking.simulators.carla_company import joined
 from overtaking.simulators.carla_library import Address, parse_address
-from overtaking.simulators.carla_messages import Alive, receive, send
+from overtaking.simulators.carla_messages import Alive
 from overtaking.simulators.carla_own import HARDEST, check_interval, take_over
 from overtaking.simulators.carla_stage import Reading
 
