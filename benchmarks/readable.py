@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from overtaking.features import encounters, past
 from overtaking.features import engine as measures
 from overtaking.features import reference as readable_measures
 from overtaking.labels import engine as events
@@ -26,6 +27,7 @@ def _largest(values: Any, span: frames.Span) -> Any:
 
 TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     signals.signals: readable_signals.signals,
+    signals.neighbours_at: readable_signals.neighbours_at,
     signals.target_signals: readable_target.target_signals,
     events.find_events: readable_events.find_events,
     margins.lowest: frames.lowest,
@@ -34,6 +36,12 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     margins.follow_margin: readable_margins.follow_margin,
     margins.duty_to_return: readable_margins.duty_to_return,
     margins.braking_margin: readable_margins.braking_margin,
+    margins.of_target: readable_margins.of_target,
+    margins.below: readable_margins.below,
+    margins.above: readable_margins.above,
+    margins.dark: readable_margins.dark,
+    measures.encounter: encounters.encounter,
+    measures.first_past: past.first_past,
     measures.worst: readable_measures.worst,
     measures.sums: readable_measures.sums,
 }

@@ -141,6 +141,95 @@ def target(
             or not available.
     """
 
+def neighbours(
+    *,
+    states: Mapping[str, NDArray[Any] | None],
+    vehicles: Mapping[str, Any],
+    vehicle: NDArray[np.uint8],
+    outputs: dict[str, NDArray[Any]],
+    level: str | None = None,
+) -> None:
+    """Work out the gaps to the neighbours of the ego and fill the arrays of `outputs`.
+
+    Args:
+        states: As in `signals`.
+        vehicles: As in `signals`.
+        vehicle: Who they are, flat (simulation, 6, time).
+        outputs: gap, closing_speed and lateral_gap, shape (simulation, 6, time).
+        level: SIMD level; None for the best of this CPU.
+
+    Raises:
+        ValueError: As in `signals`.
+    """
+
+def neighbours_at(
+    *,
+    near: Mapping[str, NDArray[Any]],
+    rows: NDArray[np.int64],
+    places: NDArray[np.int64],
+    frames: NDArray[np.int64],
+    out: Mapping[str, NDArray[Any]],
+) -> None:
+    """Neighbours of the ego at single frames, in a place each.
+
+    Args:
+        near: s and speed, shape (simulation, vehicle, time); length (simulation, vehicle); vehicle,
+            who they are, (simulation, 6, time).
+        rows: Simulations.
+        places: Places around the ego.
+        frames: Frames.
+        out: vehicle, gap and closing_speed at these, flat.
+
+    Raises:
+        ValueError: An array has another length, or an instant or a slot does not exist.
+    """
+
+def left_lane(
+    *,
+    states: Mapping[str, NDArray[Any] | None],
+    vehicles: Mapping[str, Any],
+    num_lanes: int,
+    outputs: dict[str, NDArray[Any]],
+    level: str | None = None,
+) -> None:
+    """Work out who is in the lane to the left of the ego and fill the arrays of `outputs`.
+
+    Args:
+        states: As in `signals`.
+        vehicles: As in `signals`.
+        num_lanes: Driving lanes.
+        outputs: left_occupancy and left_count, shape (simulation, time).
+        level: SIMD level; None for the best of this CPU.
+
+    Raises:
+        ValueError: As in `signals`.
+    """
+
+def alongside(
+    *,
+    states: Mapping[str, NDArray[Any] | None],
+    vehicles: Mapping[str, Any],
+    own: Mapping[str, NDArray[Any]],
+    start: NDArray[np.int32],
+    stop: NDArray[np.int32],
+    out: Mapping[str, NDArray[Any]],
+    level: str | None = None,
+) -> None:
+    """Work out some of what `target` does, in some frames of each simulation.
+
+    Args:
+        states: As in `signals`.
+        vehicles: As in `signals`.
+        own: As in `target`.
+        start: First of these frames.
+        stop: Last of them; none where it is before the first.
+        out: overlaps, lane, lateral_gap and accel of all of them, one simulation after the other.
+        level: SIMD level; None for the best of this CPU.
+
+    Raises:
+        ValueError: As in `target`, or a frame was not recorded.
+    """
+
 def events(
     *,
     recorded: Mapping[str, NDArray[Any] | None],
@@ -154,7 +243,7 @@ def events(
         recorded: num_frames, valid, length, flat; s and present (or None), shape (simulation,
             vehicle, time), and hit, shape (simulation, time), the frames adjacent.
         seen: Signals of the ego, flat: lane, lateral, lateral_speed, right_reach, left_reach,
-            speed, vehicle, gap.
+            speed, vehicle.
         limits: borders, least_frames, window, least_speed, least_shift, settled_shift,
             follow_time_gap.
         out: Shape (event, simulation).
@@ -184,6 +273,105 @@ def extreme_float(
 
     Raises:
         ValueError: An array has another length, or the SIMD level is unknown or not available.
+    """
+
+def beyond(
+    *,
+    span: Mapping[str, Any],
+    values: NDArray[np.floating[Any]],
+    limits: NDArray[np.floating[Any]],
+    greatest: bool,
+    out: Mapping[str, NDArray[Any]],
+) -> None:
+    """The same, and the first and last frame with a number beyond the limit of its simulation.
+
+    Args:
+        span: As in `extreme_float`.
+        values: Flat (simulation, time).
+        limits: Flat (simulation).
+        greatest: Whether the largest is asked for, and numbers above the limit.
+        out: As in `stops`; low is that extreme, means nothing where the stretch is empty.
+
+    Raises:
+        ValueError: As in `extreme_float`.
+    """
+
+def encounters(
+    *,
+    around: Mapping[str, NDArray[Any]],
+    accels: NDArray[np.int16],
+    instants: Mapping[str, NDArray[np.int64]],
+    is_ahead: bool,
+    vehicle: NDArray[np.uint8],
+    out: NDArray[np.floating[Any]],
+    level: str | None = None,
+) -> None:
+    """Encounters with neighbours at single frames: a row of `out` for each `encounter_fields`.
+
+    Args:
+        around: As in `follow`.
+        accels: Shape (simulation, vehicle, time).
+        instants: rows, places and frames.
+        is_ahead: Whether the neighbours are ahead of the ego.
+        vehicle: Their slots, 255 where nobody is there.
+        out: Shape (measure, instant).
+        level: SIMD level; None for the best of this CPU.
+
+    Raises:
+        ValueError: An array has another shape, an instant or a slot does not exist, or the SIMD
+            level is unknown or not available.
+    """
+
+def encounter_fields() -> list[str]:
+    """Names of the rows of `encounters`, in order."""
+
+def dark(
+    *,
+    lights: NDArray[np.uint8],
+    crossed: NDArray[np.int32],
+    first: NDArray[np.int32],
+    last: NDArray[np.int32],
+    before: int,
+    after: int,
+    bit: int,
+    out: NDArray[np.int32],
+) -> None:
+    """Frames around a crossing without a lamp: rows for their number, the first and the last.
+
+    Args:
+        lights: Lamps of the ego, shape (simulation, time).
+        crossed: Frame of the crossing, -1 without one.
+        first: First frame that counts.
+        last: Last frame that counts.
+        before: Frames before the crossing that count.
+        after: Frames after it.
+        bit: The lamp.
+        out: Shape (3, simulation).
+
+    Raises:
+        ValueError: An array has another length, or a frame does not exist.
+    """
+
+def arrivals(
+    *,
+    s: NDArray[np.int32],
+    present: NDArray[np.bool_] | None,
+    num_frames: NDArray[np.int32],
+    coming: Mapping[str, NDArray[Any]],
+    out: NDArray[np.int32],
+) -> None:
+    """First frame in which each of some vehicles has come to a place, -1 without one.
+
+    Args:
+        s: Shape (simulation, vehicle, time).
+        present: The same shape, or None.
+        num_frames: Recorded frames of each simulation.
+        coming: row, slot, begin, the first frame that counts, place [mm], and halves, how far the
+            front is ahead of the centre [m].
+        out: A frame for each.
+
+    Raises:
+        ValueError: An array has another length, or a vehicle does not exist.
     """
 
 def stops(
@@ -224,8 +412,9 @@ def follow(
 
     Args:
         span: As in `extreme_float`.
-        seen: speed, friction, lane, vehicle, gap, closing_speed, flat; lanes and present (or None),
-            shape (simulation, vehicle, time); regain, a number of frames.
+        seen: speed, friction, lane, flat; around, who is there: vehicle and length, flat, s and
+            speed, shape (simulation, vehicle, time); lanes and present (or None), the same shape;
+            regain, a number of frames.
         law: floor, usable, decel_limit, reaction_time.
         out: As in `stops`.
 
@@ -245,14 +434,14 @@ def duty(
 
     Args:
         span: As in `extreme_float`.
-        seen: lane, original_lane, speed, friction, vehicle, gap, closing_speed, lead, target_gap,
-            target_speed, flat; and the numbers num_lanes, time_gap, free_time, reach.
+        seen: lane, original_lane, target, speed, friction, flat; around as in `follow`; and the
+            numbers num_lanes, time_gap, free_time, reach.
         law: As in `follow`.
         first: First frame of the run, -1 without one.
         length: Its number of frames.
 
     Raises:
-        ValueError: As in `extreme_float`.
+        ValueError: As in `follow`.
     """
 
 def obstruction(
@@ -265,11 +454,11 @@ def obstruction(
 
     Args:
         span: As in `extreme_float`.
-        seen: lane, vehicle, gap, closing_speed, flat; and the numbers lasting, allowed, most.
+        seen: lane, flat; around as in `follow`; and the numbers lasting, allowed, most.
         out: As in `stops`.
 
     Raises:
-        ValueError: As in `extreme_float`.
+        ValueError: As in `follow`.
     """
 
 def worst(
@@ -284,8 +473,8 @@ def worst(
 
     Args:
         span: As in `extreme_float`.
-        seen: speed, accel, friction, vehicle, gap, closing_speed and length, flat; accels, shape
-            (simulation, vehicle, time).
+        seen: speed, friction, flat; around as in `follow`; accels, shape (simulation, vehicle,
+            time).
         law: As in `follow`.
         measures: picud_reaction_time, picud_decel, rss_reaction_time, rss_accel, rss_rear_decel,
             rss_lead_decel, critical_ttc.
@@ -303,7 +492,8 @@ def means(*, span: Mapping[str, Any], seen: Mapping[str, Any], out: NDArray[np.i
 
     Args:
         span: As in `extreme_float`.
-        seen: vehicle and left_count, flat; s and speed, shape (simulation, vehicle, time).
+        seen: around as in `follow`; num_lanes; valid, flat; lane and present (or None), shape
+            (simulation, vehicle, time).
         out: Shape (sum, simulation).
 
     Raises:

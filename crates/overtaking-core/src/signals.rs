@@ -1,15 +1,21 @@
 //! Who is around the ego, how far and how fast, from recorded states; see `overtaking.signals.reference`.
 //!
-//! Here sixteen frames of one simulation lie side by side.
+//! Here sixteen frames of one simulation lie side by side. Gaps to all neighbours and the lane to the left are
+//! worked out apart, as few ask for them in all frames.
 
 mod chunk;
+mod left;
+mod neighbours;
 mod target;
 
 use fearless_simd::Simd;
 use rayon::prelude::*;
 
 use self::chunk::{Chunk, Frames};
-pub use self::target::{Target, Targets, target};
+pub use self::left::{LeftLane, left_lane};
+pub(crate) use self::neighbours::gap_between;
+pub use self::neighbours::{Along, Neighbours, neighbour_at, neighbours};
+pub use self::target::{Instants, Target, Targets, alongside, target};
 use crate::engine::supported;
 use crate::fields::Constants;
 use crate::lanes::{LANES, dispatch};
@@ -43,6 +49,12 @@ impl Recording<'_> {
     /// Recorded frames of a simulation, of which there is room for some.
     fn recorded(&self, simulation: usize, frames: usize) -> usize {
         (self.num_frames[simulation].max(0) as usize).min(frames)
+    }
+
+    /// The same, and as many more as lie side by side with the last one.
+    fn rest(&self, simulation: usize, frames: usize) -> usize {
+        let recorded = self.recorded(simulation, frames);
+        recorded.next_multiple_of(LANES).min(frames)
     }
 }
 
@@ -113,8 +125,7 @@ macro_rules! signal_outputs {
                 })*
             }
 
-            fn into_simulations(self, frames: usize) -> Vec<Self> {
-                let count = self.lane.len() / frames.max(1);
+            fn into_simulations(self, count: usize, frames: usize) -> Vec<Self> {
                 $(let mut $field = self.$field.chunks_mut(($rows * frames).max(1));)*
                 let next = |_| Some($name { $($field: $field.next()?,)* });
                 (0..count).map(next).collect::<Option<Vec<_>>>().unwrap_or_default()
@@ -129,8 +140,6 @@ signal_outputs! {
     Signals:
     /// Lane of the ego.
     lane: u8, 1;
-    /// Position along the road [m].
-    s: f32, 1;
     /// Position across it, to the left [m].
     lateral: f32, 1;
     /// Speed to the left [m/s].
@@ -145,16 +154,6 @@ signal_outputs! {
     left_reach: f32, 1;
     /// Neighbours.
     vehicle: u8, PLACES;
-    /// Gaps [m].
-    gap: f32, PLACES;
-    /// Closing speeds [m/s].
-    closing_speed: f32, PLACES;
-    /// Lateral gaps [m].
-    lateral_gap: f32, PLACES;
-    /// Occupancy of the lane to the left.
-    left_occupancy: f32, 1;
-    /// Vehicles in it.
-    left_count: u8, 1;
     /// Friction.
     friction: f32, 1;
     /// Sight of something lit [m].
@@ -175,7 +174,7 @@ pub fn signals(
     out: Signals<'_>,
 ) -> Result<(), String> {
     let level = supported(forced)?;
-    out.into_simulations(frames)
+    out.into_simulations(recording.num_frames.len(), frames)
         .into_par_iter()
         .enumerate()
         .for_each(|(simulation, mut out)| {
@@ -197,7 +196,7 @@ fn one<S: Simd>(
 ) {
     let recorded = recording.recorded(simulation, frames);
     let (ego, bodies) = (simulation * recording.slots, &around.bodies);
-    let rest = recorded.next_multiple_of(LANES).min(frames);
+    let rest = recording.rest(simulation, frames);
     lateral_speed(
         recording.d[ego],
         recorded,
@@ -221,8 +220,7 @@ fn one<S: Simd>(
                 let chunk = Chunk { frames, around };
                 let body = frames.footprint(ego);
                 chunk.own(body, &mut lamp, out);
-                chunk.neighbours(body, out);
-                chunk.left_lane(out);
+                chunk.nearest(out);
             },
         );
     }

@@ -2,10 +2,13 @@
 //!
 //! `overtaking.rules.reference` and `overtaking.features.reference` say the same of all frames at once.
 
+mod around;
 mod behind;
+mod encounters;
 mod extremes;
 mod follow;
 mod formulas;
+mod lamps;
 mod means;
 mod row;
 mod stops;
@@ -16,10 +19,13 @@ use rayon::prelude::*;
 
 use crate::engine::supported;
 
+pub use self::around::Around;
 pub use self::behind::{Duty, Obstruction, duty, obstruction};
-pub use self::extremes::{Extreme, extreme_float};
+pub use self::encounters::{ENCOUNTERS, Encounters, encounters};
+pub use self::extremes::{Extreme, beyond, extreme_float};
 pub use self::follow::{Follow, follow};
 pub use self::formulas::{Grip, Law, Measures};
+pub use self::lamps::{Announced, arrival};
 pub use self::means::{MEANS, Means, means};
 pub use self::stops::{Stops, stops};
 pub use self::worst::{WORST, Worst, worst};
@@ -125,6 +131,10 @@ pub struct Found<'a> {
 }
 
 impl Found<'_> {
+    fn set_ends(&mut self, simulation: usize, first: i32, last: i32) {
+        (self.first[simulation], self.last[simulation]) = (first, last);
+    }
+
     /// Fill it with what is found of each simulation.
     fn fill(&mut self, of: impl Fn(usize) -> Lowest + Sync) {
         let rows = self.low.par_iter_mut().zip(self.first.par_iter_mut());

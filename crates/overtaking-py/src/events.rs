@@ -7,7 +7,7 @@ use overtaking_core::events::{Limits, NAMES, Watched};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::arrays::{expect_length, expect_slots, rows, rows_of_two};
+use crate::arrays::{PLACES, expect_length, expect_slots, rows, rows_of_two};
 
 /// What events are looked for in, beside the signals.
 #[derive(FromPyObject)]
@@ -32,7 +32,6 @@ pub struct Seen<'py> {
     left_reach: PyReadonlyArray1<'py, f32>,
     speed: PyReadonlyArray1<'py, f32>,
     vehicle: PyReadonlyArray1<'py, u8>,
-    gap: PyReadonlyArray1<'py, f32>,
 }
 
 /// What makes a movement one.
@@ -67,7 +66,8 @@ impl Recorded<'_> {
 }
 
 impl Seen<'_> {
-    fn check(&self, cells: usize, slots: usize) -> PyResult<()> {
+    fn check(&self, simulations: usize, slots: usize, frames: usize) -> PyResult<()> {
+        let cells = simulations * frames;
         let each = [
             ("lane", self.lane.len(), cells),
             ("lateral", self.lateral.len(), cells),
@@ -75,13 +75,12 @@ impl Seen<'_> {
             ("right_reach", self.right_reach.len(), cells),
             ("left_reach", self.left_reach.len(), cells),
             ("speed", self.speed.len(), cells),
-            ("vehicle", self.vehicle.len(), 6 * cells),
-            ("gap", self.gap.len(), 6 * cells),
+            ("vehicle", self.vehicle.len(), PLACES * cells),
         ];
         for (name, length, expected) in each {
             expect_length(name, length, expected)?;
         }
-        expect_slots(self.vehicle.as_slice()?, slots)
+        expect_slots(self.vehicle.as_slice()?, &[0], frames, slots)
     }
 }
 
@@ -113,7 +112,7 @@ pub fn events(
     mut out: PyReadwriteArray2<'_, i32>,
 ) -> PyResult<()> {
     let (simulations, slots, frames) = recorded.check()?;
-    seen.check(simulations * frames, slots)?;
+    seen.check(simulations, slots, frames)?;
     expect_length("out", out.len(), NAMES.len() * simulations)?;
     let limits = limits.limits()?;
     let watched = Watched {
@@ -132,7 +131,6 @@ pub fn events(
         left_reach: seen.left_reach.as_slice()?,
         speed: seen.speed.as_slice()?,
         vehicle: seen.vehicle.as_slice()?,
-        gap: seen.gap.as_slice()?,
     };
     let out = out.as_slice_mut()?;
     py.detach(|| overtaking_core::events::events(&watched, &limits, out));

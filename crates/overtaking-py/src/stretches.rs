@@ -5,18 +5,16 @@ use numpy::{
     PyUntypedArrayMethods,
 };
 use overtaking_core::stretches::{
-    self as core, Duty, Extreme, Follow, Found, Grip, Law, MEANS, Means, Measures, Obstruction,
-    Spans, Stops, WORST, Worst,
+    self as core, Around, Duty, Extreme, Follow, Found, Grip, Law, MEANS, Means, Measures,
+    Obstruction, Spans, Stops, WORST, Worst,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::arrays::{expect_length, expect_slots, rows};
+use crate::arrays::{PLACES, expect_length, expect_slots, expect_targets, rows};
 
 type Floats<'py> = PyReadonlyArray1<'py, f32>;
 type Octets<'py> = PyReadonlyArray1<'py, u8>;
-
-const PLACES: usize = 6;
 
 /// From one frame of each simulation to another.
 #[derive(FromPyObject)]
@@ -44,21 +42,48 @@ impl Span<'_> {
         Ok(values.as_slice()?)
     }
 
-    /// An array (simulation, place, frame) as a slice.
-    fn around<'a, T: Element>(&self, values: &'a PyReadonlyArray1<'_, T>) -> PyResult<&'a [T]> {
-        expect_length(
-            "neighbours",
-            values.len(),
-            PLACES * self.start.len() * self.frames,
-        )?;
-        Ok(values.as_slice()?)
+    /// Neighbours (simulation, place, frame) that are slots of the recording in some places, and these.
+    fn around<'a>(&self, given: &'a Neighbours<'_>, places: &[usize]) -> PyResult<Around<'a>> {
+        let slots = given.s.shape()[1];
+        given.around(self.start.len(), slots, self.frames, places)
     }
+}
 
-    /// Neighbours that are slots of the recording.
-    fn neighbours<'a>(&self, values: &'a Octets<'_>, slots: usize) -> PyResult<&'a [u8]> {
-        let found = self.around(values)?;
-        expect_slots(found, slots)?;
-        Ok(found)
+/// Who is around the ego, and the recorded states that say how far and how fast.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Neighbours<'py> {
+    vehicle: Octets<'py>,
+    s: PyReadonlyArray3<'py, i32>,
+    speed: PyReadonlyArray3<'py, i32>,
+    length: Floats<'py>,
+}
+
+impl Neighbours<'_> {
+    /// The same, if it is of a recording of this size and the neighbours in some places are slots of it.
+    pub fn around(
+        &self,
+        simulations: usize,
+        slots: usize,
+        frames: usize,
+        places: &[usize],
+    ) -> PyResult<Around<'_>> {
+        let (shape, vehicle) = ([simulations, slots, frames], self.vehicle.as_slice()?);
+        if self.s.shape() != shape || self.speed.shape() != shape || slots == 0 {
+            return Err(PyValueError::new_err(
+                "states: expected arrays of one shape",
+            ));
+        }
+        expect_length("vehicle", vehicle.len(), PLACES * simulations * frames)?;
+        expect_length("length", self.length.len(), simulations * slots)?;
+        expect_slots(vehicle, places, frames, slots)?;
+        Ok(Around {
+            vehicle,
+            s: rows(&self.s)?,
+            speed: rows(&self.speed)?,
+            length: self.length.as_slice()?,
+            slots,
+        })
     }
 }
 
@@ -156,9 +181,7 @@ pub struct FollowInputs<'py> {
     speed: Floats<'py>,
     friction: Floats<'py>,
     lane: Octets<'py>,
-    vehicle: Octets<'py>,
-    gap: Floats<'py>,
-    closing_speed: Floats<'py>,
+    around: Neighbours<'py>,
     lanes: PyReadonlyArray3<'py, u8>,
     present: Option<PyReadonlyArray3<'py, bool>>,
     regain: usize,
@@ -174,18 +197,19 @@ pub fn follow(
     law: LawNumbers,
     mut out: Lowest<'_>,
 ) -> PyResult<()> {
-    let (slots, lanes) = slots_of(&seen.lanes, &span)?;
+    let (around, (slots, lanes)) = (
+        span.around(&seen.around, &[0])?,
+        slots_of(&seen.lanes, &span)?,
+    );
+    expect_length("lanes", slots, around.slots)?;
     let present = seen.present.as_ref().map(|each| slots_of(each, &span));
     let given = Follow {
         speed: span.own(&seen.speed)?,
         friction: span.own(&seen.friction)?,
         lane: span.own(&seen.lane)?,
-        vehicle: span.neighbours(&seen.vehicle, slots)?,
-        gap: span.around(&seen.gap)?,
-        closing_speed: span.around(&seen.closing_speed)?,
+        around,
         lanes,
         present: present.transpose()?.map(|(_, rows)| rows),
-        slots,
         regain: seen.regain,
         law: law.law(),
     };
@@ -215,6 +239,29 @@ pub fn extreme_float(
     Ok(())
 }
 
+/// The same, and the first and the last frame with a number beyond a limit of its simulation.
+#[pyfunction]
+#[pyo3(signature = (*, span, values, limits, greatest, out))]
+pub fn beyond(
+    py: Python<'_>,
+    span: Span<'_>,
+    values: Floats<'_>,
+    limits: Floats<'_>,
+    greatest: bool,
+    mut out: Lowest<'_>,
+) -> PyResult<()> {
+    expect_length("limits", limits.len(), span.start.len())?;
+    let kind = if greatest {
+        Extreme::Greatest
+    } else {
+        Extreme::Least
+    };
+    let (spans, values, limits) = (span.spans()?, span.own(&values)?, limits.as_slice()?);
+    let found = out.found(span.start.len())?;
+    py.detach(|| core::beyond(values, limits, kind, &spans, found));
+    Ok(())
+}
+
 /// What the duty to return is judged by.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
@@ -224,12 +271,8 @@ pub struct DutyInputs<'py> {
     num_lanes: usize,
     speed: Floats<'py>,
     friction: Floats<'py>,
-    vehicle: Octets<'py>,
-    gap: Floats<'py>,
-    closing_speed: Floats<'py>,
-    lead: Floats<'py>,
-    target_gap: Floats<'py>,
-    target_speed: Floats<'py>,
+    around: Neighbours<'py>,
+    target: Octets<'py>,
     time_gap: f32,
     free_time: f32,
     reach: f32,
@@ -250,18 +293,17 @@ pub fn duty(
     expect_length("first", first.len(), count)?;
     expect_length("length", length.len(), count)?;
     expect_length("original_lane", seen.original_lane.len(), count)?;
+    expect_length("target", seen.target.len(), count)?;
+    let (around, target) = (span.around(&seen.around, &[4, 5])?, seen.target.as_slice()?);
+    expect_targets(target, around.slots)?;
     let given = Duty {
         lane: span.own(&seen.lane)?,
         original_lane: seen.original_lane.as_slice()?,
         num_lanes: seen.num_lanes,
         speed: span.own(&seen.speed)?,
         friction: span.own(&seen.friction)?,
-        vehicle: span.around(&seen.vehicle)?,
-        gap: span.around(&seen.gap)?,
-        closing_speed: span.around(&seen.closing_speed)?,
-        lead: span.own(&seen.lead)?,
-        target_gap: span.own(&seen.target_gap)?,
-        target_speed: span.own(&seen.target_speed)?,
+        around,
+        target,
         law: law.law(),
         time_gap: seen.time_gap,
         free_time: seen.free_time,
@@ -278,9 +320,7 @@ pub fn duty(
 #[pyo3(from_item_all)]
 pub struct ObstructionInputs<'py> {
     lane: Octets<'py>,
-    vehicle: Octets<'py>,
-    gap: Floats<'py>,
-    closing_speed: Floats<'py>,
+    around: Neighbours<'py>,
     lasting: usize,
     allowed: f32,
     most: f32,
@@ -297,9 +337,7 @@ pub fn obstruction(
 ) -> PyResult<()> {
     let given = Obstruction {
         lane: span.own(&seen.lane)?,
-        vehicle: span.around(&seen.vehicle)?,
-        gap: span.around(&seen.gap)?,
-        closing_speed: span.around(&seen.closing_speed)?,
+        around: span.around(&seen.around, &[1])?,
         lasting: seen.lasting,
         allowed: seen.allowed,
         most: seen.most,
@@ -314,13 +352,9 @@ pub fn obstruction(
 #[pyo3(from_item_all)]
 pub struct WorstInputs<'py> {
     speed: Floats<'py>,
-    accel: Floats<'py>,
     friction: Floats<'py>,
-    vehicle: Octets<'py>,
-    gap: Floats<'py>,
-    closing_speed: Floats<'py>,
+    around: Neighbours<'py>,
     accels: PyReadonlyArray3<'py, i16>,
-    length: Floats<'py>,
 }
 
 /// Numbers of measures of safety.
@@ -362,19 +396,17 @@ pub fn worst(
     mut out: PyReadwriteArray2<'_, f32>,
 ) -> PyResult<()> {
     let count = span.start.len();
-    let (slots, accels) = slots_of(&seen.accels, &span)?;
-    expect_length("length", seen.length.len(), count * slots)?;
+    let (around, (slots, accels)) = (
+        span.around(&seen.around, &[0, 1])?,
+        slots_of(&seen.accels, &span)?,
+    );
+    expect_length("accels", slots, around.slots)?;
     expect_length("out", out.len(), WORST.len() * count)?;
     let given = Worst {
         speed: span.own(&seen.speed)?,
-        accel: span.own(&seen.accel)?,
         friction: span.own(&seen.friction)?,
-        vehicle: span.neighbours(&seen.vehicle, slots)?,
-        gap: span.around(&seen.gap)?,
-        closing_speed: span.around(&seen.closing_speed)?,
+        around,
         accels,
-        length: seen.length.as_slice()?,
-        slots,
         law: law.law(),
         measures: measures.measures(),
     };
@@ -393,10 +425,11 @@ pub fn worst_fields() -> Vec<&'static str> {
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct MeansInputs<'py> {
-    vehicle: Octets<'py>,
-    left_count: Octets<'py>,
-    s: PyReadonlyArray3<'py, i32>,
-    speed: PyReadonlyArray3<'py, i32>,
+    around: Neighbours<'py>,
+    num_lanes: usize,
+    valid: PyReadonlyArray1<'py, bool>,
+    lane: PyReadonlyArray3<'py, u8>,
+    present: Option<PyReadonlyArray3<'py, bool>>,
 }
 
 /// Sums over the first frames of each simulation: a row of `out` for each of `mean_fields`.
@@ -408,17 +441,22 @@ pub fn means(
     seen: MeansInputs<'_>,
     mut out: PyReadwriteArray2<'_, i64>,
 ) -> PyResult<()> {
-    let ((slots, s), (_, speed)) = (slots_of(&seen.s, &span)?, slots_of(&seen.speed, &span)?);
-    expect_length("speed", speed.len(), s.len())?;
+    let (around, (slots, lane)) = (
+        span.around(&seen.around, &[0])?,
+        slots_of(&seen.lane, &span)?,
+    );
+    let present = seen.present.as_ref().map(|each| slots_of(each, &span));
+    expect_length("lane", slots, around.slots)?;
+    expect_length("valid", seen.valid.len(), slots * span.start.len())?;
     expect_length("out", out.len(), MEANS.len() * span.start.len())?;
     let given = Means {
         last: span.stop.as_slice()?,
         frames: span.frames,
-        slots,
-        vehicle: span.neighbours(&seen.vehicle, slots)?,
-        left_count: span.own(&seen.left_count)?,
-        s,
-        speed,
+        around,
+        num_lanes: seen.num_lanes,
+        valid: seen.valid.as_slice()?,
+        present: present.transpose()?.map(|(_, rows)| rows),
+        lane,
     };
     let out = out.as_slice_mut()?;
     py.detach(|| core::means(&given, out));

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from overtaking.explain.breach import Index, Scene
 from overtaking.explain.change import Change, Quantity, Remedy
 from overtaking.physics.constants import known
-from overtaking.rules.frames import alongside
+from overtaking.rules.alongside import alongside
 from overtaking.rules.l16_width import left_widths
 
 
@@ -124,7 +124,7 @@ def _apart(scene: Scene, needed: float) -> Change:
 
 def _alongside(scene: Scene) -> Index:
     """Frames of the breach in which ego and target overlap along the road."""
-    return scene.within(alongside(scene.case)[1])
+    return scene.within(alongside(scene.case).frames)
 
 
 def _target(scene: Scene) -> int:

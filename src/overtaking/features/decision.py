@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, as_f32
 from overtaking.features.decision_lanes import lane_around, left_lane, next_ahead
-from overtaking.features.encounters import Index, Side, encounter
+from overtaking.features.encounters import Index, Side
+from overtaking.features.engine import encounter
+from overtaking.features.margins import stop_margins
 from overtaking.features.matched import pseudo_attempt
-from overtaking.features.safety import stop_margins
 from overtaking.model.decisions import Believed, Decisions, LawAhead, OwnState, VehicleAhead
 from overtaking.model.labels import Case
 from overtaking.model.safety import Encounter

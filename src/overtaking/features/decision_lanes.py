@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask, as_f32
-from overtaking.features.encounters import Index, Side, encounter
+from overtaking.features.encounters import Index, Side
+from overtaking.features.engine import encounter
 from overtaking.model.decisions import LeftLane, Surround
 from overtaking.model.labels import Case
 from overtaking.model.signals import Around
@@ -13,7 +14,7 @@ from overtaking.physics.constants import known
 from overtaking.physics.film import rain_rate
 from overtaking.physics.visibility import meteorological_range
 from overtaking.rules.l02_line import closed_borders
-from overtaking.signals.reference import METRES, OCCUPANCY_REACH_MM
+from overtaking.signals.reference import METRES, OCCUPANCY_REACH_MM, left_lane_at
 
 _PERCENT = np.float32(0.01)
 _ZERO = np.float32(0.0)
@@ -57,7 +58,7 @@ def left_lane(case: Case, frames: Index) -> LeftLane:
         exists=lane + 1 < run.road.num_lanes,
         front=encounter(case, Around.LEFT_LEADER, Side.AHEAD, rows, frames),
         rear=encounter(case, Around.LEFT_FOLLOWER, Side.BEHIND, rows, frames),
-        occupancy=seen.left_occupancy[rows, frames],
+        occupancy=left_lane_at(run, seen, frames).occupancy,
         count=count.astype(np.uint8),
         space_mean_speed=total / as_f32(np.maximum(count, 1)),
         # Fast vehicles pass a place more often: Wardrop (1952), sum of squares over sum.

@@ -9,8 +9,9 @@ from overtaking.core.elementary import as_f32
 from overtaking.model.labels import Case
 from overtaking.model.safety import Encounter
 from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.vehicles import Role
 from overtaking.physics.measures import drac, time_gap, ttc, ttc_accel
+from overtaking.signals.engine import neighbours_at
 from overtaking.signals.reference import METRES
 
 Index = NDArray[np.intp]
@@ -39,14 +40,12 @@ def encounter(
         Arrays of shape (instant,).
     """
     seen, accels = case.signals, case.trajectories.states.accel_lon
-    # Numbers of single cells are found faster than pairs and triples of them.
+    other = neighbours_at(case.trajectories, seen, place, rows, frames)
+    valid, gap, closing = other.exists, other.gap, other.closing_speed
+    # Numbers of single cells are found faster than pairs of them.
     own = rows * seen.num_frames + frames
-    around = (rows * len(Around) + place) * seen.num_frames + frames
-    vehicle = seen.vehicle.reshape(-1).take(around)
-    gap, closing = (each.reshape(-1).take(around) for each in (seen.gap, seen.closing_speed))
-    valid = vehicle != NO_VEHICLE
     own_speed, own_accel = (each.reshape(-1).take(own) for each in (seen.speed, seen.accel))
-    accel = as_f32(accels[rows, np.where(valid, vehicle, 0), frames]) * METRES
+    accel = as_f32(accels[rows, np.where(valid, other.vehicle, Role.EGO), frames]) * METRES
     ahead = side is Side.AHEAD
     speed = own_speed if ahead else own_speed + closing
     closing_accel = own_accel - accel if ahead else accel - own_accel

@@ -1,13 +1,23 @@
-"""Measures and sums over frames by the compiled engine: those of `reference`, bit for bit."""
+"""Measures and sums over frames by the compiled engine: those of `reference`, bit for bit.
+
+As in `rules.engine`, `reference` looks at signals that somebody has changed.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
 from overtaking.core.elementary import F32
+from overtaking.features import encounters, reference
+from overtaking.features.encounters import Index, Side
+from overtaking.features.past import halves
 from overtaking.model.labels import Case
+from overtaking.model.safety import Encounter
+from overtaking.model.signals import Around
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.vehicles import Role
 from overtaking.physics.constants import known
-from overtaking.rules.engine import law_numbers, of_signals, recorded_span
+from overtaking.rules.engine import around, law_numbers, level, of_signals, recorded_span
 from overtaking.rules.frames import Span
 from overtaking.signals.arrays import adjacent, flat
 
@@ -24,6 +34,49 @@ _MEASURES = {
 }
 
 
+def encounter(
+    case: Case, place: Around | Index, side: Side, rows: Index, frames: Index
+) -> Encounter:
+    """The ego and a neighbour at any instants; see `encounters.encounter`."""
+    if not case.signals.is_original:
+        return encounters.encounter(case, place, side, rows, frames)
+    names, run = _core.encounter_fields(), case.trajectories
+    vehicle, out = np.empty(len(rows), np.uint8), np.empty((len(names), len(rows)), np.float32)
+    _core.encounters(
+        around=around(case),
+        accels=adjacent(run.states.accel_lon),
+        instants={
+            "rows": np.ascontiguousarray(rows, np.int64),
+            "places": np.ascontiguousarray(np.broadcast_to(np.int64(place), np.shape(rows))),
+            "frames": np.ascontiguousarray(frames, np.int64),
+        },
+        is_ahead=side is Side.AHEAD,
+        vehicle=vehicle,
+        out=out,
+        level=level(),
+    )
+    return Encounter(valid=vehicle != NO_VEHICLE, **dict(zip(names, out, strict=True)))
+
+
+def first_past(case: Case, rows: Index, slot: Index, begin: NDArray[np.int32]) -> NDArray[np.int32]:
+    """First frame in which a vehicle has come where the ego's rear was; see `past.first_past`."""
+    run, out = case.trajectories, np.empty(len(rows), np.int32)
+    _core.arrivals(
+        s=adjacent(run.states.s),
+        present=None if run.present is None else adjacent(run.present),
+        num_frames=flat(run.num_frames),
+        coming={
+            "row": np.ascontiguousarray(rows, np.int64),
+            "slot": np.ascontiguousarray(slot, np.int64),
+            "begin": np.ascontiguousarray(begin, np.int32),
+            "place": run.states.s[rows, Role.EGO, begin],
+            "halves": halves(case, rows, slot),
+        },
+        out=out,
+    )
+    return out
+
+
 def worst(case: Case, span: Span) -> dict[str, F32]:
     """The worst of each measure of the vehicles ahead and behind over a span.
 
@@ -37,15 +90,16 @@ def worst(case: Case, span: Span) -> dict[str, F32]:
         shortfall, the frames under the lawful distance, those with a critical time to collision,
         and the sum of what these lack [s]. 0 where nobody is there.
     """
+    if not case.signals.is_original:
+        return reference.worst(case, span)
     run, names = case.trajectories, _core.worst_fields()
     out = np.empty((len(names), case.signals.num_simulations), np.float32)
-    signals = ("speed", "accel", "friction", "vehicle", "gap", "closing_speed")
     _core.worst(
         span=recorded_span(case, span),
         seen={
-            **of_signals(case, *signals),
+            **of_signals(case, "speed", "friction"),
+            "around": around(case),
             "accels": adjacent(run.states.accel_lon),
-            "length": flat(run.scenario.vehicles.length),
         },
         law=law_numbers(),
         measures={name: float(known(path)) for name, path in _MEASURES.items()},
@@ -66,14 +120,18 @@ def sums(case: Case, last: NDArray[np.int32]) -> dict[str, I64]:
         left_count over all frames; target_speed, speed_difference [mm/s] and distance [mm] to the
         leader, the latter two without sign, over those with one.
     """
+    if not case.signals.is_original:
+        return reference.sums(case, last)
     run, names = case.trajectories, _core.mean_fields()
     out = np.empty((len(names), case.signals.num_simulations), np.int64)
     _core.means(
         span=recorded_span(case, Span(start=np.zeros_like(last), stop=last)),
         seen={
-            **of_signals(case, "vehicle", "left_count"),
-            "s": adjacent(run.states.s),
-            "speed": adjacent(run.states.speed),
+            "around": around(case),
+            "num_lanes": run.road.num_lanes,
+            "valid": flat(run.scenario.vehicles.valid),
+            "lane": adjacent(run.states.lane),
+            "present": None if run.present is None else adjacent(run.present),
         },
         out=out,
     )

@@ -16,6 +16,8 @@ from overtaking.model.events import NEVER
 from overtaking.model.features import Features
 from overtaking.model.labels import Case
 from overtaking.signals.frames import at, seconds_of
+from overtaking.signals.reference import left_lane_at
+from overtaking.signals.target import target_at
 
 I32 = NDArray[np.int32]
 
@@ -29,21 +31,21 @@ def matched_features(case: Case) -> Features:
     of speeds is positive while it closes, the distance is the gap between the bumpers, and the
     occupancy is the share of 100 m of the lane to the left, ahead and behind, that vehicles cover.
     """
-    events, seen, target = case.events, case.signals, case.target
+    events, run = case.events, case.trajectories
     attempted = events.attempted
     frame = np.where(attempted, events.attempt, pseudo_attempt(case))
     ended = end_of(case, events.collision, events.return_end, events.back)
     lasted = np.where(attempted, np.maximum(ended - events.attempt, 0), np.int32(0))
-    own, other = at(seen.speed, frame), at(target.speed, frame)
+    own, target = at(case.signals.speed, frame), target_at(run, case.target, frame)
     return Features(
         policy=POLICY,
         waiting_time=seconds_of(case, np.maximum(frame - events.follow, 0)),
         overtaking_time=seconds_of(case, lasted),
         ego_speed=own,
-        target_speed=other,
-        speed_difference=own - other,
-        distance=at(target.gap, frame),
-        left_occupancy=at(seen.left_occupancy, frame),
+        target_speed=target.speed,
+        speed_difference=own - target.speed,
+        distance=target.gap,
+        left_occupancy=left_lane_at(run, case.signals, np.maximum(frame, 0)).occupancy,
         frame=frame,
         **static(case),
     )

@@ -17,7 +17,8 @@ from overtaking.model.events import NEVER
 from overtaking.model.features import Features
 from overtaking.model.labels import Case
 from overtaking.signals.frames import at, seconds_of
-from overtaking.signals.reference import METRES
+from overtaking.signals.reference import METRES, left_lane_at
+from overtaking.signals.target import target_at
 
 I32 = NDArray[np.int32]
 
@@ -54,15 +55,16 @@ def _at_attempt(case: Case, attempted: Mask) -> dict[str, F32]:
 
 
 def _instant(case: Case) -> dict[str, F32]:
-    seen, target, frame = case.signals, case.target, case.events.attempt
-    own, other = at(seen.speed, frame), at(target.speed, frame)
+    run, frame = case.trajectories, case.events.attempt
+    own, target = at(case.signals.speed, frame), target_at(run, case.target, frame)
+    left = left_lane_at(run, case.signals, np.maximum(frame, 0))
     others = np.maximum(case.trajectories.scenario.num_vehicles - 1, 1)
     return {
         "ego_speed": own,
-        "target_speed": other,
-        "speed_difference": np.abs(own - other),
-        "distance": np.abs(at(target.lead, frame)),
-        "left_occupancy": as_f32(at(seen.left_count, frame)) / as_f32(others),
+        "target_speed": target.speed,
+        "speed_difference": np.abs(own - target.speed),
+        "distance": np.abs(target.lead),
+        "left_occupancy": as_f32(left.count) / as_f32(others),
     }
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import F32
 from overtaking.features.encounters import Side, encounter
 from overtaking.features.instants import Instants
-from overtaking.features.safety import front_margins
+from overtaking.features.margins import front_margins
 from overtaking.model.labels import Case
 from overtaking.model.safety import Encounter
 from overtaking.model.signals import Around

@@ -8,20 +8,17 @@ from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, as_f32
 from overtaking.features import engine
-from overtaking.features.encounters import Index, Side, encounter
+from overtaking.features.encounters import Index, Side
 from overtaking.features.encroachment import entry_encroachment, return_encroachment
+from overtaking.features.engine import encounter
+from overtaking.features.margins import front_margins, stop_margins
 from overtaking.model.batch import Batch
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.safety import MOMENTS, Encounter, Safety
 from overtaking.model.signals import Around
-from overtaking.model.vehicles import Role
-from overtaking.physics.constants import known
-from overtaking.physics.friction import stopping_distance
-from overtaking.physics.measures import headway, picud, rss_longitudinal
-from overtaking.rules.distances import margin_of_gap, sure_decel
-from overtaking.rules.engine import stop_margin
 from overtaking.rules.frames import Span, conduct
+from overtaking.rules.stops import stop_for_lit, stop_for_unlit
 
 B = TypeVar("B", Encounter, "_Margins")
 
@@ -136,7 +133,7 @@ def _manoeuvre(case: Case, span: Span) -> _Worst:
     """The worst of each measure over the frames of a span."""
     found = engine.worst(case, span)
     interval = np.float32(case.signals.frame_interval_ms / 1000.0)
-    lasted = np.maximum(span.stop - span.start + 1, 1)
+    lasted, never = np.maximum(span.stop - span.start + 1, 1), np.float32(np.inf)
     return _Worst(
         front=_encounter(found, "front"),
         rear=_encounter(found, "rear"),
@@ -145,8 +142,8 @@ def _manoeuvre(case: Case, span: Span) -> _Worst:
             picud=found["picud"],
             rss_margin=found["rss_margin"],
             lawful_margin=found["lawful_margin"],
-            stop_margin_lit=_lowest_stop(case, case.signals.sight_lit, span),
-            stop_margin_unlit=_lowest_stop(case, case.signals.sight_unlit, span),
+            stop_margin_lit=np.where(span.exists, stop_for_lit(case).low, never),
+            stop_margin_unlit=np.where(span.exists, stop_for_unlit(case).low, never),
         ),
         close_share=found["num_close"] / as_f32(lasted),
         time_exposed=found["num_critical"] * interval,
@@ -163,44 +160,6 @@ def _encounter(found: dict[str, F32], side: str) -> Encounter:
     return Encounter(**values)
 
 
-def _lowest_stop(case: Case, sight: F32, span: Span) -> F32:
-    """The smallest margin to a stop in a span, infinite where that is empty."""
-    low = stop_margin(case, sight, span).low
-    return np.where(span.exists, low, np.float32(np.inf))
-
-
-def front_margins(case: Case, front: Encounter, rows: Index, frames: Index) -> dict[str, F32]:
-    """What else there is to say of the vehicle ahead."""
-    seen = case.signals
-    speed, slot = seen.speed[rows, frames], seen.vehicle[rows, Around.LEADER, frames]
-    length = case.trajectories.scenario.vehicles.length[rows, np.where(front.valid, slot, Role.EGO)]
-    lead_speed = speed - front.closing_speed
-    decel = known("labels.safety.picud_decel")
-    safe = rss_longitudinal(
-        speed,
-        lead_speed,
-        reaction_time=known("law.rss.reaction_time"),
-        accel=known("law.rss.accel"),
-        rear_decel=known("law.rss.rear_decel"),
-        lead_decel=known("law.rss.lead_decel"),
-    )
-    return {
-        "headway": headway(front.gap, length, speed),
-        "picud": picud(
-            front.gap,
-            speed,
-            lead_speed,
-            reaction_time=known("labels.safety.picud_reaction_time"),
-            rear_decel=decel,
-            lead_decel=decel,
-        ),
-        "rss_margin": front.gap - safe,
-        "lawful_margin": margin_of_gap(
-            front.gap, speed, front.closing_speed, sure_decel(seen.friction[rows, frames])
-        ),
-    }
-
-
 def _stops(case: Case, rows: Index, frames: Index) -> dict[str, F32]:
     """Sight minus stopping distance at some instants, as in L14 and L14s."""
     seen = case.signals
@@ -210,22 +169,6 @@ def _stops(case: Case, rows: Index, frames: Index) -> dict[str, F32]:
         seen.sight_lit[rows, frames],
         seen.sight_unlit[rows, frames],
     )
-
-
-def stop_margins(speed: F32, friction: F32, lit: F32, unlit: F32) -> dict[str, F32]:
-    """Distance at which something is seen minus the stopping distance [m].
-
-    Args:
-        speed: Of the ego [m/s].
-        friction: Peak friction under it, same shape [1].
-        lit: Distance at which a lit vehicle is seen, same shape [m].
-        unlit: Distance at which an unlit one is seen, same shape [m].
-    """
-    # Beyond the end of a recording there is no friction, and none of this counts.
-    grip = np.maximum(friction, known("friction.table.floor"))
-    decel = known("friction.table.usable_share") * known("model.nature.gravity") * grip
-    stop = stopping_distance(speed, as_f32(known("law.sight.reaction_time")), decel)
-    return {"stop_margin_lit": lit - stop, "stop_margin_unlit": unlit - stop}
 
 
 def _spread(found: B, where: tuple[Index, Index], shape: tuple[int, ...]) -> B:

@@ -7,13 +7,14 @@ from numpy.typing import NDArray
 
 from overtaking import _core
 from overtaking.core.elementary import as_f32
+from overtaking.labels import reference
 from overtaking.labels.accidents import struck
 from overtaking.labels.movements import num_frames_of
 from overtaking.model.events import Events
 from overtaking.model.signals import Signals
 from overtaking.model.trajectory import Trajectories
 from overtaking.physics.constants import known
-from overtaking.signals.arrays import adjacent, flat
+from overtaking.signals.arrays import adjacent, expect_slots, flat
 from overtaking.signals.reference import side_of
 
 _NARROW = frozenset(["target", "original_lane", "num_attempts", "num_passed", "partner"])
@@ -27,7 +28,6 @@ _SEEN = (
     "left_reach",
     "speed",
     "vehicle",
-    "gap",
 )
 
 
@@ -41,6 +41,9 @@ def find_events(trajectories: Trajectories, seen: Signals) -> Events:
     Returns:
         Events of the attempt that decides each simulation, see `model.events.Events`.
     """
+    if not seen.is_original:  # Somebody asks what would be if signals were others.
+        expect_slots(trajectories, seen.vehicle)
+        return reference.find_events(trajectories, seen)
     names = _core.event_fields()
     found = np.empty((len(names), seen.num_simulations), np.int32)
     _core.events(

@@ -1,7 +1,8 @@
 """What all frozen batches (struct of arrays) share."""
 
 import dataclasses
-from typing import Any, Self, TypeVar
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,41 @@ class Batch:
     def replace(self, **changes: Any) -> Self:
         """A copy with some fields changed."""
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
+
+
+class Delayed(Batch):
+    """A batch some of whose fields may be worked out when somebody asks for them."""
+
+    __slots__ = ("_later",)
+
+    @classmethod
+    def partly(cls, later: Mapping[str, Callable[[], Mapping[str, Any]]], **known: Any) -> Self:
+        """A batch that knows some of its fields.
+
+        Args:
+            later: For each other field a function that works it out, perhaps with others.
+            **known: Fields by name.
+        """
+        one = object.__new__(cls)
+        for name, value in [*known.items(), ("_later", later)]:
+            object.__setattr__(one, name, value)
+        return one
+
+    @property
+    def is_original(self) -> bool:
+        """Whether it is what `partly` made, and nothing was put in the place of a field."""
+        return hasattr(self, "_later")
+
+    if not TYPE_CHECKING:  # Else any name would pass for a field.
+
+        def __getattr__(self, name: str) -> Any:
+            """A field that nobody has asked for yet."""
+            later = {} if name == "_later" else self._later
+            if name not in later:
+                raise AttributeError(name, name=name, obj=self)
+            for each, value in later[name]().items():
+                object.__setattr__(self, each, value)
+            return object.__getattribute__(self, name)
 
 
 def concatenate(batches: list[B]) -> B:

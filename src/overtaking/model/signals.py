@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask
-from overtaking.model.batch import Batch
+from overtaking.model.batch import Delayed
 from overtaking.model.trajectory import NO_VEHICLE
 
 U8 = NDArray[np.uint8]
@@ -34,7 +34,7 @@ class Around(IntEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Signals(Batch):
+class Signals(Delayed):
     """Ego-centred signals of a batch.
 
     Arrays have shape (simulation, time), or (simulation, neighbour, time) with `Around` as the
@@ -102,7 +102,7 @@ class Signals(Batch):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TargetSignals(Batch):
+class TargetSignals(Delayed):
     """The vehicle that each ego attempts to overtake, frame by frame.
 
     Arrays have shape (simulation, time). Where a simulation has no target, `valid` is false.

@@ -5,8 +5,10 @@ from overtaking.model.labels import Case
 from overtaking.physics.constants import known
 from overtaking.physics.film import rain_rate
 from overtaking.physics.visibility import fog_extinction, rain_extinction
+from overtaking.rules.once import once
 
 
+@once
 def optical_range(case: Case) -> F32:
     """Meteorological optical range in fog and falling rain, shape (simulation,) [m]."""
     weather = case.trajectories.scenario.weather

@@ -110,23 +110,6 @@ def conduct(case: Case) -> Span:
     )
 
 
-@once
-def alongside(case: Case) -> tuple[Index, Index]:
-    """Simulations and frames in which ego and target overlap, in the overtake, in order."""
-    events, end = case.events, driving_end(case)
-    over = np.where(events.overlap_end != NEVER, np.minimum(events.overlap_end, end), end)
-    begun = events.overlap_begin != NEVER
-    span = Span(start=np.where(begun, events.overlap_begin, over + 1), stop=over)
-    rows, frames = span.frames()
-    beside_it = case.target.overlaps[rows, frames]
-    return rows[beside_it], frames[beside_it]
-
-
-def beside(values: NDArray[S], place: int, frame: NDArray[np.integer]) -> NDArray[S]:
-    """`values` (simulation, neighbour, time) of one place at one frame each."""
-    return values[np.arange(len(frame)), place, np.maximum(frame, 0)]
-
-
 def lowest(values: NDArray[S], span: Span) -> NDArray[S]:
     """Smallest of `values` (simulation, time) in a span; means nothing where that is empty."""
     return reduced(np.minimum, values, span)

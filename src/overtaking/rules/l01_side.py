@@ -6,9 +6,11 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import Mask
 from overtaking.model.labels import Case
 from overtaking.physics.constants import known
-from overtaking.rules.frames import ENDLESS, alongside, always_at
+from overtaking.rules.alongside import alongside
+from overtaking.rules.frames import ENDLESS, always_at
 from overtaking.rules.others import num_slow
 from overtaking.rules.rule import Check, Grade, Rule
+from overtaking.signals.target import target_at
 
 _HALF_LANE = np.float32(0.5)
 _LANE_AND_HALF = np.float32(1.5)
@@ -16,14 +18,15 @@ _LANE_AND_HALF = np.float32(1.5)
 
 def check(case: Case) -> Check:
     """While alongside the target the ego is in the lane to its left, unless both are in queues."""
-    rows, frames = alongside(case)
-    own, other = (_index(of.lane)[rows, frames] for of in (case.signals, case.target))
+    found = alongside(case)
+    rows, frames = found.rows, found.frames
+    own, other = _index(case.signals.lane)[rows, frames], _index(found.lane)
     # A target that makes room to the right puts nobody in the wrong.
     entered = np.maximum(other, _index(case.events.original_lane)[rows])
     margin = np.minimum(own - other - _HALF_LANE, entered + _LANE_AND_HALF - own)
     wrong = np.flatnonzero(margin < 0)
     if wrong.size:
-        queued = _in_queue(case, rows[wrong], frames[wrong].astype(np.int32))
+        queued = _in_queue(case, rows[wrong], frames[wrong])
         margin[wrong[queued]] = ENDLESS
     return always_at(margin, rows, frames, case.signals.num_simulations)
 
@@ -33,16 +36,17 @@ def _index(lane: NDArray[np.uint8]) -> NDArray[np.int8]:
     return lane.view(np.int8)
 
 
-def _in_queue(case: Case, rows: NDArray[np.intp], frames: NDArray[np.int32]) -> Mask:
+def _in_queue(case: Case, rows: NDArray[np.intp], frames: NDArray[np.intp]) -> Mask:
     """Whether queues go on side by side at different speeds, which is no overtaking (42)."""
     slow = num_slow(
         case,
         rows,
-        frames,
+        frames.astype(np.int32),
         below=float(known("law.queue.speed")),
         reach=float(known("law.queue.reach")),
     )
-    faster = case.signals.speed[rows, frames] - case.target.speed[rows, frames]
+    target = target_at(case.trajectories, case.target, frames, rows)
+    faster = case.signals.speed[rows, frames] - target.speed
     return (slow >= known("law.queue.vehicles")) & (faster <= known("law.queue.faster"))
 
 

@@ -2,25 +2,23 @@
 
 from overtaking.model.labels import Case
 from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.rules.alongside import beside
 from overtaking.rules.beliefs import REAR, belief, pull_out
 from overtaking.rules.distances import margin_behind, sure_decel
-from overtaking.rules.frames import beside, instant
+from overtaking.rules.frames import instant
 from overtaking.rules.rule import Check, Grade, Rule
 from overtaking.signals.frames import at
 
 
 def check(case: Case) -> Check:
     """When the line is crossed, the follower on the left has a lawful gap and need not brake."""
-    seen, frame, place = case.signals, case.events.line_crossed, Around.LEFT_FOLLOWER
+    seen, frame = case.signals, case.events.line_crossed
+    other = beside(case, Around.LEFT_FOLLOWER, frame)
     margin = margin_behind(
-        beside(seen.gap, place, frame),
-        at(seen.speed, frame),
-        beside(seen.closing_speed, place, frame),
-        sure_decel(at(seen.friction, frame)),
+        other.gap, at(seen.speed, frame), other.closing_speed, sure_decel(at(seen.friction, frame))
     )
     believed = belief(case, pull_out(case), {REAR: margin_behind})
-    return instant(frame, margin, beside(seen.vehicle, place, frame) != NO_VEHICLE, belief=believed)
+    return instant(frame, margin, other.exists, belief=believed)
 
 
 RULE = Rule(

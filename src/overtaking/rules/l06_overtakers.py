@@ -1,6 +1,9 @@
 """L6: nobody behind has begun to overtake."""
 
+from typing import TypeVar
+
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask, maximum
 from overtaking.model.labels import Case
@@ -8,13 +11,18 @@ from overtaking.physics.constants import known
 from overtaking.rules.frames import instant
 from overtaking.rules.others import Others, others_at, out_indicator
 from overtaking.rules.rule import Check, Grade, Rule
-from overtaking.signals.frames import at
+
+T = TypeVar("T", bound=np.generic)
 
 
 def check(case: Case) -> Check:
     """At the start nobody comes up on the left within 4 s, and no follower is pulling out."""
-    frame = case.events.attempt
-    others, own_lane = others_at(case, frame), at(case.signals.lane, frame)[:, None]
+    frame, attempted = case.events.attempt, case.events.attempted
+    rows = np.flatnonzero(attempted)
+    others, own_lane = (
+        others_at(case, frame[rows], rows),
+        case.signals.lane[rows, frame[rows], None],
+    )
     behind = others.valid & ~others.oncoming & (others.lead > 0)
     left = behind & (others.lane == own_lane + 1)
     same = behind & (others.lane == own_lane) & (others.gap <= known("law.others.reach"))
@@ -22,19 +30,27 @@ def check(case: Case) -> Check:
     hidden = "indicators" in case.trajectories.unknown
     shown = same & ((others.lights & out_indicator(case)) != 0) & (not hidden)
     begun = (moving | shown).any(axis=1)
-    arrival = np.where(begun, np.float32(0.0), _arrival(case, others, left))
+    arrival = np.where(begun, np.float32(0.0), _arrival(case, others, left, rows))
     return instant(
         frame,
-        arrival - known("law.others.arrival"),
-        (left | same).any(axis=1),
-        doubtful=same.any(axis=1) & hidden,
+        _spread(arrival - known("law.others.arrival"), attempted),
+        _spread((left | same).any(axis=1), attempted),
+        doubtful=_spread(same.any(axis=1) & hidden, attempted),
     )
 
 
-def _arrival(case: Case, others: Others, left: Mask) -> F32:
+def _spread(values: NDArray[T], where: Mask) -> NDArray[T]:
+    """Values of some simulations among all, 0 for the others."""
+    spread = np.zeros(len(where), values.dtype)
+    spread[where] = values
+    return spread
+
+
+def _arrival(case: Case, others: Others, left: Mask, rows: NDArray[np.intp]) -> F32:
     """Time until the first on the left is beside the ego at constant speeds [s], at most 60."""
     longest = known("law.others.longest_arrival")
-    closing = others.speed - at(case.signals.speed, case.events.attempt)[:, None]
+    own = case.signals.speed[rows, case.events.attempt[rows], None]
+    closing = others.speed - own
     comes = left & (closing > 0)
     time = maximum(others.gap, np.float32(0.0)) / np.where(comes, closing, np.float32(1.0))
     return np.where(comes & (time < longest), time, longest).min(axis=1)

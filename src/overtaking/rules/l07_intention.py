@@ -1,29 +1,40 @@
 """L7: the vehicle ahead does not itself pull out."""
 
 import numpy as np
+from numpy.typing import NDArray
 
+from overtaking.core.elementary import F32
 from overtaking.model.labels import Case
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.physics.constants import known
 from overtaking.rules.frames import instant
 from overtaking.rules.others import out_indicator
 from overtaking.rules.rule import Check, Grade, Rule
-from overtaking.signals.frames import at
+from overtaking.signals.reference import lateral_speed_at
 
 
 def check(case: Case) -> Check:
     """At the start the target neither signals left nor moves left."""
-    frame, target = case.events.attempt, case.target
-    there = target.vehicle != NO_VEHICLE
-    slot = np.where(there, target.vehicle, 0)
-    states, row = case.trajectories.states, np.arange(len(slot))
-    lights = states.lights[row, slot, np.maximum(frame, 0)]
+    frame, vehicle = case.events.attempt, case.target.vehicle
+    there = vehicle != NO_VEHICLE
+    slot = np.where(there, vehicle, 0)
+    run, row, first = case.trajectories, np.arange(len(slot)), np.maximum(frame, 0)
+    lights = run.states.lights[row, slot, first]
     hidden = "indicators" in case.trajectories.unknown
     shown = ((lights & out_indicator(case)) != 0) & (not hidden)
     limit = known("law.others.lateral_speed")
-    margin = limit - at(target.lateral_speed, frame)
+    margin = limit - _lateral_speed(case, row, slot.astype(np.intp), first)
     margin = np.where(shown, np.minimum(margin, -limit), margin)
     return instant(frame, margin, there, doubtful=np.full(len(slot), hidden))
+
+
+def _lateral_speed(
+    case: Case, rows: NDArray[np.intp], slots: NDArray[np.intp], frames: NDArray[np.int32]
+) -> F32:
+    """Speed of the target to the left at one frame of each simulation [m/s]."""
+    if not case.target.is_original:
+        return case.target.lateral_speed[rows, frames]
+    return lateral_speed_at(case.trajectories, rows, slots, frames)
 
 
 RULE = Rule(

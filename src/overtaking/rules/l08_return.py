@@ -5,10 +5,10 @@ import numpy as np
 from overtaking.core.elementary import minimum
 from overtaking.model.labels import Case
 from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.rules.alongside import beside
 from overtaking.rules.beliefs import FRONT, REAR, belief, going_back
 from overtaking.rules.distances import margin_behind, margin_of_gap, sure_decel
-from overtaking.rules.frames import beside, instant
+from overtaking.rules.frames import instant
 from overtaking.rules.rule import Check, Grade, Rule
 from overtaking.signals.frames import at
 
@@ -21,10 +21,10 @@ def check(case: Case) -> Check:
     speed, decel = at(seen.speed, frame), sure_decel(at(seen.friction, frame))
     margins, anybody = [], np.zeros(len(frame), np.bool_)
     for place, margin in ((Around.FOLLOWER, margin_behind), (Around.LEADER, margin_of_gap)):
-        there = beside(seen.vehicle, place, frame) != NO_VEHICLE
-        gap, closing = (beside(of, place, frame) for of in (seen.gap, seen.closing_speed))
-        margins.append(np.where(there, margin(gap, speed, closing, decel), _FAR))
-        anybody |= there
+        other = beside(case, place, frame)
+        room = margin(other.gap, speed, other.closing_speed, decel)
+        margins.append(np.where(other.exists, room, _FAR))
+        anybody |= other.exists
     believed = belief(case, going_back(case), {REAR: margin_behind, FRONT: margin_of_gap})
     return instant(frame, minimum(*margins), anybody, belief=believed)
 

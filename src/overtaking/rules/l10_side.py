@@ -2,18 +2,18 @@
 
 from overtaking.model.labels import Case
 from overtaking.physics.constants import known
-from overtaking.rules.frames import alongside, always_at
+from overtaking.rules.alongside import alongside
+from overtaking.rules.frames import always_at
 from overtaking.rules.kinds import target_may_be_motor
 from overtaking.rules.rule import Check, Grade, Rule
 
 
 def check(case: Case) -> Check:
     """Alongside a motor vehicle, the bodies are at least 0.8 m apart."""
-    rows, frames = alongside(case)
-    motor = target_may_be_motor(case)[rows]
-    rows, frames = rows[motor], frames[motor]
-    margin = case.target.lateral_gap[rows, frames] - known("law.side.motor")
-    return always_at(margin, rows, frames, case.signals.num_simulations)
+    found = alongside(case)
+    found = found.where(target_may_be_motor(case)[found.rows])
+    margin = found.lateral_gap - known("law.side.motor")
+    return always_at(margin, found.rows, found.frames, case.signals.num_simulations)
 
 
 RULE = Rule(

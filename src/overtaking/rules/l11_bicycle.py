@@ -4,7 +4,8 @@ import numpy as np
 
 from overtaking.model.labels import Case
 from overtaking.physics.constants import known
-from overtaking.rules.frames import alongside, always_at
+from overtaking.rules.alongside import alongside
+from overtaking.rules.frames import always_at
 from overtaking.rules.kinds import target_may_be_bicycle
 from overtaking.rules.rule import Check, Grade, Rule
 from overtaking.signals.frames import at
@@ -15,12 +16,12 @@ _LEAST_SPEED = np.float32(1e-3)
 
 def check(case: Case) -> Check:
     """Alongside a bicycle, the bodies are 1.5 m apart and the ego no faster than at the start."""
-    seen, (rows, frames) = case.signals, alongside(case)
-    bicycle = target_may_be_bicycle(case)[rows]
-    rows, frames = rows[bicycle], frames[bicycle]
+    seen, found = case.signals, alongside(case)
+    found = found.where(target_may_be_bicycle(case)[found.rows])
+    rows, frames = found.rows, found.frames
     limit = known("law.side.bicycle")
     start = np.maximum(at(seen.speed, case.events.attempt), _LEAST_SPEED)[rows]
-    room = (case.target.lateral_gap[rows, frames] - limit) / limit
+    room = (found.lateral_gap - limit) / limit
     slower = (start - seen.speed[rows, frames]) / start
     return always_at(np.minimum(room, slower), rows, frames, seen.num_simulations)
 

@@ -7,8 +7,8 @@ from overtaking.core.elementary import F32, Mask
 from overtaking.model.labels import Case, Severity, Verdict
 from overtaking.model.vehicles import Role
 from overtaking.physics.constants import known
-from overtaking.rules.engine import highest
-from overtaking.rules.frames import conduct, ends_in
+from overtaking.rules.engine import above
+from overtaking.rules.frames import conduct
 from overtaking.rules.limits import class_of, speed_limits
 from overtaking.rules.rule import Check, Grade, Rule, decided
 
@@ -20,10 +20,9 @@ def check(case: Case) -> Check:
     """Speed never exceeds the posted limit and that of the class of vehicle on this road."""
     seen, span = case.signals, conduct(case)
     least, most = (limit + _ROUNDING for limit in speed_limits(case))
-    fastest = highest(seen.speed, span)
-    rows = np.flatnonzero(span.exists & (fastest > most))
-    first, last = ends_in(span, rows, seen.speed[rows] > most[rows, None])
-    found = decided(span.exists, most - fastest, first, last, doubtful=fastest > least)
+    fast = above(seen.speed, most, span)
+    margin, doubtful = most - fast.low, fast.low > least
+    found = decided(span.exists, margin, fast.first, fast.last, doubtful=doubtful)
     return found.replace(severity=_severity(case, found))
 
 

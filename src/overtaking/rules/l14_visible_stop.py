@@ -1,25 +1,19 @@
 """L14 and L14s: be able to stop in the visible distance."""
 
-from overtaking.core.elementary import F32
 from overtaking.model.labels import Case
-from overtaking.rules.engine import stop_margin
 from overtaking.rules.frames import conduct, never_negative
 from overtaking.rules.rule import Check, Grade, Rule
+from overtaking.rules.stops import stop_for_lit, stop_for_unlit
 
 
 def check_lit(case: Case) -> Check:
     """The stopping distance is at most the distance at which a lit vehicle is seen."""
-    return _check(case, case.signals.sight_lit)
+    return never_negative(stop_for_lit(case), conduct(case))
 
 
 def check_unlit(case: Case) -> Check:
     """The stopping distance is at most the distance at which an unlit obstacle is seen."""
-    return _check(case, case.signals.sight_unlit)
-
-
-def _check(case: Case, sight: F32) -> Check:
-    span = conduct(case)
-    return never_negative(stop_margin(case, sight, span), span)
+    return never_negative(stop_for_unlit(case), conduct(case))
 
 
 _GLOSS = (

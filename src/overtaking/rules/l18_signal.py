@@ -5,9 +5,8 @@ from numpy.typing import NDArray
 
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
-from overtaking.model.vehicles import Role
-from overtaking.physics.constants import known
-from overtaking.rules.frames import Span, driving_end, frames_of
+from overtaking.rules.engine import below, dark
+from overtaking.rules.frames import Span
 from overtaking.rules.others import back_indicator, out_indicator
 from overtaking.rules.rule import Check, Grade, Rule, decided
 from overtaking.signals.frames import at, seconds_of
@@ -18,8 +17,8 @@ I32 = NDArray[np.int32]
 def check(case: Case) -> Check:
     """The indicator is on from 2 s before either line is crossed to 1 s after."""
     out, back = case.events.line_crossed, return_crossed(case)
-    dark_out, first_out, last_out = _missing(case, out, out_indicator(case))
-    dark_back, first_back, last_back = _missing(case, back, back_indicator(case))
+    dark_out, first_out, last_out = dark(case, out, out_indicator(case))
+    dark_back, first_back, last_back = dark(case, back, back_indicator(case))
     # In a short overtake the way back begins before the way out is done.
     first = np.where(dark_out > 0, first_out, first_back)
     first = np.where(dark_back > 0, np.minimum(first, first_back), first)
@@ -40,26 +39,7 @@ def return_crossed(case: Case) -> I32:
     # Of the lane in which the return begins, the border on its slow side.
     lane = np.minimum(at(case.signals.lane, begin), road.num_lanes)
     border = (road.side * road.boundaries).astype(np.float32)[lane]
-    rows, frames = span.frames()
-    over = case.signals.right_reach[rows, frames] < border[rows]
-    crossed = np.full(len(begin), NEVER)
-    # In reverse, so that the first frame of each simulation is written last.
-    crossed[rows[over][::-1]] = frames[over][::-1]
-    return crossed
-
-
-def _missing(case: Case, crossed: I32, bit: int) -> tuple[I32, I32, I32]:
-    """Frames around a crossing without a signal: their number, the first and the last."""
-    before = frames_of(case, known("law.signal.before"))
-    after = frames_of(case, known("law.signal.after"))
-    frame = crossed[:, None] + np.arange(-before, after + 1, dtype=np.int32)
-    end = driving_end(case)[:, None]
-    asked = (crossed != NEVER)[:, None] & (frame >= case.events.first[:, None]) & (frame <= end)
-    lights = case.trajectories.states.lights[:, Role.EGO]
-    shown = np.take_along_axis(lights, np.clip(frame, 0, lights.shape[1] - 1), axis=1)
-    dark = asked & ((shown & bit) == 0)
-    row, last = np.arange(len(crossed)), dark.shape[1] - 1 - dark[:, ::-1].argmax(axis=1)
-    return dark.sum(axis=1, dtype=np.int32), frame[row, dark.argmax(axis=1)], frame[row, last]
+    return below(case.signals.right_reach, border, span).first
 
 
 RULE = Rule(

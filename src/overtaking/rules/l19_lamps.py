@@ -6,13 +6,14 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import Mask
 from overtaking.model.labels import Case
 from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE, Lights
+from overtaking.model.trajectory import Lights
 from overtaking.model.vehicles import Role
 from overtaking.physics.constants import known
 from overtaking.rules.air import optical_range
 from overtaking.rules.frames import Span, conduct, ends_in, reduced
 from overtaking.rules.others import others_at
 from overtaking.rules.rule import Check, Grade, Rule, decided
+from overtaking.signals.engine import neighbours_at
 from overtaking.signals.frames import seconds_of
 
 _HIGH = int(Lights.HIGH_BEAM)
@@ -47,10 +48,10 @@ def _suspect(lights: NDArray[np.uint8], span: Span, needed: Mask, thick: Mask) -
 
 def _dazzles(case: Case, rows: NDArray[np.intp], frames: NDArray[np.intp]) -> Mask:
     """Whether high beam would dazzle somebody ahead or oncoming, at single frames."""
-    seen, place = case.signals, Around.LEADER
-    there = seen.vehicle[rows, place, frames] != NO_VEHICLE
-    behind = there & (seen.gap[rows, place, frames] < known("law.lamps.high_beam_behind"))
-    others = others_at(case.select(rows), frames.astype(np.int32))
+    run = case.trajectories
+    ahead = neighbours_at(run, case.signals, Around.LEADER, rows, frames)
+    behind = ahead.exists & (ahead.gap < known("law.lamps.high_beam_behind"))
+    others = others_at(case, frames.astype(np.int32), rows)
     meets = others.valid & others.oncoming & (others.lead < 0)
     near = others.gap < known("law.lamps.high_beam_oncoming")
     return behind | (meets & near).any(axis=1)

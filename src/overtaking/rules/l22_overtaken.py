@@ -2,15 +2,16 @@
 
 from overtaking.model.labels import Case
 from overtaking.physics.constants import known
-from overtaking.rules.frames import alongside, always_at
+from overtaking.rules.alongside import alongside
+from overtaking.rules.frames import always_at
 from overtaking.rules.rule import Check, Grade, Rule
 
 
 def check(case: Case) -> Check:
     """While ego and target overlap, the target accelerates at no more than 0.3 m/s^2."""
-    rows, frames = alongside(case)
-    margin = known("law.overtaken.accel") - case.target.accel[rows, frames]
-    return always_at(margin, rows, frames, case.signals.num_simulations)
+    found = alongside(case)
+    margin = known("law.overtaken.accel") - found.accel
+    return always_at(margin, found.rows, found.frames, case.signals.num_simulations)
 
 
 RULE = Rule(

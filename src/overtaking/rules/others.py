@@ -10,13 +10,14 @@ from overtaking.model.labels import Case
 from overtaking.model.road import DrivingSide
 from overtaking.model.trajectory import Lights, Trajectories
 from overtaking.model.vehicles import Role
+from overtaking.signals.reference import lateral_speed_at
 
 I32 = NDArray[np.int32]
 U8 = NDArray[np.uint8]
+Index = NDArray[np.intp]
 
 _STEP = np.float32(1e-3)
 _RADIANS = np.float32(1e-4)
-_SMOOTHING_MS = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,22 +45,28 @@ class Others:
     oncoming: Mask
 
 
-def others_at(case: Case, frame: I32) -> Others:
-    """Everybody at one frame of each simulation; frame 0 where that is negative."""
+def others_at(case: Case, frame: I32, rows: Index | None = None) -> Others:
+    """Everybody at one frame of some simulations; frame 0 where that is negative.
+
+    Args:
+        case: The batch.
+        frame: A frame of each, shape (simulation,).
+        rows: Which simulations, same shape; all of them if left out.
+    """
     trajectories, states = case.trajectories, case.trajectories.states
+    rows = np.arange(len(frame)) if rows is None else rows
     frame = np.maximum(frame, 0)
-    row, slot = _grid(trajectories)
-    place = (row, slot, frame[:, None])
-    half = trajectories.scenario.vehicles.length * np.float32(0.5)
+    place = (rows[:, None], np.arange(states.s.shape[1])[None, :], frame[:, None])
+    half = trajectories.scenario.vehicles.length[rows] * np.float32(0.5)
     s = states.s[place]
     lead = as_f32(s[:, [Role.EGO]] - s) * _STEP
     heading = as_f32(states.heading[place]) * _RADIANS - np.float32(trajectories.road.heading)
     return Others(
-        valid=_recorded(trajectories, frame),
+        valid=_recorded(trajectories, place),
         lead=lead,
         gap=np.abs(lead) - (half + half[:, [Role.EGO]]),
         speed=as_f32(states.speed[place]) * _STEP,
-        lateral_speed=_sideways(trajectories, frame),
+        lateral_speed=lateral_speed_at(trajectories, *place),
         lane=states.lane[place],
         lights=states.lights[place],
         oncoming=sincos(heading)[1] < 0,
@@ -99,30 +106,10 @@ def back_indicator(case: Case) -> int:
     return both - out_indicator(case)
 
 
-def _grid(trajectories: Trajectories) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    n, slots = trajectories.states.s.shape[:2]
-    return np.arange(n)[:, None], np.arange(slots)[None, :]
-
-
-def _recorded(trajectories: Trajectories, frame: I32) -> Mask:
+def _recorded(trajectories: Trajectories, place: tuple[Index, Index, I32]) -> Mask:
     """Which vehicles but the ego are there, (simulation, vehicle)."""
-    valid = trajectories.scenario.vehicles.valid.copy()
+    valid = trajectories.scenario.vehicles.valid[place[0][:, 0]]
     valid[:, Role.EGO] = False
     if trajectories.present is not None:
-        row, slot = _grid(trajectories)
-        valid &= trajectories.present[row, slot, frame[:, None]]
+        valid &= trajectories.present[place]
     return valid
-
-
-def _sideways(trajectories: Trajectories, frame: I32) -> F32:
-    """Lateral speed of all vehicles, as `Signals.lateral_speed`, (simulation, vehicle) [m/s]."""
-    interval = trajectories.scenario.frame_interval_ms
-    half = max(1, round(_SMOOTHING_MS / interval))
-    end = np.maximum(trajectories.num_frames - 1, 0)
-    later, earlier = np.minimum(frame + half, end), np.minimum(np.maximum(frame - half, 0), end)
-    row, slot = _grid(trajectories)
-    d = trajectories.states.d
-    moved = as_f32(d[row, slot, later[:, None]] - d[row, slot, earlier[:, None]])
-    elapsed = as_f32(np.maximum((later - earlier) * interval, 1))
-    right_hand = trajectories.road.driving_side is DrivingSide.RIGHT
-    return moved / elapsed[:, None] * np.float32(1.0 if right_hand else -1.0)

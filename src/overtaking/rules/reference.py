@@ -3,6 +3,8 @@
 `crates/overtaking-core/src/stretches.rs` is the fast twin, and `rules.engine` its Python.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,7 @@ from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.vehicles import Role
 from overtaking.physics.constants import known
 from overtaking.physics.friction import stopping_distance
 from overtaking.physics.measures import drac
@@ -19,7 +22,11 @@ from overtaking.rules.frames import (
     ENDLESS,
     Span,
     Stretch,
+    driving_end,
+    ends_in,
     frames_of,
+    lowest,
+    reduced,
     stretch,
     stretch_of_instants,
     time_to_regain,
@@ -94,6 +101,52 @@ def duty_to_return(case: Case, span: Span) -> tuple[I32, I32]:
     due = slow_lane_room(case, rows, frames) >= 0
     first, length = longest_run(rows[due], frames[due], seen.num_simulations)
     return first.astype(np.int32), length.astype(np.int32)
+
+
+def of_target(case: Case, span: Span) -> dict[str, NDArray[Any]]:
+    """Some signals of the target in the frames of a span; see `rules.engine.of_target`."""
+    names, at = ("overlaps", "lane", "lateral_gap", "accel"), span.frames()
+    return {name: getattr(case.target, name)[at] for name in names}
+
+
+def below(values: F32, limit: F32, span: Span) -> Stretch:
+    """Smallest of `values` in a span, and the frames with less than a limit."""
+    rows = np.arange(len(values))
+    first, last = ends_in(span, rows, values < limit[:, None])
+    return Stretch(low=lowest(values, span), first=first, last=last)
+
+
+def above(values: F32, limit: F32, span: Span) -> Stretch:
+    """Largest of `values` in a span as `low`, and the frames with more than a limit."""
+    rows = np.arange(len(values))
+    first, last = ends_in(span, rows, values > limit[:, None])
+    return Stretch(low=reduced(np.maximum, values, span), first=first, last=last)
+
+
+def dark(case: Case, crossed: I32, bit: int) -> tuple[I32, I32, I32]:
+    """Frames around a crossing in which a lamp of the ego is not on, as Article 21 asks.
+
+    Args:
+        case: The batch.
+        crossed: Frame of the crossing of each simulation, `NEVER` without one.
+        bit: The lamp, one of `Lights`.
+
+    Returns:
+        Their number, the first and the last, `NEVER` without one; shape (simulation,).
+    """
+    before = frames_of(case, known("law.signal.before"))
+    after = frames_of(case, known("law.signal.after"))
+    frame = crossed[:, None] + np.arange(-before, after + 1, dtype=np.int32)
+    end = driving_end(case)[:, None]
+    asked = (crossed != NEVER)[:, None] & (frame >= case.events.first[:, None]) & (frame <= end)
+    lights = case.trajectories.states.lights[:, Role.EGO]
+    shown = np.take_along_axis(lights, np.clip(frame, 0, lights.shape[1] - 1), axis=1)
+    found = asked & ((shown & bit) == 0)
+    row, last = np.arange(len(crossed)), found.shape[1] - 1 - found[:, ::-1].argmax(axis=1)
+    some = found.any(axis=1)
+    ends = (frame[row, found.argmax(axis=1)], frame[row, last])
+    first, last = (np.where(some, each, NEVER) for each in ends)
+    return found.sum(axis=1, dtype=np.int32), first, last
 
 
 def longest_run(rows: Index, frames: Index, num_simulations: int) -> tuple[Index, Index]:

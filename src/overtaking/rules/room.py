@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import F32, clamp, maximum, minimum
 from overtaking.model.labels import Case
 from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.physics.constants import known
 from overtaking.rules.distances import lawful_gap, sure_decel
+from overtaking.signals.engine import neighbours_at
 
 Index = NDArray[np.intp]
 
@@ -29,11 +29,11 @@ def slow_lane_room(case: Case, rows: Index, frames: Index) -> F32:
     speed, decel = seen.speed[rows, frames], sure_decel(seen.friction[rows, frames])
     room = np.full(len(rows), reach, np.float32)
     for place in (Around.RIGHT_LEADER, Around.RIGHT_FOLLOWER):
-        gap, closing = (of[rows, place, frames] for of in (seen.gap, seen.closing_speed))
+        other = neighbours_at(case.trajectories, seen, place, rows, frames)
+        closing = other.closing_speed
         behind = speed if place is Around.RIGHT_LEADER else speed + closing
         needed = lawful_gap(behind, closing, decel)
         if place is Around.RIGHT_LEADER:
             needed = maximum(needed, known("law.return.free_time") * closing)
-        there = seen.vehicle[rows, place, frames] != NO_VEHICLE
-        room = np.where(there, minimum(room, gap - needed), room)
+        room = np.where(other.exists, minimum(room, other.gap - needed), room)
     return clamp(room, -reach, reach)

@@ -103,22 +103,21 @@ def decided(
         doubtful: Whether what is unknown could still break the rule.
         belief: `Belief`, read where the rule applies.
     """
-    broken = applies & (margin < 0)
-    verdict = np.where(applies, np.uint8(Verdict.LEGAL), np.uint8(Verdict.NOT_APPLICABLE))
-    known = applies
+    broken, known = applies & (margin < 0), applies
+    decision = broken.view(np.uint8)  # Legal is 0, illegal 1.
     if doubtful is not None:
-        np.copyto(verdict, np.uint8(Verdict.UNDECIDABLE), where=applies & doubtful)
         known = applies & (broken | ~doubtful)
-    np.copyto(verdict, np.uint8(Verdict.ILLEGAL), where=broken)
-    nothing = np.full(len(applies), Belief.NONE, np.uint8)
+        decision = np.where(known, decision, np.uint8(Verdict.UNDECIDABLE))
     return Check(
-        verdict=verdict,
+        verdict=np.where(applies, decision, np.uint8(Verdict.NOT_APPLICABLE)),
         # The sum makes a negative zero positive.
         margin=np.where(known, margin, np.float32(0.0)) + np.float32(0.0),
         first=np.where(broken, first, NEVER).astype(np.int32, copy=False),
         last=np.where(broken, last, NEVER).astype(np.int32, copy=False),
         severity=np.zeros(len(applies), np.uint8),
-        belief=nothing if belief is None else np.where(applies, belief, nothing),
+        belief=np.zeros(len(applies), np.uint8)
+        if belief is None
+        else np.where(applies, belief, np.uint8(Belief.NONE)),
     )
 
 
@@ -137,7 +136,7 @@ def judge(rule: Rule, case: Case) -> Check:
     if rule.grade is Grade.BY_BREACH:
         return found
     broken = found.verdict == Verdict.ILLEGAL
-    severity = np.where(broken, np.uint8(_severity(rule.grade, case)), np.uint8(Severity.NONE))
+    severity = broken.view(np.uint8) * np.uint8(_severity(rule.grade, case))
     return found.replace(severity=severity)
 
 

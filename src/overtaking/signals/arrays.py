@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectory import NO_VEHICLE, Trajectories
 from overtaking.signals.reference import half_window, side_of
 
 
@@ -17,6 +17,17 @@ def adjacent(values: NDArray[Any]) -> NDArray[Any]:
 def flat(values: NDArray[Any]) -> NDArray[Any]:
     """`values` in one row."""
     return np.ascontiguousarray(values).reshape(-1)
+
+
+def expect_slots(trajectories: Trajectories, vehicle: NDArray[np.uint8]) -> None:
+    """Refuse neighbours that are no slots of a recording.
+
+    Raises:
+        ValueError: One of them is none.
+    """
+    slots = trajectories.states.s.shape[1]
+    if ((vehicle >= slots) & (vehicle != NO_VEHICLE)).any():
+        raise ValueError("vehicle: expected slots of the recording")
 
 
 def states(trajectories: Trajectories) -> dict[str, NDArray[Any] | None]:

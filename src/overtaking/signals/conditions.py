@@ -8,11 +8,11 @@ from overtaking.core.elementary import F32, as_f32, log, maximum
 from overtaking.model.batch import Batch
 from overtaking.model.trajectory import Trajectories
 from overtaking.model.vehicles import Role, VehicleKind
-from overtaking.physics.constants import constants, known
-from overtaking.physics.film import lane_film
+from overtaking.physics.constants import known
+from overtaking.physics.film import lane_film, rain_rate
 from overtaking.sim.effects import Effects
 from overtaking.sim.lanes import road_parameters
-from overtaking.sim.world import Sight, Water, world_of
+from overtaking.sim.world import film_of, sight_ahead
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,36 +52,37 @@ def conditions(trajectories: Trajectories) -> Conditions:
     announce by its own brake lamps.
     """
     scenario = trajectories.scenario
-    world = world_of(scenario, constants(), Effects())
+    rate, effects = rain_rate(scenario.weather.rain), Effects()
+    water, sight = film_of(scenario, rate, effects), sight_ahead(scenario, rate, effects)
     bodies = scenario.vehicles
     return Conditions(
-        film=_mean_film(world.water, road_parameters(scenario.road).film_path),
+        film=_mean_film(water, road_parameters(scenario.road).film_path),
         wear=bodies.tyre_wear[:, Role.EGO],
         truck=as_f32(bodies.kind[:, Role.EGO] == VehicleKind.T),
-        fog_extinction=world.sight.fog_extinction,
-        rain_extinction=world.sight.rain_extinction,
-        contrast_depth=world.sight.sight_front + log(known("model.speed_choice.contrast")),
-        lamp_intensity=np.full_like(world.rain_rate, known("weather.lamps.rear_position")),
-        lamp_threshold=world.sight.lamp_threshold,
-        unlit_limit=_unlit_limit(world.sight),
+        fog_extinction=sight["fog_extinction"],
+        rain_extinction=sight["rain_extinction"],
+        contrast_depth=sight["sight_front"] + log(known("model.speed_choice.contrast")),
+        lamp_intensity=np.full_like(rate, known("weather.lamps.rear_position")),
+        lamp_threshold=sight["lamp_threshold"],
+        unlit_limit=_unlit_limit(sight["inverse_lit_range"]),
     )
 
 
-def _mean_film(water: Water, film_path: F32) -> F32:
+def _mean_film(water: dict[str, F32], film_path: F32) -> F32:
     """Film of each lane with the puddles spread evenly over it, (simulation, lane) [mm]."""
     film = lane_film(
-        water.least_film[:, None],
-        water.film_rain[:, None],
+        water["least_film"][:, None],
+        water["film_rain"][:, None],
         film_path[None, :],
-        water.texture[:, None],
+        water["texture"][:, None],
     )
     # See `film.puddle`: half the square of the threshold is the share that is under water.
-    covered = np.float32(0.5) * water.puddle_reach * water.puddle_reach
-    return film + (water.puddle_film * covered)[:, None]
+    covered = np.float32(0.5) * water["puddle_reach"] * water["puddle_reach"]
+    return film + (water["puddle_film"] * covered)[:, None]
 
 
-def _unlit_limit(sight: Sight) -> F32:
+def _unlit_limit(inverse_lit_range: F32) -> F32:
     """How far something unlit can be seen at best, shape (simulation,) [m]."""
     attention = known("model.perception.range")
-    inverse = maximum(sight.inverse_lit_range, np.float32(1.0) / attention)
+    inverse = maximum(inverse_lit_range, np.float32(1.0) / attention)
     return np.float32(1.0) / inverse

@@ -1,36 +1,39 @@
 """The signals by the compiled engine: those of `reference` and `target`, bit for bit."""
 
 import os
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
-from overtaking.core.elementary import log, maximum
+from overtaking.core.elementary import as_f32, log, maximum
 from overtaking.model.events import Events
 from overtaking.model.signals import Around, Signals, TargetSignals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.physics.constants import constants, known
+from overtaking.signals import reference
 from overtaking.signals.arrays import flat, states, vehicles
 from overtaking.signals.conditions import conditions
+from overtaking.signals.reference import I32, METRES, Neighbours
 from overtaking.sim.engine import SIMD_VARIABLE, Buffers, constant_values
 
-_BYTES = ("lane", "left_count")
-_ROWS = (
-    "s",
-    "lateral",
-    "lateral_speed",
-    "speed",
-    "accel",
-    "right_reach",
-    "left_reach",
-    "left_occupancy",
-    "friction",
-    "sight_lit",
-    "sight_unlit",
-)
+_SIGNALS = {
+    "lane": np.uint8,
+    "lateral": np.float32,
+    "lateral_speed": np.float32,
+    "speed": np.float32,
+    "accel": np.float32,
+    "right_reach": np.float32,
+    "left_reach": np.float32,
+    "friction": np.float32,
+    "sight_lit": np.float32,
+    "sight_unlit": np.float32,
+}
+_LEFT = {"left_occupancy": np.float32, "left_count": np.uint8}
 _OF_TARGET = {
     "valid": np.bool_,
     "lead": np.float32,
@@ -43,7 +46,10 @@ _OF_TARGET = {
     "accel": np.float32,
     "lateral_speed": np.float32,
 }
-_NEIGHBOURS = ("gap", "closing_speed", "lateral_gap")
+_GAPS = ("gap", "closing_speed", "lateral_gap")
+
+Arrays = dict[str, NDArray[Any]]
+Index = NDArray[np.intp]
 
 
 def signals(
@@ -51,26 +57,35 @@ def signals(
 ) -> Signals:
     """The signals of a batch; see `model.signals.Signals`.
 
+    Gaps to all neighbours and the lane to the left are worked out when somebody asks for them.
+
     Args:
-        trajectories: The batch, of any origin and rate.
+        trajectories: The batch, of any origin and rate; what it holds must not change.
         level: SIMD level, as in `sim.engine.simulate`; the result is the same.
         buffers: Memory to use again; the returned batch is then valid until the next call with it.
 
     Raises:
         ValueError: The SIMD level is unknown or this CPU lacks it.
     """
-    outputs = _outputs(trajectories, buffers or Buffers())
+    buffers = buffers or Buffers()
+    outputs = _outputs(trajectories, _SIGNALS, buffers)
+    vehicle = buffers.array("vehicle", _wide(trajectories), np.uint8)
     _core.signals(
         states=states(trajectories),
         vehicles=vehicles(trajectories),
         around=_around(trajectories),
         constants=constant_values(constants()),
-        outputs=outputs,
-        level=level or os.environ.get(SIMD_VARIABLE) or None,
+        outputs=outputs | {"vehicle": vehicle},
+        level=_level(level),
     )
-    return Signals(
+    gaps = partial(_gaps, trajectories, vehicle, level)
+    left = partial(_left, trajectories, level)
+    later: dict[str, Callable[[], Arrays]] = {"s": partial(_place, trajectories)}
+    return Signals.partly(
+        later | dict.fromkeys(_GAPS, gaps) | dict.fromkeys(_LEFT, left),
         frame_interval_ms=trajectories.scenario.frame_interval_ms,
         valid=trajectories.frame_valid,
+        vehicle=vehicle,
         **outputs,
     )
 
@@ -80,6 +95,8 @@ def target_signals(
 ) -> TargetSignals:
     """The target of each simulation, frame by frame; see `model.signals.TargetSignals`.
 
+    Its frames are worked out when somebody asks for them.
+
     Args:
         trajectories: The batch.
         seen: Its signals.
@@ -87,23 +104,134 @@ def target_signals(
         level: As in `signals`.
 
     Raises:
-        ValueError: As in `signals`.
+        ValueError: A target is no vehicle of the recording.
     """
-    vehicle, shape = events.target, trajectories.stage.shape
-    array = Buffers().array
-    outputs = {name: array(name, shape, kind) for name, kind in _OF_TARGET.items()}
-    reaches = ("lateral", "right_reach", "left_reach")
+    vehicle, length = events.target, trajectories.scenario.vehicles.length
+    slot = np.where(vehicle == NO_VEHICLE, Role.EGO, vehicle).astype(np.intp)
+    if slot.size and slot.max() >= length.shape[1]:
+        raise ValueError(f"target: no vehicle {slot.max()}")
+    work_out = partial(_target, trajectories, seen, vehicle, level)
+    return TargetSignals.partly(
+        dict.fromkeys(_OF_TARGET, work_out),
+        vehicle=vehicle,
+        length=length[np.arange(len(slot)), slot],
+    )
+
+
+def neighbours_at(
+    trajectories: Trajectories, seen: Signals, place: Around | Index, rows: Index, frames: Index
+) -> Neighbours:
+    """The neighbours of single frames, as in `Signals`, without those of all others.
+
+    Args:
+        trajectories: The batch.
+        seen: Its signals.
+        place: Place around the ego, or one for each instant.
+        rows: Simulations, shape (instant,).
+        frames: A recorded frame of each, same shape.
+    """
+    if not seen.is_original:  # Somebody asks what would be if gaps were others.
+        return reference.neighbours_at(trajectories, seen, place, rows, frames)
+    kinds = {"vehicle": np.uint8, "gap": np.float32, "closing_speed": np.float32}
+    found: Arrays = {name: np.empty(len(rows), kind) for name, kind in kinds.items()}
+    recorded, places = trajectories.states, np.broadcast_to(np.int64(place), np.shape(rows))
+    _core.neighbours_at(
+        near={
+            "s": recorded.s,
+            "speed": recorded.speed,
+            "length": trajectories.scenario.vehicles.length,
+            "vehicle": seen.vehicle,
+        },
+        rows=np.ascontiguousarray(rows, np.int64),
+        places=np.ascontiguousarray(places),
+        frames=np.ascontiguousarray(frames, np.int64),
+        out=found,
+    )
+    return Neighbours(**found)
+
+
+def alongside(
+    trajectories: Trajectories, seen: Signals, vehicle: NDArray[np.uint8], span: tuple[I32, I32]
+) -> Arrays:
+    """Some signals of the target in some frames of each simulation, one after the other.
+
+    Args:
+        trajectories: The batch.
+        seen: Its signals.
+        vehicle: Slot of the target of each simulation, `NO_VEHICLE` without one.
+        span: First and last frame, shape (simulation,); none where the last is before the first.
+
+    Returns:
+        overlaps, lane, lateral_gap and accel as in `TargetSignals`, shape (instant,).
+    """
+    start, stop = (np.ascontiguousarray(each, np.int32) for each in span)
+    names = ("overlaps", "lane", "lateral_gap", "accel")
+    count = int(np.maximum(stop - start + 1, 0).sum())
+    found: Arrays = {name: np.empty(count, _OF_TARGET[name]) for name in names}
+    _core.alongside(
+        states=states(trajectories),
+        vehicles=vehicles(trajectories),
+        own=_own(seen, vehicle),
+        start=start,
+        stop=stop,
+        out=found,
+        level=_level(None),
+    )
+    return found
+
+
+def _place(trajectories: Trajectories) -> Arrays:
+    return {"s": as_f32(trajectories.states.s[:, Role.EGO]) * METRES}
+
+
+def _gaps(trajectories: Trajectories, vehicle: NDArray[np.uint8], level: str | None) -> Arrays:
+    shape = _wide(trajectories)
+    outputs: Arrays = {name: Buffers().array(name, shape, np.float32) for name in _GAPS}
+    _core.neighbours(
+        states=states(trajectories),
+        vehicles=vehicles(trajectories),
+        vehicle=flat(vehicle),
+        outputs=outputs,
+        level=_level(level),
+    )
+    return outputs
+
+
+def _left(trajectories: Trajectories, level: str | None) -> Arrays:
+    outputs = _outputs(trajectories, _LEFT, Buffers())
+    _core.left_lane(
+        states=states(trajectories),
+        vehicles=vehicles(trajectories),
+        num_lanes=trajectories.road.num_lanes,
+        outputs=outputs,
+        level=_level(level),
+    )
+    return outputs
+
+
+def _target(
+    trajectories: Trajectories, seen: Signals, vehicle: NDArray[np.uint8], level: str | None
+) -> Arrays:
+    outputs = _outputs(trajectories, _OF_TARGET, Buffers())
     _core.target(
         states=states(trajectories),
         vehicles=vehicles(trajectories),
-        own={"target": np.ascontiguousarray(vehicle, np.uint8)}
-        | {name: flat(getattr(seen, name)) for name in reaches},
+        own=_own(seen, vehicle),
         outputs=outputs,
-        level=level or os.environ.get(SIMD_VARIABLE) or None,
+        level=_level(level),
     )
-    slot = np.where(vehicle == NO_VEHICLE, Role.EGO, vehicle).astype(np.intp)
-    length = trajectories.scenario.vehicles.length[np.arange(len(slot)), slot]
-    return TargetSignals(vehicle=vehicle, length=length, **outputs)
+    return outputs
+
+
+def _own(seen: Signals, vehicle: NDArray[np.uint8]) -> Arrays:
+    """The target, and where the ego is across the road."""
+    reaches = ("lateral", "right_reach", "left_reach")
+    place = {name: flat(getattr(seen, name)) for name in reaches}
+    return {"target": np.ascontiguousarray(vehicle, np.uint8)} | place
+
+
+def _level(level: str | None) -> str | None:
+    return level or os.environ.get(SIMD_VARIABLE) or None
 
 
 def _around(trajectories: Trajectories) -> dict[str, Any]:
@@ -124,11 +252,12 @@ def _around(trajectories: Trajectories) -> dict[str, Any]:
     }
 
 
-def _outputs(trajectories: Trajectories, buffers: Buffers) -> dict[str, NDArray[Any]]:
+def _wide(trajectories: Trajectories) -> tuple[int, int, int]:
+    """Shape of neighbours."""
+    simulations, frames = trajectories.stage.shape
+    return simulations, len(Around), frames
+
+
+def _outputs(trajectories: Trajectories, kinds: Mapping[str, Any], buffers: Buffers) -> Arrays:
     shape = trajectories.stage.shape
-    wide = (shape[0], len(Around), shape[1])
-    array = buffers.array
-    outputs = {name: array(name, shape, np.float32) for name in _ROWS}
-    outputs |= {name: array(name, shape, np.uint8) for name in _BYTES}
-    outputs |= {name: array(name, wide, np.float32) for name in _NEIGHBOURS}
-    return outputs | {"vehicle": array("vehicle", wide, np.uint8)}
+    return {name: buffers.array(name, shape, kind) for name, kind in kinds.items()}

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, as_f32, maximum, minimum, sincos
+from overtaking.core.elementary import F32, Mask, as_f32, maximum, minimum, sincos
 from overtaking.model.road import DrivingSide, Road
 from overtaking.model.signals import Around, Signals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
@@ -69,6 +69,34 @@ def signals(trajectories: Trajectories) -> Signals:
         gap=around.gap,
         closing_speed=around.closing_speed,
         lateral_gap=around.lateral_gap,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Neighbours:
+    """Neighbours at single frames, as in `Signals`; arrays have shape (instant,)."""
+
+    vehicle: U8
+    gap: F32
+    closing_speed: F32
+
+    @property
+    def exists(self) -> Mask:
+        """Where there is somebody."""
+        return self.vehicle != NO_VEHICLE
+
+
+def neighbours_at(
+    _: Trajectories,
+    seen: Signals,
+    place: Around | NDArray[np.intp],
+    rows: NDArray[np.intp],
+    frames: NDArray[np.intp],
+) -> Neighbours:
+    """The neighbours of single frames; arguments as in `signals.engine.neighbours_at`."""
+    at = (rows, place, frames)
+    return Neighbours(
+        vehicle=seen.vehicle[at], gap=seen.gap[at], closing_speed=seen.closing_speed[at]
     )
 
 
@@ -183,7 +211,7 @@ _LANE_SHIFT = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Neighbours:
+class _Gaps:
     """As in `Signals`; 0 where there is nobody."""
 
     gap: F32
@@ -193,7 +221,7 @@ class _Neighbours:
 
 def _to_neighbours(
     trajectories: Trajectories, vehicle: U8, distance: I32, across: F32, reach: F32
-) -> _Neighbours:
+) -> _Gaps:
     """Gaps and closing speeds to the vehicles that were found."""
     speeds, ego = trajectories.states.speed, int(Role.EGO)
     nobody = vehicle == NO_VEHICLE
@@ -207,7 +235,7 @@ def _to_neighbours(
     place = across[:, [ego]] - np.take_along_axis(across, slot, axis=1)
     aside = np.abs(place) - (reach[:, [ego]] + np.take_along_axis(reach, slot, axis=1))
     zero = np.float32(0.0)
-    return _Neighbours(
+    return _Gaps(
         gap=np.where(nobody, zero, gap),
         closing_speed=np.where(nobody, zero, closing),
         lateral_gap=np.where(nobody, zero, aside),
@@ -236,6 +264,48 @@ def _left_lane(trajectories: Trajectories) -> tuple[F32, U8]:
         total += np.where(there, maximum_of(front - rear, 0), np.int32(0))
         count += there.astype(np.uint8)
     return as_f32(total) * _PER_FULL_LANE, count
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftLane:
+    """The lane to the left at one frame of each simulation, as in `Signals`."""
+
+    occupancy: F32
+    count: U8
+
+
+def left_lane_at(
+    trajectories: Trajectories, seen: Signals, frames: NDArray[np.integer]
+) -> LeftLane:
+    """What `left_occupancy` and `left_count` are at one frame of each simulation.
+
+    Args:
+        trajectories: The batch.
+        seen: Its signals.
+        frames: A recorded frame of each simulation.
+    """
+    states, rows = trajectories.states, np.arange(len(frames))
+    if not seen.is_original:
+        own = (rows, frames)
+        return LeftLane(occupancy=seen.left_occupancy[own], count=seen.left_count[own])
+    at = (rows, slice(None), frames)
+    length = np.rint(trajectories.scenario.vehicles.length * np.float32(1000.0)).astype(np.int32)
+    lane, s, limit = (
+        states.lane[at].astype(np.int32),
+        states.s[at],
+        np.int32(2 * OCCUPANCY_REACH_MM),
+    )
+    there = trajectories.scenario.vehicles.valid & (lane == lane[:, [Role.EGO]] + 1)
+    there &= lane < trajectories.road.num_lanes
+    if trajectories.present is not None:
+        there &= trajectories.present[at]
+    ahead = np.clip(s - s[:, [Role.EGO]], -limit, limit) * np.int32(2)
+    front, rear = np.minimum(ahead + length, limit), np.maximum(ahead - length, -limit)
+    inside = np.where(there, maximum_of(front - rear, 0), np.int32(0))
+    return LeftLane(
+        occupancy=as_f32(inside.sum(axis=1, dtype=np.int32)) * _PER_FULL_LANE,
+        count=there.sum(axis=1, dtype=np.uint8),
+    )
 
 
 def _friction(given: Conditions, road: Road, speed: F32, lane: U8) -> F32:

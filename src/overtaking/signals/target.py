@@ -101,6 +101,41 @@ def signals_of(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Along:
+    """The target along the road at one frame each, as in `TargetSignals`; shape (instant,)."""
+
+    lead: F32
+    gap: F32
+    speed: F32
+
+
+def target_at(
+    trajectories: Trajectories,
+    target: TargetSignals,
+    frames: NDArray[np.integer],
+    rows: NDArray[np.intp] | None = None,
+) -> Along:
+    """The target at single frames, without those of all others; the first where one is negative.
+
+    Args:
+        trajectories: The batch.
+        target: Signals of the targets.
+        frames: Frames, shape (instant,).
+        rows: Simulation of each, same shape; all of them, one after the other, if left out.
+    """
+    rows, frame = np.arange(len(frames)) if rows is None else rows, np.maximum(frames, 0)
+    if not target.is_original:
+        at = (rows, frame)
+        return Along(lead=target.lead[at], gap=target.gap[at], speed=target.speed[at])
+    states, length = trajectories.states, trajectories.scenario.vehicles.length
+    slot = _slot(target.vehicle)[rows]
+    lead = as_f32(states.s[rows, Role.EGO, frame] - states.s[rows, slot, frame]) * METRES
+    half = np.float32(0.5) * (length[rows, Role.EGO] + length[rows, slot])
+    speed = as_f32(states.speed[rows, slot, frame]) * METRES
+    return Along(lead=lead, gap=np.abs(lead) - half, speed=speed)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Instant:
     """A vehicle at one frame each, as in `TargetSignals`; arrays have shape (instant,)."""
 

@@ -150,6 +150,15 @@ def _drawn(draws: Draws, low: str, high: str) -> F32:
 
 
 def _water(scenario: Scenario, rate: F32, draws: Draws, effects: Effects) -> Water:
+    return Water(
+        **film_of(scenario, rate, effects),
+        puddle_phase_1=draws.uniform(),
+        puddle_phase_2=draws.uniform(),
+    )
+
+
+def film_of(scenario: Scenario, rate: F32, effects: Effects) -> dict[str, F32]:
+    """How much water lies on the road, the fields of `Water` that are not drawn."""
     zero = np.zeros_like(rate)
     rain = rate if effects.film else zero
     puddles = scenario.weather.puddles if effects.film else zero
@@ -158,15 +167,13 @@ def _water(scenario: Scenario, rate: F32, draws: Draws, effects: Effects) -> Wat
     deep = maximum(puddles - from_percent, zero) / (_FULL_PERCENT - from_percent)
     # sqrt(2 x covered share): see `film.puddle`.
     cover = np.float32(2.0) * PERCENT * known("weather.puddles.full_cover") * puddles
-    return Water(
-        least_film=np.where(wet, known("weather.film.wet_film_mm"), np.float32(0.0)),
-        film_rain=film.film_per_rain(rain),
-        texture=np.full_like(rate, known("weather.film.texture_depth_mm")),
-        puddle_reach=np.sqrt(cover),
-        puddle_film=known("weather.puddles.max_film_mm") * deep,
-        puddle_phase_1=draws.uniform(),
-        puddle_phase_2=draws.uniform(),
-    )
+    return {
+        "least_film": np.where(wet, known("weather.film.wet_film_mm"), np.float32(0.0)),
+        "film_rain": film.film_per_rain(rain),
+        "texture": np.full_like(rate, known("weather.film.texture_depth_mm")),
+        "puddle_reach": np.sqrt(cover),
+        "puddle_film": known("weather.puddles.max_film_mm") * deep,
+    }
 
 
 def _believed_grip(c: Constants, water: Water) -> F32:
@@ -179,29 +186,46 @@ def _believed_grip(c: Constants, water: Water) -> F32:
 
 
 def _sight(scenario: Scenario, rate: F32, effects: Effects) -> Sight:
-    weather = scenario.weather
-    dusk = ~weather.night & (weather.sun_altitude < 0)
-    threshold = visibility.contrast_threshold(weather.night, dusk, rate)
-    turned = np.abs(weather.sun_azimuth)
-    altitude, clouds = weather.sun_altitude, weather.cloudiness
-    ahead = visibility.glare_factor(altitude, turned, clouds)
-    behind = visibility.glare_factor(altitude, np.abs(PI - turned), clouds)
-    limited = _ONE if effects.range else np.float32(0.0)
-    zero = np.zeros_like(rate)
+    weather, zero = scenario.weather, np.zeros_like(rate)
+    error = known("weather.errors.closing_speed_cv") if effects.distance_error else np.float32(0.0)
     return Sight(
-        fog_extinction=limited * visibility.fog_extinction(weather.fog),
-        rain_extinction=limited * visibility.rain_extinction(rate),
-        sight_front=log(ahead / threshold),
-        sight_rear=log(behind / threshold),
-        lamp_threshold=limited * visibility.lamp_threshold(weather.night, dusk),
-        inverse_lit_range=np.where(weather.night, limited / _low_beam_range(rate), zero),
+        **sight_ahead(scenario, rate, effects),
+        sight_rear=_contrast(scenario, rate, np.abs(PI - np.abs(weather.sun_azimuth))),
         detection_time=_detection_time(weather.night) if effects.delay else zero,
         distance_error=_distance_error(scenario) if effects.distance_error else zero,
-        speed_error=np.full_like(
-            rate,
-            known("weather.errors.closing_speed_cv") if effects.distance_error else np.float32(0.0),
-        ),
+        speed_error=np.full_like(rate, error),
     )
+
+
+def sight_ahead(scenario: Scenario, rate: F32, effects: Effects) -> dict[str, F32]:
+    """How far one sees ahead, fields of `Sight`.
+
+    Args:
+        scenario: The batch.
+        rate: Its rain [mm/h].
+        effects: Which effects there are.
+    """
+    weather, limited = scenario.weather, _ONE if effects.range else np.float32(0.0)
+    lit_range = limited / _low_beam_range(rate)
+    return {
+        "fog_extinction": limited * visibility.fog_extinction(weather.fog),
+        "rain_extinction": limited * visibility.rain_extinction(rate),
+        "sight_front": _contrast(scenario, rate, np.abs(weather.sun_azimuth)),
+        "lamp_threshold": limited * visibility.lamp_threshold(weather.night, _dusk(scenario)),
+        "inverse_lit_range": np.where(weather.night, lit_range, np.zeros_like(rate)),
+    }
+
+
+def _contrast(scenario: Scenario, rate: F32, angle: F32) -> F32:
+    """Logarithm of glare factor over contrast threshold, looking within an angle of the sun."""
+    weather = scenario.weather
+    threshold = visibility.contrast_threshold(weather.night, _dusk(scenario), rate)
+    glare = visibility.glare_factor(weather.sun_altitude, angle, weather.cloudiness)
+    return log(glare / threshold)
+
+
+def _dusk(scenario: Scenario) -> Mask:
+    return ~scenario.weather.night & (scenario.weather.sun_altitude < 0)
 
 
 def _low_beam_range(rate: F32) -> F32:

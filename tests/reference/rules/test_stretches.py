@@ -11,14 +11,18 @@ from tests.support.recordings import with_gaps
 
 from overtaking import _core
 from overtaking.exchange.roads import load_road
+from overtaking.features import encounters, past
 from overtaking.features import engine as fast_measures
 from overtaking.features import reference as measures
+from overtaking.features.encounters import Side
 from overtaking.labels import find_events
 from overtaking.model.labels import Case
+from overtaking.model.signals import Around
+from overtaking.model.trajectory import Lights
 from overtaking.rules import engine, reference
 from overtaking.rules.frames import Span, conduct, lowest, manoeuvre, reduced
 from overtaking.scenarios import sample, spec
-from overtaking.signals.engine import signals, target_signals
+from overtaking.signals.engine import neighbours_at, signals, target_signals
 from overtaking.sim import engine as simulator
 from overtaking.sim.engine import SIMD_VARIABLE
 
@@ -145,3 +149,103 @@ def test_sums_over_frames_are_the_same(make):
     assert expected.keys() == found.keys()
     for name, values in expected.items():
         assert same(values, found[name]), name
+
+
+@every_span
+@every_case
+def test_what_is_below_and_above_a_limit_is_the_same(make, span_of):
+    given = make()
+    span, speed = span_of(given), given.signals.speed
+    limit = speed[np.arange(len(speed)), given.events.last // 2]
+    for name in ("below", "above"):
+        expected, found = (getattr(of, name)(speed, limit, span) for of in (reference, engine))
+        assert (expected.first >= 0).any()
+        assert (expected.first < 0).any()
+        assert_same_stretch(expected, found, span)
+
+
+@every_case
+@pytest.mark.parametrize("bit", [Lights.INDICATOR_LEFT, Lights.INDICATOR_RIGHT])
+def test_lamps_that_were_not_on_around_a_crossing_are_the_same(make, bit):
+    given = make()
+    early = np.where(given.events.attempted, np.int32(5), np.int32(-1))
+    late = given.events.last - np.int32(3)
+    for crossed in (given.events.line_crossed, given.events.return_end, early, late):
+        expected, found = (of.dark(given, crossed, int(bit)) for of in (reference, engine))
+        assert (expected[0] > 0).any()
+        for a, b in zip(expected, found, strict=True):
+            assert same(a, b)
+
+
+@every_span
+@every_case
+def test_the_target_in_the_frames_of_a_span_is_the_same(make, span_of):
+    given = make()
+    span = span_of(given)
+    expected, found = (of.of_target(given, span) for of in (reference, engine))
+    assert expected.keys() == found.keys()
+    # Where there is no target, or it is not there, its numbers mean nothing.
+    there = given.target.valid[span.frames()]
+    assert there.any()
+    assert same(expected["overlaps"], found["overlaps"])
+    for name, values in expected.items():
+        assert same(values, found[name], there), name
+
+
+def instants(given: Case) -> tuple[np.ndarray, np.ndarray]:
+    """Frames in an order of their own, some of them twice."""
+    draw = np.random.default_rng(5)
+    rows = draw.integers(0, len(given.events.last), 500)
+    return rows, (given.events.last[rows] * draw.random(500)).astype(np.intp)
+
+
+@every_case
+@pytest.mark.parametrize("place", Around)
+def test_encounters_at_single_frames_are_the_same(make, place):
+    given = make()
+    rows, frames = instants(given)
+    side = Side.AHEAD if place % 2 == 0 else Side.BEHIND
+    expected = encounters.encounter(given, place, side, rows, frames)
+    found = fast_measures.encounter(given, place, side, rows, frames)
+    assert expected.valid.any()
+    for field in dataclasses.fields(expected):
+        assert same(getattr(expected, field.name), getattr(found, field.name)), field.name
+    near = neighbours_at(given.trajectories, given.signals, place, rows, frames)
+    assert same(near.gap, expected.gap)
+    assert same(near.closing_speed, expected.closing_speed)
+    assert same(near.exists, expected.valid)
+
+
+@every_case
+def test_arrivals_where_the_ego_was_are_the_same(make):
+    given = make()
+    rows, frames = instants(given)
+    vehicles = given.trajectories.scenario.num_vehicles[rows].astype(np.intp)
+    slot, begin = 1 + rows % (vehicles - 1), frames.astype(np.int32)
+    expected = past.first_past(given, rows, slot, begin)
+    found = fast_measures.first_past(given, rows, slot, begin)
+    assert (expected >= 0).any()
+    assert (expected < 0).any()
+    assert same(expected, found)
+
+
+def test_signals_that_somebody_changed_are_believed():
+    given = case()
+    span = conduct(given)
+    before = engine.follow_margin(given, span)
+    farther = given.signals.replace(gap=given.signals.gap + np.float32(10.0))
+    after = engine.follow_margin(given.replace(signals=farther), span)
+    counts = span.exists & (before.low < 1e30)
+    np.testing.assert_allclose(after.low[counts], before.low[counts] + 10.0, rtol=1e-5, atol=1e-3)
+
+
+def test_frames_and_slots_that_do_not_exist_are_refused():
+    given = case()
+    rows, frames = instants(given)
+    run, seen = given.trajectories, given.signals
+    with pytest.raises(ValueError, match="expected recorded frames"):
+        neighbours_at(run, seen, Around.LEADER, rows, frames + seen.num_frames)
+    with pytest.raises(ValueError, match="expected recorded frames"):
+        fast_measures.encounter(given, Around.LEADER, Side.AHEAD, rows - len(seen.valid), frames)
+    with pytest.raises(ValueError, match="no frame"):
+        engine.dark(given, given.events.last + np.int32(10_000), 1)

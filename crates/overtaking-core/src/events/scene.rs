@@ -1,6 +1,7 @@
 //! One simulation, frame by frame, and the small questions to it.
 
 use super::NO_VEHICLE;
+use crate::signals::gap_between;
 
 const METRES: f32 = 1e-3;
 /// Keeps time gaps finite [m/s].
@@ -40,8 +41,6 @@ pub struct Watched<'a> {
     pub speed: &'a [f32],
     /// Neighbours, (simulation, place, frame).
     pub vehicle: &'a [u8],
-    /// Gaps to them [m].
-    pub gap: &'a [f32],
 }
 
 /// What makes a movement one, and where the lanes lie.
@@ -79,7 +78,6 @@ pub(super) struct Scene<'a> {
     pub(super) left_reach: &'a [f32],
     speed: &'a [f32],
     leader: &'a [u8],
-    gap: &'a [f32],
     s: &'a [&'a [i32]],
     present: Option<&'a [&'a [bool]]>,
     valid: &'a [bool],
@@ -116,8 +114,7 @@ impl<'a> Scene<'a> {
             right_reach: &watched.right_reach[own.clone()],
             left_reach: &watched.left_reach[own.clone()],
             speed: &watched.speed[own],
-            leader: &watched.vehicle[leaders.clone()],
-            gap: &watched.gap[leaders],
+            leader: &watched.vehicle[leaders],
             s: &watched.s[slots.clone()],
             present: watched.present.as_ref().map(|rows| &rows[slots.clone()]),
             valid: &watched.valid[slots.clone()],
@@ -161,8 +158,15 @@ impl<'a> Scene<'a> {
         } else {
             LEAST_SPEED
         };
-        self.leader(frame)
-            .filter(|_| self.gap[frame] / moving < self.limits.follow_time_gap)
+        let leader = self.leader(frame)?;
+        (self.gap(leader, frame) / moving < self.limits.follow_time_gap).then_some(leader)
+    }
+
+    /// Gap between the ego and another vehicle [m].
+    fn gap(&self, slot: u8, frame: usize) -> f32 {
+        let slot = usize::from(slot);
+        let halves = self.length[0] * 0.5 + self.length[slot] * 0.5;
+        gap_between(self.s[0][frame], self.s[slot][frame], halves)
     }
 
     /// Whom an ego that attempts nothing might have overtaken.

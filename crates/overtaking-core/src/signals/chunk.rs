@@ -8,10 +8,9 @@ use crate::elementary::{log, sincos};
 use crate::environment::{at_film, speed_columns};
 use crate::lanes::{LANES, M, V, at_least, at_most, choose, max, min, splat};
 
-const NO_VEHICLE: u8 = 255;
+pub(super) const NO_VEHICLE: u8 = 255;
 pub(super) const METRES: f32 = 1e-3;
 const RADIANS: f32 = 1e-4;
-const OCCUPANCY_REACH_MM: i32 = 100_000;
 const NEWTON_STEPS: usize = 8;
 const LEAST_EXTINCTION: f32 = 1e-7;
 /// Lanes that a road has at most.
@@ -22,10 +21,6 @@ const MAX_LANES: usize = 8;
 struct Nearest<S: Simd> {
     distance: i32x16<S>,
     vehicle: i32x16<S>,
-    length: V<S>,
-    speed: i32x16<S>,
-    across: V<S>,
-    reach: V<S>,
 }
 
 /// Up to sixteen frames of one simulation.
@@ -70,8 +65,12 @@ impl<S: Simd> Frames<'_, S> {
     #[inline(always)]
     pub(super) fn store_bytes(&self, row: &mut [u8], values: i32x16<S>) {
         let values: [i32; LANES] = values.to_array();
-        for (to, value) in row[self.at..].iter_mut().zip(values) {
-            *to = value as u8;
+        let bytes = values.map(|value| value as u8);
+        if let Some(row) = row[self.at..].first_chunk_mut::<LANES>() {
+            *row = bytes;
+        } else {
+            let end = self.frames - self.at;
+            row[self.at..].copy_from_slice(&bytes[..end]);
         }
     }
 
@@ -124,7 +123,6 @@ impl<S: Simd> Chunk<'_, S> {
         out: &mut Signals<'_>,
     ) {
         let ego = self.frames.slot(0);
-        let s: V<S> = self.frames.load(self.frames.recording.s[ego]).to_float();
         let speed: V<S> = self
             .frames
             .load(self.frames.recording.speed[ego])
@@ -134,12 +132,11 @@ impl<S: Simd> Chunk<'_, S> {
             .load(self.frames.recording.accel[ego])
             .to_float();
         let speed = speed * METRES;
+        self.frames.store(out.accel, accel * METRES);
         self.frames
             .store_bytes(out.lane, self.frames.load(self.frames.recording.lane[ego]));
-        self.frames.store(out.s, s * METRES);
         self.frames.store(out.lateral, across);
         self.frames.store(out.speed, speed);
-        self.frames.store(out.accel, accel * METRES);
         self.frames.store(out.right_reach, across - reach);
         self.frames.store(out.left_reach, across + reach);
         self.frames.store(out.friction, self.friction(ego, speed));
@@ -210,20 +207,15 @@ impl<S: Simd> Chunk<'_, S> {
 
     /// Who is nearest in each place.
     #[inline(always)]
-    pub(super) fn neighbours(&self, body: (V<S>, V<S>), out: &mut Signals<'_>) {
+    pub(super) fn nearest(&self, out: &mut Signals<'_>) {
         let r = self.frames.recording;
         let ego = self.frames.slot(0);
         let (own_s, own_lane) = (self.frames.load(r.s[ego]), self.frames.load(r.lane[ego]));
         let num_lanes = self.around.num_lanes as i32;
         let on_road = own_lane.simd_lt(num_lanes);
-        let zero = splat(self.frames.simd, 0.0);
         let mut nearest = [Nearest {
             distance: self.frames.int(i32::MAX),
             vehicle: self.frames.int(i32::from(NO_VEHICLE)),
-            length: zero,
-            speed: self.frames.int(0),
-            across: zero,
-            reach: zero,
         }; PLACES];
         for j in 1..r.slots {
             let slot = self.frames.slot(j);
@@ -233,106 +225,23 @@ impl<S: Simd> Chunk<'_, S> {
             let ahead = self.frames.load(r.s[slot]) - own_s;
             let lane = self.frames.load(r.lane[slot]);
             let there = self.frames.present(slot) & on_road & lane.simd_lt(num_lanes);
-            let shift = lane - own_lane;
-            let is_ahead = ahead.simd_ge(0);
+            let (shift, is_ahead) = (lane - own_lane, ahead.simd_ge(0));
             let distance = is_ahead.select(ahead, -ahead);
-            let speed = self.frames.load(r.speed[slot]);
-            let (across, reach) = self.frames.footprint(slot);
-            for (place, known) in nearest.iter_mut().enumerate() {
-                let right_shift = shift.simd_eq([0, 1, -1][place / 2]);
-                let right_end = if place.is_multiple_of(2) {
-                    is_ahead
-                } else {
-                    !is_ahead
-                };
-                let closer = there & right_shift & right_end & distance.simd_lt(known.distance);
-                if !closer.any_true() {
+            let number = self.frames.int(j as i32);
+            for (pair, shifted) in nearest.as_chunks_mut::<2>().0.iter_mut().zip([0, 1, -1]) {
+                let in_lane = there & shift.simd_eq(shifted);
+                if !in_lane.any_true() {
                     continue;
                 }
-                known.distance = closer.select(distance, known.distance);
-                known.vehicle = closer.select(self.frames.int(j as i32), known.vehicle);
-                known.speed = closer.select(speed, known.speed);
-                known.length = choose(
-                    closer,
-                    splat(self.frames.simd, self.frames.bodies.length[slot] * 0.5),
-                    known.length,
-                );
-                known.across = choose(closer, across, known.across);
-                known.reach = choose(closer, reach, known.reach);
+                for (known, end) in pair.iter_mut().zip([is_ahead, !is_ahead]) {
+                    let closer = in_lane & end & distance.simd_lt(known.distance);
+                    known.distance = closer.select(distance, known.distance);
+                    known.vehicle = closer.select(number, known.vehicle);
+                }
             }
         }
-        for (place, known) in nearest.iter().enumerate() {
-            self.put_neighbour(place, known, body, out);
+        for (row, known) in out.vehicle.chunks_mut(self.frames.frames).zip(nearest) {
+            self.frames.store_bytes(row, known.vehicle);
         }
-    }
-
-    #[inline(always)]
-    fn put_neighbour(
-        &self,
-        place: usize,
-        known: &Nearest<S>,
-        (across, reach): (V<S>, V<S>),
-        out: &mut Signals<'_>,
-    ) {
-        let ego = self.frames.slot(0);
-        let own_speed = self.frames.load(self.frames.recording.speed[ego]);
-        let row = place * self.frames.frames..(place + 1) * self.frames.frames;
-        let nobody = known.vehicle.simd_eq(i32::from(NO_VEHICLE));
-        let zero = splat(self.frames.simd, 0.0);
-        let distance: V<S> = known.distance.to_float();
-        let gap = distance * METRES - (self.frames.bodies.length[ego] * 0.5 + known.length);
-        let closing = if place.is_multiple_of(2) {
-            own_speed - known.speed
-        } else {
-            known.speed - own_speed
-        };
-        let closing: V<S> = closing.to_float();
-        let aside = (across - known.across).abs() - (reach + known.reach);
-        self.frames
-            .store_bytes(&mut out.vehicle[row.clone()], known.vehicle);
-        self.frames
-            .store(&mut out.gap[row.clone()], choose(nobody, zero, gap));
-        self.frames.store(
-            &mut out.closing_speed[row.clone()],
-            choose(nobody, zero, closing * METRES),
-        );
-        self.frames
-            .store(&mut out.lateral_gap[row], choose(nobody, zero, aside));
-    }
-
-    /// Occupancy of the lane to the left, summed in half-millimetres.
-    #[inline(always)]
-    pub(super) fn left_lane(&self, out: &mut Signals<'_>) {
-        let r = self.frames.recording;
-        let ego = self.frames.slot(0);
-        let (own_s, own_lane) = (self.frames.load(r.s[ego]), self.frames.load(r.lane[ego]));
-        let limit = self.frames.int(2 * OCCUPANCY_REACH_MM);
-        let mut total = self.frames.int(0);
-        let mut count = self.frames.int(0);
-        for j in 1..r.slots {
-            let slot = self.frames.slot(j);
-            if !self.frames.bodies.valid[slot] {
-                continue;
-            }
-            let lane = self.frames.load(r.lane[slot]);
-            let there = self.frames.present(slot)
-                & lane.simd_eq(own_lane + 1)
-                & lane.simd_lt(self.around.num_lanes as i32);
-            let length = self
-                .frames
-                .int((self.frames.bodies.length[slot] * 1000.0).round_ties_even() as i32);
-            let ahead = (self.frames.load(r.s[slot]) - own_s).max(-limit).min(limit) * 2;
-            let front = (ahead + length).min(limit);
-            let rear = (ahead - length).max(-limit);
-            let inside = (front - rear).max(self.frames.int(0));
-            total = there.select(total + inside, total);
-            count = there.select(count + 1, count);
-        }
-        let total: V<S> = total.to_float();
-        self.frames.store(
-            out.left_occupancy,
-            total * (1.0 / (4 * OCCUPANCY_REACH_MM) as f32),
-        );
-        self.frames.store_bytes(out.left_count, count);
     }
 }

@@ -1,5 +1,7 @@
 //! The vehicle that is overtaken, frame by frame; see `overtaking.signals.target`.
 
+use std::ops::Range;
+
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 use rayon::prelude::*;
@@ -61,7 +63,7 @@ pub fn target(
     out: Target<'_>,
 ) -> Result<(), String> {
     let level = supported(forced)?;
-    out.into_simulations(frames)
+    out.into_simulations(recording.num_frames.len(), frames)
         .into_par_iter()
         .enumerate()
         .for_each(|(simulation, mut out)| {
@@ -83,7 +85,7 @@ fn one<S: Simd>(
     out: &mut Target<'_>,
 ) {
     let recorded = recording.recorded(simulation, frames);
-    let rest = recorded.next_multiple_of(LANES).min(frames);
+    let rest = recording.rest(simulation, frames);
     out.clear_from(rest, frames);
     let vehicle = targets.vehicle[simulation];
     let slot = simulation * recording.slots
@@ -126,18 +128,144 @@ fn one<S: Simd>(
     }
 }
 
+/// Where what is asked of targets in some frames goes: a number for each of these frames, one simulation after
+/// the other.
+pub struct Instants<'a> {
+    /// Whether ego and target overlap along the road.
+    pub overlaps: &'a mut [bool],
+    /// Lane of the target.
+    pub lane: &'a mut [u8],
+    /// Gap between the sides [m].
+    pub lateral_gap: &'a mut [f32],
+    /// Acceleration of the target [m/s^2].
+    pub accel: &'a mut [f32],
+}
+
+impl Instants<'_> {
+    /// The first of these frames, and the others.
+    fn split_at(self, count: usize) -> (Self, Self) {
+        let (overlaps, more_overlaps) = self.overlaps.split_at_mut(count);
+        let (lane, more_lanes) = self.lane.split_at_mut(count);
+        let (lateral_gap, more_gaps) = self.lateral_gap.split_at_mut(count);
+        let (accel, more_accels) = self.accel.split_at_mut(count);
+        let first = Instants {
+            overlaps,
+            lane,
+            lateral_gap,
+            accel,
+        };
+        let others = Instants {
+            overlaps: more_overlaps,
+            lane: more_lanes,
+            lateral_gap: more_gaps,
+            accel: more_accels,
+        };
+        (first, others)
+    }
+}
+
+/// Work out what `target` says of some frames of each simulation, for those in which it is asked.
+///
+/// `spans` are the frames of each simulation, which must be recorded; `out` has room for all of them.
+///
+/// # Errors
+/// The SIMD level is unknown or not supported by this CPU.
+pub fn alongside(
+    recording: &Recording<'_>,
+    bodies: &Bodies<'_>,
+    targets: &Targets<'_>,
+    spans: &[Range<usize>],
+    frames: usize,
+    forced: Option<&str>,
+    out: Instants<'_>,
+) -> Result<(), String> {
+    let level = supported(forced)?;
+    let (mut parts, mut rest) = (Vec::new(), out);
+    for (simulation, span) in spans
+        .iter()
+        .enumerate()
+        .filter(|(_, span)| !span.is_empty())
+    {
+        let (part, others) = rest.split_at(span.len());
+        parts.push((simulation, span.clone(), part));
+        rest = others;
+    }
+    parts
+        .into_par_iter()
+        .for_each(|(simulation, span, mut out)| {
+            for at in span.clone().step_by(LANES) {
+                dispatch!(level, |simd| simd.vectorize(
+                    #[inline(always)]
+                    || {
+                        let frames = Frames {
+                            simd,
+                            recording,
+                            bodies,
+                            simulation,
+                            at,
+                            frames,
+                        };
+                        frames.beside(targets, &span, &mut out);
+                    }
+                ));
+            }
+        });
+    Ok(())
+}
+
 impl<S: Simd> Frames<'_, S> {
-    /// Place and motion of a target along the road.
+    /// The target in those of these frames that are in a span.
     #[inline(always)]
-    fn along(&self, slot: usize, out: &mut Target<'_>) {
+    fn beside(&self, targets: &Targets<'_>, span: &Range<usize>, out: &mut Instants<'_>) {
+        let r = self.recording;
+        let vehicle = targets.vehicle[self.simulation];
+        let exists = vehicle != NO_VEHICLE;
+        let slot = self.slot(if exists { usize::from(vehicle) } else { 0 });
+        let (_, gap) = self.lead(slot);
+        let (_, aside) = self.aside(slot, targets);
+        let accel: V<S> = self.load(r.accel[slot]).to_float();
+        let gaps: [f32; LANES] = gap.to_array();
+        let asides: [f32; LANES] = aside.to_array();
+        let accels: [f32; LANES] = (accel * METRES).to_array();
+        for frame in self.at..span.end.min(self.at + LANES) {
+            let (from, to) = (frame - self.at, frame - span.start);
+            let present = r.present.as_ref().is_none_or(|rows| rows[slot][frame]);
+            out.overlaps[to] = exists && present && gaps[from] < 0.0;
+            out.lane[to] = r.lane[slot][frame];
+            out.lateral_gap[to] = asides[from];
+            out.accel[to] = accels[from];
+        }
+    }
+
+    /// Centre of the ego minus that of a vehicle along the road, and the gap between their bumpers.
+    #[inline(always)]
+    fn lead(&self, slot: usize) -> (V<S>, V<S>) {
         let (r, ego) = (self.recording, self.slot(0));
         let lead: V<S> = (self.load(r.s[ego]) - self.load(r.s[slot])).to_float();
         let lead = lead * METRES;
         let half = 0.5 * (self.bodies.length[ego] + self.bodies.length[slot]);
+        (lead, lead.abs() - half)
+    }
+
+    /// Position of a vehicle across the road, and the gap between its side and the ego's.
+    #[inline(always)]
+    fn aside(&self, slot: usize, targets: &Targets<'_>) -> (V<S>, V<S>) {
+        let row = |values: &[f32]| self.own(values);
+        let (across, reach) = self.footprint(slot);
+        let own_reach = (row(targets.left_reach) - row(targets.right_reach)) * 0.5;
+        let aside = (across - row(targets.lateral)).abs() - (own_reach + reach);
+        (across, aside)
+    }
+
+    /// Place and motion of a target along the road.
+    #[inline(always)]
+    fn along(&self, slot: usize, out: &mut Target<'_>) {
+        let r = self.recording;
+        let (lead, gap) = self.lead(slot);
         let speed: V<S> = self.load(r.speed[slot]).to_float();
         let accel: V<S> = self.load(r.accel[slot]).to_float();
         self.store(out.lead, lead);
-        self.store(out.gap, lead.abs() - half);
+        self.store(out.gap, gap);
         self.store(out.speed, speed * METRES);
         self.store(out.accel, accel * METRES);
     }
@@ -145,10 +273,7 @@ impl<S: Simd> Frames<'_, S> {
     /// Its place across the road.
     #[inline(always)]
     fn across(&self, slot: usize, targets: &Targets<'_>, out: &mut Target<'_>) {
-        let row = |values: &[f32]| self.own(values);
-        let (across, reach) = self.footprint(slot);
-        let own_reach = (row(targets.left_reach) - row(targets.right_reach)) * 0.5;
-        let aside = (across - row(targets.lateral)).abs() - (own_reach + reach);
+        let (across, aside) = self.aside(slot, targets);
         self.store(out.lateral, across);
         self.store(out.lateral_gap, aside);
         self.store_bytes(out.lane, self.load(self.recording.lane[slot]));

@@ -4,16 +4,18 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 use rayon::prelude::*;
 
+use super::around::Around;
 use super::formulas::{Law, drac};
 use super::row::Piece;
-use super::{Found, Lowest, NEVER, NO_VEHICLE, SHARE, Spans};
-use crate::lanes::{LANES, V, at_most, choose, dispatch, max, min, splat};
+use super::{ENDLESS, Found, Lowest, NEVER, NO_VEHICLE, SHARE, Spans};
+use crate::lanes::{LANES, M, V, at_most, choose, dispatch, max, min, splat};
 
+const METRES: f32 = 1e-3;
 const FOLLOWER: usize = 1;
 const RIGHT_LEADER: usize = 4;
 const RIGHT_FOLLOWER: usize = 5;
 
-/// Arrays (simulation, frame), of neighbours (simulation, place, frame), and numbers.
+/// Arrays (simulation, frame), and numbers.
 pub struct Duty<'a> {
     /// Lane of the ego.
     pub lane: &'a [u8],
@@ -25,18 +27,10 @@ pub struct Duty<'a> {
     pub speed: &'a [f32],
     /// Friction.
     pub friction: &'a [f32],
-    /// Neighbours.
-    pub vehicle: &'a [u8],
-    /// Gaps to them [m].
-    pub gap: &'a [f32],
-    /// Closing speeds [m/s].
-    pub closing_speed: &'a [f32],
-    /// Ego minus target along the road [m].
-    pub lead: &'a [f32],
-    /// Gap to the target [m].
-    pub target_gap: &'a [f32],
-    /// Its speed [m/s].
-    pub target_speed: &'a [f32],
+    /// Its neighbours.
+    pub around: Around<'a>,
+    /// Whom it overtakes, (simulation); 255 for nobody.
+    pub target: &'a [u8],
     /// The distances of the law.
     pub law: Law,
     /// Time gap to the target that is enough [s].
@@ -99,43 +93,59 @@ impl Duty<'_> {
     #[inline(always)]
     fn room<S: Simd>(&self, piece: Piece<S>, spans: &Spans<'_>, simulation: usize) -> V<S> {
         let own = |values: &[f32]| piece.load(&values[spans.own(simulation)]);
-        let (speed, theirs) = (own(self.speed), own(self.target_speed));
-        let decel = self.law.sure_decel(own(self.friction));
-        let lawful = self.law.lawful_gap(theirs, theirs - speed, decel);
-        let wanted = max(self.time_gap * theirs, lawful);
-        let enough = own(self.lead).simd_gt(0.0) & own(self.target_gap).simd_ge(wanted);
+        let (speed, decel) = (own(self.speed), self.law.sure_decel(own(self.friction)));
         let mut room = splat(piece.simd, self.reach);
         for place in [RIGHT_LEADER, RIGHT_FOLLOWER] {
-            let row = spans.place(simulation, place);
-            let closing = piece.load(&self.closing_speed[row.clone()]);
-            let mut needed = if place == RIGHT_LEADER {
-                self.law.lawful_gap(speed, closing, decel)
-            } else {
-                self.law.lawful_gap(speed + closing, closing, decel)
+            let Some(near) = self.around.neighbour(piece, spans, simulation, place) else {
+                continue;
             };
-            if place == RIGHT_LEADER {
-                needed = max(needed, self.free_time * closing);
-            }
-            let there = piece
-                .array(&self.vehicle[row.clone()])
-                .map(|slot| f32::from(u8::from(slot != NO_VEHICLE)));
-            let there = V::simd_from(piece.simd, there).simd_gt(0.5);
-            room = choose(there, min(room, piece.load(&self.gap[row]) - needed), room);
+            let needed = if place == RIGHT_LEADER {
+                let lawful = self.law.lawful_gap(speed, near.closing, decel);
+                max(lawful, self.free_time * near.closing)
+            } else {
+                let behind = speed + near.closing;
+                self.law.lawful_gap(behind, near.closing, decel)
+            };
+            room = choose(near.there, min(room, near.gap - needed), room);
         }
+        let enough = self.is_behind(piece, simulation, speed, decel);
         choose(enough, room, splat(piece.simd, -1.0))
+    }
+
+    /// Whether the target is far enough behind.
+    #[inline(always)]
+    fn is_behind<S: Simd>(
+        &self,
+        piece: Piece<S>,
+        simulation: usize,
+        speed: V<S>,
+        decel: V<S>,
+    ) -> M<S> {
+        let own = self.around.vehicles(simulation);
+        let slot = match self.target[simulation] {
+            NO_VEHICLE => 0,
+            slot => usize::from(slot),
+        };
+        let (s, length) = (
+            &self.around.s[own.clone()],
+            &self.around.length[own.clone()],
+        );
+        let lead: V<S> = (piece.integers(s[0]) - piece.integers(s[slot])).to_float();
+        let theirs: V<S> = piece.integers(self.around.speed[own][slot]).to_float();
+        let (lead, theirs) = (lead * METRES, theirs * METRES);
+        let gap = lead.abs() - 0.5 * (length[0] + length[slot]);
+        let lawful = self.law.lawful_gap(theirs, theirs - speed, decel);
+        let wanted = max(self.time_gap * theirs, lawful);
+        lead.simd_gt(0.0) & gap.simd_ge(wanted)
     }
 }
 
-/// Arrays (simulation, frame), of neighbours (simulation, place, frame), and numbers.
+/// Arrays (simulation, frame), and numbers.
 pub struct Obstruction<'a> {
     /// Lane of the ego.
     pub lane: &'a [u8],
-    /// Neighbours.
-    pub vehicle: &'a [u8],
-    /// Gaps to them [m].
-    pub gap: &'a [f32],
-    /// Closing speeds [m/s].
-    pub closing_speed: &'a [f32],
+    /// Its neighbours.
+    pub around: Around<'a>,
     /// Frames after a change of lane that count.
     pub lasting: usize,
     /// Braking that is allowed [m/s^2].
@@ -160,7 +170,7 @@ fn after_changes<S: Simd>(
     let lane = &given.lane[spans.own(simulation)];
     let mut found = Lowest::NOTHING;
     let mut next = span.start.max(1);
-    while let Some(change) = (next..span.end).find(|&frame| lane[frame] != lane[frame - 1]) {
+    while let Some(change) = next_change(lane, next..span.end) {
         let until = span.end.min(change + given.lasting + 1);
         simd.vectorize(
             #[inline(always)]
@@ -169,6 +179,22 @@ fn after_changes<S: Simd>(
         next = change + 1;
     }
     found
+}
+
+/// First of some frames in which a lane is another than before; `frames` begin after the first of all.
+fn next_change(lane: &[u8], frames: std::ops::Range<usize>) -> Option<usize> {
+    // Where the lane stays, and it mostly does, many frames are compared at once.
+    let kept = |frames: std::ops::Range<usize>| {
+        let same = lane[frames.start];
+        lane[frames]
+            .iter()
+            .fold(true, |all, &each| all & (each == same))
+    };
+    let mut at = frames.start;
+    while at + LANES <= frames.end && kept(at - 1..at + LANES) {
+        at += LANES;
+    }
+    (at..frames.end).find(|&frame| lane[frame] != lane[frame - 1])
 }
 
 #[inline(always)]
@@ -180,19 +206,13 @@ fn braking<S: Simd>(
     frames: std::ops::Range<usize>,
     found: &mut Lowest,
 ) {
-    let row = spans.place(simulation, FOLLOWER);
-    let followers = &given.vehicle[row.clone()];
     for at in frames.clone().step_by(LANES) {
         let piece = Piece::new(simd, at, frames.end);
-        let (gap, closing) = (
-            piece.load(&given.gap[row.clone()]),
-            piece.load(&given.closing_speed[row.clone()]),
-        );
-        let margin = given.allowed - at_most(drac(gap, closing), given.most);
-        piece.each(margin, |margin, frame| {
-            if followers[frame] != NO_VEHICLE {
-                found.take(margin, frame);
-            }
-        });
+        let Some(near) = given.around.neighbour(piece, spans, simulation, FOLLOWER) else {
+            continue;
+        };
+        let margin = given.allowed - at_most(drac(near.gap, near.closing), given.most);
+        let margin = choose(near.there, margin, splat(simd, ENDLESS));
+        piece.each(margin, |margin, frame| found.take(margin, frame));
     }
 }

@@ -3,7 +3,7 @@
 use fearless_simd::{Level, Simd};
 use rayon::prelude::*;
 
-use super::{SHARE, Spans};
+use super::{Found, NEVER, SHARE, Spans};
 use crate::lanes::dispatch;
 
 /// How numbers are reduced to one.
@@ -24,6 +24,37 @@ pub fn extreme_float(values: &[f32], kind: Extreme, spans: &Spans<'_>, out: &mut
     match kind {
         Extreme::Least => reduce(values, spans, out, lower),
         Extreme::Greatest => reduce(values, spans, out, higher),
+    }
+}
+
+/// The same extreme, and the first and the last frame with a number beyond a limit of its simulation.
+pub fn beyond(
+    values: &[f32],
+    limits: &[f32],
+    kind: Extreme,
+    spans: &Spans<'_>,
+    mut found: Found<'_>,
+) {
+    let is_least = kind == Extreme::Least;
+    extreme_float(values, kind, spans, found.low);
+    for (simulation, &limit) in limits.iter().enumerate() {
+        let (extreme, span) = (found.low[simulation], spans.of(simulation));
+        let is_beyond = |value: f32| {
+            if is_least {
+                value < limit
+            } else {
+                value > limit
+            }
+        };
+        found.set_ends(simulation, NEVER, NEVER);
+        if span.is_empty() || !is_beyond(extreme) {
+            continue;
+        }
+        let row = &values[spans.own(simulation)][span.clone()];
+        let at = |frame: Option<usize>| frame.map_or(NEVER, |frame| (span.start + frame) as i32);
+        let first = row.iter().position(|&value| is_beyond(value));
+        let last = row.iter().rposition(|&value| is_beyond(value));
+        found.set_ends(simulation, at(first), at(last));
     }
 }
 

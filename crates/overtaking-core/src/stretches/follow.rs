@@ -1,13 +1,17 @@
 //! The distance to the vehicle ahead, but for the time after it cut in.
 
 use fearless_simd::Simd;
+use fearless_simd::prelude::*;
 
+use super::around::Around;
 use super::formulas::Law;
-use super::row::Piece;
-use super::{Found, Lowest, NO_VEHICLE, Spans};
-use crate::lanes::{LANES, dispatch};
+use super::row::{Piece, least};
+use super::{ENDLESS, Found, Lowest, NO_VEHICLE, Spans};
+use crate::lanes::{LANES, M, V, choose, dispatch, min, splat};
 
-/// Arrays (simulation, frame), of neighbours (simulation, place, frame), and numbers.
+const LEADER: usize = 0;
+
+/// Arrays (simulation, frame), and numbers.
 pub struct Follow<'a> {
     /// Speed [m/s].
     pub speed: &'a [f32],
@@ -15,18 +19,12 @@ pub struct Follow<'a> {
     pub friction: &'a [f32],
     /// Lane of the ego.
     pub lane: &'a [u8],
-    /// Neighbours.
-    pub vehicle: &'a [u8],
-    /// Gaps to them [m].
-    pub gap: &'a [f32],
-    /// Closing speeds [m/s].
-    pub closing_speed: &'a [f32],
+    /// Its neighbours.
+    pub around: Around<'a>,
     /// Lane of every slot.
     pub lanes: Vec<&'a [u8]>,
     /// Whether there is a state; `None` where every vehicle has all frames.
     pub present: Option<Vec<&'a [bool]>>,
-    /// Slots of a simulation.
-    pub slots: usize,
     /// Frames in which a distance that was taken may be regained.
     pub regain: usize,
     /// The distances of the law.
@@ -41,33 +39,53 @@ pub fn follow(given: &Follow<'_>, spans: &Spans<'_>, mut found: Found<'_>) {
 
 fn one<S: Simd>(simd: S, given: &Follow<'_>, spans: &Spans<'_>, simulation: usize) -> Lowest {
     let span = spans.of(simulation);
-    let leaders = &given.vehicle[spans.place(simulation, 0)];
-    let mut margins = vec![0.0; span.len()];
+    let mut since = CutIns::new(given, spans, simulation);
+    let mut found = Lowest::NOTHING;
+    if span.is_empty() {
+        return found;
+    }
+    since.pass_all(0..span.start);
     simd.vectorize(
         #[inline(always)]
         || {
-            let (own, lead) = (spans.own(simulation), spans.place(simulation, 0));
-            let (speed, friction) = (&given.speed[own.clone()], &given.friction[own]);
-            let (gap, closing) = (&given.gap[lead.clone()], &given.closing_speed[lead]);
+            let mut low = splat(simd, found.low);
             for at in span.clone().step_by(LANES) {
                 let piece = Piece::new(simd, at, span.end);
-                let decel = given.law.sure_decel(piece.load(friction));
-                let (speed, closing) = (piece.load(speed), piece.load(closing));
-                let margin = piece.load(gap) - given.law.lawful_gap(speed, closing, decel);
-                piece.each(margin, |margin, frame| margins[frame - span.start] = margin);
+                since.pass_all(at..at + piece.len);
+                let Some((margin, there)) = given.margin(piece, spans, simulation) else {
+                    continue;
+                };
+                let margin = if since.is_settled(at) {
+                    choose(there, margin, splat(simd, ENDLESS))
+                } else {
+                    since.without_recent(piece, margin)
+                };
+                low = min(margin, low);
+                if margin.simd_lt(0.0).any_true() {
+                    piece.each(margin, |margin, frame| found.take(margin, frame));
+                }
             }
+            found.low = least(low);
         },
     );
-    let mut since = CutIns::new(given, spans, simulation);
-    let mut found = Lowest::NOTHING;
-    for frame in 0..span.end {
-        since.pass(frame);
-        let leader = leaders[frame];
-        if frame >= span.start && leader != NO_VEHICLE && !since.is_recent(leader, frame) {
-            found.take(margins[frame - span.start], frame);
-        }
-    }
     found
+}
+
+impl Follow<'_> {
+    /// Gap minus lawful gap in some frames, and where somebody is ahead; nothing where nobody is.
+    #[inline(always)]
+    fn margin<S: Simd>(
+        &self,
+        piece: Piece<S>,
+        spans: &Spans<'_>,
+        simulation: usize,
+    ) -> Option<(V<S>, M<S>)> {
+        let near = self.around.neighbour(piece, spans, simulation, LEADER)?;
+        let own = |values: &[f32]| piece.load(&values[spans.own(simulation)]);
+        let decel = self.law.sure_decel(own(self.friction));
+        let lawful = self.law.lawful_gap(own(self.speed), near.closing, decel);
+        Some((near.gap - lawful, near.there))
+    }
 }
 
 /// When each vehicle has cut in for the last time.
@@ -76,26 +94,41 @@ struct CutIns<'a> {
     leaders: &'a [u8],
     lane: &'a [u8],
     first_slot: usize,
-    latest: Vec<Option<usize>>,
+    /// Vehicles that have cut in, and when; the latest is the last.
+    latest: Vec<(u8, usize)>,
 }
 
 impl<'a> CutIns<'a> {
     fn new(given: &'a Follow<'a>, spans: &Spans<'_>, simulation: usize) -> Self {
         Self {
             given,
-            leaders: &given.vehicle[spans.place(simulation, 0)],
+            leaders: &given.around.vehicle[spans.place(simulation, LEADER)],
             lane: &given.lane[spans.own(simulation)],
-            first_slot: simulation * given.slots,
-            latest: vec![None; given.slots],
+            first_slot: simulation * given.around.slots,
+            latest: Vec::new(),
+        }
+    }
+
+    /// Note who cuts in during some frames.
+    #[inline(always)]
+    fn pass_all(&mut self, frames: std::ops::Range<usize>) {
+        let start = frames.start.max(1);
+        let pairs = self.leaders[start - 1..frames.end.max(start)].iter();
+        // Most pieces have one leader, which is found without a branch for each frame.
+        let changes = pairs
+            .clone()
+            .zip(pairs.skip(1))
+            .fold(false, |any, (one, other)| any | (one != other));
+        if changes {
+            frames
+                .filter(|&frame| frame > 0)
+                .for_each(|frame| self.pass(frame));
         }
     }
 
     /// Note whether a vehicle from another lane becomes the leader of an ego that keeps its own.
     fn pass(&mut self, frame: usize) {
-        let leader = self.leaders[frame];
-        let Some(before) = frame.checked_sub(1) else {
-            return;
-        };
+        let (leader, before) = (self.leaders[frame], frame - 1);
         if leader == self.leaders[before]
             || leader == NO_VEHICLE
             || self.lane[frame] != self.lane[before]
@@ -103,18 +136,35 @@ impl<'a> CutIns<'a> {
             return;
         }
         let slot = self.first_slot + usize::from(leader);
-        let present = self
-            .given
-            .present
-            .as_ref()
-            .is_none_or(|rows| rows[slot][before]);
+        let present = self.given.present.as_ref();
+        let present = present.is_none_or(|rows| rows[slot][before]);
         if present && self.given.lanes[slot][before] != self.lane[before] {
-            self.latest[usize::from(leader)] = Some(frame);
+            self.latest.push((leader, frame));
         }
+    }
+
+    /// Whether from a frame on nobody has cut in so lately that its distance may still be regained.
+    fn is_settled(&self, frame: usize) -> bool {
+        let last = self.latest.last();
+        last.is_none_or(|&(_, cut)| cut + self.given.regain < frame)
+    }
+
+    /// Margins of the frames in which there is a leader that has not cut in lately.
+    fn without_recent<S: Simd>(&self, piece: Piece<S>, margin: V<S>) -> V<S> {
+        let mut counted = [ENDLESS; LANES];
+        piece.each(margin, |margin, frame| {
+            let leader = self.leaders[frame];
+            if leader != NO_VEHICLE && !self.is_recent(leader, frame) {
+                counted[frame - piece.at] = margin;
+            }
+        });
+        V::simd_from(piece.simd, counted)
     }
 
     /// Whether a vehicle has cut in so lately that its distance may still be regained.
     fn is_recent(&self, vehicle: u8, frame: usize) -> bool {
-        self.latest[usize::from(vehicle)].is_some_and(|cut| frame - cut <= self.given.regain)
+        let lately = |cut: usize| cut <= frame && frame - cut <= self.given.regain;
+        let mut cuts = self.latest.iter();
+        cuts.any(|&(other, cut)| other == vehicle && lately(cut))
     }
 }

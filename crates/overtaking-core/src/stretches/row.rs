@@ -1,7 +1,7 @@
 //! Sixteen frames of a row side by side.
 
-use fearless_simd::Simd;
 use fearless_simd::prelude::*;
+use fearless_simd::{Simd, i32x16};
 
 use crate::lanes::{LANES, V};
 
@@ -37,6 +37,11 @@ impl<S: Simd> Piece<S> {
     #[inline(always)]
     pub(super) fn load(&self, row: &[f32]) -> V<S> {
         V::simd_from(self.simd, self.array(row))
+    }
+
+    #[inline(always)]
+    pub(super) fn integers<T: Copy + Into<i32>>(&self, row: &[T]) -> i32x16<S> {
+        i32x16::simd_from(self.simd, self.array(row).map(Into::into))
     }
 
     /// Numbers of the frames that count, each asked for what it says.

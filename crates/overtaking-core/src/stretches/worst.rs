@@ -4,35 +4,26 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 use rayon::prelude::*;
 
+use super::around::{Around, Slots};
 use super::formulas::{Law, Measures, drac, time_gap, ttc_accel};
 use super::row::{Piece, greatest, least};
-use super::{NO_VEHICLE, SHARE, Spans};
+use super::{SHARE, Spans};
 use crate::lanes::{LANES, M, V, choose, dispatch, max, min, splat};
 
 const METRES: f32 = 1e-3;
 const LEADER: usize = 0;
 const FOLLOWER: usize = 1;
 
-/// Arrays (simulation, frame), of neighbours (simulation, place, frame), and numbers.
+/// Arrays (simulation, frame), and numbers.
 pub struct Worst<'a> {
     /// Speed [m/s].
     pub speed: &'a [f32],
-    /// Acceleration [m/s^2].
-    pub accel: &'a [f32],
     /// Friction.
     pub friction: &'a [f32],
-    /// Neighbours.
-    pub vehicle: &'a [u8],
-    /// Gaps to them [m].
-    pub gap: &'a [f32],
-    /// Closing speeds [m/s].
-    pub closing_speed: &'a [f32],
+    /// The neighbours of the ego.
+    pub around: Around<'a>,
     /// Acceleration of every slot [mm/s^2].
     pub accels: Vec<&'a [i16]>,
-    /// Length, (simulation, slot) [m].
-    pub length: &'a [f32],
-    /// Slots of a simulation.
-    pub slots: usize,
     /// The distances of the law.
     pub law: Law,
     /// Numbers of the measures.
@@ -149,7 +140,7 @@ struct View<'a, S: Simd> {
 /// The ego and a neighbour, as one vehicle behind another.
 struct Neighbour<S: Simd> {
     there: M<S>,
-    slots: [u8; LANES],
+    slots: Slots,
     gap: V<S>,
     closing: V<S>,
     /// Of whoever is behind.
@@ -166,66 +157,34 @@ impl<S: Simd> View<'_, S> {
     /// A neighbour, if it is there in any of these frames.
     #[inline(always)]
     fn neighbour(&self, place: usize) -> Option<Neighbour<S>> {
-        let row = self.spans.place(self.simulation, place);
-        let slots = self.piece.array(&self.given.vehicle[row.clone()]);
-        let there = self.mask(slots.map(|slot| slot != NO_VEHICLE));
-        if !there.any_true() {
-            return None;
-        }
-        let gap = self.piece.load(&self.given.gap[row.clone()]);
-        let closing = self.piece.load(&self.given.closing_speed[row]);
-        let (own_speed, own_accel) = (self.own(self.given.speed), self.own(self.given.accel));
-        let accel = self.accel(slots);
+        let (around, piece) = (&self.given.around, self.piece);
+        let near = around.neighbour(piece, self.spans, self.simulation, place)?;
+        let accels = &self.given.accels[around.vehicles(self.simulation)];
+        let own_speed = self.own(self.given.speed);
+        let own_accel: V<S> = piece.integers(accels[0]).to_float();
+        let accel: V<S> = near.slots.recorded(piece, accels).to_float();
+        let (own_accel, accel) = (own_accel * METRES, accel * METRES);
         let (speed, closing_accel) = if place == LEADER {
             (own_speed, own_accel - accel)
         } else {
-            (own_speed + closing, accel - own_accel)
+            (own_speed + near.closing, accel - own_accel)
         };
         Some(Neighbour {
-            there,
-            slots,
-            gap,
-            closing,
+            there: near.there,
+            slots: near.slots,
+            gap: near.gap,
+            closing: near.closing,
             speed,
             closing_accel,
         })
     }
 
-    #[inline(always)]
-    fn mask(&self, holds: [bool; LANES]) -> M<S> {
-        let values = holds.map(|each| f32::from(u8::from(each)));
-        V::simd_from(self.piece.simd, values).simd_gt(0.5)
-    }
-
-    /// Acceleration of the vehicle in each frame, of the ego's where there is none.
-    #[inline(always)]
-    fn accel(&self, slots: [u8; LANES]) -> V<S> {
-        let first = self.simulation * self.given.slots;
-        let mut values = [0.0; LANES];
-        for (step, value) in values.iter_mut().enumerate() {
-            let slot = if slots[step] == NO_VEHICLE {
-                0
-            } else {
-                usize::from(slots[step])
-            };
-            let frame = self.piece.at + step.min(self.piece.len - 1);
-            *value = f32::from(self.given.accels[first + slot][frame]);
-        }
-        V::simd_from(self.piece.simd, values) * METRES
-    }
-
     /// Length of the vehicle in each frame.
     #[inline(always)]
-    fn length(&self, slots: [u8; LANES]) -> V<S> {
-        let lengths = &self.given.length[self.simulation * self.given.slots..][..self.given.slots];
-        let of = |slot| {
-            lengths[if slot == NO_VEHICLE {
-                0
-            } else {
-                usize::from(slot)
-            }]
-        };
-        V::simd_from(self.piece.simd, slots.map(of))
+    fn length(&self, slots: Slots) -> V<S> {
+        let around = &self.given.around;
+        let lengths = &around.length[around.vehicles(self.simulation)];
+        slots.of(self.piece.simd, lengths)
     }
 }
 
