@@ -12,7 +12,7 @@ from overtaking.features.decision_lanes import lane_around, left_lane, next_ahea
 from overtaking.features.encounters import Index, Side
 from overtaking.features.engine import encounter
 from overtaking.features.margins import stop_margins
-from overtaking.features.matched import pseudo_attempt
+from overtaking.features.matched import moment
 from overtaking.model.decisions import Believed, Decisions, LawAhead, OwnState, VehicleAhead
 from overtaking.model.labels import Case
 from overtaking.model.safety import Encounter
@@ -42,9 +42,7 @@ _LEAST_SPEED = np.float32(0.1)
 
 def decision_features(case: Case) -> Decisions:
     """The features of a batch at each attempt, or at the instant that stands for it."""
-    events = case.events
-    frame = np.where(events.attempted, events.attempt, pseudo_attempt(case))
-    return features_at(case, frame.astype(np.int32))
+    return features_at(case, moment(case))
 
 
 def features_at(case: Case, frame: I32) -> Decisions:

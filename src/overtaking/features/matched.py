@@ -15,8 +15,9 @@ from overtaking.knowledge import Quantity, quantities
 from overtaking.model.events import NEVER
 from overtaking.model.features import Features
 from overtaking.model.labels import Case
+from overtaking.rules.once import once
 from overtaking.signals.frames import at, seconds_of
-from overtaking.signals.reference import left_lane_at
+from overtaking.signals.reference import LeftLane, left_lane_at
 from overtaking.signals.target import target_at
 
 I32 = NDArray[np.int32]
@@ -33,7 +34,7 @@ def matched_features(case: Case) -> Features:
     """
     events, run = case.events, case.trajectories
     attempted = events.attempted
-    frame = np.where(attempted, events.attempt, pseudo_attempt(case))
+    frame = moment(case)
     ended = end_of(case, events.collision, events.return_end, events.back)
     lasted = np.where(attempted, np.maximum(ended - events.attempt, 0), np.int32(0))
     own, target = at(case.signals.speed, frame), target_at(run, case.target, frame)
@@ -45,12 +46,26 @@ def matched_features(case: Case) -> Features:
         target_speed=target.speed,
         speed_difference=own - target.speed,
         distance=target.gap,
-        left_occupancy=left_lane_at(run, case.signals, np.maximum(frame, 0)).occupancy,
+        left_occupancy=left_lane_then(case).occupancy,
         frame=frame,
         **static(case),
     )
 
 
+@once
+def moment(case: Case) -> I32:
+    """The attempt, or the instant that stands for it, shape (simulation,)."""
+    attempt = np.where(case.events.attempted, case.events.attempt, pseudo_attempt(case))
+    return attempt.astype(np.int32, copy=False)
+
+
+@once
+def left_lane_then(case: Case) -> LeftLane:
+    """The lane to the left at that moment."""
+    return left_lane_at(case.trajectories, case.signals, np.maximum(moment(case), 0))
+
+
+@once
 def pseudo_attempt(case: Case) -> I32:
     """The instant that stands for `t_a` where nothing was attempted, shape (simulation,).
 

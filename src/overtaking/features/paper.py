@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import F32, Mask, as_f32
 from overtaking.features.common import end_of, static
 from overtaking.features.engine import sums
+from overtaking.features.matched import left_lane_then
 from overtaking.model.events import NEVER
 from overtaking.model.features import Features
 from overtaking.model.labels import Case
 from overtaking.signals.frames import at, seconds_of
-from overtaking.signals.reference import METRES, left_lane_at
+from overtaking.signals.reference import METRES
 from overtaking.signals.target import target_at
 
 I32 = NDArray[np.int32]
@@ -57,7 +58,7 @@ def _at_attempt(case: Case, attempted: Mask) -> dict[str, F32]:
 def _instant(case: Case) -> dict[str, F32]:
     run, frame = case.trajectories, case.events.attempt
     own, target = at(case.signals.speed, frame), target_at(run, case.target, frame)
-    left = left_lane_at(run, case.signals, np.maximum(frame, 0))
+    left = left_lane_then(case)  # Nobody looks at it where nothing was attempted.
     others = np.maximum(case.trajectories.scenario.num_vehicles - 1, 1)
     return {
         "ego_speed": own,

@@ -39,7 +39,8 @@ def safety_measures(case: Case) -> Safety:
     span = conduct(case)
     worst = _manoeuvre(case, span)
     at_events = _at_events(case)
-    start = np.where(span.exists, span.start, NEVER)
+    start, count = np.where(span.exists, span.start, NEVER), case.signals.num_simulations
+    margins = _joined(worst.margins, at_events.margins, at_events.cells, count)
     return Safety(
         frame=np.column_stack([start, _frames(case)]).astype(np.int32),
         close_share=worst.close_share,
@@ -47,16 +48,11 @@ def safety_measures(case: Case) -> Safety:
         time_integrated=worst.time_integrated,
         entry_encroachment=entry_encroachment(case),
         return_encroachment=return_encroachment(case),
-        front=_joined(worst.front, at_events.front),
-        rear=_joined(worst.rear, at_events.rear),
-        entered_front=_joined(_nobody(case), at_events.entered_front),
-        entered_rear=_joined(_nobody(case), at_events.entered_rear),
-        **{
-            field.name: np.column_stack(
-                [getattr(worst.margins, field.name), getattr(at_events.margins, field.name)]
-            )
-            for field in fields(_Margins)
-        },
+        front=_joined(worst.front, at_events.front, at_events.cells, count),
+        rear=_joined(worst.rear, at_events.rear, at_events.cells, count),
+        entered_front=_joined(None, at_events.entered_front, at_events.entered_cells, count),
+        entered_rear=_joined(None, at_events.entered_rear, at_events.entered_cells, count),
+        **{field.name: getattr(margins, field.name) for field in fields(_Margins)},
     )
 
 
@@ -74,13 +70,25 @@ class _Margins(Batch):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Events(Batch):
-    """What is measured at events, arrays of shape (simulation, event)."""
+    """What is measured at the events that came, arrays of shape (instant,).
+
+    Attributes:
+        front: The vehicle ahead.
+        rear: The vehicle behind.
+        margins: Beside these.
+        entered_front: The vehicle ahead in a lane that is entered, at fewer instants.
+        entered_rear: The one behind in it, at the same.
+        cells: Which cells of a table (simulation, moment) these are, moments adjacent.
+        entered_cells: The same of those at which a lane is entered.
+    """
 
     front: Encounter
     rear: Encounter
+    margins: _Margins
     entered_front: Encounter
     entered_rear: Encounter
-    margins: _Margins
+    cells: Index
+    entered_cells: Index
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,17 +116,15 @@ def _at_events(case: Case) -> _Events:
     enters = np.isin(MOMENTS[1:], list(_ENTERED))[event]
     entered = rows[enters], frames[enters]
     front = encounter(case, Around.LEADER, Side.AHEAD, rows, frames)
-    rear = encounter(case, Around.FOLLOWER, Side.BEHIND, rows, frames)
-    entered_front = encounter(case, ahead[event[enters]], Side.AHEAD, *entered)
-    entered_rear = encounter(case, behind[event[enters]], Side.BEHIND, *entered)
-    margins = _Margins(**front_margins(case, front, rows, frames), **_stops(case, rows, frames))
-    where, where_entered = (rows, event), (rows[enters], event[enters])
+    cells = rows * len(MOMENTS) + event + 1  # The manoeuvre is the first moment.
     return _Events(
-        front=_spread(front, where, frame.shape),
-        rear=_spread(rear, where, frame.shape),
-        entered_front=_spread(entered_front, where_entered, frame.shape),
-        entered_rear=_spread(entered_rear, where_entered, frame.shape),
-        margins=_spread(margins, where, frame.shape),
+        front=front,
+        rear=encounter(case, Around.FOLLOWER, Side.BEHIND, rows, frames),
+        margins=_Margins(**front_margins(case, front, rows, frames), **_stops(case, rows, frames)),
+        entered_front=encounter(case, ahead[event[enters]], Side.AHEAD, *entered),
+        entered_rear=encounter(case, behind[event[enters]], Side.BEHIND, *entered),
+        cells=cells,
+        entered_cells=cells[enters],
     )
 
 
@@ -171,29 +177,15 @@ def _stops(case: Case, rows: Index, frames: Index) -> dict[str, F32]:
     )
 
 
-def _spread(found: B, where: tuple[Index, Index], shape: tuple[int, ...]) -> B:
-    """What was found at some places of larger arrays, and 0 at all others."""
+def _joined(worst: B | None, at_events: B, cells: Index, count: int) -> B:
+    """Both in tables (simulation, moment): the manoeuvre first, then the events; 0 elsewhere."""
 
-    def spread(values: NDArray[Any]) -> NDArray[Any]:
-        whole = np.zeros(shape, values.dtype)
-        whole[where] = values
+    def joined(name: str) -> NDArray[Any]:
+        values = getattr(at_events, name)
+        whole = np.zeros((count, len(MOMENTS)), values.dtype)
+        whole.reshape(-1)[cells] = values
+        if worst is not None:
+            whole[:, 0] = getattr(worst, name)
         return whole
 
-    return found.replace(**{f.name: spread(getattr(found, f.name)) for f in fields(found)})
-
-
-def _joined(worst: Encounter, at_events: Encounter) -> Encounter:
-    """Both as columns of one: the manoeuvre first."""
-    joined: dict[str, Any] = {
-        field.name: np.column_stack([getattr(worst, field.name), getattr(at_events, field.name)])
-        for field in fields(Encounter)
-    }
-    return Encounter(**joined)
-
-
-def _nobody(case: Case) -> Encounter:
-    """No encounter in any simulation."""
-    zero = np.zeros(case.signals.num_simulations, np.float32)
-    nothing: dict[str, Any] = {field.name: zero for field in fields(Encounter)}
-    nothing["valid"] = zero > 0
-    return Encounter(**nothing)
+    return at_events.replace(**{f.name: joined(f.name) for f in fields(at_events)})

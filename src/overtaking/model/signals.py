@@ -89,12 +89,12 @@ class Signals(Delayed):
     @property
     def num_simulations(self) -> int:
         """Number of simulations in the batch."""
-        return self.valid.shape[0]
+        return self.lane.shape[0]
 
     @property
     def num_frames(self) -> int:
         """Number of frames of the longest simulation."""
-        return self.valid.shape[1]
+        return self.lane.shape[1]
 
     def has(self, place: Around) -> Mask:
         """Whether somebody is in a place around the ego, shape (simulation, time)."""

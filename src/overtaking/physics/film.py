@@ -1,5 +1,7 @@
 """Water on the road: from rain to a film on each wheel path."""
 
+from functools import cache
+
 import numpy as np
 
 from overtaking.core.elementary import F32, clamp, maximum, power
@@ -33,11 +35,18 @@ def film_per_rain(rate: F32) -> F32:
     Source:
         Gallaway et al. 1979, metric form.
     """
+    scale, slope = _of_every_road()
+    rain = power(np.asarray(rate, np.float32), known("weather.film.rate_exponent"))
+    film = scale * rain / slope
+    return np.where(rate > 0, film, np.float32(0.0))
+
+
+@cache
+def _of_every_road() -> tuple[F32, F32]:
+    """Coefficient times texture, and slope, of `film_per_rain`."""
     texture = power(known("weather.film.texture_depth_mm"), known("weather.film.texture_exponent"))
     slope = power(known("weather.film.cross_slope"), known("weather.film.slope_exponent"))
-    rain = power(np.asarray(rate, np.float32), known("weather.film.rate_exponent"))
-    film = known("weather.film.coefficient") * texture * rain / slope
-    return np.where(rate > 0, film, np.float32(0.0))
+    return known("weather.film.coefficient") * texture, slope
 
 
 def film_per_path(path: F32) -> F32:

@@ -1,5 +1,7 @@
 """How far one sees: extinction, contrast, lamps, glare."""
 
+from functools import cache
+
 import numpy as np
 
 from overtaking.core.elementary import F32, F32Like, Mask, as_f32, exp, log, maximum, minimum, power
@@ -20,8 +22,14 @@ def meteorological_range(fog: F32) -> F32:
     Args:
         fog: 0 to 100 [%], any shape.
     """
-    clear, thick = known("weather.fog.clear_range"), known("weather.fog.thick_range")
-    return clear * exp(np.asarray(fog, np.float32) * PERCENT * log(thick / clear))
+    share = np.asarray(fog, np.float32) * PERCENT
+    return known("weather.fog.clear_range") * exp(share * _thickening())
+
+
+@cache
+def _thickening() -> F32:
+    """Logarithm of the range in the thickest fog over that in clear air."""
+    return log(known("weather.fog.thick_range") / known("weather.fog.clear_range"))
 
 
 def fog_extinction(fog: F32) -> F32:

@@ -39,6 +39,8 @@ class Alongside:
 
     def where(self, holds: Mask) -> "Alongside":
         """Some of these frames."""
+        if holds.all():
+            return self
         kept = np.flatnonzero(holds)
         return Alongside(
             rows=self.rows[kept],
@@ -59,8 +61,7 @@ def alongside(case: Case) -> Alongside:
     rows, frames = span.frames()
     found = engine.of_target(case, span)
     overlaps = found.pop("overlaps")
-    every = Alongside(rows=rows, frames=frames, **found)
-    return every if overlaps.all() else every.where(overlaps)
+    return Alongside(rows=rows, frames=frames, **found).where(overlaps)
 
 
 def beside(case: Case, place: Around, frame: I32) -> Neighbours:

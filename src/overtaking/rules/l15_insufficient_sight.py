@@ -24,7 +24,7 @@ def check_air(case: Case) -> Check:
     """From the start until the target is passed, the air lets one see the carriageway."""
     sight, span = optical_range(case), _until_passed(case)
     if is_two_way(case.trajectories.road):
-        whole = np.broadcast_to(sight[:, None], case.signals.valid.shape)
+        whole = np.broadcast_to(sight[:, None], case.signals.lane.shape)
         return always(_with_oncoming(case, whole), span)
     found = Stretch(low=sight - known("law.sight.least"), first=span.start, last=span.stop)
     return never_negative(found, span)

@@ -80,11 +80,13 @@ def signals(
     )
     gaps = partial(_gaps, trajectories, vehicle, level)
     left = partial(_left, trajectories, level)
-    later: dict[str, Callable[[], Arrays]] = {"s": partial(_place, trajectories)}
+    later: dict[str, Callable[[], Arrays]] = {
+        "s": partial(_place, trajectories),
+        "valid": lambda: {"valid": trajectories.frame_valid},
+    }
     return Signals.partly(
         later | dict.fromkeys(_GAPS, gaps) | dict.fromkeys(_LEFT, left),
         frame_interval_ms=trajectories.scenario.frame_interval_ms,
-        valid=trajectories.frame_valid,
         vehicle=vehicle,
         **outputs,
     )
