@@ -180,9 +180,9 @@ def stretch_of_instants(margin: F32, rows: Index, frames: Index, num_simulations
     first = np.full(num_simulations, NEVER)
     last = first.copy()
     if rows.size:
-        begins = np.flatnonzero(np.diff(rows, prepend=-1))
+        begins = np.append(0, np.flatnonzero(rows[1:] != rows[:-1]) + 1)
         low[rows[begins]] = np.minimum.reduceat(margin, begins)
-        broken = margin < 0
+        broken = np.flatnonzero(margin < 0)
         row, frame = rows[broken], frames[broken]
         # Of several frames of a simulation the one that is written last stays.
         first[row[::-1]], last[row] = frame[::-1], frame
