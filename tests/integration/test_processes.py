@@ -104,6 +104,13 @@ def group(number: int) -> list[int]:
     return found
 
 
+def ignores(number: int, what: signal.Signals) -> bool:
+    """Whether a process does not hear a signal."""
+    status = Path(f"/proc/{number}/status").read_text()
+    mask = int(status.partition("SigIgn:")[2].split()[0], base=16)
+    return bool(mask >> (what - 1) & 1)
+
+
 @linux_only
 def test_two_workers_killed_in_the_middle_change_not_one_byte(tmp_path, undisturbed):
     told: list[int] = []
@@ -146,7 +153,11 @@ def test_a_script_that_guards_nothing_runs_once(script, undisturbed):
 @linux_only
 def test_workers_end_with_a_parent_that_is_killed(script, undisturbed):
     process = at_work(script)
-    assert len(group(process.pid)) == 3
+    workers = set(group(process.pid)) - {process.pid}
+    assert len(workers) == 2
+    assert all(ignores(worker, signal.SIGINT) for worker in workers)
+    while any((script.parent / "data" / PARTIAL).glob("*/*.parquet")):
+        time.sleep(0.01)  # Who is in the middle of a shard would end when it answers.
     process.kill()
     process.communicate(timeout=60)
     give_up = time.monotonic() + 2.0
@@ -201,6 +212,19 @@ def test_a_store_is_filled_with_the_same(tmp_path, undisturbed, monkeypatch):
     assert contents(tmp_path / "data") == {
         name: data for name, data in undisturbed.items() if name != ".lock"
     }
+
+
+def test_every_process_has_a_sumo_of_its_own(tmp_path):
+    pytest.importorskip("libsumo")
+    made = [
+        api.generate(
+            "pinto2023",
+            *(4, 2, tmp_path / engine),
+            **(SETTINGS | {"shard_size": 2, "simulator": "sumo", "engine": engine}),
+        )
+        for engine in ("threads", "processes")
+    ]
+    assert contents(made[0].path) == contents(made[1].path)
 
 
 def test_a_place_that_workers_do_not_see_is_refused():
