@@ -603,3 +603,97 @@ def compact(values: NDArray[Any], counts: NDArray[np.int64]) -> NDArray[Any]:
     Raises:
         ValueError: A row has fewer places, or there are other rows.
     """
+
+class Frames:
+    """The frames of a film, as a list of what is on them; numbers are checked when they come in."""
+
+    def __init__(self, width: int, height: int, moonlight: int) -> None:
+        """No frames yet.
+
+        Args:
+            width: Of a frame [px], even.
+            height: Even.
+            moonlight: Light of a night without lamps, of 256.
+
+        Raises:
+            ValueError: This is no size of a frame.
+        """
+
+    def add_tile(self, luma: NDArray[np.uint8], chroma: NDArray[np.uint8]) -> int:
+        """Keep a picture without opacity and give its number: (height, width), and U and V.
+
+        Raises:
+            ValueError: The size is odd, or chroma has another.
+        """
+
+    def add_sprite(self, luma: NDArray[np.uint16], chroma: NDArray[np.uint16]) -> int:
+        """Keep a picture with opacity and give its number.
+
+        Args:
+            luma: Luma times opacity, and what shines through, of 256; (2, height, width).
+            chroma: U, V and what shines through; (3, height / 2, width / 2).
+
+        Raises:
+            ValueError: An array has another shape, or a number is too large.
+        """
+
+    def add_texture(
+        self,
+        luma: NDArray[np.uint16],
+        chroma: NDArray[np.uint16],
+        origin: tuple[int, int],
+        fine: int,
+    ) -> int:
+        """Keep a sheet of `fine` texels to the pixel and give its number.
+
+        Args:
+            luma: As for a sprite.
+            chroma: The same.
+            origin: What it is placed and turned by, from its left upper corner [half texels].
+            fine: Texels to a pixel.
+
+        Raises:
+            ValueError: As for a sprite.
+        """
+
+    def add_veil(self, keep: NDArray[np.uint16], colour: tuple[int, int, int]) -> int:
+        """Keep a veil and give its number: what shines through each column, and its Y, U and V.
+
+        Raises:
+            ValueError: More than everything shines through.
+        """
+
+    def add_light(self, power: NDArray[np.uint16]) -> int:
+        """Keep a patch of light, at half the resolution, and give its number.
+
+        Raises:
+            ValueError: It is brighter than day.
+        """
+
+    def add_streaks(self, luma: NDArray[np.uint8]) -> int:
+        """Keep a picture of rain, as wide as a frame, and give its number."""
+
+    def play(self, items: NDArray[np.int32], ends: NDArray[np.int64]) -> None:
+        """Say what is on all frames.
+
+        Args:
+            items: kind, as in `item_kinds`; number of the picture; column and row (textures: in
+                texels, lights: in samples of chroma); two more numbers (tiles: first column and
+                number of columns, textures: cosine and sine times 65536, veils: first column,
+                night: first column of its veil, which is -1 for none); first row that may be drawn
+                on, and the one after the last. Shape (item, 8).
+            ends: Number of items up to the end of each frame.
+
+        Raises:
+            ValueError: An item cannot be drawn.
+        """
+
+    def draw(self, frame: int, out: NDArray[np.uint8]) -> None:
+        """Draw a frame over what is in a contiguous array.
+
+        Raises:
+            ValueError: There is no such frame, or the array has another size.
+        """
+
+def item_kinds() -> list[str]:
+    """What an item of a frame may be, in the order of their numbers."""

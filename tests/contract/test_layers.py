@@ -30,6 +30,7 @@ BINDINGS = (
     "overtaking.tables.digest",
     "overtaking.tables.encode",
     "overtaking.tables.packed",
+    "overtaking.video.display",
 )
 REFERENCES = ("overtaking.sim.reference", "overtaking.signals.reference")
 

@@ -1,10 +1,12 @@
-//! Thin Python binding of `overtaking-core`: arrays in, arrays filled in place; and of `overtaking-tables`.
+//! Thin Python binding of `overtaking-core`: arrays in, arrays filled in place; and of
+//! `overtaking-tables` and `overtaking-pictures`.
 
 mod arrays;
 mod draws;
 mod driven;
 mod events;
 mod instants;
+mod pictures;
 mod signals;
 mod stretches;
 mod tables;
@@ -230,5 +232,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(tables::compact, module)?)?;
     module.add_class::<tables::ParquetFile>()?;
     module.add_class::<tables::Hash>()?;
+    module.add_class::<pictures::Frames>()?;
+    module.add_function(wrap_pyfunction!(pictures::item_kinds, module)?)?;
     Ok(())
 }

@@ -1,4 +1,4 @@
-"""Frames in the encoder's own form, YUV 4:2:0, and how sprites are put on them."""
+"""Frames in the encoder's own form, YUV 4:2:0, and the small pictures that are put on them."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -54,13 +54,9 @@ class Tile:
         """A sprite that nothing shines through."""
         return cls(sprite.luma[0].astype(np.uint8), sprite.chroma[:2].astype(np.uint8))
 
-    def columns(self, first: int, last: int) -> Self:
-        """Some of its columns, both numbers even."""
-        return type(self)(self.luma[:, first:last], self.chroma[:, :, first // 2 : last // 2])
-
 
 class Canvas:
-    """A frame, or a part of its height, that is drawn on.
+    """A frame, or a part of its height, as planes.
 
     Args:
         frame: The whole frame, of `FRAME_SHAPE`.
@@ -68,54 +64,13 @@ class Canvas:
         bottom: Row after its last one, even.
     """
 
-    __slots__ = ("chroma", "height", "luma")
+    __slots__ = ("chroma", "luma")
 
     def __init__(self, frame: U8, top: int = 0, bottom: int = HEIGHT) -> None:
         """Look at a part of a frame."""
         planes = frame[HEIGHT:].reshape(2, HEIGHT // 2, WIDTH // 2)
         self.luma = frame[top:bottom]
         self.chroma = planes[:, top // 2 : bottom // 2]
-        self.height = bottom - top
-
-    def blend(self, sprite: Sprite, x: int, y: int) -> None:
-        """Put a sprite on the canvas; what lies outside is cut off.
-
-        Args:
-            sprite: What to put there.
-            x: Column of its left edge, even.
-            y: Row of its upper edge, even.
-        """
-        width, height = sprite.size
-        left, right = max(x, 0), min(x + width, WIDTH)
-        top, bottom = max(y, 0), min(y + height, self.height)
-        if left >= right or top >= bottom:
-            return
-        luma, chroma = sprite.luma, sprite.chroma
-        if right - left < width or bottom - top < height:
-            luma = luma[:, top - y : bottom - y, left - x : right - x]
-            half = (
-                slice((top - y) // 2, (bottom - y) // 2),
-                slice((left - x) // 2, (right - x) // 2),
-            )
-            chroma = chroma[:, half[0], half[1]]
-        _over(self.luma[top:bottom, left:right], luma[1], luma[0])
-        below = self.chroma[:, top // 2 : bottom // 2, left // 2 : right // 2]
-        _over(below, chroma[2], chroma[:2])
-
-    def paste(self, tile: Tile, x: int, y: int) -> None:
-        """Copy a tile that lies wholly inside; x and y are even."""
-        height, width = tile.luma.shape
-        self.luma[y : y + height, x : x + width] = tile.luma
-        half = (slice(y // 2, (y + height) // 2), slice(x // 2, (x + width) // 2))
-        self.chroma[:, half[0], half[1]] = tile.chroma
-
-
-def _over(below: U8, keep: U16, colour: U16) -> None:
-    """Let a share of what is below shine through, and add a colour."""
-    mixed = below * keep
-    mixed >>= 8
-    mixed += colour
-    below[...] = mixed
 
 
 def blank() -> U8:

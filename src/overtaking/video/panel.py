@@ -10,7 +10,7 @@ import numpy as np
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
-from overtaking.video.canvas import HEIGHT, WIDTH, Canvas, Sprite, Tile
+from overtaking.video.canvas import HEIGHT, WIDTH, Sprite, Tile
 from overtaking.video.palette import (
     EGO,
     FAINT,
@@ -24,7 +24,7 @@ from overtaking.video.palette import (
     WARNING,
 )
 from overtaking.video.sheet import Sheet
-from overtaking.video.text import lettering, line, number
+from overtaking.video.text import lettering, line, spelled
 from overtaking.video.view import SCENE_BOTTOM, SCENE_TOP
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from overtaking.video.display import Part
     from overtaking.video.scene import Scene
 
     F32 = NDArray[np.float32]
@@ -41,6 +42,7 @@ _LEFT, _RIGHT = 66, 1096  # Columns of the plots.
 _SPEED_ROWS, _GAP_ROWS = (10.0, 46.0), (60.0, 92.0)
 _STAGE_ROWS, _BREACH_ROWS = (100.0, 106.0), (108.0, 112.0)
 _READOUT = 1112
+_ROW = 66  # Of the distance to the target.
 _NUM_PILLS = 5  # The stages of an overtake that goes well; the other two take the last one's place.
 _PILL_LEFT, _PILL_WIDTH, _PILL_GAP = 428, 74, 8
 _SMALL, _NORMAL, _LARGE = 11, 13, 16
@@ -66,11 +68,13 @@ class Header:
         sheet.write(sky, WIDTH - 16 - sky.width, 13, TEXT)
         self._tile = Tile.of(sheet.sprite())
 
-    def lay(self, canvas: Canvas, stage: Stage | None) -> None:
-        """Put it on a canvas, with the stage of the ego if that is known."""
-        canvas.paste(self._tile, 0, 0)
-        if stage is not None:
-            canvas.paste(_pills(stage), _PILL_LEFT, 8)
+    def lay(self, part: Part, stages: NDArray[np.uint8] | None) -> None:
+        """Put it on all frames, with the stage of the ego in each if that is known."""
+        part.tile(self._tile)
+        if stages is not None:
+            for stage in np.unique(stages):
+                frames = np.flatnonzero(stages == stage)
+                part.tile(_pills(Stage(int(stage))), _PILL_LEFT, 8, frames=frames)
 
 
 @cache
@@ -117,44 +121,61 @@ class Timeline:
         cursor.rect((-1.0, 3.0), (-1.0, _STRIP + 1.0), TEXT)
         self._cursor = Tile.of(cursor.sprite())
 
-    def lay(self, canvas: Canvas, frame: int) -> None:
-        """Put the strip of a frame on a canvas."""
-        column = self.column(frame)
-        canvas.paste(self._past.columns(0, column), 0, 0)
-        canvas.paste(self._future.columns(column, WIDTH), column, 0)
-        canvas.paste(self._cursor, column, 8)
-        for row, column, sprite in self._readings(frame):
-            canvas.blend(sprite, column, row)
+    def lay(self, part: Part) -> None:
+        """Put the strip on all frames."""
+        columns = self.columns()
+        part.tile(self._past, columns=(0, columns))
+        part.tile(self._future, columns, columns=(columns, WIDTH))
+        part.tile(self._cursor, columns, 8)
+        self._speeds(part)
+        self._distances(part)
+        times = [f"{time:.2f} s" for time in self._scene.time]
+        part.sprites([one for frame, text in enumerate(times) for one in _number(frame, text, 94)])
 
-    def column(self, frame: int) -> int:
-        """Column of the cursor, even."""
+    def columns(self) -> NDArray[np.int64]:
+        """Column of the cursor in each frame, even."""
+        frames = np.arange(self._scene.num_frames)
         last = max(self._scene.num_frames - 1, 1)
-        return 2 * round(0.5 * (_LEFT + (_RIGHT - _LEFT) * frame / last))
+        return 2 * np.rint(0.5 * (_LEFT + (_RIGHT - _LEFT) * frames / last)).astype(np.int64)
 
-    def _readings(self, frame: int) -> Iterator[tuple[int, int, Sprite]]:
-        """What the numbers say now: row, column and sprite."""
-        scene, target = self._scene, self._scene.target
-        speeds = kmh_from_mps(scene.speed[:, frame])
-        yield 8, _READOUT, line(f"Ego {speeds[Role.EGO]:.0f} km/h", _LARGE, EGO, bold=True)
-        if target is not None and self._lead is not None:
-            text = f"Target {speeds[target]:.0f} km/h"
-            yield 30, _READOUT, line(text, _LARGE, TARGET, bold=True)
-            yield from _distance(float(self._lead[frame]))
-        yield 94, _READOUT, number(f"{scene.time[frame]:.2f} s", _NORMAL, FAINT)
+    def _speeds(self, part: Part) -> None:
+        """How fast ego and target are."""
+        target = self._scene.target
+        shown = [("Ego", int(Role.EGO), EGO, 8)]
+        if target is not None:
+            shown.append(("Target", target, TARGET, 30))
+        for name, slot, colour, row in shown:
+            speeds = np.rint(kmh_from_mps(self._scene.speed[slot]))
+            for speed in np.unique(speeds):
+                text = line(f"{name} {speed:.0f} km/h", _LARGE, colour, bold=True)
+                part.sprite(text, _READOUT, row, frames=np.flatnonzero(speeds == speed))
+
+    def _distances(self, part: Part) -> None:
+        """Where the target is, in words."""
+        if self._lead is None:
+            return
+        beside = np.flatnonzero(self._lead == 0.0)
+        part.sprite(line("target alongside", _NORMAL, GAP), _READOUT, _ROW, frames=beside)
+        name = line("target", _NORMAL, GAP)
+        part.sprite(name, _READOUT, _ROW, frames=np.flatnonzero(self._lead))
+        sprites: list[tuple[int, Sprite, int, int]] = []
+        for frame in np.flatnonzero(self._lead).tolist():
+            lead = float(self._lead[frame])
+            left = _READOUT + name.size[0] + 4
+            sprites += _number(frame, f"{abs(lead):.1f} m", _ROW, left, GAP)
+            last = sprites[-1]
+            side = line("ahead" if lead > 0.0 else "behind", _NORMAL, GAP)
+            sprites.append((frame, side, last[2] + last[1].size[0] + 4, _ROW))
+        part.sprites(sprites)
 
 
-def _distance(lead: float) -> Iterator[tuple[int, int, Sprite]]:
-    """Where the target is, in words."""
-    if lead == 0.0:
-        yield 66, _READOUT, line("target alongside", _NORMAL, GAP)
-        return
-    name = line("target", _NORMAL, GAP)
-    amount = number(f"{abs(lead):.1f} m", _NORMAL, GAP)
-    after = _READOUT + name.size[0] + 4
-    yield 66, _READOUT, name
-    yield 66, after, amount
-    side = line("ahead" if lead > 0.0 else "behind", _NORMAL, GAP)
-    yield 66, after + amount.size[0] + 4, side
+def _number(
+    frame: int, text: str, row: int, column: int = _READOUT, colour: str = FAINT
+) -> Iterator[tuple[int, Sprite, int, int]]:
+    """The letters of a number beside each other: frame, sprite, column and row."""
+    for letter in spelled(text, _NORMAL, colour):
+        yield frame, letter, column, row
+        column += letter.size[0]
 
 
 @cache

@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from overtaking.model.road import RoadMark
-from overtaking.video.canvas import WIDTH, Canvas, Tile
+from overtaking.video.canvas import WIDTH, Tile
 from overtaking.video.palette import mixed, tinted
 from overtaking.video.sheet import Sheet
 from overtaking.video.view import SCENE_BOTTOM, SCENE_TOP, shown_width
@@ -16,7 +16,11 @@ from overtaking.video.view import SCENE_BOTTOM, SCENE_TOP, shown_width
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from overtaking.model.road import Road
+    from overtaking.video.display import Part
 
 DASH, DASH_PERIOD = 4.0, 12.0
 """Length of a painted dash, and of dash and gap [m]; a choice, as maps do not tell."""
@@ -64,10 +68,10 @@ class Strip:
         """Keep it."""
         self._tile, self._period = tile, period
 
-    def lay(self, canvas: Canvas, left: int) -> None:
-        """Fill a canvas with the road from a column on, even."""
+    def lay(self, part: Part, left: NDArray[np.int64]) -> None:
+        """Fill each frame of a part with the road from a column on, even."""
         first = left % self._period
-        canvas.paste(self._tile.columns(first, first + WIDTH), 0, 0)
+        part.tile(self._tile, columns=(first, first + WIDTH))
 
 
 @lru_cache(maxsize=16)

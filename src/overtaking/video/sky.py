@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from overtaking.model.weather import NO_PRESET
 from overtaking.physics.constants import known
 from overtaking.physics.film import rain_rate
 from overtaking.physics.visibility import fog_extinction, rain_extinction
-from overtaking.video.canvas import OPAQUE, WIDTH, Canvas
+from overtaking.video.canvas import OPAQUE, WIDTH
+from overtaking.video.display import MOONLIGHT
 from overtaking.video.palette import yuv
 from overtaking.video.road import Tone
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.model.trajectory import Trajectories
-    from overtaking.video.canvas import U16
+    from overtaking.video.canvas import U8, U16
 
 _NIGHT, _DAY, _OVERCAST, _SUNSET = (
     (0.80, 0.88, 1.10),
@@ -39,7 +40,6 @@ _LEAST_SHARE = 24  # Of 256: what lies in fog stays a hint, so that the film sti
 _HEAVY_RAIN = 60.0  # Rate at which wetness and spray are drawn in full [mm/h].
 _NUM_RAIN_PICTURES = 5
 _STREAK = 12  # Length of a streak of rain [px].
-_MOONLIGHT = 92  # Of 256.
 _GLIMMER, _GLIMMER_REACH = 90, 8.0  # Of 256, and metres.
 
 
@@ -147,41 +147,24 @@ def _shade(
     return -long * math.cos(azimuth), long * math.sin(azimuth), darkness
 
 
+@dataclass(frozen=True, slots=True)
 class Veil:
     """Brightness between the eye and the road that hides what lies behind it.
 
-    Args:
-        share: What shines through, for each column of a strip.
-        colour: Of the veil.
+    Attributes:
+        keep: What shines through each column, of `OPAQUE`.
+        colour: Luma, U and V of the veil.
     """
 
-    def __init__(self, share: NDArray[np.floating], colour: str) -> None:
-        """Prepare what is multiplied and what is added."""
+    keep: U16
+    colour: tuple[int, int, int]
+
+    @classmethod
+    def of(cls, share: NDArray[np.floating], colour: str) -> Self:
+        """A veil that lets a share of each column of a strip shine through."""
         keep = np.clip(np.rint(share * OPAQUE), _LEAST_SHARE, OPAQUE).astype(np.uint16)
-        half = keep[::2]
-        y, u, v = (np.uint16(round(part)) for part in yuv(colour))
-        self._luma = (keep, (OPAQUE - keep) * y)
-        self._chroma = (half, (OPAQUE - half) * np.array([u, v], np.uint16)[:, None, None])
-
-    def columns(self, first: int) -> tuple[U16, U16, U16]:
-        """What shines through at half the resolution, and what is added to luma and chroma."""
-        half = slice(first // 2, (first + WIDTH) // 2)
-        added = self._luma[1][first : first + WIDTH]
-        return self._chroma[0][half], added, self._chroma[1][:, :, half]
-
-    def lay(self, canvas: Canvas, first: int = 0) -> None:
-        """Lay the columns of the veil from an even one on over a canvas."""
-        columns, half = slice(first, first + WIDTH), slice(first // 2, (first + WIDTH) // 2)
-        _veiled(canvas.luma, self._luma[0][columns], self._luma[1][columns])
-        _veiled(canvas.chroma, self._chroma[0][half], self._chroma[1][:, :, half])
-
-
-def _veiled(plane: NDArray[np.uint8], keep: U16, added: U16) -> None:
-    mixed = plane.astype(np.uint16)  # Operands of two types would be converted piece by piece.
-    mixed *= keep
-    mixed += added
-    mixed >>= 8
-    plane[...] = mixed
+        y, u, v = (round(part) for part in yuv(colour))
+        return cls(keep, (y, u, v))
 
 
 def fog(sky: Sky, scale: float) -> Veil | None:
@@ -193,7 +176,7 @@ def fog(sky: Sky, scale: float) -> Veil | None:
     if sky.extinction * _CLEAR_TO_SEE < float(known("weather.fog.transmission_depth")):
         return None
     distance = np.abs(np.arange(2 * WIDTH) - WIDTH) / scale
-    return Veil(np.exp(-sky.extinction * distance), "#2c343d" if sky.is_night else "#c3c9cd")
+    return Veil.of(np.exp(-sky.extinction * distance), "#2c343d" if sky.is_night else "#c3c9cd")
 
 
 def glare(sky: Sky) -> Veil | None:
@@ -203,15 +186,15 @@ def glare(sky: Sky) -> Veil | None:
     ahead = np.arange(WIDTH) / WIDTH
     towards = ahead if sky.glare > 0.0 else 1.0 - ahead
     strength = 0.55 * abs(sky.glare)
-    return Veil(1.0 - strength * np.clip((towards - 0.35) / 0.65, 0.0, 1.0) ** 2, "#ffdf9a")
+    return Veil.of(1.0 - strength * np.clip((towards - 0.35) / 0.65, 0.0, 1.0) ** 2, "#ffdf9a")
 
 
 @lru_cache(maxsize=8)
-def rain(rate: float, height: int, *, is_night: bool) -> tuple[NDArray[np.uint8], ...]:
+def rain(rate: float, height: int, *, is_night: bool) -> tuple[U8, ...]:
     """Pictures of falling rain, black but for the streaks; shape of each (height, WIDTH)."""
     num_streaks = round(40 + 2.4 * rate)
     bright = 82 if is_night else 138
-    pictures: list[NDArray[np.uint8]] = []
+    pictures: list[U8] = []
     for number in range(_NUM_RAIN_PICTURES):
         draws = Draws(number, np.arange(num_streaks, dtype=np.uint64), 0)
         x, y = draws.integer(WIDTH), draws.integer(height)
@@ -225,80 +208,31 @@ def rain(rate: float, height: int, *, is_night: bool) -> tuple[NDArray[np.uint8]
     return tuple(pictures)
 
 
-class Night:
-    """Darkness, and what the headlamps make of it; computed at the resolution of chroma.
+@dataclass(frozen=True, slots=True)
+class Light:
+    """A patch of light, at the resolution of chroma.
 
-    Args:
-        scale: [px/m].
-        height: Rows of the canvas.
+    Attributes:
+        power: What it adds to the light of the night, of `OPAQUE`.
+        left: Column of its left upper corner from where it comes from.
+        top: Row of that corner.
     """
 
-    def __init__(self, scale: float, height: int) -> None:
-        """Everything dark."""
-        self._scale = 0.5 * scale
-        self._light = np.empty((height // 2, WIDTH // 2), dtype=np.uint16)
-
-    def fall(self) -> None:
-        """Begin a frame: no light but the moon's."""
-        self._light.fill(_MOONLIGHT)
-
-    def shine(self, x: float, y: float, angle: float, *, is_high: bool) -> None:
-        """Add the light of the headlamps of a vehicle.
-
-        Args:
-            x: Column of the middle of its front.
-            y: Row.
-            angle: Of the vehicle, anticlockwise [rad].
-            is_high: Whether the high beam is on.
-        """
-        self._add(_beam(round(math.degrees(angle)), self._scale, is_high=is_high), x, y)
-
-    def glimmer(self, x: float, y: float) -> None:
-        """Add a little light around a vehicle, that its colour may be told."""
-        self._add(_glimmer(self._scale), x, y)
-
-    def _add(self, lit: tuple[U16, int, int], x: float, y: float) -> None:
-        beam, left, top = lit
-        column, row = round(0.5 * x) + left, round(0.5 * y) + top
-        first = (max(-row, 0), max(-column, 0))
-        target = self._light[max(row, 0) : max(row + len(beam), 0)]
-        target = target[:, max(column, 0) : max(column + beam.shape[1], 0)]
-        height, width = target.shape
-        target += beam[first[0] : first[0] + height, first[1] : first[1] + width]
-
-    def lay(self, canvas: Canvas, veil: Veil | None = None, first: int = 0) -> None:
-        """Darken a canvas where no light falls, and lay a veil over it in the same pass.
-
-        Args:
-            canvas: What to darken.
-            veil: Fog, if there is any.
-            first: Its first column, even.
-        """
-        light = np.minimum(self._light, OPAQUE, out=self._light)
-        grey = (OPAQUE - light) * np.uint16(128)
-        bright = None
-        if veil is not None:
-            through, bright, tint = veil.columns(first)
-            grey = ((grey >> 8) * through) + tint
-            # Full light through clear air is 256 x 256, one more than sixteen bits hold.
-            light = ((light.astype(np.uint32) * through) >> 8).astype(np.uint16)
-        # Two columns of luma to one of the light: a number that holds the same one twice.
-        twice = (light.astype(np.uint32) * np.uint32(0x0001_0001)).view(np.uint16)
-        for rows in (canvas.luma[0::2], canvas.luma[1::2]):
-            dim = rows * twice
-            if bright is not None:
-                dim += bright
-            dim >>= 8
-            rows[...] = dim
-        chroma = canvas.chroma * light
-        chroma += grey
-        chroma >>= 8
-        canvas.chroma[...] = chroma
+    power: U16
+    left: int
+    top: int
 
 
 @lru_cache(maxsize=512)
-def _beam(degrees: int, scale: float, *, is_high: bool) -> tuple[U16, int, int]:
-    """Light of two headlamps, and where its left upper corner lies from them."""
+def beam(degrees: int, scale: float, *, is_high: bool) -> Light:
+    """Light of two headlamps, from the middle of the front of a vehicle.
+
+    Args:
+        degrees: Angle of the vehicle, anticlockwise.
+        scale: [px/m].
+        is_high: Whether the high beam is on.
+    """
+    scale *= 0.5
     reach = float(known(f"weather.headlamps.{'high' if is_high else 'low'}_beam"))
     angle = math.radians(degrees)
     cosine, sine = math.cos(angle), math.sin(angle)
@@ -315,14 +249,14 @@ def _beam(degrees: int, scale: float, *, is_high: bool) -> tuple[U16, int, int]:
     forward, aside = x * cosine - y * sine, x * sine + y * cosine
     spread = 1.0 + 0.17 * np.maximum(forward, 0.0)
     fading = np.clip(1.0 - forward / reach, 0.0, 1.0) * np.clip(forward / 1.5, 0.0, 1.0)
-    power = (OPAQUE - _MOONLIGHT) * 0.95 * fading * np.exp(-1.2 * (aside / spread) ** 2)
-    return np.rint(power).astype(np.uint16), left, top
+    power = (OPAQUE - MOONLIGHT) * 0.95 * fading * np.exp(-1.2 * (aside / spread) ** 2)
+    return Light(np.rint(power).astype(np.uint16), left, top)
 
 
 @lru_cache(maxsize=16)
-def _glimmer(scale: float) -> tuple[U16, int, int]:
-    """A round patch of light, and where its left upper corner lies from its middle."""
-    half = round(_GLIMMER_REACH * scale)
+def glimmer(scale: float) -> Light:
+    """A little light around the middle of a vehicle, that its colour may be told."""
+    half = round(_GLIMMER_REACH * 0.5 * scale)
     away = (np.arange(-half, half) + 0.5) / half
     inside = np.maximum(1.0 - away * away - (away * away)[:, None], 0.0)
-    return np.rint(_GLIMMER * inside).astype(np.uint16), -half, -half
+    return Light(np.rint(_GLIMMER * inside).astype(np.uint16), -half, -half)

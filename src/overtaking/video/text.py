@@ -100,16 +100,12 @@ def line(text: str, size: int, colour: str, *, bold: bool = False) -> Sprite:
     return _line(text, size, colour, bold)
 
 
-def number(text: str, size: int, colour: str, *, bold: bool = False) -> Sprite:
-    """A line of text put together from its letters, for numbers that change all the time.
+def spelled(text: str, size: int, colour: str, *, bold: bool = False) -> list[Sprite]:
+    """The letters of a text, to be put beside each other, for numbers that change all the time.
 
     All digits are equally wide, so that what stands behind them does not tremble.
     """
-    letters = [_letter(letter, size, colour, bold) for letter in text]
-    return Sprite(
-        np.concatenate([one.luma for one in letters], axis=2),
-        np.concatenate([one.chroma for one in letters], axis=2),
-    )
+    return [_letter(letter, size, colour, bold) for letter in text]
 
 
 @lru_cache(maxsize=_MAX_KEPT)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
     from overtaking.model.road import Road
     from overtaking.video.scene import Scene
+
+Place = TypeVar("Place", float, "NDArray[np.float64]")
+"""One place, or many."""
 
 SCENE_TOP, SCENE_BOTTOM = 40, 284
 """Rows of the frame that show the road."""
@@ -50,7 +53,7 @@ class View:
         """Column of a place along the road."""
         return s * self.scale - int(self.left[frame])
 
-    def y(self, d: float) -> float:
+    def y(self, d: Place) -> Place:
         """Row of a place across the road, from the top of the picture of the road."""
         return 0.5 * self.height - (d - self.middle_d) * self.scale
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import av
 import numpy as np
 import pytest
+from tests.support.drawing import drawn
 
 from overtaking.video import palette
 from overtaking.video.canvas import HEIGHT, OPAQUE, WIDTH, Canvas, Sprite, Tile, blank, rgb
@@ -56,8 +57,7 @@ def sprite(width: int, height: int, opacity: int) -> Sprite:
 )
 def test_what_lies_outside_is_cut_off_and_nothing_else(place):
     one = sprite(12, 8, 100)
-    canvas = Canvas(blank())
-    canvas.blend(one, *place)
+    canvas = drawn(lambda part: part.sprite(one, *place))
     expected = np.full((HEIGHT, WIDTH), 16)
     for row in range(8):
         for column in range(12):
@@ -72,14 +72,13 @@ def test_what_lies_outside_is_cut_off_and_nothing_else(place):
 
 @pytest.mark.parametrize("place", [(-12, 0), (WIDTH, 0), (0, -8), (0, HEIGHT), (9_000, 9_000)])
 def test_a_sprite_beyond_the_edges_changes_nothing(place):
-    canvas = Canvas(blank())
-    canvas.blend(sprite(12, 8, OPAQUE), *place)
+    canvas = drawn(lambda part: part.sprite(sprite(12, 8, OPAQUE), *place))
     assert np.array_equal(canvas.luma, Canvas(blank()).luma)
 
 
 def test_an_opaque_sprite_and_a_tile_of_it_are_the_same():
-    one, blended, pasted = sprite(12, 8, OPAQUE), Canvas(blank()), Canvas(blank())
-    blended.blend(one, 40, 60)
-    pasted.paste(Tile.of(one), 40, 60)
+    one = sprite(12, 8, OPAQUE)
+    blended = drawn(lambda part: part.sprite(one, 40, 60))
+    pasted = drawn(lambda part: part.tile(Tile.of(one), 40, 60))
     assert np.array_equal(blended.luma, pasted.luma)
     assert np.array_equal(blended.chroma, pasted.chroma)

@@ -128,7 +128,7 @@ def test_a_target_that_was_passed_is_behind():
 
 def test_the_cursor_moves_from_the_first_to_the_last_column(film):
     timeline = Timeline(film.scene, [])
-    columns = [timeline.column(frame) for frame in range(film.num_frames)]
+    columns = timeline.columns()
     assert columns[0] == 66
     assert columns[-1] == 1096
     assert (np.diff(columns) >= 0).all()
@@ -144,8 +144,8 @@ def with_lights(run, lights: int):
 def test_an_indicator_blinks_sixty_to_one_hundred_and_twenty_times_a_minute(run):
     """UN Regulation 6 asks for 90 +- 30."""
     film = Film(with_lights(run, int(Lights.INDICATOR_LEFT)))
-    lit = [bool(film._lights(0, frame)) for frame in range(40)]
-    flashes = np.count_nonzero(np.diff(np.array(lit, int)) == 1)
+    lit = film.traffic.lit[0, :40] > 0
+    flashes = np.count_nonzero(np.diff(lit.astype(int)) == 1)
     assert 60 <= flashes / 2.0 * 60.0 <= 120
 
 
@@ -189,8 +189,8 @@ def test_a_vehicle_that_was_not_recorded_in_a_frame_is_not_shown(run):
     present = np.ones(run.states.s.shape, bool)
     present[0, 1, :10] = False
     film = Film(run.replace(present=present))
-    assert [index for index, *_ in film._seen(5)] == [0, 2]
-    assert [index for index, *_ in film._seen(20)] == [0, 1, 2]
+    assert np.flatnonzero(film.traffic.seen[:, 5]).tolist() == [0, 2]
+    assert np.flatnonzero(film.traffic.seen[:, 20]).tolist() == [0, 1, 2]
 
 
 def findings(run, first: int, last: int) -> Findings:
@@ -227,8 +227,8 @@ def test_a_collision_flashes_where_the_two_touch_and_is_told_from_then_on():
     cars = [Vehicle(kind="M", s=100.0, lane=1, speed=30.0, driver={"reaction_time": 30.0})]
     cars.append(Vehicle(kind="M", s=106.0, lane=1, speed=5.0))
     film = Film(api.simulate(scenario(cars, horizon=3.0)))
-    assert film._contact is not None
-    first, s, _ = film._contact
+    assert film.contact is not None
+    first, s, _ = film.contact
     rear = film.scene.s[1, first] - 0.5 * film.scene.bodies[1].length
     assert s == pytest.approx(rear, abs=1.0)  # They moved on until the frame was taken.
     assert [red(film, frame) > 500 for frame in (first - 1, first, film.num_frames - 1)] == [

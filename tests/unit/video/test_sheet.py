@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 from shapely.geometry import LineString, box
+from tests.support.drawing import drawn
 
-from overtaking.video.canvas import OPAQUE, WIDTH, Canvas, blank
+from overtaking.video.canvas import OPAQUE, WIDTH
 from overtaking.video.sheet import Sheet
 
 SCALE = 10.0
@@ -58,9 +59,7 @@ def test_a_curve_is_as_long_and_wide_as_shapely_says():
 def test_a_sprite_lies_where_it_belongs_however_it_is_turned(angle, place):
     sheet = Sheet((-4.0, 4.0, -2.0, 2.0), SCALE, 4)
     sheet.rect((-1.0, 3.0), (-0.9, 0.3), BLACK)
-    canvas = Canvas(blank())
-    canvas.luma[...] = 216
-    canvas.blend(*sheet.texture().at(place[0], place[1], angle))
+    canvas = drawn(lambda part: part.texture(sheet.texture(), place[0], place[1], angle), luma=216)
     dark = (216.0 - canvas.luma) / 200.0
     assert dark.sum() == pytest.approx(4.8 * SCALE**2, rel=0.04)  # A quarter pixel on each edge.
     rows, columns = (np.arange(size) + 0.5 for size in dark.shape)
@@ -77,8 +76,7 @@ def test_chroma_lies_where_luma_does():
     sheet = Sheet((-4.0, 4.0, -2.0, 2.0), SCALE, 4)
     sheet.rect((-1.5, 1.5), (-0.8, 0.8), "#ff0000")
     for angle in (0.0, 0.05, 0.7):
-        canvas = Canvas(blank())
-        canvas.blend(*sheet.texture().at(420.7, 90.3, angle))
+        canvas = drawn(lambda part, turn=angle: part.texture(sheet.texture(), 420.7, 90.3, turn))
         red = canvas.chroma[1].astype(float) - 128.0
         rows, columns = ((np.arange(size) + 0.5) * 2.0 for size in red.shape)
         centre = (red.sum(axis=0) @ columns / red.sum(), red.sum(axis=1) @ rows / red.sum())
@@ -88,7 +86,5 @@ def test_chroma_lies_where_luma_does():
 def test_a_sprite_reaches_into_the_picture_from_beyond_its_edge():
     sheet = Sheet((-4.0, 4.0, -2.0, 2.0), SCALE, 4)
     sheet.rect((-3.0, 3.0), (-1.0, 1.0), BLACK)
-    canvas = Canvas(blank())
-    canvas.luma[...] = 216
-    canvas.blend(*sheet.texture().at(WIDTH + 10.0, 100.0, 0.0))
+    canvas = drawn(lambda part: part.texture(sheet.texture(), WIDTH + 10.0, 100.0), luma=216)
     assert (216.0 - canvas.luma).sum() / 200.0 == pytest.approx(20.0 * 20.0, rel=0.05)

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from tests.support.drawing import drawn
 from tests.support.worlds import Vehicle, scenario
 
 from overtaking import api
 from overtaking.video import sky as skies
-from overtaking.video.canvas import WIDTH, Canvas, blank
+from overtaking.video.canvas import WIDTH, Canvas
 from overtaking.video.film import Film
 from overtaking.video.palette import yuv
-from overtaking.video.sky import Night, Sky
+
+if TYPE_CHECKING:
+    from overtaking.video.display import Part
+    from overtaking.video.sky import Sky, Veil
 
 SCALE = 10.0
 
@@ -22,10 +27,17 @@ def sky_of(**weather: float) -> Sky:
     return skies.sky(api.simulate(scenario([Vehicle(s=100.0)], weather=weather, horizon=0.2)))
 
 
-def canvas_of(luma: int) -> Canvas:
-    canvas = Canvas(blank(), 0, 200)
-    canvas.luma[...] = luma
-    return canvas
+def lit(
+    *beams: tuple[float, float, float, bool], luma: int = 200, veil: tuple[Veil, int] | None = None
+) -> Canvas:
+    """A grey road at night, lit by the lamps of vehicles: column, row, angle, and high beam."""
+
+    def paint(part: Part) -> None:
+        for x, y, angle, is_high in beams:
+            part.light(skies.beam(round(math.degrees(angle)), SCALE, is_high=is_high), x, y)
+        part.night(*veil or ())
+
+    return drawn(paint, luma, 150, bottom=200)
 
 
 @pytest.mark.parametrize("fog", [40.0, 70.0, 100.0])
@@ -34,9 +46,7 @@ def test_fog_takes_as_much_contrast_as_koschmieder_says(fog):
     sky = sky_of(fog=fog)
     veil = skies.fog(sky, SCALE)
     assert veil is not None
-    black, white = canvas_of(16), canvas_of(216)
-    for canvas in (black, white):
-        veil.lay(canvas, WIDTH)
+    black, white = (drawn(lambda part: part.veil(veil, WIDTH), luma) for luma in (16, 216))
     contrast = (white.luma[9].astype(float) - black.luma[9]) / 200.0
     distance = np.arange(WIDTH) / SCALE
     expected = np.maximum(np.exp(-sky.extinction * distance), 24 / 256)
@@ -55,11 +65,7 @@ def test_clear_air_hides_nothing():
 
 
 def test_headlamps_light_the_road_ahead_and_not_behind():
-    night = Night(SCALE, 200)
-    canvas = canvas_of(200)
-    night.fall()
-    night.shine(400.0, 100.0, 0.0, is_high=False)
-    night.lay(canvas)
+    canvas = lit((400.0, 100.0, 0.0, False))
     dark = int(canvas.luma[100, 200])
     assert canvas.luma[100, 500] > 1.5 * dark
     assert canvas.luma[100, 380] == dark
@@ -68,43 +74,28 @@ def test_headlamps_light_the_road_ahead_and_not_behind():
 
 def test_fog_hides_nothing_of_what_stands_where_it_begins_however_bright_it_is():
     veil = skies.fog(sky_of(fog=90.0), SCALE)
-    night, canvas = Night(SCALE, 200), canvas_of(200)
-    canvas.chroma[...] = 150
-    night.fall()
-    for _ in range(3):
-        night.shine(600.0, 100.0, 0.0, is_high=True)
-    night.lay(canvas, veil, WIDTH - 640)
+    assert veil is not None
+    canvas = lit(*3 * [(600.0, 100.0, 0.0, True)], veil=(veil, WIDTH - 640))
     assert canvas.luma[100, 640] == 200
     assert (canvas.chroma[:, 50, 320] == 150).all()
 
 
 def test_high_beams_reach_farther():
-    lit: list[int] = []
-    for is_high in (False, True):
-        night, canvas = Night(SCALE, 200), canvas_of(200)
-        night.fall()
-        night.shine(100.0, 100.0, 0.0, is_high=is_high)
-        night.lay(canvas)
-        lit.append(int(canvas.luma[100, 100 + round(75 * SCALE)]))
-    assert lit[1] > lit[0]
+    low, high = (lit((100.0, 100.0, 0.0, is_high)) for is_high in (False, True))
+    far = 100 + round(75 * SCALE)
+    assert high.luma[100, far] > low.luma[100, far]
 
 
 @pytest.mark.parametrize("degrees", [0.0, 20.0, -20.0])
 def test_a_beam_turns_with_its_vehicle(degrees):
     """Along its own axis it is as bright as one that points straight ahead, and beside it not."""
     angle = math.radians(degrees)
-    night, canvas = Night(SCALE, 200), canvas_of(200)
-    night.fall()
-    night.shine(400.0, 100.0, angle, is_high=False)
-    night.lay(canvas)
-    straight = Night(SCALE, 200), canvas_of(200)
-    straight[0].fall()
-    straight[0].shine(400.0, 100.0, 0.0, is_high=False)
-    straight[0].lay(straight[1])
+    canvas = lit((400.0, 100.0, angle, False))
+    straight = lit((400.0, 100.0, 0.0, False))
     for distance in (60.0, 150.0, 250.0):
         row = round(100.0 - distance * math.sin(angle))
         column = round(400.0 + distance * math.cos(angle))
-        expected = float(straight[1].luma[100, round(400.0 + distance)])
+        expected = float(straight.luma[100, round(400.0 + distance)])
         assert float(canvas.luma[row, column]) == pytest.approx(expected, abs=6.0)
 
 
@@ -130,8 +121,7 @@ def test_the_low_sun_dazzles_from_the_side_on_which_it_stands():
     for azimuth, bright, dark in ((0.0, 1250, 30), (math.pi, 30, 1250)):
         glare = skies.glare(sky_of(sun_altitude=0.2, sun_azimuth=azimuth))
         assert glare is not None
-        canvas = canvas_of(80)
-        glare.lay(canvas)
+        canvas = drawn(lambda part, veil=glare: part.veil(veil), luma=80)
         assert canvas.luma[5, bright] > canvas.luma[5, dark] + 20
 
 
@@ -148,8 +138,7 @@ def test_the_veil_never_leaves_the_range_of_video():
     veil = skies.fog(sky_of(fog=100.0, rain=100.0), SCALE)
     assert veil is not None
     for luma in (16, 235):
-        canvas = canvas_of(luma)
-        veil.lay(canvas)
+        canvas = drawn(lambda part: part.veil(veil), luma)
         assert canvas.luma.min() >= 15
         assert canvas.luma.max() <= 235
     assert yuv("#c3c9cd").y < 235
