@@ -31,6 +31,7 @@ BINDINGS = (
     "overtaking.tables.encode",
     "overtaking.tables.packed",
     "overtaking.video.display",
+    "overtaking.video.encode",
 )
 REFERENCES = ("overtaking.sim.reference", "overtaking.signals.reference")
 

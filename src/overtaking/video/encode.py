@@ -6,6 +6,7 @@ import os
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from overtaking import _core
 from overtaking.core.errors import DatasetError, MissingExtraError
 from overtaking.tables.files import sync_folder
 from overtaking.video.canvas import HEIGHT, WIDTH, blank
@@ -31,6 +32,9 @@ _OPTIONS = {
     "x264-params": "threads=1:lookahead-threads=1:rc-lookahead=0:sync-lookahead=0:"
     "scenecut=0:weightp=0:aq-mode=0:keyint=100",
 }
+# x264 takes AVX-512 where there is any, which costs it a fifth more than AVX2 for pictures as small
+# and as still as these.
+_PARAMETERS_WITH_AVX512 = ":asm=avx2"
 _BT601, _BT709, _LIMITED = 6, 1, 1  # As ISO/IEC 23091-2 numbers them.
 
 
@@ -120,8 +124,16 @@ def _opened(av: ModuleType, path: Path, title: str) -> Generator[tuple[Any, Vide
         context = stream.codec_context
         context.colorspace, context.color_range = _BT601, _LIMITED
         context.color_primaries = context.color_trc = _BT709
-        stream.options = dict(_OPTIONS)
+        stream.options = _options()
         yield container, stream
+
+
+def _options() -> dict[str, str]:
+    """What the encoder is told on this processor; the film is the same on all."""
+    options = dict(_OPTIONS)
+    if dict(_core.simd_levels()).get("avx512"):
+        options["x264-params"] += _PARAMETERS_WITH_AVX512
+    return options
 
 
 def _sync(path: Path) -> None:

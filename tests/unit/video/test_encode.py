@@ -66,6 +66,14 @@ def test_the_same_film_is_the_same_file(film, file, tmp_path):
     assert (tmp_path / "again.mp4").read_bytes() == file.read_bytes()
 
 
+def test_the_film_is_the_same_whatever_the_processor_can_do(film, file, tmp_path, monkeypatch):
+    monkeypatch.setattr(encode, "_options", lambda: dict(encode._OPTIONS))
+    write_film(film, tmp_path / "plain.mp4", title="Simulation 0")
+    with av.open(str(tmp_path / "plain.mp4")) as one, av.open(str(file)) as other:
+        for plain, usual in zip(one.decode(video=0), other.decode(video=0), strict=True):
+            assert np.array_equal(plain.to_ndarray(), usual.to_ndarray())
+
+
 def test_nothing_is_left_of_a_film_that_was_interrupted(film, tmp_path):
     path = tmp_path / "film.mp4"
     path.write_bytes(b"as it was")
