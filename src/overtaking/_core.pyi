@@ -524,6 +524,30 @@ def exponentials(values: NDArray[np.floating[Any]], *, level: str | None = None)
         ValueError: The SIMD level is unknown or not available.
     """
 
+def logarithms(values: NDArray[np.floating[Any]], *, level: str | None = None) -> None:
+    """Put `core.elementary.log` of each number of a flat array in its place.
+
+    Raises:
+        ValueError: The SIMD level is unknown or not available.
+    """
+
+def uniforms(words: NDArray[np.uint32]) -> NDArray[np.float32]:
+    """The numbers in (0, 1) that words stand for, `core.philox.uniform` of a flat array."""
+
+def larger(values: NDArray[np.floating[Any]], others: Any) -> None:
+    """Put `core.elementary.maximum` of each number and another in its place.
+
+    Args:
+        values: Flat array.
+        others: An array of the same length, or one number.
+
+    Raises:
+        ValueError: The arrays differ in length.
+    """
+
+def smaller(values: NDArray[np.floating[Any]], others: Any) -> None:
+    """Put `core.elementary.minimum` of each number and another in its place, as `larger`."""
+
 def normal_pairs(
     u: NDArray[np.floating[Any]], v: NDArray[np.floating[Any]], *, level: str | None = None
 ) -> None:
@@ -552,26 +576,36 @@ def num_threads() -> int:
     """Threads of the pool that simulations are spread over."""
 
 class ParquetFile:
-    """A Parquet file of integers and names, as the bytes that it grows by."""
+    """A Parquet file, as the bytes that it grows by."""
 
-    def __init__(self, template: bytes, keys: list[int]) -> None:
+    def __init__(
+        self,
+        template: bytes,
+        columns: list[tuple[str, str, list[str], bool, bool]],
+        is_packed: bool,
+    ) -> None:
         """Begin a file.
 
         Args:
             template: An empty Parquet file, of which this one takes schema and metadata.
-            keys: Places of the columns that rows are sorted by.
+            columns: For each its name; its kind: long, int, short, byte, float, double, flag, name
+                (int8 places among the next), text (int32 places in a list that comes with them) or
+                fixed and a number of bytes; the names that it may hold; whether rows are sorted by
+                it, so that the footer tells its range; and whether it takes few values.
+            is_packed: Whether pages are compressed where that makes them smaller.
 
         Raises:
-            ValueError: The template is no Parquet file.
+            ValueError: The template is no Parquet file, or there is no such kind.
         """
 
-    def append(self, columns: list[dict[str, Any]]) -> bytes:
+    def append(
+        self, columns: list[tuple[NDArray[Any], NDArray[np.bool_] | None, list[str]]]
+    ) -> bytes:
         """Add rows as one row group.
 
         Args:
-            columns: One for each of the schema: values (int8 for codes of names, uint8, int16,
-                int32 or int64), missing (bool, or None), names, is_key (the footer tells its
-                range), is_few (int16 as runs).
+            columns: For each of the schema its values, where there are none, and the texts that
+                values are places in.
 
         Raises:
             ValueError: The columns are not those of the schema.

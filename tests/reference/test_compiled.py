@@ -40,6 +40,54 @@ def test_exponentials_are_those_of_the_readable_function(level, values):
 
 @pytest.mark.parametrize("level", LEVELS)
 @settings(max_examples=60, deadline=None)
+@given(arrays.arrays(np.float32, LENGTH, elements=st.floats(-1.0, 2.0**99, width=32)))
+def test_logarithms_are_those_of_the_readable_function(level, values):
+    found = values.copy()
+    _core.logarithms(found, level=level)
+    assert found.tobytes() == elementary.log(values).astype(np.float32).tobytes()
+
+
+@settings(max_examples=60, deadline=None)
+@given(arrays.arrays(np.uint32, LENGTH, elements=WORD))
+def test_uniform_numbers_are_those_of_the_readable_function(words):
+    assert _core.uniforms(words).tobytes() == philox.uniform(words).astype(np.float32).tobytes()
+
+
+NUMBER = st.sampled_from([0.0, -0.0, 1.0, np.inf, -np.inf]) | st.floats(-2.0, 2.0, width=32)
+NUMBERS = arrays.arrays(np.float32, (3, 7), elements=NUMBER)
+
+
+@pytest.mark.parametrize("name", ["maximum", "minimum", "power"])
+@settings(max_examples=60, deadline=None)
+@given(NUMBERS, NUMBERS | NUMBERS.map(lambda some: some[:, 2]) | NUMBER.map(np.float32))
+def test_two_numbers_give_what_they_give_in_the_readable_function(name, values, others):
+    """The sign of a zero counts, as do arrays that are spread over others and single numbers."""
+    others = others[:, None] if others.shape == (3,) else others
+    values = np.abs(values) if name == "power" else values
+    ours, theirs = getattr(compiled, name), getattr(elementary, name)
+    for one, other in ((values, others), (others, values), (values.T, np.transpose(others))):
+        with np.errstate(invalid="ignore"):
+            found, expected = ours(one, other), theirs(one, other).astype(np.float32)
+        assert found.shape == expected.shape
+        assert found.dtype == np.float32
+        assert np.ascontiguousarray(found).tobytes() == expected.tobytes()
+
+
+@settings(max_examples=60, deadline=None)
+@given(NUMBERS, NUMBERS | NUMBER.map(np.float32), NUMBERS | NUMBER.map(np.float32))
+def test_limits_are_those_of_the_readable_function(values, low, high):
+    found, expected = compiled.clamp(values, low, high), elementary.clamp(values, low, high)
+    assert found.tobytes() == expected.astype(np.float32).tobytes()
+
+
+@pytest.mark.parametrize("name", ["larger", "smaller"])
+def test_others_of_another_length_are_refused(name):
+    with pytest.raises(ValueError, match="others: expected 3 numbers, got 4"):
+        getattr(_core, name)(np.zeros(3, np.float32), np.zeros(4, np.float32))
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@settings(max_examples=60, deadline=None)
 @given(seed=LONG, length=LENGTH)
 def test_normal_numbers_are_those_of_the_readable_function(level, seed, length):
     index = np.arange(length, dtype=np.uint64)
@@ -63,7 +111,9 @@ def test_draws_follow_each_other_and_have_the_shape_of_what_was_asked():
 def test_what_is_given_stays_as_it_is():
     u, v = np.full(3, 0.25, np.float32), np.full(3, 0.75, np.float32)
     compiled.normal_pair(u, v)
-    compiled.exp(u)
+    for changed in (compiled.exp, compiled.log):
+        changed(u)
+    compiled.clamp(u, np.float32(0.5), v)
     assert (u.tolist(), v.tolist()) == ([0.25] * 3, [0.75] * 3)
 
 

@@ -40,6 +40,62 @@ pub fn exponentials(forced: Option<&str>, values: &mut [f32]) -> Result<(), Stri
     Ok(())
 }
 
+/// The natural logarithm of each number, in its place.
+///
+/// # Errors
+/// As for `words`.
+pub fn logarithms(forced: Option<&str>, values: &mut [f32]) -> Result<(), String> {
+    let level = supported(forced)?;
+    dispatch!(level, |simd| fill_logarithms(simd, values));
+    Ok(())
+}
+
+/// The uniform number in (0, 1) that each word stands for.
+pub fn uniforms(words: &[u32]) -> Vec<f32> {
+    let number = |&word: &u32| ((word >> 9) as f32 + 0.5) * (1.0 / (1 << 23) as f32);
+    words.iter().map(number).collect()
+}
+
+/// Something to compare many numbers with.
+pub enum Others<'a> {
+    /// One number.
+    One(f32),
+    /// One number for each.
+    Each(&'a [f32]),
+}
+
+/// The larger of each number and another, in its place; the other where they are equal.
+pub fn larger(values: &mut [f32], others: &Others<'_>) {
+    with_others(
+        values,
+        others,
+        |value, other| if value > other { value } else { other },
+    );
+}
+
+/// The smaller of each number and another, in its place; the other where they are equal.
+pub fn smaller(values: &mut [f32], others: &Others<'_>) {
+    with_others(
+        values,
+        others,
+        |value, other| if value < other { value } else { other },
+    );
+}
+
+#[inline(always)]
+fn with_others(values: &mut [f32], others: &Others<'_>, chosen: impl Fn(f32, f32) -> f32) {
+    match *others {
+        Others::One(other) => values
+            .iter_mut()
+            .for_each(|value| *value = chosen(*value, other)),
+        Others::Each(others) => {
+            for (value, &other) in values.iter_mut().zip(others) {
+                *value = chosen(*value, other);
+            }
+        }
+    }
+}
+
 /// Two independent normal numbers from each two uniform ones, in their places.
 ///
 /// # Errors
@@ -80,6 +136,15 @@ fn fill_exponentials<S: Simd>(simd: S, values: &mut [f32]) {
         simd.vectorize(
             #[inline(always)]
             || store(row, exp(load(simd, row))),
+        );
+    }
+}
+
+fn fill_logarithms<S: Simd>(simd: S, values: &mut [f32]) {
+    for row in values.chunks_mut(LANES) {
+        simd.vectorize(
+            #[inline(always)]
+            || store(row, log(load(simd, row))),
         );
     }
 }

@@ -1,7 +1,7 @@
 //! Draws and elementary functions of many numbers.
 
-use numpy::{PyArray1, PyReadonlyArray1, PyReadwriteArray1, PyUntypedArrayMethods};
-use overtaking_core::draws::{self as core, Block};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1, PyUntypedArrayMethods};
+use overtaking_core::draws::{self as core, Block, Others};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -46,6 +46,56 @@ pub fn exponentials(
     let values = values.as_slice_mut()?;
     let done = py.detach(|| core::exponentials(level, values));
     done.map_err(PyValueError::new_err)
+}
+
+/// Put the natural logarithm of each number in its place.
+#[pyfunction]
+#[pyo3(signature = (values, *, level=None))]
+pub fn logarithms(
+    py: Python<'_>,
+    mut values: PyReadwriteArray1<'_, f32>,
+    level: Option<&str>,
+) -> PyResult<()> {
+    let values = values.as_slice_mut()?;
+    let done = py.detach(|| core::logarithms(level, values));
+    done.map_err(PyValueError::new_err)
+}
+
+/// The uniform number in (0, 1) that each word stands for.
+#[pyfunction]
+pub fn uniforms<'py>(
+    py: Python<'py>,
+    words: PyReadonlyArray1<'py, u32>,
+) -> PyResult<Bound<'py, PyArray1<f32>>> {
+    let found = core::uniforms(words.as_slice()?);
+    Ok(PyArray1::from_vec(py, found))
+}
+
+/// Put the larger of each number and another in its place; the other is one, or one for each.
+#[pyfunction]
+pub fn larger(mut values: PyReadwriteArray1<'_, f32>, others: &Bound<'_, PyAny>) -> PyResult<()> {
+    with_others(values.as_slice_mut()?, others, core::larger)
+}
+
+/// Put the smaller of each number and another in its place; the other is one, or one for each.
+#[pyfunction]
+pub fn smaller(mut values: PyReadwriteArray1<'_, f32>, others: &Bound<'_, PyAny>) -> PyResult<()> {
+    with_others(values.as_slice_mut()?, others, core::smaller)
+}
+
+fn with_others(
+    values: &mut [f32],
+    others: &Bound<'_, PyAny>,
+    work: impl Fn(&mut [f32], &Others<'_>),
+) -> PyResult<()> {
+    if let Ok(each) = others.cast::<PyArray1<f32>>() {
+        expect_length("others", each.len(), values.len())?;
+        let each = each.try_readonly()?;
+        work(values, &Others::Each(each.as_slice()?));
+    } else {
+        work(values, &Others::One(others.extract()?));
+    }
+    Ok(())
 }
 
 /// Put two independent normal numbers in the place of each two uniform ones.

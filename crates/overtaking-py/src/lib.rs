@@ -222,6 +222,10 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(driven::moving_fields, module)?)?;
     module.add_function(wrap_pyfunction!(draws::words, module)?)?;
     module.add_function(wrap_pyfunction!(draws::exponentials, module)?)?;
+    module.add_function(wrap_pyfunction!(draws::logarithms, module)?)?;
+    module.add_function(wrap_pyfunction!(draws::uniforms, module)?)?;
+    module.add_function(wrap_pyfunction!(draws::larger, module)?)?;
+    module.add_function(wrap_pyfunction!(draws::smaller, module)?)?;
     module.add_function(wrap_pyfunction!(draws::normal_pairs, module)?)?;
     module.add_function(wrap_pyfunction!(vehicle_fields, module)?)?;
     module.add_function(wrap_pyfunction!(simulation_fields, module)?)?;

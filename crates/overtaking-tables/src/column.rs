@@ -1,43 +1,35 @@
 //! One column of a row group: its pages, what the footer says of it, and the hash over its values.
 
 use bytes::Bytes;
-use parquet::basic::{Compression, Encoding, Type};
+use parquet::basic::{Compression, Encoding, Type, ZstdLevel};
 use parquet::column::page::{CompressedPage, Page, PageWriter};
 use parquet::column::writer::ColumnCloseResult;
-use parquet::errors::Result;
+use parquet::errors::{ParquetError, Result};
 use parquet::file::metadata::ColumnChunkMetaData;
-use parquet::file::statistics::Statistics;
 use parquet::file::writer::{SerializedPageWriter, TrackedWrite};
 use parquet::schema::types::ColumnDescPtr;
 
-use crate::{delta, runs};
-
-/// The values of a column, row by row.
-#[derive(Clone, Copy)]
-pub enum Values<'a> {
-    /// INT64, as differences.
-    Long(&'a [i64]),
-    /// INT32, as differences.
-    Int(&'a [i32]),
-    /// INT32 of 16 bits, as differences.
-    Short(&'a [i16]),
-    /// INT32 of 16 bits with few values, as runs.
-    FewShort(&'a [i16]),
-    /// INT32 of 8 bits without sign, as runs.
-    FewByte(&'a [u8]),
-    /// Texts, given as places in a list of all texts that may occur, as runs.
-    Name(&'a [i8], &'a [String]),
-}
+use crate::values::{Encoded, Values};
+use crate::{packing, runs};
 
 /// A column to write.
 #[derive(Clone, Copy)]
 pub struct Column<'a> {
     /// What it holds; where there is nothing, any value.
     pub values: Values<'a>,
-    /// 1 where there is nothing, else 0; None if there may be no such row.
-    pub missing: Option<&'a [u8]>,
+    /// Where there is nothing; None if there is no such row.
+    pub missing: Option<&'a [bool]>,
     /// Whether the footer tells its smallest and largest value.
     pub is_key: bool,
+    /// Whether integers take few values and rarely change, so that runs beat differences.
+    pub is_few: bool,
+}
+
+/// The hashes over the values of a column and over where it has none.
+#[derive(Clone, Default)]
+pub struct Hashes {
+    pub values: blake3::Hasher,
+    pub missing: blake3::Hasher,
 }
 
 /// An encoded column: the bytes of its pages, and what the footer says.
@@ -46,16 +38,17 @@ pub struct Chunk {
     pub close: ColumnCloseResult,
 }
 
+/// The bytes of one page as they are stored, and how many they are without compression.
+struct Squeezed {
+    stored: Bytes,
+    length: usize,
+    is_small: bool,
+}
+
 impl Column<'_> {
     /// Number of rows.
     pub fn len(&self) -> usize {
-        match self.values {
-            Values::Long(values) => values.len(),
-            Values::Int(values) => values.len(),
-            Values::Short(values) | Values::FewShort(values) => values.len(),
-            Values::FewByte(values) => values.len(),
-            Values::Name(values, _) => values.len(),
-        }
+        self.values.len()
     }
 
     /// Whether there are no rows.
@@ -65,72 +58,61 @@ impl Column<'_> {
 
     /// What Parquet calls its type.
     pub fn physical_type(&self) -> Type {
-        match self.values {
-            Values::Long(_) => Type::INT64,
-            Values::Name(..) => Type::BYTE_ARRAY,
-            _ => Type::INT32,
-        }
+        self.values.physical_type()
     }
 
     /// Adds the values to a hash, little-endian, with zero where there is nothing, and to another where
     /// that is.
-    pub fn digest(&self, values: &mut blake3::Hasher, missing: &mut blake3::Hasher) {
-        let Some(nothing) = self.missing else {
-            return self.values.digest(values);
-        };
-        missing.update(nothing);
-        match self.values {
-            Values::FewShort(rows) => {
-                let known: Vec<i16> = rows
-                    .iter()
-                    .zip(nothing)
-                    .map(|(&value, &none)| if none == 0 { value } else { 0 })
-                    .collect();
-                Values::FewShort(&known).digest(values);
-            }
-            _ => unreachable!("a column of another kind has no nulls"),
+    pub fn digest(&self, is_nullable: bool, hashes: &mut Hashes) {
+        if is_nullable {
+            match self.missing {
+                Some(missing) => hashes.missing.update(bytemuck::cast_slice(missing)),
+                None => hashes.missing.update(&vec![0; self.len()]),
+            };
         }
+        self.values.digest(self.gaps(), &mut hashes.values);
+    }
+
+    /// Where there is nothing, if that is anywhere.
+    fn gaps(&self) -> Option<&[bool]> {
+        self.missing.filter(|missing| missing.contains(&true))
     }
 
     /// The column as pages of one row group.
-    pub fn encode(&self, descr: ColumnDescPtr) -> Result<Chunk> {
-        let (dictionary, data) = self.pages();
-        let encoding = match dictionary {
-            Some(_) => Encoding::RLE_DICTIONARY,
-            None => Encoding::DELTA_BINARY_PACKED,
-        };
-        let mut sink = TrackedWrite::new(Vec::new());
-        let mut writer = SerializedPageWriter::new(&mut sink);
-        let mut dictionary_end = 0;
-        if let Some((buf, count)) = dictionary {
-            let size = buf.len();
-            let page = Page::DictionaryPage {
-                buf: buf.into(),
-                num_values: count as u32,
-                encoding: Encoding::PLAIN,
-                is_sorted: false,
-            };
-            dictionary_end = writer
-                .write_page(CompressedPage::new(page, size))?
-                .bytes_written;
+    ///
+    /// # Errors
+    ///
+    /// If the pages cannot be assembled.
+    pub fn encode(&self, descr: ColumnDescPtr, is_packed: bool) -> Result<Chunk> {
+        let mut data = Vec::with_capacity(self.len());
+        if descr.max_def_level() > 0 {
+            self.levels(&mut data);
         }
-        let size = data.len();
-        let page = Page::DataPage {
-            buf: data.into(),
-            num_values: self.len() as u32,
+        let Encoded {
             encoding,
-            def_level_encoding: Encoding::RLE,
-            rep_level_encoding: Encoding::RLE,
-            statistics: None,
+            dictionary,
+        } = self.values.encode(self.gaps(), self.is_few, &mut data)?;
+        let mut pages = vec![Squeezed::of(data, is_packed)?];
+        let is_small = pages[0].is_small;
+        let codec = match is_small {
+            true => Compression::ZSTD(ZstdLevel::default()),
+            false => Compression::UNCOMPRESSED,
         };
-        writer.write_page(CompressedPage::new(page, size))?;
+        let mut count = 0;
+        if let Some((bytes, values)) = dictionary {
+            count = values;
+            pages.insert(0, Squeezed::like(bytes, is_small)?);
+        }
+        let mut sink = TrackedWrite::new(Vec::new());
+        let dictionary_end = self.write_pages(&mut sink, &pages, count, encoding)?;
         let bytes: Bytes = sink.into_inner()?.into();
+        let saved: i64 = pages.iter().map(Squeezed::saved).sum();
         let mut metadata = ColumnChunkMetaData::builder(descr)
-            .set_compression(Compression::UNCOMPRESSED)
+            .set_compression(codec)
             .set_encodings(vec![Encoding::RLE, encoding])
             .set_num_values(self.len() as i64)
             .set_total_compressed_size(bytes.len() as i64)
-            .set_total_uncompressed_size(bytes.len() as i64)
+            .set_total_uncompressed_size(bytes.len() as i64 + saved)
             .set_data_page_offset(dictionary_end as i64);
         if dictionary_end > 0 {
             metadata = metadata
@@ -151,119 +133,88 @@ impl Column<'_> {
         Ok(Chunk { bytes, close })
     }
 
-    /// The dictionary, if there is one, with the number of its values; and the page of data.
-    fn pages(&self) -> (Option<(Vec<u8>, usize)>, Vec<u8>) {
-        let mut data = Vec::with_capacity(self.len());
-        if let Some(missing) = self.missing {
-            self.levels(missing, &mut data);
+    /// Writes the dictionary, if there is one of some values, and the page of data; the end of the former.
+    fn write_pages(
+        &self,
+        sink: &mut TrackedWrite<Vec<u8>>,
+        pages: &[Squeezed],
+        count: usize,
+        encoding: Encoding,
+    ) -> Result<u64> {
+        let mut writer = SerializedPageWriter::new(sink);
+        let mut dictionary_end = 0;
+        if let [dictionary, _] = pages {
+            let page = Page::DictionaryPage {
+                buf: dictionary.stored.clone(),
+                num_values: count as u32,
+                encoding: Encoding::PLAIN,
+                is_sorted: false,
+            };
+            let page = CompressedPage::new(page, dictionary.length);
+            dictionary_end = writer.write_page(page)?.bytes_written;
         }
-        let dictionary = match self.values {
-            Values::Long(values) => {
-                delta::encode_wide(values, &mut data);
-                None
-            }
-            Values::Int(values) => {
-                delta::encode(values, &mut data);
-                None
-            }
-            Values::Short(values) => {
-                delta::encode(values, &mut data);
-                None
-            }
-            Values::FewShort(values) => Some(self.coded(values, &mut data, |value, out| {
-                out.extend_from_slice(&i32::from(value).to_le_bytes());
-            })),
-            Values::FewByte(values) => Some(self.coded(values, &mut data, |value, out| {
-                out.extend_from_slice(&i32::from(value).to_le_bytes());
-            })),
-            Values::Name(places, names) => Some(self.coded(places, &mut data, |place, out| {
-                let name = &names[place as usize];
-                out.extend_from_slice(&(name.len() as u32).to_le_bytes());
-                out.extend_from_slice(name.as_bytes());
-            })),
+        let data = &pages[pages.len() - 1];
+        let page = Page::DataPage {
+            buf: data.stored.clone(),
+            num_values: self.len() as u32,
+            encoding,
+            def_level_encoding: Encoding::RLE,
+            rep_level_encoding: Encoding::RLE,
+            statistics: None,
         };
-        (dictionary, data)
+        writer.write_page(CompressedPage::new(page, data.length))?;
+        Ok(dictionary_end)
     }
 
     /// Which rows have a value, after the number of bytes that say so.
-    fn levels(&self, missing: &[u8], data: &mut Vec<u8>) {
-        let there: Vec<u8> = missing.iter().map(|&none| 1 - none).collect();
+    fn levels(&self, data: &mut Vec<u8>) {
         let start = data.len();
         data.extend_from_slice(&[0; 4]);
-        runs::encode(&there, data);
+        match self.gaps() {
+            Some(missing) => {
+                let there: Vec<u8> = missing.iter().map(|&none| u8::from(!none)).collect();
+                runs::encode(&there, 1, data);
+            }
+            None => runs::repeat(1, self.len(), data),
+        }
         let length = (data.len() - start - 4) as u32;
         data[start..start + 4].copy_from_slice(&length.to_le_bytes());
     }
+}
 
-    /// Codes of the values that are there; the dictionary as bytes, and its length.
-    fn coded<T: Copy + PartialEq>(
-        &self,
-        values: &[T],
-        data: &mut Vec<u8>,
-        write: impl Fn(T, &mut Vec<u8>),
-    ) -> (Vec<u8>, usize) {
-        let found = match self.missing {
-            Some(missing) if missing.contains(&1) => {
-                let rows = values.iter().zip(missing).filter(|(_, none)| **none == 0);
-                let there: Vec<T> = rows.map(|(value, _)| *value).collect();
-                runs::encode_coded(&there, data)
-            }
-            _ => runs::encode_coded(values, data),
+impl Squeezed {
+    /// A page, compressed where that makes it clearly smaller.
+    fn of(whole: Vec<u8>, is_packed: bool) -> Result<Self> {
+        let small = match is_packed {
+            true => packing::worthwhile(&whole).map_err(no_compression)?,
+            false => None,
         };
-        let mut bytes = Vec::new();
-        for &value in &found {
-            write(value, &mut bytes);
+        Ok(Self::with(whole, small))
+    }
+
+    /// A page, compressed if another one of its column is.
+    fn like(whole: Vec<u8>, is_small: bool) -> Result<Self> {
+        let small = match is_small {
+            true => Some(packing::compressed(&whole).map_err(no_compression)?),
+            false => None,
+        };
+        Ok(Self::with(whole, small))
+    }
+
+    fn with(whole: Vec<u8>, small: Option<Vec<u8>>) -> Self {
+        Self {
+            length: whole.len(),
+            is_small: small.is_some(),
+            stored: small.unwrap_or(whole).into(),
         }
-        (bytes, found.len())
+    }
+
+    /// By how much the file is shorter for the compression.
+    fn saved(&self) -> i64 {
+        self.length as i64 - self.stored.len() as i64
     }
 }
 
-impl Values<'_> {
-    fn digest(&self, hasher: &mut blake3::Hasher) {
-        match self {
-            Values::Long(values) => hash_words(values, hasher, i64::to_le_bytes),
-            Values::Int(values) => hash_words(values, hasher, i32::to_le_bytes),
-            Values::Short(values) | Values::FewShort(values) => {
-                hash_words(values, hasher, i16::to_le_bytes);
-            }
-            Values::FewByte(values) => {
-                hasher.update(values);
-            }
-            Values::Name(values, _) => hash_words(values, hasher, i8::to_le_bytes),
-        }
-    }
-
-    /// The smallest and the largest value.
-    fn range(&self) -> Option<Statistics> {
-        let int = |least: Option<i32>, most| Statistics::int32(least, most, None, Some(0), false);
-        match self {
-            Values::Long(values) => {
-                let (least, most) = (values.iter().min().copied(), values.iter().max().copied());
-                Some(Statistics::int64(least, most, None, Some(0), false))
-            }
-            Values::Int(values) => Some(int(
-                values.iter().min().copied(),
-                values.iter().max().copied(),
-            )),
-            Values::FewByte(values) => Some(int(
-                values.iter().min().copied().map(i32::from),
-                values.iter().max().copied().map(i32::from),
-            )),
-            _ => None,
-        }
-    }
-}
-
-/// Adds numbers to a hash, the lowest byte first on every machine.
-fn hash_words<T: bytemuck::NoUninit, const N: usize>(
-    values: &[T],
-    hasher: &mut blake3::Hasher,
-    bytes: impl Fn(T) -> [u8; N],
-) {
-    if cfg!(target_endian = "little") {
-        hasher.update(bytemuck::cast_slice(values));
-    } else {
-        let turned: Vec<[u8; N]> = values.iter().map(|&value| bytes(value)).collect();
-        hasher.update(turned.as_flattened());
-    }
+fn no_compression(error: std::io::Error) -> ParquetError {
+    ParquetError::General(format!("cannot compress: {error}"))
 }

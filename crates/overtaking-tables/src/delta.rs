@@ -23,23 +23,21 @@ pub fn encode<T: Copy + Into<i32>>(values: &[T], out: &mut Vec<u8>) {
     );
 }
 
-/// Appends some values, which Parquet has as INT64.
-///
-/// # Panics
-///
-/// If values that follow each other are 2^30 or more apart, as sorted numbers of simulations never are.
-pub fn encode_wide(values: &[i64], out: &mut Vec<u8>) {
+/// Appends some values, which Parquet has as INT64, if those that follow each other are less than 2^30 apart,
+/// as sorted numbers of simulations are; whether they are.
+pub fn encode_wide(values: &[i64], out: &mut Vec<u8>) -> bool {
+    // Half the range, so that differences of differences fit as well.
+    let is_near = |pair: &[i64]| pair[1].wrapping_sub(pair[0]).unsigned_abs() < 1 << 30;
+    if !values.windows(2).all(is_near) {
+        return false;
+    }
     header(values.len(), values.first().copied().unwrap_or(0), out);
-    let step = |before: i64, value: i64| {
-        let step = value.wrapping_sub(before);
-        // Half the range, so that differences of differences fit as well.
-        assert!(
-            step.unsigned_abs() < 1 << 30,
-            "numbers less than 2^30 apart"
-        );
-        step as i32
-    };
-    blocks(values, step, out);
+    blocks(
+        values,
+        |before, value| value.wrapping_sub(before) as i32,
+        out,
+    );
+    true
 }
 
 /// Appends the blocks of some values after the first.

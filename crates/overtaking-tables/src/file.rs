@@ -11,7 +11,7 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::SchemaDescriptor;
 use rayon::prelude::*;
 
-use crate::column::{Chunk, Column};
+use crate::column::{Chunk, Column, Hashes};
 
 /// Bytes that were written and not yet fetched.
 #[derive(Clone, Default)]
@@ -41,7 +41,8 @@ impl Write for Pending {
 pub struct FileWriter {
     writer: SerializedFileWriter<Pending>,
     pending: Pending,
-    hashes: Vec<(blake3::Hasher, blake3::Hasher)>,
+    hashes: Vec<Hashes>,
+    is_packed: bool,
 }
 
 impl FileWriter {
@@ -51,11 +52,12 @@ impl FileWriter {
     ///
     /// * `template`: an empty Parquet file; its schema and metadata become those of this one.
     /// * `keys`: places of the columns that the rows are sorted by.
+    /// * `is_packed`: whether pages are compressed where that makes them smaller.
     ///
     /// # Errors
     ///
     /// If the template is no Parquet file.
-    pub fn new(template: Bytes, keys: &[usize]) -> Result<Self> {
+    pub fn new(template: Bytes, keys: &[usize], is_packed: bool) -> Result<Self> {
         let given = ParquetMetaDataReader::new().parse_and_finish(&template)?;
         let about = given.file_metadata();
         let sorting = keys.iter().map(|&key| SortingColumn {
@@ -74,6 +76,7 @@ impl FileWriter {
             writer: SerializedFileWriter::new(pending.clone(), schema, Arc::new(properties))?,
             pending,
             hashes: vec![Default::default(); about.schema_descr().num_columns()],
+            is_packed,
         })
     }
 
@@ -87,9 +90,9 @@ impl FileWriter {
         check(columns, schema)?;
         let chunks = (columns, self.hashes.as_mut_slice(), schema.columns())
             .into_par_iter()
-            .map(|(column, (values, missing), descr)| {
-                column.digest(values, missing);
-                column.encode(descr.clone())
+            .map(|(column, hashes, descr)| {
+                column.digest(descr.max_def_level() > 0, hashes);
+                column.encode(descr.clone(), self.is_packed)
             })
             .collect::<Result<Vec<Chunk>>>()?;
         let mut group = self.writer.next_row_group()?;
@@ -106,7 +109,7 @@ impl FileWriter {
         let text = |hash: &blake3::Hasher| hash.finalize().to_hex().to_string();
         self.hashes
             .iter()
-            .map(|(values, missing)| (text(values), text(missing)))
+            .map(|both| (text(&both.values), text(&both.missing)))
             .collect()
     }
 
@@ -136,11 +139,11 @@ fn check(columns: &[Column<'_>], schema: &SchemaDescriptor) -> Result<()> {
     }
     for (column, descr) in columns.iter().zip(schema.columns()) {
         let fits = column.physical_type() == descr.physical_type()
-            && column.missing.is_some() == (descr.max_def_level() > 0)
+            && column.len() == columns[0].len()
             && column
                 .missing
-                .is_none_or(|missing| missing.len() == column.len())
-            && column.len() == columns[0].len();
+                .is_none_or(|missing| missing.len() == column.len() && descr.max_def_level() > 0)
+            && column.values.are_known(column.missing);
         if !fits {
             let name = descr.name();
             return Err(ParquetError::General(format!(

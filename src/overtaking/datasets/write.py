@@ -29,6 +29,7 @@ from overtaking.tables.files import (
     read_table,
     sha256_of,
 )
+from overtaking.tables.rows import Rows
 
 MARK = "simulations"
 """The table whose file is the commit mark of its shard."""
@@ -47,7 +48,7 @@ def name_of(table: str, shard: Shard) -> str:
 def write_shard(
     place: Place,
     shard: Shard,
-    pieces: Iterable[Mapping[str, pa.Table]],
+    pieces: Iterable[Mapping[str, Rows]],
     *,
     tables: tuple[str, ...],
     fingerprint: str,
@@ -140,7 +141,7 @@ def _finish(writers: Mapping[str, TableWriter], fingerprint: str) -> dict[str, F
 
 
 def _write_pieces(
-    pieces: Iterable[Mapping[str, pa.Table]],
+    pieces: Iterable[Mapping[str, Rows]],
     writers: Mapping[str, TableWriter],
     on_piece: Callable[[int], None],
 ) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.core.elementary import F32, clamp, maximum
+from overtaking.core.compiled import clamp, maximum
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import AIR_DENSITY, GRAVITY
 from overtaking.knowledge import (
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from overtaking.core.elementary import F32
     from overtaking.scenarios.schema import Traffic
 
 POWER_RESERVE = 1.25

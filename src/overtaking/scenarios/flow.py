@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, exp, maximum, minimum
+from overtaking.core.compiled import exp, maximum, minimum
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge import VEHICLE_CLASS_ORDER
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from overtaking.core.elementary import F32, Mask
     from overtaking.scenarios.schema_flow import Flow
 
 T = TypeVar("T", bound=np.generic)

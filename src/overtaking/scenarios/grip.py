@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.core.elementary import F32, maximum, minimum
+from overtaking.core.compiled import maximum, minimum
 from overtaking.core.units import GRAVITY
 from overtaking.knowledge import weather_maps
 from overtaking.model.vehicles import VehicleKind, VehicleSpecs
@@ -14,6 +14,7 @@ from overtaking.physics import film, friction
 from overtaking.physics.constants import constants
 
 if TYPE_CHECKING:
+    from overtaking.core.elementary import F32
     from overtaking.model.road import Road
     from overtaking.model.weather import Weather
     from overtaking.scenarios.noise import U8

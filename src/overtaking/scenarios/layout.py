@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, maximum, minimum, power
+from overtaking.core.compiled import maximum, minimum, power
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.vehicles import Role
@@ -23,6 +23,7 @@ from overtaking.scenarios.people import LEAD_SLOT
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from overtaking.core.elementary import F32, Mask
     from overtaking.scenarios.schema import Starts, Traffic
 
 T = TypeVar("T", bound=np.generic)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.core.elementary import F32, minimum
+from overtaking.core.compiled import minimum
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.vehicles import Role
 from overtaking.scenarios import flow as layout
@@ -19,6 +19,7 @@ from overtaking.scenarios.noise import REACH, U8
 from overtaking.scenarios.people import drivers_with, most_cruise, sample_traits
 
 if TYPE_CHECKING:
+    from overtaking.core.elementary import F32
     from overtaking.core.philox import U64
     from overtaking.model.drivers import Drivers
     from overtaking.model.road import Road

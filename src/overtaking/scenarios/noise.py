@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.compiled import Draws, normal_pair
-from overtaking.core.elementary import F32, clamp
+from overtaking.core.compiled import Draws, clamp, normal_pair
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from overtaking.core.elementary import F32
     from overtaking.core.philox import U32, U64
 
 U8: TypeAlias = NDArray[np.uint8]

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, exp, power
+from overtaking.core.compiled import exp, power
+from overtaking.core.elementary import F32, Mask
 from overtaking.core.philox import U64, Stream
 from overtaking.scenarios.noise import Noise, spread
 

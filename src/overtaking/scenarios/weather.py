@@ -6,7 +6,8 @@ from functools import cache
 
 import numpy as np
 
-from overtaking.core.elementary import F32, PI, Mask, log, maximum, minimum, power
+from overtaking.core.compiled import log, maximum, minimum, power
+from overtaking.core.elementary import F32, PI, Mask
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import rad_from_deg
 from overtaking.knowledge import Preset, presets, weather_maps

@@ -5,7 +5,7 @@ than simulating the scenarios of a paper, and writing a data set does not need i
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -13,6 +13,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
+
+
+class Masked(NamedTuple):
+    """Values of a column and where they are null."""
+
+    values: Array
+    missing: Mask
 
 
 def to_arrow(values: Array, missing: Mask | None = None) -> pa.Array:

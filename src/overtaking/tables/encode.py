@@ -1,8 +1,8 @@
 """Recorded simulations as tables: without padding, not rounded again, null where nothing is."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 import pyarrow as pa
@@ -15,16 +15,15 @@ from overtaking.model.road import Road
 from overtaking.model.trajectory import NO_VEHICLE, Percepts, Stage, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.model.weather import NO_PRESET
-from overtaking.tables.arrow import Array, Mask, to_arrow, to_names, to_same_text, to_texts
-from overtaking.tables.columns import names_of
+from overtaking.tables.arrow import Array, Mask, Masked
 from overtaking.tables.derived import derived_weather
+from overtaking.tables.rows import Given, Rows, Texts, nothing, texts_of
 from overtaking.tables.schemas import (
     BODY_FIELDS,
     DRIVER_FIELDS,
     NEIGHBOURS,
     NUM_INDICATOR_BITS,
     RECORDED_TABLES,
-    SCHEMAS,
     STATE_FIELDS,
     WEATHER_FIELDS,
 )
@@ -35,16 +34,6 @@ Numbers = NDArray[np.int64]
 """Numbers of the simulations in their data set, shape (simulation,)."""
 
 _INDICATOR_BITS = (1 << NUM_INDICATOR_BITS) - 1
-
-
-class Masked(NamedTuple):
-    """Values of a column and where they are null."""
-
-    values: Array
-    missing: Mask
-
-
-Column = Array | Masked | pa.Array
 
 
 def encode(
@@ -61,27 +50,39 @@ def encode(
         tables: Which tables; all if left out.
         sources: Where in a recording each simulation comes from; None for what was simulated.
     """
+    made = encoded_rows(trajectories, numbers, tables, sources)
+    return {name: rows.arrow() for name, rows in made.items()}
+
+
+def encoded_rows(
+    trajectories: Trajectories,
+    numbers: Numbers,
+    tables: Iterable[str] = RECORDED_TABLES,
+    sources: Sequence[str] | None = None,
+) -> dict[str, Rows]:
+    """The rows of the tables that `encode` makes."""
     made = {name: _ENCODERS[name](trajectories, numbers) for name in tables}
     if trajectories.unknown:
-        made = {name: _silenced(name, table, trajectories) for name, table in made.items()}
+        made = {name: _silenced(name, rows, trajectories) for name, rows in made.items()}
     if sources is not None and "simulations" in made:
         made["simulations"] = _recorded(made["simulations"], sources)
     return made
 
 
-def simulations(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
+def simulations(trajectories: Trajectories, numbers: Numbers) -> Rows:
     """One row per simulation."""
     scenario = trajectories.scenario
     count = scenario.num_simulations
     words = np.ascontiguousarray(trajectories.trace_hash.astype("<u4"))
-    return build(
+    nowhere = Texts(np.zeros(count, np.int32), (), np.ones(count, np.bool_))
+    return Rows.build(
         "simulations",
         {
             "simulation": numbers,
             "seed": np.full(count, scenario.seed, dtype=np.uint64),
             "index": scenario.index,
-            "profile": to_same_text(scenario.profile, count),
-            "road": to_same_text(scenario.road.name, count),
+            "profile": Texts.same(scenario.profile, count),
+            "road": Texts.same(scenario.road.name, count),
             "num_vehicles": scenario.num_vehicles.astype(np.uint8),
             "weather": numbers,
             "num_frames": trajectories.num_frames,
@@ -89,64 +90,67 @@ def simulations(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
             "horizon_s": scenario.horizon,
             "attempt_deadline_s": scenario.attempt_deadline,
             "weight": scenario.weight,
-            "trace_hash": pa.Array.from_buffers(pa.binary(16), count, [None, pa.py_buffer(words)]),
-            "source_recording": pa.nulls(count, pa.string()),
+            "trace_hash": words.view(np.uint8).reshape(-1),
+            "source_recording": nowhere,
         },
     )
 
 
-def weather(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
+def weather(trajectories: Trajectories, numbers: Numbers) -> Rows:
     """One row per simulation: each has weather of its own."""
     given = trajectories.scenario.weather
     names = tuple(presets())
     unnamed = given.preset == NO_PRESET
-    preset = to_names(np.where(unnamed, 0, given.preset), names, unnamed)
-    return build(
+    return Rows.build(
         "weather",
         {
             "weather": numbers,
-            "preset": preset.dictionary_decode(),
+            "preset": Texts(np.where(unnamed, 0, given.preset).astype(np.int32), names, unnamed),
             **{column: getattr(given, name) for name, column in WEATHER_FIELDS},
             **derived_weather(trajectories.scenario),
         },
     )
 
 
-def vehicles(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
+def vehicles(trajectories: Trajectories, numbers: Numbers) -> Rows:
     """One row per simulation and vehicle: its body, its driver, its start and its first contact."""
     scenario, contacts = trajectories.scenario, trajectories.contacts
     bodies, valid = scenario.vehicles, scenario.vehicles.valid
-    simulation, slot = np.nonzero(valid)
-    no_contact = contacts.partner[valid] == NO_VEHICLE
+    filled = np.flatnonzero(valid)
+    simulation, slot = np.divmod(filled, valid.shape[1])
+    partner = _picked(contacts.partner, filled)
+    no_contact = partner == NO_VEHICLE
     lane_id = Surroundings.of(scenario.road).lane_id
-    return build(
+    return Rows.build(
         "vehicles",
         {
             "simulation": numbers[simulation],
             "vehicle": slot.astype(np.uint8),
             "role": (slot != Role.EGO).astype(np.int32),
-            "kind": bodies.kind[valid],
-            "colour": bodies.colour[valid],
-            **_attributes(bodies, BODY_FIELDS, valid),
-            **_attributes(scenario.drivers, DRIVER_FIELDS, valid),
-            "start_s_m": scenario.start_s[valid],
-            "start_lane_id": lane_id[scenario.start_lane[valid]],
-            "start_speed_mps": scenario.start_speed[valid],
-            "contact_vehicle": Masked(contacts.partner[valid], no_contact),
-            "contact_time_ms": Masked(contacts.time[valid], no_contact),
-            "contact_impulse_newton_s": Masked(contacts.impulse[valid], no_contact),
-            "contact_closing_speed_mmps": Masked(contacts.closing_speed[valid], no_contact),
+            "kind": _picked(bodies.kind, filled),
+            "colour": _picked(bodies.colour, filled),
+            **_attributes(bodies, BODY_FIELDS, filled),
+            **_attributes(scenario.drivers, DRIVER_FIELDS, filled),
+            "start_s_m": _picked(scenario.start_s, filled),
+            "start_lane_id": lane_id[_picked(scenario.start_lane, filled)],
+            "start_speed_mps": _picked(scenario.start_speed, filled),
+            "contact_vehicle": Masked(partner, no_contact),
+            "contact_time_ms": Masked(_picked(contacts.time, filled), no_contact),
+            "contact_impulse_newton_s": Masked(_picked(contacts.impulse, filled), no_contact),
+            "contact_closing_speed_mmps": Masked(
+                _picked(contacts.closing_speed, filled), no_contact
+            ),
         },
     )
 
 
-def frames(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
+def frames(trajectories: Trajectories, numbers: Numbers) -> Rows:
     """One row per simulation and frame: what is the same for all vehicles, and the ego's lane."""
     simulation, frame = np.nonzero(trajectories.frame_valid)
     stage = trajectories.stage[simulation, frame]
     partner = trajectories.collided_with[simulation, frame]
     lane = trajectories.states.lane[simulation, Role.EGO, frame]
-    return build(
+    return Rows.build(
         "frames",
         {
             "simulation": numbers[simulation],
@@ -174,14 +178,14 @@ def overtaking(trajectories: Trajectories) -> Mask:
     return first
 
 
-def states(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
+def states(trajectories: Trajectories, numbers: Numbers) -> Rows:
     """One row per simulation, vehicle and frame, in this order."""
     recorded = trajectories.states
     rows = _Rows.of(trajectories)
     lane = rows.of_state(recorded.lane)
     lights = rows.of_state(recorded.lights)
     around = Surroundings.of(trajectories.road)
-    return build(
+    return Rows.build(
         "states",
         {
             "simulation": numbers[rows.simulation],
@@ -195,23 +199,21 @@ def states(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     )
 
 
-def percepts(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
+def percepts(trajectories: Trajectories, numbers: Numbers) -> Rows:
     """One row per simulation and decision of the ego."""
     believed = trajectories.percepts
-    simulation, slot = np.nonzero(believed.valid)
-    decision = (np.cumsum(believed.valid, axis=1) - 1)[simulation, slot]
-    return build(
+    made = np.flatnonzero(believed.valid)
+    simulation = made // believed.valid.shape[1]
+    begins = np.searchsorted(simulation, simulation)
+    decision = np.arange(len(made)) - begins
+    return Rows.build(
         "percepts",
         {
             "simulation": numbers[simulation],
             "decision": decision.astype(np.int32),
-            "kind": believed.kind[believed.valid],
-            "time_ms": believed.time[believed.valid],
-            **{
-                name: values
-                for place, who in enumerate(NEIGHBOURS)
-                for name, values in _percept(believed, place, who).items()
-            },
+            "kind": _picked(believed.kind, made),
+            "time_ms": _picked(believed.time, made),
+            **_of_neighbours(believed, made),
         },
     )
 
@@ -226,51 +228,32 @@ _ENCODERS = {
 }
 
 
-def build(table: str, columns: Mapping[str, Column]) -> pa.Table:
-    """The columns of a table in the order of its schema; enumerations are given as codes."""
-    schema = SCHEMAS[table]
-    arrays = [_array(columns[field.name], field) for field in schema]
-    return pa.Table.from_arrays(arrays, schema=schema)
-
-
-def _silenced(name: str, table: pa.Table, trajectories: Trajectories) -> pa.Table:
-    """A table with null in the columns of which the source of the recording says nothing."""
+def _silenced(name: str, rows: Rows, trajectories: Trajectories) -> Rows:
+    """Rows with null in the columns of which the source of the recording says nothing."""
     silent = silent_columns(name, trajectories.unknown)
-    arrays = [
-        _nulls(field, table.num_rows) if field.name in silent else table.column(place)
-        for place, field in enumerate(table.schema)
-    ]
-    return pa.Table.from_arrays(arrays, schema=schema_of(name, trajectories.unknown))
+    gone = {
+        field.name: nothing(field, rows.num_rows) for field in rows.schema if field.name in silent
+    }
+    return rows.with_columns(schema_of(name, trajectories.unknown), gone)
 
 
-def _nulls(field: pa.Field, count: int) -> pa.Array:
-    """A column without values."""
-    if names := names_of(field):
-        return to_names(np.zeros(count, np.int32), names, np.ones(count, np.bool_))
-    return pa.nulls(count, field.type)
-
-
-def _recorded(table: pa.Table, sources: Sequence[str]) -> pa.Table:
+def _recorded(rows: Rows, sources: Sequence[str]) -> Rows:
     """The `simulations` of a recording: where they come from, and no seed."""
-    new = {"seed": pa.nulls(len(sources), pa.uint64()), "source_recording": to_texts(sources)}
-    arrays = [new.get(name, table[name]) for name in table.schema.names]
-    return pa.Table.from_arrays(arrays, schema=schema_of("simulations", recorded=True))
+    seed = nothing(rows.schema.field("seed"), rows.num_rows)
+    new = {"seed": seed, "source_recording": texts_of(sources)}
+    return rows.with_columns(schema_of("simulations", recorded=True), new)
 
 
-def _array(column: Column, field: pa.Field) -> pa.Array:
-    if isinstance(column, pa.Array):
-        return column
-    values, missing = column if isinstance(column, Masked) else (column, None)
-    if names := names_of(field):
-        return to_names(values, names, missing)
-    array = to_arrow(values, missing)
-    assert array.type == field.type, f"{field.name}: {array.type} instead of {field.type}"
-    return array
-
-
-def _attributes(batch: Batch, fields: Iterable[tuple[str, str]], valid: Mask) -> dict[str, Array]:
+def _attributes(
+    batch: Batch, fields: Iterable[tuple[str, str]], filled: NDArray[np.int64]
+) -> dict[str, Array]:
     """The filled slots of some arrays of shape (simulation, vehicle), by column."""
-    return {column: getattr(batch, name)[valid] for name, column in fields}
+    return {column: _picked(getattr(batch, name), filled) for name, column in fields}
+
+
+def _picked(values: Array, filled: NDArray[np.int64]) -> Array:
+    """The filled slots of an array of shape (simulation, vehicle); faster than with a mask."""
+    return values.reshape(-1).take(filled)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -327,7 +310,7 @@ class _Rows:
         return _core.compact(values.reshape(len(self.counts), -1), self.counts)
 
 
-def _ego_lane(road: Road, lane: NDArray[np.uint8]) -> dict[str, Column]:
+def _ego_lane(road: Road, lane: NDArray[np.uint8]) -> dict[str, Given]:
     """What belongs to the lane that the ego is in, null where it is in none."""
     around = Surroundings.of(road)
     off = ~around.on_road[lane]
@@ -345,19 +328,25 @@ def _ego_lane(road: Road, lane: NDArray[np.uint8]) -> dict[str, Column]:
     }
 
 
-def _percept(believed: Percepts, place: int, who: str) -> dict[str, Column]:
-    """The columns about one neighbour; `place` is its index on the last axis."""
+def _of_neighbours(believed: Percepts, made: NDArray[np.int64]) -> dict[str, Given]:
+    """The columns about the neighbours, in the decisions that were made."""
 
     def rows(values: Array) -> Array:
-        return values[believed.valid][:, place]
+        """One row for each neighbour."""
+        return np.ascontiguousarray(values.reshape(-1, len(NEIGHBOURS)).take(made, axis=0).T)
 
-    nobody = rows(believed.vehicle) == NO_VEHICLE
-    unseen = ~rows(believed.detected)
-    return {
-        f"{who}_vehicle": Masked(rows(believed.vehicle), nobody),
-        f"{who}_detected": ~unseen,
-        f"{who}_gap_mm": Masked(rows(believed.gap), unseen),
-        f"{who}_closing_speed_mmps": Masked(rows(believed.closing_speed), unseen),
-        f"{who}_true_gap_mm": Masked(rows(believed.true_gap), nobody),
-        f"{who}_true_closing_speed_mmps": Masked(rows(believed.true_closing_speed), nobody),
-    }
+    vehicle, detected = rows(believed.vehicle), rows(believed.detected)
+    gap, closing_speed = rows(believed.gap), rows(believed.closing_speed)
+    true_gap, true_speed = rows(believed.true_gap), rows(believed.true_closing_speed)
+    columns: dict[str, Given] = {}
+    for place, who in enumerate(NEIGHBOURS):
+        nobody, unseen = vehicle[place] == NO_VEHICLE, ~detected[place]
+        columns |= {
+            f"{who}_vehicle": Masked(vehicle[place], nobody),
+            f"{who}_detected": detected[place],
+            f"{who}_gap_mm": Masked(gap[place], unseen),
+            f"{who}_closing_speed_mmps": Masked(closing_speed[place], unseen),
+            f"{who}_true_gap_mm": Masked(true_gap[place], nobody),
+            f"{who}_true_closing_speed_mmps": Masked(true_speed[place], nobody),
+        }
+    return columns

@@ -16,10 +16,12 @@ from overtaking.model.safety import MOMENTS
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.model.vehicles import Role
 from overtaking.rules import PORTUGAL
-from overtaking.tables.arrow import to_same_text
+from overtaking.tables.arrow import Masked
 from overtaking.tables.decision_columns import DECISION_COLUMNS
-from overtaking.tables.encode import Masked, Numbers, build
+from overtaking.tables.encode import Numbers
 from overtaking.tables.label_schemas import ARTICLES, EVENTS_IN_ORDER, POLICY_NAMES, READINGS
+from overtaking.tables.measured import masked_columns
+from overtaking.tables.rows import Rows, Texts
 from overtaking.tables.safety_columns import MANOEUVRE_COLUMNS, SAFETY_COLUMNS
 
 Weights = NDArray[np.float64]
@@ -38,6 +40,14 @@ def encode_labels(
         class_weight: Weights that give back the natural rates, shape (simulation,); the sampling
             weights if left out.
     """
+    made = label_rows(labelled, numbers, class_weight)
+    return {name: rows.arrow() for name, rows in made.items()}
+
+
+def label_rows(
+    labelled: Labelled, numbers: Numbers, class_weight: Weights | None = None
+) -> dict[str, Rows]:
+    """The rows of the tables that `encode_labels` makes."""
     weight = labelled.trajectories.scenario.weight if class_weight is None else class_weight
     return {
         "events": events(labelled, numbers),
@@ -49,7 +59,7 @@ def encode_labels(
     }
 
 
-def events(labelled: Labelled, numbers: Numbers) -> pa.Table:
+def events(labelled: Labelled, numbers: Numbers) -> Rows:
     """One row per simulation and event that happened."""
     found = labelled.events
     frames = np.stack([getattr(found, name) for name in EVENTS_IN_ORDER], axis=1)
@@ -58,7 +68,7 @@ def events(labelled: Labelled, numbers: Numbers) -> pa.Table:
     is_contact = event == EVENTS_IN_ORDER.index("collision")
     vehicle = np.where(is_contact, found.partner[simulation], found.target[simulation])
     interval = np.int32(labelled.signals.frame_interval_ms)
-    return build(
+    return Rows.build(
         "events",
         {
             "simulation": numbers[simulation],
@@ -78,12 +88,12 @@ def _speed_change(labelled: Labelled) -> NDArray[np.floating[Any]]:
     return impulse / run.scenario.vehicles.mass[:, Role.EGO]
 
 
-def labels(labelled: Labelled, numbers: Numbers, weight: Weights) -> pa.Table:
+def labels(labelled: Labelled, numbers: Numbers, weight: Weights) -> Rows:
     """One row per simulation and policy."""
     found = labelled.labels
     count, policies = found.classes.shape
     code = [POLICY_NAMES.names.index(name) for name in found.policies]
-    return build(
+    return Rows.build(
         "labels",
         {
             "simulation": np.repeat(numbers, policies),
@@ -94,13 +104,13 @@ def labels(labelled: Labelled, numbers: Numbers, weight: Weights) -> pa.Table:
             "legal_as_far_as_decidable": found.is_legal.reshape(-1),
             "num_broken": found.num_broken.reshape(-1),
             "num_undecidable": found.num_undecidable.reshape(-1),
-            "rule_set": to_same_text(labelled.findings.version, count * policies),
+            "rule_set": Texts.same(labelled.findings.version, count * policies),
             "class_weight": np.repeat(weight, policies),
         },
     )
 
 
-def findings(labelled: Labelled, numbers: Numbers) -> pa.Table:
+def findings(labelled: Labelled, numbers: Numbers) -> Rows:
     """One row per simulation and rule."""
     found = labelled.findings
     count, rules = found.verdict.shape
@@ -109,7 +119,7 @@ def findings(labelled: Labelled, numbers: Numbers) -> pa.Table:
     verdict = found.verdict.reshape(-1)
     first, last = found.first.reshape(-1), found.last.reshape(-1)
     judged = (verdict == Verdict.LEGAL) | (verdict == Verdict.ILLEGAL)
-    return build(
+    return Rows.build(
         "findings",
         {
             "simulation": np.repeat(numbers, rules),
@@ -125,7 +135,7 @@ def findings(labelled: Labelled, numbers: Numbers) -> pa.Table:
     )
 
 
-def features(labelled: Labelled, numbers: Numbers) -> pa.Table:
+def features(labelled: Labelled, numbers: Numbers) -> Rows:
     """One row per simulation and way of measuring."""
     unknown = labelled.trajectories.unknown
     readings = [_features(one, numbers, unknown) for one in labelled.features]
@@ -133,7 +143,7 @@ def features(labelled: Labelled, numbers: Numbers) -> pa.Table:
     # Row i of each reading in turn.
     order = np.arange(count * len(readings)).reshape(len(readings), count).T.reshape(-1)
     columns = {name: _interleaved([one[name] for one in readings], order) for name in readings[0]}
-    return build("features", columns)
+    return Rows.build("features", columns)
 
 
 def _interleaved(parts: list[NDArray[Any] | Masked], order: NDArray[np.int64]) -> Any:
@@ -151,31 +161,25 @@ def _missing(part: NDArray[Any] | Masked) -> Mask:
     return part.missing if isinstance(part, Masked) else np.zeros(len(part), dtype=np.bool_)
 
 
-def decisions(labelled: Labelled, numbers: Numbers) -> pa.Table:
+def decisions(labelled: Labelled, numbers: Numbers) -> Rows:
     """One row per simulation: what there was to know when the overtake began, or might have."""
     found, unknown = labelled.decisions, labelled.trajectories.unknown
-    columns = {
-        one.field.name: Masked(one.values(found), one.missing(found, unknown))
-        for one in DECISION_COLUMNS
-    }
-    return build("decisions", {"simulation": numbers, "frame": found.frame, **columns})
+    columns = masked_columns(DECISION_COLUMNS, found, unknown)
+    return Rows.build("decisions", {"simulation": numbers, "frame": found.frame, **columns})
 
 
-def safety(labelled: Labelled, numbers: Numbers) -> pa.Table:
+def safety(labelled: Labelled, numbers: Numbers) -> Rows:
     """One row per simulation and moment that came."""
     found, unknown = labelled.safety, labelled.trajectories.unknown
-    came = found.frame != NEVER
-    simulation, moment = np.nonzero(came)
-    columns = {
-        one.field.name: Masked(one.values(found)[came], one.missing(found, unknown)[came])
-        for one in SAFETY_COLUMNS
-    }
-    whole = moment == MOMENTS.index("manoeuvre")
-    for one in MANOEUVRE_COLUMNS:
-        values, missing = one.values(found), one.missing(found, unknown)
-        columns[one.field.name] = Masked(values[simulation], missing[simulation] | ~whole)
-    keys = {"simulation": numbers[simulation], "moment": moment, "frame": found.frame[came]}
-    return build("safety", keys | columns)
+    came = np.flatnonzero(found.frame != NEVER)
+    simulation, moment = np.divmod(came, len(MOMENTS))
+    columns = masked_columns(SAFETY_COLUMNS, found, unknown, came)
+    others = moment != MOMENTS.index("manoeuvre")
+    once = masked_columns(MANOEUVRE_COLUMNS, found, unknown, simulation)
+    columns |= {name: Masked(one.values, one.missing | others) for name, one in once.items()}
+    frame = found.frame.reshape(-1).take(came)
+    keys = {"simulation": numbers[simulation], "moment": moment, "frame": frame}
+    return Rows.build("safety", keys | columns)
 
 
 def _features(

@@ -14,9 +14,8 @@ import pyarrow.parquet as pq
 
 from overtaking.core.errors import SchemaError
 from overtaking.tables.arrow import column_to_numpy
-from overtaking.tables.columns import names_of
-from overtaking.tables.digest import ContentDigest
 from overtaking.tables.packed import PackedRows
+from overtaking.tables.rows import Rows
 from overtaking.tables.schemas import FORMAT, KEYS, SCHEMAS, VERSION
 
 T = TypeVar("T")
@@ -31,7 +30,7 @@ LEAST_WRITE_BYTES = 1 << 20
 _FEW_VALUES = frozenset({"vehicle", "lane_id", "lights", "right_lane_id", "left_lane_id"})
 """Integers that take few values and rarely change: run lengths beat differences."""
 
-_PACKED = frozenset({"states"})
+_DENSE = frozenset({"states"})
 """The large table: of integers, and of differences that leave little to compress."""
 
 
@@ -69,9 +68,13 @@ class TableWriter:
         Raises:
             OSError: The file cannot be created.
         """
+        given = SCHEMAS[table] if schema is None else schema
+        self._waiting: list[Rows] = []
         self._file = _HashedFile(path)
         try:
-            self._rows = _rows(self._file, table, SCHEMAS[table] if schema is None else schema)
+            self._rows = PackedRows(
+                self._file, given, KEYS[table], _FEW_VALUES, compressed=table not in _DENSE
+            )
         except BaseException:
             self._file.close()
             raise
@@ -87,21 +90,33 @@ class TableWriter:
         trace: TracebackType | None,
     ) -> None:
         """Close the file; without `finish` it stays incomplete and is of no use."""
-        self._rows.abandon()
+        self._waiting.clear()
         self._file.close()
 
-    def write(self, table: pa.Table) -> None:
+    def write(self, piece: Rows | pa.Table) -> None:
         """Append a piece.
 
         Raises:
             OSError: The disk is full or the file cannot be written.
         """
-        if table.num_rows:
-            self._rows.append(table)
+        rows = piece if isinstance(piece, Rows) else Rows.of(piece)
+        if not rows.num_rows:
+            return
+        self._waiting.append(rows)
+        if sum(each.nbytes for each in self._waiting) >= LEAST_GROUP_BYTES:
+            self._write_group()
+
+    def _write_group(self) -> None:
+        """Write what waits as one row group."""
+        if self._waiting:
+            group = Rows.joined(self._waiting)
+            self._waiting.clear()
+            self._rows.append(group)
 
     @property
     def content(self) -> str:
         """Hash over the values so far, 64 hexadecimal digits."""
+        self._write_group()
         return self._rows.content
 
     def finish(self, notes: dict[str, str] | None = None) -> FileFacts:
@@ -113,6 +128,7 @@ class TableWriter:
         Raises:
             OSError: The disk is full or the file cannot be written.
         """
+        self._write_group()
         self._rows.close(notes or {})
         self._file.settle()
         os.fsync(self._file.fileno())
@@ -122,60 +138,6 @@ class TableWriter:
             sha256=self._file.hexdigest(),
             content=self.content,
         )
-
-
-class _ArrowRows:
-    """Encodes any table with pyarrow; pieces become row groups, small ones together."""
-
-    def __init__(self, file: io.RawIOBase, table: str, schema: pa.Schema) -> None:
-        self._waiting: list[pa.Table] = []
-        self._digest = ContentDigest(schema)
-        self._writer = pq.ParquetWriter(file, schema, **_options(table))
-
-    @property
-    def num_rows(self) -> int:
-        """Rows so far."""
-        return self._digest.num_rows
-
-    @property
-    def content(self) -> str:
-        """Hash over the values so far."""
-        self._write_group()
-        return self._digest.hexdigest()
-
-    def append(self, table: pa.Table) -> None:
-        """Append some rows."""
-        self._waiting.append(table)
-        if sum(each.nbytes for each in self._waiting) >= LEAST_GROUP_BYTES:
-            self._write_group()
-
-    def _write_group(self) -> None:
-        """Write what waits as one row group."""
-        if not self._waiting:
-            return
-        table = pa.concat_tables(self._waiting).combine_chunks()
-        self._waiting.clear()
-        self._writer.write_table(table, row_group_size=table.num_rows)
-        self._digest.update(table)
-
-    def close(self, notes: dict[str, str]) -> None:
-        """Complete the file."""
-        self._write_group()
-        if notes:
-            self._writer.add_key_value_metadata(notes)
-        self._writer.close()
-
-    def abandon(self) -> None:
-        """Leave the file as it is."""
-        # The Parquet writer would else complete it when it is collected, full disk or not.
-        self._writer.is_open = False
-
-
-def _rows(file: io.RawIOBase, table: str, schema: pa.Schema) -> _ArrowRows | PackedRows:
-    """What encodes a table: compiled code where it is large, and all of it is known."""
-    if table in _PACKED and schema == SCHEMAS[table]:
-        return PackedRows(file, schema, KEYS[table], _FEW_VALUES)
-    return _ArrowRows(file, table, schema)
 
 
 def sync_folder(folder: Path) -> None:
@@ -283,30 +245,6 @@ class _HashedFile(io.FileIO):
     def hexdigest(self) -> str:
         """Hash over what was written."""
         return self._hash.hexdigest()
-
-
-def _options(table: str) -> dict[str, Any]:
-    """How a table is encoded: chosen by bytes per row and rows per second, see benchmarks."""
-    encodings: dict[str, str] = {}
-    dictionaries: list[str] = []
-    for field in SCHEMAS[table]:
-        if names_of(field) or field.name in _FEW_VALUES or _is_text_or_double(field.type):
-            dictionaries.append(field.name)
-        elif pa.types.is_integer(field.type):
-            encodings[field.name] = "DELTA_BINARY_PACKED"
-    ordering = [(key, "ascending") for key in KEYS[table]]
-    return {
-        "use_dictionary": dictionaries,
-        "column_encoding": encodings,
-        "compression": "zstd",
-        "write_statistics": list(KEYS[table]),
-        "sorting_columns": pq.SortingColumn.from_ordering(SCHEMAS[table], ordering),
-    }
-
-
-def _is_text_or_double(kind: pa.DataType) -> bool:
-    """Texts, and the doubles of the road and the sampling weights, mostly repeat."""
-    return pa.types.is_string(kind) or pa.types.is_float64(kind)
 
 
 def _read(path: Path, action: Callable[[], T]) -> T:

@@ -1,7 +1,8 @@
 """Columns that are attributes of a batch: what they are, and where their values lie."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from operator import attrgetter
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.elementary import Mask
 from overtaking.model.batch import Batch
+from overtaking.tables.arrow import Masked
 from overtaking.tables.columns import SUFFIXES, Enumeration, column
 
 FLOAT, DOUBLE, BOOL, BYTE = pa.float32(), pa.float64(), pa.bool_(), pa.uint8()
@@ -46,23 +48,47 @@ class Measured:
 
     def values(self, batch: Batch) -> NDArray[Any]:
         """The values; infinite ones are null in the table."""
-        return self._picked(batch, self.path)
+        return _picked(batch, self.path, self.place)
 
-    def missing(self, batch: Batch, unknown: Collection[str]) -> Mask:
-        """Where the column is null, of the shape of the values."""
-        values = self.values(batch)
-        if self.needs & frozenset(unknown):
-            return np.ones(values.shape, np.bool_)
-        absent = np.zeros(values.shape, np.bool_)
+
+def masked_columns(
+    columns: Iterable[Measured],
+    batch: Batch,
+    unknown: Collection[str],
+    rows: NDArray[np.int64] | None = None,
+) -> dict[str, Masked]:
+    """Some columns of a table, by name.
+
+    Args:
+        columns: Which.
+        batch: Where their values lie.
+        unknown: What is not known of a recording.
+        rows: Places in the attributes, as if each were flat; None for all of them.
+    """
+
+    @cache
+    def absent(path: str, place: int | None) -> Mask:
+        return chosen(_picked(batch, path, place)) == 0
+
+    def chosen(values: NDArray[Any]) -> NDArray[Any]:
+        return values if rows is None else values.reshape(-1).take(rows)
+
+    def masked(one: Measured) -> Masked:
+        values = chosen(one.values(batch))
+        if not one.needs.isdisjoint(unknown):
+            return Masked(values, np.ones(values.shape, np.bool_))
+        missing = absent(one.present, one.place) if one.present else None
         if values.dtype.kind == "f":
-            absent = ~np.isfinite(values)
-        if not self.present:
-            return absent
-        return absent | (self._picked(batch, self.present) == 0)
+            infinite = ~np.isfinite(values)
+            missing = infinite if missing is None else missing | infinite
+        return Masked(values, np.zeros(values.shape, np.bool_) if missing is None else missing)
 
-    def _picked(self, batch: Batch, path: str) -> NDArray[Any]:
-        found = attrgetter(path)(batch)
-        return found if self.place is None or found.ndim == 1 else found[:, self.place]
+    return {one.field.name: masked(one) for one in columns}
+
+
+def _picked(batch: Batch, path: str, place: int | None) -> NDArray[Any]:
+    found = attrgetter(path)(batch)
+    return found if place is None or found.ndim == 1 else found[:, place]
 
 
 def measured(

@@ -1,4 +1,4 @@
-"""Rows of recorded integers as Parquet, encoded by compiled code.
+"""Rows of tables as Parquet, encoded by compiled code.
 
 The format is Parquet's, as any reader knows it; `crates/overtaking-tables` says how a column is
 encoded. Schema and metadata of a file are those that pyarrow would write.
@@ -6,51 +6,72 @@ encoded. Schema and metadata of a file are those that pyarrow would write.
 
 import io
 from collections.abc import Mapping, Sequence
-from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from overtaking import _core
-from overtaking.tables.arrow import Array, missing_in, to_numpy
-from overtaking.tables.columns import names_of, short_codes
+from overtaking.tables.arrow import Array, Mask
+from overtaking.tables.columns import names_of
 from overtaking.tables.digest import total_of
+from overtaking.tables.rows import Column, Rows
+
+_KINDS = {
+    pa.int64(): "long",
+    pa.uint64(): "long",
+    pa.int32(): "int",
+    pa.int16(): "short",
+    pa.uint8(): "byte",
+    pa.float32(): "float",
+    pa.float64(): "double",
+    pa.bool_(): "flag",
+    pa.string(): "text",
+}
+"""What the encoder calls each type."""
 
 
 class PackedRows:
-    """Encodes a table of integers piece by piece; each piece becomes a row group."""
+    """Encodes a table piece by piece; each piece becomes a row group."""
 
     def __init__(
-        self, file: io.RawIOBase, schema: pa.Schema, keys: Sequence[str], few: frozenset[str]
+        self,
+        file: io.RawIOBase,
+        schema: pa.Schema,
+        keys: Sequence[str],
+        few: frozenset[str],
+        *,
+        compressed: bool,
     ) -> None:
         """Begin a file.
 
         Args:
             file: Where the bytes go.
-            schema: Columns of integers of 8 to 64 bits and of names; nulls only among `few`.
+            schema: Its columns.
             keys: Columns that the rows are sorted by.
-            few: Columns that take few values and rarely change: run lengths beat differences.
+            few: Integers that take few values and rarely change: run lengths beat differences.
+            compressed: Whether pages are compressed where that makes them smaller.
 
         Raises:
             OSError: The file cannot be written.
         """
         self._file = file
         self._schema = schema
-        self._keys = keys
-        self._few = few
-        places = [schema.get_field_index(key) for key in keys]
-        self._encoder = _core.ParquetFile(_template(schema), places)
+        columns = [
+            (field.name, _kind(field), list(names_of(field)), field.name in keys, field.name in few)
+            for field in schema
+        ]
+        self._encoder = _core.ParquetFile(_template(schema), columns, compressed)
         self.num_rows = 0
 
-    def append(self, table: pa.Table) -> None:
+    def append(self, rows: Rows) -> None:
         """Append some rows.
 
         Raises:
             OSError: The disk is full or the file cannot be written.
         """
-        self.num_rows += table.num_rows
-        columns = [self._column(field, table.column(field.name)) for field in self._schema]
-        self._file.write(self._encoder.append(columns))
+        self.num_rows += rows.num_rows
+        self._file.write(self._encoder.append([_given(column) for column in rows.columns]))
 
     def close(self, notes: Mapping[str, str]) -> None:
         """Complete the file.
@@ -60,30 +81,28 @@ class PackedRows:
         """
         self._file.write(self._encoder.finish(list(notes.items())))
 
-    def abandon(self) -> None:
-        """Leave the file as it is: incomplete, and of no use."""
-
     @property
     def content(self) -> str:
         """Hash over the values so far, as `ContentDigest` has it."""
         return total_of(self._schema, self._encoder.digests())
 
-    def _column(self, field: pa.Field, column: pa.ChunkedArray) -> dict[str, Any]:
-        """A column as the encoder takes it, without a copy where it is in one piece."""
-        chunk = column.chunk(0) if column.num_chunks == 1 else column.combine_chunks()
-        names = names_of(field)
-        return {
-            "values": _values(chunk, names),
-            "missing": missing_in(chunk) if field.nullable else None,
-            "names": list(names),
-            "is_key": field.name in self._keys,
-            "is_few": field.name in self._few,
-        }
+
+def _kind(field: pa.Field) -> str:
+    if names_of(field):
+        return "name"
+    if pa.types.is_fixed_size_binary(field.type):
+        return f"fixed {field.type.byte_width}"
+    return _KINDS[field.type]
 
 
-def _values(chunk: pa.Array, names: tuple[str, ...]) -> Array:
-    """The numbers of a column, or the codes of its names."""
-    return short_codes(chunk, names) if names else to_numpy(chunk)
+def _given(column: Column) -> tuple[Array, Mask | None, list[str]]:
+    """A column as the encoder takes it, without a copy where it lies in one piece."""
+    values, missing, texts = column
+    if values.dtype == np.uint64:
+        values = values.view(np.int64)
+    if missing is not None:
+        missing = np.ascontiguousarray(missing)
+    return np.ascontiguousarray(values), missing, list(texts)
 
 
 def _template(schema: pa.Schema) -> bytes:

@@ -17,6 +17,7 @@ from overtaking import _core
 from overtaking.tables.columns import Enumeration, column, names_of
 from overtaking.tables.digest import content_of
 from overtaking.tables.packed import PackedRows
+from overtaking.tables.rows import Rows
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,16 +26,36 @@ SIDES = Enumeration(names=("off", "left", "right"))
 SCHEMA = pa.schema(
     [
         column("simulation", pa.int64(), "1", "Key"),
+        column("seed", pa.uint64(), "1", "Any number without a sign"),
         column("x_mm", pa.int32(), "mm", "Any number"),
         column("heading_100urad", pa.int16(), "0.1 mrad", "Any number of 16 bits"),
         column("lane_id", pa.int16(), "1", "Few numbers, or none", nullable=True),
         column("lights", pa.uint8(), "1", "Few numbers"),
-        column("side", SIDES, "1", "A name"),
+        column("gap_m", pa.float32(), "m", "Any number, or none", nullable=True),
+        column("limit_mps", pa.float64(), "m/s", "Any number"),
+        column("lit", pa.bool_(), "1", "Yes or no, or neither", nullable=True),
+        column("side", SIDES, "1", "A name, or none", nullable=True),
+        column("source", pa.string(), "1", "Any text, or none", nullable=True),
+        column("hash", pa.binary(3), "1", "Bytes"),
     ]
 )
 FEW = frozenset({"lane_id", "lights"})
 INT32 = st.integers(-(2**31), 2**31 - 1)
 INT16 = st.integers(-(2**15), 2**15 - 1)
+ROW = st.tuples(
+    st.integers(0, 2**40),
+    st.integers(0, 2**64 - 1),
+    INT32,
+    INT16,
+    st.none() | st.integers(-8, 8),
+    st.integers(0, 255),
+    st.none() | st.floats(width=32, allow_nan=False),
+    st.sampled_from([0.0, -0.0, 0.1, 25.0]) | st.floats(allow_nan=False),
+    st.none() | st.booleans(),
+    st.none() | st.integers(0, 2),
+    st.none() | st.sampled_from(["", "a", "ünï"]) | st.text(max_size=5),
+    st.binary(min_size=3, max_size=3),
+)
 
 
 def table_of(rows: list[tuple[Any, ...]]) -> pa.Table:
@@ -50,12 +71,30 @@ def table_of(rows: list[tuple[Any, ...]]) -> pa.Table:
     return pa.Table.from_arrays(arrays, schema=SCHEMA)
 
 
-def packed(*tables: pa.Table) -> tuple[bytes, str]:
+def row_of(k: int) -> tuple[Any, ...]:
+    """A row with something in every column, and nothing in some."""
+    return (
+        k // 50,
+        2**64 - 1,
+        k % 2**31,
+        k % 999 - 500,
+        None if k % 3 else 4,
+        7,
+        None if k % 5 == 1 else k / 7,
+        0.1 * (k % 4),
+        None if k % 11 == 2 else k % 2 == 0,
+        None if k % 13 == 1 else k % 3,
+        None if k % 17 == 4 else f"text {k % 400}",
+        k.to_bytes(8, "little")[:3],
+    )
+
+
+def packed(*tables: pa.Table, compressed: bool = True) -> tuple[bytes, str]:
     """A file of some pieces, and the hash over its values."""
-    sink = io.BytesIO()
-    rows = PackedRows(sink, SCHEMA, ["simulation"], FEW)  # type: ignore[arg-type]
+    sink: Any = io.BytesIO()
+    rows = PackedRows(sink, SCHEMA, ["simulation", "side"], FEW, compressed=compressed)
     for table in tables:
-        rows.append(table)
+        rows.append(Rows.of(table))
     rows.close({"note": "kept"})
     return sink.getvalue(), rows.content
 
@@ -64,58 +103,61 @@ def plain(table: pa.Table) -> dict[str, list[Any]]:
     return {name: table[name].to_pylist() for name in table.schema.names}
 
 
-@given(
-    st.lists(
-        st.tuples(
-            st.integers(0, 2**29),
-            INT32,
-            INT16,
-            st.none() | st.integers(-8, 8),
-            st.integers(0, 255),
-            st.integers(0, 2),
-        ),
-        min_size=1,
-        max_size=300,
-    )
-)
-def test_any_rows_come_back(rows: list[tuple[Any, ...]]):
+@given(st.lists(ROW, min_size=1, max_size=300), st.booleans())
+def test_any_rows_come_back(rows: list[tuple[Any, ...]], compressed: bool):
     table = table_of(rows)
-    file, content = packed(table)
+    file, content = packed(table, compressed=compressed)
     read = pq.read_table(io.BytesIO(file))
     assert plain(read) == plain(table)
     assert content == content_of(table) == content_of(read)
 
 
-@pytest.mark.parametrize("count", [1, 2, 32, 33, 128, 129, 130, 161, 257, 70_000])
+@pytest.mark.parametrize("count", [1, 2, 7, 8, 32, 33, 128, 129, 130, 161, 257, 513, 9000])
 def test_any_number_of_rows_is_read_by_others(count: int, tmp_path: Path):
-    step = np.arange(count) * 7919
-    rows = [
-        (int(k) // 50, int(k) % 2**31, int(k) % 999 - 500, None if k % 3 else 4, 7, int(k) % 3)
-        for k in step
-    ]
-    table = table_of(rows)
-    file, _ = packed(table, table)
+    table = table_of([row_of(k * 7919) for k in range(count)])
+    file, content = packed(table, table)
     (tmp_path / "a.parquet").write_bytes(file)
     expected = {name: values * 2 for name, values in plain(table).items()}
     assert plain(pq.read_table(tmp_path / "a.parquet")) == expected
+    assert content == content_of(pa.concat_tables([table, table]))
     query = f"select * from '{tmp_path}/a.parquet'"
-    assert duckdb.connect().execute(query).fetchall() == list(zip(*expected.values(), strict=True))
+    rows = list(zip(*expected.values(), strict=True))
+    assert duckdb.connect().execute(query).fetchall() == rows
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_runs_of_any_length_among_others_come_back(compressed: bool):
+    """Runs and packed groups take turns at every place of a group of eight."""
+    lanes = [lane for k in range(1, 60) for lane in [k % 5] * k + [None] * (k % 9) + [6, 7, 6]]
+    rows = [(0, 0, k, 0, lane, *row_of(k)[5:]) for k, lane in enumerate(lanes)]
+    table = table_of(rows)
+    read = pq.read_table(io.BytesIO(packed(table, compressed=compressed)[0]))
+    assert plain(read) == plain(table)
 
 
 def test_a_column_without_any_value_comes_back():
-    table = table_of([(0, 1, 2, None, 3, 0)] * 40)
+    row = row_of(0)
+    table = table_of([(*row[:4], None, row[5], None, row[7], None, None, None, row[11])] * 40)
     read = pq.read_table(io.BytesIO(packed(table)[0]))
-    assert read["lane_id"].null_count == 40
+    for name in ("lane_id", "gap_m", "lit", "side", "source"):
+        assert read[name].null_count == 40
+
+
+def test_more_different_integers_than_a_dictionary_holds_come_back():
+    row = row_of(0)
+    table = table_of([(*row[:4], k % 700 - 350, *row[5:]) for k in range(2000)])
+    assert plain(pq.read_table(io.BytesIO(packed(table)[0]))) == plain(table)
 
 
 def test_the_footer_tells_the_range_of_keys_the_order_and_the_notes():
-    metadata = pq.read_metadata(
-        io.BytesIO(packed(table_of([(3, 1, 2, 4, 3, 0), (9,) + (1,) * 5]))[0])
-    )
+    first, last = (3, *row_of(1)[1:9], 2, None, b"abc"), (9, *row_of(2)[1:9], 1, None, b"abc")
+    metadata = pq.read_metadata(io.BytesIO(packed(table_of([first, last]))[0]))
     group = metadata.row_group(0)
     assert (group.column(0).statistics.min, group.column(0).statistics.max) == (3, 9)
-    assert group.column(1).statistics is None
-    assert [each.column_index for each in group.sorting_columns] == [0]
+    side = group.column(SCHEMA.get_field_index("side")).statistics
+    assert (side.min, side.max) == ("left", "right")
+    assert group.column(2).statistics is None
+    assert [each.column_index for each in group.sorting_columns] == [0, 9]
     assert metadata.metadata[b"note"] == b"kept"
     assert metadata.schema.to_arrow_schema().field("x_mm").metadata == SCHEMA.field("x_mm").metadata
 
@@ -126,50 +168,72 @@ def test_a_file_without_rows_has_its_schema():
     assert read.num_rows == 0
 
 
-def test_neighbours_that_do_not_change_cost_next_to_nothing():
-    table = table_of([(1, 5, 5, 4, 3, 1)] * 100_000)
-    assert len(packed(table)[0]) < 100_000 * 0.3
+@pytest.mark.parametrize(("compressed", "most"), [(True, 0.2), (False, 3.9)])
+def test_neighbours_that_do_not_change_cost_next_to_nothing(compressed: bool, most: float):
+    table = table_of([row_of(5)] * 30_000)
+    assert len(packed(table, compressed=compressed)[0]) < 30_000 * most
 
 
-def given_columns(**changes: np.ndarray) -> list[dict[str, Any]]:
+def test_what_compression_does_not_make_smaller_is_not_compressed():
+    draw = np.random.default_rng(1)
+    numbers = draw.integers(-(2**31), 2**31 - 1, 4000).tolist()
+    table = table_of([(k, 0, number, *row_of(0)[3:]) for k, number in enumerate(numbers)])
+    group = pq.read_metadata(io.BytesIO(packed(table)[0])).row_group(0)
+    assert group.column(2).compression == "UNCOMPRESSED"
+    assert group.column(2).total_compressed_size == group.column(2).total_uncompressed_size
+    assert group.column(10).compression == "UNCOMPRESSED"  # One code is not worth a frame.
+    plain_hash = group.column(11)
+    assert plain_hash.compression == "ZSTD"
+    assert plain_hash.total_compressed_size < plain_hash.total_uncompressed_size
+
+
+def given_columns(**changes: np.ndarray) -> list[tuple[Any, ...]]:
     """Two rows as the encoder takes them, with some values changed."""
-    values = {
-        "simulation": np.zeros(2, np.int64),
-        "x_mm": np.zeros(2, np.int32),
-        "heading_100urad": np.zeros(2, np.int16),
-        "lane_id": np.zeros(2, np.int16),
-        "lights": np.zeros(2, np.uint8),
-        "side": np.zeros(2, np.int8),
-    } | changes
-    return [
-        {
-            "values": rows,
-            "missing": np.zeros(2, np.bool_) if name == "lane_id" else None,
-            "names": list(SIDES.names) if name == "side" else [],
-            "is_key": False,
-            "is_few": name in FEW,
-        }
-        for name, rows in values.items()
-    ]
+    columns = dict(zip(SCHEMA.names, Rows.of(table_of([row_of(0)] * 2)).columns, strict=True))
+    values = {name: one.values for name, one in columns.items()} | changes
+    values["seed"] = values["seed"].view(np.int64)
+    return [(values[name], one.missing, list(one.texts)) for name, one in columns.items()]
+
+
+def encoder() -> Any:
+    sink: Any = io.BytesIO()
+    return PackedRows(sink, SCHEMA, ["simulation"], FEW, compressed=True)._encoder  # pyright: ignore[reportPrivateUsage]
 
 
 def test_columns_of_another_table_are_refused():
-    file = _core.ParquetFile(packed()[0], [0])
+    file = encoder()
     file.append(given_columns())
-    with pytest.raises(ValueError, match="1 columns instead of 6"):
+    with pytest.raises(ValueError, match="1 columns instead of 12"):
         file.append(given_columns()[:1])
     for name, rows in {
         "x_mm": np.zeros(2, np.int64),
         "simulation": np.zeros(2, np.int32),
         "lights": np.zeros(3, np.uint8),
+        "gap_m": np.zeros(2, np.float64),
+        "side": np.full(2, 3, np.int8),
+        "source": np.full(2, 1, np.int32),
+        "hash": np.zeros(9, np.uint8),
     }.items():
         with pytest.raises(ValueError, match=f"column {name} is not as in the schema"):
             file.append(given_columns(**{name: rows}))
 
 
+def test_a_gap_where_none_may_be_is_refused():
+    columns = given_columns()
+    columns[2] = (columns[2][0], np.array([False, True]), [])
+    with pytest.raises(ValueError, match="column x_mm is not as in the schema"):
+        encoder().append(columns)
+
+
 def test_what_is_no_parquet_file_is_no_template():
     with pytest.raises(ValueError, match="Parquet"):
-        _core.ParquetFile(b"no such thing", [])
+        _core.ParquetFile(b"no such thing", [], True)
+
+
+@pytest.mark.parametrize("kind", ["integer", "fixed", "fixed 0", "fixed -1"])
+def test_a_kind_of_column_that_there_is_not_is_refused(kind: str):
+    with pytest.raises(ValueError, match="column a: unknown kind"):
+        _core.ParquetFile(packed()[0], [("a", kind, [], False, False)], True)
 
 
 @pytest.mark.parametrize("kind", [np.int32, np.int16, np.uint8])
