@@ -17,12 +17,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 
 from measure import Measure, parser, report
 from memory import Watch
 from overtaking import api
-from overtaking.datasets.contents import contents
+from overtaking.datasets.contents import content_rows
 from overtaking.datasets.load import Dataset
 from overtaking.datasets.place import Folder
 from overtaking.datasets.plan import shards
@@ -45,6 +44,7 @@ from overtaking.sim import engine, reference
 from overtaking.sim.parameters import parameters
 from overtaking.tables.encode_labels import encode_labels
 from overtaking.tables.label_schemas import LABEL_TABLES
+from overtaking.tables.rows import Rows
 from readable import readable
 
 MILLION = 1_000_000
@@ -111,7 +111,7 @@ def stages() -> list[Measure]:
     events = find_events(runs, seen)
     target = target_signals(runs, seen, events)
     numbers = index.astype(np.int64)
-    tables = contents(runs, numbers, KEPT)
+    rows = content_rows(runs, numbers, KEPT)
     case = Case(trajectories=runs, signals=seen, events=events, target=target)
     work: dict[str, Callable[[], object]] = {
         "sample": lambda: sample(given, road, 9, index),
@@ -125,22 +125,20 @@ def stages() -> list[Measure]:
         "decisions": lambda: decision_features(case),
         "safety": lambda: safety_measures(case),
         "label": lambda: label(runs),
-        "label and tables": lambda: contents(runs, numbers, KEPT),
-        "write": lambda: _write(tables),
+        "label and tables": lambda: content_rows(runs, numbers, KEPT),
+        "write": lambda: _write(rows),
     }
     return [
         Measure(name=f"stage {name}", value=_cost(each), unit="µs") for name, each in work.items()
     ]
 
 
-def _write(tables: Mapping[str, pa.Table]) -> None:
+def _write(rows: Mapping[str, Rows]) -> None:
     """Write a shard of one piece, to the disk and with `fsync`."""
     with tempfile.TemporaryDirectory(prefix="overtaking-") as name:
         folder, shard = Folder(Path(name)), shards(PIECE)[0]
         folder.prepare(KEPT)
-        write_shard(
-            folder, shard, [tables], tables=KEPT, fingerprint="none", on_piece=lambda _: None
-        )
+        write_shard(folder, shard, [rows], tables=KEPT, fingerprint="none", on_piece=lambda _: None)
 
 
 def _cost(work: Callable[[], object]) -> float:

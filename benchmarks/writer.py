@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 from overtaking import api
 from overtaking.model.trajectory import Trajectories
 from overtaking.tables.decode import decode
-from overtaking.tables.encode import encode
+from overtaking.tables.encode import encoded_rows
 from overtaking.tables.files import TableWriter, read_table
 
 PIECE = 512
@@ -35,7 +35,7 @@ def ours(pieces: list[Trajectories], path: Path) -> None:
     with TableWriter(path, "states") as writer:
         for number, piece in enumerate(pieces):
             numbers = np.arange(number * PIECE, (number + 1) * PIECE)
-            writer.write(encode(piece, numbers, ["states"])["states"])
+            writer.write(encoded_rows(piece, numbers, ["states"])["states"])
         writer.finish()
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.core.compiled import clamp, exp, maximum, minimum
-from overtaking.core.elementary import F32, as_f32, log
+from overtaking.core.compiled import clamp, exp, log, maximum, minimum
+from overtaking.core.elementary import F32, as_f32
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge import VEHICLE_CLASS_ORDER, Distribution, vehicle_classes

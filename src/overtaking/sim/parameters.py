@@ -6,13 +6,16 @@ towards the fast side, so that left-hand traffic is the mirror image of right-ha
 """
 
 import dataclasses
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, as_f32
+from overtaking.core.elementary import F32
+from overtaking.core.memory import empty
 from overtaking.model.scenario import Scenario
 from overtaking.physics.constants import Constants, constants
 from overtaking.sim.bodies import body_parameters
@@ -177,11 +180,9 @@ def parameters(scenario: Scenario, effects: Effects | None = None) -> Parameters
     world = world_of(scenario, c, effects)
     vehicle = body_parameters(scenario, c, world, effects)
     vehicle |= driver_parameters(scenario, c, world, effects)
-    rows = [np.ascontiguousarray(as_f32(vehicle[name]).T) for name in VEHICLE_FIELDS]
-    simulation = _simulation_parameters(scenario, world)
     return Parameters(
-        vehicle=np.stack(rows),
-        simulation=np.stack([as_f32(simulation[name]) for name in SIMULATION_FIELDS]),
+        vehicle=_stacked(vehicle, VEHICLE_FIELDS),
+        simulation=_stacked(_simulation_parameters(scenario, world), SIMULATION_FIELDS),
         road=road_parameters(scenario.road),
         constants=c,
         seed=scenario.seed,
@@ -200,6 +201,15 @@ def _simulation_parameters(scenario: Scenario, world: World) -> dict[str, F32]:
         "inverse_ring": np.zeros_like(scenario.horizon),
     }
     return rows | _by_name(world.water) | _by_name(world.wind) | _by_name(world.sight)
+
+
+def _stacked(rows: Mapping[str, NDArray[Any]], names: Sequence[str]) -> F32:
+    """Arrays of one shape, turned so that simulations lie side by side, shape (field, ...)."""
+    shape = (len(names), *rows[names[0]].shape[::-1])
+    stacked = empty(math.prod(shape), np.float32).reshape(shape)
+    for row, name in zip(stacked, names, strict=True):
+        row[...] = rows[name].T
+    return stacked
 
 
 def _by_name(part: Any) -> dict[str, F32]:

@@ -129,15 +129,21 @@ def world_of(scenario: Scenario, c: Constants, effects: Effects) -> World:
     )
 
 
+def mean_wind(scenario: Scenario) -> tuple[F32, F32]:
+    """Mean wind in the direction of travel and towards the fast side, (simulation,) [m/s]."""
+    sine, cosine = sincos(scenario.weather.wind_direction)
+    speed = known("weather.wind.full_speed") * (scenario.weather.wind * PERCENT)
+    return speed * cosine, road_parameters(scenario.road).side * speed * sine
+
+
 def _wind(scenario: Scenario, draws: Draws, effects: Effects) -> Wind:
     weather = scenario.weather
-    sine, cosine = sincos(weather.wind_direction)
-    speed = known("weather.wind.full_speed") * (weather.wind * PERCENT)
+    along, across = mean_wind(scenario)
     gusty = (weather.wind >= known("weather.gusts.from_percent")) & effects.gusts
     gain = _drawn(draws, "weather.gusts.smallest_ratio", "weather.gusts.largest_ratio")
     return Wind(
-        wind_along=speed * cosine,
-        wind_across=road_parameters(scenario.road).side * speed * sine,
+        wind_along=along,
+        wind_across=across,
         gust_gain=np.where(gusty, gain, np.float32(0.0)),
         gust_phase=draws.uniform(),
         gust_length=_drawn(draws, "weather.gusts.shortest", "weather.gusts.longest"),

@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, exp, maximum, minimum
+from overtaking.core.compiled import exp, maximum, minimum
+from overtaking.core.elementary import F32
 from overtaking.core.units import mps_from_kmh
-from overtaking.knowledge import Quantity, quantities
 from overtaking.model.scenario import Scenario
-from overtaking.physics.constants import constants
-from overtaking.physics.film import lane_film
+from overtaking.physics import film
+from overtaking.physics.constants import constants, known
 from overtaking.physics.friction import peak_friction
 from overtaking.physics.visibility import contrast_range, lamp_range, meteorological_range
 from overtaking.sim.effects import Effects
 from overtaking.sim.lanes import road_parameters
-from overtaking.sim.world import world_of
+from overtaking.sim.world import film_of, mean_wind, sight_ahead
 
 FRICTION_SPEED = np.float32(mps_from_kmh(100.0))
 FRICTION_WEAR = np.float32(0.5)
@@ -25,23 +25,23 @@ _METRES_PER_MM = np.float32(1e-3)
 def derived_weather(scenario: Scenario) -> dict[str, F32]:
     """The derived columns of the `weather` table, each of shape (simulation,)."""
     c = constants()
-    world = world_of(scenario, c, Effects())
-    water, wind, sight = world.water, world.wind, world.sight
+    weather = scenario.weather
+    rate = film.rain_rate(weather.rain)
+    sight, water = sight_ahead(scenario, rate, Effects()), film_of(scenario, rate, Effects())
     zero = np.zeros(scenario.num_simulations, dtype=np.float32)
     path = road_parameters(scenario.road).film_path[0]
-    film_mm = lane_film(water.least_film, water.film_rain, path, water.texture)
-    extinction = sight.fog_extinction + sight.rain_extinction
-    lamp = quantities("weather.toml")["lamps.rear_position"]
-    assert isinstance(lamp, Quantity)
-    unlit = contrast_range(extinction, exp(sight.sight_front) * CONTRAST, zero + np.float32(1.0))
-    lit = lamp_range(extinction, zero + np.float32(lamp.number), sight.lamp_threshold)
-    along, across = wind.wind_along, wind.wind_across
+    film_mm = film.lane_film(water["least_film"], water["film_rain"], path, water["texture"])
+    extinction = sight["fog_extinction"] + sight["rain_extinction"]
+    lamp = known("weather.lamps.rear_position")
+    unlit = contrast_range(extinction, exp(sight["sight_front"]) * CONTRAST, zero + np.float32(1.0))
+    lit = lamp_range(extinction, zero + lamp, sight["lamp_threshold"])
+    along, across = mean_wind(scenario)
     return {
-        "rain_mmph": world.rain_rate,
+        "rain_mmph": rate,
         "water_film_m": maximum(film_mm, zero) * _METRES_PER_MM,
         "friction": peak_friction(c, zero + FRICTION_SPEED, film_mm, zero + FRICTION_WEAR, zero),
         "wind_mps": np.sqrt(along * along + across * across),
-        "optical_range_m": meteorological_range(scenario.weather.fog),
+        "optical_range_m": meteorological_range(weather.fog),
         "sight_unlit_m": minimum(unlit, zero + c.sight_range),
         "sight_lit_m": minimum(lit, zero + c.sight_range),
     }

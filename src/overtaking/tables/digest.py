@@ -41,16 +41,21 @@ class ContentDigest:
         """The hash over all rows so far, 64 hexadecimal digits."""
         pairs = zip(self._values, self._nulls, strict=True)
         return total_of(
-            self._schema, ((values.hexdigest(), nulls.hexdigest()) for values, nulls in pairs)
+            titles_of(self._schema),
+            ((values.hexdigest(), nulls.hexdigest()) for values, nulls in pairs),
         )
 
 
-def total_of(schema: pa.Schema, digests: Iterable[tuple[str, str]]) -> str:
+def total_of(titles: Iterable[str], digests: Iterable[tuple[str, str]]) -> str:
     """The hash of a table from the hashes over the values and over the nulls of its columns."""
-    total = hashlib.sha256()
-    for field, (values, nulls) in zip(schema, digests, strict=True):
-        total.update(f"{field.name}\0{field.type}\0{values}\0{nulls}\0".encode())
-    return total.hexdigest()
+    pairs = zip(titles, digests, strict=True)
+    text = "".join(f"{title}{values}\0{nulls}\0" for title, (values, nulls) in pairs)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def titles_of(schema: pa.Schema) -> tuple[str, ...]:
+    """Name and type of each column, as the hash of a table has them."""
+    return tuple(f"{field.name}\0{field.type}\0" for field in schema)
 
 
 def content_of(table: pa.Table) -> str:

@@ -5,6 +5,7 @@ import io
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -14,7 +15,7 @@ import pyarrow.parquet as pq
 
 from overtaking.core.errors import SchemaError
 from overtaking.tables.arrow import column_to_numpy
-from overtaking.tables.packed import PackedRows
+from overtaking.tables.packed import Layout, PackedRows
 from overtaking.tables.rows import Rows
 from overtaking.tables.schemas import FORMAT, KEYS, SCHEMAS, VERSION
 
@@ -68,12 +69,13 @@ class TableWriter:
         Raises:
             OSError: The file cannot be created.
         """
-        given = SCHEMAS[table] if schema is None else schema
+        known = schema is None or schema is SCHEMAS[table]
+        layout = _layout(table) if known else Layout.of(schema)
         self._waiting: list[Rows] = []
         self._file = _HashedFile(path)
         try:
             self._rows = PackedRows(
-                self._file, given, KEYS[table], _FEW_VALUES, compressed=table not in _DENSE
+                self._file, layout, KEYS[table], _FEW_VALUES, compressed=table not in _DENSE
             )
         except BaseException:
             self._file.close()
@@ -138,6 +140,12 @@ class TableWriter:
             sha256=self._file.hexdigest(),
             content=self.content,
         )
+
+
+@cache
+def _layout(table: str) -> Layout:
+    """The layout of a table of which everything is known, the same for every shard."""
+    return Layout.of(SCHEMAS[table])
 
 
 def sync_folder(folder: Path) -> None:

@@ -6,6 +6,8 @@ encoded. Schema and metadata of a file are those that pyarrow would write.
 
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 import pyarrow as pa
@@ -14,7 +16,7 @@ import pyarrow.parquet as pq
 from overtaking import _core
 from overtaking.tables.arrow import Array, Mask
 from overtaking.tables.columns import names_of
-from overtaking.tables.digest import total_of
+from overtaking.tables.digest import titles_of, total_of
 from overtaking.tables.rows import Column, Rows
 
 _KINDS = {
@@ -31,13 +33,37 @@ _KINDS = {
 """What the encoder calls each type."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """What all files of a schema share.
+
+    Attributes:
+        template: A file without rows.
+        columns: Name of each column, what the encoder calls its type, and names that it may hold.
+        titles: What the content hash says of each column.
+    """
+
+    template: bytes
+    columns: tuple[tuple[str, str, list[str]], ...]
+    titles: tuple[str, ...]
+
+    @classmethod
+    def of(cls, schema: pa.Schema) -> Self:
+        """The layout of a schema."""
+        return cls(
+            template=_template(schema),
+            columns=tuple((field.name, _kind(field), list(names_of(field))) for field in schema),
+            titles=titles_of(schema),
+        )
+
+
 class PackedRows:
     """Encodes a table piece by piece; each piece becomes a row group."""
 
     def __init__(
         self,
         file: io.RawIOBase,
-        schema: pa.Schema,
+        layout: Layout,
         keys: Sequence[str],
         few: frozenset[str],
         *,
@@ -47,7 +73,7 @@ class PackedRows:
 
         Args:
             file: Where the bytes go.
-            schema: Its columns.
+            layout: Its columns.
             keys: Columns that the rows are sorted by.
             few: Integers that take few values and rarely change: run lengths beat differences.
             compressed: Whether pages are compressed where that makes them smaller.
@@ -56,12 +82,11 @@ class PackedRows:
             OSError: The file cannot be written.
         """
         self._file = file
-        self._schema = schema
+        self._titles = layout.titles
         columns = [
-            (field.name, _kind(field), list(names_of(field)), field.name in keys, field.name in few)
-            for field in schema
+            (name, kind, names, name in keys, name in few) for name, kind, names in layout.columns
         ]
-        self._encoder = _core.ParquetFile(_template(schema), columns, compressed)
+        self._encoder = _core.ParquetFile(layout.template, columns, compressed)
         self.num_rows = 0
 
     def append(self, rows: Rows) -> None:
@@ -84,7 +109,7 @@ class PackedRows:
     @property
     def content(self) -> str:
         """Hash over the values so far, as `ContentDigest` has it."""
-        return total_of(self._schema, self._encoder.digests())
+        return total_of(self._titles, self._encoder.digests())
 
 
 def _kind(field: pa.Field) -> str:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from overtaking import _core
 from overtaking.tables.columns import Enumeration, column, names_of
 from overtaking.tables.digest import content_of
-from overtaking.tables.packed import PackedRows
+from overtaking.tables.packed import Layout, PackedRows
 from overtaking.tables.rows import Rows
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ SCHEMA = pa.schema(
         column("hash", pa.binary(3), "1", "Bytes"),
     ]
 )
+LAYOUT = Layout.of(SCHEMA)
 FEW = frozenset({"lane_id", "lights"})
 INT32 = st.integers(-(2**31), 2**31 - 1)
 INT16 = st.integers(-(2**15), 2**15 - 1)
@@ -92,7 +93,7 @@ def row_of(k: int) -> tuple[Any, ...]:
 def packed(*tables: pa.Table, compressed: bool = True) -> tuple[bytes, str]:
     """A file of some pieces, and the hash over its values."""
     sink: Any = io.BytesIO()
-    rows = PackedRows(sink, SCHEMA, ["simulation", "side"], FEW, compressed=compressed)
+    rows = PackedRows(sink, LAYOUT, ["simulation", "side"], FEW, compressed=compressed)
     for table in tables:
         rows.append(Rows.of(table))
     rows.close({"note": "kept"})
@@ -197,7 +198,7 @@ def given_columns(**changes: np.ndarray) -> list[tuple[Any, ...]]:
 
 def encoder() -> Any:
     sink: Any = io.BytesIO()
-    return PackedRows(sink, SCHEMA, ["simulation"], FEW, compressed=True)._encoder  # pyright: ignore[reportPrivateUsage]
+    return PackedRows(sink, LAYOUT, ["simulation"], FEW, compressed=True)._encoder  # pyright: ignore[reportPrivateUsage]
 
 
 def test_columns_of_another_table_are_refused():
