@@ -204,7 +204,7 @@ class Worker:
     @classmethod
     def start(cls, address: Address) -> "Worker":
         """Start one for a server."""
-        command = [sys.executable, "-m", "overtaking.simulators.carla_worker"]
+        command = [sys.executable, "-P", "-m", "overtaking.simulators.carla_worker"]
         errors = tempfile.TemporaryFile()  # noqa: SIM115 - it goes with the worker.
         process = subprocess.Popen(
             [*command, address.host, str(address.port)],
@@ -324,7 +324,7 @@ def _address(chosen: str) -> Address:
 
 def _start_headless() -> Address:
     """Start a server of our own on free ports."""
-    command = [sys.executable, "-m", "overtaking.carla_server.child"]
+    command = [sys.executable, "-P", "-m", "overtaking.carla_server.child"]
     # It ends with its standard input, so also when this process is killed.
     process = subprocess.Popen(
         command,
