@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from overtaking.core.bounds import check_bounds
 from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.database.views import SCHEMA, VIEWS
+from overtaking.tables.schemas import SCHEMAS
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -105,7 +106,9 @@ def _fill(connection: Any, data: Dataset, sql: str, memory_mib: int) -> None:
     named = _named(sql, tables)
     for table in tables:
         files = [str(path) for path in data.files(table, is_checked=table in named)]
-        source: Any = arrow.dataset(files, format="parquet")
+        # Views want to know the columns of tables that nobody asks about; their files stay closed.
+        schema = None if table in named else SCHEMAS[table]
+        source: Any = arrow.dataset(files, schema=schema, format="parquet")
         connection.register(table, source)
     connection.execute(f"CREATE SCHEMA {SCHEMA}")
     for view in VIEWS:
