@@ -7,7 +7,6 @@ import signal
 import sys
 import types
 import uuid
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -38,8 +37,6 @@ def generate(out: str | Path, **changes) -> api.Dataset:
 @pytest.fixture(scope="module")
 def cluster():
     """A cluster of two workers on this machine, for all tests of this file."""
-    if find_spec("ray") is None:
-        pytest.skip("Ray has no wheel for this platform or version of Python")
     heard = signal.getsignal(signal.SIGTERM)
     ray = ray_crew._ray(is_only_here=True)
     with ray_crew._cluster(ray, None, 2):

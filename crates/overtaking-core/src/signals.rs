@@ -9,9 +9,8 @@ mod neighbours;
 mod target;
 
 use fearless_simd::Simd;
-use rayon::prelude::*;
 
-use self::chunk::{Chunk, Frames};
+use self::chunk::{Chunk, Frames, in_chunks};
 pub use self::left::{LeftLane, left_lane};
 pub(crate) use self::neighbours::gap_between;
 pub use self::neighbours::{Along, Neighbours, neighbour_at, neighbours};
@@ -55,6 +54,11 @@ impl Recording<'_> {
     fn rest(&self, simulation: usize, frames: usize) -> usize {
         let recorded = self.recorded(simulation, frames);
         recorded.next_multiple_of(LANES).min(frames)
+    }
+
+    /// Whether a row of a vehicle has something in a frame.
+    fn is_present(&self, slot: usize, frame: usize) -> bool {
+        self.present.as_ref().is_none_or(|rows| rows[slot][frame])
     }
 }
 
@@ -125,6 +129,26 @@ macro_rules! signal_outputs {
                 })*
             }
 
+            /// Have each simulation filled, on all threads: its number, how many frames have to be, and where.
+            ///
+            /// Behind these frames are zeros.
+            fn fill(
+                self,
+                recording: &Recording<'_>,
+                frames: usize,
+                work: impl Fn(usize, usize, &mut $name<'a>) + Sync,
+            ) {
+                use rayon::prelude::*;
+                self.into_simulations(recording.num_frames.len(), frames)
+                    .into_par_iter()
+                    .enumerate()
+                    .for_each(|(simulation, mut out)| {
+                        let rest = recording.rest(simulation, frames);
+                        out.clear_from(rest, frames);
+                        work(simulation, rest, &mut out);
+                    });
+            }
+
             fn into_simulations(self, count: usize, frames: usize) -> Vec<Self> {
                 $(let mut $field = self.$field.chunks_mut(($rows * frames).max(1));)*
                 let next = |_| Some($name { $($field: $field.next()?,)* });
@@ -174,56 +198,30 @@ pub fn signals(
     out: Signals<'_>,
 ) -> Result<(), String> {
     let level = supported(forced)?;
-    out.into_simulations(recording.num_frames.len(), frames)
-        .into_par_iter()
-        .enumerate()
-        .for_each(|(simulation, mut out)| {
-            dispatch!(level, |simd| one(
-                simd, recording, around, simulation, frames, &mut out
-            ));
-        });
-    Ok(())
-}
-
-/// The signals of one simulation.
-fn one<S: Simd>(
-    simd: S,
-    recording: &Recording<'_>,
-    around: &Surroundings<'_>,
-    simulation: usize,
-    frames: usize,
-    out: &mut Signals<'_>,
-) {
-    let recorded = recording.recorded(simulation, frames);
-    let (ego, bodies) = (simulation * recording.slots, &around.bodies);
-    let rest = recording.rest(simulation, frames);
-    lateral_speed(
-        recording.d[ego],
-        recorded,
-        bodies,
-        &mut out.lateral_speed[..rest],
-    );
-    out.clear_from(rest, frames);
-    let mut lamp = None;
-    for at in (0..rest).step_by(LANES) {
-        simd.vectorize(
-            #[inline(always)]
-            || {
-                let frames = Frames {
-                    simd,
-                    recording,
-                    bodies,
-                    simulation,
-                    at,
-                    frames,
-                };
-                let chunk = Chunk { frames, around };
-                let body = frames.footprint(ego);
-                chunk.own(body, &mut lamp, out);
-                chunk.nearest(out);
-            },
+    out.fill(recording, frames, |simulation, rest, out| {
+        let (ego, bodies) = (simulation * recording.slots, &around.bodies);
+        let recorded = recording.recorded(simulation, frames);
+        lateral_speed(
+            recording.d[ego],
+            recorded,
+            bodies,
+            &mut out.lateral_speed[..rest],
         );
-    }
+        dispatch!(level, |simd| {
+            let mut lamp = None;
+            in_chunks!(
+                Frames::new(simd, recording, bodies, simulation, frames),
+                0..rest,
+                |frames| {
+                    let chunk = Chunk { frames, around };
+                    let body = frames.footprint(ego);
+                    chunk.own(body, &mut lamp, out);
+                    chunk.nearest(out);
+                }
+            );
+        });
+    });
+    Ok(())
 }
 
 /// Speed to the left: a central difference, one-sided at the ends.

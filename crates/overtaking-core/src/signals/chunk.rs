@@ -34,6 +34,43 @@ pub(super) struct Frames<'a, S: Simd> {
     pub(super) frames: usize,
 }
 
+/// Do something with some frames of a simulation, sixteen at a time, with the SIMD features of the CPU.
+///
+/// A macro, because a closure that the compiler leaves outside would lose them.
+macro_rules! in_chunks {
+    ($whole:expr, $span:expr, |$chunk:ident| $body:expr) => {{
+        let whole = $whole;
+        for at in $span.step_by($crate::lanes::LANES) {
+            $crate::lanes::outlined!(whole.simd, {
+                let $chunk = $crate::signals::chunk::Frames { at, ..whole };
+                $body
+            });
+        }
+    }};
+}
+pub(super) use in_chunks;
+
+impl<'a, S: Simd> Frames<'a, S> {
+    /// The first of the frames of a simulation, for which there is room for `frames`.
+    #[inline(always)]
+    pub(super) fn new(
+        simd: S,
+        recording: &'a Recording<'a>,
+        bodies: &'a Bodies<'a>,
+        simulation: usize,
+        frames: usize,
+    ) -> Self {
+        Self {
+            simd,
+            recording,
+            bodies,
+            simulation,
+            at: 0,
+            frames,
+        }
+    }
+}
+
 impl<S: Simd> Frames<'_, S> {
     /// The frames of a row as integers, zero beyond its end.
     #[inline(always)]

@@ -2,12 +2,11 @@
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
-use rayon::prelude::*;
 
-use super::chunk::Frames;
+use super::chunk::{Frames, in_chunks};
 use super::{Bodies, Recording, signal_outputs};
 use crate::engine::supported;
-use crate::lanes::{LANES, V, dispatch};
+use crate::lanes::{V, dispatch};
 
 const OCCUPANCY_REACH_MM: i32 = 100_000;
 
@@ -33,29 +32,13 @@ pub fn left_lane(
     out: LeftLane<'_>,
 ) -> Result<(), String> {
     let level = supported(forced)?;
-    out.into_simulations(recording.num_frames.len(), frames)
-        .into_par_iter()
-        .enumerate()
-        .for_each(|(simulation, mut out)| {
-            let rest = recording.rest(simulation, frames);
-            out.clear_from(rest, frames);
-            for at in (0..rest).step_by(LANES) {
-                dispatch!(level, |simd| simd.vectorize(
-                    #[inline(always)]
-                    || {
-                        let frames = Frames {
-                            simd,
-                            recording,
-                            bodies,
-                            simulation,
-                            at,
-                            frames,
-                        };
-                        frames.left_lane(num_lanes as i32, &mut out);
-                    }
-                ));
-            }
-        });
+    out.fill(recording, frames, |simulation, rest, out| {
+        dispatch!(level, |simd| in_chunks!(
+            Frames::new(simd, recording, bodies, simulation, frames),
+            0..rest,
+            |chunk| chunk.left_lane(num_lanes as i32, out)
+        ));
+    });
     Ok(())
 }
 

@@ -2,12 +2,11 @@
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
-use rayon::prelude::*;
 
-use super::chunk::{Frames, METRES};
+use super::chunk::{Frames, METRES, in_chunks};
 use super::{Bodies, PLACES, Recording, signal_outputs};
 use crate::engine::supported;
-use crate::lanes::{LANES, V, choose, dispatch, splat};
+use crate::lanes::{V, choose, dispatch, splat};
 
 signal_outputs! {
     /// Where gaps go: `PLACES` rows of frames for each simulation.
@@ -33,46 +32,15 @@ pub fn neighbours(
     out: Neighbours<'_>,
 ) -> Result<(), String> {
     let level = supported(forced)?;
-    out.into_simulations(recording.num_frames.len(), frames)
-        .into_par_iter()
-        .enumerate()
-        .for_each(|(simulation, mut out)| {
-            let vehicle = &vehicle[simulation * PLACES * frames..][..PLACES * frames];
-            dispatch!(level, |simd| one(
-                simd, recording, bodies, vehicle, simulation, &mut out
-            ));
-        });
+    out.fill(recording, frames, |simulation, rest, out| {
+        let vehicle = &vehicle[simulation * PLACES * frames..][..PLACES * frames];
+        dispatch!(level, |simd| in_chunks!(
+            Frames::new(simd, recording, bodies, simulation, frames),
+            0..rest,
+            |chunk| chunk.gaps(vehicle, out)
+        ));
+    });
     Ok(())
-}
-
-/// The gaps of one simulation.
-fn one<S: Simd>(
-    simd: S,
-    recording: &Recording<'_>,
-    bodies: &Bodies<'_>,
-    vehicle: &[u8],
-    simulation: usize,
-    out: &mut Neighbours<'_>,
-) {
-    let frames = vehicle.len() / PLACES;
-    let rest = recording.rest(simulation, frames);
-    out.clear_from(rest, frames);
-    for at in (0..rest).step_by(LANES) {
-        simd.vectorize(
-            #[inline(always)]
-            || {
-                let frames = Frames {
-                    simd,
-                    recording,
-                    bodies,
-                    simulation,
-                    at,
-                    frames,
-                };
-                frames.gaps(vehicle, out);
-            },
-        );
-    }
 }
 
 impl<S: Simd> Frames<'_, S> {

@@ -6,12 +6,10 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 use rayon::prelude::*;
 
-use super::chunk::{Frames, METRES};
+use super::chunk::{Frames, METRES, NO_VEHICLE, in_chunks};
 use super::{Bodies, Recording, lateral_speed, signal_outputs};
 use crate::engine::supported;
 use crate::lanes::{LANES, V, dispatch};
-
-const NO_VEHICLE: u8 = 255;
 
 /// Which vehicle is overtaken, and where the ego is across the road.
 pub struct Targets<'a> {
@@ -23,6 +21,15 @@ pub struct Targets<'a> {
     pub right_reach: &'a [f32],
     /// Its left-most corner [m].
     pub left_reach: &'a [f32],
+}
+
+impl Targets<'_> {
+    /// Row of the target of a simulation in a recording; that of the ego where there is none.
+    fn slot(&self, recording: &Recording<'_>, simulation: usize) -> usize {
+        let vehicle = self.vehicle[simulation];
+        let own = if vehicle == NO_VEHICLE { 0 } else { vehicle };
+        simulation * recording.slots + usize::from(own)
+    }
 }
 
 signal_outputs! {
@@ -63,69 +70,31 @@ pub fn target(
     out: Target<'_>,
 ) -> Result<(), String> {
     let level = supported(forced)?;
-    out.into_simulations(recording.num_frames.len(), frames)
-        .into_par_iter()
-        .enumerate()
-        .for_each(|(simulation, mut out)| {
-            dispatch!(level, |simd| one(
-                simd, recording, bodies, targets, simulation, frames, &mut out
-            ));
-        });
-    Ok(())
-}
-
-/// The target of one simulation.
-fn one<S: Simd>(
-    simd: S,
-    recording: &Recording<'_>,
-    bodies: &Bodies<'_>,
-    targets: &Targets<'_>,
-    simulation: usize,
-    frames: usize,
-    out: &mut Target<'_>,
-) {
-    let recorded = recording.recorded(simulation, frames);
-    let rest = recording.rest(simulation, frames);
-    out.clear_from(rest, frames);
-    let vehicle = targets.vehicle[simulation];
-    let slot = simulation * recording.slots
-        + if vehicle == NO_VEHICLE {
-            0
-        } else {
-            usize::from(vehicle)
-        };
-    lateral_speed(
-        recording.d[slot],
-        recorded,
-        bodies,
-        &mut out.lateral_speed[..rest],
-    );
-    for at in (0..rest).step_by(LANES) {
-        simd.vectorize(
-            #[inline(always)]
-            || {
-                let frames = Frames {
-                    simd,
-                    recording,
-                    bodies,
-                    simulation,
-                    at,
-                    frames,
-                };
-                frames.along(slot, out);
-                frames.across(slot, targets, out);
-            },
+    out.fill(recording, frames, |simulation, rest, out| {
+        let vehicle = targets.vehicle[simulation];
+        let slot = targets.slot(recording, simulation);
+        let recorded = recording.recorded(simulation, frames);
+        lateral_speed(
+            recording.d[slot],
+            recorded,
+            bodies,
+            &mut out.lateral_speed[..rest],
         );
-    }
-    let exists = vehicle != NO_VEHICLE;
-    for frame in 0..rest {
-        let present = recording
-            .present
-            .as_ref()
-            .is_none_or(|rows| rows[slot][frame]);
-        out.valid[frame] = exists && present && frame < recorded;
-        out.overlaps[frame] = out.valid[frame] && out.gap[frame] < 0.0;
-    }
+        dispatch!(level, |simd| in_chunks!(
+            Frames::new(simd, recording, bodies, simulation, frames),
+            0..rest,
+            |chunk| {
+                chunk.along(slot, out);
+                chunk.across(slot, targets, out);
+            }
+        ));
+        for frame in 0..rest {
+            let there = vehicle != NO_VEHICLE && recording.is_present(slot, frame);
+            out.valid[frame] = there && frame < recorded;
+            out.overlaps[frame] = out.valid[frame] && out.gap[frame] < 0.0;
+        }
+    });
+    Ok(())
 }
 
 /// Where what is asked of targets in some frames goes: a number for each of these frames, one simulation after
@@ -193,22 +162,11 @@ pub fn alongside(
     parts
         .into_par_iter()
         .for_each(|(simulation, span, mut out)| {
-            for at in span.clone().step_by(LANES) {
-                dispatch!(level, |simd| simd.vectorize(
-                    #[inline(always)]
-                    || {
-                        let frames = Frames {
-                            simd,
-                            recording,
-                            bodies,
-                            simulation,
-                            at,
-                            frames,
-                        };
-                        frames.beside(targets, &span, &mut out);
-                    }
-                ));
-            }
+            dispatch!(level, |simd| in_chunks!(
+                Frames::new(simd, recording, bodies, simulation, frames),
+                span.clone(),
+                |chunk| chunk.beside(targets, &span, &mut out)
+            ));
         });
     Ok(())
 }
@@ -218,9 +176,8 @@ impl<S: Simd> Frames<'_, S> {
     #[inline(always)]
     fn beside(&self, targets: &Targets<'_>, span: &Range<usize>, out: &mut Instants<'_>) {
         let r = self.recording;
-        let vehicle = targets.vehicle[self.simulation];
-        let exists = vehicle != NO_VEHICLE;
-        let slot = self.slot(if exists { usize::from(vehicle) } else { 0 });
+        let exists = targets.vehicle[self.simulation] != NO_VEHICLE;
+        let slot = targets.slot(r, self.simulation);
         let (_, gap) = self.lead(slot);
         let (_, aside) = self.aside(slot, targets);
         let accel: V<S> = self.load(r.accel[slot]).to_float();
@@ -229,8 +186,8 @@ impl<S: Simd> Frames<'_, S> {
         let accels: [f32; LANES] = (accel * METRES).to_array();
         for frame in self.at..span.end.min(self.at + LANES) {
             let (from, to) = (frame - self.at, frame - span.start);
-            let present = r.present.as_ref().is_none_or(|rows| rows[slot][frame]);
-            out.overlaps[to] = exists && present && gaps[from] < 0.0;
+            let there = exists && r.is_present(slot, frame);
+            out.overlaps[to] = there && gaps[from] < 0.0;
             out.lane[to] = r.lane[slot][frame];
             out.lateral_gap[to] = asides[from];
             out.accel[to] = accels[from];
