@@ -249,21 +249,36 @@ def _left_lane(trajectories: Trajectories) -> tuple[F32, U8]:
     """
     states, ego = trajectories.states, int(Role.EGO)
     num_lanes = trajectories.road.num_lanes
-    length = np.rint(trajectories.scenario.vehicles.length * np.float32(1000.0)).astype(np.int32)
+    length = _lengths(trajectories)
     own_lane = states.lane[:, ego].astype(np.int32)
     total = np.zeros(own_lane.shape, np.int32)
     count = np.zeros(own_lane.shape, np.uint8)
-    limit = np.int32(2 * OCCUPANCY_REACH_MM)
     for j in range(1, states.s.shape[1]):
         lane = states.lane[:, j].astype(np.int32)
         there = trajectories.state_valid[:, j] & (lane == own_lane + 1) & (lane < num_lanes)
-        # Twice the distance, cut so that a vehicle miles away cannot overflow.
-        ahead = np.clip(states.s[:, j] - states.s[:, ego], -limit, limit) * np.int32(2)
-        front = np.minimum(ahead + length[:, j, None], limit)
-        rear = np.maximum(ahead - length[:, j, None], -limit)
-        total += np.where(there, maximum_of(front - rear, 0), np.int32(0))
+        covered = _covered(states.s[:, j] - states.s[:, ego], length[:, j, None])
+        total += np.where(there, covered, np.int32(0))
         count += there.astype(np.uint8)
     return as_f32(total) * _PER_FULL_LANE, count
+
+
+def _lengths(trajectories: Trajectories) -> I32:
+    """Lengths of all vehicles, shape (simulation, vehicle) [mm]."""
+    return np.rint(trajectories.scenario.vehicles.length * np.float32(1000.0)).astype(np.int32)
+
+
+def _covered(ahead: I32, length: I32) -> I32:
+    """What a body covers of the road within reach of the ego [half a millimetre].
+
+    Args:
+        ahead: From the centre of the ego to that of the body [mm].
+        length: Of the body [mm].
+    """
+    limit = np.int32(2 * OCCUPANCY_REACH_MM)
+    # Twice the distance, cut so that a vehicle miles away cannot overflow.
+    centre = np.clip(ahead, -limit, limit) * np.int32(2)
+    front, rear = np.minimum(centre + length, limit), np.maximum(centre - length, -limit)
+    return maximum_of(front - rear, 0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -289,19 +304,13 @@ def left_lane_at(
         own = (rows, frames)
         return LeftLane(occupancy=seen.left_occupancy[own], count=seen.left_count[own])
     at = (rows, slice(None), frames)
-    length = np.rint(trajectories.scenario.vehicles.length * np.float32(1000.0)).astype(np.int32)
-    lane, s, limit = (
-        states.lane[at].astype(np.int32),
-        states.s[at],
-        np.int32(2 * OCCUPANCY_REACH_MM),
-    )
+    lane, s = states.lane[at].astype(np.int32), states.s[at]
     there = trajectories.scenario.vehicles.valid & (lane == lane[:, [Role.EGO]] + 1)
     there &= lane < trajectories.road.num_lanes
     if trajectories.present is not None:
         there &= trajectories.present[at]
-    ahead = np.clip(s - s[:, [Role.EGO]], -limit, limit) * np.int32(2)
-    front, rear = np.minimum(ahead + length, limit), np.maximum(ahead - length, -limit)
-    inside = np.where(there, maximum_of(front - rear, 0), np.int32(0))
+    covered = _covered(s - s[:, [Role.EGO]], _lengths(trajectories))
+    inside = np.where(there, covered, np.int32(0))
     return LeftLane(
         occupancy=as_f32(inside.sum(axis=1, dtype=np.int32)) * _PER_FULL_LANE,
         count=there.sum(axis=1, dtype=np.uint8),
