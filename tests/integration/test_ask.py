@@ -14,8 +14,6 @@ from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
 
-pytest.importorskip("clingo", reason="the extra [logic] is not installed")
-
 if TYPE_CHECKING:
     from pathlib import Path
 

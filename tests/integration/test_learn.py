@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-pytest.importorskip("sklearn")
-
 import overtaking
 from overtaking.cli import main
 from overtaking.report import files
@@ -122,7 +120,6 @@ def test_popper_is_an_export_with_options_of_its_own(
 
 
 def test_what_was_learned_is_on_the_page(folder: Path, rules: Any, factors: Any, tmp_path: Path):
-    pytest.importorskip("matplotlib")
     files.make_folders(tmp_path)
     made = Writer(tmp_path, overtaking.statistics(folder), None)
     learned = Learned(rules=(rules,), factors=factors, remarks=("No rules about this.",))

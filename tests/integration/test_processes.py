@@ -11,8 +11,10 @@ import time
 import uuid
 from pathlib import Path
 
+import fsspec.config
 import pytest
 from tests.support.killer import Killer, contents
+from tests.support.sumo import needs_sumo
 from tests.support.troubled import troubled
 
 from overtaking import api
@@ -205,7 +207,6 @@ def test_a_balanced_data_set_on_another_road_is_the_same(tmp_path):
 
 
 def test_a_store_is_filled_with_the_same(tmp_path, undisturbed, monkeypatch):
-    fsspec = pytest.importorskip("fsspec")
     monkeypatch.setitem(fsspec.config.conf, "local", {"auto_mkdir": True})
     monkeypatch.setenv("FSSPEC_LOCAL", '{"auto_mkdir": true}')  # The same for workers.
     generate(f"local://{tmp_path}/data", engine="processes", workers=2)
@@ -214,8 +215,8 @@ def test_a_store_is_filled_with_the_same(tmp_path, undisturbed, monkeypatch):
     }
 
 
+@needs_sumo
 def test_every_process_has_a_sumo_of_its_own(tmp_path):
-    pytest.importorskip("libsumo")
     made = [
         api.generate(
             "pinto2023",
@@ -228,7 +229,6 @@ def test_every_process_has_a_sumo_of_its_own(tmp_path):
 
 
 def test_a_place_that_workers_do_not_see_is_refused():
-    pytest.importorskip("fsspec")
     with pytest.raises(DatasetError, match=r"expected one that every worker sees, got nothing"):
         generate(f"memory://{uuid.uuid4()}", engine="processes", workers=1)
 

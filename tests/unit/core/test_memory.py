@@ -6,6 +6,7 @@ import gc
 import threading
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from overtaking.core import memory
@@ -68,10 +69,9 @@ def test_memory_is_not_used_again_while_somebody_looks_at_a_part_of_it(look):
 
 
 def test_an_arrow_table_keeps_the_memory_that_it_shows():
-    arrow = pytest.importorskip("pyarrow")
     array = memory.empty(LARGE, np.uint8)
     array[:] = 7
-    column = arrow.array(array)
+    column = pa.array(array)
     del array
     memory.empty(LARGE, np.uint8)[:] = 9
     assert (column.to_numpy() == 7).all()

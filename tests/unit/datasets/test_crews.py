@@ -7,6 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 import pytest
+from tests.support.carla import needs_wheel
 
 from overtaking.api.choices import simulator_of
 from overtaking.core import processors
@@ -16,6 +17,7 @@ from overtaking.datasets.orders import here
 from overtaking.datasets.place import Folder, Place
 from overtaking.datasets.process_crew import ProcessCrew
 from overtaking.datasets.recipe import Keep, Recipe
+from overtaking.datasets.store import Store
 from overtaking.exchange.roads import load_road
 from overtaking.scenarios import spec
 
@@ -58,7 +60,7 @@ def test_threads_do_what_is_not_worth_a_start(tmp_path):
 
 
 def test_threads_do_what_processes_could_not(tmp_path, monkeypatch):
-    store = pytest.importorskip("overtaking.datasets.store").Store("memory://data")
+    store = Store("memory://data")
     assert chosen(store, recipe(ENOUGH)) is here
     assert chosen(tmp_path, recipe(ENOUGH), simulator={"shares_world": True}) is here
     monkeypatch.setattr(sys, "executable", "")
@@ -77,8 +79,8 @@ def test_what_is_asked_for_is_what_there_is(tmp_path):
     assert chosen(tmp_path, recipe(1), workers=2) == ProcessCrew(workers=2)
 
 
+@needs_wheel
 @pytest.mark.parametrize("name", ["carla", "carla-traffic-manager"])
 def test_a_world_that_all_processes_share_is_left_to_one(name, tmp_path):
-    pytest.importorskip("carla")
     with pytest.raises(ConfigError, match=f"all processes share the world of {name}"):
         crew_of("processes", recipe(9), simulator_of(name), Folder(tmp_path))

@@ -6,6 +6,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from sklearn import metrics
 from tests.support.learning import planted
 
 from overtaking.learning import covering
@@ -126,7 +127,6 @@ def test_the_rule_that_is_worth_most_comes_first():
 
 
 def test_the_f_measure_is_that_of_scikit_learn():
-    metrics = pytest.importorskip("sklearn.metrics")
     draw = np.random.default_rng(4)
     said, positive = draw.random(200) < 0.4, draw.random(200) < 0.3
     assert f_measure(said, positive) == pytest.approx(metrics.f1_score(positive, said))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.stats import entropy as scipy_entropy
+from sklearn.tree import DecisionTreeClassifier
 
 from overtaking.learning.cuts import supervised_cuts
 
@@ -42,9 +43,7 @@ def test_the_first_cut_is_that_of_the_paper(seed: int):
 
 
 def test_a_cut_is_where_a_decision_tree_of_scikit_learn_splits():
-    tree = pytest.importorskip("sklearn.tree").DecisionTreeClassifier(
-        criterion="entropy", max_depth=1
-    )
+    tree = DecisionTreeClassifier(criterion="entropy", max_depth=1)
     draw = np.random.default_rng(5)
     values = draw.uniform(0.0, 10.0, 500)
     positive = (values > 6.3) ^ (draw.random(500) < 0.1)

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-pytest.importorskip("sklearn")
-
 from tests.support.learning import planted
 
 from overtaking.learning.factors import calibration_error, learn_factors, reliability

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 from typing import TYPE_CHECKING
 
+import clingo
 import pytest
 from tests.support.learning import planted
 
@@ -70,7 +71,6 @@ def test_facts_say_where_conditions_hold(folder: Path):
 
 
 def test_clingo_reads_them(folder: Path):
-    clingo = pytest.importorskip("clingo")
     control = clingo.Control()
     for name in FILES:
         control.load(str(folder / name))

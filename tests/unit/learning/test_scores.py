@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sklearn import metrics
 
 from overtaking.learning.scores import best_threshold, grouped_interval, score
 from overtaking.stats.moments import wilson
@@ -13,7 +14,6 @@ SAID, POSITIVE = DRAW.random(500) < 0.3, DRAW.random(500) < 0.2
 
 
 def test_scores_are_those_of_scikit_learn():
-    metrics = pytest.importorskip("sklearn.metrics")
     found = score("x", SAID, POSITIVE)
     for name, other in (
         ("precision", metrics.precision_score),

@@ -6,13 +6,10 @@ import pytest
 from tests.support.logic import solved
 
 from overtaking.core.errors import ConfigError
-from overtaking.logic.vocabulary import FACTS, LARGEST
-
-pytest.importorskip("clingo", reason="the extra [logic] is not installed")
-
-from overtaking.logic.bounds import overflows, ranges_of, within, range_of  # noqa: I001
+from overtaking.logic.bounds import overflows, range_of, ranges_of, within
 from overtaking.logic.clauses import FILES, clauses, declared, program, reasoner
 from overtaking.logic.question import question
+from overtaking.logic.vocabulary import FACTS, LARGEST
 
 
 def overflows_of(text: str) -> list[str]:

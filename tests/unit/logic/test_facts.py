@@ -21,8 +21,6 @@ from overtaking.logic.facts import Demand, everything
 from overtaking.logic.header import header
 from overtaking.logic.vocabulary import FACTS, LARGEST, THEORY
 
-pytest.importorskip("clingo", reason="the extra [logic] is not installed")
-
 THEORY_TEXT = (PROGRAMS / "theory.lp").read_text(encoding="utf-8")
 METRES = st.floats(-1000, 1000, width=32)
 

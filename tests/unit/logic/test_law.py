@@ -12,13 +12,10 @@ from tests.support.logic import program_of, solved
 from overtaking import sample, simulate
 from overtaking.logic.export import PROGRAMS
 from overtaking.logic.facts import Classes
+from overtaking.logic.law import CODES, judged, law, lawyer
 from overtaking.logic.source import Group, case_of
 from overtaking.model.labels import Case, Verdict
 from overtaking.rules import PORTUGAL, check
-
-pytest.importorskip("clingo", reason="the extra [logic] is not installed")
-
-from overtaking.logic.law import CODES, judged, law, lawyer
 
 LAW = (PROGRAMS / "law.lp").read_text(encoding="utf-8")
 
