@@ -11,14 +11,14 @@ CHUNK_SIZE = 512
 """Most simulations in memory at a time; each chunk becomes a row group, the least that is read for
 one simulation."""
 
-LARGE_CHUNK_SIZE = 1024
+LARGE_CHUNK_SIZE = 2048
 """The same where no frames are kept, so that none of them are read: what each chunk costs however
-small it is, a tenth of the time at 512, is halved."""
+small it is, a tenth of the time at 512, is a quarter of that."""
 
 RECORDED_CHUNK_SIZE = 64
 """The same for simulations that were made from a recording."""
 
-CHUNK_STATES = 4_000_000
+CHUNK_STATES = 5_000_000
 """Rows of the states in memory at a time, where the largest worlds would take more."""
 
 
