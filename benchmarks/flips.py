@@ -33,6 +33,7 @@ ROOT = Path(__file__).resolve().parents[1]
 STEP_FILES = (
     "collisions", "control", "dynamics", "ego", "elementary", "engine", "environment", "following",
     "lanes", "mobil", "neighbours", "perception", "recording", "state", "steering",
+    "trace", "words",
 )  # fmt: skip
 """What the step consists of, and what writes it down."""
 

@@ -92,7 +92,7 @@ MUTATIONS = (
         meaning="comparison: only what is beyond the limit of sight is seen",
     ),
     Mutation(
-        file="recording.rs",
+        file="words.rs",
         marked="rounded(y0 + state.s[i] * sine «+ d * cosine, THOUSAND, INT32_LIMIT),",
         meaning="sign: of the lateral offset in the recorded y",
     ),

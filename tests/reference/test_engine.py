@@ -139,6 +139,25 @@ def test_memory_that_is_used_again_leaves_no_trace():
         assert not difference(situation.run(expected.scenario, run), expected)
 
 
+def test_behind_the_end_of_a_simulation_there_is_nothing_whatever_was_in_the_memory():
+    given, buffers = spec("pinto2023"), engine.Buffers()
+    road, lengths = load_road(given.road), []
+    for first in range(0, 192, 48):
+        index = np.arange(first, first + 48, dtype=np.uint64)
+        run = engine.simulate(sample(given, road, 3, index), buffers=buffers)
+        there = run.frame_valid[:, None] & run.scenario.vehicles.valid[:, :, None]
+        for field in dataclasses.fields(run.states):
+            assert not getattr(run.states, field.name)[~there].any(), field.name
+        lengths.append(run.num_frames.copy())
+    assert (lengths[0] > lengths[1]).any()  # Something was there before.
+
+
+def test_what_was_recorded_cannot_be_overwritten():
+    run = simulated(SITUATIONS[0])
+    with pytest.raises(ValueError, match="read-only"):
+        run.states.x[0, 0, 0] = 1
+
+
 def test_the_situations_show_everything_that_the_model_does():
     runs = [simulated(situation) for situation in SITUATIONS]
     assert sum(len(run.num_frames) for run in runs) == SMALL

@@ -169,8 +169,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             advance(state, world, &self.pairs, &mut minds.before, step);
             step += 1;
         }
-        let count = self.world.count;
-        outlined!(simd, self.recorder.flush(simd, count, tile));
+        outlined!(simd, self.recorder.flush(&self.world, tile));
     }
 
     /// Finish the simulations that have ended before `step`; whether others still run.

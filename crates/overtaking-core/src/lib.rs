@@ -30,6 +30,8 @@ mod steering;
 mod step;
 pub mod stretches;
 mod tile;
+mod trace;
+mod words;
 
 pub use engine::{Inputs, Later, available_levels, current_level, simulate};
 pub use fields::{Constants, SIMULATION_NAMES, VEHICLE_NAMES};

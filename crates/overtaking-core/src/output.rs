@@ -36,6 +36,8 @@ macro_rules! output_fields {
 output_fields! {
     /// Recorded frames.
     num_frames: i32, |_, _| 1;
+    /// Up to which frame the states of a vehicle may hold something; behind it they are zero.
+    written: i32, |v, _| v;
     /// OpenDRIVE x [mm].
     x: i32, |v, t| v * t;
     /// OpenDRIVE y [mm].

@@ -1,27 +1,16 @@
-//! Rounding once, and the hash over what was recorded; see `overtaking.sim.reference.recording`.
+//! Frames to their place in memory, percepts and contacts; see `overtaking.sim.reference.recording`.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16, u32x16};
 
-use crate::lanes::{LANES, M, Seats, V, choose, clamp_to, splat};
+use crate::lanes::{LANES, M, Seats, choose, splat};
 use crate::neighbours::Neighbours;
 use crate::output::{MAX_PERCEPTS, Output};
 use crate::perception::Beliefs;
 use crate::state::{EGO, State, World};
-use crate::tile::{PACKED, Row, TILE, Tile, WORDS, bytes, halves, packed, put, transposed};
-
-const NO_VEHICLE: i32 = 255;
-const INT16_LIMIT: f32 = 32767.0;
-const INT32_LIMIT: f32 = 2.0e9;
-const TURNS_PER_RADIAN: f32 = 0.159_154_94;
-const THOUSAND: f32 = 1000.0;
-const TEN_THOUSAND: f32 = 10000.0;
-const INDICATOR_LEFT: i32 = 1;
-const INDICATOR_RIGHT: i32 = 2;
-const BRAKE: i32 = 4;
-const PRIME_1: u32 = 2_654_435_761;
-const PRIME_2: u32 = 2_246_822_519;
-const PRIME_3: u32 = 3_266_489_917;
+use crate::tile::{PACKED, Row, TILE, Tile, bytes, halves, packed, put, transposed};
+use crate::trace::{self, digest, mix, mix_word};
+use crate::words::{INT32_LIMIT, NO_VEHICLE, THOUSAND, rounded, vehicle_words};
 
 /// Which decision a percept was written down for.
 #[derive(Clone, Copy)]
@@ -29,26 +18,6 @@ pub enum Kind {
     PullOut = 0,
     Return = 1,
     Abort = 2,
-}
-
-#[inline(always)]
-fn rounded<S: Simd>(value: V<S>, scale: f32, limit: f32) -> i32x16<S> {
-    clamp_to(value * scale, -limit, limit)
-        .round_ties_even()
-        .to_int()
-}
-
-#[inline(always)]
-fn wrapped<S: Simd>(angle: V<S>) -> V<S> {
-    let turns = (angle * TURNS_PER_RADIAN).round_ties_even();
-    angle - turns * core::f32::consts::TAU
-}
-
-#[inline(always)]
-fn mix_word(hash: u32, word: u32) -> u32 {
-    hash.wrapping_add(word.wrapping_mul(PRIME_2))
-        .rotate_left(13)
-        .wrapping_mul(PRIME_1)
 }
 
 /// Collects the recorded integers of a block and hashes them.
@@ -63,18 +32,12 @@ pub struct Recorder<'a, const N: usize> {
 impl<'a, const N: usize> Recorder<'a, N> {
     /// A recorder of the simulations of some lanes.
     pub fn new(mut out: [Option<Output<'a>>; LANES]) -> Self {
-        let start = [
-            PRIME_1.wrapping_add(PRIME_2),
-            PRIME_2,
-            0,
-            0u32.wrapping_sub(PRIME_1),
-        ];
         for out in out.iter_mut().flatten() {
             clear(out);
         }
         Self {
             out,
-            hash: start.map(|word| [word; LANES]),
+            hash: trace::start(),
             frames: [0; LANES],
             flushed: 0,
         }
@@ -118,9 +81,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
             for (k, word) in words.into_iter().enumerate() {
                 hash[k % 4] = mix(hash[k % 4], word, active & valid);
             }
-            let none = i32x16::splat(simd, 0);
             for (k, word) in packed(&words).into_iter().enumerate() {
-                let word = valid.select(word, none);
                 tile.0[(i * PACKED + k) * TILE + at] = Row(word.to_array());
             }
         }
@@ -143,11 +104,11 @@ impl<'a, const N: usize> Recorder<'a, N> {
                 self.frames[lane] = number + 1;
             }
         }
-        self.fetch(w.count, at);
+        self.fetch(w, at);
         if at + 1 == TILE {
             simd.vectorize(
                 #[inline(always)]
-                || self.flush(simd, w.count, tile),
+                || self.flush(w, tile),
             );
             self.flushed = number + 1;
         }
@@ -158,11 +119,11 @@ impl<'a, const N: usize> Recorder<'a, N> {
     /// A tile has as many frames as there are lanes, so all of it is there when the tile is full; else each
     /// line of it would be waited for.
     #[inline(always)]
-    fn fetch(&self, count: usize, at: usize) {
+    fn fetch<S: Simd>(&self, w: &World<'_, S, N>, at: usize) {
         let Some(out) = self.out[at].as_ref() else {
             return;
         };
-        for i in 0..count.min(out.slots) {
+        for i in (0..w.count).filter(|i| w.p[*i].valid[at] > 0.0) {
             let place = i * out.frames + self.flushed;
             for wide in [&*out.x, out.y, out.s, out.d, out.speed] {
                 prefetch(wide, place);
@@ -186,39 +147,19 @@ impl<'a, const N: usize> Recorder<'a, N> {
     /// Sixteen frames are turned at once; what is written beyond the end of a simulation is cleared when
     /// it is finished.
     #[inline(always)]
-    pub fn flush<S: Simd>(&mut self, simd: S, count: usize, tile: &Tile<N>) {
+    pub fn flush<S: Simd>(&mut self, w: &World<'_, S, N>, tile: &Tile<N>) {
         let start = self.flushed;
         if self.frames.iter().all(|frames| *frames <= start) {
             return;
         }
-        for i in 0..count {
+        for i in 0..w.count {
+            let there = w.p[i].valid.simd_gt(0.0);
             for k in 0..PACKED {
                 let from = (i * PACKED + k) * TILE;
-                let turned = transposed(simd, &tile.0[from..from + LANES]);
-                for (out, Row(row)) in self.out.iter_mut().zip(&turned) {
-                    let Some(out) = out.as_mut().filter(|out| i < out.slots) else {
-                        continue;
-                    };
-                    let place = i * out.frames + start;
-                    match k {
-                        0 => put(out.x, place, *row),
-                        1 => put(out.y, place, *row),
-                        2 => put(out.s, place, *row),
-                        3 => put(out.d, place, *row),
-                        4 => put(out.speed, place, *row),
-                        5 => {
-                            put(out.heading, place, halves(row, 0));
-                            put(out.wheel_angle, place, halves(row, 16));
-                        }
-                        6 => {
-                            put(out.accel_lon, place, halves(row, 0));
-                            put(out.accel_lat, place, halves(row, 16));
-                        }
-                        _ => {
-                            put(out.yaw_rate, place, halves(row, 0));
-                            put(out.lane, place, bytes(row, 16));
-                            put(out.lights, place, bytes(row, 24));
-                        }
+                let turned = transposed(w.simd, &tile.0[from..from + LANES]);
+                for (lane, (out, Row(row))) in self.out.iter_mut().zip(&turned).enumerate() {
+                    if let Some(out) = out.as_mut().filter(|_| there.test(lane)) {
+                        put_tile(out, i, k, start, row);
                     }
                 }
             }
@@ -315,6 +256,35 @@ fn prefetch<T>(slice: &[T], place: usize) {
     let _ = (slice, place);
 }
 
+/// Put sixteen frames of word `k` of vehicle `i` to their place.
+#[inline(always)]
+fn put_tile(out: &mut Output<'_>, i: usize, k: usize, start: usize, row: &[i32; LANES]) {
+    let place = i * out.frames + start;
+    match k {
+        0 => {
+            out.written[i] = out.written[i].max((start + TILE) as i32);
+            put(out.x, place, *row);
+        }
+        1 => put(out.y, place, *row),
+        2 => put(out.s, place, *row),
+        3 => put(out.d, place, *row),
+        4 => put(out.speed, place, *row),
+        5 => {
+            put(out.heading, place, halves(row, 0));
+            put(out.wheel_angle, place, halves(row, 16));
+        }
+        6 => {
+            put(out.accel_lon, place, halves(row, 0));
+            put(out.accel_lat, place, halves(row, 16));
+        }
+        _ => {
+            put(out.yaw_rate, place, halves(row, 0));
+            put(out.lane, place, bytes(row, 16));
+            put(out.lights, place, bytes(row, 24));
+        }
+    }
+}
+
 /// Set what is only written where something happens.
 fn clear(out: &mut Output<'_>) {
     out.percept_valid.fill(0);
@@ -338,7 +308,7 @@ fn clear(out: &mut Output<'_>) {
     }
 }
 
-/// Zero what lies behind the last frame, and the slots that are empty.
+/// Zero what lies behind the last frame, and the slots that are empty, as far as something was ever written there.
 fn clear_behind<S: Simd, const N: usize>(
     out: &mut Output<'_>,
     frames: usize,
@@ -348,7 +318,9 @@ fn clear_behind<S: Simd, const N: usize>(
     let room = out.frames;
     for i in 0..out.slots {
         let used = if w.p[i].valid[lane] > 0.0 { frames } else { 0 };
-        let rest = i * room + used..(i + 1) * room;
+        let written = (out.written[i].max(0) as usize).clamp(used, room);
+        out.written[i] = used as i32;
+        let rest = i * room + used..i * room + written;
         for wide in [&mut *out.x, out.y, out.s, out.d, out.speed] {
             wide[rest.clone()].fill(0);
         }
@@ -415,82 +387,4 @@ fn mix_percepts(hash: &mut [u32; 4], out: &Output<'_>) {
             hash[k % 4] = mix_word(hash[k % 4], word);
         }
     }
-}
-
-fn digest(hash: [u32; 4]) -> [u32; 4] {
-    core::array::from_fn(|k| {
-        let word = hash[k].wrapping_add(hash[(k + 1) % 4].rotate_left(7));
-        let word = (word ^ (word >> 15)).wrapping_mul(PRIME_2);
-        let word = (word ^ (word >> 13)).wrapping_mul(PRIME_3);
-        word ^ (word >> 16)
-    })
-}
-
-#[inline(always)]
-fn mix<S: Simd>(hash: u32x16<S>, word: i32x16<S>, mask: M<S>) -> u32x16<S> {
-    let word: u32x16<S> = word.bitcast();
-    let sum = hash + word * PRIME_2;
-    let mixed = ((sum << 13) | (sum >> 19)) * PRIME_1;
-    mask.select(mixed, hash)
-}
-
-/// The recorded integers of vehicle `i`.
-#[inline(always)]
-fn vehicle_words<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
-    i: usize,
-) -> [i32x16<S>; WORDS] {
-    let (road, p) = (w.road, &w.p[i]);
-    let [x0, y0, heading, cosine, sine] = road.pose;
-    let d = road.side * state.d[i];
-    let mut lane = i32x16::splat(w.simd, NO_VEHICLE);
-    for k in 0..=road.num_lanes {
-        let beyond = state.d[i].simd_ge(road.boundaries[k]);
-        lane = beyond.select(i32x16::splat(w.simd, k as i32), lane);
-    }
-    let speed = (state.vx[i] * state.vx[i] + state.vy[i] * state.vy[i]).sqrt();
-    let wheel = choose(
-        p.two_wheeler.simd_gt(0.0),
-        splat(w.simd, 0.0),
-        state.wheel[i],
-    );
-    [
-        rounded(x0 + state.s[i] * cosine - d * sine, THOUSAND, INT32_LIMIT),
-        rounded(y0 + state.s[i] * sine + d * cosine, THOUSAND, INT32_LIMIT),
-        rounded(state.s[i], THOUSAND, INT32_LIMIT),
-        rounded(d, THOUSAND, INT32_LIMIT),
-        rounded(speed, THOUSAND, INT32_LIMIT),
-        rounded(
-            wrapped(heading + road.side * state.psi[i]),
-            TEN_THOUSAND,
-            INT16_LIMIT,
-        ),
-        rounded(road.side * wheel, TEN_THOUSAND, INT16_LIMIT),
-        rounded(state.a_lon[i], THOUSAND, INT16_LIMIT),
-        rounded(road.side * state.a_lat[i], THOUSAND, INT16_LIMIT),
-        rounded(road.side * state.r[i], TEN_THOUSAND, INT16_LIMIT),
-        lane,
-        lights(state, w, i),
-    ]
-}
-
-#[inline(always)]
-fn lights<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
-    i: usize,
-) -> i32x16<S> {
-    let towards_left = w.road.side * state.indicator[i];
-    let left = towards_left.simd_gt(0.0).select(
-        i32x16::splat(w.simd, INDICATOR_LEFT),
-        i32x16::splat(w.simd, 0),
-    );
-    let right = towards_left.simd_lt(0.0).select(
-        i32x16::splat(w.simd, INDICATOR_RIGHT),
-        i32x16::splat(w.simd, 0),
-    );
-    let braking = state.accel[i].simd_lt(-w.c.stop_lamp_decel) | state.crashed[i].simd_gt(0.0);
-    let base: i32x16<S> = w.p[i].lights.to_int();
-    base + left + right + braking.select(i32x16::splat(w.simd, BRAKE), i32x16::splat(w.simd, 0))
 }

@@ -142,7 +142,7 @@ fn simulate(
     };
     let done = with_outputs!(
         outputs, batch, slots, frames, run,
-        num_frames: i32, x: i32, y: i32, s: i32, d: i32, speed: i32, heading: i16, wheel_angle: i16,
+        num_frames: i32, written: i32, x: i32, y: i32, s: i32, d: i32, speed: i32, heading: i16, wheel_angle: i16,
         accel_lon: i16, accel_lat: i16, yaw_rate: i16, lane: u8, lights: u8, stage: u8, collided_with: u8,
         contact_partner: u8, contact_time: i32, contact_impulse: i32, contact_speed: i32,
         percept_valid: u8, percept_kind: u8, percept_time: i32, percept_vehicle: u8, percept_detected: u8,

@@ -8,6 +8,7 @@ of 4 KiB, each row of a simulation lies on a page of its own, more of them than 
 import contextlib
 import mmap
 import weakref
+from collections.abc import Hashable
 from typing import Any
 
 import numpy as np
@@ -21,9 +22,12 @@ KEPT_BYTES = 256 << 20
 
 _PAGE_BYTES = 2 << 20  # What Linux calls a huge page, on x86 and on ARM.
 
-_free: dict[int, list[mmap.mmap]] = {}
-"""Memory that nobody uses, by its size. Only `append` and `pop` touch the lists, so that neither
-threads nor a finaliser in the midst of either need a lock."""
+_Use = tuple[Hashable, int]
+"""What memory is for, None for anything, and its size."""
+
+_free: dict[_Use, list[mmap.mmap]] = {}
+"""Memory that nobody uses. Only `append` and `pop` touch the lists, so that neither threads nor a
+finaliser in the midst of either need a lock."""
 
 
 def empty(size: int, dtype: Any) -> NDArray[Any]:
@@ -39,28 +43,45 @@ def empty(size: int, dtype: Any) -> NDArray[Any]:
     length = size * kind.itemsize
     if length < LARGE_BYTES:
         return np.empty(size, kind)
+    return _large(length, None).view(kind)
+
+
+def as_left(use: Hashable, size: int) -> NDArray[np.uint8]:
+    """Bytes that are zero, or what the last array for the same use and size left in them.
+
+    Who notes in them how far they were filled need not clear the rest.
+
+    Args:
+        use: What tells apart who may find whose bytes.
+        size: Their number.
+    """
+    return np.zeros(size, np.uint8) if size < LARGE_BYTES else _large(size, use)
+
+
+def _large(length: int, use: Hashable) -> NDArray[np.uint8]:
+    """Memory from a huge page on, which returns when nobody looks at it any more."""
     room = -(-length // _PAGE_BYTES) * _PAGE_BYTES
-    memory = _taken(room)
+    memory = _taken((use, room))
     whole = np.frombuffer(memory, np.uint8)
     begin = -whole.ctypes.data % _PAGE_BYTES
-    weakref.finalize(whole, _give_back, memory, room).atexit = False
-    return whole[begin : begin + length].view(kind)
+    weakref.finalize(whole, _give_back, memory, (use, room)).atexit = False
+    return whole[begin : begin + length]
 
 
-def _taken(room: int) -> mmap.mmap:
-    """Memory in which `room` bytes begin at a huge page."""
+def _taken(use: _Use) -> mmap.mmap:
+    """Memory in which as many bytes begin at a huge page."""
     with contextlib.suppress(KeyError, IndexError):
-        return _free[room].pop()
+        return _free[use].pop()
     flags = {} if not hasattr(mmap, "MAP_PRIVATE") else {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANON}
-    memory = mmap.mmap(-1, room + _PAGE_BYTES, **flags)
+    memory = mmap.mmap(-1, use[1] + _PAGE_BYTES, **flags)
     if hasattr(mmap, "MADV_HUGEPAGE"):
         with contextlib.suppress(OSError):  # A kernel without them serves small ones.
             memory.madvise(mmap.MADV_HUGEPAGE)
     return memory
 
 
-def _give_back(memory: mmap.mmap, room: int) -> None:
+def _give_back(memory: mmap.mmap, use: _Use) -> None:
     """Keep memory for the next one, unless there is plenty."""
-    kept = sum(size * len(free) for size, free in tuple(_free.items()))
-    if kept + room <= KEPT_BYTES:
-        _free.setdefault(room, []).append(memory)
+    kept = sum(room * len(free) for (_, room), free in tuple(_free.items()))
+    if kept + use[1] <= KEPT_BYTES:
+        _free.setdefault(use, []).append(memory)

@@ -1,6 +1,8 @@
 """The Rust engine: the same model as `sim.reference`, sixteen simulations at a time."""
 
+import math
 import os
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -8,7 +10,7 @@ from numpy.typing import NDArray
 
 from overtaking import _core
 from overtaking.core.errors import ConfigError
-from overtaking.core.memory import empty
+from overtaking.core.memory import as_left, empty
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Contacts, Percepts, States, Trajectories
 from overtaking.physics.constants import Constants
@@ -42,6 +44,13 @@ _PERCEPT_TYPES = {
 }
 
 
+_LINE_BYTES = 64
+"""Arrays begin where a line of the CPU's cache does."""
+
+Layout = tuple[tuple[str, tuple[int, ...], type[np.generic]], ...]
+"""Names, shapes and types of some arrays."""
+
+
 class Buffers:
     """Output arrays that are used again as long as they are large enough.
 
@@ -51,6 +60,7 @@ class Buffers:
     def __init__(self) -> None:
         """Start without memory."""
         self._memory: dict[str, NDArray[Any]] = {}
+        self._layouts: dict[str, Layout] = {}
 
     def array(self, name: str, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
         """An array of this shape whose content means nothing; valid until asked for again."""
@@ -59,6 +69,23 @@ class Buffers:
         if memory is None or memory.size < size:
             memory = self._memory[name] = empty(size, dtype)
         return memory[:size].reshape(shape)
+
+    def together(self, name: str, layout: "Layout") -> dict[str, NDArray[Any]]:
+        """Arrays that are zero, or what was left in arrays of the same layout; valid as above.
+
+        Args:
+            name: Of all of them together.
+            layout: Name, shape and type of each.
+        """
+        sizes = [math.prod(shape) * np.dtype(kind).itemsize for _, shape, kind in layout]
+        ends = list(accumulate(-(-size // _LINE_BYTES) * _LINE_BYTES for size in sizes))
+        if self._layouts.get(name) != layout:
+            self._layouts[name], self._memory[name] = layout, as_left(layout, ends[-1])
+        memory, begins = self._memory[name], [0, *ends]
+        return {
+            field: memory[begin : begin + size].view(kind).reshape(shape)
+            for (field, shape, kind), begin, size in zip(layout, begins, sizes, strict=False)
+        }
 
 
 def simulate(
@@ -157,9 +184,10 @@ def constant_values(c: Constants) -> dict[str, Any]:
 
 def _outputs(batch: int, slots: int, frames: int, buffers: Buffers) -> dict[str, NDArray[Any]]:
     array = buffers.array
-    outputs = {
-        name: array(name, (batch, slots, frames), dtype) for name, dtype in _STATE_TYPES.items()
-    }
+    shape = (batch, slots, frames)
+    states: Layout = tuple((name, shape, kind) for name, kind in _STATE_TYPES.items())
+    # With how far each row is written: so the engine clears no more than was ever there.
+    outputs = buffers.together("states", (*states, ("written", shape[:2], _WIDE)))
     outputs |= {name: array(name, (batch, frames), _BYTE) for name in ("stage", "collided_with")}
     outputs["num_frames"] = array("num_frames", (batch,), _WIDE)
     outputs["contact_partner"] = array("contact_partner", (batch, slots), _BYTE)
@@ -182,7 +210,7 @@ def _trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajector
     return Trajectories(
         scenario=scenario,
         num_frames=out["num_frames"],
-        states=States(**{name: out[name][:, :, :longest] for name in _STATE_TYPES}),
+        states=States(**{name: _kept(out[name][:, :, :longest]) for name in _STATE_TYPES}),
         stage=out["stage"][:, :longest],
         collided_with=out["collided_with"][:, :longest],
         contacts=Contacts(
@@ -200,3 +228,9 @@ def _trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajector
         ),
         trace_hash=out["trace_hash"],
     )
+
+
+def _kept(states: NDArray[Any]) -> NDArray[Any]:
+    """Recorded states, which nobody may change: what is zero behind them is not cleared again."""
+    states.setflags(write=False)
+    return states

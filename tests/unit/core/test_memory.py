@@ -24,7 +24,7 @@ def address(array):
 
 
 def kept():
-    return sum(size * len(free) for size, free in memory._free.items())
+    return sum(size * len(free) for (_, size), free in memory._free.items())
 
 
 @pytest.mark.parametrize("dtype", [np.int32, np.int16, np.uint8, np.float32, bool])
@@ -75,6 +75,27 @@ def test_an_arrow_table_keeps_the_memory_that_it_shows():
     del array
     memory.empty(LARGE, np.uint8)[:] = 9
     assert (column.to_numpy() == 7).all()
+
+
+@pytest.mark.parametrize("size", [10, LARGE + 7])
+def test_what_was_left_is_zero_at_first(size):
+    memory.empty(size, np.uint8)[:] = 9
+    array = memory.as_left("a use", size)
+    assert array.shape == (size,)
+    assert not array.any()
+
+
+def test_what_was_left_is_found_by_the_same_use_alone():
+    array = memory.as_left(("a use", 1), LARGE)
+    array[::100] = 7
+    place = address(array)
+    del array
+    others = [memory.as_left(("a use", 2), LARGE), memory.empty(LARGE, np.uint8)]
+    assert place not in map(address, others)
+    again = memory.as_left(("a use", 1), LARGE)
+    assert address(again) == place
+    assert (again[::100] == 7).all()
+    assert np.count_nonzero(again) == len(again[::100])
 
 
 def test_two_arrays_that_live_at_the_same_time_do_not_overlap():
