@@ -638,6 +638,189 @@ def compact(values: NDArray[Any], counts: NDArray[np.int64]) -> NDArray[Any]:
         ValueError: A row has fewer places, or there are other rows.
     """
 
+class Tile:
+    """A picture without opacity, of even width and height."""
+
+    def __init__(self, luma: NDArray[np.uint8], chroma: NDArray[np.uint8]) -> None:
+        """Take its planes.
+
+        Args:
+            luma: Shape (height, width).
+            chroma: U and V, (2, height / 2, width / 2).
+
+        Raises:
+            ValueError: The size is odd, or chroma has another.
+        """
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height [px]."""
+
+class Sprite:
+    """A picture with opacity."""
+
+    def __init__(self, luma: NDArray[np.uint16], chroma: NDArray[np.uint16]) -> None:
+        """Take its planes.
+
+        Args:
+            luma: Luma times opacity, and what shines through, of 256; (2, height, width).
+            chroma: U, V and what shines through; (3, height / 2, width / 2).
+
+        Raises:
+            ValueError: An array has another shape, or a number is too large.
+        """
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height [px]."""
+
+    def planes(self) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+        """Luma and chroma, as they were given."""
+
+class Texture:
+    """A sheet that is put at any place and angle; `Painting.texture` makes it.
+
+    Each texel holds what a pixel centred there would show. What is drawn is the texel below the
+    middle of each pixel: places within a pixel cost no filter.
+    """
+
+    @property
+    def width(self) -> int:
+        """Width in texels."""
+
+    @property
+    def fine(self) -> int:
+        """Texels to a pixel."""
+
+class Veil:
+    """Brightness between the eye and the road that hides what lies behind it."""
+
+    def __init__(self, keep: NDArray[np.uint16], colour: tuple[int, int, int]) -> None:
+        """A veil by what shines through each column, of 256, and its Y, U and V.
+
+        Raises:
+            ValueError: More than everything shines through.
+        """
+
+class Light:
+    """A patch of light, at half the resolution."""
+
+    def __init__(self, power: NDArray[np.uint16]) -> None:
+        """A patch by what it adds to the light of the night, of 256; shape (height, width).
+
+        Raises:
+            ValueError: It is brighter than day.
+        """
+
+class Streaks:
+    """Falling rain, black but for its streaks, as wide as a frame."""
+
+    def __init__(self, luma: NDArray[np.uint8]) -> None:
+        """Rain from its luma, shape (height, width)."""
+
+class Painting:
+    """Something to paint on, in units of its own; y grows downwards.
+
+    Colours are Y, U and V; stretches have a lower and an upper end.
+    """
+
+    def __init__(
+        self, x: tuple[float, float], y: tuple[float, float], scale: float, fine: int
+    ) -> None:
+        """A transparent sheet of `scale` pixels to the unit and `fine` texels to the pixel.
+
+        Raises:
+            ValueError: It has no size, or is too large; texels are not 1, 2, 4 or 8.
+        """
+
+    def fill(self, colour: tuple[float, float, float]) -> None:
+        """One colour everywhere."""
+
+    def rect(
+        self,
+        x: tuple[float, float],
+        y: tuple[float, float],
+        colour: tuple[float, float, float],
+        opacity: float,
+        radius: float,
+    ) -> None:
+        """A rectangle, with round corners if it has a radius."""
+
+    def frame(
+        self,
+        x: tuple[float, float],
+        y: tuple[float, float],
+        colour: tuple[float, float, float],
+        line: float,
+        radius: float,
+    ) -> None:
+        """The outline of a rectangle with round corners, `line` wide, inside its edges."""
+
+    def glow(
+        self,
+        place: tuple[float, float],
+        reach: float,
+        colour: tuple[float, float, float],
+        strength: float,
+    ) -> None:
+        """Light around a place that fades towards `reach`."""
+
+    def swept(
+        self,
+        x: tuple[float, float],
+        y: tuple[float, float],
+        reach: tuple[float, float],
+        colour: tuple[float, float, float],
+        opacity: float,
+    ) -> None:
+        """All that a rectangle passes over when it is moved by `reach`."""
+
+    def curve(
+        self,
+        x: NDArray[np.float32],
+        y: NDArray[np.float32],
+        colour: tuple[float, float, float],
+        line: float,
+        opacity: float,
+    ) -> None:
+        """A line through points with growing x, `line` wide.
+
+        Raises:
+            ValueError: There are no points, or of x others than of y.
+        """
+
+    def stamp(
+        self,
+        luma: NDArray[np.float32],
+        chroma: NDArray[np.float32],
+        place: tuple[int, int],
+        colour: tuple[float, float, float],
+    ) -> None:
+        """A picture of one colour; what lies outside is cut off.
+
+        Args:
+            luma: Share of each texel that it covers, shape (height, width).
+            chroma: The same at half the resolution.
+            place: Column and row of its left upper corner, in texels of chroma.
+            colour: Its colour.
+
+        Raises:
+            ValueError: It has no columns.
+        """
+
+    def sprite(self) -> Sprite:
+        """The sheet of one texel to the pixel, as a picture with opacity."""
+
+    def tile(self) -> Tile:
+        """The sheet of one texel to the pixel, as a picture that nothing shines through."""
+
+    def texture(self) -> Texture:
+        """The sheet, to be put at any place and angle; its origin is what it is placed by.
+
+        Raises:
+            ValueError: Its origin is too far away.
+        """
+
 class Frames:
     """The frames of a film, as a list of what is on them; numbers are checked when they come in."""
 
@@ -653,59 +836,8 @@ class Frames:
             ValueError: This is no size of a frame.
         """
 
-    def add_tile(self, luma: NDArray[np.uint8], chroma: NDArray[np.uint8]) -> int:
-        """Keep a picture without opacity and give its number: (height, width), and U and V.
-
-        Raises:
-            ValueError: The size is odd, or chroma has another.
-        """
-
-    def add_sprite(self, luma: NDArray[np.uint16], chroma: NDArray[np.uint16]) -> int:
-        """Keep a picture with opacity and give its number.
-
-        Args:
-            luma: Luma times opacity, and what shines through, of 256; (2, height, width).
-            chroma: U, V and what shines through; (3, height / 2, width / 2).
-
-        Raises:
-            ValueError: An array has another shape, or a number is too large.
-        """
-
-    def add_texture(
-        self,
-        luma: NDArray[np.uint16],
-        chroma: NDArray[np.uint16],
-        origin: tuple[int, int],
-        fine: int,
-    ) -> int:
-        """Keep a sheet of `fine` texels to the pixel and give its number.
-
-        Args:
-            luma: As for a sprite.
-            chroma: The same.
-            origin: What it is placed and turned by, from its left upper corner [half texels].
-            fine: Texels to a pixel.
-
-        Raises:
-            ValueError: As for a sprite.
-        """
-
-    def add_veil(self, keep: NDArray[np.uint16], colour: tuple[int, int, int]) -> int:
-        """Keep a veil and give its number: what shines through each column, and its Y, U and V.
-
-        Raises:
-            ValueError: More than everything shines through.
-        """
-
-    def add_light(self, power: NDArray[np.uint16]) -> int:
-        """Keep a patch of light, at half the resolution, and give its number.
-
-        Raises:
-            ValueError: It is brighter than day.
-        """
-
-    def add_streaks(self, luma: NDArray[np.uint8]) -> int:
-        """Keep a picture of rain, as wide as a frame, and give its number."""
+    def add(self, picture: Tile | Sprite | Texture | Veil | Light | Streaks) -> int:
+        """Keep a picture, which other films may share, and give its number among its kind."""
 
     def play(self, items: NDArray[np.int32], ends: NDArray[np.int64]) -> None:
         """Say what is on all frames.

@@ -32,6 +32,7 @@ BINDINGS = (
     "overtaking.tables.packed",
     "overtaking.video.display",
     "overtaking.video.encode",
+    "overtaking.video.pictures",
 )
 REFERENCES = ("overtaking.sim.reference", "overtaking.signals.reference")
 

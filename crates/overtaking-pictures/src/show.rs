@@ -1,5 +1,7 @@
 //! Lists of what is on the frames of a film, and how a frame is drawn from its part of the list.
 
+use std::sync::Arc;
+
 use crate::frame::{Frame, Rows};
 use crate::light::{Light, Night, Streaks, Veil};
 use crate::sprite::{Sprite, Tile};
@@ -49,21 +51,21 @@ enum Item {
     },
 }
 
-/// The pictures that items name by their numbers, each kind counted from 0.
+/// The pictures that items name by their numbers, each kind counted from 0; shared with other films.
 #[derive(Debug, Default)]
 pub struct Pictures {
     /// Pictures without opacity.
-    pub tiles: Vec<Tile>,
+    pub tiles: Vec<Arc<Tile>>,
     /// Pictures with opacity.
-    pub sprites: Vec<Sprite>,
+    pub sprites: Vec<Arc<Sprite>>,
     /// Sheets that are drawn at any angle.
-    pub textures: Vec<Texture>,
+    pub textures: Vec<Arc<Texture>>,
     /// Fog and glare.
-    pub veils: Vec<Veil>,
+    pub veils: Vec<Arc<Veil>>,
     /// Patches of light.
-    pub lights: Vec<Light>,
+    pub lights: Vec<Arc<Light>>,
     /// Rain.
-    pub streaks: Vec<Streaks>,
+    pub streaks: Vec<Arc<Streaks>>,
 }
 
 /// All frames of a film.
@@ -165,7 +167,7 @@ impl Show {
                 .get_or_insert_with(|| Night::new(self.width, rows, self.moonlight))
                 .shine(&pictures.lights[picture], x, y),
             Item::Night { veil, first } => {
-                let veil = veil.map(|veil| (&pictures.veils[veil], first));
+                let veil = veil.map(|veil| (pictures.veils[veil].as_ref(), first));
                 let dark = night
                     .take()
                     .unwrap_or_else(|| Night::new(self.width, rows, self.moonlight));

@@ -17,6 +17,18 @@ pub struct Raster {
 }
 
 impl Raster {
+    /// Width and height.
+    #[must_use]
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// Each component times opacity, and what shines through.
+    pub fn planes(&self) -> impl Iterator<Item = &[u16]> {
+        let planes = self.colours.iter().chain(std::iter::once(&self.keep));
+        planes.map(Vec::as_slice)
+    }
+
     /// A raster from its planes: the components, and what shines through.
     ///
     /// # Errors
@@ -56,7 +68,20 @@ impl Sprite {
         Ok(Self([luma, chroma]))
     }
 
-    pub(crate) fn rasters(&self) -> &[Raster; 2] {
+    /// A sprite of rasters that fit together.
+    pub(crate) fn of(rasters: [Raster; 2]) -> Self {
+        Self(rasters)
+    }
+
+    /// Width and height.
+    #[must_use]
+    pub fn size(&self) -> (usize, usize) {
+        (self.0[0].width, self.0[0].height)
+    }
+
+    /// Luma, and chroma at half the resolution.
+    #[must_use]
+    pub fn rasters(&self) -> &[Raster; 2] {
         &self.0
     }
 
@@ -106,7 +131,7 @@ pub(crate) fn common(
 }
 
 /// Lets a share of what is below shine through, and adds a colour.
-fn mix(below: &mut [u8], colour: &[u16], keep: &[u16]) {
+pub(crate) fn mix(below: &mut [u8], colour: &[u16], keep: &[u16]) {
     for ((below, colour), keep) in below.iter_mut().zip(colour).zip(keep) {
         *below = mixed(*below, *colour, *keep);
     }
@@ -142,6 +167,19 @@ impl Tile {
             height,
             planes: [luma, u, v].map(<[u8]>::to_vec),
         })
+    }
+
+    /// A sprite that nothing shines through.
+    #[must_use]
+    pub fn of(sprite: &Sprite) -> Self {
+        let (width, height) = sprite.size();
+        let [luma, chroma] = sprite.rasters();
+        let bytes = |plane: &Vec<u16>| plane.iter().map(|&one| one as u8).collect();
+        Self {
+            width,
+            height,
+            planes: [&luma.colours[0], &chroma.colours[0], &chroma.colours[1]].map(bytes),
+        }
     }
 
     /// Width and height.

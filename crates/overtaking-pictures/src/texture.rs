@@ -1,11 +1,13 @@
-//! Sprites taken from a painted sheet at any place and angle.
+//! Pictures of several texels to the pixel, put on a frame at any place and angle.
 //!
-//! A sheet has several texels to the pixel, each holding what a pixel centred there would show. What is
-//! drawn is the texel below the middle of each pixel: places within a pixel cost no filter. All is
-//! reckoned in integers, so that every machine takes the same texels.
+//! Each texel holds what a pixel centred there would show. What is drawn is the texel below the middle
+//! of each pixel: places within a pixel cost no filter. All is reckoned in integers, so that every
+//! machine takes the same texels.
+
+use std::ops::Range;
 
 use crate::frame::{Frame, PLANES, Plane, Rows};
-use crate::sprite::{Raster, Sprite, mixed};
+use crate::sprite::{OPAQUE, Raster, Sprite, mix, mixed};
 
 /// One in the fixed point of cosines, sines and texels.
 pub const ONE: i64 = 1 << 16;
@@ -13,10 +15,10 @@ pub const ONE: i64 = 1 << 16;
 /// A painted sheet.
 #[derive(Debug, Clone)]
 pub struct Texture {
-    sheet: Sprite,
-    /// Where the sheet's origin is, from its left upper corner: half texels of luma.
-    origin: (i64, i64),
+    width: usize,
     fine: i64,
+    /// Luma, and chroma at half the resolution.
+    patches: [Patch; 2],
 }
 
 /// Where a texture is put and how it is turned.
@@ -36,149 +38,249 @@ impl Texture {
     /// A texture of `fine` texels to the pixel, its origin so many half texels from its corner.
     ///
     /// # Errors
-    /// There are no texels to the pixel.
-    pub fn new(sheet: Sprite, origin: (i64, i64), fine: i64) -> Result<Self, String> {
-        if !(1..=64).contains(&fine) || origin.0.abs().max(origin.1.abs()) >= ONE {
-            return Err("texture: expected 1 to 64 texels to a pixel, its origin near".to_owned());
+    /// The texels to the pixel are no power of two, or its origin is far away.
+    pub fn new(sheet: &Sprite, origin: (i64, i64), fine: i64) -> Result<Self, String> {
+        let is_near = origin.0.abs().max(origin.1.abs()) < ONE;
+        if !matches!(fine, 1 | 2 | 4 | 8) || !is_near {
+            return Err("texture: expected 1, 2, 4 or 8 texels to a pixel, its origin near".into());
         }
+        let [luma, chroma] = sheet.rasters();
         Ok(Self {
-            sheet,
-            origin,
+            width: sheet.size().0,
             fine,
+            patches: [
+                Patch::new(luma, origin, fine),
+                Patch::new(chroma, (origin.0 / 2, origin.1 / 2), fine),
+            ],
         })
+    }
+
+    /// Width [texels of luma].
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Texels to a pixel.
+    #[must_use]
+    pub fn fine(&self) -> i64 {
+        self.fine
     }
 
     /// Puts the texels below the middles of pixels on a frame.
     pub fn blend(&self, frame: &mut Frame<'_>, place: Place, rows: Rows) {
-        for (raster, (pixels, planes)) in self.sheet.rasters().iter().zip(PLANES) {
-            let sampler = Sampler::new(self, raster, place, i64::from(pixels));
+        for (patch, (pixels, planes)) in self.patches.iter().zip(PLANES) {
+            let sampler = Sampler::new(patch, self.fine, place, i64::from(pixels));
             let planes = &mut frame.planes[planes];
             sampler.draw(planes, rows.of_plane(pixels));
         }
     }
 }
 
-/// From the pixels of a plane to the texels of a raster.
+/// The part of a raster that is not wholly transparent, each row in the order in which pixels ask for it: the
+/// first texel of every pixel, then the second of every pixel, and so on.
+#[derive(Debug, Clone)]
+struct Patch {
+    colours: Vec<Vec<u16>>,
+    keep: Vec<u16>,
+    /// Texels in x and in y.
+    width: usize,
+    height: usize,
+    /// How many texels of a row are the first of a pixel.
+    columns: usize,
+    /// Place of the origin, from the left upper corner [half texels].
+    origin: (i64, i64),
+}
+
+impl Patch {
+    fn new(raster: &Raster, origin: (i64, i64), fine: i64) -> Self {
+        let (columns, rows) = covered(raster);
+        let fine = fine as usize;
+        let count = columns.len().div_ceil(fine);
+        let ordered = |plane: &[u16], empty: u16| {
+            let mut all = vec![empty; rows.len() * fine * count];
+            for (number, to) in all.chunks_exact_mut(count.max(1)).enumerate() {
+                let (row, phase) = (rows.start + number / fine, number % fine);
+                let from = &plane[row * raster.width..][columns.clone()];
+                let pixels = from.get(phase..).unwrap_or_default().chunks(fine);
+                for (to, pixel) in to.iter_mut().zip(pixels) {
+                    *to = pixel[0];
+                }
+            }
+            all
+        };
+        let corner = (2 * columns.start as i64, 2 * rows.start as i64);
+        Self {
+            colours: raster.colours.iter().map(|one| ordered(one, 0)).collect(),
+            keep: ordered(&raster.keep, OPAQUE),
+            width: columns.len(),
+            height: rows.len(),
+            columns: count,
+            origin: (origin.0 - corner.0, origin.1 - corner.1),
+        }
+    }
+}
+
+/// The smallest columns and rows of a raster outside of which nothing can be seen.
+fn covered(raster: &Raster) -> (Range<usize>, Range<usize>) {
+    let is_seen = |keep: &u16| *keep != OPAQUE;
+    let (mut left, mut right) = (raster.width, 0);
+    let (mut top, mut bottom) = (raster.height, 0);
+    for (row, line) in raster.keep.chunks_exact(raster.width).enumerate() {
+        let Some(first) = line.iter().position(is_seen) else {
+            continue;
+        };
+        let last = line.iter().rposition(is_seen).unwrap_or(first);
+        (left, right) = (left.min(first), right.max(last + 1));
+        (top, bottom) = (top.min(row), row + 1);
+    }
+    (left.min(right)..right, top.min(bottom)..bottom)
+}
+
+/// From the pixels of a plane to the texels of a patch.
 struct Sampler<'a> {
-    raster: &'a Raster,
+    patch: &'a Patch,
     /// Half texels to a pixel.
     step: i64,
-    /// Place of the origin in the plane, and in the raster [half texels].
+    /// Place of the origin in the plane [half texels].
     centre: (i64, i64),
-    origin: (i64, i64),
     cosine: i64,
     sine: i64,
 }
 
 impl<'a> Sampler<'a> {
-    fn new(texture: &Texture, raster: &'a Raster, place: Place, pixels: i64) -> Self {
+    fn new(patch: &'a Patch, fine: i64, place: Place, pixels: i64) -> Self {
         let half = |texels: i32| 2 * i64::from(texels) / pixels;
         Self {
-            raster,
-            step: 2 * texture.fine,
+            patch,
+            step: 2 * fine,
             centre: (half(place.x), half(place.y)),
-            origin: (texture.origin.0 / pixels, texture.origin.1 / pixels),
             cosine: i64::from(place.cosine),
             sine: i64::from(place.sine),
         }
     }
 
-    /// First pixel and the one after the last that the sheet may touch, in columns and in rows.
-    fn reach(&self) -> [(i64, i64); 2] {
-        let right = 2 * self.raster.width as i64 - self.origin.0;
-        let down = 2 * self.raster.height as i64 - self.origin.1;
-        let (mut low, mut high) = ([i64::MAX; 2], [i64::MIN; 2]);
-        for x in [-self.origin.0, right] {
-            for y in [-self.origin.1, down] {
-                let along = (x * self.cosine + y * self.sine) / ONE + self.centre.0;
+    /// First row of pixels and the one after the last that the patch may touch.
+    fn reach(&self) -> (i64, i64) {
+        let origin = self.patch.origin;
+        let right = 2 * self.patch.width as i64 - origin.0;
+        let down = 2 * self.patch.height as i64 - origin.1;
+        let (mut low, mut high) = (i64::MAX, i64::MIN);
+        for x in [-origin.0, right] {
+            for y in [-origin.1, down] {
                 let across = (y * self.cosine - x * self.sine) / ONE + self.centre.1;
-                for (axis, value) in [along, across].into_iter().enumerate() {
-                    low[axis] = low[axis].min(value);
-                    high[axis] = high[axis].max(value);
-                }
+                (low, high) = (low.min(across), high.max(across));
             }
         }
-        [0, 1].map(|axis| {
-            let first = low[axis].div_euclid(self.step);
-            (first, high[axis].div_euclid(self.step) + 1)
-        })
+        (
+            low.div_euclid(self.step) - 1,
+            high.div_euclid(self.step) + 2,
+        )
     }
 
     fn draw(&self, planes: &mut [Plane<'_>], rows: Rows) {
-        let [columns, lines] = self.reach();
-        let (first, last) = (columns.0.max(0), columns.1.min(planes[0].width as i64));
-        let (top, bottom) = (
-            lines.0.max(i64::from(rows.top)),
-            lines.1.min(i64::from(rows.bottom)),
-        );
-        if first >= last {
+        if self.patch.width == 0 {
             return;
         }
-        for line in top..bottom {
-            self.draw_row(planes, line, (first, last));
+        let (top, bottom) = self.reach();
+        let bottom = bottom.min(i64::from(rows.bottom));
+        for line in top.max(i64::from(rows.top))..bottom {
+            self.draw_row(planes, line);
         }
     }
 
-    fn draw_row(&self, planes: &mut [Plane<'_>], line: i64, (first, last): (i64, i64)) {
-        // From the origin to the middle of the first pixel, in half texels.
-        let right = first * self.step + self.step / 2 - self.centre.0;
+    fn draw_row(&self, planes: &mut [Plane<'_>], line: i64) {
+        // From the origin to the middle of the first pixel of the row, in half texels.
+        let right = self.step / 2 - self.centre.0;
         let down = line * self.step + self.step / 2 - self.centre.1;
         // Texels times `ONE`; the sums are half texels times `ONE`, so twice as many.
-        let mut column = (right * self.cosine - down * self.sine + self.origin.0 * ONE) >> 1;
-        let mut row = (right * self.sine + down * self.cosine + self.origin.1 * ONE) >> 1;
-        let (forward, aside) = (self.step * self.cosine / 2, self.step * self.sine / 2);
-        let (width, height) = (self.raster.width, self.raster.height);
-        if self.cosine == ONE {
-            self.draw_straight(planes, line, (first, last), (column >> 16, row >> 16));
+        let origin = self.patch.origin;
+        let column = (right * self.cosine - down * self.sine + origin.0 * ONE) >> 1;
+        let row = (right * self.sine + down * self.cosine + origin.1 * ONE) >> 1;
+        let walk = Walk {
+            at: (column, row),
+            step: (self.step * self.cosine / 2, self.step * self.sine / 2),
+            fine: self.step / 2,
+        };
+        let pixels = walk.pixels(self.patch, planes[0].width);
+        if pixels.is_empty() {
             return;
         }
-        for pixel in first as usize..last as usize {
-            let (texel, texel_row) = ((column >> 16) as usize, (row >> 16) as usize);
-            // Negative numbers are very large ones here.
-            if texel < width && texel_row < height {
-                self.draw_texel(planes, line as usize, pixel, texel_row * width + texel);
+        for (colour, plane) in self.patch.colours.iter().zip(planes) {
+            let below = plane.row(line as usize, pixels.start, pixels.end);
+            if self.cosine == ONE && self.sine == 0 {
+                let start = walk.texel(pixels.start as i64, self.patch);
+                let part = start..start + below.len();
+                mix(below, &colour[part.clone()], &self.patch.keep[part]);
+            } else {
+                walk.draw(below, pixels.start as i64, self.patch, colour);
             }
-            column += forward;
-            row += aside;
         }
     }
+}
 
-    /// Draws a row of a sheet that is not turned: of one row of texels each so-and-so-many-th.
-    fn draw_straight(
-        &self,
-        planes: &mut [Plane<'_>],
-        line: i64,
-        (first, last): (i64, i64),
-        (texel, row): (i64, i64),
-    ) {
-        let (width, height) = (self.raster.width as i64, self.raster.height as i64);
-        if !(0..height).contains(&row) {
-            return;
-        }
-        let fine = self.step / 2;
-        let skipped = ((fine - 1 - texel) / fine).max(0);
-        let count = ((width - texel + fine - 1) / fine).min(last - first);
-        let start = row * width + texel;
-        for number in skipped..count {
-            let pixel = (first + number) as usize;
-            self.draw_texel(
-                planes,
-                line as usize,
-                pixel,
-                (start + number * fine) as usize,
-            );
-        }
+/// The places of the pixels of a row in a patch, from the first pixel of the row on.
+struct Walk {
+    /// Column and row of texels, times `ONE`.
+    at: (i64, i64),
+    /// From one pixel to the next.
+    step: (i64, i64),
+    fine: i64,
+}
+
+impl Walk {
+    /// The pixels, of so many in the row, that lie on the patch.
+    fn pixels(&self, patch: &Patch, width: usize) -> Range<usize> {
+        let across = within(self.at.0, self.step.0, patch.width as i64 * ONE);
+        let down = within(self.at.1, self.step.1, patch.height as i64 * ONE);
+        let first = across.start.max(down.start).max(0);
+        let last = across.end.min(down.end).min(width as i64);
+        first as usize..last.max(first) as usize
     }
 
-    #[inline]
-    fn draw_texel(&self, planes: &mut [Plane<'_>], row: usize, pixel: usize, texel: usize) {
-        let keep = self.raster.keep[texel];
-        if keep == crate::OPAQUE {
-            return;
+    /// Number of the texel below a pixel that lies on the patch.
+    fn texel(&self, pixel: i64, patch: &Patch) -> usize {
+        let column = (self.at.0 + pixel * self.step.0) >> 16;
+        let row = (self.at.1 + pixel * self.step.1) >> 16;
+        let (phase, place) = (column % self.fine, column / self.fine);
+        (row * self.fine + phase) as usize * patch.columns + place as usize
+    }
+
+    /// Draws what lies below some pixels from one on.
+    fn draw(&self, below: &mut [u8], first: i64, patch: &Patch, colour: &[u16]) {
+        let (mut column, mut row) = (
+            self.at.0 + first * self.step.0,
+            self.at.1 + first * self.step.1,
+        );
+        let (shift, columns) = (self.fine.trailing_zeros(), patch.columns);
+        for sample in below {
+            // Neither is negative here.
+            let (texel, line) = ((column >> 16) as usize, (row >> 16) as usize);
+            let phase = texel & (self.fine as usize - 1);
+            let at = ((line << shift) + phase) * columns + (texel >> shift);
+            let keep = patch.keep[at];
+            if keep != OPAQUE {
+                *sample = mixed(*sample, colour[at], keep);
+            }
+            column += self.step.0;
+            row += self.step.1;
         }
-        for (colour, plane) in self.raster.colours.iter().zip(planes) {
-            let below = &mut plane.samples[row * plane.width + pixel];
-            *below = mixed(*below, colour[texel], keep);
+    }
+}
+
+/// The numbers of steps after which something that began at a place lies from 0 to below an end.
+fn within(start: i64, step: i64, end: i64) -> Range<i64> {
+    match step {
+        0 if (0..end).contains(&start) => i64::MIN..i64::MAX,
+        0 => 0..0,
+        // The first number for which `start + number * step` has come to a value: a quotient, rounded up.
+        1.. => {
+            let reached = |value: i64| -(start - value).div_euclid(step);
+            reached(0)..reached(end)
+        }
+        _ => {
+            let back = within(end - 1 - start, -step, end);
+            back.start..back.end
         }
     }
 }

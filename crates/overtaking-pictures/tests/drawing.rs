@@ -1,5 +1,7 @@
 //! Frames against their definitions, sample by sample.
 
+use std::sync::Arc;
+
 use overtaking_pictures::{
     Frame, Light, Night, ONE, Pictures, Place, Raster, Rows, Show, Sprite, Streaks, Texture, Tile,
     Veil,
@@ -54,7 +56,7 @@ fn rows_that_may_not_be_drawn_on_stay_as_they_are() {
 fn a_texture_of_one_texel_to_the_pixel_that_is_not_turned_is_a_sprite() {
     let (mut one, mut other) = (samples(100), samples(100));
     sprite(8, 8, 32).blend(&mut Frame::new(&mut one, WIDTH, HEIGHT), 10, 4, ALL);
-    let texture = Texture::new(sprite(8, 8, 32), (0, 0), 1).unwrap();
+    let texture = Texture::new(&sprite(8, 8, 32), (0, 0), 1).unwrap();
     let place = Place {
         x: 10,
         y: 4,
@@ -69,7 +71,7 @@ fn a_texture_of_one_texel_to_the_pixel_that_is_not_turned_is_a_sprite() {
 fn a_quarter_turn_anticlockwise_puts_columns_where_rows_were() {
     let mut drawn = samples(0);
     // Its origin is the corner in the middle, so that the turned sheet covers the same pixels.
-    let texture = Texture::new(sprite(8, 8, 0), (8, 8), 1).unwrap();
+    let texture = Texture::new(&sprite(8, 8, 0), (8, 8), 1).unwrap();
     let place = Place {
         x: 16,
         y: 8,
@@ -86,12 +88,76 @@ fn a_quarter_turn_anticlockwise_puts_columns_where_rows_were() {
     }
 }
 
+/// What a texture shows by its definition: the texel below the middle of a pixel, if there is one.
+fn below(pixel: (i64, i64), place: Place, origin: (i64, i64), fine: i64) -> (i64, i64) {
+    let half = |pixel: i64, place: i32| 2 * fine * pixel + fine - 2 * i64::from(place);
+    let (right, down) = (half(pixel.0, place.x), half(pixel.1, place.y));
+    let (cosine, sine) = (i64::from(place.cosine), i64::from(place.sine));
+    let column = right * cosine - down * sine + origin.0 * ONE;
+    let row = right * sine + down * cosine + origin.1 * ONE;
+    ((column >> 1) >> 16, (row >> 1) >> 16)
+}
+
+#[test]
+fn a_pixel_shows_the_texel_below_its_middle_whatever_the_place_and_the_angle() {
+    let (width, height) = (20_usize, 12_usize);
+    // Transparent at the upper left, so that not all of the sheet is kept.
+    let is_there = |column: usize, row: usize| column > 4 && row > 2 || column == 9;
+    let texels = (0..width * height).map(|at| (at % width, at / width));
+    let keep: Vec<u16> = texels
+        .map(|(column, row)| 256 * u16::from(!is_there(column, row)))
+        .collect();
+    let colour: Vec<u16> = (0..240)
+        .map(|at| {
+            if keep[at] == 0 {
+                at as u16 % 200 + 10
+            } else {
+                0
+            }
+        })
+        .collect();
+    let half = [vec![0; width * height / 2], vec![256; width * height / 4]].concat();
+    let rasters = (
+        Raster::new(width, height, &[colour.clone(), keep.clone()].concat()).unwrap(),
+        Raster::new(width / 2, height / 2, &half).unwrap(),
+    );
+    let sheet = Sprite::new(rasters.0, rasters.1).unwrap();
+    let origin = (13, 9);
+    for fine in [1, 2, 4] {
+        let texture = Texture::new(&sheet, origin, fine).unwrap();
+        for degrees in (-180..180).step_by(3) {
+            let (sine, cosine) = f64::from(degrees).to_radians().sin_cos();
+            let fixed = |value: f64| (value * ONE as f64).round() as i32;
+            let (cosine, sine) = (fixed(cosine), fixed(sine));
+            for (x, y) in [(16, 8), (17, 7), (1, 2), (31, 14)] {
+                let texels = fine as i32;
+                let (x, y) = (x * texels + degrees % texels, y * texels);
+                let place = Place { x, y, cosine, sine };
+                let mut drawn = samples(5);
+                texture.blend(&mut Frame::new(&mut drawn, WIDTH, HEIGHT), place, ALL);
+                for at in 0..WIDTH * HEIGHT {
+                    let pixel = ((at % WIDTH) as i64, (at / WIDTH) as i64);
+                    let (column, row) = below(pixel, place, origin, fine);
+                    let is_inside = (0..20).contains(&column) && (0..12).contains(&row);
+                    let texel = if is_inside {
+                        (row * 20 + column) as usize
+                    } else {
+                        0
+                    };
+                    let meant = if keep[texel] == 0 { colour[texel] } else { 5 };
+                    assert_eq!(u16::from(drawn[at]), meant, "{fine} {place:?} {pixel:?}");
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn a_texture_at_any_angle_draws_nothing_outside_of_its_circle() {
     for degrees in (-180..180).step_by(7) {
         let (sine, cosine) = f64::from(degrees).to_radians().sin_cos();
         let fixed = |value: f64| (value * ONE as f64).round() as i32;
-        let texture = Texture::new(sprite(8, 4, 0), (8 * 4, 4 * 4), 4).unwrap();
+        let texture = Texture::new(&sprite(8, 4, 0), (8 * 4, 4 * 4), 4).unwrap();
         let mut drawn = samples(0);
         let place = Place {
             x: 64,
@@ -148,12 +214,12 @@ fn full_light_through_clear_air_changes_nothing() {
 fn show() -> Show {
     let mut show = Show::new(WIDTH, HEIGHT, 92).unwrap();
     show.pictures = Pictures {
-        tiles: vec![Tile::new(8, 4, &[50; 32], &[60; 16]).unwrap()],
-        sprites: vec![sprite(4, 4, 0)],
-        textures: vec![Texture::new(sprite(8, 8, 0), (0, 0), 1).unwrap()],
-        veils: vec![Veil::new(&[128; WIDTH], [200, 128, 128]).unwrap()],
-        lights: vec![Light::new(4, vec![100; 16]).unwrap()],
-        streaks: vec![Streaks::new(vec![0; WIDTH * HEIGHT])],
+        tiles: vec![Arc::new(Tile::new(8, 4, &[50; 32], &[60; 16]).unwrap())],
+        sprites: vec![Arc::new(sprite(4, 4, 0))],
+        textures: vec![Arc::new(Texture::new(&sprite(8, 8, 0), (0, 0), 1).unwrap())],
+        veils: vec![Arc::new(Veil::new(&[128; WIDTH], [200, 128, 128]).unwrap())],
+        lights: vec![Arc::new(Light::new(4, vec![100; 16]).unwrap())],
+        streaks: vec![Arc::new(Streaks::new(vec![0; WIDTH * HEIGHT]))],
     };
     show
 }

@@ -7,6 +7,7 @@ mod driven;
 mod events;
 mod instants;
 mod pictures;
+mod sheets;
 mod signals;
 mod stretches;
 mod tables;
@@ -237,6 +238,13 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<tables::ParquetFile>()?;
     module.add_class::<tables::Hash>()?;
     module.add_class::<pictures::Frames>()?;
+    module.add_class::<pictures::Tile>()?;
+    module.add_class::<pictures::Sprite>()?;
+    module.add_class::<pictures::Texture>()?;
+    module.add_class::<pictures::Veil>()?;
+    module.add_class::<pictures::Light>()?;
+    module.add_class::<pictures::Streaks>()?;
+    module.add_class::<sheets::Painting>()?;
     module.add_function(wrap_pyfunction!(pictures::item_kinds, module)?)?;
     Ok(())
 }

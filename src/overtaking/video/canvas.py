@@ -1,7 +1,4 @@
-"""Frames in the encoder's own form, YUV 4:2:0, and the small pictures that are put on them."""
-
-from dataclasses import dataclass
-from typing import Self
+"""Frames in the encoder's own form, YUV 4:2:0."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,42 +14,6 @@ FRAME_SHAPE = (HEIGHT * 3 // 2, WIDTH)
 
 OPAQUE = 256
 """Scale of opacity, so that a division is a shift."""
-
-
-@dataclass(frozen=True, slots=True)
-class Sprite:
-    """A small picture with opacity.
-
-    Attributes:
-        luma: Luma times opacity, and 256 minus opacity; (2, height, width), both even.
-        chroma: U and V times opacity, and 256 minus opacity; (3, height / 2, width / 2).
-    """
-
-    luma: U16
-    chroma: U16
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height [px]."""
-        return self.luma.shape[2], self.luma.shape[1]
-
-
-@dataclass(frozen=True, slots=True)
-class Tile:
-    """A small picture without opacity; width and height are even.
-
-    Attributes:
-        luma: Shape (height, width).
-        chroma: U and V, (2, height / 2, width / 2).
-    """
-
-    luma: U8
-    chroma: U8
-
-    @classmethod
-    def of(cls, sprite: Sprite) -> Self:
-        """A sprite that nothing shines through."""
-        return cls(sprite.luma[0].astype(np.uint8), sprite.chroma[:2].astype(np.uint8))
 
 
 class Canvas:

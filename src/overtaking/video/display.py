@@ -10,13 +10,16 @@ from overtaking import _core
 from overtaking.video.canvas import HEIGHT, WIDTH
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
-    from overtaking.video.canvas import U8, Sprite, Tile
-    from overtaking.video.sky import Light, Veil
-    from overtaking.video.texture import Texture
+    from overtaking.video import pictures
+    from overtaking.video.canvas import U8
+    from overtaking.video.pictures import Sprite, Streaks, Texture, Tile, Veil
+    from overtaking.video.sky import Light
+
+    Picture = Tile | Sprite | Texture | Veil | Streaks | pictures.Light
 
 MOONLIGHT = 92
 """What is left of the day's light at night, of 256."""
@@ -46,7 +49,7 @@ class Display:
         """Nothing on any frame."""
         self.num_frames = num_frames
         self._frames = _core.Frames(WIDTH, HEIGHT, MOONLIGHT)
-        self._numbers: dict[int, tuple[object, int]] = {}
+        self._numbers: dict[int, tuple[Picture, int]] = {}
         self._items: list[tuple[NDArray[np.intp], NDArray[np.int32]]] = []
         self._is_listed = False
 
@@ -86,11 +89,11 @@ class Display:
         self._items.append((chosen, items))
         self._is_listed = False
 
-    def number(self, picture: object, add: Callable[[_core.Frames], int]) -> int:
+    def number(self, picture: Picture) -> int:
         """The number of a picture, which is handed over when it is used first."""
         key = id(picture)  # The picture is kept with its number, so nothing else gets this one.
         if key not in self._numbers:
-            self._numbers[key] = picture, add(self._frames)
+            self._numbers[key] = picture, self._frames.add(picture)
         return self._numbers[key][1]
 
     def _list(self) -> None:
@@ -139,9 +142,9 @@ class Part:
             columns: First column and the one after the last, even.
             frames: On which frames.
         """
-        number = self._display.number(tile, lambda to: to.add_tile(tile.luma, tile.chroma))
-        first, last = columns or (0, tile.luma.shape[1])
+        first, last = columns or (0, tile.size[0])
         count = np.subtract(last, first)
+        number = self._display.number(tile)
         self._add("tile", frames, (number, x, y + self._top, first, count))
 
     def sprite(
@@ -153,20 +156,21 @@ class Part:
         frames: ArrayLike | slice = _EVERYTHING,
     ) -> None:
         """Put a sprite on a place, even in both directions; what lies outside is cut off."""
-        number = self._sprite(sprite)
+        number = self._display.number(sprite)
         self._add("sprite", frames, (number, x, np.add(y, self._top), 0, 0))
 
-    def sprites(self, each: Sequence[tuple[int, Sprite, int, int]]) -> None:
-        """Put sprites on places: frame, sprite, column, row."""
-        if each:
-            frames, sprites, x, y = zip(*each, strict=True)
-            numbers = [self._sprite(sprite) for sprite in sprites]
-            self._add("sprite", frames, (numbers, x, np.add(y, self._top), 0, 0))
-
-    def _sprite(self, sprite: Sprite) -> int:
-        return self._display.number(
-            sprite, lambda frames: frames.add_sprite(sprite.luma, sprite.chroma)
-        )
+    def sprites(
+        self,
+        sprites: Sequence[Sprite],
+        which: NDArray[np.intp],
+        x: ArrayLike,
+        y: ArrayLike,
+        *,
+        frames: ArrayLike,
+    ) -> None:
+        """Put on each of some frames the one of several sprites that is meant by its place."""
+        numbers = np.array([self._display.number(sprite) for sprite in sprites], np.int32)
+        self._add("sprite", frames, (numbers[which], x, np.add(y, self._top), 0, 0))
 
     def texture(
         self,
@@ -187,14 +191,10 @@ class Part:
             frames: On which frames.
         """
         fine = texture.fine
-        origin = (round(2 * fine * texture.origin[0]), round(2 * fine * texture.origin[1]))
-        number = self._display.number(
-            texture, lambda to: to.add_texture(texture.luma, texture.chroma, origin, fine)
-        )
-        is_straight = np.abs(angle) * texture.luma.shape[2] < 2.0 * fine * _STRAIGHT
+        is_straight = np.abs(angle) * texture.width < 2.0 * fine * _STRAIGHT
         turned = np.where(is_straight, 0.0, np.rint(np.divide(angle, _TURN)) * _TURN)
         columns = (
-            number,
+            self._display.number(texture),
             np.rint(np.multiply(x, fine)),
             np.rint(np.add(y, self._top) * fine),
             np.rint(_ONE * np.cos(turned)),
@@ -206,10 +206,7 @@ class Part:
         self, veil: Veil, first: ArrayLike = 0, *, frames: ArrayLike | slice = _EVERYTHING
     ) -> None:
         """Lay the columns of a veil, from an even one on, over everything."""
-        self._add("veil", frames, (self._veil(veil), 0, 0, first, 0))
-
-    def _veil(self, veil: Veil) -> int:
-        return self._display.number(veil, lambda to: to.add_veil(veil.keep, veil.colour))
+        self._add("veil", frames, (self._display.number(veil), 0, 0, first, 0))
 
     def light(
         self,
@@ -220,7 +217,7 @@ class Part:
         frames: ArrayLike | slice = _EVERYTHING,
     ) -> None:
         """Let a light shine in the next night, its origin at a column and a row."""
-        number = self._display.number(light, lambda to: to.add_light(light.power))
+        number = self._display.number(light.picture)
         left = np.rint(np.multiply(0.5, x)) + light.left
         top = np.rint(np.multiply(0.5, y)) + light.top + self._top // 2
         self._add("light", frames, (number, left, top, 0, 0))
@@ -233,10 +230,9 @@ class Part:
         frames: ArrayLike | slice = _EVERYTHING,
     ) -> None:
         """Darken everything where no light falls, and lay a veil over it in the same pass."""
-        number = _NONE if veil is None else self._veil(veil)
+        number = _NONE if veil is None else self._display.number(veil)
         self._add("night", frames, (number, 0, 0, 0 if veil is None else first, 0))
 
-    def rain(self, streaks: U8, *, frames: ArrayLike | slice = _EVERYTHING) -> None:
+    def rain(self, streaks: Streaks, *, frames: ArrayLike | slice = _EVERYTHING) -> None:
         """Draw a picture of rain where it is brighter than what is there."""
-        number = self._display.number(streaks, lambda to: to.add_streaks(streaks))
-        self._add("streaks", frames, (number, 0, 0, 0, 0))
+        self._add("streaks", frames, (self._display.number(streaks), 0, 0, 0, 0))

@@ -22,10 +22,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from overtaking.model.labels import Findings
-    from overtaking.video.canvas import Sprite
     from overtaking.video.display import Part
+    from overtaking.video.pictures import Sprite, Texture
     from overtaking.video.scene import Scene
-    from overtaking.video.texture import Texture
     from overtaking.video.view import View
 
     Note = tuple[int, int, Sprite]

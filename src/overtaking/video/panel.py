@@ -10,7 +10,7 @@ import numpy as np
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
-from overtaking.video.canvas import HEIGHT, WIDTH, Sprite, Tile
+from overtaking.video.canvas import HEIGHT, WIDTH
 from overtaking.video.palette import (
     EGO,
     FAINT,
@@ -28,11 +28,12 @@ from overtaking.video.text import lettering, line, spelled
 from overtaking.video.view import SCENE_BOTTOM, SCENE_TOP
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from overtaking.video.display import Part
+    from overtaking.video.pictures import Tile
     from overtaking.video.scene import Scene
 
     F32 = NDArray[np.float32]
@@ -60,13 +61,13 @@ class Header:
 
     def __init__(self, title: str, subtitle: str, weather: str) -> None:
         """Draw what does not change."""
-        sheet = _panel(SCENE_TOP).copy()
+        sheet = _panel(SCENE_TOP)
         name = lettering(title, _LARGE, bold=True)
         sheet.write(name, 16, 10, TEXT)
         sheet.write(lettering(subtitle, _NORMAL), 28 + name.width, 13, FAINT)
         sky = lettering(weather, _NORMAL)
         sheet.write(sky, WIDTH - 16 - sky.width, 13, TEXT)
-        self._tile = Tile.of(sheet.sprite())
+        self._tile = sheet.tile()
 
     def lay(self, part: Part, stages: NDArray[np.uint8] | None) -> None:
         """Put it on all frames, with the stage of the ego in each if that is known."""
@@ -88,7 +89,7 @@ def _pills(stage: Stage) -> Tile:
     sheet.fill(PANEL)
     for place, one in enumerate(shown):
         _pill(sheet, one, place * pitch, is_lit=one is stage)
-    return Tile.of(sheet.sprite())
+    return sheet.tile()
 
 
 def _pill(sheet: Sheet, stage: Stage, left: int, *, is_lit: bool) -> None:
@@ -119,7 +120,7 @@ class Timeline:
         self._future = _plots(scene, breaches, _FUTURE)
         cursor = Sheet((0.0, 2.0, 0.0, _BREACH_ROWS[1] - 8.0), 1.0)
         cursor.rect((-1.0, 3.0), (-1.0, _STRIP + 1.0), TEXT)
-        self._cursor = Tile.of(cursor.sprite())
+        self._cursor = cursor.tile()
 
     def lay(self, part: Part) -> None:
         """Put the strip on all frames."""
@@ -129,8 +130,8 @@ class Timeline:
         part.tile(self._cursor, columns, 8)
         self._speeds(part)
         self._distances(part)
-        times = [f"{time:.2f} s" for time in self._scene.time]
-        part.sprites([one for frame, text in enumerate(times) for one in _number(frame, text, 94)])
+        times = [f"{time:.2f} s" for time in self._scene.time.tolist()]
+        _numbers(part, times, _READOUT, 94, FAINT, frames=np.arange(self._scene.num_frames))
 
     def columns(self) -> NDArray[np.int64]:
         """Column of the cursor in each frame, even."""
@@ -156,31 +157,38 @@ class Timeline:
             return
         beside = np.flatnonzero(self._lead == 0.0)
         part.sprite(line("target alongside", _NORMAL, GAP), _READOUT, _ROW, frames=beside)
-        name = line("target", _NORMAL, GAP)
-        part.sprite(name, _READOUT, _ROW, frames=np.flatnonzero(self._lead))
-        sprites: list[tuple[int, Sprite, int, int]] = []
-        for frame in np.flatnonzero(self._lead).tolist():
-            lead = float(self._lead[frame])
-            left = _READOUT + name.size[0] + 4
-            sprites += _number(frame, f"{abs(lead):.1f} m", _ROW, left, GAP)
-            last = sprites[-1]
-            side = line("ahead" if lead > 0.0 else "behind", _NORMAL, GAP)
-            sprites.append((frame, side, last[2] + last[1].size[0] + 4, _ROW))
-        part.sprites(sprites)
+        frames = np.flatnonzero(self._lead)
+        name, lead = line("target", _NORMAL, GAP), self._lead[frames]
+        part.sprite(name, _READOUT, _ROW, frames=frames)
+        metres = [f"{abs(one):.1f} m" for one in lead.tolist()]
+        ends = _numbers(part, metres, _READOUT + name.size[0] + 4, _ROW, GAP, frames=frames)
+        for text, is_meant in (("ahead", lead > 0.0), ("behind", lead < 0.0)):
+            side = line(text, _NORMAL, GAP)
+            part.sprite(side, ends[is_meant] + 4, _ROW, frames=frames[is_meant])
 
 
-def _number(
-    frame: int, text: str, row: int, column: int = _READOUT, colour: str = FAINT
-) -> Iterator[tuple[int, Sprite, int, int]]:
-    """The letters of a number beside each other: frame, sprite, column and row."""
-    for letter in spelled(text, _NORMAL, colour):
-        yield frame, letter, column, row
-        column += letter.size[0]
+def _numbers(
+    part: Part, texts: list[str], x: int, y: int, colour: str, *, frames: NDArray[np.intp]
+) -> NDArray[np.int64]:
+    """Write a text on each of some frames, letter beside letter; gives the columns after them."""
+    if not texts:
+        return np.empty(0, np.int64)
+    written = np.array(texts)
+    letters = written.view(np.uint32).reshape(len(texts), -1)  # Shorter texts end in zeros.
+    known, which = np.unique(letters, return_inverse=True)
+    blanks = int(known[0] == 0)
+    sprites = spelled("".join(map(chr, known[blanks:])), _NORMAL, colour)
+    widths = np.array([0] * blanks + [one.size[0] for one in sprites])[which]
+    columns = x + np.cumsum(widths, axis=1)
+    is_there = letters != 0
+    chosen = np.broadcast_to(frames[:, None], letters.shape)[is_there]
+    places = (columns - widths)[is_there]
+    part.sprites(sprites, which[is_there] - blanks, places, y, frames=chosen)
+    return columns[:, -1]
 
 
-@cache
 def _panel(height: int) -> Sheet:
-    """A dark sheet as wide as the film; copied before anything is painted on it."""
+    """A dark sheet as wide as the film."""
     sheet = Sheet((0.0, float(WIDTH), 0.0, float(height)), 1.0)
     sheet.fill(PANEL)
     return sheet
@@ -188,7 +196,7 @@ def _panel(height: int) -> Sheet:
 
 def _plots(scene: Scene, breaches: Sequence[tuple[int, int]], opacity: float) -> Tile:
     """The strip with its curves as they are left or right of the cursor."""
-    sheet = _panel(_STRIP).copy()
+    sheet = _panel(_STRIP)
     columns = np.linspace(_LEFT, _RIGHT, max(scene.num_frames, 2), dtype=np.float32)
     _speeds(sheet, scene, columns, opacity)
     _gap(sheet, scene, columns, opacity)
@@ -196,7 +204,7 @@ def _plots(scene: Scene, breaches: Sequence[tuple[int, int]], opacity: float) ->
     for first, last in breaches:
         ends = (float(columns[first]), float(columns[min(last + 1, len(columns) - 1)]))
         sheet.rect(ends, _BREACH_ROWS, WARNING, opacity=max(opacity, 0.5), radius=2.0)
-    return Tile.of(sheet.sprite())
+    return sheet.tile()
 
 
 def _curve(

@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from overtaking.model.road import RoadMark
-from overtaking.video.canvas import WIDTH, Tile
+from overtaking.video.canvas import WIDTH
 from overtaking.video.palette import mixed, tinted
 from overtaking.video.sheet import Sheet
 from overtaking.video.view import SCENE_BOTTOM, SCENE_TOP, shown_width
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from overtaking.model.road import Road
     from overtaking.video.display import Part
+    from overtaking.video.pictures import Tile
 
 DASH, DASH_PERIOD = 4.0, 12.0
 """Length of a painted dash, and of dash and gap [m]; a choice, as maps do not tell."""
@@ -92,7 +93,7 @@ def strip(road: Road, scale: float, middle_d: float, tone: Tone) -> Strip:
     painter.lanes()
     painter.marks()
     painter.posts()
-    return Strip(Tile.of(painter.sheet.sprite()), period)
+    return Strip(painter.sheet.tile(), period)
 
 
 class _Painter:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from overtaking.model.weather import NO_PRESET
 from overtaking.physics.constants import known
 from overtaking.physics.film import rain_rate
 from overtaking.physics.visibility import fog_extinction, rain_extinction
+from overtaking.video import pictures
 from overtaking.video.canvas import OPAQUE, WIDTH
 from overtaking.video.display import MOONLIGHT
 from overtaking.video.palette import yuv
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.model.trajectory import Trajectories
-    from overtaking.video.canvas import U8, U16
+    from overtaking.video.pictures import Streaks, Veil
 
 _NIGHT, _DAY, _OVERCAST, _SUNSET = (
     (0.80, 0.88, 1.10),
@@ -147,24 +148,11 @@ def _shade(
     return -long * math.cos(azimuth), long * math.sin(azimuth), darkness
 
 
-@dataclass(frozen=True, slots=True)
-class Veil:
-    """Brightness between the eye and the road that hides what lies behind it.
-
-    Attributes:
-        keep: What shines through each column, of `OPAQUE`.
-        colour: Luma, U and V of the veil.
-    """
-
-    keep: U16
-    colour: tuple[int, int, int]
-
-    @classmethod
-    def of(cls, share: NDArray[np.floating], colour: str) -> Self:
-        """A veil that lets a share of each column of a strip shine through."""
-        keep = np.clip(np.rint(share * OPAQUE), _LEAST_SHARE, OPAQUE).astype(np.uint16)
-        y, u, v = (round(part) for part in yuv(colour))
-        return cls(keep, (y, u, v))
+def _veil(share: NDArray[np.floating], colour: str) -> Veil:
+    """A veil that lets a share of each column of a strip shine through."""
+    keep = np.clip(np.rint(share * OPAQUE), _LEAST_SHARE, OPAQUE).astype(np.uint16)
+    y, u, v = (round(part) for part in yuv(colour))
+    return pictures.Veil(keep, (y, u, v))
 
 
 def fog(sky: Sky, scale: float) -> Veil | None:
@@ -176,7 +164,7 @@ def fog(sky: Sky, scale: float) -> Veil | None:
     if sky.extinction * _CLEAR_TO_SEE < float(known("weather.fog.transmission_depth")):
         return None
     distance = np.abs(np.arange(2 * WIDTH) - WIDTH) / scale
-    return Veil.of(np.exp(-sky.extinction * distance), "#2c343d" if sky.is_night else "#c3c9cd")
+    return _veil(np.exp(-sky.extinction * distance), "#2c343d" if sky.is_night else "#c3c9cd")
 
 
 def glare(sky: Sky) -> Veil | None:
@@ -186,15 +174,15 @@ def glare(sky: Sky) -> Veil | None:
     ahead = np.arange(WIDTH) / WIDTH
     towards = ahead if sky.glare > 0.0 else 1.0 - ahead
     strength = 0.55 * abs(sky.glare)
-    return Veil.of(1.0 - strength * np.clip((towards - 0.35) / 0.65, 0.0, 1.0) ** 2, "#ffdf9a")
+    return _veil(1.0 - strength * np.clip((towards - 0.35) / 0.65, 0.0, 1.0) ** 2, "#ffdf9a")
 
 
 @lru_cache(maxsize=8)
-def rain(rate: float, height: int, *, is_night: bool) -> tuple[U8, ...]:
-    """Pictures of falling rain, black but for the streaks; shape of each (height, WIDTH)."""
+def rain(rate: float, height: int, *, is_night: bool) -> tuple[Streaks, ...]:
+    """Pictures of falling rain, each of so many rows."""
     num_streaks = round(40 + 2.4 * rate)
     bright = 82 if is_night else 138
-    pictures: list[U8] = []
+    falling: list[Streaks] = []
     for number in range(_NUM_RAIN_PICTURES):
         draws = Draws(number, np.arange(num_streaks, dtype=np.uint64), 0)
         x, y = draws.integer(WIDTH), draws.integer(height)
@@ -204,21 +192,20 @@ def rain(rate: float, height: int, *, is_night: bool) -> tuple[U8, ...]:
         picture = np.zeros((height, WIDTH), dtype=np.uint8)
         rows, columns = np.broadcast_arrays(y + along, (x - along // 4) % WIDTH)
         picture[rows[is_there], columns[is_there]] = bright
-        pictures.append(picture)
-    return tuple(pictures)
+        falling.append(pictures.Streaks(picture))
+    return tuple(falling)
 
 
-@dataclass(frozen=True, slots=True)
-class Light:
+class Light(NamedTuple):
     """A patch of light, at the resolution of chroma.
 
     Attributes:
-        power: What it adds to the light of the night, of `OPAQUE`.
+        picture: What it adds to the light of the night.
         left: Column of its left upper corner from where it comes from.
         top: Row of that corner.
     """
 
-    power: U16
+    picture: pictures.Light
     left: int
     top: int
 
@@ -250,7 +237,7 @@ def beam(degrees: int, scale: float, *, is_high: bool) -> Light:
     spread = 1.0 + 0.17 * np.maximum(forward, 0.0)
     fading = np.clip(1.0 - forward / reach, 0.0, 1.0) * np.clip(forward / 1.5, 0.0, 1.0)
     power = (OPAQUE - MOONLIGHT) * 0.95 * fading * np.exp(-1.2 * (aside / spread) ** 2)
-    return Light(np.rint(power).astype(np.uint16), left, top)
+    return Light(pictures.Light(np.rint(power).astype(np.uint16)), left, top)
 
 
 @lru_cache(maxsize=16)
@@ -259,4 +246,4 @@ def glimmer(scale: float) -> Light:
     half = round(_GLIMMER_REACH * 0.5 * scale)
     away = (np.arange(-half, half) + 0.5) / half
     inside = np.maximum(1.0 - away * away - (away * away)[:, None], 0.0)
-    return Light(np.rint(_GLIMMER * inside).astype(np.uint16), -half, -half)
+    return Light(pictures.Light(np.rint(_GLIMMER * inside).astype(np.uint16)), -half, -half)

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.video.canvas import OPAQUE, Sprite
+from overtaking.video.canvas import OPAQUE
 from overtaking.video.palette import yuv
+from overtaking.video.pictures import Sprite
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,12 +18,10 @@ from overtaking.video.text import lettering
 from overtaking.video.vehicles import lamps, mark, painted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from numpy.typing import NDArray
 
-    from overtaking.video.canvas import Sprite
     from overtaking.video.display import Part
+    from overtaking.video.pictures import Sprite
     from overtaking.video.scene import F64, Scene
     from overtaking.video.view import View
 
@@ -116,7 +114,7 @@ class Traffic:
             if rank < _OTHER and len(frames):
                 ring = mark(body.length, body.width, self._scale, is_ego=rank == 0)
                 part.texture(ring, *self._places(index, frames), frames=frames)
-            part.sprites(list(self._names(part, index, away)))
+            self._lay_names(part, index, frames, away)
 
     def _rank(self, index: int) -> int:
         """0 for the ego, 1 for the target, 2 for the others."""
@@ -124,42 +122,43 @@ class Traffic:
             return 0
         return 1 if index == self._scene.target else _OTHER
 
-    def _names(
-        self, part: Part, index: int, away: dict[tuple[int, bool], list[int]]
-    ) -> Iterator[tuple[int, Sprite, int, int]]:
-        """The name of a vehicle beside it, or at the edge of the picture that it has left by.
+    def _lay_names(
+        self,
+        part: Part,
+        index: int,
+        frames: NDArray[np.intp],
+        away: dict[tuple[int, bool], list[int]],
+    ) -> None:
+        """Put the name of a vehicle beside it, or at the edge of the picture that it has left by.
 
         Names at an edge lie below each other: `away` holds the rows that are taken, by frame and
         by whether the left edge is meant.
         """
+        tags, which = self._tags(index, frames)
+        x, y = self.x[index, frames], self.y[index, frames]
         rank, half = self._rank(index), 0.5 * self._scene.bodies[index].width * self._scale
-        sprites = self._tags(index)
+        width = np.array([one.size[0] for one in tags], np.int64)[which]
         lowest = part.height - _TAG_HEIGHT
-        for frame in np.flatnonzero(self.seen[index]).tolist():
-            sprite, x, y = sprites[frame], self.x[index, frame], self.y[index, frame]
-            width = sprite.size[0]
-            above = y - half - _TAG_GAP - _TAG_HEIGHT
-            row = y + half + _TAG_GAP if rank == 1 else above
-            row = 2 * round(0.5 * min(max(row, 2.0), lowest - 2.0))
-            column = min(max(2 * round(0.5 * (x - 0.5 * width)), 4), WIDTH - width - 4)
-            if not 0.0 <= x < WIDTH:
-                row = _free(away.setdefault((frame, bool(x < 0.0)), []), row, lowest)
-            yield frame, sprite, column, row
+        wished = y + half + _TAG_GAP if rank == 1 else y - half - _TAG_GAP - _TAG_HEIGHT
+        rows = (2 * np.rint(0.5 * np.clip(wished, 2.0, lowest - 2.0))).astype(int)
+        columns = np.clip(2 * np.rint(0.5 * (x - 0.5 * width)), 4, WIDTH - width - 4)
+        for place in np.flatnonzero((x < 0.0) | (x >= WIDTH)).tolist():
+            taken = away.setdefault((int(frames[place]), bool(x[place] < 0.0)), [])
+            rows[place] = _free(taken, int(rows[place]), lowest)
+        part.sprites(tags, which, columns, rows, frames=frames)
 
-    def _tags(self, index: int) -> list[Sprite]:
-        """What is written beside a vehicle in each frame."""
-        scene, rank, x = self._scene, self._rank(index), self.x[index]
+    def _tags(self, index: int, frames: NDArray[np.intp]) -> tuple[list[Sprite], NDArray[np.intp]]:
+        """What is written beside a vehicle, and which of it in each of some frames."""
+        scene, rank, x = self._scene, self._rank(index), self.x[index, frames]
         name = ("EGO", "TARGET", str(scene.slots[index]))[rank]
-        speeds = np.rint(kmh_from_mps(scene.speed[index])).astype(int).tolist()
-        metres = np.abs(scene.s[index] - scene.s[Role.EGO])
-        rounded = (_AWAY_STEP * np.rint(metres / _AWAY_STEP)).astype(int).tolist()
-        sides = (np.where(x < 0.0, -1, 0) + np.where(x < WIDTH, 0, 1)).tolist()
-        near = [f"{name} {speed}" if rank < _OTHER else name for speed in speeds]
-        texts = (
-            (here, f"{name}: {far} m >", f"< {name}: {far} m")[side]
-            for here, far, side in zip(near, rounded, sides, strict=True)
-        )
-        return [tag(text, rank) for text in texts]
+        speeds = np.rint(kmh_from_mps(scene.speed[index, frames])) if rank < _OTHER else 0.0
+        metres = np.abs(scene.s[index, frames] - scene.s[Role.EGO, frames])
+        side = np.where(x < 0.0, 2, np.where(x < WIDTH, 0, 1))
+        numbers = np.where(side == 0, speeds, _AWAY_STEP * np.rint(metres / _AWAY_STEP))
+        kinds, which = np.unique(3 * numbers.astype(int) + side, return_inverse=True)
+        here = f"{name} {{}}" if rank < _OTHER else name
+        texts = (here, f"{name}: {{}} m >", f"< {name}: {{}} m")
+        return [tag(texts[one % 3].format(one // 3), rank) for one in kinds.tolist()], which
 
 
 def _free(taken: list[int], row: int, last: int) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING
 
 from overtaking.model.trajectory import Lights
@@ -27,7 +26,7 @@ from overtaking.video.palette import (
 from overtaking.video.sheet import FINE, Sheet
 
 if TYPE_CHECKING:
-    from overtaking.video.texture import Texture
+    from overtaking.video.pictures import Texture
 
 _MARGIN = 0.5  # Metres around a body; more than a sprite loses at its edges.
 _GLOW = 1.1  # Reach of a lamp's glow [m].
@@ -115,7 +114,6 @@ def lamps(body: Body, lights: int, scale: float) -> Texture:
     return sheet.texture()
 
 
-@cache
 def mark(length: float, width: float, scale: float, *, is_ego: bool) -> Texture:
     """A ring around the ego, or corners around the target: told apart without colour."""
     half = (0.5 * length + _RING, 0.5 * width + _RING)

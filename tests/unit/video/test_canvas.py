@@ -8,8 +8,9 @@ import pytest
 from tests.support.drawing import drawn
 
 from overtaking.video import palette
-from overtaking.video.canvas import HEIGHT, OPAQUE, WIDTH, Canvas, Sprite, Tile, blank, rgb
+from overtaking.video.canvas import HEIGHT, OPAQUE, WIDTH, Canvas, blank, rgb
 from overtaking.video.palette import yuv
+from overtaking.video.pictures import Sprite, Tile
 
 COLOURS = [palette.EGO, palette.TARGET, palette.WARNING, *palette.PAINT.values(), "#000000"]
 
@@ -58,12 +59,13 @@ def sprite(width: int, height: int, opacity: int) -> Sprite:
 def test_what_lies_outside_is_cut_off_and_nothing_else(place):
     one = sprite(12, 8, 100)
     canvas = drawn(lambda part: part.sprite(one, *place))
+    luma, _ = one.planes()
     expected = np.full((HEIGHT, WIDTH), 16)
     for row in range(8):
         for column in range(12):
             y, x = place[1] + row, place[0] + column
             if 0 <= y < HEIGHT and 0 <= x < WIDTH:
-                expected[y, x] = one.luma[0, row, column] + 16 * (OPAQUE - 100) // OPAQUE
+                expected[y, x] = luma[0, row, column] + 16 * (OPAQUE - 100) // OPAQUE
     assert np.array_equal(canvas.luma, expected)
     inside = [max(place[i], 0) // 2 for i in (0, 1)]
     changed = np.argwhere(canvas.chroma[1] != 128)
@@ -78,7 +80,9 @@ def test_a_sprite_beyond_the_edges_changes_nothing(place):
 
 def test_an_opaque_sprite_and_a_tile_of_it_are_the_same():
     one = sprite(12, 8, OPAQUE)
+    luma, chroma = (plane.astype(np.uint8) for plane in one.planes())
+    tile = Tile(luma[0], chroma[:2])
     blended = drawn(lambda part: part.sprite(one, 40, 60))
-    pasted = drawn(lambda part: part.tile(Tile.of(one), 40, 60))
+    pasted = drawn(lambda part: part.tile(tile, 40, 60))
     assert np.array_equal(blended.luma, pasted.luma)
     assert np.array_equal(blended.chroma, pasted.chroma)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from overtaking import _core
-from overtaking.video.canvas import HEIGHT, WIDTH, Canvas, Sprite, blank
+from overtaking.video.canvas import HEIGHT, WIDTH, Canvas, blank
 from overtaking.video.display import Display
+from overtaking.video.pictures import Sprite
 
 
 def square(luma: int, size: int = 8) -> Sprite:
@@ -50,9 +51,9 @@ def test_rows_of_a_part_are_counted_from_its_first_and_nothing_is_drawn_beyond_i
 
 def test_more_may_be_said_of_one_frame_than_of_another():
     display = Display(2)
-    display.part().sprites(
-        [(1, square(90), 10, 10), (0, square(80), 10, 10), (1, square(70), 30, 10)]
-    )
+    which, columns = np.array([1, 0, 2]), np.array([10, 10, 30])
+    squares = [square(80), square(90), square(70)]
+    display.part().sprites(squares, which, columns, 10, frames=[1, 0, 1])
     one, two = (frame.luma[12, [12, 32]].tolist() for frame in frames_of(display))
     assert (one, two) == ([80, 16], [90, 70])
 
@@ -88,9 +89,8 @@ def test_a_frame_that_is_not_there_and_an_array_that_is_none_are_refused():
 
 
 def test_a_picture_of_another_shape_is_refused():
-    frames = _core.Frames(WIDTH, HEIGHT, 92)
-    luma, chroma = square(100).luma, square(100).chroma
+    luma, chroma = square(100).planes()
     with pytest.raises(ValueError, match="two components of half its size"):
-        frames.add_sprite(luma, chroma[:2])
+        Sprite(luma, chroma[:2])
     with pytest.raises(ValueError, match="opacity to 256"):
-        frames.add_sprite(luma + np.uint16(300), chroma)
+        Sprite(luma + np.uint16(300), chroma)

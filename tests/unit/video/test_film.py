@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from tests.support.drawing import drawn
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking import api
@@ -161,9 +162,13 @@ CAR = Body(kind=VehicleKind.M, colour=Colour.GREY, length=4.6, width=1.8, height
     ],
 )
 def test_a_lamp_shines_where_the_vehicle_has_it(light, rows, columns):
-    keep = lamps(CAR, int(light), 10.0).luma[1]
-    height, width = keep.shape
-    light_there = 256 - keep.astype(int)
+    texture = lamps(CAR, int(light), 10.0)
+    black, white = (
+        drawn(lambda part: part.texture(texture, 640.0, 200.0), luma).luma.astype(float)
+        for luma in (16, 235)
+    )
+    light_there = 256.0 * (1.0 - (white - black) / (235.0 - 16.0))
+    height, width = light_there.shape
     if columns == "rear":
         dark, bright = light_there[:, width // 2 :], light_there[:, : width // 2]
     else:

@@ -11,16 +11,17 @@ from tests.support.drawing import drawn
 
 from overtaking.video.canvas import OPAQUE, WIDTH
 from overtaking.video.sheet import Sheet
+from overtaking.video.text import Lettering
 
 SCALE = 10.0
 BLACK = "#000000"
 
 
-def area(sheet: Sheet) -> float:
-    """Opacity added up, in square units."""
-    texture = sheet.texture()
-    covered = OPAQUE - texture.luma[-1].astype(float)
-    return float(covered.sum()) / OPAQUE / (sheet.scale * sheet.fine) ** 2
+def area(sheet: Sheet, texels: float = 4 * SCALE) -> float:
+    """Opacity added up, in square units, of so many texels to the unit."""
+    luma, _ = sheet.sprite().planes()
+    covered = OPAQUE - luma[-1].astype(float)
+    return float(covered.sum()) / OPAQUE / texels**2
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.3, 0.7])
@@ -51,7 +52,7 @@ def test_a_curve_is_as_long_and_wide_as_shapely_says():
     sheet = Sheet((0.0, 100.0, 0.0, 40.0), 1.0)
     sheet.curve(x, y, BLACK, line=2.0)
     length = LineString(np.column_stack([x, y])).length
-    assert area(sheet) == pytest.approx(2.0 * length, rel=0.03)
+    assert area(sheet, 1.0) == pytest.approx(2.0 * length, rel=0.03)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.002, 0.03, -0.03, 0.11, -0.11, 0.5, -1.2, 3.0])
@@ -88,3 +89,31 @@ def test_a_sprite_reaches_into_the_picture_from_beyond_its_edge():
     sheet.rect((-3.0, 3.0), (-1.0, 1.0), BLACK)
     canvas = drawn(lambda part: part.texture(sheet.texture(), WIDTH + 10.0, 100.0), luma=216)
     assert (216.0 - canvas.luma).sum() / 200.0 == pytest.approx(20.0 * 20.0, rel=0.05)
+
+
+@pytest.mark.parametrize("place", [(-7, -3), (30, 12), (-7, 12), (100, 100), (-100, 4)])
+def test_a_text_that_reaches_beyond_a_sheet_is_cut_off(place):
+    text = Lettering(np.ones((8, 14), dtype=np.float32))
+    sheet = Sheet((0.0, 40.0, 0.0, 16.0), 1.0)
+    sheet.write(text, place[0], place[1], BLACK)
+    inside = box(0, 0, 40, 16).intersection(
+        box(place[0], place[1], place[0] + 14.0, place[1] + 8.0)
+    )
+    assert area(sheet, 1.0) == pytest.approx(inside.area)
+
+
+def test_a_sheet_without_a_size_or_of_a_size_that_no_film_has_is_refused():
+    for ends in ((0.0, 0.0), (0.0, 1e9), (0.0, math.nan)):
+        with pytest.raises(ValueError, match="2 to 8192 pixels"):
+            Sheet((ends[0], ends[1], 0.0, 4.0), SCALE)
+    with pytest.raises(ValueError, match="1, 2, 4 or 8 texels"):
+        Sheet((0.0, 4.0, 0.0, 4.0), SCALE, 3)
+
+
+def test_a_curve_without_points_is_refused():
+    sheet = Sheet((0.0, 4.0, 0.0, 4.0), SCALE)
+    none, one = np.empty(0, np.float32), np.ones(1, np.float32)
+    with pytest.raises(ValueError, match="expected points"):
+        sheet.curve(none, none, BLACK, line=1.0)
+    with pytest.raises(ValueError, match="expected 1 rows, got 0"):
+        sheet.curve(one, none, BLACK, line=1.0)

@@ -17,8 +17,11 @@ from overtaking.video.film import Film
 from overtaking.video.palette import yuv
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from overtaking.video.display import Part
-    from overtaking.video.sky import Sky, Veil
+    from overtaking.video.pictures import Veil
+    from overtaking.video.sky import Sky
 
 SCALE = 10.0
 
@@ -126,11 +129,16 @@ def test_the_low_sun_dazzles_from_the_side_on_which_it_stands():
 
 
 def test_more_rain_draws_more_streaks_and_every_time_the_same():
-    light, heavy = (skies.rain(rate, 240, is_night=False) for rate in (5.0, 50.0))
-    assert np.count_nonzero(heavy[0]) > 1.5 * np.count_nonzero(light[0])
-    skies.rain.cache_clear()
-    again = skies.rain(5.0, 240, is_night=False)
-    assert all(np.array_equal(a, b) for a, b in zip(light, again, strict=True))
+    def shown(rate: float) -> list[NDArray[np.bool_]]:
+        skies.rain.cache_clear()
+        pictures = skies.rain(rate, 240, is_night=False)
+        return [
+            drawn(lambda part, rain=one: part.rain(rain), bottom=240).luma > 16 for one in pictures
+        ]
+
+    light, heavy = shown(5.0), shown(50.0)
+    assert np.count_nonzero(heavy[0]) > 1.5 * np.count_nonzero(light[0]) > 0
+    assert all(np.array_equal(a, b) for a, b in zip(light, shown(5.0), strict=True))
 
 
 def test_the_veil_never_leaves_the_range_of_video():
