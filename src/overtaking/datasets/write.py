@@ -134,10 +134,20 @@ def is_intact(opened: Callable[[], BufferedIOBase], facts: FileFacts) -> bool:
 
 def _finish(writers: Mapping[str, TableWriter], fingerprint: str) -> dict[str, FileFacts]:
     """Complete the files, with what is known of all the others in the commit mark."""
-    facts = {name: writer.finish() for name, writer in writers.items() if name != MARK}
+    facts = _finished({name: writer for name, writer in writers.items() if name != MARK})
     known = json.dumps({name: dataclasses.asdict(one) for name, one in facts.items()})
     seal = _seal(fingerprint, known, writers[MARK].content)
     return {**facts, MARK: writers[MARK].finish({_FACTS: known, _SEAL: seal})}
+
+
+def _finished(writers: Mapping[str, TableWriter]) -> dict[str, FileFacts]:
+    """Complete some files, beside each other: each of them waits for the disk."""
+    pool = pool_of("write", WRITING_THREADS)
+    underway = {name: pool.submit(writer.finish) for name, writer in writers.items()}
+    try:
+        return {name: future.result() for name, future in underway.items()}
+    finally:
+        wait(underway.values())  # Nobody may close a file that is being written.
 
 
 def _write_pieces(
