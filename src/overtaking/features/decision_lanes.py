@@ -11,10 +11,10 @@ from overtaking.model.labels import Case
 from overtaking.model.signals import Around
 from overtaking.model.vehicles import Role
 from overtaking.physics.constants import known
-from overtaking.physics.film import rain_rate
 from overtaking.physics.visibility import meteorological_range
 from overtaking.rules.l02_line import closed_borders
 from overtaking.signals.reference import METRES, OCCUPANCY_REACH_MM, left_lane_at
+from overtaking.sim.world import outlook
 
 _PERCENT = np.float32(0.01)
 _ZERO = np.float32(0.0)
@@ -37,7 +37,7 @@ def lane_around(case: Case, frames: Index) -> Surround:
         speed_limit=np.full(len(frames), road.speed_limit),
         night=weather.night,
         low_sun=weather.horizon_line,
-        rain=rain_rate(weather.rain),
+        rain=outlook(case.trajectories.scenario).rain_rate,
         optical_range=meteorological_range(weather.fog),
         wind=known("weather.wind.full_speed") * (weather.wind * _PERCENT),
         friction=seen.friction[rows, frames],

@@ -15,7 +15,7 @@ from overtaking.knowledge import Quantity, quantities
 from overtaking.model.events import NEVER
 from overtaking.model.features import Features
 from overtaking.model.labels import Case
-from overtaking.rules.once import once
+from overtaking.model.once import once
 from overtaking.signals.frames import at, seconds_of
 from overtaking.signals.reference import LeftLane, left_lane_at
 from overtaking.signals.target import target_at

@@ -24,7 +24,7 @@ def slots_for(vehicles: int) -> int:
     return max(vehicles, 1)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
 class Scenario(Batch):
     """Inputs of a batch of simulations on one road.
 

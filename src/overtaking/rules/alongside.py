@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import F32, Mask
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
+from overtaking.model.once import once
 from overtaking.model.signals import Around
 from overtaking.rules import engine
 from overtaking.rules.frames import Span, driving_end
-from overtaking.rules.once import once
 from overtaking.signals.engine import neighbours_at
 from overtaking.signals.reference import Neighbours
 

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import F32, Mask, as_f32
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Belief, Case
+from overtaking.model.once import once
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
 from overtaking.rules.distances import sure_decel
 from overtaking.rules.frames import frames_of
-from overtaking.rules.once import once
 from overtaking.signals.frames import at
 
 I32 = NDArray[np.int32]

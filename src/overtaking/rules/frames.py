@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import F32, Mask
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
+from overtaking.model.once import once
 from overtaking.model.road import Road
 from overtaking.physics.constants import known
-from overtaking.rules.once import once
 from overtaking.rules.rule import Check, decided
 
 I32 = NDArray[np.int32]

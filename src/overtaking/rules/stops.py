@@ -1,9 +1,9 @@
 """Whether the ego could stop in the distance that it saw, over all of its conduct."""
 
 from overtaking.model.labels import Case
+from overtaking.model.once import once
 from overtaking.rules.engine import stop_margin
 from overtaking.rules.frames import Stretch, conduct
-from overtaking.rules.once import once
 
 
 @once

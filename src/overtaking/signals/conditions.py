@@ -9,10 +9,9 @@ from overtaking.model.batch import Batch
 from overtaking.model.trajectory import Trajectories
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.physics.constants import known
-from overtaking.physics.film import lane_film, rain_rate
-from overtaking.sim.effects import Effects
+from overtaking.physics.film import lane_film
 from overtaking.sim.lanes import road_parameters
-from overtaking.sim.world import film_of, sight_ahead
+from overtaking.sim.world import outlook
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,17 +51,16 @@ def conditions(trajectories: Trajectories) -> Conditions:
     announce by its own brake lamps.
     """
     scenario = trajectories.scenario
-    rate, effects = rain_rate(scenario.weather.rain), Effects()
-    water, sight = film_of(scenario, rate, effects), sight_ahead(scenario, rate, effects)
-    bodies = scenario.vehicles
+    ahead, bodies = outlook(scenario), scenario.vehicles
+    sight = ahead.sight
     return Conditions(
-        film=_mean_film(water, road_parameters(scenario.road).film_path),
+        film=_mean_film(ahead.film, road_parameters(scenario.road).film_path),
         wear=bodies.tyre_wear[:, Role.EGO],
         truck=as_f32(bodies.kind[:, Role.EGO] == VehicleKind.T),
         fog_extinction=sight["fog_extinction"],
         rain_extinction=sight["rain_extinction"],
         contrast_depth=sight["sight_front"] + log(known("model.speed_choice.contrast")),
-        lamp_intensity=np.full_like(rate, known("weather.lamps.rear_position")),
+        lamp_intensity=np.full_like(ahead.rain_rate, known("weather.lamps.rear_position")),
         lamp_threshold=sight["lamp_threshold"],
         unlit_limit=_unlit_limit(sight["inverse_lit_range"]),
     )

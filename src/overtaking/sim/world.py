@@ -9,6 +9,7 @@ import numpy as np
 
 from overtaking.core.elementary import F32, PI, Mask, log, maximum, minimum, sincos
 from overtaking.core.philox import Draws, Stream
+from overtaking.model.once import once
 from overtaking.model.scenario import Scenario
 from overtaking.physics import film, friction, visibility
 from overtaking.physics.constants import Constants, known
@@ -110,20 +111,41 @@ class World:
     side_accel: F32
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outlook:
+    """What rain, fog and light come to; every array has shape (simulation,).
+
+    Attributes:
+        rain_rate: Rain [mm/h].
+        film: How much water lies on the road, the fields of `Water` that are not drawn.
+        sight: How far one sees ahead, fields of `Sight`.
+    """
+
+    rain_rate: F32
+    film: dict[str, F32]
+    sight: dict[str, F32]
+
+
+@once
+def outlook(scenario: Scenario) -> Outlook:
+    """What rain, fog and light come to in the whole model: in the step, in signals and tables."""
+    return _outlook(scenario, Effects())
+
+
 def world_of(scenario: Scenario, c: Constants, effects: Effects) -> World:
     """What weather and light mean in each simulation."""
-    rate = film.rain_rate(scenario.weather.rain)
+    ahead = outlook(scenario) if effects == Effects() else _outlook(scenario, effects)
     draws = Draws(scenario.seed, scenario.index, Stream.FIELD)
     # Wind draws before water: the order of the draws is part of what a seed means.
     wind = _wind(scenario, draws, effects)
-    water = _water(scenario, rate, draws, effects)
+    water = _water(ahead, draws)
     grip = _believed_grip(c, water)
     dared = np.full_like(grip, known("model.steering.comfort_accel"))
     return World(
-        rain_rate=rate,
+        rain_rate=ahead.rain_rate,
         water=water,
         wind=wind,
-        sight=_sight(scenario, rate, effects),
+        sight=_sight(scenario, ahead, effects),
         grip=grip,
         side_accel=minimum(dared, known("model.steering.grip_share") * c.gravity * grip),
     )
@@ -155,16 +177,24 @@ def _drawn(draws: Draws, low: str, high: str) -> F32:
     return draws.uniform(float(known(low)), float(known(high)))
 
 
-def _water(scenario: Scenario, rate: F32, draws: Draws, effects: Effects) -> Water:
+def _water(ahead: Outlook, draws: Draws) -> Water:
     return Water(
-        **film_of(scenario, rate, effects),
+        **ahead.film,
         puddle_phase_1=draws.uniform(),
         puddle_phase_2=draws.uniform(),
     )
 
 
-def film_of(scenario: Scenario, rate: F32, effects: Effects) -> dict[str, F32]:
-    """How much water lies on the road, the fields of `Water` that are not drawn."""
+def _outlook(scenario: Scenario, effects: Effects) -> Outlook:
+    rate = film.rain_rate(scenario.weather.rain)
+    return Outlook(
+        rain_rate=rate,
+        film=_film(scenario, rate, effects),
+        sight=_sight_ahead(scenario, rate, effects),
+    )
+
+
+def _film(scenario: Scenario, rate: F32, effects: Effects) -> dict[str, F32]:
     zero = np.zeros_like(rate)
     rain = rate if effects.film else zero
     puddles = scenario.weather.puddles if effects.film else zero
@@ -191,11 +221,12 @@ def _believed_grip(c: Constants, water: Water) -> F32:
     return friction.peak_friction(c, speed, h, wear, np.zeros_like(h))
 
 
-def _sight(scenario: Scenario, rate: F32, effects: Effects) -> Sight:
-    weather, zero = scenario.weather, np.zeros_like(rate)
+def _sight(scenario: Scenario, ahead: Outlook, effects: Effects) -> Sight:
+    weather, rate = scenario.weather, ahead.rain_rate
+    zero = np.zeros_like(rate)
     error = known("weather.errors.closing_speed_cv") if effects.distance_error else np.float32(0.0)
     return Sight(
-        **sight_ahead(scenario, rate, effects),
+        **ahead.sight,
         sight_rear=_contrast(scenario, rate, np.abs(PI - np.abs(weather.sun_azimuth))),
         detection_time=_detection_time(weather.night) if effects.delay else zero,
         distance_error=_distance_error(scenario) if effects.distance_error else zero,
@@ -203,14 +234,7 @@ def _sight(scenario: Scenario, rate: F32, effects: Effects) -> Sight:
     )
 
 
-def sight_ahead(scenario: Scenario, rate: F32, effects: Effects) -> dict[str, F32]:
-    """How far one sees ahead, fields of `Sight`.
-
-    Args:
-        scenario: The batch.
-        rate: Its rain [mm/h].
-        effects: Which effects there are.
-    """
+def _sight_ahead(scenario: Scenario, rate: F32, effects: Effects) -> dict[str, F32]:
     weather, limited = scenario.weather, _ONE if effects.range else np.float32(0.0)
     lit_range = limited / _low_beam_range(rate)
     return {

@@ -10,9 +10,8 @@ from overtaking.physics import film
 from overtaking.physics.constants import constants, known
 from overtaking.physics.friction import peak_friction
 from overtaking.physics.visibility import contrast_range, lamp_range, meteorological_range
-from overtaking.sim.effects import Effects
 from overtaking.sim.lanes import road_parameters
-from overtaking.sim.world import film_of, mean_wind, sight_ahead
+from overtaking.sim.world import mean_wind, outlook
 
 FRICTION_SPEED = np.float32(mps_from_kmh(100.0))
 FRICTION_WEAR = np.float32(0.5)
@@ -26,8 +25,8 @@ def derived_weather(scenario: Scenario) -> dict[str, F32]:
     """The derived columns of the `weather` table, each of shape (simulation,)."""
     c = constants()
     weather = scenario.weather
-    rate = film.rain_rate(weather.rain)
-    sight, water = sight_ahead(scenario, rate, Effects()), film_of(scenario, rate, Effects())
+    ahead = outlook(scenario)
+    sight, water = ahead.sight, ahead.film
     zero = np.zeros(scenario.num_simulations, dtype=np.float32)
     path = road_parameters(scenario.road).film_path[0]
     film_mm = film.lane_film(water["least_film"], water["film_rain"], path, water["texture"])
@@ -37,7 +36,7 @@ def derived_weather(scenario: Scenario) -> dict[str, F32]:
     lit = lamp_range(extinction, zero + lamp, sight["lamp_threshold"])
     along, across = mean_wind(scenario)
     return {
-        "rain_mmph": rate,
+        "rain_mmph": ahead.rain_rate,
         "water_film_m": maximum(film_mm, zero) * _METRES_PER_MM,
         "friction": peak_friction(c, zero + FRICTION_SPEED, film_mm, zero + FRICTION_WEAR, zero),
         "wind_mps": np.sqrt(along * along + across * across),

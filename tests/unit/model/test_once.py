@@ -7,7 +7,7 @@ import weakref
 
 from tests.support.cases import Track, case
 
-from overtaking.rules.once import once
+from overtaking.model.once import once
 
 
 def test_an_answer_is_worked_out_once_for_each_case():

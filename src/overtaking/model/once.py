@@ -1,0 +1,28 @@
+"""What many ask about a batch is worked out for the first of them."""
+
+from collections.abc import Callable
+from functools import wraps
+from typing import TypeVar
+from weakref import WeakKeyDictionary
+
+from overtaking.model.batch import Batch
+
+B = TypeVar("B", bound=Batch)
+T = TypeVar("T")
+
+
+def once(function: Callable[[B], T]) -> Callable[[B], T]:
+    """A function that remembers what it said of a batch as long as the batch exists.
+
+    Batches must be compared by identity. All who ask share the answer; its arrays must not be
+    changed.
+    """
+    answers: WeakKeyDictionary[B, T] = WeakKeyDictionary()
+
+    @wraps(function)
+    def asked(batch: B) -> T:
+        if batch not in answers:
+            answers[batch] = function(batch)
+        return answers[batch]
+
+    return asked
