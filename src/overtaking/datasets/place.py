@@ -13,7 +13,6 @@ from io import BufferedIOBase
 from pathlib import Path
 from typing import Protocol
 from urllib.parse import urlsplit
-from urllib.request import url2pathname
 
 from overtaking.core.errors import ConfigError
 from overtaking.datasets import lock
@@ -111,7 +110,11 @@ def place_of(where: str | Path | Place) -> Place:
     if not is_url(where):
         return Folder(Path(where))
     parts = urlsplit(where)
-    return Folder(Path(url2pathname(parts.path))) if parts.scheme == "file" else Store(where)
+    if parts.scheme != "file":
+        return Store(where)
+    from urllib.request import url2pathname  # It brings a client of HTTP along.
+
+    return Folder(Path(url2pathname(parts.path)))
 
 
 def is_url(where: str | Path) -> bool:

@@ -1,6 +1,7 @@
 """The road as the step sees it: lateral axis towards the fast side, padded to a fixed size."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -38,8 +39,9 @@ class RoadParameters:
     sine: np.float32
 
 
+@lru_cache(maxsize=16)
 def road_parameters(road: Road) -> RoadParameters:
-    """The road as the step sees it."""
+    """The road as the step sees it; all who ask share its arrays, which must not be changed."""
     side = np.float32(1.0 if road.driving_side is DrivingSide.RIGHT else -1.0)
     borders = _padded(side * as_f32(road.boundaries))
     heading = np.float32(road.heading)
