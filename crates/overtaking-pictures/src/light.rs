@@ -1,4 +1,9 @@
 //! What weather and night do to a whole part of a frame.
+//!
+//! That is many samples, so it is done with the widest vectors that there are (`dispatch`): what is called
+//! there is always inlined, as else it would be compiled for the narrowest. Integers are the same in all.
+
+use fearless_simd::{Level, dispatch};
 
 use crate::frame::{Frame, Plane, Rows};
 use crate::sprite::{OPAQUE, common};
@@ -56,6 +61,11 @@ impl Veil {
 
     /// Lays its columns from an even one on over a frame.
     pub fn lay(&self, frame: &mut Frame<'_>, first: usize, rows: Rows) {
+        dispatch!(Level::new(), _simd => self.cover(frame, first, rows));
+    }
+
+    #[inline(always)]
+    fn cover(&self, frame: &mut Frame<'_>, first: usize, rows: Rows) {
         for (place, plane) in frame.planes.iter_mut().enumerate() {
             let (keep, added) = self.columns(place, first, plane.width);
             for line in lines(plane, place, rows) {
@@ -68,6 +78,7 @@ impl Veil {
 }
 
 /// The rows of a plane that may be drawn on.
+#[inline(always)]
 fn lines<'a>(
     plane: &'a mut Plane<'_>,
     place: usize,
@@ -141,6 +152,11 @@ impl Night {
 
     /// Darkens a frame where no light falls, and lays the columns of a veil over it from one on.
     pub fn lay(&self, frame: &mut Frame<'_>, veil: Option<(&Veil, usize)>) {
+        dispatch!(Level::new(), _simd => self.darken(frame, veil));
+    }
+
+    #[inline(always)]
+    fn darken(&self, frame: &mut Frame<'_>, veil: Option<(&Veil, usize)>) {
         let mut twice = vec![0; 2 * self.width];
         for (place, plane) in frame.planes.iter_mut().enumerate() {
             let through = veil.map(|(veil, first)| veil.columns(place, first, plane.width));
@@ -163,6 +179,7 @@ impl Night {
 }
 
 /// Each number twice: two columns of luma to one of the light.
+#[inline(always)]
 fn doubled(twice: &mut [u16], once: &[u16]) {
     for (pair, &one) in twice.chunks_exact_mut(2).zip(once) {
         pair[0] = one;
@@ -171,6 +188,7 @@ fn doubled(twice: &mut [u16], once: &[u16]) {
 }
 
 /// Darkens a row towards a grey.
+#[inline(always)]
 fn dim(line: &mut [u8], light: &[u16], grey: u16) {
     for (sample, &light) in line.iter_mut().zip(light) {
         let sum = u16::from(*sample)
@@ -181,6 +199,7 @@ fn dim(line: &mut [u8], light: &[u16], grey: u16) {
 }
 
 /// The same, and lets what is left shine through a veil.
+#[inline(always)]
 fn dim_behind(line: &mut [u8], light: &[u16], grey: u16, through: &[u16], added: &[u16]) {
     for (((sample, &light), &through), &added) in line.iter_mut().zip(light).zip(through).zip(added)
     {
@@ -194,6 +213,7 @@ fn dim_behind(line: &mut [u8], light: &[u16], grey: u16, through: &[u16], added:
 }
 
 /// A share of a share, both of `OPAQUE`.
+#[inline(always)]
 fn product(one: u16, other: u16) -> u16 {
     // 256 x 256 is one more than sixteen bits hold; so shifted, their upper half is what is wanted.
     ((u32::from(one << 4) * u32::from(other << 4)) >> 16) as u16

@@ -77,8 +77,9 @@ impl Texture {
     }
 }
 
-/// The part of a raster that is not wholly transparent, each row in the order in which pixels ask for it: the
-/// first texel of every pixel, then the second of every pixel, and so on.
+/// The part of a raster that is not wholly transparent, as pictures of one texel to the pixel: `fine` times
+/// `fine` of them, one after another, each of what is seen if it lies so many texels farther left and up. A
+/// sheet that is not turned is drawn from one of them alone, row after row.
 #[derive(Debug, Clone)]
 struct Patch {
     colours: Vec<Vec<u16>>,
@@ -86,8 +87,9 @@ struct Patch {
     /// Texels in x and in y.
     width: usize,
     height: usize,
-    /// How many texels of a row are the first of a pixel.
+    /// Columns and rows of each picture.
     columns: usize,
+    rows: usize,
     /// Place of the origin, from the left upper corner [half texels].
     origin: (i64, i64),
 }
@@ -96,15 +98,17 @@ impl Patch {
     fn new(raster: &Raster, origin: (i64, i64), fine: i64) -> Self {
         let (columns, rows) = covered(raster);
         let fine = fine as usize;
-        let count = columns.len().div_ceil(fine);
+        let (across, down) = (columns.len().div_ceil(fine), rows.len().div_ceil(fine));
         let ordered = |plane: &[u16], empty: u16| {
-            let mut all = vec![empty; rows.len() * fine * count];
-            for (number, to) in all.chunks_exact_mut(count.max(1)).enumerate() {
-                let (row, phase) = (rows.start + number / fine, number % fine);
-                let from = &plane[row * raster.width..][columns.clone()];
-                let pixels = from.get(phase..).unwrap_or_default().chunks(fine);
-                for (to, pixel) in to.iter_mut().zip(pixels) {
-                    *to = pixel[0];
+            let mut all = vec![empty; fine * fine * across * down];
+            for (row, line) in rows.clone().enumerate() {
+                let from = &plane[line * raster.width..][columns.clone()];
+                for phase in 0..fine.min(from.len()) {
+                    let picture = row % fine * fine + phase;
+                    let to = &mut all[(picture * down + row / fine) * across..][..across];
+                    for (to, pixel) in to.iter_mut().zip(from[phase..].chunks(fine)) {
+                        *to = pixel[0];
+                    }
                 }
             }
             all
@@ -115,9 +119,18 @@ impl Patch {
             keep: ordered(&raster.keep, OPAQUE),
             width: columns.len(),
             height: rows.len(),
-            columns: count,
+            columns: across,
+            rows: down,
             origin: (origin.0 - corner.0, origin.1 - corner.1),
         }
+    }
+
+    /// Number of a texel by its column and row, of two to the power of `shift` to the pixel.
+    #[inline]
+    fn texel(&self, column: usize, row: usize, shift: u32) -> usize {
+        let among = (1 << shift) - 1;
+        let picture = ((row & among) << shift) + (column & among);
+        (picture * self.rows + (row >> shift)) * self.columns + (column >> shift)
     }
 }
 
@@ -242,8 +255,7 @@ impl Walk {
     fn texel(&self, pixel: i64, patch: &Patch) -> usize {
         let column = (self.at.0 + pixel * self.step.0) >> 16;
         let row = (self.at.1 + pixel * self.step.1) >> 16;
-        let (phase, place) = (column % self.fine, column / self.fine);
-        (row * self.fine + phase) as usize * patch.columns + place as usize
+        patch.texel(column as usize, row as usize, self.fine.trailing_zeros())
     }
 
     /// Draws what lies below some pixels from one on.
@@ -252,12 +264,10 @@ impl Walk {
             self.at.0 + first * self.step.0,
             self.at.1 + first * self.step.1,
         );
-        let (shift, columns) = (self.fine.trailing_zeros(), patch.columns);
+        let shift = self.fine.trailing_zeros();
         for sample in below {
             // Neither is negative here.
-            let (texel, line) = ((column >> 16) as usize, (row >> 16) as usize);
-            let phase = texel & (self.fine as usize - 1);
-            let at = ((line << shift) + phase) * columns + (texel >> shift);
+            let at = patch.texel((column >> 16) as usize, (row >> 16) as usize, shift);
             let keep = patch.keep[at];
             if keep != OPAQUE {
                 *sample = mixed(*sample, colour[at], keep);

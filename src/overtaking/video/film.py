@@ -11,6 +11,7 @@ from overtaking.model.vehicles import Role
 from overtaking.video import notes, sky
 from overtaking.video.canvas import FRAME_SHAPE, HEIGHT, WIDTH
 from overtaking.video.display import Display
+from overtaking.video.palette import INK
 from overtaking.video.panel import Header, Timeline
 from overtaking.video.road import strip
 from overtaking.video.scene import scene
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from overtaking.video.display import Part
 
 _SIGN_EVERY = 100  # Metres between two distances beside the road.
+_SIGN = "#e4e8e6"
 
 
 class Film:
@@ -137,8 +139,9 @@ class Film:
         left: NDArray[np.float64] = self.view.left / self.view.scale
         shown = WIDTH / self.view.scale
         first = math.ceil(left.min() / _SIGN_EVERY) * _SIGN_EVERY
+        is_pale = not self._sky.is_night and self._sky.extinction * 0.5 * shown > math.log(2.0)
         for s in range(first, int(left.max() + shown) + 1, _SIGN_EVERY):
             frames = np.flatnonzero((left <= s) & (s <= left + shown))
-            text = line(f"{s} m", 11, "#e4e8e6")
+            text = line(f"{s} m", 11, INK if is_pale else _SIGN)
             columns = 2 * np.rint(0.5 * (s * self.view.scale - self.view.left[frames]))
             part.sprite(text, columns - text.size[0] // 4 * 2, 2, frames=frames)

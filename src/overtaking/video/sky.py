@@ -37,6 +37,8 @@ _LOW_SUN = math.radians(20.0)
 _SHADE_BY_DAY = 0.42
 _LONGEST_SHADOW = 3.2  # Per height of what casts it.
 _CLEAR_TO_SEE = 1500.0  # Fog that lets one see farther is not drawn [m].
+_OWN_HALF = 2.3  # Half a car's length [m].
+_FOG_ABOVE = 100.0  # Depth of fog that the sun shines through before it casts a shadow [m].
 _LEAST_SHARE = 24  # Of 256: what lies in fog stays a hint, so that the film still tells it.
 _HEAVY_RAIN = 60.0  # Rate at which wetness and spray are drawn in full [mm/h].
 _NUM_RAIN_PICTURES = 5
@@ -80,6 +82,8 @@ def sky(run: Trajectories) -> Sky:
     altitude, azimuth = float(weather.sun_altitude[0]), float(weather.sun_azimuth[0])
     is_low = not is_night and 0.0 < altitude < _LOW_SUN
     clear = 1.0 - float(weather.cloudiness[0]) / 100.0
+    if _is_hazy(extinction):
+        clear *= math.exp(-extinction * _FOG_ABOVE)
     wet = min(1.0, max(float(weather.puddles[0]) / 60.0, rate / _HEAVY_RAIN))
     return Sky(
         text=_words(run, rate, extinction, is_low=is_low),
@@ -103,6 +107,11 @@ _FINE = Sky(
     rate=0.0,
     glare=0.0,
 )
+
+
+def _is_hazy(extinction: float) -> bool:
+    """Whether so much is hidden that it is drawn."""
+    return extinction * _CLEAR_TO_SEE >= float(known("weather.fog.transmission_depth"))
 
 
 def _words(run: Trajectories, rate: float, extinction: float, *, is_low: bool) -> str:
@@ -158,12 +167,16 @@ def _veil(share: NDArray[np.floating], colour: str) -> Veil:
 def fog(sky: Sky, scale: float) -> Veil | None:
     """What fog and rain hide, growing from the middle of a strip two pictures wide.
 
+    Distances are those from the ends of a car in the middle, which nothing hides; counted from a
+    point, they would leave a crease across the road there.
+
     Source:
         Koschmieder: contrast falls as exp(-extinction x distance).
     """
-    if sky.extinction * _CLEAR_TO_SEE < float(known("weather.fog.transmission_depth")):
+    if not _is_hazy(sky.extinction):
         return None
-    distance = np.abs(np.arange(2 * WIDTH) - WIDTH) / scale
+    away = (np.arange(2 * WIDTH) - WIDTH) / scale
+    distance = np.hypot(away, _OWN_HALF) - _OWN_HALF
     return _veil(np.exp(-sky.extinction * distance), "#2c343d" if sky.is_night else "#c3c9cd")
 
 

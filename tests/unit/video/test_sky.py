@@ -45,15 +45,41 @@ def lit(
 
 @pytest.mark.parametrize("fog", [40.0, 70.0, 100.0])
 def test_fog_takes_as_much_contrast_as_koschmieder_says(fog):
-    """What is left between black and white at a distance is exp(-extinction x distance)."""
+    """What is left between black and white at a distance is exp(-extinction x distance).
+
+    The distance is that from a car's end, which is 2.3 m nearer than its middle.
+    """
     sky = sky_of(fog=fog)
     veil = skies.fog(sky, SCALE)
     assert veil is not None
     black, white = (drawn(lambda part: part.veil(veil, WIDTH), luma) for luma in (16, 216))
     contrast = (white.luma[9].astype(float) - black.luma[9]) / 200.0
     distance = np.arange(WIDTH) / SCALE
-    expected = np.maximum(np.exp(-sky.extinction * distance), 24 / 256)
-    assert np.abs(contrast - expected).max() < 0.02
+    least, most = (
+        np.maximum(np.exp(-sky.extinction * np.maximum(distance - nearer, 0.0)), 24 / 256)
+        for nearer in (0.0, 2.3)
+    )
+    assert (contrast > least - 0.01).all()
+    assert (contrast < most + 0.01).all()
+    assert np.abs(contrast - most)[round(20.0 * SCALE) :].max() < 0.015
+
+
+def test_no_crease_lies_across_the_road_where_fog_begins():
+    """Within the first metre it hides less than a tenth of what it hides within five."""
+    veil = skies.fog(sky_of(fog=100.0), SCALE)
+    assert veil is not None
+    road = drawn(lambda part: part.veil(veil, WIDTH // 2), 16).luma[9].astype(int)
+    rise = road[[WIDTH // 2 + round(metres * SCALE) for metres in (1.0, 5.0)]] - road[WIDTH // 2]
+    assert rise[1] > 20
+    assert rise[0] < 0.1 * rise[1]
+
+
+def test_fog_takes_the_shadows_away():
+    clear, misty, thick = (sky_of(fog=fog, sun_altitude=0.7).shade for fog in (0.0, 50.0, 100.0))
+    long = [float(np.hypot(*shade[:2])) for shade in (clear, misty, thick)]
+    assert long[0] > long[1] > long[2]
+    assert long[2] < 0.02 * long[0]
+    assert clear[2] > misty[2] > thick[2]
 
 
 def test_at_the_optical_range_a_twentieth_is_left_of_contrast():
