@@ -223,7 +223,7 @@ class Light(NamedTuple):
     top: int
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=64)  # Each is about a megabyte.
 def beam(degrees: int, scale: float, *, is_high: bool) -> Light:
     """Light of two headlamps, from the middle of the front of a vehicle.
 

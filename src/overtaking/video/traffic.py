@@ -96,6 +96,8 @@ class Traffic:
         front = 0.5 * scene.bodies[index].length * self._scale
         for turn, high in product(np.unique(degrees[is_lit]), (False, True)):
             frames = np.flatnonzero(is_lit & (degrees == turn) & (is_high == high))
+            if not len(frames):
+                continue
             x, y, angle = self._places(index, frames)
             beam = sky.beam(int(turn), self._scale, is_high=high)
             ahead = (x + front * np.cos(angle), y - front * np.sin(angle))
