@@ -89,8 +89,9 @@ fn code_of<T: Bits>(value: T, known: &mut [u16], found: &mut Vec<T>) -> u8 {
 pub fn encode(codes: &[u8], width: u8, out: &mut Vec<u8>) {
     let shortest = RUN_BITS.div_ceil(width.into()).max(GROUP);
     let (mut packed, mut begin) = (0, 0);
-    while begin < codes.len() {
-        let length = run_length(&codes[begin..]);
+    while let Some(next) = next_run(codes, begin) {
+        begin = next;
+        let length = long_run(&codes[begin..]);
         // What the groups before it lack belongs to them.
         let lacking = (packed..begin).len().next_multiple_of(GROUP) - (begin - packed);
         if length >= lacking + shortest {
@@ -101,6 +102,18 @@ pub fn encode(codes: &[u8], width: u8, out: &mut Vec<u8>) {
         begin += length;
     }
     pack(&codes[packed..], width, out);
+}
+
+/// Where the next run of a group or more begins, from the beginning of a run on.
+fn next_run(codes: &[u8], mut begin: usize) -> Option<usize> {
+    while let Some(group) = codes.get(begin..begin + GROUP) {
+        // From behind, so that of codes that differ most are never looked at.
+        match group.windows(2).rposition(|pair| pair[0] != pair[1]) {
+            None => return Some(begin),
+            Some(last) => begin += last + 1,
+        }
+    }
+    None
 }
 
 /// Appends one code, a number of times.
@@ -133,7 +146,7 @@ fn run_length<T: Copy + PartialEq>(values: &[T]) -> usize {
     }
 }
 
-/// As `run_length`, of values that come at least twice.
+/// As `run_length`, faster where they come more often.
 fn long_run<T: Copy + PartialEq>(values: &[T]) -> usize {
     let value = values[0];
     let near = &values[1..values.len().min(GROUP)];

@@ -218,9 +218,14 @@ fn present<'a, T: Copy>(values: &'a [T], gaps: Option<&[bool]>) -> Cow<'a, [T]> 
     match gaps {
         None => values.into(),
         Some(gaps) => {
-            let mut there = Vec::with_capacity(values.len());
-            let rows = values.iter().zip(gaps).filter(|(_, none)| !**none);
-            there.extend(rows.map(|(value, _)| *value));
+            // Every value is written and the next one over it if there was none: nothing to guess for the CPU.
+            let mut there = values.to_vec();
+            let mut count = 0;
+            for (value, none) in values.iter().zip(gaps) {
+                there[count] = *value;
+                count += usize::from(!none);
+            }
+            there.truncate(count);
             there.into()
         }
     }
