@@ -1,8 +1,9 @@
 """Large arrays whose memory is used again as soon as nobody looks at them.
 
-A batch of simulations fills some eighty megabytes. Memory that is fresh from the operating system
-costs a fault and a clearing for each page, which took a seventh of the engine's time; and on pages
-of 4 KiB, each row of a simulation lies on a page of its own, more of them than the CPU remembers.
+A batch of simulations fills some eighty megabytes, or twice that. Memory that is fresh from the
+operating system costs a fault and a clearing for each page, which took a seventh of the engine's
+time; and on pages of 4 KiB, each row of a simulation lies on a page of its own, more of them than
+the CPU remembers.
 """
 
 import contextlib
@@ -18,7 +19,7 @@ LARGE_BYTES = 1 << 20
 """Arrays below this are NumPy's own."""
 
 KEPT_BYTES = 256 << 20
-"""At most so much is kept while nobody uses it: three batches."""
+"""At most so much is kept while nobody uses it: a large batch, and what is worked out from it."""
 
 _PAGE_BYTES = 2 << 20  # What Linux calls a huge page, on x86 and on ARM.
 
