@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import duckdb
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -200,6 +201,20 @@ def test_tables_come_as_pandas_in_si(data):
     assert data.percepts()["leader_gap_m"].dtype == np.float64
     speed = data.states(4)["speed_mps"]
     assert speed.between(10, 60).all()  # 50 to 120 km/h, and not yet braked.
+
+
+def test_tables_of_many_shards_can_be_grouped_by_any_of_their_names(tmp_path: Path):
+    data = api.generate("pinto2023", 40, 5, tmp_path / "data", shard_size=4, keep="features")
+    grouped = 0
+    for name in data.kept_tables:
+        table = data.table(name)
+        for field in table.schema:
+            if pa.types.is_dictionary(field.type):
+                counts = table.group_by(field.name).aggregate([([], "count_all")])
+                assert sum(counts["count_all"].to_pylist()) == table.num_rows
+                assert counts.num_rows == len(set(table[field.name].to_pylist()))
+                grouped += 1
+    assert grouped >= 10
 
 
 def test_frames_are_the_22_variables_of_the_paper(data, runs):
