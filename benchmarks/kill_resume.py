@@ -181,11 +181,7 @@ def contents(out: Path) -> dict[str, str]:
 
 def repeated_keys(out: Path) -> list[str]:
     """The tables in which a key comes more than once, as any reader of the folders sees them."""
-    tables = {
-        # Each file lists the names that occur in it; Arrow groups by names of one list only.
-        name: pq.read_table(out / name, columns=list(keys)).unify_dictionaries()
-        for name, keys in KEYS.items()
-    }
+    tables = {name: pq.read_table(out / name, columns=list(keys)) for name, keys in KEYS.items()}
     return [
         name
         for name, keys in tables.items()

@@ -63,10 +63,15 @@ impl<T: Bits> Coded<T> {
 
     /// Appends the codes, after the number of bits of each.
     pub fn encode(&self, out: &mut Vec<u8>) {
-        let width = bits_for(self.found.len());
-        out.push(width);
-        encode(&self.codes, width, out);
+        encode_among(&self.codes, self.found.len(), out);
     }
+}
+
+/// Appends codes of a dictionary that holds so many, after the number of bits of each.
+pub fn encode_among(codes: &[u8], count: usize, out: &mut Vec<u8>) {
+    let width = bits_for(count);
+    out.push(width);
+    encode(codes, width, out);
 }
 
 /// The code of a value, a new one if it has none. Where the 257th value would need one it is 0.

@@ -8,7 +8,7 @@ use parquet::errors::{ParquetError, Result};
 use parquet::file::statistics::Statistics;
 
 use crate::delta;
-use crate::runs::{Bits, Coded};
+use crate::runs::{Bits, Coded, encode_among};
 
 /// Bytes before each text that say how long it is, where texts are hashed.
 const LENGTH_BYTES: usize = 8;
@@ -155,7 +155,7 @@ impl Values<'_> {
                 Ok(numbers(&there, u64::to_le_bytes, out))
             }
             Self::Flag(values) => Ok(flags(&present(values, gaps), out)),
-            Self::Name(places, names) => texts(&present(places, gaps), names, out),
+            Self::Name(places, names) => named(&present(places, gaps), names, out),
             Self::Text(places, known) => texts(&present(places, gaps), known, out),
             Self::Fixed(octets, width) => {
                 for (row, text) in octets.chunks_exact(*width).enumerate() {
@@ -330,35 +330,53 @@ fn flags(values: &[bool], out: &mut Vec<u8>) -> Encoded {
     Encoded::plain(Encoding::PLAIN)
 }
 
+/// Names as their places in the list, all of which is the dictionary: then it is the same in every file, and
+/// readers that compare dictionaries find one.
+fn named(places: &[i8], names: &[String], out: &mut Vec<u8>) -> Result<Encoded> {
+    let codes: &[u8] = bytemuck::cast_slice(places);
+    if codes.iter().any(|&code| usize::from(code) >= names.len()) {
+        return Err(unlisted());
+    }
+    encode_among(codes, names.len(), out);
+    let mut octets = Vec::new();
+    for name in names {
+        write_text(name, &mut octets);
+    }
+    Ok(Encoded {
+        encoding: Encoding::RLE_DICTIONARY,
+        dictionary: Some((octets, names.len())),
+    })
+}
+
 /// Texts as codes, or as they are where there are too many different ones.
-fn texts<T: Bits + Into<i64>>(
-    places: &[T],
-    known: &[String],
-    out: &mut Vec<u8>,
-) -> Result<Encoded> {
-    let text = |place: T| {
-        let found = usize::try_from(place.into())
-            .ok()
-            .and_then(|at| known.get(at));
-        found.ok_or_else(|| ParquetError::General("a text that is not in the list".into()))
-    };
-    let write = |text: &str, out: &mut Vec<u8>| {
-        out.extend_from_slice(&(text.len() as u32).to_le_bytes());
-        out.extend_from_slice(text.as_bytes());
+fn texts(places: &[i32], known: &[String], out: &mut Vec<u8>) -> Result<Encoded> {
+    let text = |place: i32| {
+        let found = usize::try_from(place).ok().and_then(|at| known.get(at));
+        found.ok_or_else(unlisted)
     };
     let Some(coded) = Coded::of(places, usize::MAX) else {
         for &place in places {
-            write(text(place)?, out);
+            write_text(text(place)?, out);
         }
         return Ok(Encoded::plain(Encoding::PLAIN));
     };
     coded.encode(out);
     let mut octets = Vec::new();
     for &place in &coded.found {
-        write(text(place)?, &mut octets);
+        write_text(text(place)?, &mut octets);
     }
     Ok(Encoded {
         encoding: Encoding::RLE_DICTIONARY,
         dictionary: Some((octets, coded.found.len())),
     })
+}
+
+/// Appends a text after its length.
+fn write_text(text: &str, out: &mut Vec<u8>) {
+    out.extend_from_slice(&(text.len() as u32).to_le_bytes());
+    out.extend_from_slice(text.as_bytes());
+}
+
+fn unlisted() -> ParquetError {
+    ParquetError::General("a text that is not in the list".into())
 }

@@ -275,7 +275,7 @@ class Dataset:
         return rows["class_weight"].to_numpy()[:: len(POLICY_NAMES.names)]
 
     def table(self, name: str) -> pa.Table:
-        """A whole table as it is in the files, each column of names with one list of them.
+        """A whole table as it is in the files.
 
         Raises:
             DatasetError: It was not kept, or a file is damaged.
@@ -289,8 +289,7 @@ class Dataset:
                 next_step="generate it with --keep frames",
             )
         parts = [read_table(self._files.one(name, shard), name) for shard in self._shards]
-        # A file lists the names that occur in it, and Arrow groups by names of one list only.
-        return pa.concat_tables(parts).unify_dictionaries()
+        return pa.concat_tables(parts)
 
     @property
     def kept_tables(self) -> tuple[str, ...]:

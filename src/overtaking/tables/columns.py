@@ -125,8 +125,8 @@ def si_name(field: pa.Field) -> str:
 def codes(values: pa.ChunkedArray | pa.Array, names: tuple[str, ...]) -> NDArray[np.int64]:
     """The codes of an enumeration column, -1 where it is null.
 
-    The dictionary of a column that was read from a file holds only the names that occur, in the
-    order in which they occur; codes are those of the schema.
+    The dictionary of a column may hold its names in any order, as other writers list those that
+    occur; codes are those of the schema.
     """
     chunks = values.chunks if isinstance(values, pa.ChunkedArray) else [values]
     known = {name: code for code, name in enumerate(names)}
