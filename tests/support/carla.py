@@ -32,7 +32,7 @@ PATIENCE = 90.0
 """No client of a test needs longer, on the slowest machine [s]."""
 
 PROLOGUE = """
-import json, sys, carla
+import json, os, sys, carla
 client = carla.Client("127.0.0.1", int(sys.argv[1]))
 client.set_timeout(20.0)
 world = client.reload_world()
@@ -45,6 +45,13 @@ def at(x, y, yaw=0.0):
 def spawn(name, x, y):
     return world.spawn_actor(world.get_blueprint_library().find(name), at(x, y))
 """
+
+EPILOGUE = """
+sys.stdout.flush()
+os._exit(0)
+"""
+"""Ends a client as ours ends: CARLA's lets go of what listened to a sensor in a thread of its own,
+and aborts where Python ends meanwhile."""
 
 
 class Address(NamedTuple):
@@ -82,10 +89,10 @@ def ask(address: Address, script: str, *, patience: float = PATIENCE) -> Any:
 
     Args:
         address: Where the server is.
-        script: Python; `PROLOGUE` stands before it.
+        script: Python; `PROLOGUE` stands before it, `EPILOGUE` behind.
         patience: How long it may take [s].
     """
-    code = PROLOGUE + textwrap.dedent(script)
+    code = PROLOGUE + textwrap.dedent(script) + EPILOGUE
     free = str(free_port())
     command = [sys.executable, "-c", code, str(address.port), free]
     done = subprocess.run(

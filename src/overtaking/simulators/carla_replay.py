@@ -116,7 +116,6 @@ def replay(carla: Any, client: Any, job: ReplayJob, sign: Callable[[], None]) ->
     scene = _Scene(carla, _world(client, job), job.run)
     partial = job.folder / PARTIAL
     partial.mkdir(exist_ok=True)
-    partial.mkdir(parents=True, exist_ok=True)
     films = [
         _Film(encoder(), partial / f"{job.name}-{view}.mp4", job.size, scene.rate) for view in VIEWS
     ]
