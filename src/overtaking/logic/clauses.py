@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import atexit
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -120,6 +121,12 @@ def program(file: str) -> tuple[Clause, ...]:
 def knowledge() -> tuple[Clause, ...]:
     """The rules of all of `FILES`."""
     return tuple(clause for file in FILES for clause in program(file))
+
+
+# At the end of a process clingo may go before its trees, each of which then says on standard error
+# that it could not be released: they are let go of before.
+atexit.register(program.cache_clear)
+atexit.register(knowledge.cache_clear)
 
 
 def clauses(text: str) -> tuple[Clause, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -45,6 +46,9 @@ class Verdicts:
 def law() -> Needed:
     """The program of law, with the facts that it reads."""
     return needed(program("law.lp"), [("verdict", (None,) * 3), ("illegal", (None,) * 2)])
+
+
+atexit.register(law.cache_clear)  # Like the programs of `clauses`.
 
 
 def lawyer(*, timeout_s: float = TIMEOUT_S, memory_mib: int = MEMORY_MIB) -> Reasoner:
