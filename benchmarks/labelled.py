@@ -24,7 +24,7 @@ from overtaking import api
 from overtaking.datasets.contents import content_rows
 from overtaking.datasets.load import Dataset
 from overtaking.datasets.place import Folder
-from overtaking.datasets.plan import shards
+from overtaking.datasets.plan import LARGE_CHUNK_SIZE, SHARD_SIZE, shards
 from overtaking.datasets.recipe import Keep
 from overtaking.datasets.write import write_shard
 from overtaking.exchange.roads import load_road
@@ -49,7 +49,7 @@ from readable import readable
 
 MILLION = 1_000_000
 MUST_S = 120.0
-PIECE = 512
+PIECE = LARGE_CHUNK_SIZE
 KEPT = Keep.FEATURES.tables
 
 
@@ -82,7 +82,9 @@ def against_the_reference(data: Dataset, count: int) -> Measure:
         table = data.table(name)
         rows = np.isin(table["simulation"].to_numpy(), draw)
         different += not table.filter(rows).combine_chunks().equals(expected[name])
-    return Measure(name="differ from the reference", value=different, unit="of 1,000", at_most=0)
+    return Measure(
+        name="differ from the reference", value=different, unit=f"of {count:,}", at_most=0
+    )
 
 
 def from_memory_and_from_files(folder: Path, count: int) -> Measure:
@@ -101,7 +103,7 @@ def from_memory_and_from_files(folder: Path, count: int) -> Measure:
 
 
 def stages() -> list[Measure]:
-    """Processor time of each stage for a simulation, on pieces of the usual size."""
+    """Processor time of each stage for a simulation, on pieces as `rate` worked on them."""
     given = spec("pinto2023")
     road, index = load_road(given.road), np.arange(PIECE, dtype=np.uint64)
     scenario = sample(given, road, 9, index)
@@ -126,28 +128,28 @@ def stages() -> list[Measure]:
         "safety": lambda: safety_measures(case),
         "label": lambda: label(runs),
         "label and tables": lambda: content_rows(runs, numbers, KEPT),
-        "write": lambda: _write(rows),
     }
-    return [
-        Measure(name=f"stage {name}", value=_cost(each), unit="µs") for name, each in work.items()
-    ]
+    costs = {name: _cost(each, PIECE) for name, each in work.items()}
+    costs["write"] = _cost(lambda: _write(rows), SHARD_SIZE)
+    return [Measure(name=f"stage {name}", value=cost, unit="µs") for name, cost in costs.items()]
 
 
 def _write(rows: Mapping[str, Rows]) -> None:
-    """Write a shard of one piece, to the disk and with `fsync`."""
+    """Write a shard that is full of one piece, to the disk and with `fsync`."""
     with tempfile.TemporaryDirectory(prefix="overtaking-") as name:
-        folder, shard = Folder(Path(name)), shards(PIECE)[0]
+        folder, shard = Folder(Path(name)), shards(SHARD_SIZE)[0]
         folder.prepare(KEPT)
-        write_shard(folder, shard, [rows], tables=KEPT, fingerprint="none", on_piece=lambda _: None)
+        pieces = [rows] * (SHARD_SIZE // PIECE)
+        write_shard(folder, shard, pieces, tables=KEPT, fingerprint="none", on_piece=lambda _: None)
 
 
-def _cost(work: Callable[[], object]) -> float:
-    """Least processor time of some calls, for one simulation [µs]."""
+def _cost(work: Callable[[], object], simulations: int) -> float:
+    """Least processor time of some calls, for each of the simulations of one [µs]."""
     costs: list[float] = []
     for _ in range(5):
         begin = time.process_time()
         work()
-        costs.append((time.process_time() - begin) / PIECE * 1e6)
+        costs.append((time.process_time() - begin) / simulations * 1e6)
     return min(costs)
 
 
