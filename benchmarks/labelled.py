@@ -17,11 +17,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 
 from measure import Measure, parser, report
 from memory import Watch
 from overtaking import api
-from overtaking.datasets.contents import content_rows
+from overtaking.datasets.contents import contents
 from overtaking.datasets.load import Dataset
 from overtaking.datasets.place import Folder
 from overtaking.datasets.plan import LARGE_CHUNK_SIZE, SHARD_SIZE, shards
@@ -44,7 +45,6 @@ from overtaking.sim import engine, reference
 from overtaking.sim.parameters import parameters
 from overtaking.tables.encode_labels import encode_labels
 from overtaking.tables.label_schemas import LABEL_TABLES
-from overtaking.tables.rows import Rows
 from readable import readable
 
 MILLION = 1_000_000
@@ -113,7 +113,7 @@ def stages() -> list[Measure]:
     events = find_events(runs, seen)
     target = target_signals(runs, seen, events)
     numbers = index.astype(np.int64)
-    rows = content_rows(runs, numbers, KEPT)
+    rows = contents(runs, numbers, KEPT)
     case = Case(trajectories=runs, signals=seen, events=events, target=target)
     work: dict[str, Callable[[], object]] = {
         "sample": lambda: sample(given, road, 9, index),
@@ -127,14 +127,14 @@ def stages() -> list[Measure]:
         "decisions": lambda: decision_features(case),
         "safety": lambda: safety_measures(case),
         "label": lambda: label(runs),
-        "label and tables": lambda: content_rows(runs, numbers, KEPT),
+        "label and tables": lambda: contents(runs, numbers, KEPT),
     }
     costs = {name: _cost(each, PIECE) for name, each in work.items()}
     costs["write"] = _cost(lambda: _write(rows), SHARD_SIZE)
     return [Measure(name=f"stage {name}", value=cost, unit="µs") for name, cost in costs.items()]
 
 
-def _write(rows: Mapping[str, Rows]) -> None:
+def _write(rows: Mapping[str, pa.Table]) -> None:
     """Write a shard that is full of one piece, to the disk and with `fsync`."""
     with tempfile.TemporaryDirectory(prefix="overtaking-") as name:
         folder, shard = Folder(Path(name)), shards(SHARD_SIZE)[0]

@@ -13,6 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import duckdb
@@ -23,7 +24,7 @@ import pyarrow.parquet as pq
 from overtaking import api
 from overtaking.model.trajectory import Trajectories
 from overtaking.tables.decode import decode
-from overtaking.tables.encode import encoded_rows
+from overtaking.tables.encode import encode
 from overtaking.tables.files import TableWriter, read_table
 
 PIECE = 512
@@ -31,11 +32,16 @@ PIECE = 512
 
 
 def ours(pieces: list[Trajectories], path: Path) -> None:
-    """As a data set writes it."""
-    with TableWriter(path, "states") as writer:
+    """As a data set writes it: a piece is written while the next one is encoded."""
+    with TableWriter(path, "states") as writer, ThreadPoolExecutor(1) as pool:
+        underway = None
         for number, piece in enumerate(pieces):
             numbers = np.arange(number * PIECE, (number + 1) * PIECE)
-            writer.write(encoded_rows(piece, numbers, ["states"])["states"])
+            table = encode(piece, numbers, ["states"])["states"]
+            if underway is not None:
+                underway.result()
+            underway = pool.submit(writer.write, table)
+        pool.shutdown()
         writer.finish()
 
 

@@ -575,48 +575,6 @@ def simd_level() -> str:
 def num_threads() -> int:
     """Threads of the pool that simulations are spread over."""
 
-class ParquetFile:
-    """A Parquet file, as the bytes that it grows by."""
-
-    def __init__(
-        self,
-        template: bytes,
-        columns: list[tuple[str, str, list[str], bool, bool]],
-        is_packed: bool,
-    ) -> None:
-        """Begin a file.
-
-        Args:
-            template: An empty Parquet file, of which this one takes schema and metadata.
-            columns: For each its name; its kind: long, int, short, byte, float, double, flag, name
-                (int8 places among the next), text (int32 places in a list that comes with them) or
-                fixed and a number of bytes; the names that it may hold; whether rows are sorted by
-                it, so that the footer tells its range; and whether it takes few values.
-            is_packed: Whether pages are compressed where that makes them smaller.
-
-        Raises:
-            ValueError: The template is no Parquet file, or there is no such kind.
-        """
-
-    def append(
-        self, columns: list[tuple[NDArray[Any], NDArray[np.bool_] | None, list[str]]]
-    ) -> bytes:
-        """Add rows as one row group.
-
-        Args:
-            columns: For each of the schema its values, where there are none, and the texts that
-                values are places in.
-
-        Raises:
-            ValueError: The columns are not those of the schema.
-        """
-
-    def digests(self) -> list[tuple[str, str]]:
-        """BLAKE3 over the values and over `missing` of each column so far, in hexadecimal."""
-
-    def finish(self, notes: list[tuple[str, str]]) -> bytes:
-        """End the file with some texts in its metadata."""
-
 class Hash:
     """BLAKE3, 256 bits."""
 
@@ -626,17 +584,6 @@ class Hash:
 
     def hexdigest(self) -> str:
         """The hash so far, 64 hexadecimal digits."""
-
-def compact(values: NDArray[Any], counts: NDArray[np.int64]) -> NDArray[Any]:
-    """The first values of each row of a table, one after another.
-
-    Args:
-        values: Shape (row, place), of int32, int16 or uint8.
-        counts: How many of each row, shape (row,).
-
-    Raises:
-        ValueError: A row has fewer places, or there are other rows.
-    """
 
 class Tile:
     """A picture without opacity, of even width and height."""

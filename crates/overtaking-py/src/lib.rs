@@ -1,16 +1,16 @@
-//! Thin Python binding of `overtaking-core`: arrays in, arrays filled in place; and of
-//! `overtaking-tables` and `overtaking-pictures`.
+//! Thin Python binding of `overtaking-core`, arrays in, arrays filled in place, and of
+//! `overtaking-pictures`.
 
 mod arrays;
 mod draws;
 mod driven;
 mod events;
+mod hash;
 mod instants;
 mod pictures;
 mod sheets;
 mod signals;
 mod stretches;
-mod tables;
 
 use numpy::PyReadonlyArray1;
 use overtaking_core::{
@@ -234,9 +234,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(simd_levels, module)?)?;
     module.add_function(wrap_pyfunction!(simd_level, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)?;
-    module.add_function(wrap_pyfunction!(tables::compact, module)?)?;
-    module.add_class::<tables::ParquetFile>()?;
-    module.add_class::<tables::Hash>()?;
+    module.add_class::<hash::Hash>()?;
     module.add_class::<pictures::Frames>()?;
     module.add_class::<pictures::Tile>()?;
     module.add_class::<pictures::Sprite>()?;

@@ -1,4 +1,4 @@
-"""All tables of some simulations: what was recorded, and what is said of it."""
+"""All tables of some simulations: recordings and labels."""
 
 from collections.abc import Collection, Sequence
 
@@ -6,10 +6,9 @@ import pyarrow as pa
 
 from overtaking.labelling import label
 from overtaking.model.trajectory import Trajectories
-from overtaking.tables.encode import Numbers, encoded_rows
-from overtaking.tables.encode_labels import Weights, label_rows
+from overtaking.tables.encode import Numbers, encode
+from overtaking.tables.encode_labels import Weights, encode_labels
 from overtaking.tables.label_schemas import LABEL_TABLES
-from overtaking.tables.rows import Rows
 
 
 def contents(
@@ -28,21 +27,9 @@ def contents(
         sources: Where in a recording each simulation comes from; None for what was simulated.
         class_weight: As in `encode_labels`.
     """
-    rows = content_rows(trajectories, numbers, tables, sources, class_weight)
-    return {name: one.arrow() for name, one in rows.items()}
-
-
-def content_rows(
-    trajectories: Trajectories,
-    numbers: Numbers,
-    tables: Collection[str],
-    sources: Sequence[str] | None = None,
-    class_weight: Weights | None = None,
-) -> dict[str, Rows]:
-    """The rows of the tables that `contents` gives, as they are written."""
     recorded = [name for name in tables if name not in LABEL_TABLES]
-    made = encoded_rows(trajectories, numbers, recorded, sources)
+    made = encode(trajectories, numbers, recorded, sources)
     if len(recorded) < len(tables):
-        said = label_rows(label(trajectories), numbers, class_weight)
+        said = encode_labels(label(trajectories), numbers, class_weight)
         made |= {name: said[name] for name in tables if name in LABEL_TABLES}
     return made

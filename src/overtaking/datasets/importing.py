@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+import pyarrow as pa
 
 from overtaking.datasets import card, manifest, plan, write
-from overtaking.datasets.contents import content_rows
+from overtaking.datasets.contents import contents
 from overtaking.datasets.interruption import Terminated, termination_raises
 from overtaking.datasets.manifest import Identity, Manifest, Provenance, ShardRecord, Source
 from overtaking.datasets.place import Folder, Place
@@ -24,7 +25,6 @@ from overtaking.datasets.refusals import asked_to_end, no_room
 from overtaking.exchange.recording_folder import refuse_strangers, whole_folder
 from overtaking.model.road import Road
 from overtaking.model.trajectory import Trajectories
-from overtaking.tables.rows import Rows
 from overtaking.tables.schemas import VERSION as TABLE_VERSION
 from overtaking.tables.unknown import schema_of
 
@@ -171,11 +171,11 @@ def _write(
 
 def _pieces(
     scenes: Scenes, shard: plan.Shard, tables: tuple[str, ...]
-) -> Iterator[Mapping[str, Rows]]:
+) -> Iterator[Mapping[str, pa.Table]]:
     """The tables of a shard, as many simulations at a time as memory is meant to hold."""
     for numbers in plan.chunks(shard, plan.RECORDED_CHUNK_SIZE):
         index = np.arange(numbers.start, numbers.stop, dtype=np.int64)
-        yield content_rows(scenes.trajectories(numbers), index, tables, scenes.sources(numbers))
+        yield contents(scenes.trajectories(numbers), index, tables, scenes.sources(numbers))
 
 
 def _complete(

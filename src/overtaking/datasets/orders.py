@@ -5,17 +5,17 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from overtaking.datasets import plan, write
 from overtaking.datasets.ahead import in_order
-from overtaking.datasets.contents import content_rows
+from overtaking.datasets.contents import contents
 from overtaking.datasets.manifest import ShardRecord
 from overtaking.datasets.place import Place
 from overtaking.datasets.plan import Shard
 from overtaking.datasets.recipe import Keep, Recipe, Simulator
 from overtaking.scenarios import sample
-from overtaking.tables.rows import Rows
 from overtaking.tables.unknown import schema_of
 
 Told = Callable[[int], None]
@@ -106,7 +106,7 @@ def carry_out(order: Order, task: Task, place: Place, on_done: Told) -> ShardRec
     )
 
 
-def _pieces(order: Order, task: Task) -> Iterator[Mapping[str, Rows]]:
+def _pieces(order: Order, task: Task) -> Iterator[Mapping[str, pa.Table]]:
     """The tables of a shard, as many simulations at a time as memory is meant to hold."""
     simulator = order.simulator
     size = plan.batch_size(
@@ -115,13 +115,13 @@ def _pieces(order: Order, task: Task) -> Iterator[Mapping[str, Rows]]:
         keeps_frames=order.recipe.keep is Keep.FRAMES,
     )
 
-    def piece(chunk: range) -> Mapping[str, Rows]:
+    def piece(chunk: range) -> Mapping[str, pa.Table]:
         return _tables(order, task, chunk)
 
     return in_order(piece, plan.chunks(task.shard, size), simulator.threads)
 
 
-def _tables(order: Order, task: Task, chunk: range) -> Mapping[str, Rows]:
+def _tables(order: Order, task: Task, chunk: range) -> Mapping[str, pa.Table]:
     """The tables of some simulations of a shard."""
     recipe, numbers = order.recipe, np.arange(chunk.start, chunk.stop)
     part = slice(chunk.start - task.shard.first, chunk.stop - task.shard.first)
@@ -129,4 +129,4 @@ def _tables(order: Order, task: Task, chunk: range) -> Mapping[str, Rows]:
     scenario = sample(recipe.spec, recipe.road, recipe.seed, index)
     run = order.simulator.simulate(scenario)
     weight = scenario.weight if task.weight is None else scenario.weight * task.weight[part]
-    return content_rows(run, numbers, recipe.keep.tables, class_weight=weight)
+    return contents(run, numbers, recipe.keep.tables, class_weight=weight)

@@ -29,7 +29,6 @@ from overtaking.tables.files import (
     read_table,
     sha256_of,
 )
-from overtaking.tables.rows import Rows
 
 MARK = "simulations"
 """The table whose file is the commit mark of its shard."""
@@ -48,7 +47,7 @@ def name_of(table: str, shard: Shard) -> str:
 def write_shard(
     place: Place,
     shard: Shard,
-    pieces: Iterable[Mapping[str, Rows]],
+    pieces: Iterable[Mapping[str, pa.Table]],
     *,
     tables: tuple[str, ...],
     fingerprint: str,
@@ -151,7 +150,7 @@ def _finished(writers: Mapping[str, TableWriter]) -> dict[str, FileFacts]:
 
 
 def _write_pieces(
-    pieces: Iterable[Mapping[str, Rows]],
+    pieces: Iterable[Mapping[str, pa.Table]],
     writers: Mapping[str, TableWriter],
     on_piece: Callable[[int], None],
 ) -> None:

@@ -44,15 +44,6 @@ def to_texts(texts: Sequence[str | None]) -> pa.Array:
     return pa.Array.from_buffers(pa.string(), len(texts), buffers)
 
 
-def to_same_text(text: str, count: int) -> pa.Array:
-    """An array of one text, `count` times."""
-    octets = text.encode()
-    ends = np.arange(count + 1, dtype=np.int32) * np.int32(len(octets))
-    return pa.Array.from_buffers(
-        pa.string(), count, [None, pa.py_buffer(ends), pa.py_buffer(octets * count)]
-    )
-
-
 def to_names(codes: Array, names: Sequence[str], missing: Mask | None = None) -> pa.Array:
     """An array of names, of which there are a few.
 

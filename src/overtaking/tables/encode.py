@@ -8,16 +8,15 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from overtaking import _core
 from overtaking.knowledge import presets
 from overtaking.model.batch import Batch
 from overtaking.model.road import Road
 from overtaking.model.trajectory import NO_VEHICLE, Percepts, Stage, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.model.weather import NO_PRESET
-from overtaking.tables.arrow import Array, Mask, Masked
+from overtaking.tables.arrow import Array, Mask, Masked, to_texts
+from overtaking.tables.build import Given, Texts, build
 from overtaking.tables.derived import derived_weather
-from overtaking.tables.rows import Given, Rows, Texts, nothing, texts_of
 from overtaking.tables.schemas import (
     BODY_FIELDS,
     DRIVER_FIELDS,
@@ -50,17 +49,6 @@ def encode(
         tables: Which tables; all if left out.
         sources: Where in a recording each simulation comes from; None for what was simulated.
     """
-    made = encoded_rows(trajectories, numbers, tables, sources)
-    return {name: rows.arrow() for name, rows in made.items()}
-
-
-def encoded_rows(
-    trajectories: Trajectories,
-    numbers: Numbers,
-    tables: Iterable[str] = RECORDED_TABLES,
-    sources: Sequence[str] | None = None,
-) -> dict[str, Rows]:
-    """The rows of the tables that `encode` makes."""
     made = {name: _ENCODERS[name](trajectories, numbers) for name in tables}
     if trajectories.unknown:
         made = {name: _silenced(name, rows, trajectories) for name, rows in made.items()}
@@ -69,13 +57,13 @@ def encoded_rows(
     return made
 
 
-def simulations(trajectories: Trajectories, numbers: Numbers) -> Rows:
+def simulations(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation."""
     scenario = trajectories.scenario
     count = scenario.num_simulations
     words = np.ascontiguousarray(trajectories.trace_hash.astype("<u4"))
     nowhere = Texts(np.zeros(count, np.int32), (), np.ones(count, np.bool_))
-    return Rows.build(
+    return build(
         "simulations",
         {
             "simulation": numbers,
@@ -96,12 +84,12 @@ def simulations(trajectories: Trajectories, numbers: Numbers) -> Rows:
     )
 
 
-def weather(trajectories: Trajectories, numbers: Numbers) -> Rows:
+def weather(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation: each has weather of its own."""
     given = trajectories.scenario.weather
     names = tuple(presets())
     unnamed = given.preset == NO_PRESET
-    return Rows.build(
+    return build(
         "weather",
         {
             "weather": numbers,
@@ -112,7 +100,7 @@ def weather(trajectories: Trajectories, numbers: Numbers) -> Rows:
     )
 
 
-def vehicles(trajectories: Trajectories, numbers: Numbers) -> Rows:
+def vehicles(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation and vehicle: its body, its driver, its start and its first contact."""
     scenario, contacts = trajectories.scenario, trajectories.contacts
     bodies, valid = scenario.vehicles, scenario.vehicles.valid
@@ -121,7 +109,7 @@ def vehicles(trajectories: Trajectories, numbers: Numbers) -> Rows:
     partner = _picked(contacts.partner, filled)
     no_contact = partner == NO_VEHICLE
     lane_id = Surroundings.of(scenario.road).lane_id
-    return Rows.build(
+    return build(
         "vehicles",
         {
             "simulation": numbers[simulation],
@@ -144,13 +132,13 @@ def vehicles(trajectories: Trajectories, numbers: Numbers) -> Rows:
     )
 
 
-def frames(trajectories: Trajectories, numbers: Numbers) -> Rows:
+def frames(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation and frame: what is the same for all vehicles, and the ego's lane."""
     simulation, frame = np.nonzero(trajectories.frame_valid)
     stage = trajectories.stage[simulation, frame]
     partner = trajectories.collided_with[simulation, frame]
     lane = trajectories.states.lane[simulation, Role.EGO, frame]
-    return Rows.build(
+    return build(
         "frames",
         {
             "simulation": numbers[simulation],
@@ -178,14 +166,14 @@ def overtaking(trajectories: Trajectories) -> Mask:
     return first
 
 
-def states(trajectories: Trajectories, numbers: Numbers) -> Rows:
+def states(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation, vehicle and frame, in this order."""
     recorded = trajectories.states
     rows = _Rows.of(trajectories)
     lane = rows.of_state(recorded.lane)
     lights = rows.of_state(recorded.lights)
     around = Surroundings.of(trajectories.road)
-    return Rows.build(
+    return build(
         "states",
         {
             "simulation": numbers[rows.simulation],
@@ -199,14 +187,14 @@ def states(trajectories: Trajectories, numbers: Numbers) -> Rows:
     )
 
 
-def percepts(trajectories: Trajectories, numbers: Numbers) -> Rows:
+def percepts(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation and decision of the ego."""
     believed = trajectories.percepts
     made = np.flatnonzero(believed.valid)
     simulation = made // believed.valid.shape[1]
     begins = np.searchsorted(simulation, simulation)
     decision = np.arange(len(made)) - begins
-    return Rows.build(
+    return build(
         "percepts",
         {
             "simulation": numbers[simulation],
@@ -228,20 +216,21 @@ _ENCODERS = {
 }
 
 
-def _silenced(name: str, rows: Rows, trajectories: Trajectories) -> Rows:
-    """Rows with null in the columns of which the source of the recording says nothing."""
+def _silenced(name: str, table: pa.Table, trajectories: Trajectories) -> pa.Table:
+    """The table with null in the columns that the source of the recording does not tell."""
     silent = silent_columns(name, trajectories.unknown)
-    gone = {
-        field.name: nothing(field, rows.num_rows) for field in rows.schema if field.name in silent
-    }
-    return rows.with_columns(schema_of(name, trajectories.unknown), gone)
+    columns = [
+        pa.nulls(table.num_rows, field.type) if field.name in silent else table[field.name]
+        for field in table.schema
+    ]
+    return pa.Table.from_arrays(columns, schema=schema_of(name, trajectories.unknown))
 
 
-def _recorded(rows: Rows, sources: Sequence[str]) -> Rows:
-    """The `simulations` of a recording: where they come from, and no seed."""
-    seed = nothing(rows.schema.field("seed"), rows.num_rows)
-    new = {"seed": seed, "source_recording": texts_of(sources)}
-    return rows.with_columns(schema_of("simulations", recorded=True), new)
+def _recorded(table: pa.Table, sources: Sequence[str]) -> pa.Table:
+    """The `simulations` of a recording: with their sources, and without seeds."""
+    new = {"seed": pa.nulls(len(sources), pa.uint64()), "source_recording": to_texts(sources)}
+    columns = [new.get(name, table[name]) for name in table.schema.names]
+    return pa.Table.from_arrays(columns, schema=schema_of("simulations", recorded=True))
 
 
 def _attributes(
@@ -307,7 +296,11 @@ class _Rows:
             return values[self.mask]
         if (self.counts == values.shape[2]).all():
             return values.reshape(-1)
-        return _core.compact(values.reshape(len(self.counts), -1), self.counts)
+        rows = values.reshape(len(self.counts), -1)
+        # Copies slices; a mask over the padded array takes several times as long.
+        return np.concatenate(
+            [row[:count] for row, count in zip(rows, self.counts.tolist(), strict=True)]
+        )
 
 
 def _ego_lane(road: Road, lane: NDArray[np.uint8]) -> dict[str, Given]:

@@ -1,4 +1,4 @@
-"""What is said of simulations, as tables."""
+"""Labels, findings and features as tables."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -17,11 +17,11 @@ from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.model.vehicles import Role
 from overtaking.rules import PORTUGAL
 from overtaking.tables.arrow import Masked
+from overtaking.tables.build import Texts, build
 from overtaking.tables.decision_columns import DECISION_COLUMNS
 from overtaking.tables.encode import Numbers
 from overtaking.tables.label_schemas import ARTICLES, EVENTS_IN_ORDER, POLICY_NAMES, READINGS
 from overtaking.tables.measured import masked_columns
-from overtaking.tables.rows import Rows, Texts
 from overtaking.tables.safety_columns import MANOEUVRE_COLUMNS, SAFETY_COLUMNS
 
 Weights = NDArray[np.float64]
@@ -35,19 +35,11 @@ def encode_labels(
     """The tables of labels of a batch, by the names of their folders.
 
     Args:
-        labelled: What is said of the simulations.
+        labelled: The labelled simulations.
         numbers: Number of each simulation in its data set, growing, shape (simulation,).
         class_weight: Weights that give back the natural rates, shape (simulation,); the sampling
             weights if left out.
     """
-    made = label_rows(labelled, numbers, class_weight)
-    return {name: rows.arrow() for name, rows in made.items()}
-
-
-def label_rows(
-    labelled: Labelled, numbers: Numbers, class_weight: Weights | None = None
-) -> dict[str, Rows]:
-    """The rows of the tables that `encode_labels` makes."""
     weight = labelled.trajectories.scenario.weight if class_weight is None else class_weight
     return {
         "events": events(labelled, numbers),
@@ -59,7 +51,7 @@ def label_rows(
     }
 
 
-def events(labelled: Labelled, numbers: Numbers) -> Rows:
+def events(labelled: Labelled, numbers: Numbers) -> pa.Table:
     """One row per simulation and event that happened."""
     found = labelled.events
     frames = np.stack([getattr(found, name) for name in EVENTS_IN_ORDER], axis=1)
@@ -68,7 +60,7 @@ def events(labelled: Labelled, numbers: Numbers) -> Rows:
     is_contact = event == EVENTS_IN_ORDER.index("collision")
     vehicle = np.where(is_contact, found.partner[simulation], found.target[simulation])
     interval = np.int32(labelled.signals.frame_interval_ms)
-    return Rows.build(
+    return build(
         "events",
         {
             "simulation": numbers[simulation],
@@ -88,12 +80,12 @@ def _speed_change(labelled: Labelled) -> NDArray[np.floating[Any]]:
     return impulse / run.scenario.vehicles.mass[:, Role.EGO]
 
 
-def labels(labelled: Labelled, numbers: Numbers, weight: Weights) -> Rows:
+def labels(labelled: Labelled, numbers: Numbers, weight: Weights) -> pa.Table:
     """One row per simulation and policy."""
     found = labelled.labels
     count, policies = found.classes.shape
     code = [POLICY_NAMES.names.index(name) for name in found.policies]
-    return Rows.build(
+    return build(
         "labels",
         {
             "simulation": np.repeat(numbers, policies),
@@ -110,7 +102,7 @@ def labels(labelled: Labelled, numbers: Numbers, weight: Weights) -> Rows:
     )
 
 
-def findings(labelled: Labelled, numbers: Numbers) -> Rows:
+def findings(labelled: Labelled, numbers: Numbers) -> pa.Table:
     """One row per simulation and rule."""
     found = labelled.findings
     count, rules = found.verdict.shape
@@ -119,7 +111,7 @@ def findings(labelled: Labelled, numbers: Numbers) -> Rows:
     verdict = found.verdict.reshape(-1)
     first, last = found.first.reshape(-1), found.last.reshape(-1)
     judged = (verdict == Verdict.LEGAL) | (verdict == Verdict.ILLEGAL)
-    return Rows.build(
+    return build(
         "findings",
         {
             "simulation": np.repeat(numbers, rules),
@@ -135,7 +127,7 @@ def findings(labelled: Labelled, numbers: Numbers) -> Rows:
     )
 
 
-def features(labelled: Labelled, numbers: Numbers) -> Rows:
+def features(labelled: Labelled, numbers: Numbers) -> pa.Table:
     """One row per simulation and way of measuring."""
     unknown = labelled.trajectories.unknown
     readings = [_features(one, numbers, unknown) for one in labelled.features]
@@ -143,7 +135,7 @@ def features(labelled: Labelled, numbers: Numbers) -> Rows:
     # Row i of each reading in turn.
     order = np.arange(count * len(readings)).reshape(len(readings), count).T.reshape(-1)
     columns = {name: _interleaved([one[name] for one in readings], order) for name in readings[0]}
-    return Rows.build("features", columns)
+    return build("features", columns)
 
 
 def _interleaved(parts: list[NDArray[Any] | Masked], order: NDArray[np.int64]) -> Any:
@@ -161,14 +153,14 @@ def _missing(part: NDArray[Any] | Masked) -> Mask:
     return part.missing if isinstance(part, Masked) else np.zeros(len(part), dtype=np.bool_)
 
 
-def decisions(labelled: Labelled, numbers: Numbers) -> Rows:
+def decisions(labelled: Labelled, numbers: Numbers) -> pa.Table:
     """One row per simulation: what there was to know when the overtake began, or might have."""
     found, unknown = labelled.decisions, labelled.trajectories.unknown
     columns = masked_columns(DECISION_COLUMNS, found, unknown)
-    return Rows.build("decisions", {"simulation": numbers, "frame": found.frame, **columns})
+    return build("decisions", {"simulation": numbers, "frame": found.frame, **columns})
 
 
-def safety(labelled: Labelled, numbers: Numbers) -> Rows:
+def safety(labelled: Labelled, numbers: Numbers) -> pa.Table:
     """One row per simulation and moment that came."""
     found, unknown = labelled.safety, labelled.trajectories.unknown
     came = np.flatnonzero(found.frame != NEVER)
@@ -179,7 +171,7 @@ def safety(labelled: Labelled, numbers: Numbers) -> Rows:
     columns |= {name: Masked(one.values, one.missing | others) for name, one in once.items()}
     frame = found.frame.reshape(-1).take(came)
     keys = {"simulation": numbers[simulation], "moment": moment, "frame": frame}
-    return Rows.build("safety", keys | columns)
+    return build("safety", keys | columns)
 
 
 def _features(

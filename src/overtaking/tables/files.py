@@ -1,22 +1,20 @@
 """Parquet files of one table: written once, whole and durable, and read with suspicion."""
 
+import contextlib
 import hashlib
-import io
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Self, TypeVar
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from overtaking.core.errors import SchemaError
 from overtaking.tables.arrow import column_to_numpy
-from overtaking.tables.packed import Layout, PackedRows
-from overtaking.tables.rows import Rows
+from overtaking.tables.digest import ContentDigest
 from overtaking.tables.schemas import FORMAT, KEYS, SCHEMAS, VERSION
 
 T = TypeVar("T")
@@ -24,12 +22,6 @@ T = TypeVar("T")
 LEAST_GROUP_BYTES = 4_000_000
 """Pieces wait for each other until a row group is this large: a column of a group costs the same
 time whether it holds a hundred rows or ten thousand."""
-
-LEAST_WRITE_BYTES = 1 << 20
-"""Pages wait for each other until this much is written at a time."""
-
-_FEW_VALUES = frozenset({"vehicle", "lane_id", "lights", "right_lane_id", "left_lane_id"})
-"""Integers that take few values and rarely change: run lengths beat differences."""
 
 _DENSE = frozenset({"states"})
 """The large table: of integers, and of differences that leave little to compress."""
@@ -62,24 +54,16 @@ class TableWriter:
         """Create the file.
 
         Args:
-            path: Where; what is there is replaced.
+            path: Where; an existing file is replaced.
             table: Name of one of the `SCHEMAS`.
-            schema: What `schema_of` makes of it where not everything is known.
+            schema: From `schema_of`, for recordings that do not tell everything.
 
         Raises:
             OSError: The file cannot be created.
         """
-        known = schema is None or schema is SCHEMAS[table]
-        layout = _layout(table) if known else Layout.of(schema)
-        self._waiting: list[Rows] = []
-        self._file = _HashedFile(path)
-        try:
-            self._rows = PackedRows(
-                self._file, layout, KEYS[table], _FEW_VALUES, compressed=table not in _DENSE
-            )
-        except BaseException:
-            self._file.close()
-            raise
+        self._path, self._digest = path, ContentDigest(schema or SCHEMAS[table])
+        self._waiting: list[pa.Table] = []
+        self._rows = _parquet_writer(path, table, schema or SCHEMAS[table])
 
     def __enter__(self) -> Self:
         """The writer itself."""
@@ -93,33 +77,31 @@ class TableWriter:
     ) -> None:
         """Close the file; without `finish` it stays incomplete and is of no use."""
         self._waiting.clear()
-        self._file.close()
+        with contextlib.suppress(OSError):  # On a full disk the footer does not fit either.
+            self._rows.close()
 
-    def write(self, piece: Rows | pa.Table) -> None:
+    def write(self, piece: pa.Table) -> None:
         """Append a piece.
 
         Raises:
             OSError: The disk is full or the file cannot be written.
         """
-        rows = piece if isinstance(piece, Rows) else Rows.of(piece)
-        if not rows.num_rows:
-            return
-        self._waiting.append(rows)
+        self._digest.update(piece)
+        self._waiting.append(piece)
         if sum(each.nbytes for each in self._waiting) >= LEAST_GROUP_BYTES:
             self._write_group()
 
     def _write_group(self) -> None:
-        """Write what waits as one row group."""
-        if self._waiting:
-            group = Rows.joined(self._waiting)
-            self._waiting.clear()
-            self._rows.append(group)
+        """Write the waiting pieces as one row group."""
+        group = pa.concat_tables(self._waiting)
+        self._waiting.clear()
+        if group.num_rows:
+            self._rows.write_table(group, row_group_size=group.num_rows)
 
     @property
     def content(self) -> str:
         """Hash over the values so far, 64 hexadecimal digits."""
-        self._write_group()
-        return self._rows.content
+        return self._digest.hexdigest()
 
     def finish(self, notes: dict[str, str] | None = None) -> FileFacts:
         """Complete the file and force it to the disk.
@@ -130,22 +112,43 @@ class TableWriter:
         Raises:
             OSError: The disk is full or the file cannot be written.
         """
-        self._write_group()
-        self._rows.close(notes or {})
-        self._file.settle()
-        os.fsync(self._file.fileno())
-        return FileFacts(
-            rows=self._rows.num_rows,
-            size_bytes=self._file.tell(),
-            sha256=self._file.hexdigest(),
-            content=self.content,
-        )
+        if self._waiting:
+            self._write_group()
+        self._rows.add_key_value_metadata(notes or {})
+        self._rows.close()
+        with self._path.open("rb") as file:
+            os.fsync(file.fileno())
+            return FileFacts(
+                rows=self._digest.num_rows,
+                size_bytes=os.fstat(file.fileno()).st_size,
+                sha256=hashlib.file_digest(file, "sha256").hexdigest(),
+                content=self.content,
+            )
 
 
-@cache
-def _layout(table: str) -> Layout:
-    """The layout of a table of which everything is known, the same for every shard."""
-    return Layout.of(SCHEMAS[table])
+def _parquet_writer(path: Path, table: str, schema: pa.Schema) -> pq.ParquetWriter:
+    """A writer with the encodings that suit our columns.
+
+    Integers change little from row to row, so their differences take few bits. Names and texts
+    repeat. Floats rarely repeat: a dictionary of them costs time and saves nothing.
+    """
+    integers = [field.name for field in schema if pa.types.is_integer(field.type)]
+    repeated = [
+        field.name
+        for field in schema
+        if pa.types.is_dictionary(field.type) or pa.types.is_string(field.type)
+    ]
+    keys = [(name, "ascending") for name in KEYS[table]]
+    return pq.ParquetWriter(
+        path,
+        schema,
+        use_dictionary=repeated,
+        column_encoding=dict.fromkeys(integers, "DELTA_BINARY_PACKED"),
+        compression="none" if table in _DENSE else "zstd",
+        compression_level=None if table in _DENSE else 1,
+        write_statistics=KEYS[table],
+        sorting_columns=pq.SortingColumn.from_ordering(schema, keys),
+    )
 
 
 def sync_folder(folder: Path) -> None:
@@ -212,47 +215,6 @@ def read_notes(path: Path, table: str) -> dict[str, str]:
     """
     metadata = _read(path, lambda: _opened(path, table).metadata.metadata)
     return {key.decode(): value.decode(errors="replace") for key, value in metadata.items()}
-
-
-class _HashedFile(io.FileIO):
-    """A file that hashes what is written to it, and never writes less than it was given.
-
-    What is written in small parts, as pages of columns are, waits until there is more of it.
-    """
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path, "wb")
-        self._hash = hashlib.sha256()
-        self._waiting = bytearray()
-
-    def write(self, data: Any, /) -> int:
-        """Write all of `data`, now or with what comes next."""
-        view = memoryview(data).cast("B")
-        self._waiting += view
-        if len(self._waiting) >= LEAST_WRITE_BYTES:
-            self.settle()
-        return len(view)
-
-    def settle(self) -> None:
-        """Write what waits; the system may take it in parts when the disk is almost full.
-
-        Raises:
-            OSError: The disk is full or the file cannot be written.
-        """
-        # Not `flush`, which closing calls: a file that is given up is not worth another error.
-        whole, self._waiting = self._waiting, bytearray()
-        self._hash.update(whole)
-        view, done = memoryview(whole), 0
-        while done < len(view):
-            done += super().write(view[done:])
-
-    def tell(self) -> int:
-        """Number of bytes so far."""
-        return super().tell() + len(self._waiting)
-
-    def hexdigest(self) -> str:
-        """Hash over what was written."""
-        return self._hash.hexdigest()
 
 
 def _read(path: Path, action: Callable[[], T]) -> T:

@@ -18,7 +18,6 @@ from overtaking.tables.arrow import (
     to_arrow,
     to_names,
     to_numpy,
-    to_same_text,
     to_texts,
 )
 
@@ -61,13 +60,6 @@ def test_texts_are_those_of_pyarrow(texts):
     ours = to_texts(texts)
     ours.validate(full=True)
     assert ours.equals(pa.array(texts, pa.string()))
-
-
-@given(text=st.text(), count=st.integers(0, 20))
-def test_one_text_many_times_is_that_of_pyarrow(text, count):
-    ours = to_same_text(text, count)
-    ours.validate(full=True)
-    assert ours.equals(pa.array([text] * count, pa.string()))
 
 
 @given(codes=st.lists(st.none() | st.sampled_from([0, 1, 2])))

@@ -203,3 +203,12 @@ def test_a_full_disk_is_an_error_and_not_a_short_file(tables):
     with pytest.raises(OSError, match="No space left") as caught:
         write(Path("/dev/full"), "states", tables["states"])
     assert caught.value.errno == errno.ENOSPC
+
+
+def test_the_footer_gives_the_range_and_the_order_of_the_keys(tables, tmp_path: Path):
+    write(tmp_path / "a.parquet", "states", tables["states"])
+    metadata = pq.read_metadata(tmp_path / "a.parquet")
+    group = metadata.row_group(0)
+    assert (group.column(0).statistics.min, group.column(0).statistics.max) == (0, 4)
+    assert group.column(SCHEMAS["states"].get_field_index("x_mm")).statistics is None
+    assert [each.column_index for each in group.sorting_columns] == [0, 1, 2]
