@@ -2,7 +2,7 @@
 
     python tests/try_wheel.py dist/overtaking-*.whl
 
-Needs nothing of the clone: the environment is in a temporary folder, and so is the working directory.
+Needs nothing of the clone: environment and working directory lie in a temporary folder.
 """
 
 import os
