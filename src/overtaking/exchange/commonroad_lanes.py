@@ -258,11 +258,18 @@ def borders(strip: Strip) -> list[F64]:
 
 
 def contains(one: Lanelet, x: F64, y: F64) -> NDArray[np.bool_]:
-    """Which points lie in a lanelet, by the parity of the edges to the right of each."""
+    """Which points lie in a lanelet, by the parity of the edges to the right of each.
+
+    Args:
+        one: The lanelet.
+        x: World positions, shape (point,) [m].
+        y: The same.
+    """
     ring = np.concatenate([one.left, one.right[::-1]])
     inside = np.zeros(len(x), np.bool_)
     for (ax, ay), (bx, by) in zip(ring, np.roll(ring, -1, axis=0), strict=True):
         crosses = (ay > y) != (by > y)
-        rise = by - ay if by != ay else 1.0
-        inside ^= crosses & (x < ax + (y - ay) * (bx - ax) / rise)
+        # A cross product and no slope: edges may be as short, or as flat, as a float64 can be.
+        is_left = (x - ax) * (by - ay) < (y - ay) * (bx - ax)
+        inside ^= crosses & (is_left == (by > ay))
     return inside

@@ -2,22 +2,44 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+import shapely
+from hypothesis import assume, given
+from hypothesis import strategies as st
 from tests.support.recordings import WIDTH, Bend, Mover, commonroad
 
 from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.exchange.candidates import lane_changes, overtakes
 from overtaking.exchange.commonroad import read_commonroad
+from overtaking.exchange.commonroad_lanes import Lanelet, contains
 from overtaking.exchange.recording_neighbours import Surroundings
 from overtaking.exchange.recording_scenes import scenes
+from overtaking.exchange.xml_element import Element
 from overtaking.model.road import RoadMark
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+ANY_LANELET = Lanelet(
+    number=1,
+    element=Element(file="", line=1, name="lanelet", attributes={}),
+    left=np.zeros((2, 2)),
+    right=np.zeros((2, 2)),
+    left_mark=None,
+    right_mark=None,
+    left_neighbour=None,
+    right_neighbour=None,
+    oncoming_left=None,
+    before=(),
+    after=(),
+    types=(),
+    signs=(),
+    speed_limit=None,
+)
 BENDS = (0.0, 1.0 / 1500.0, -1.0 / 1500.0)
 
 
@@ -235,6 +257,35 @@ def test_types_follow_length_because_recordings_call_everything_a_car(write):
     ]
     found = read_commonroad(write(commonroad(movers)))
     assert found.tracks.kind.tolist() == [0, 1, 2, 4, 4, 5]
+
+
+@pytest.mark.parametrize("tiny", [0.0, 5e-324, 1e-308, -1e-308])
+def test_a_border_with_edges_of_no_length_contains_what_it_did(write, tiny):
+    text = commonroad(road=Bend(length=600.0))
+    first = "<rightBound><point><x>0.000000</x><y>0.000000</y></point>"
+    assert first in text
+    extra = f"<point><x>{tiny!r}</x><y>{tiny!r}</y></point>"
+    with np.errstate(all="raise", under="ignore"):
+        found = read_commonroad(write(text.replace(first, first + extra)))
+    assert found.tracks.ids.tolist() == [3, 5, 7, 9]
+
+
+@given(
+    corners=st.lists(st.tuples(*[st.integers(-4, 4)] * 2), min_size=4, max_size=9),
+    points=st.lists(st.tuples(*[st.floats(-5.0, 5.0)] * 2), min_size=1, max_size=9),
+)
+def test_what_a_lanelet_contains_is_what_shapely_says(corners, points):
+    ring = np.array(corners, float)
+    polygon = shapely.Polygon(ring)
+    assume(polygon.is_valid)
+    one = dataclasses.replace(ANY_LANELET, left=ring[:2], right=ring[2:][::-1])
+    x, y = np.array(points).T
+    inside, clear = (test(polygon, x, y) for test in (shapely.contains_xy, _clear_of_edges))
+    assert (contains(one, x, y) == inside)[clear].all()
+
+
+def _clear_of_edges(polygon, x, y):
+    return shapely.distance(polygon.exterior, shapely.points(x, y)) > 1e-9
 
 
 # --- real recordings ---
