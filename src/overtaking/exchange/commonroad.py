@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.exchange.commonroad_lanes import Lanelet, contains, lanelet
 from overtaking.exchange.commonroad_obstacles import QUANTITIES, Obstacle, is_dynamic, obstacle
-from overtaking.exchange.commonroad_road import Stretch, stretch
+from overtaking.exchange.commonroad_road import Stretch, posted_limit, stretch
 from overtaking.exchange.recording import (
     NEVER_RECORDED,
     Recording,
@@ -30,7 +30,7 @@ from overtaking.exchange.xml import elements
 from overtaking.exchange.xml_element import Element, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from overtaking.exchange.recording_road import Projection
 
@@ -67,13 +67,15 @@ def read_commonroad(path: Path | str, *, lanelet_id: int | None = None) -> Recor
     """
     source = Path(path)
     document = _Document()
-    for element in elements(source, root="commonRoad", keep=_is_read, skip=_UNREAD, text=True):
+    for element in elements(source, root="commonRoad", keep=_is_read, skip=_UNREAD):
         document.add(element)
     document.check(source.name)
     lanelets = document.lanelets
-    x, y = (np.concatenate([one.states[:, k] for one in document.obstacles]) for k in (0, 1))
+    x, y = (
+        np.concatenate([one.states[:, k] for one in document.obstacles.values()]) for k in (0, 1)
+    )
     home = _home(lanelets, lanelet_id, x, y)
-    road = stretch(home, lanelets, document.signs, name=document.name, kind=document.road_kind)
+    road = stretch(home, lanelets, document.limits, name=document.name, kind=document.road_kind)
     return _recording(document, road)
 
 
@@ -90,8 +92,8 @@ class _Document:
         name: Id of the benchmark.
         step_ms: Time between states [ms].
         lanelets: By id.
-        obstacles: The vehicles.
-        signs: Elements of the traffic signs, by id.
+        obstacles: The vehicles, by id.
+        limits: Speed limits that signs post, by the id of the sign [m/s].
         tags: Tags of the scenario.
         left_out: Number of obstacles without a recorded path, by type.
     """
@@ -99,8 +101,8 @@ class _Document:
     name: str = ""
     step_ms: int = 0
     lanelets: dict[int, Lanelet] = field(default_factory=dict[int, Lanelet])
-    obstacles: list[Obstacle] = field(default_factory=list[Obstacle])
-    signs: dict[int, Element] = field(default_factory=dict[int, Element])
+    obstacles: dict[int, Obstacle] = field(default_factory=dict[int, Obstacle])
+    limits: dict[int, float] = field(default_factory=dict[int, float])
     tags: frozenset[str] = frozenset()
     left_out: Counter[str] = field(default_factory=Counter[str])
 
@@ -117,8 +119,11 @@ class _Document:
             one = lanelet(element)
             self._once(element, one.number, self.lanelets)
             self.lanelets[one.number] = one
+            element.children.clear()  # Only its place is still needed: points take much memory.
         elif element.name == "trafficSign":
-            self.signs[element.integer("id")] = element
+            limit = posted_limit(element)
+            if limit is not None:
+                self.limits[element.integer("id")] = limit
         elif element.name == "scenarioTags":
             self.tags = frozenset(child.name for child in element.children)
         elif is_dynamic(element):
@@ -159,12 +164,12 @@ class _Document:
     def _obstacle(self, element: Element) -> None:
         one = obstacle(element)
         if one is None:
-            self.left_out[shown(element.required("type").text.strip())] += 1
+            self.left_out[shown(element.required("type").text)] += 1
             return
-        self._once(element, one.number, {vehicle.number for vehicle in self.obstacles})
-        self.obstacles.append(one)
+        self._once(element, one.number, self.obstacles)
+        self.obstacles[one.number] = one
 
-    def _once(self, element: Element, number: int, known: Any) -> None:
+    def _once(self, element: Element, number: int, known: Collection[int]) -> None:
         if number in known:
             raise element.error(
                 what="has an id that another has",
@@ -193,7 +198,7 @@ def _home(lanelets: Mapping[int, Lanelet], wanted: int | None, x: F64, y: F64) -
 
 def _recording(document: _Document, road: Stretch) -> Recording:
     """The vehicles of a document on one of its roads."""
-    obstacles = sorted(document.obstacles, key=lambda one: one.number)
+    obstacles = [one for _, one in sorted(document.obstacles.items())]
     start = np.concatenate([[0], np.cumsum([len(one.states) for one in obstacles])])
     columns = np.concatenate([one.states for one in obstacles])
     given: dict[str, F64] = {name: columns[:, k] for k, name in enumerate(QUANTITIES)}

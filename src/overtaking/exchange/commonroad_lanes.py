@@ -111,7 +111,7 @@ def lanelet(element: Element) -> Lanelet:
         oncoming_left=_beside(element, "adjacentLeft", "opposite"),
         before=tuple(one.integer("ref") for one in element.all("predecessor")),
         after=tuple(one.integer("ref") for one in element.all("successor")),
-        types=tuple(one.text.strip() for one in element.all("laneletType")),
+        types=tuple(one.text for one in element.all("laneletType")),
         signs=tuple(one.integer("ref") for one in element.all("trafficSignRef")),
         speed_limit=stated.parse_number(stated.text, what="text") if stated else None,
     )
@@ -138,7 +138,7 @@ def coordinate(point: Element, axis: str) -> float:
 
 def _mark(border: Element) -> RoadMark | None:
     given = border.optional("lineMarking")
-    return MARKS.get(given.text.strip()) if given else None
+    return MARKS.get(given.text) if given else None
 
 
 def _beside(element: Element, name: str, direction: str) -> int | None:

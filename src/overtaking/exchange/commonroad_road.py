@@ -68,7 +68,7 @@ class Stretch:
 def stretch(
     home: Lanelet,
     lanelets: Mapping[int, Lanelet],
-    signs: Mapping[int, Element],
+    limits: Mapping[int, float],
     *,
     name: str,
     kind: str | None,
@@ -78,7 +78,7 @@ def stretch(
     Args:
         home: The lanelet.
         lanelets: All lanelets by id.
-        signs: Traffic signs by id.
+        limits: Speed limits that signs post, by the id of the sign [m/s].
         name: For the road.
         kind: OpenDRIVE's type of the road, None if unknown.
 
@@ -92,7 +92,7 @@ def stretch(
         raise _refused(home, "lanelets beside it", "2 m wide at both ends", "narrower ones")
     try:
         shape = shape_of(borders(best))
-        road, unknown = _road(best, shape, signs, lanelets, name=name, kind=kind)
+        road, unknown = _road(best, shape, limits, lanelets, name=name, kind=kind)
     except RoadShapeError as error:
         raise _refused(home, error.what, error.expected, error.got) from None
     except ConfigError as error:
@@ -124,7 +124,7 @@ def _refused(home: Lanelet, what: str, expected: str, got: str) -> Exception:
 def _road(
     strip: Strip,
     shape: RoadShape,
-    signs: Mapping[int, Element],
+    limits: Mapping[int, float],
     lanelets: Mapping[int, Lanelet],
     *,
     name: str,
@@ -132,7 +132,7 @@ def _road(
 ) -> tuple[Road, frozenset[str]]:
     """The straight road, and what is not known of it."""
     marks, marks_known = _marks(strip)
-    limit = _limit(strip, signs)
+    limit = _limit(strip, limits)
     lanes = list(zip(*strip, strict=True))
     count, widths = len(lanes), np.diff(shape.mean_borders)
     x0, y0 = _world_at_start(shape)
@@ -192,21 +192,29 @@ def _marks(strip: Strip) -> tuple[list[RoadMark], bool]:
     return [mark or RoadMark.NONE for mark in longest], is_known
 
 
-def _limit(strip: Strip, signs: Mapping[int, Element]) -> float | None:
+def _limit(strip: Strip, posted: Mapping[int, float]) -> float | None:
     """The speed limit, if every lanelet has the same one [m/s]."""
-    limits = {_limit_of(one, signs) for row in strip for one in row}
+    limits = {_limit_of(one, posted) for row in strip for one in row}
     return limits.pop() if len(limits) == 1 else None
 
 
-def _limit_of(one: Lanelet, signs: Mapping[int, Element]) -> float | None:
+def _limit_of(one: Lanelet, posted: Mapping[int, float]) -> float | None:
     """The limit that a lanelet states or that its signs post [m/s]."""
     if one.speed_limit is not None:
         return one.speed_limit
-    for number in one.signs:
-        for sign in signs[number].all("trafficSignElement") if number in signs else []:
-            values = sign.all("additionalValue")
-            if sign.required("trafficSignID").text.strip() in SPEED_SIGNS and values:
-                return values[0].parse_number(values[0].text, what="text")
+    return next((posted[number] for number in one.signs if number in posted), None)
+
+
+def posted_limit(sign: Element) -> float | None:
+    """The speed limit that a traffic sign posts, None if it posts none [m/s].
+
+    Raises:
+        ImportFormatError: The sign has no id, or its limit is no number.
+    """
+    for one in sign.all("trafficSignElement"):
+        values = one.all("additionalValue")
+        if one.required("trafficSignID").text in SPEED_SIGNS and values:
+            return values[0].parse_number(values[0].text, what="text")
     return None
 
 
