@@ -25,6 +25,7 @@ from overtaking.exchange.recording import (
     kept,
     kinds_by_length,
     slope,
+    without_oncoming,
 )
 from overtaking.exchange.xml import elements
 from overtaking.exchange.xml_element import Element, shown
@@ -220,7 +221,8 @@ def _recording(document: _Document, road: Stretch) -> Recording:
         **values,
     )
     on_road = (place.s >= 0.0) & (place.s <= road.shape.length) & road.is_near(place.offset)
-    tracks = _some(document.name, kept(tracks, on_road))
+    tracks, num_oncoming = without_oncoming(kept(tracks, on_road), straight.heading)
+    _check_some(document.name, tracks, num_oncoming)
     unknown = NEVER_RECORDED | {"weather"} | road.unknown
     if "yawRate" in derived:
         unknown |= {"yaw_rate"}
@@ -238,7 +240,8 @@ def _recording(document: _Document, road: Stretch) -> Recording:
             "straightening_m": round(float(off.max()), 3),
             "longest_way": round(float(np.abs(place.stretch[on_road] - 1.0).max()), 5),
             "states": tracks.num_rows,
-            "states_off_the_road": len(columns) - tracks.num_rows,
+            "states_off_the_road": len(columns) - int(on_road.sum()),
+            "oncoming_left_out": num_oncoming,
             "obstacles_left_out": dict(sorted(document.left_out.items())),
             "world_shift_m": [float(one) for one in shift],
             "derived": derived,
@@ -246,17 +249,16 @@ def _recording(document: _Document, road: Stretch) -> Recording:
     )
 
 
-def _some(name: str, tracks: Tracks) -> Tracks:
-    """The tracks, if any are left."""
-    if tracks.num_vehicles:
-        return tracks
-    raise ImportFormatError.of(
-        where=name,
-        what="road",
-        expected="vehicles on it",
-        got="none",
-        next_step="choose the road by one of its lanelets",
-    )
+def _check_some(name: str, tracks: Tracks, num_oncoming: int) -> None:
+    """Refuse a road on which nobody drives along it."""
+    if not tracks.num_vehicles:
+        raise ImportFormatError.of(
+            where=name,
+            what="road",
+            expected="vehicles that drive along it",
+            got=f"{num_oncoming} oncoming ones" if num_oncoming else "none",
+            next_step="choose another road by one of its lanelets: --lanelet",
+        )
 
 
 def _bodies(obstacles: list[Obstacle]) -> dict[str, Any]:
