@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,6 +36,24 @@ MARKS = {
 }
 """CommonRoad's line markings; any other, or none, is unknown."""
 
+DRIVING = "driving"
+_KINDS = {
+    "shoulder": "shoulder",
+    "border": "border",
+    "sidewalk": "sidewalk",
+    "crosswalk": "sidewalk",
+    "bicycleLane": "biking",
+    "busLane": "bus",
+    "busStop": "bus",
+    "parking": "parking",
+    "accessRamp": "entry",
+    "exitRamp": "exit",
+}
+"""CommonRoad's types of lanelets that are no lanes for all, as OpenDRIVE's types of lanes."""
+
+_ROAD_KINDS = (DRIVING, "entry", "exit")  # What a road can be made of, each kind by itself.
+_DRIVERS = frozenset({"vehicle", "car"})  # Users without whom a lanelet is no driving lane.
+
 _MAX_GAP = 0.5  # How far the ends of lanelets that follow each other may lie apart [m].
 
 
@@ -56,6 +74,7 @@ class Lanelet:
         before: Ids of the lanelets that lead into it.
         after: Ids of those that it leads into.
         types: Its types.
+        kind: OpenDRIVE's type of lane, from its types and users.
         signs: Ids of the traffic signs that apply to it.
         speed_limit: Limit that it states itself, None if it states none [m/s].
     """
@@ -72,6 +91,7 @@ class Lanelet:
     before: tuple[int, ...]
     after: tuple[int, ...]
     types: tuple[str, ...]
+    kind: str
     signs: tuple[int, ...]
     speed_limit: float | None
 
@@ -88,7 +108,7 @@ class Lanelet:
 
 
 Slice = tuple[Lanelet, ...]
-"""Lanelets beside each other with the same direction, from right to left."""
+"""Lanelets beside each other with the same direction and kind, from right to left."""
 
 
 def lanelet(element: Element) -> Lanelet:
@@ -99,6 +119,7 @@ def lanelet(element: Element) -> Lanelet:
     """
     left, right = element.required("leftBound"), element.required("rightBound")
     stated = element.optional("speedLimit")
+    types = tuple(one.text for one in element.all("laneletType"))
     return Lanelet(
         number=element.integer("id"),
         element=element,
@@ -111,10 +132,20 @@ def lanelet(element: Element) -> Lanelet:
         oncoming_left=_beside(element, "adjacentLeft", "opposite"),
         before=tuple(one.integer("ref") for one in element.all("predecessor")),
         after=tuple(one.integer("ref") for one in element.all("successor")),
-        types=tuple(one.text for one in element.all("laneletType")),
+        types=types,
+        kind=_kind(element, types),
         signs=tuple(one.integer("ref") for one in element.all("trafficSignRef")),
         speed_limit=stated.parse_number(stated.text, what="text") if stated else None,
     )
+
+
+def _kind(element: Element, types: tuple[str, ...]) -> str:
+    """OpenDRIVE's type of lane."""
+    users = {one.text for name in ("userOneWay", "userBidirectional") for one in element.all(name)}
+    special = [_KINDS[one] for one in types if one in _KINDS]
+    if special:
+        return special[0]
+    return DRIVING if not users or users & _DRIVERS else "restricted"
 
 
 def _points(border: Element) -> F64:
@@ -150,7 +181,7 @@ def _beside(element: Element, name: str, direction: str) -> int | None:
 
 
 def slices(lanelets: Mapping[int, Lanelet]) -> list[Slice]:
-    """All lanelets, those beside each other together.
+    """The lanelets that a road can be made of, neighbours of the same kind together.
 
     Raises:
         ImportFormatError: A neighbour does not exist, or two do not name each other.
@@ -162,7 +193,8 @@ def slices(lanelets: Mapping[int, Lanelet]) -> list[Slice]:
         known = {one.number for row in found for one in row}
         odd = next(one for one in lanelets.values() if one.number not in known)
         raise _broken(odd, "no lanelet right of it begins a row of neighbours")
-    return found
+    alike = (groupby(row, key=lambda one: one.kind) for row in found)
+    return [tuple(some) for row in alike for kind, some in row if kind in _ROAD_KINDS]
 
 
 def _leftwards(one: Lanelet, lanelets: Mapping[int, Lanelet]) -> Iterator[Lanelet]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError
-from overtaking.exchange.commonroad_lanes import Lanelet, Strip, borders, slices, strips
+from overtaking.exchange.commonroad_lanes import DRIVING, Lanelet, Strip, borders, slices, strips
 from overtaking.exchange.recording import BEYOND_SLOW_EDGE
 from overtaking.exchange.recording_road import RoadShape, RoadShapeError, shape_of
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
@@ -86,7 +86,9 @@ def stretch(
         ImportFormatError: The road bends too much, its lanes change their width, or are too many.
     """
     rows = slices(lanelets)
-    row = next(one for one in rows if home in one)
+    row = next((one for one in rows if home in one), None)
+    if row is None:
+        raise _refused(home, "kind of lanelet", "a lane to drive on", home.kind)
     best = max(strips(row, rows), key=_area, default=None)
     if best is None:
         raise _refused(home, "lanelets beside it", "2 m wide at both ends", "narrower ones")
@@ -241,10 +243,11 @@ def _beside_left(lane: tuple[Lanelet, ...], lanelets: Mapping[int, Lanelet]) -> 
 def _neighbour(one: Lanelet, lane_id: int, *, direction: int) -> Lane:
     """A lanelet as a lane beside the driving lanes."""
     width = float(np.hypot(*(one.left.mean(axis=0) - one.right.mean(axis=0))))
+    ends = one.kind == DRIVING and direction == 1  # Else it would be a lane of the road.
     return Lane(
         lane_id=lane_id,
         width=max(width, 0.1),
-        kind="entry" if direction == 1 else "driving",
+        kind="entry" if ends else one.kind,
         direction=direction,
         right_mark=one.right_mark or RoadMark.NONE,
         left_mark=one.left_mark or RoadMark.NONE,

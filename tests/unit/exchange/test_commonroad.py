@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -37,6 +38,7 @@ ANY_LANELET = Lanelet(
     before=(),
     after=(),
     types=(),
+    kind="driving",
     signs=(),
     speed_limit=None,
 )
@@ -156,6 +158,53 @@ def test_a_lane_that_joins_lies_beside_the_lanes_that_run_through(write):
     assert (neighbour.kind, neighbour.lane_id) == ("entry", -4)
     assert neighbour.width == pytest.approx(4.0)
     assert (found.tracks.lane[found.tracks.start[1] :] == 255).all()
+
+
+def typed(text: str, number: int, kind: str, more: str = "") -> str:
+    """A scenario in which one lanelet is of another type."""
+    head, tail = text.split(f'<lanelet id="{number}">')
+    new = f"<laneletType>{kind}</laneletType>{more}"
+    return f'{head}<lanelet id="{number}">' + re.sub(
+        "<laneletType>.*?</laneletType>", new, tail, count=1
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "expected"),
+    [
+        ("shoulder", "", "shoulder"),
+        ("busLane", "", "bus"),
+        ("exitRamp", "", "exit"),
+        ("urban", "<userOneWay>bicycle</userOneWay><userOneWay>bus</userOneWay>", "restricted"),
+    ],
+)
+def test_a_shoulder_beside_the_lanes_is_none_of_them(write, kind, more, expected):
+    """A hard shoulder on the left became the fast lane, and one on the right the slow lane."""
+    left = read_commonroad(write(typed(commonroad(), 13, kind, more)))
+    assert left.notes["lanelets_by_lane"] == [[11], [12]]
+    assert left.road.fast_side_neighbour is not None
+    assert (left.road.fast_side_neighbour.kind, left.road.fast_side_neighbour.direction) == (
+        expected,
+        1,
+    )
+    movers = [replace(one, lane=one.lane + 1, moves=()) for one in OVERTAKE]
+    right = read_commonroad(write(typed(commonroad(movers), 11, kind, more)))
+    assert right.notes["lanelets_by_lane"] == [[12], [13]]
+    assert right.road.slow_side_neighbour is not None
+    assert right.road.slow_side_neighbour.kind == expected
+
+
+def test_lanes_on_either_side_of_a_bus_lane_are_two_roads(write):
+    text = typed(commonroad(road=Bend(lanes=4)), 13, "busLane", "<userOneWay>bus</userOneWay>")
+    assert read_commonroad(write(text)).notes["lanelets_by_lane"] == [[11], [12]]
+    found = read_commonroad(write(text), lanelet_id=14)
+    assert found.notes["lanelets_by_lane"] == [[14]]
+
+
+def test_a_lanelet_that_nobody_drives_on_is_no_road(write):
+    text = typed(commonroad(), 13, "shoulder")
+    with pytest.raises(ImportFormatError, match="expected a lane to drive on, got shoulder"):
+        read_commonroad(write(text), lanelet_id=13)
 
 
 def test_where_lanes_part_the_road_ends(write):
