@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.errors import ConfigError, ImportFormatError
-from overtaking.exchange.commonroad_lanes import Lanelet, contains, lanelet
+from overtaking.core.errors import ImportFormatError
+from overtaking.exchange.commonroad_choice import chosen_road
+from overtaking.exchange.commonroad_lanes import Lanelet, lanelet, slices
 from overtaking.exchange.commonroad_obstacles import QUANTITIES, Obstacle, is_dynamic, obstacle
-from overtaking.exchange.commonroad_road import Stretch, posted_limit, stretch
+from overtaking.exchange.commonroad_road import Network, Stretch, posted_limit
 from overtaking.exchange.recording import (
     NEVER_RECORDED,
     Recording,
@@ -43,7 +44,6 @@ VERSIONS = ("2018b", "2020a")
 _TRUCKS = ("truck", "bus")
 _MOTORWAYS = ("highway", "interstate")
 _MAX_STEP_S = 1.0
-_MAX_SAMPLE = 20_000  # Points that decide which lanelets are driven on.
 _FAR = 1.0e6  # World coordinates beyond this are shifted: millimetres in int32 end at 2147 km.
 _UNREAD = frozenset(
     {"occupancySet", "signalSeries", "initialSignalState", "planningProblem", "cycle", "stopLine"}
@@ -55,7 +55,8 @@ def read_commonroad(path: Path | str, *, lanelet_id: int | None = None) -> Recor
 
     Args:
         path: The XML file.
-        lanelet_id: A lanelet of the road; by default the one on which most is recorded decides.
+        lanelet_id: A lanelet of the road; by default the road with most recorded states is taken,
+            where those of a road with a single lane count for a tenth.
 
     Returns:
         The recording, with what was left out and how far the straightened road is from the real
@@ -71,13 +72,17 @@ def read_commonroad(path: Path | str, *, lanelet_id: int | None = None) -> Recor
     for element in elements(source, root="commonRoad", keep=_is_read, skip=_UNREAD):
         document.add(element)
     document.check(source.name)
-    lanelets = document.lanelets
     x, y = (
         np.concatenate([one.states[:, k] for one in document.obstacles.values()]) for k in (0, 1)
     )
-    home = _home(lanelets, lanelet_id, x, y)
-    road = stretch(home, lanelets, document.limits, name=document.name, kind=document.road_kind)
-    return _recording(document, road)
+    network = Network(
+        name=document.name,
+        kind=document.road_kind,
+        lanelets=document.lanelets,
+        limits=document.limits,
+        rows={one.number: row for row in slices(document.lanelets) for one in row},
+    )
+    return _recording(document, chosen_road(network, lanelet_id, x, y))
 
 
 def _is_read(name: str, attributes: Mapping[str, str]) -> bool:
@@ -178,23 +183,6 @@ class _Document:
                 got=str(number),
                 next_step="repair the file",
             )
-
-
-def _home(lanelets: Mapping[int, Lanelet], wanted: int | None, x: F64, y: F64) -> Lanelet:
-    """The lanelet whose road is wanted: that which was asked for, or the busiest one."""
-    if wanted is not None:
-        if wanted in lanelets:
-            return lanelets[wanted]
-        raise ConfigError.of(
-            what=f"lanelet {wanted}",
-            where="read_commonroad",
-            expected=f"one of {', '.join(map(str, sorted(lanelets)))}",
-            got=str(wanted),
-            next_step="choose one of them",
-        )
-    some = slice(None, None, 1 + len(x) // _MAX_SAMPLE)
-    busy = {number: contains(one, x[some], y[some]).sum() for number, one in lanelets.items()}
-    return lanelets[max(busy, key=lambda number: (busy[number], -number))]
 
 
 def _recording(document: _Document, road: Stretch) -> Recording:

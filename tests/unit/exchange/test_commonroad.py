@@ -251,6 +251,42 @@ def test_the_road_can_be_chosen_by_a_lanelet(write):
         read_commonroad(write(text), lanelet_id=77)
 
 
+MAIN = Bend(lanes=2, cuts=(200.0, 400.0, 600.0, 800.0))
+RAMP = Bend(lanes=1, curvature=1.0 / 5000.0)
+
+
+def with_ramp(movers, ramp: Bend = RAMP, on_ramp: int = 3) -> str:
+    """A road of short lanelets, and 500 m beside it a ramp of one long lanelet, 911, with queue."""
+    queue = [Mover(number=80 + k, s=20.0 * k, speed=1.0) for k in range(on_ramp)]
+    text = commonroad(queue, ramp, more="").replace('id="11"', 'id="911"')
+    beside = re.sub("<y>(.*?)</y>", lambda found: f"<y>{float(found[1]) - 500.0:.4f}</y>", text)
+    return commonroad(movers, MAIN, more="".join(beside.splitlines(keepends=True)[2:-1]))
+
+
+def test_the_busiest_road_is_read_and_not_the_busiest_lanelet(write):
+    found = read_commonroad(write(with_ramp(OVERTAKE)))
+    assert found.notes["lanelets_by_lane"] == [[11, 21, 31, 41, 51], [12, 22, 32, 42, 52]]
+    assert found.notes["other_roads"] == "911 (1 lane, 43% of the states)"
+    ramp = read_commonroad(write(with_ramp(OVERTAKE)), lanelet_id=911)
+    assert ramp.notes["lanelets_by_lane"] == [[911]]
+    assert ramp.notes["other_roads"].startswith("41 (2 lanes")
+
+
+def test_a_road_that_bends_too_much_is_passed_over(write):
+    hairpin = Bend(lanes=1, curvature=1.0 / 60.0, length=150.0)
+    text = with_ramp(OVERTAKE[:2], hairpin, on_ramp=5)
+    found = read_commonroad(write(text))
+    assert found.notes["lanelets_by_lane"][0][0] == 11
+    with pytest.raises(ImportFormatError, match=r"911 .*bend.*, --lanelet \d1 \(2 lanes, \d+% of"):
+        read_commonroad(write(text), lanelet_id=911)
+
+
+def test_where_there_is_nothing_to_import_the_other_roads_are_named(write):
+    text = with_ramp([Mover(number=1, s=100.0)], on_ramp=1)
+    with pytest.raises(ImportFormatError, match=r"choose another road, --lanelet 911 \(1 lane"):
+        scenes(read_commonroad(write(text)))
+
+
 def test_positions_far_from_the_origin_are_shifted_into_reach(write):
     movers = [Mover(number=1, s=30.0, speed=25.0, lane=1, last=100)]
     text = commonroad(movers, Bend(length=400.0))
