@@ -37,7 +37,7 @@ class Mover:
     Attributes:
         number: Its id.
         s: Centre at the first frame of the recording, were it there [m].
-        speed: [m/s].
+        speed: [m/s]; below 0 it drives against the road, forwards.
         lane: Lane index at the beginning, 0 the slowest.
         moves: (second, lane index) of each change: the middle of the ramp, and where it leads.
         ramp: Duration of a change [s].
@@ -157,10 +157,11 @@ def commonroad(
 def _obstacle(one: Mover, road: Bend, version: str, interval: int) -> str:
     frame, s, place = one.path(interval)
     x, y, angle = road.world(s, (place + 0.5) * WIDTH)
+    angle = angle + np.pi * (one.speed < 0.0)
     states = [
         f"<position><point><x>{x[k]:.4f}</x><y>{y[k]:.4f}</y></point></position>"
         f"<orientation><exact>{angle[k]:.6f}</exact></orientation>"
-        f"<time><exact>{frame[k]}</exact></time><velocity><exact>{one.speed:g}</exact></velocity>"
+        f"<time><exact>{frame[k]}</exact></time><velocity><exact>{abs(one.speed):g}</exact></velocity>"
         for k in range(len(frame))
     ]
     begin = f'<dynamicObstacle id="{one.number}">'

@@ -57,6 +57,8 @@ _WORDS = {
     "candidate_overtakes": "candidate overtakes",
     "candidates_that_return": "of them back in their lane",
     "followers_without_attempt": "followers without an attempt",
+    "oncoming_left_out": "oncoming vehicles left out",
+    "other_roads": "other roads, for --lanelet",
     "neighbours_with_a_slot": "share of neighbours kept",
     "simulations": "simulations",
     "frames": "frames",

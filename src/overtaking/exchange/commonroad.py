@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.errors import ConfigError, ImportFormatError
-from overtaking.exchange.commonroad_lanes import Lanelet, contains, lanelet
+from overtaking.core.errors import ImportFormatError
+from overtaking.exchange.commonroad_choice import chosen_road
+from overtaking.exchange.commonroad_lanes import Lanelet, lanelet, slices
 from overtaking.exchange.commonroad_obstacles import QUANTITIES, Obstacle, is_dynamic, obstacle
-from overtaking.exchange.commonroad_road import Stretch, stretch
+from overtaking.exchange.commonroad_road import Network, Stretch, posted_limit
 from overtaking.exchange.recording import (
     NEVER_RECORDED,
     Recording,
@@ -25,12 +26,13 @@ from overtaking.exchange.recording import (
     kept,
     kinds_by_length,
     slope,
+    without_oncoming,
 )
 from overtaking.exchange.xml import elements
 from overtaking.exchange.xml_element import Element, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from overtaking.exchange.recording_road import Projection
 
@@ -42,7 +44,6 @@ VERSIONS = ("2018b", "2020a")
 _TRUCKS = ("truck", "bus")
 _MOTORWAYS = ("highway", "interstate")
 _MAX_STEP_S = 1.0
-_MAX_SAMPLE = 20_000  # Points that decide which lanelets are driven on.
 _FAR = 1.0e6  # World coordinates beyond this are shifted: millimetres in int32 end at 2147 km.
 _UNREAD = frozenset(
     {"occupancySet", "signalSeries", "initialSignalState", "planningProblem", "cycle", "stopLine"}
@@ -54,7 +55,8 @@ def read_commonroad(path: Path | str, *, lanelet_id: int | None = None) -> Recor
 
     Args:
         path: The XML file.
-        lanelet_id: A lanelet of the road; by default the one on which most is recorded decides.
+        lanelet_id: A lanelet of the road; by default the road with most recorded states is taken,
+            where those of a road with a single lane count for a tenth.
 
     Returns:
         The recording, with what was left out and how far the straightened road is from the real
@@ -67,14 +69,20 @@ def read_commonroad(path: Path | str, *, lanelet_id: int | None = None) -> Recor
     """
     source = Path(path)
     document = _Document()
-    for element in elements(source, root="commonRoad", keep=_is_read, skip=_UNREAD, text=True):
+    for element in elements(source, root="commonRoad", keep=_is_read, skip=_UNREAD):
         document.add(element)
     document.check(source.name)
-    lanelets = document.lanelets
-    x, y = (np.concatenate([one.states[:, k] for one in document.obstacles]) for k in (0, 1))
-    home = _home(lanelets, lanelet_id, x, y)
-    road = stretch(home, lanelets, document.signs, name=document.name, kind=document.road_kind)
-    return _recording(document, road)
+    x, y = (
+        np.concatenate([one.states[:, k] for one in document.obstacles.values()]) for k in (0, 1)
+    )
+    network = Network(
+        name=document.name,
+        kind=document.road_kind,
+        lanelets=document.lanelets,
+        limits=document.limits,
+        rows={one.number: row for row in slices(document.lanelets) for one in row},
+    )
+    return _recording(document, chosen_road(network, lanelet_id, x, y))
 
 
 def _is_read(name: str, attributes: Mapping[str, str]) -> bool:
@@ -90,8 +98,8 @@ class _Document:
         name: Id of the benchmark.
         step_ms: Time between states [ms].
         lanelets: By id.
-        obstacles: The vehicles.
-        signs: Elements of the traffic signs, by id.
+        obstacles: The vehicles, by id.
+        limits: Speed limits that signs post, by the id of the sign [m/s].
         tags: Tags of the scenario.
         left_out: Number of obstacles without a recorded path, by type.
     """
@@ -99,8 +107,8 @@ class _Document:
     name: str = ""
     step_ms: int = 0
     lanelets: dict[int, Lanelet] = field(default_factory=dict[int, Lanelet])
-    obstacles: list[Obstacle] = field(default_factory=list[Obstacle])
-    signs: dict[int, Element] = field(default_factory=dict[int, Element])
+    obstacles: dict[int, Obstacle] = field(default_factory=dict[int, Obstacle])
+    limits: dict[int, float] = field(default_factory=dict[int, float])
     tags: frozenset[str] = frozenset()
     left_out: Counter[str] = field(default_factory=Counter[str])
 
@@ -117,8 +125,11 @@ class _Document:
             one = lanelet(element)
             self._once(element, one.number, self.lanelets)
             self.lanelets[one.number] = one
+            element.children.clear()  # Only its place is still needed: points take much memory.
         elif element.name == "trafficSign":
-            self.signs[element.integer("id")] = element
+            limit = posted_limit(element)
+            if limit is not None:
+                self.limits[element.integer("id")] = limit
         elif element.name == "scenarioTags":
             self.tags = frozenset(child.name for child in element.children)
         elif is_dynamic(element):
@@ -159,12 +170,12 @@ class _Document:
     def _obstacle(self, element: Element) -> None:
         one = obstacle(element)
         if one is None:
-            self.left_out[shown(element.required("type").text.strip())] += 1
+            self.left_out[shown(element.required("type").text)] += 1
             return
-        self._once(element, one.number, {vehicle.number for vehicle in self.obstacles})
-        self.obstacles.append(one)
+        self._once(element, one.number, self.obstacles)
+        self.obstacles[one.number] = one
 
-    def _once(self, element: Element, number: int, known: Any) -> None:
+    def _once(self, element: Element, number: int, known: Collection[int]) -> None:
         if number in known:
             raise element.error(
                 what="has an id that another has",
@@ -174,26 +185,9 @@ class _Document:
             )
 
 
-def _home(lanelets: Mapping[int, Lanelet], wanted: int | None, x: F64, y: F64) -> Lanelet:
-    """The lanelet whose road is wanted: that which was asked for, or the busiest one."""
-    if wanted is not None:
-        if wanted in lanelets:
-            return lanelets[wanted]
-        raise ConfigError.of(
-            what=f"lanelet {wanted}",
-            where="read_commonroad",
-            expected=f"one of {', '.join(map(str, sorted(lanelets)))}",
-            got=str(wanted),
-            next_step="choose one of them",
-        )
-    some = slice(None, None, 1 + len(x) // _MAX_SAMPLE)
-    busy = {number: contains(one, x[some], y[some]).sum() for number, one in lanelets.items()}
-    return lanelets[max(busy, key=lambda number: (busy[number], -number))]
-
-
 def _recording(document: _Document, road: Stretch) -> Recording:
     """The vehicles of a document on one of its roads."""
-    obstacles = sorted(document.obstacles, key=lambda one: one.number)
+    obstacles = [one for _, one in sorted(document.obstacles.items())]
     start = np.concatenate([[0], np.cumsum([len(one.states) for one in obstacles])])
     columns = np.concatenate([one.states for one in obstacles])
     given: dict[str, F64] = {name: columns[:, k] for k, name in enumerate(QUANTITIES)}
@@ -215,7 +209,8 @@ def _recording(document: _Document, road: Stretch) -> Recording:
         **values,
     )
     on_road = (place.s >= 0.0) & (place.s <= road.shape.length) & road.is_near(place.offset)
-    tracks = _some(document.name, kept(tracks, on_road))
+    tracks, num_oncoming = without_oncoming(kept(tracks, on_road), straight.heading)
+    _check_some(document.name, tracks, num_oncoming)
     unknown = NEVER_RECORDED | {"weather"} | road.unknown
     if "yawRate" in derived:
         unknown |= {"yaw_rate"}
@@ -233,7 +228,8 @@ def _recording(document: _Document, road: Stretch) -> Recording:
             "straightening_m": round(float(off.max()), 3),
             "longest_way": round(float(np.abs(place.stretch[on_road] - 1.0).max()), 5),
             "states": tracks.num_rows,
-            "states_off_the_road": len(columns) - tracks.num_rows,
+            "states_off_the_road": len(columns) - int(on_road.sum()),
+            "oncoming_left_out": num_oncoming,
             "obstacles_left_out": dict(sorted(document.left_out.items())),
             "world_shift_m": [float(one) for one in shift],
             "derived": derived,
@@ -241,17 +237,16 @@ def _recording(document: _Document, road: Stretch) -> Recording:
     )
 
 
-def _some(name: str, tracks: Tracks) -> Tracks:
-    """The tracks, if any are left."""
-    if tracks.num_vehicles:
-        return tracks
-    raise ImportFormatError.of(
-        where=name,
-        what="road",
-        expected="vehicles on it",
-        got="none",
-        next_step="choose the road by one of its lanelets",
-    )
+def _check_some(name: str, tracks: Tracks, num_oncoming: int) -> None:
+    """Refuse a road on which nobody drives along it."""
+    if not tracks.num_vehicles:
+        raise ImportFormatError.of(
+            where=name,
+            what="road",
+            expected="vehicles that drive along it",
+            got=f"{num_oncoming} oncoming ones" if num_oncoming else "none",
+            next_step="choose another road by one of its lanelets: --lanelet",
+        )
 
 
 def _bodies(obstacles: list[Obstacle]) -> dict[str, Any]:

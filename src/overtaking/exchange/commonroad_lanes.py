@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,6 +36,25 @@ MARKS = {
 }
 """CommonRoad's line markings; any other, or none, is unknown."""
 
+DRIVING = "driving"
+_KINDS = {
+    "shoulder": "shoulder",
+    "border": "border",
+    "sidewalk": "sidewalk",
+    "crosswalk": "sidewalk",
+    "bicycleLane": "biking",
+    "busLane": "bus",
+    "busStop": "bus",
+    "parking": "parking",
+    "accessRamp": "entry",
+    "exitRamp": "exit",
+}
+"""CommonRoad's types of lanelets that are no lanes for all, as OpenDRIVE's types of lanes."""
+
+_ROAD_KINDS = (DRIVING, "entry", "exit")  # What a road can be made of, each kind by itself.
+_DRIVERS = frozenset({"vehicle", "car"})  # Users without whom a lanelet is no driving lane.
+
+_MAX_CHAIN = 100  # Slices on either side of one that are looked at.
 _MAX_GAP = 0.5  # How far the ends of lanelets that follow each other may lie apart [m].
 
 
@@ -56,6 +75,7 @@ class Lanelet:
         before: Ids of the lanelets that lead into it.
         after: Ids of those that it leads into.
         types: Its types.
+        kind: OpenDRIVE's type of lane, from its types and users.
         signs: Ids of the traffic signs that apply to it.
         speed_limit: Limit that it states itself, None if it states none [m/s].
     """
@@ -72,6 +92,7 @@ class Lanelet:
     before: tuple[int, ...]
     after: tuple[int, ...]
     types: tuple[str, ...]
+    kind: str
     signs: tuple[int, ...]
     speed_limit: float | None
 
@@ -86,9 +107,20 @@ class Lanelet:
         """Distance between its borders at the narrower end [m]."""
         return float(min(np.hypot(*(self.left[k] - self.right[k])) for k in (0, -1)))
 
+    @property
+    def is_lane(self) -> bool:
+        """Whether it can be a lane of a road."""
+        return self.kind in _ROAD_KINDS
+
+    @property
+    def box(self) -> tuple[F64, F64]:
+        """The smallest and the largest x and y of its borders [m]."""
+        points = np.concatenate([self.left, self.right])
+        return points.min(axis=0), points.max(axis=0)
+
 
 Slice = tuple[Lanelet, ...]
-"""Lanelets beside each other with the same direction, from right to left."""
+"""Lanelets beside each other with the same direction and kind, from right to left."""
 
 
 def lanelet(element: Element) -> Lanelet:
@@ -99,6 +131,7 @@ def lanelet(element: Element) -> Lanelet:
     """
     left, right = element.required("leftBound"), element.required("rightBound")
     stated = element.optional("speedLimit")
+    types = tuple(one.text for one in element.all("laneletType"))
     return Lanelet(
         number=element.integer("id"),
         element=element,
@@ -111,10 +144,20 @@ def lanelet(element: Element) -> Lanelet:
         oncoming_left=_beside(element, "adjacentLeft", "opposite"),
         before=tuple(one.integer("ref") for one in element.all("predecessor")),
         after=tuple(one.integer("ref") for one in element.all("successor")),
-        types=tuple(one.text.strip() for one in element.all("laneletType")),
+        types=types,
+        kind=_kind(element, types),
         signs=tuple(one.integer("ref") for one in element.all("trafficSignRef")),
         speed_limit=stated.parse_number(stated.text, what="text") if stated else None,
     )
+
+
+def _kind(element: Element, types: tuple[str, ...]) -> str:
+    """OpenDRIVE's type of lane."""
+    users = {one.text for name in ("userOneWay", "userBidirectional") for one in element.all(name)}
+    special = [_KINDS[one] for one in types if one in _KINDS]
+    if special:
+        return special[0]
+    return DRIVING if not users or users & _DRIVERS else "restricted"
 
 
 def _points(border: Element) -> F64:
@@ -138,7 +181,7 @@ def coordinate(point: Element, axis: str) -> float:
 
 def _mark(border: Element) -> RoadMark | None:
     given = border.optional("lineMarking")
-    return MARKS.get(given.text.strip()) if given else None
+    return MARKS.get(given.text) if given else None
 
 
 def _beside(element: Element, name: str, direction: str) -> int | None:
@@ -150,7 +193,7 @@ def _beside(element: Element, name: str, direction: str) -> int | None:
 
 
 def slices(lanelets: Mapping[int, Lanelet]) -> list[Slice]:
-    """All lanelets, those beside each other together.
+    """The lanelets that a road can be made of, neighbours of the same kind together.
 
     Raises:
         ImportFormatError: A neighbour does not exist, or two do not name each other.
@@ -162,7 +205,8 @@ def slices(lanelets: Mapping[int, Lanelet]) -> list[Slice]:
         known = {one.number for row in found for one in row}
         odd = next(one for one in lanelets.values() if one.number not in known)
         raise _broken(odd, "no lanelet right of it begins a row of neighbours")
-    return found
+    alike = (groupby(row, key=lambda one: one.kind) for row in found)
+    return [row for row in (tuple(some) for found in alike for _, some in found) if row[0].is_lane]
 
 
 def _leftwards(one: Lanelet, lanelets: Mapping[int, Lanelet]) -> Iterator[Lanelet]:
@@ -186,53 +230,65 @@ def _broken(one: Lanelet, got: str) -> Exception:
     )
 
 
-Strip = tuple[Slice, ...]
-"""Slices that follow each other, each restricted to the lanes that run through all of them."""
+Lane = tuple[Lanelet, ...]
+"""Lanelets that follow each other."""
+
+Strip = tuple[Lane, ...]
+"""Lanes beside each other, from right to left, with equally many lanelets."""
 
 
-def strips(row: Slice, rows: Sequence[Slice]) -> Iterator[Strip]:
-    """Every stretch of road with at least one lane running through that contains a slice.
+def strips(row: Slice, rows: Mapping[int, Slice]) -> Iterator[Strip]:
+    """Every stretch of road with lanes that run through beside each other and past a slice.
 
     A lane runs through where each of its lanelets leads into exactly one, which no other leads
     into: where lanes part or meet, a stretch ends.
 
     Args:
         row: The slice.
-        rows: All slices of the file.
+        rows: The slice of each lanelet that is a lane, by id.
     """
-    home = {one.number: other for other in rows for one in other}
     chain = [row]
-    while (ahead := _neighbour(chain[-1], home, forwards=True)) and ahead not in chain:
-        chain.append(ahead)
-    while (behind := _neighbour(chain[0], home, forwards=False)) and behind not in chain:
-        chain.insert(0, behind)
+    for forwards in (True, False):
+        for _ in range(_MAX_CHAIN):
+            following = _neighbour(chain[-1 if forwards else 0], rows, forwards=forwards)
+            if following is None or following in chain:
+                break
+            chain.insert(len(chain) if forwards else 0, following)
     place = chain.index(row)
     for first in range(place + 1):
-        for last in range(place, len(chain)):
-            strip = _through(chain[first : last + 1])
-            if strip:
-                yield strip
+        lanes: list[Lane] = [(one,) for one in chain[first] if one.narrowest >= MIN_LANE_WIDTH]
+        for last in range(first, len(chain)):
+            if last > first:
+                lanes = list(_extended(lanes, chain[last - 1], chain[last]))
+            if last >= place:
+                yield from _side_by_side(lanes)
 
 
-def _neighbour(row: Slice, home: Mapping[int, Slice], *, forwards: bool) -> Slice | None:
+def _neighbour(row: Slice, rows: Mapping[int, Slice], *, forwards: bool) -> Slice | None:
     """The slice that most lanelets of a slice lead into, or come from."""
     linked = [number for one in row for number in (one.after if forwards else one.before)]
-    known = [home[number] for number in linked if number in home]
+    known = [rows[number] for number in linked if number in rows]
     return max(known, key=known.count) if known else None
 
 
-def _through(chain: Sequence[Slice]) -> Strip | None:
-    """The lanes that run through a chain, if they are beside each other everywhere."""
-    lanes = [[one] for one in chain[0] if one.narrowest >= MIN_LANE_WIDTH]
-    for here, there in pairwise(chain):
-        lanes = [
-            [*lane, ahead]
-            for lane in lanes
-            if (ahead := _only_link(lane[-1], here, there)) is not None
-        ]
-    strip = tuple(tuple(lane[k] for lane in lanes) for k in range(len(chain)))
-    beside = all(a.left_neighbour == b.number for row in strip for a, b in pairwise(row))
-    return strip if lanes and beside else None
+def _extended(lanes: Sequence[Lane], here: Slice, there: Slice) -> Iterator[Lane]:
+    """The lanes that run through into the next slice."""
+    for lane in lanes:
+        ahead = _only_link(lane[-1], here, there)
+        if ahead is not None:
+            yield (*lane, ahead)
+
+
+def _side_by_side(lanes: Sequence[Lane]) -> Iterator[Strip]:
+    """The lanes, parted where one is not the neighbour of the next all along."""
+    parts = [
+        k
+        for k, pair in enumerate(pairwise(lanes), start=1)
+        if any(a.left_neighbour != b.number for a, b in zip(*pair, strict=True))
+    ]
+    for first, last in pairwise([0, *parts, len(lanes)]):
+        if last > first:
+            yield tuple(lanes[first:last])
 
 
 def _only_link(one: Lanelet, here: Slice, there: Slice) -> Lanelet | None:
@@ -252,17 +308,23 @@ def borders(strip: Strip) -> list[F64]:
 
     Where two lanelets give a border that they share, that of the left one is taken.
     """
-    lanes = list(zip(*strip, strict=True))
-    lines = [np.concatenate([piece.right for piece in lane]) for lane in lanes]
-    return [*lines, np.concatenate([piece.left for piece in lanes[-1]])]
+    lines = [np.concatenate([piece.right for piece in lane]) for lane in strip]
+    return [*lines, np.concatenate([piece.left for piece in strip[-1]])]
 
 
 def contains(one: Lanelet, x: F64, y: F64) -> NDArray[np.bool_]:
-    """Which points lie in a lanelet, by the parity of the edges to the right of each."""
+    """Which points lie in a lanelet, by the parity of the edges to the right of each.
+
+    Args:
+        one: The lanelet.
+        x: World positions, shape (point,) [m].
+        y: The same.
+    """
     ring = np.concatenate([one.left, one.right[::-1]])
     inside = np.zeros(len(x), np.bool_)
     for (ax, ay), (bx, by) in zip(ring, np.roll(ring, -1, axis=0), strict=True):
         crosses = (ay > y) != (by > y)
-        rise = by - ay if by != ay else 1.0
-        inside ^= crosses & (x < ax + (y - ay) * (bx - ax) / rise)
+        # A cross product and no slope: edges may be as short, or as flat, as a float64 can be.
+        is_left = (x - ax) * (by - ay) < (y - ay) * (bx - ax)
+        inside ^= crosses & (is_left == (by > ay))
     return inside

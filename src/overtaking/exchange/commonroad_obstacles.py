@@ -54,7 +54,7 @@ def is_dynamic(element: Element) -> bool:
     if element.name == "dynamicObstacle":
         return True
     role = element.optional("role") if element.name == "obstacle" else None
-    return role is not None and role.text.strip() == "dynamic"
+    return role is not None and role.text == "dynamic"
 
 
 def obstacle(element: Element) -> Obstacle | None:
@@ -64,7 +64,7 @@ def obstacle(element: Element) -> Obstacle | None:
         ImportFormatError: Something is missing, no number, too large or twice; the message names
             line and element.
     """
-    kind = element.required("type").text.strip()
+    kind = element.required("type").text
     path = element.optional("trajectory")
     if kind not in VEHICLES or path is None:
         return None

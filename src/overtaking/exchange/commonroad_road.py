@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError
-from overtaking.exchange.commonroad_lanes import Lanelet, Strip, borders, slices, strips
+from overtaking.exchange.commonroad_lanes import DRIVING, Lanelet, Slice, Strip, borders, strips
 from overtaking.exchange.recording import BEYOND_SLOW_EDGE
 from overtaking.exchange.recording_road import RoadShape, RoadShapeError, shape_of
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
@@ -48,6 +48,11 @@ class Stretch:
     unknown: frozenset[str]
     notes: dict[str, Any]
 
+    @property
+    def lanelets(self) -> frozenset[int]:
+        """Ids of its lanelets."""
+        return frozenset(one for lane in self.notes["lanelets_by_lane"] for one in lane)
+
     def moved(self, shift: F64) -> Road:
         """The road in a world whose origin lies at `shift` [m]."""
         return dataclasses.replace(
@@ -65,51 +70,62 @@ class Stretch:
         return (offset > edges[0] - _BESIDE) & (offset < edges[-1] + _BESIDE)
 
 
-def stretch(
-    home: Lanelet,
-    lanelets: Mapping[int, Lanelet],
-    signs: Mapping[int, Element],
-    *,
-    name: str,
-    kind: str | None,
-) -> Stretch:
-    """The longest and widest stretch of road that contains a lanelet.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Network:
+    """The lanelets of a scenario, and what is known of all of them.
 
-    Args:
-        home: The lanelet.
-        lanelets: All lanelets by id.
-        signs: Traffic signs by id.
-        name: For the road.
-        kind: OpenDRIVE's type of the road, None if unknown.
-
-    Raises:
-        ImportFormatError: The road bends too much, its lanes change their width, or are too many.
+    Attributes:
+        name: Name of the scenario.
+        kind: OpenDRIVE's type of its roads, None if unknown.
+        lanelets: By id.
+        limits: Speed limits that signs post, by the id of the sign [m/s].
+        rows: The slice of each lanelet that is a lane, by id.
     """
-    rows = slices(lanelets)
-    row = next(one for one in rows if home in one)
-    best = max(strips(row, rows), key=_area, default=None)
-    if best is None:
-        raise _refused(home, "lanelets beside it", "2 m wide at both ends", "narrower ones")
-    try:
-        shape = shape_of(borders(best))
-        road, unknown = _road(best, shape, signs, lanelets, name=name, kind=kind)
-    except RoadShapeError as error:
-        raise _refused(home, error.what, error.expected, error.got) from None
-    except ConfigError as error:
-        raise _refused(home, "road", "one that the model is made for", str(error)) from None
-    lanes = [[piece.number for piece in lane] for lane in zip(*best, strict=True)]
-    notes = {
-        "lanelets_by_lane": lanes,
-        "length_m": round(shape.length, 2),
-        "turn_rad": round(shape.turn, 4),
-        "widening": round(shape.widening, 4),
-    }
-    return Stretch(shape=shape, road=road, unknown=unknown, notes=notes)
+
+    name: str
+    kind: str | None
+    lanelets: Mapping[int, Lanelet]
+    limits: Mapping[int, float]
+    rows: Mapping[int, Slice]
+
+    def stretch(self, home: Lanelet, *, is_part: bool) -> Stretch:
+        """The longest and widest stretch of road past a lanelet.
+
+        Args:
+            home: The lanelet.
+            is_part: Whether it must be part of a lane, and not only lie beside the road.
+
+        Raises:
+            ImportFormatError: The lanelet is no lane to drive on, or the road bends too much, its
+                lanes change their width, or are too many.
+        """
+        if home.number not in self.rows:
+            raise _refused(home, "kind of lanelet", "a lane to drive on", home.kind)
+        found = strips(self.rows[home.number], self.rows)
+        if is_part:
+            found = (strip for strip in found if any(home in lane for lane in strip))
+        best = max(found, key=_area, default=None)
+        if best is None:
+            raise _refused(home, "lanelets beside it", "2 m wide at both ends", "narrower ones")
+        try:
+            shape = shape_of(borders(best))
+            road, unknown = _road(best, shape, self)
+        except RoadShapeError as error:
+            raise _refused(home, error.what, error.expected, error.got) from None
+        except ConfigError as error:
+            raise _refused(home, "road", "one that the model is made for", str(error)) from None
+        notes = {
+            "lanelets_by_lane": [[piece.number for piece in lane] for lane in best],
+            "length_m": round(shape.length, 2),
+            "turn_rad": round(shape.turn, 4),
+            "widening": round(shape.widening, 4),
+        }
+        return Stretch(shape=shape, road=road, unknown=unknown, notes=notes)
 
 
 def _area(strip: Strip) -> float:
     """Lane length that runs through; of two that are equal the shorter chain, then the first."""
-    return float(sum(one.length for row in strip for one in row))
+    return float(sum(one.length for lane in strip for one in lane))
 
 
 def _refused(home: Lanelet, what: str, expected: str, got: str) -> Exception:
@@ -121,25 +137,16 @@ def _refused(home: Lanelet, what: str, expected: str, got: str) -> Exception:
     )
 
 
-def _road(
-    strip: Strip,
-    shape: RoadShape,
-    signs: Mapping[int, Element],
-    lanelets: Mapping[int, Lanelet],
-    *,
-    name: str,
-    kind: str | None,
-) -> tuple[Road, frozenset[str]]:
+def _road(strip: Strip, shape: RoadShape, network: Network) -> tuple[Road, frozenset[str]]:
     """The straight road, and what is not known of it."""
     marks, marks_known = _marks(strip)
-    limit = _limit(strip, signs)
-    lanes = list(zip(*strip, strict=True))
-    count, widths = len(lanes), np.diff(shape.mean_borders)
+    limit = _limit(strip, network.limits)
+    count, widths = len(strip), np.diff(shape.mean_borders)
     x0, y0 = _world_at_start(shape)
-    types = Counter(kind for lane in lanes for piece in lane for kind in piece.types)
-    known_kind = "motorway" if types["highway"] + types["interstate"] else kind
+    types = {kind for lane in strip for piece in lane for kind in piece.types}
+    known_kind = "motorway" if types & {"highway", "interstate"} else network.kind
     road = Road(
-        name=name,
+        name=network.name,
         kind=known_kind or "unknown",
         driving_side=DrivingSide.RIGHT,
         lanes=tuple(
@@ -157,8 +164,8 @@ def _road(
         y0=y0,
         heading=shape.chord,
         speed_limit=UNKNOWN_LIMIT if limit is None else limit,
-        slow_side_neighbour=_beside_right(lanes[0], lanelets, -count - 1),
-        fast_side_neighbour=_beside_left(lanes[-1], lanelets),
+        slow_side_neighbour=_beside_right(strip[0], network.lanelets, -count - 1),
+        fast_side_neighbour=_beside_left(strip[-1], network.lanelets),
     )
     missing = {"road_kind": not known_kind, "marks": not marks_known, "speed_limit": limit is None}
     return road, frozenset(what for what, is_missing in missing.items() if is_missing)
@@ -178,9 +185,8 @@ def _marks(strip: Strip) -> tuple[list[RoadMark], bool]:
     A line that changes along the stretch, or that two lanelets see differently, is not known; at
     the outer edges the mark of the longest piece counts.
     """
-    lanes = list(zip(*strip, strict=True))
-    seen: list[Counter[RoadMark | None]] = [Counter() for _ in range(len(lanes) + 1)]
-    for k, lane in enumerate(lanes):
+    seen: list[Counter[RoadMark | None]] = [Counter() for _ in range(len(strip) + 1)]
+    for k, lane in enumerate(strip):
         for piece in lane:
             left = piece.left_mark.reversed if piece.left_mark else None
             seen[k][piece.right_mark] += round(piece.length)
@@ -192,21 +198,29 @@ def _marks(strip: Strip) -> tuple[list[RoadMark], bool]:
     return [mark or RoadMark.NONE for mark in longest], is_known
 
 
-def _limit(strip: Strip, signs: Mapping[int, Element]) -> float | None:
+def _limit(strip: Strip, posted: Mapping[int, float]) -> float | None:
     """The speed limit, if every lanelet has the same one [m/s]."""
-    limits = {_limit_of(one, signs) for row in strip for one in row}
+    limits = {_limit_of(one, posted) for lane in strip for one in lane}
     return limits.pop() if len(limits) == 1 else None
 
 
-def _limit_of(one: Lanelet, signs: Mapping[int, Element]) -> float | None:
+def _limit_of(one: Lanelet, posted: Mapping[int, float]) -> float | None:
     """The limit that a lanelet states or that its signs post [m/s]."""
     if one.speed_limit is not None:
         return one.speed_limit
-    for number in one.signs:
-        for sign in signs[number].all("trafficSignElement") if number in signs else []:
-            values = sign.all("additionalValue")
-            if sign.required("trafficSignID").text.strip() in SPEED_SIGNS and values:
-                return values[0].parse_number(values[0].text, what="text")
+    return next((posted[number] for number in one.signs if number in posted), None)
+
+
+def posted_limit(sign: Element) -> float | None:
+    """The speed limit that a traffic sign posts, None if it posts none [m/s].
+
+    Raises:
+        ImportFormatError: The sign has no id, or its limit is no number.
+    """
+    for one in sign.all("trafficSignElement"):
+        values = one.all("additionalValue")
+        if one.required("trafficSignID").text in SPEED_SIGNS and values:
+            return values[0].parse_number(values[0].text, what="text")
     return None
 
 
@@ -233,10 +247,11 @@ def _beside_left(lane: tuple[Lanelet, ...], lanelets: Mapping[int, Lanelet]) -> 
 def _neighbour(one: Lanelet, lane_id: int, *, direction: int) -> Lane:
     """A lanelet as a lane beside the driving lanes."""
     width = float(np.hypot(*(one.left.mean(axis=0) - one.right.mean(axis=0))))
+    ends = one.kind == DRIVING and direction == 1  # Else it would be a lane of the road.
     return Lane(
         lane_id=lane_id,
         width=max(width, 0.1),
-        kind="entry" if direction == 1 else "driving",
+        kind="entry" if ends else one.kind,
         direction=direction,
         right_mark=one.right_mark or RoadMark.NONE,
         left_mark=one.left_mark or RoadMark.NONE,

@@ -25,6 +25,7 @@ from overtaking.exchange.recording import (
     Tracks,
     kept,
     kinds_by_length,
+    without_oncoming,
 )
 from overtaking.exchange.recording_road import scaled
 from overtaking.model.road import MAX_LANES, DrivingSide, Lane, Road, RoadMark
@@ -111,7 +112,10 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
         raise refused(vehicles_path, "vehicles", "some in that direction", "none")
     borders = {one: meta.borders(one, meta_path) for one in used}
     road = _road(tracks_path.name.removesuffix(_ENDING), meta, list(borders.values()), rows)
-    tracks = _tracks(rows, vehicles, borders, road)
+    driven = _tracks(rows, vehicles, borders, road)
+    tracks, num_oncoming = without_oncoming(driven, road.heading)
+    if not tracks.num_vehicles:
+        raise refused(tracks_path, "vehicles", "some that drive in their direction", "none")
     return Recording(
         name=f"highD {road.name}",
         file_format=FORMAT,
@@ -123,7 +127,8 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
             "directions": used,
             "widening": _widening(road, list(borders.values())),
             "states": tracks.num_rows,
-            "states_off_the_road": len(rows.vehicle) - tracks.num_rows,
+            "states_off_the_road": len(rows.vehicle) - driven.num_rows,
+            "oncoming_left_out": num_oncoming,
             "has_speed_limit": meta.speed_limit is not None,
         },
     )

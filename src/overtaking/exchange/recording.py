@@ -157,6 +157,22 @@ def kept(tracks: Tracks, rows: NDArray[np.bool_]) -> Tracks:
     return _restricted(tracks, owner[chosen], first_row[chosen], length[chosen], wanted)
 
 
+def without_oncoming(tracks: Tracks, heading: float) -> tuple[Tracks, int]:
+    """The tracks without the vehicles that point against the road in most of their states.
+
+    Args:
+        tracks: The tracks.
+        heading: Direction of the road, in the frame of `Tracks.heading` [rad].
+
+    Returns:
+        The other tracks, and the number of vehicles left out.
+    """
+    vehicle, num = tracks.vehicle, tracks.num_vehicles
+    against = np.bincount(vehicle[np.cos(tracks.heading - heading) < 0.0], minlength=num)
+    is_oncoming = 2 * against > np.diff(tracks.start)
+    return kept(tracks, ~is_oncoming[vehicle]), int(is_oncoming.sum())
+
+
 def _restricted(
     tracks: Tracks, vehicles: I64, first_row: I64, length: I64, wanted: NDArray[np.bool_]
 ) -> Tracks:

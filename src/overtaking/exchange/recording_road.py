@@ -32,6 +32,8 @@ MAX_WIDENING = 0.25
 """Largest part by which a lane may be wider or narrower than it is in the mean."""
 
 _MARGIN = 200.0  # How far the reference line goes on straight beyond the borders [m].
+_MIN_ADVANCE = 1.0e-6  # Shorter segments have no slope that a float64 can hold [m].
+_MIN_NEWTON = 0.5  # Beyond the centre of a bend a point has no foot; on a road it is 0.95 or more.
 _ITERATIONS = 6  # The error of Newton's method is below a micrometre after four.
 
 
@@ -186,8 +188,9 @@ def _to_chord(points: F64, origin: F64, chord: float) -> F64:
 
 
 def _over(grid: F64, line: F64) -> F64:
-    """A line of points as a function along the chord; points that step back are left out."""
-    ahead = line[:, 0] > np.concatenate([[-np.inf], np.maximum.accumulate(line[:, 0])[:-1]])
+    """A line of points as a function along the chord, without points that do not go ahead."""
+    farthest = np.concatenate([[-np.inf], np.maximum.accumulate(line[:, 0])[:-1]])
+    ahead = line[:, 0] > farthest + _MIN_ADVANCE
     return np.interp(grid, line[ahead, 0], line[ahead, 1])
 
 
@@ -297,7 +300,7 @@ def _along_chord(shape: RoadShape, along: F64, across: F64) -> tuple[F64, F64, F
             np.interp(foot, shape.u, line) for line in (shape.v, shape.slope, shape.bend)
         )
         miss = (along - foot) + (across - v) * slope
-        foot = foot + miss / (1.0 + slope * slope - (across - v) * bend)
+        foot = foot + miss / np.maximum(1.0 + slope * slope - (across - v) * bend, _MIN_NEWTON)
     v, slope, bend = (np.interp(foot, shape.u, line) for line in (shape.v, shape.slope, shape.bend))
     secant = np.sqrt(1.0 + slope * slope)
     offset = ((across - v) - (along - foot) * slope) / secant

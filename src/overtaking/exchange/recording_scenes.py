@@ -165,10 +165,12 @@ def _types(recording: Recording) -> list[str]:
 
 def _nothing(recording: Recording, num_waiting: int) -> ImportFormatError:
     followed = f"and {num_waiting} vehicles that only follow" if num_waiting else "and no followers"
+    others = recording.notes.get("other_roads")
+    elsewhere = f"choose another road, --lanelet {others}" if others else "choose another recording"
     return ImportFormatError.of(
         where=recording.name,
         what="recording",
         expected="a vehicle that leaves its lane to the left behind a leader",
         got=f"none {followed}",
-        next_step="import the followers too" if num_waiting else "choose another recording",
+        next_step="import the followers too" if num_waiting else elsewhere,
     )

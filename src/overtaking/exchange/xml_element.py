@@ -10,7 +10,9 @@ from overtaking.core.errors import ImportFormatError
 # xs:double without INF and NaN; Python's own float() would also take "1_0", "infinity" and the
 # digits of other scripts.
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
-_WHITESPACE = " \t\r\n"
+WHITE_SPACE = " \t\r\n"
+"""What XML calls white space."""
+
 _MAX_NUMBER_CHARACTERS = 64
 MAX_MAGNITUDE = 1.0e8
 """Larger numbers are refused: no metre, radian or second on Earth needs them."""
@@ -26,7 +28,7 @@ class Element:
         name: Tag.
         attributes: Attributes by name.
         children: Child elements in the order of the document.
-        text: Characters directly inside it, if they were asked for.
+        text: Characters directly inside it, without white space at its ends.
     """
 
     file: str
@@ -102,14 +104,14 @@ class Element:
 
     def integer(self, name: str) -> int:
         """An attribute as an integer of at most nine digits; ImportFormatError if it is none."""
-        text = self.attribute(name).strip(_WHITESPACE)
+        text = self.attribute(name).strip(WHITE_SPACE)
         if not re.fullmatch(r"[+-]?[0-9]{1,9}", text):
             raise self._no_number(f"attribute {name}", "an integer", text)
         return int(text)
 
     def parse_number(self, text: str, *, what: str) -> float:
         """A text of this element as a finite number; ImportFormatError if it is none."""
-        stripped = text.strip(_WHITESPACE)
+        stripped = text.strip(WHITE_SPACE)
         if len(stripped) > _MAX_NUMBER_CHARACTERS or not _NUMBER.fullmatch(stripped):
             raise self._no_number(what, "a finite number", text)
         value = float(stripped)

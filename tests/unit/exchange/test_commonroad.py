@@ -2,22 +2,46 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.support.recordings import WIDTH, Bend, Mover, commonroad
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.support.recordings import OVERTAKE, WIDTH, Bend, Mover, commonroad
 
 from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.exchange.candidates import lane_changes, overtakes
 from overtaking.exchange.commonroad import read_commonroad
+from overtaking.exchange.commonroad_lanes import Lanelet, contains
 from overtaking.exchange.recording_neighbours import Surroundings
 from overtaking.exchange.recording_scenes import scenes
+from overtaking.exchange.xml_element import Element
 from overtaking.model.road import RoadMark
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+ANY_LANELET = Lanelet(
+    number=1,
+    element=Element(file="", line=1, name="lanelet", attributes={}),
+    left=np.zeros((2, 2)),
+    right=np.zeros((2, 2)),
+    left_mark=None,
+    right_mark=None,
+    left_neighbour=None,
+    right_neighbour=None,
+    oncoming_left=None,
+    before=(),
+    after=(),
+    types=(),
+    kind="driving",
+    signs=(),
+    speed_limit=None,
+)
 BENDS = (0.0, 1.0 / 1500.0, -1.0 / 1500.0)
 
 
@@ -136,6 +160,53 @@ def test_a_lane_that_joins_lies_beside_the_lanes_that_run_through(write):
     assert (found.tracks.lane[found.tracks.start[1] :] == 255).all()
 
 
+def typed(text: str, number: int, kind: str, more: str = "") -> str:
+    """A scenario in which one lanelet is of another type."""
+    head, tail = text.split(f'<lanelet id="{number}">')
+    new = f"<laneletType>{kind}</laneletType>{more}"
+    return f'{head}<lanelet id="{number}">' + re.sub(
+        "<laneletType>.*?</laneletType>", new, tail, count=1
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "expected"),
+    [
+        ("shoulder", "", "shoulder"),
+        ("busLane", "", "bus"),
+        ("exitRamp", "", "exit"),
+        ("urban", "<userOneWay>bicycle</userOneWay><userOneWay>bus</userOneWay>", "restricted"),
+    ],
+)
+def test_a_shoulder_beside_the_lanes_is_none_of_them(write, kind, more, expected):
+    """A hard shoulder on the left became the fast lane, and one on the right the slow lane."""
+    left = read_commonroad(write(typed(commonroad(), 13, kind, more)))
+    assert left.notes["lanelets_by_lane"] == [[11], [12]]
+    assert left.road.fast_side_neighbour is not None
+    assert (left.road.fast_side_neighbour.kind, left.road.fast_side_neighbour.direction) == (
+        expected,
+        1,
+    )
+    movers = [replace(one, lane=one.lane + 1, moves=()) for one in OVERTAKE]
+    right = read_commonroad(write(typed(commonroad(movers), 11, kind, more)))
+    assert right.notes["lanelets_by_lane"] == [[12], [13]]
+    assert right.road.slow_side_neighbour is not None
+    assert right.road.slow_side_neighbour.kind == expected
+
+
+def test_lanes_on_either_side_of_a_bus_lane_are_two_roads(write):
+    text = typed(commonroad(road=Bend(lanes=4)), 13, "busLane", "<userOneWay>bus</userOneWay>")
+    assert read_commonroad(write(text)).notes["lanelets_by_lane"] == [[11], [12]]
+    found = read_commonroad(write(text), lanelet_id=14)
+    assert found.notes["lanelets_by_lane"] == [[14]]
+
+
+def test_a_lanelet_that_nobody_drives_on_is_no_road(write):
+    text = typed(commonroad(), 13, "shoulder")
+    with pytest.raises(ImportFormatError, match="expected a lane to drive on, got shoulder"):
+        read_commonroad(write(text), lanelet_id=13)
+
+
 def test_where_lanes_part_the_road_ends(write):
     text = commonroad([Mover(number=1, s=20.0, lane=1, last=50)], Bend(cuts=(500.0,)))
     text = text.replace('<successor ref="22"/>', '<successor ref="22"/><successor ref="99"/>')
@@ -178,6 +249,42 @@ def test_the_road_can_be_chosen_by_a_lanelet(write):
     assert read_commonroad(write(text)).notes["lanelets_by_lane"] == [[11], [12], [13]]
     with pytest.raises(ConfigError, match="lanelet 77: expected one of 11, 12, 13"):
         read_commonroad(write(text), lanelet_id=77)
+
+
+MAIN = Bend(lanes=2, cuts=(200.0, 400.0, 600.0, 800.0))
+RAMP = Bend(lanes=1, curvature=1.0 / 5000.0)
+
+
+def with_ramp(movers, ramp: Bend = RAMP, on_ramp: int = 3) -> str:
+    """A road of short lanelets, and 500 m beside it a ramp of one long lanelet, 911, with queue."""
+    queue = [Mover(number=80 + k, s=20.0 * k, speed=1.0) for k in range(on_ramp)]
+    text = commonroad(queue, ramp, more="").replace('id="11"', 'id="911"')
+    beside = re.sub("<y>(.*?)</y>", lambda found: f"<y>{float(found[1]) - 500.0:.4f}</y>", text)
+    return commonroad(movers, MAIN, more="".join(beside.splitlines(keepends=True)[2:-1]))
+
+
+def test_the_busiest_road_is_read_and_not_the_busiest_lanelet(write):
+    found = read_commonroad(write(with_ramp(OVERTAKE)))
+    assert found.notes["lanelets_by_lane"] == [[11, 21, 31, 41, 51], [12, 22, 32, 42, 52]]
+    assert found.notes["other_roads"] == "911 (1 lane, 43% of the states)"
+    ramp = read_commonroad(write(with_ramp(OVERTAKE)), lanelet_id=911)
+    assert ramp.notes["lanelets_by_lane"] == [[911]]
+    assert ramp.notes["other_roads"].startswith("41 (2 lanes")
+
+
+def test_a_road_that_bends_too_much_is_passed_over(write):
+    hairpin = Bend(lanes=1, curvature=1.0 / 60.0, length=150.0)
+    text = with_ramp(OVERTAKE[:2], hairpin, on_ramp=5)
+    found = read_commonroad(write(text))
+    assert found.notes["lanelets_by_lane"][0][0] == 11
+    with pytest.raises(ImportFormatError, match=r"911 .*bend.*, --lanelet \d1 \(2 lanes, \d+% of"):
+        read_commonroad(write(text), lanelet_id=911)
+
+
+def test_where_there_is_nothing_to_import_the_other_roads_are_named(write):
+    text = with_ramp([Mover(number=1, s=100.0)], on_ramp=1)
+    with pytest.raises(ImportFormatError, match=r"choose another road, --lanelet 911 \(1 lane"):
+        scenes(read_commonroad(write(text)))
 
 
 def test_positions_far_from_the_origin_are_shifted_into_reach(write):
@@ -235,6 +342,63 @@ def test_types_follow_length_because_recordings_call_everything_a_car(write):
     ]
     found = read_commonroad(write(commonroad(movers)))
     assert found.tracks.kind.tolist() == [0, 1, 2, 4, 4, 5]
+
+
+ONCOMING = (
+    Mover(number=21, s=900.0, speed=-28.0, lane=3),
+    Mover(number=22, s=850.0, speed=-26.0, lane=3),
+)
+
+
+def test_oncoming_vehicles_are_no_egos_and_meetings_are_no_passes(write):
+    alone = scenes(read_commonroad(write(commonroad())))
+    both = scenes(read_commonroad(write(commonroad([*OVERTAKE, *ONCOMING]))))
+    assert both.notes["oncoming_left_out"] == 2
+    assert alone.notes["oncoming_left_out"] == 0
+    assert both.counts == alone.counts
+    assert both.recording.tracks.ids.tolist() == [3, 5, 7, 9]
+    assert both.notes["states_off_the_road"] == alone.notes["states_off_the_road"]
+
+
+def test_who_backs_up_or_turns_for_a_moment_stays(write):
+    text = commonroad([*OVERTAKE, Mover(number=4, s=400.0, speed=-1.0, lane=2)])
+    turned = f"<exact>{np.pi:.6f}</exact></orientation>"
+    found = read_commonroad(write(text.replace(turned, "<exact>0</exact></orientation>")))
+    assert found.tracks.ids.tolist() == [3, 4, 5, 7, 9]
+
+
+def test_a_road_with_nothing_but_oncoming_vehicles_is_refused(write):
+    with pytest.raises(ImportFormatError, match="expected vehicles that drive along it, got 2"):
+        read_commonroad(write(commonroad([replace(one, lane=2) for one in ONCOMING])))
+
+
+@pytest.mark.parametrize("tiny", [0.0, 5e-324, 1e-308, -1e-308])
+def test_a_border_with_edges_of_no_length_contains_what_it_did(write, tiny):
+    text = commonroad(road=Bend(length=600.0))
+    first = "<rightBound><point><x>0.000000</x><y>0.000000</y></point>"
+    assert first in text
+    extra = f"<point><x>{tiny!r}</x><y>{tiny!r}</y></point>"
+    with np.errstate(all="raise", under="ignore"):
+        found = read_commonroad(write(text.replace(first, first + extra)))
+    assert found.tracks.ids.tolist() == [3, 5, 7, 9]
+
+
+@given(
+    radii=st.lists(st.sampled_from([1.0, 2.0, 4.0]), min_size=4, max_size=9),
+    points=st.lists(st.tuples(*[st.floats(-5.0, 5.0)] * 2), min_size=1, max_size=9),
+)
+def test_what_a_lanelet_contains_is_what_shapely_says(radii, points):
+    turn = np.arange(len(radii)) * 2.0 * np.pi / len(radii)
+    ring = np.stack([radii * np.cos(turn), radii * np.sin(turn)], axis=1)
+    polygon = shapely.Polygon(ring)
+    one = replace(ANY_LANELET, left=ring[:2], right=ring[2:][::-1])
+    x, y = np.array(points).T
+    inside, clear = (test(polygon, x, y) for test in (shapely.contains_xy, _clear_of_edges))
+    assert (contains(one, x, y) == inside)[clear].all()
+
+
+def _clear_of_edges(polygon, x, y):
+    return shapely.distance(polygon.exterior, shapely.points(x, y)) > 1e-9
 
 
 # --- real recordings ---

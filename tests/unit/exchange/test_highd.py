@@ -64,6 +64,14 @@ def test_carriageways_have_nothing_to_do_with_each_other(tmp_path):
         assert len({int(both.recording.tracks.carriageway[one]) for one in cast}) == 1
 
 
+def test_who_drives_against_its_carriageway_is_left_out_and_counted(tmp_path):
+    wrong = Mover(number=30, s=600.0, speed=-25.0, lane=2)
+    alone = scenes(read_highd(highd(tmp_path)))
+    both = scenes(read_highd(highd(tmp_path, lower=[*OVERTAKE, wrong])))
+    assert (alone.notes["oncoming_left_out"], both.notes["oncoming_left_out"]) == (0, 1)
+    assert both.counts == alone.counts
+
+
 def test_one_direction_can_be_chosen_and_must_be_where_the_lanes_differ(tmp_path):
     path = highd(tmp_path, upper=SLOW, upper_lines="4;7.5;11;14.5;18")
     with pytest.raises(ConfigError, match="different numbers of lanes"):

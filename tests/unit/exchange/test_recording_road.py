@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -101,3 +103,21 @@ def test_scaling_keeps_lanes_and_what_is_beyond_them_and_can_be_undone(offset, w
 def test_what_no_straight_road_stands_for_is_refused(lines, what):
     with pytest.raises(RoadShapeError, match=what):
         shape_of(lines)
+
+
+def test_the_centre_of_a_bend_has_no_foot_and_no_warning():
+    x = np.linspace(0.0, 300.0, 40)
+    straight = shape_of([np.stack([x, np.full_like(x, 3.5 * k)], axis=1) for k in (-1, 1)])
+    bent = dataclasses.replace(straight, bend=np.full_like(straight.u, 1.0 / 512.0))
+    with np.errstate(all="raise"):
+        found = bent.project(np.array([100.0]), np.array([512.0]))
+    assert np.isfinite([found.s, found.d, found.tangent, found.stretch]).all()
+
+
+def test_points_closer_than_a_slope_can_tell_are_one():
+    x = np.array([0.0, 1e-308, 150.0, 150.0, 300.0])
+    lines = [np.stack([x, np.array([0.0, 9.0, 0.0, 5.0, 0.0]) + 3.5 * k], axis=1) for k in range(3)]
+    with np.errstate(all="raise"):
+        shape = shape_of(lines)
+    assert shape.length == pytest.approx(300.0)
+    assert shape.turn == pytest.approx(0.0)
