@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import os
 import signal
 import socket
 import sys
 import threading
 import time
+import warnings
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import pytest
 from tests.support.carla import headless_server, needs_wheel
+from tests.support.processes import eventually
 from tests.support.worlds import Vehicle, scenario
 
 from overtaking import api
@@ -26,7 +29,7 @@ from overtaking.carla_server.wire import Decoder, encode
 from overtaking.carla_server.world import World
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
-from overtaking.simulators import carla, carla_company
+from overtaking.simulators import carla, carla_client
 from overtaking.simulators.carla_library import HEADLESS, SERVER_VARIABLE
 from overtaking.simulators.carla_stage import SimulationLostError
 
@@ -64,11 +67,26 @@ def test_a_server_that_hangs_is_replaced_and_the_result_the_same(monkeypatch: py
     found: list[np.ndarray] = []
     thread = in_background(lambda: found.append(carla.simulate(lone_ego(horizon=6.0)).trace_hash))
     time.sleep(0.5)
-    (hung,) = carla_company.servers()
+    (hung,) = carla_client.servers()
     os.kill(hung, signal.SIGSTOP)
     thread.join(120.0)
     assert (found[0] == expected).all()
-    assert carla_company.servers() != [hung]
+    assert carla_client.servers() != [hung]
+
+
+def test_a_client_that_died_is_closed_before_it_is_replaced(monkeypatch: pytest.MonkeyPatch):
+    """Its pipes were left open, and the warning hit whichever test ran next."""
+    monkeypatch.setenv(SERVER_VARIABLE, HEADLESS)
+    for _ in range(2):
+        carla.simulate(lone_ego(horizon=0.5))
+        (client,) = carla_client.workers()
+        os.kill(client, signal.SIGKILL)
+        assert eventually(lambda: not carla_client.workers())
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        carla.simulate(lone_ego(horizon=0.5))
+        gc.collect()
+    assert [str(one.message) for one in said] == []
 
 
 def test_a_server_that_dies_leaves_a_list_of_what_is_missing_and_resume_goes_on(
@@ -107,7 +125,7 @@ def test_a_server_that_dies_leaves_a_list_of_what_is_missing_and_resume_goes_on(
     assert len(error.strip().splitlines()) == 1
     with headless_server() as there:
         assert main([*words, "--resume", "--server", f"127.0.0.1:{there.port}"]) == 0
-    carla_company.dismiss()
+    carla_client.dismiss()
     data = api.load(tmp_path / "data")
     data.verify()
     assert data.simulations()["index"].tolist() == list(range(10))
@@ -115,7 +133,7 @@ def test_a_server_that_dies_leaves_a_list_of_what_is_missing_and_resume_goes_on(
 
 def test_a_spawn_that_is_refused_is_named_and_the_others_are_run(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv(SERVER_VARIABLE, HEADLESS)
-    monkeypatch.setattr(carla_company, "ATTEMPTS", 1)
+    monkeypatch.setattr(carla_client, "ATTEMPTS", 1)
     with pytest.raises(SimulationLostError, match=r"simulations 0: .*refusal of the server"):
         carla.simulate(lone_ego(s=320.0))
     assert carla.simulate(lone_ego()).num_frames[0] == 41
@@ -152,7 +170,7 @@ def test_a_server_of_another_version_is_refused_with_both_versions(monkeypatch: 
         monkeypatch.setenv(SERVER_VARIABLE, f"127.0.0.1:{port}")
         with pytest.raises(ConfigError, match=r"expected 0\.9\.16, got 0\.9\.15"):
             carla.simulate(lone_ego())
-        carla_company.dismiss()
+        carla_client.dismiss()
 
 
 def test_a_client_that_falls_silent_between_its_ticks_is_told_of_once(

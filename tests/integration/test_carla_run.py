@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from tests.support.carla import free_port, needs_wheel
+from tests.support.processes import eventually, is_running
 from tests.support.worlds import Vehicle, scenario
 
 from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
 from overtaking.model.trajectory import Stage
-from overtaking.simulators import carla, carla_company, carla_traffic
+from overtaking.simulators import carla, carla_client, carla_traffic
 from overtaking.simulators.carla_library import SERVER_VARIABLE
 from overtaking.simulators.carla_stage import SimulationLostError
 
@@ -131,7 +132,7 @@ def test_a_client_that_is_killed_is_replaced_and_the_result_the_same():
     thread = threading.Thread(target=lambda: found.append(carla.simulate(overtake(horizon=4.0))))
     thread.start()
     time.sleep(1.0)
-    (worker,) = carla_company.workers()
+    (worker,) = carla_client.workers()
     os.kill(worker, signal.SIGKILL)
     thread.join(60.0)
     assert (found[0].trace_hash == expected).all()
@@ -168,20 +169,30 @@ def test_a_recorded_simulation_is_played_pose_by_pose_and_filmed(tmp_path: Path)
     assert main([*words[:-1], "wide"]) == 2
 
 
+STARTS_A_SERVER = """
+import sys
+from overtaking.core.worker import Worker
+server = Worker("overtaking.carla_server.child")
+assert server.receive(60.0) > 0
+print(server.pid, flush=True)
+sys.stdin.read()
+"""
+
+
 def test_the_headless_server_is_gone_when_the_process_that_started_it_is_killed():
-    command = [sys.executable, "-m", "overtaking.carla_server.child"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as server:
-        assert server.stdin is not None
-        assert server.stdout is not None
-        assert json.loads(server.stdout.readline())["port"] > 0
-        server.stdin.close()  # As the system does when the parent is gone.
-        assert server.wait(20.0) == 0
+    command = [sys.executable, "-c", STARTS_A_SERVER]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as parent:
+        assert parent.stdout is not None
+        server = int(parent.stdout.readline())
+        assert is_running(server)
+        parent.kill()
+    assert eventually(lambda: not is_running(server))
 
 
 def test_a_server_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch):
     port = free_port()
     monkeypatch.setenv(SERVER_VARIABLE, f"127.0.0.1:{port}")
-    monkeypatch.setattr(carla_company, "ATTEMPTS", 1)
+    monkeypatch.setattr(carla_client, "ATTEMPTS", 1)
     # Its client says it, or who looks after the server if the client is slow to start.
     with pytest.raises((ConfigError, SimulationLostError), match=f"127.0.0.1:{port}"):
         carla.simulate(overtake(horizon=1.0))

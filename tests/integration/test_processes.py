@@ -14,6 +14,7 @@ from pathlib import Path
 import fsspec.config
 import pytest
 from tests.support.killer import Killer, contents
+from tests.support.processes import eventually
 from tests.support.sumo import needs_sumo
 from tests.support.troubled import troubled
 
@@ -132,7 +133,7 @@ def test_two_workers_killed_in_the_middle_change_not_one_byte(tmp_path, undistur
 
 @linux_only
 def test_a_shard_of_which_every_worker_dies_is_given_up(tmp_path, monkeypatch, undisturbed):
-    monkeypatch.setattr(process_crew, "MAX_TRIES", 2)
+    monkeypatch.setattr(process_crew, "MAX_ATTEMPTS", 2)
     with (
         Killer(tmp_path / "data", kills=1000),
         pytest.raises(DatasetError, match=r"got 2 that died, the last by SIGKILL; see whether"),
@@ -162,10 +163,7 @@ def test_workers_end_with_a_parent_that_is_killed(script, undisturbed):
         time.sleep(0.01)  # Who is in the middle of a shard would end when it answers.
     process.kill()
     process.communicate(timeout=60)
-    give_up = time.monotonic() + 2.0
-    while group(process.pid) and time.monotonic() < give_up:
-        time.sleep(0.01)
-    assert not group(process.pid)
+    assert eventually(lambda: not group(process.pid))
     finished = (script.parent / "data").glob("simulations/*.parquet")
     before = {path: path.stat().st_mtime_ns for path in finished}
     assert before
@@ -263,7 +261,7 @@ def test_what_a_worker_prints_is_neither_heard_nor_in_the_way(tmp_path, capfd):
 def test_what_goes_wrong_in_a_worker_is_told_as_if_it_had_gone_wrong_here(
     trouble, kind, said, tmp_path, monkeypatch, capfd
 ):
-    monkeypatch.setattr(process_crew, "MAX_TRIES", 1)
+    monkeypatch.setattr(process_crew, "MAX_ATTEMPTS", 1)
     with pytest.raises(kind, match=said) as caught:
         troubled_data(trouble, tmp_path / "data")
     if trouble == "is_wrong":

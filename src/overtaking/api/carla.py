@@ -21,9 +21,9 @@ def carla_limits() -> "Limits":
         ConfigError: The server that `OVERTAKING_CARLA` names is not there or of another version.
         SimulationLostError: Client or server failed several times.
     """
-    from overtaking.simulators import carla_company
+    from overtaking.simulators import carla_client
 
-    return carla_company.limits()
+    return carla_client.limits()
 
 
 def replay_in_carla(
@@ -53,7 +53,7 @@ def replay_in_carla(
         SimulationLostError: Client or server failed several times.
     """
     from overtaking.exchange.opendrive_writer import write_opendrive
-    from overtaking.simulators import carla_company, carla_replay
+    from overtaking.simulators import carla_client, carla_replay
 
     source = data if isinstance(data, Dataset) else load(data)
     folder, chosen = Path(out), list(simulations)
@@ -69,7 +69,7 @@ def replay_in_carla(
             opendrive=None if carla_replay.map_of(run) else write_opendrive(run.road),
         )
         folder.mkdir(parents=True, exist_ok=True)
-        films.append(carla_company.replay(job))
+        films.append(carla_client.replay(job))
         if progress is not None:
             progress(len(films), len(chosen))
     return films

@@ -1,28 +1,27 @@
-"""What a process and its own child say to each other, through pipes that nobody else has."""
+"""Frames of bytes on a pipe between a process and its child."""
 
-import pickle
 import struct
-from typing import IO, Any
+from typing import IO
 
-_LENGTH = struct.Struct("<I")
+_LENGTH = struct.Struct("<Q")
 
 
-def send(stream: IO[bytes], message: object) -> None:
-    """Write one message.
+def write_frame(stream: IO[bytes], data: bytes) -> None:
+    """Write one frame.
 
     Raises:
-        OSError: Nobody reads any more.
+        OSError: The other end is closed.
     """
-    data = pickle.dumps(message)
-    stream.write(_LENGTH.pack(len(data)) + data)
+    stream.write(_LENGTH.pack(len(data)))
+    stream.write(data)
     stream.flush()
 
 
-def receive(stream: IO[bytes]) -> Any:
-    """Read one message, of nobody but a parent or child: what it holds is carried out.
+def read_frame(stream: IO[bytes]) -> bytes:
+    """Read one frame.
 
     Raises:
-        EOFError: The other one has ended, in the middle of a message or before it.
+        EOFError: The other end was closed, before or within a frame.
     """
     head = stream.read(_LENGTH.size)
     if len(head) < _LENGTH.size:
@@ -31,4 +30,4 @@ def receive(stream: IO[bytes]) -> Any:
     data = stream.read(length)
     if len(data) < length:
         raise EOFError
-    return pickle.loads(data)
+    return data

@@ -1,44 +1,45 @@
-"""The reasoner in a process of its own, with bounds that a program cannot leave.
-
-Run as `python -P -m overtaking.logic.child`, it reads a program and then facts, group by group, and
-answers each group with one line of JSON. It can write no file and open none, and ends with its
-standard input.
-"""
+"""The reasoner in a worker process, with limits that a program cannot exceed."""
 
 from __future__ import annotations
 
 import contextlib
-import json
-import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import clingo
+
+if TYPE_CHECKING:
+    from overtaking.core.parent import Parent
 
 BYTES_PER_MIB = 1024 * 1024
 
 
-def main() -> None:
-    """Answer groups until there are no more."""
-    import clingo
+def main(parent: Parent) -> None:
+    """Answer groups of facts. The first message is what `_rows` needs, each further one facts.
 
-    asked = json.loads(sys.stdin.buffer.readline())
-    _confine(int(asked["memory_mib"]))
-    while size := sys.stdin.buffer.readline():
-        facts = sys.stdin.buffer.read(int(size)).decode()
-        said: list[str] = []
-        try:
-            answer: dict[str, Any] = {"rows": _rows(clingo, asked, facts, said)}
-        except MemoryError:
-            answer = {"error": "memory"}
-        except RuntimeError as error:
-            is_memory = "bad_alloc" in str(error)
-            answer = {"error": "memory" if is_memory else "program", "said": said}
-        sys.stdout.write(json.dumps(answer) + "\n")
-        sys.stdout.flush()
+    The answers are dictionaries, with `rows` or with `error`, after which the process ends.
+    """
+    messages = iter(parent)
+    asked = next(messages)
+    _confine(asked["memory_mib"])
+    for facts in messages:
+        answer = _answer(asked, facts)
+        parent.send(answer)
         if "error" in answer:
-            break
+            return
 
 
-def _rows(clingo: Any, asked: dict[str, Any], facts: str, said: list[str]) -> list[list[Any]]:
+def _answer(asked: dict[str, Any], facts: bytes) -> dict[str, Any]:
+    said: list[str] = []
+    try:
+        return {"rows": _rows(asked, facts.decode(), said)}
+    except MemoryError:
+        return {"error": "memory"}
+    except RuntimeError as error:
+        return {"error": "memory" if "bad_alloc" in str(error) else "program", "said": said}
+
+
+def _rows(asked: dict[str, Any], facts: str, said: list[str]) -> list[list[Any]]:
     """The arguments of all atoms of the predicates that are asked for, after their names."""
     control = clingo.Control(logger=lambda _, line: said.append(line))
     control.add("base", [], asked["program"])
@@ -47,18 +48,18 @@ def _rows(clingo: Any, asked: dict[str, Any], facts: str, said: list[str]) -> li
     rows: list[list[Any]] = []
     for name, arity in asked["predicates"]:
         for atom in control.symbolic_atoms.by_signature(name, arity):
-            rows.append([_value(clingo, one) for one in atom.symbol.arguments])
+            rows.append([_value(one) for one in atom.symbol.arguments])
             if len(rows) > asked["max_rows"]:
                 return rows
     return rows
 
 
-def _value(clingo: Any, symbol: Any) -> Any:
+def _value(symbol: Any) -> Any:
     """A number, a name, or the list of a tuple; of a function its name before its arguments."""
     if symbol.type == clingo.SymbolType.Number:
         return symbol.number
     if symbol.type == clingo.SymbolType.Function and symbol.arguments:
-        rest = [_value(clingo, one) for one in symbol.arguments]
+        rest = [_value(one) for one in symbol.arguments]
         return [symbol.name, *rest] if symbol.name else rest
     return str(symbol) if symbol.type != clingo.SymbolType.Function or symbol.name else []
 
@@ -81,7 +82,3 @@ def _confine(memory_mib: int) -> None:
     for bound, value in bounds.items():
         with contextlib.suppress(ValueError, OSError):
             resource.setrlimit(bound, (value, value))
-
-
-if __name__ == "__main__":
-    main()

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
-import threading
 import time
-from typing import IO, TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from overtaking.core.bounds import check_bounds
 from overtaking.core.errors import ConfigError
+from overtaking.core.worker import ENDED, Worker
 from overtaking.logic.clauses import reasoner
 
 if TYPE_CHECKING:
@@ -25,8 +22,6 @@ MEMORY_MIB = 2048
 
 _MOST_READ = 32 * 1024 * 1024
 """Bytes of facts that a process reads: clingo keeps every term that it has ever seen."""
-
-_COMMAND = (sys.executable, "-P", "-m", "overtaking.logic.child")
 
 
 class Reasoner:
@@ -58,28 +53,19 @@ class Reasoner:
         reasoner()
         check_bounds("ask", max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
         self._left, self._timeout, self._memory = timeout_s, timeout_s, memory_mib
-        asked = {
+        self._asked = {
             "program": program,
             "predicates": predicates,
             "max_rows": max_rows,
             "memory_mib": memory_mib,
         }
-        self._head = json.dumps(asked).encode() + b"\n"
         self._read = 0
-        self._process = self._started()
+        self._worker = self._started()
 
-    def _started(self) -> subprocess.Popen[bytes]:
-        """A new process; what it is told first waits in its pipe."""
-        process = subprocess.Popen(
-            _COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-        )
-        assert process.stdin is not None
-        process.stdin.write(self._head)
-        return process
-
-    def _end(self) -> None:
-        self._process.kill()
-        self._process.communicate()
+    def _started(self) -> Worker:
+        worker = Worker("overtaking.logic.child")
+        worker.send(self._asked)
+        return worker
 
     def __enter__(self) -> Self:
         """The reasoner itself."""
@@ -92,7 +78,7 @@ class Reasoner:
         trace: TracebackType | None,
     ) -> None:
         """End the process."""
-        self._end()
+        self._worker.close()
 
     def rows(self, facts: bytes) -> list[list[Any]]:
         """What follows from some facts: the arguments of each atom that is asked for.
@@ -101,40 +87,23 @@ class Reasoner:
             ConfigError: It needs more time or memory than it may, or the program is wrong.
         """
         if self._read > _MOST_READ:
-            self._end()
-            self._process, self._read = self._started(), 0
+            self._worker.close()
+            self._worker, self._read = self._started(), 0
         self._read += len(facts)
-        message = b"%d\n" % len(facts) + facts
         begin = time.monotonic()
-        timer = threading.Timer(self._left, self._process.kill)
-        timer.daemon = True
-        timer.start()
+        self._worker.send(facts)
         try:
-            line = self._exchanged(message)
-        finally:
-            timer.cancel()
+            answer: Any = self._worker.receive(self._left)
+        except TimeoutError:
+            raise _over(f"an answer within {self._timeout:g} s", "one that takes longer") from None
         self._left -= time.monotonic() - begin
-        if not line and self._left <= 0:
-            raise _over(f"an answer within {self._timeout:g} s", "one that takes longer")
-        answer: dict[str, Any] = json.loads(line) if line else {"error": "memory"}
+        if answer is ENDED:
+            answer = {"error": "memory"}  # clingo aborts where it cannot allocate.
         if answer.get("error") == "memory":
             raise _over(f"at most {self._memory} MiB of memory", "one that needs more")
         if "error" in answer:
             raise ProgramError(answer["said"])
         return answer["rows"]
-
-    def _exchanged(self, message: bytes) -> bytes:
-        """The line that a message is answered with; nothing if the process has ended."""
-        to: IO[bytes] | None = self._process.stdin
-        back: IO[bytes] | None = self._process.stdout
-        assert to is not None
-        assert back is not None
-        try:
-            to.write(message)
-            to.flush()
-            return back.readline()
-        except (BrokenPipeError, OSError):
-            return b""
 
 
 class ProgramError(Exception):

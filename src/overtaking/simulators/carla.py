@@ -7,7 +7,7 @@ hangs or dies, it is ended and the simulation tried again in a fresh world.
 
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
-from overtaking.simulators import carla_company
+from overtaking.simulators import carla_client
 
 __all__ = ["CHUNK_SIZE", "SHARD_SIZE", "UNKNOWN", "simulate", "version"]
 
@@ -25,7 +25,7 @@ DRIVER = "own"
 
 def version() -> str:
     """What identifies the results."""
-    return carla_company.version(DRIVER)
+    return carla_client.version(DRIVER)
 
 
 def simulate(scenario: Scenario) -> Trajectories:
@@ -42,4 +42,4 @@ def simulate(scenario: Scenario) -> Trajectories:
         ConfigError: The server is not there, of another version, or has no such map.
         SimulationLostError: Some could not be run in several attempts; the message names them.
     """
-    return carla_company.simulate(scenario, DRIVER)
+    return carla_client.simulate(scenario, DRIVER)

@@ -2,7 +2,7 @@
 
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
-from overtaking.simulators import carla_company
+from overtaking.simulators import carla_client
 from overtaking.simulators.carla_manager import UNKNOWN
 
 __all__ = ["CHUNK_SIZE", "SHARD_SIZE", "UNKNOWN", "simulate", "version"]
@@ -18,7 +18,7 @@ DRIVER = "traffic-manager"
 
 def version() -> str:
     """What identifies the results."""
-    return carla_company.version(DRIVER)
+    return carla_client.version(DRIVER)
 
 
 def simulate(scenario: Scenario) -> Trajectories:
@@ -35,4 +35,4 @@ def simulate(scenario: Scenario) -> Trajectories:
         ConfigError: The server is not there, of another version, or has no such map.
         SimulationLostError: Some could not be run in several attempts; the message names them.
     """
-    return carla_company.simulate(scenario, DRIVER)
+    return carla_client.simulate(scenario, DRIVER)

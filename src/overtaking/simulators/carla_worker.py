@@ -1,18 +1,15 @@
 """The process that holds CARLA's client: it runs one scenario after the other for its parent.
 
 The client may hang or crash with a server that dies, so it never runs in the process of a user.
-Standard input and output carry pickled messages between the two, of which the parent is the other
-end; what the client prints goes to standard error.
 """
 
 import os
-import sys
 import time
 from collections.abc import Callable
-from typing import IO, Any
+from typing import Any
 
 from overtaking.core.errors import OvertakingError
-from overtaking.core.messages import receive, send
+from overtaking.core.parent import Parent
 from overtaking.model.trajectory import Trajectories
 from overtaking.simulators import carla_limits, carla_manager, carla_own, carla_replay
 from overtaking.simulators.carla_library import Address, connect, library
@@ -31,22 +28,18 @@ SIGN_INTERVAL = 1.0
 """Time between two signs of life [s]."""
 
 
-def work(address: Address, requests: IO[bytes], answers: IO[bytes]) -> None:
-    """Run jobs until there are no more."""
-    carla = library()
-    client: Any = None
-    while True:
+def main(parent: Parent, host: str, port: str) -> None:
+    """Carry out jobs on the server at an address until there are no more."""
+    carla, client = library(), None
+    for job in parent:
         try:
-            job: Request = receive(requests)
-        except EOFError:
-            return
-        try:
-            client = client or connect(carla, address)
-            send(answers, _answer(carla, client, job, _signs(answers)))
+            client = client or connect(carla, Address(host, int(port)))
+            parent.send(_answer(carla, client, job, _signs(parent)))
         except OvertakingError as error:
-            send(answers, error)
+            parent.send(error)
         except RuntimeError as error:  # What the client raises, a call that took too long included.
-            send(answers, lost(job, str(error)))
+            parent.send(lost(job, str(error)))
+    os._exit(0)  # The client's threads do not always end.
 
 
 def _answer(carla: Any, client: Any, job: Request, sign: Callable[[], None]) -> Result:
@@ -70,26 +63,14 @@ def _run(carla: Any, client: Any, job: Job, sign: Callable[[], None]) -> Traject
     return run
 
 
-def _signs(answers: IO[bytes]) -> Callable[[], None]:
-    """Sends a sign of life now and then."""
+def _signs(parent: Parent) -> Callable[[], None]:
+    """Sends a sign of life at most once in `SIGN_INTERVAL`."""
     last = 0.0  # The first one is sent at once.
 
     def sign() -> None:
         nonlocal last
         if time.monotonic() - last > SIGN_INTERVAL:
             last = time.monotonic()
-            send(answers, Alive())
+            parent.send(Alive())
 
     return sign
-
-
-def main(host: str, port: str) -> None:
-    """Serve the parent on standard input and output."""
-    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    work(Address(host, int(port)), sys.stdin.buffer, answers)
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:3])
-    os._exit(0)  # The client's threads do not always end.

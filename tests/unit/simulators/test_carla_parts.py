@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 import re
 
@@ -13,16 +12,14 @@ from tests.support.worlds import Vehicle, scenario, wide_road
 from overtaking import api
 from overtaking.carla_server.world import SCENARIO_NAME
 from overtaking.core.errors import ConfigError
-from overtaking.core.messages import receive, send
 from overtaking.knowledge import VEHICLE_CLASS_ORDER, presets
 from overtaking.knowledge.blueprints import blueprints
 from overtaking.model.road import DrivingSide
 from overtaking.sim.parameters import parameters
 from overtaking.sim.reference.state import initial_state
 from overtaking.simulators import carla_cast, carla_manager, carla_replay
-from overtaking.simulators.carla_company import joined
+from overtaking.simulators.carla_client import joined
 from overtaking.simulators.carla_library import Address, parse_address
-from overtaking.simulators.carla_messages import Alive
 from overtaking.simulators.carla_own import HARDEST, check_interval, take_over
 from overtaking.simulators.carla_stage import Reading
 
@@ -158,13 +155,3 @@ def test_pushes_grow_with_the_worse_of_rain_and_wind():
 def test_pictures_that_cannot_be_are_refused(size: tuple[int, int]):
     with pytest.raises(ConfigError, match="size"):
         carla_replay.check_size(size)
-
-
-def test_messages_between_processes_come_out_as_they_went_in():
-    stream = io.BytesIO()
-    send(stream, Alive())
-    send(stream, [1, 2, 3])
-    stream.seek(0)
-    assert [receive(stream), receive(stream)] == [Alive(), [1, 2, 3]]
-    with pytest.raises(EOFError):
-        receive(stream)

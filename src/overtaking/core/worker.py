@@ -1,0 +1,205 @@
+"""A module that runs in a child process, and its messages.
+
+The module defines `main(parent, *arguments)`, with the `Parent` of `core.parent`. Messages are
+pickles. They travel through pipes that no third process can open, so both sides trust them.
+"""
+
+import atexit
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from types import TracebackType
+from typing import IO, Any, Final, Self
+
+from overtaking.core.messages import read_frame, write_frame
+from overtaking.core.parent import STOP
+
+PATIENCE = 5.0
+"""Time that a worker has to end in order [s]."""
+
+_START = "from overtaking.core.parent import run; run()"
+_PRINTED_BYTES = 4096
+_POLL = 1.0  # Windows handles Ctrl-C only between two waits [s].
+
+
+class Ended:
+    """Type of `ENDED`."""
+
+
+ENDED: Final = Ended()
+"""The last message of every worker, however it ended."""
+
+
+class Inbox:
+    """Messages of one or more workers, in the order of their arrival."""
+
+    def __init__(self) -> None:
+        """Create an empty one."""
+        self._frames: SimpleQueue[tuple[Worker, bytes | None]] = SimpleQueue()
+
+    def put(self, worker: "Worker", frame: bytes | None) -> None:
+        """Add a frame; None after the last one."""
+        self._frames.put((worker, frame))
+
+    def receive(self, timeout: float | None = None) -> "tuple[Worker, Any]":
+        """Wait for the next message.
+
+        Args:
+            timeout: Longest time to wait [s]; None for as long as it takes.
+
+        Returns:
+            The worker and its message.
+
+        Raises:
+            TimeoutError: No message arrived in time.
+        """
+        end = None if timeout is None else time.monotonic() + timeout
+        while True:
+            left = _POLL if end is None else max(0.0, min(_POLL, end - time.monotonic()))
+            try:
+                worker, frame = self._frames.get(timeout=left)
+            except Empty:
+                if end is not None and time.monotonic() >= end:
+                    raise TimeoutError from None
+            else:
+                return worker, ENDED if frame is None else pickle.loads(frame)
+
+
+class Worker:
+    """A child process that runs a module; a context that closes it.
+
+    The child ends with this process, ignores Ctrl-C, and finds the modules that this process finds.
+
+    Args:
+        module: Name of the module.
+        arguments: What its `main` gets after the parent.
+        inbox: Where its messages go; None for an inbox of its own.
+        variables: Environment variables of the child, in addition to those of this process.
+
+    Raises:
+        OSError: The process cannot be started.
+    """
+
+    def __init__(
+        self,
+        module: str,
+        *arguments: str,
+        inbox: Inbox | None = None,
+        variables: Mapping[str, str] | None = None,
+    ) -> None:
+        """Start the process."""
+        found = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)
+        self.inbox = inbox or Inbox()
+        self._printed = b""
+        self._process = subprocess.Popen(
+            # Safe path (-P): the child searches where this process does, and nowhere else.
+            [sys.executable, "-P", "-c", _START, module, *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env={**os.environ, **(variables or {}), "PYTHONPATH": found},
+        )
+        atexit.register(self.close)
+        targets = (self._read_frames, self._read_printed)
+        self._threads = [threading.Thread(target=one, daemon=True) for one in targets]
+        for thread in self._threads:
+            thread.start()
+
+    def __enter__(self) -> Self:
+        """The worker itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close it."""
+        self.close()
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the process has not ended."""
+        return self._process.poll() is None
+
+    def send(self, message: object) -> None:
+        """Send a message. Where the process has ended, `ENDED` says so, not this method."""
+        self._send_frame(pickle.dumps(message))
+
+    def receive(self, timeout: float | None = None) -> Any:
+        """The next message of a worker with an inbox of its own; see `Inbox.receive`."""
+        return self.inbox.receive(timeout)[1]
+
+    def stop(self) -> None:
+        """Ask the process to end; `close` gives it the time to clean up."""
+        self._send_frame(STOP)
+
+    def close(self, patience: float = 0.0) -> None:
+        """End the process and free its pipes and threads. A second call does nothing.
+
+        Args:
+            patience: Time that it has to end by itself before it is killed [s].
+        """
+        try:
+            self._process.wait(patience)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        for thread in self._threads:
+            thread.join()
+        for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
+            with suppress(OSError):  # A message that was not written completely.
+                _open(stream).close()
+        atexit.unregister(self.close)
+
+    def ending(self) -> str:
+        """Close a worker that sent `ENDED`, and tell how it ended and what it printed last."""
+        self.close(PATIENCE)
+        status = self._process.returncode
+        how = _signal_name(-status) if status < 0 else f"with exit status {status}"
+        lines = self._printed.decode(errors="replace").split("\n")
+        last = next((line.strip() for line in reversed(lines) if line.strip()), "")
+        return f"{how}: {last}" if last else how
+
+    def _send_frame(self, data: bytes) -> None:
+        with suppress(OSError):
+            write_frame(_open(self._process.stdin), data)
+
+    def _read_frames(self) -> None:
+        try:
+            with suppress(EOFError, OSError):
+                while True:
+                    self.inbox.put(self, read_frame(_open(self._process.stdout)))
+        finally:
+            self.inbox.put(self, None)
+
+    def _read_printed(self) -> None:
+        """Keep the end of what the process prints."""
+        while some := os.read(_open(self._process.stderr).fileno(), _PRINTED_BYTES):
+            self._printed = (self._printed + some)[-_PRINTED_BYTES:]
+
+
+def _open(pipe: IO[bytes] | None) -> IO[bytes]:
+    assert pipe is not None
+    return pipe
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return f"by {signal.Signals(number).name}"
+    except ValueError:
+        return f"by signal {number}"
