@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from overtaking.carla_server import answers, commands, physics
-from overtaking.carla_server.actors import bounding_box
-from overtaking.carla_server.answers import NOTHING, value
+from overtaking.carla_server.actors import EMPTY_BOX, bounding_box
+from overtaking.carla_server.answers import NOTHING, Refused, value
 from overtaking.carla_server.arguments import (
     anything,
     control,
@@ -67,14 +67,20 @@ def spawn_actor_with_parent(
 
 @call(unsigned)
 def destroy_actor(session: Session, actor: int) -> Answer:
-    """Take an actor away; whether it was there."""
-    return value(session.world.destroy(actor))
+    """Take an actor away; the client turns the error for one that is gone into `False`."""
+    if not session.world.destroy(actor):
+        raise Refused(f"unable to destroy actor {actor}: not found")
+    return value(True)
 
 
 @call(unsigned)
 def get_actor_bounding_box(session: Session, actor: int) -> Answer:
-    """The box of an actor."""
-    return value(bounding_box(session.world.actor(actor)))
+    """The box of an actor; an empty one if it is gone.
+
+    Traffic Managers ask for vehicles that have just been destroyed. An error would end the client.
+    """
+    found = session.world.actors.get(actor)
+    return value(bounding_box(found) if found else EMPTY_BOX)
 
 
 @call(unsigned, transform, void=True)

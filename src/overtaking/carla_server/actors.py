@@ -118,6 +118,10 @@ def world_pose(actor: Actor, actors: Mapping[int, Actor]) -> Transform:
     return attached(world_pose(parent, actors), actor.pose) if parent else actor.pose
 
 
+EMPTY_BOX: list[object] = [ORIGIN, ORIGIN, UPRIGHT, 0]
+"""The box that CARLA gives for an actor that is gone."""
+
+
 def bounding_box(actor: Actor) -> list[object]:
     """The box of an actor as clients want it: centre, half sizes, rotation, id."""
     extent = actor.extent if isinstance(actor, Vehicle) else ORIGIN
