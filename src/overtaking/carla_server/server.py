@@ -55,17 +55,19 @@ class Server:
     _complaints: int = 0
 
     async def serve_calls(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Answer the calls of one connection until it ends or sends what no client sends."""
+        """Answer the calls of one connection until it ends or sends what no client sends.
+
+        What a client does not take is not produced: at most one answer is beyond the few kilobytes
+        that a connection buffers, and until it is taken no further call is answered.
+        """
         session = Session(self.world, self.managers)
         decoder = Decoder(self._budget)
-        self._connections += 1
         try:
             _at_once(writer)
-            _check_count(self._connections)
             while data := await reader.read(_READ_BYTES):
                 for message in decoder.feed(data):
                     writer.write(await self._answer(session, message))
-                await writer.drain()
+                    await writer.drain()
                 if len(data) == _READ_BYTES:
                     await asyncio.sleep(0)  # The others come to their turn.
         except ProtocolError as error:
@@ -73,7 +75,6 @@ class Server:
         except ConnectionError:
             pass
         finally:
-            self._connections -= 1
             decoder.close()
             for port in session.own_managers:
                 self.managers.pop(port, None)
