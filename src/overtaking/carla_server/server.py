@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from overtaking.carla_server import actor_calls, answers, calls
 from overtaking.carla_server.answers import Refused
 from overtaking.carla_server.arguments import ArgumentError, check
+from overtaking.carla_server.connections import Connections, CrowdedError
 from overtaking.carla_server.protocol import CALLS, SLOW, Session
 from overtaking.carla_server.streams import Streams
 from overtaking.carla_server.wire import Budget, Decoder, ProtocolError, encode
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 SILENCE = 10.0
 """A synchronous client with Traffic Managers that is silent this long is reported [s]."""
 
-MAX_CONNECTIONS = 64
 MAX_COMPLAINTS = 100
 """Bad messages that are told one by one; who sends thousands shall not fill a disk."""
 
@@ -49,10 +49,14 @@ class Server:
     world: World
     log: Log
     managers: dict[int, str] = field(default_factory=dict)
+    connections: Connections = field(init=False)
     _budget: Budget = field(default_factory=Budget)
-    _connections: int = 0
     _last_call: float = 0.0
     _complaints: int = 0
+
+    def __post_init__(self) -> None:
+        """Nobody is connected."""
+        self.connections = Connections(self.log)
 
     async def serve_calls(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Answer the calls of one connection until it ends or sends what no client sends.
@@ -64,12 +68,16 @@ class Server:
         decoder = Decoder(self._budget)
         try:
             _at_once(writer)
-            while data := await reader.read(_READ_BYTES):
-                for message in decoder.feed(data):
-                    writer.write(await self._answer(session, message))
-                    await writer.drain()
-                if len(data) == _READ_BYTES:
-                    await asyncio.sleep(0)  # The others come to their turn.
+            with self.connections.enter(writer) as connection:
+                while data := await reader.read(_READ_BYTES):
+                    for message in decoder.feed(data):
+                        connection.hear()
+                        writer.write(await self._answer(session, message))
+                        await writer.drain()
+                    if len(data) == _READ_BYTES:
+                        await asyncio.sleep(0)  # The others come to their turn.
+        except CrowdedError as error:
+            self._complain(f"a client was turned away: {error}")
         except ProtocolError as error:
             self._complain(f"a connection was dropped: it sent {error}")
         except ConnectionError:
@@ -154,17 +162,12 @@ def _opened(message: Any) -> tuple[int, str, list[Any]]:
             raise ProtocolError("a message that is no call")
 
 
-def _check_count(connections: int) -> None:
-    """Refuse what is one connection too many."""
-    if connections > MAX_CONNECTIONS:
-        raise ProtocolError(f"nothing yet, but is one of more than {MAX_CONNECTIONS}")
-
-
 def _at_once(writer: asyncio.StreamWriter) -> None:
-    """Send small answers without waiting for more to send."""
+    """Send small answers without waiting for more, and notice when the other machine is gone."""
     plug = writer.get_extra_info("socket")
     if plug is not None:
         plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        plug.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
 
 
 async def serve(

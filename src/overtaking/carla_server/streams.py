@@ -18,6 +18,9 @@ MAX_WAITING_BYTES = 64 << 20
 MAX_ALL_WAITING_BYTES = 4 * MAX_WAITING_BYTES
 """Where more has piled up for all listeners together, the slowest is let go."""
 
+MAX_LISTENERS = 512
+"""Most listeners at a time; a genuine client has one for each sensor."""
+
 SETTLING_TIME = 0.5
 """A listener that was announced and has not come by then is not waited for any more [s]."""
 
@@ -39,7 +42,7 @@ class Streams:
         """Begin without streams."""
         self._log = log
         self._listeners: dict[int, set[asyncio.StreamWriter]] = {}
-        self._next = 0
+        self._next = self._open = 0
         self._announced: set[int] = set()
         self._arrival = asyncio.Event()
         self.port = 0
@@ -109,7 +112,11 @@ class Streams:
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Serve one connection: it names its stream and then only listens."""
         stream = -1
+        self._open += 1
         try:
+            if self._open > MAX_LISTENERS:
+                self._log(f"a listener was turned away: there are {MAX_LISTENERS} already")
+                return
             head = await asyncio.wait_for(reader.readexactly(_LENGTH.size), HANDSHAKE_TIME)
             (stream,) = _LENGTH.unpack(head)
             if stream not in self._listeners:
@@ -124,5 +131,6 @@ class Streams:
         except (asyncio.IncompleteReadError, TimeoutError, ConnectionError):
             pass
         finally:
+            self._open -= 1
             self._listeners.get(stream, set()).discard(writer)
             writer.close()

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import struct
-
-import pytest
+from typing import TYPE_CHECKING
 
 from overtaking.carla_server import streams as module
 from overtaking.carla_server.streams import Streams
+
+if TYPE_CHECKING:
+    import pytest
 
 MB = 1 << 20
 
