@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Generator
 
 MAX_CONNECTIONS = 64
 
@@ -29,12 +29,14 @@ class Connection:
         name: Address of the client.
         heard: Time of its last call, or of its beginning [s].
         has_called: Whether it ever made a call.
+        told: What was said of its calls that had no effect.
     """
 
     writer: asyncio.StreamWriter
     name: str
     heard: float
     has_called: bool = False
+    told: set[str] = field(default_factory=set)
 
     def hear(self) -> None:
         """Note that it has made a call."""
@@ -58,7 +60,7 @@ class Connections:
         self._open: list[Connection] = []
 
     @contextmanager
-    def enter(self, writer: asyncio.StreamWriter) -> Iterator[Connection]:
+    def enter(self, writer: asyncio.StreamWriter) -> Generator[Connection]:
         """Take in a new connection, for as long as the context lasts.
 
         Raises:
