@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pytest
 
+from overtaking.carla_server.wire import Decoder, encode
+
 if TYPE_CHECKING:
     from collections.abc import Generator
 
@@ -100,6 +102,17 @@ def ask(address: Address, script: str, *, patience: float = PATIENCE) -> Any:
     )
     assert done.returncode == 0, f"status {done.returncode}: {done.stderr[-2000:]}"
     return json.loads(done.stdout.strip().split("\n")[-1])
+
+
+def answer_of(port: int, *message: object) -> object:
+    """What the server answers to a call on a connection of its own."""
+    with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE) as plug:
+        plug.sendall(encode([0, 1, *message]))
+        decoder = Decoder()
+        while data := plug.recv(1 << 16):
+            if answers := decoder.feed(data):
+                return answers[0]
+    return None
 
 
 def free_port() -> int:

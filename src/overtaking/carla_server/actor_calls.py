@@ -5,14 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from overtaking.carla_server import answers, commands, physics
-from overtaking.carla_server.actors import bounding_box
-from overtaking.carla_server.answers import NOTHING, value
+from overtaking.carla_server.actors import EMPTY_BOX, bounding_box
+from overtaking.carla_server.answers import NOTHING, Refused, value
 from overtaking.carla_server.arguments import (
+    ackermann_gains,
+    ackermann_target,
     anything,
     control,
     description,
     listed,
-    number,
+    physics_control,
     record,
     text,
     transform,
@@ -25,7 +27,15 @@ from overtaking.carla_server.protocol import call
 
 if TYPE_CHECKING:
     from overtaking.carla_server.answers import Answer
-    from overtaking.carla_server.arguments import Control, Description, Transform, Vector
+    from overtaking.carla_server.arguments import (
+        Control,
+        Description,
+        Gains,
+        Physics,
+        Target,
+        Transform,
+        Vector,
+    )
     from overtaking.carla_server.protocol import Session
 
 
@@ -67,14 +77,20 @@ def spawn_actor_with_parent(
 
 @call(unsigned)
 def destroy_actor(session: Session, actor: int) -> Answer:
-    """Take an actor away; whether it was there."""
-    return value(session.world.destroy(actor))
+    """Take an actor away; the client turns the error for one that is gone into `False`."""
+    if not session.world.destroy(actor):
+        raise Refused(f"unable to destroy actor {actor}: not found")
+    return value(True)
 
 
 @call(unsigned)
 def get_actor_bounding_box(session: Session, actor: int) -> Answer:
-    """The box of an actor."""
-    return value(bounding_box(session.world.actor(actor)))
+    """The box of an actor; an empty one if it is gone.
+
+    Traffic Managers ask for vehicles that have just been destroyed. An error would end the client.
+    """
+    found = session.world.actors.get(actor)
+    return value(bounding_box(found) if found else EMPTY_BOX)
 
 
 @call(unsigned, transform, void=True)
@@ -120,6 +136,52 @@ def add_actor_force(session: Session, actor: int, force: Vector) -> Answer:
     return NOTHING
 
 
+@call(unsigned, vector, vector, void=True)
+def add_actor_impulse_at_location(
+    session: Session, actor: int, impulse: Vector, location: Vector
+) -> Answer:
+    """Push a vehicle at a place of the world [N s]."""
+    physics.push_at(session.world, actor, impulse, location)
+    return NOTHING
+
+
+@call(unsigned, vector, vector, void=True)
+def add_actor_force_at_location(
+    session: Session, actor: int, force: Vector, location: Vector
+) -> Answer:
+    """Let a force act at a place of the world during the next tick [N]."""
+    physics.force_at(session.world, actor, force, location)
+    return NOTHING
+
+
+@call(unsigned, vector, void=True)
+def add_actor_angular_impulse(session: Session, actor: int, impulse: Vector) -> Answer:
+    """Spin a vehicle about the vertical."""
+    physics.spin(session.world, actor, impulse)
+    return NOTHING
+
+
+@call(unsigned, vector, void=True)
+def add_actor_torque(session: Session, actor: int, torque: Vector) -> Answer:
+    """Let a torque about the vertical act during the next tick."""
+    physics.twist(session.world, actor, torque)
+    return NOTHING
+
+
+@call(unsigned, vector, void=True)
+def enable_actor_constant_velocity(session: Session, actor: int, velocity: Vector) -> Answer:
+    """Keep a velocity in the axes of a vehicle."""
+    physics.hold_velocity(session.world, actor, velocity)
+    return NOTHING
+
+
+@call(unsigned, void=True)
+def disable_actor_constant_velocity(session: Session, actor: int) -> Answer:
+    """Leave the velocity of a vehicle to pedals and forces again."""
+    physics.release_velocity(session.world, actor)
+    return NOTHING
+
+
 @call(unsigned, yes_or_no, void=True)
 def set_actor_simulate_physics(session: Session, actor: int, moves: bool) -> Answer:
     """Whether physics moves a vehicle."""
@@ -128,30 +190,50 @@ def set_actor_simulate_physics(session: Session, actor: int, moves: bool) -> Ans
 
 
 @call(unsigned, yes_or_no, void=True)
-def set_actor_enable_gravity(session: Session, actor: int, _: bool) -> Answer:
+def set_actor_enable_gravity(session: Session, actor: int, enabled: bool) -> Answer:
     """Nothing: vehicles stay on the ground."""
-    session.world.actor(actor)
+    physics.set_gravity(session.world, actor, enabled)
     return NOTHING
 
 
 @call(unsigned, control, void=True)
 def apply_control_to_vehicle(session: Session, actor: int, wanted: Control) -> Answer:
     """Set pedals and steering."""
-    session.world.vehicle(actor).control = wanted
+    session.world.vehicle(actor).drive(wanted)
+    return NOTHING
+
+
+@call(unsigned, ackermann_target, void=True)
+def apply_ackermann_control_to_vehicle(session: Session, actor: int, wanted: Target) -> Answer:
+    """Let CARLA's Ackermann controller set pedals and steering."""
+    session.world.vehicle(actor).make_for(wanted)
+    return NOTHING
+
+
+@call(unsigned)
+def get_ackermann_controller_settings(session: Session, actor: int) -> Answer:
+    """Gains of the Ackermann controller."""
+    return value(session.world.vehicle(actor).gains)
+
+
+@call(unsigned, ackermann_gains, void=True)
+def apply_ackermann_controller_settings(session: Session, actor: int, gains: Gains) -> Answer:
+    """Change the gains of the Ackermann controller."""
+    session.world.vehicle(actor).gains = gains
     return NOTHING
 
 
 @call(unsigned)
 def get_physics_control(session: Session, actor: int) -> Answer:
     """What CARLA would say of a body like this one."""
-    return value(physics.physics_control(session.world.vehicle(actor)))
+    return value(physics.physics_control(session.world, session.world.vehicle(actor)))
 
 
-@call(unsigned, anything, void=True)
-def apply_physics_control(session: Session, actor: int, _: Any) -> Answer:
-    """Refused: bodies are those of our vehicle classes."""
-    session.world.vehicle(actor)
-    return answers.void_refusal("this headless server does not change the bodies of vehicles")
+@call(unsigned, physics_control, void=True)
+def apply_physics_control(session: Session, actor: int, wanted: Physics) -> Answer:
+    """Change mass, drag and steering of a vehicle; all else is refused."""
+    physics.apply_physics_control(session.world, actor, wanted)
+    return NOTHING
 
 
 @call(unsigned)
@@ -173,16 +255,16 @@ def get_vehicle_light_states(session: Session) -> Answer:
     return value([[one.actor_id, one.lights] for one in session.world.vehicles])
 
 
-@call(unsigned, number, void=True)
-def show_vehicle_debug_telemetry(_: Session, __: int, ___: float) -> Answer:
+@call(unsigned, yes_or_no, void=True)
+def show_vehicle_debug_telemetry(_: Session, __: int, ___: bool) -> Answer:
     """Nothing: there is no window."""
-    return NOTHING
+    raise Refused("this headless server has no window to show it in")
 
 
-@call(listed(commands.command), yes_or_no)
+@call(listed(commands.command), yes_or_no, refuse=answers.batch_refusal)
 def apply_batch(session: Session, wanted: tuple[commands.Command, ...], ticks: bool) -> Answer:
     """Do several things; the only answer that is not wrapped."""
-    done = [commands.apply(session.world, one) for one in wanted]
+    done = [commands.apply(session, one) for one in wanted]
     if ticks and session.world.settings.synchronous:
         session.world.tick()
     return done

@@ -6,7 +6,16 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from overtaking.carla_server.arguments import Control, Description, Rotation, Transform, Vector
+from overtaking.carla_server.ackermann import Ackermann
+from overtaking.carla_server.arguments import (
+    Control,
+    Description,
+    Gains,
+    Rotation,
+    Target,
+    Transform,
+    Vector,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -57,6 +66,8 @@ class Vehicle(Actor):
         velocity: In CARLA's frame [m/s].
         acceleration: Over the last tick, contacts included [m/s^2].
         turning: Yaw rate, clockwise seen from above [degrees/s].
+        ackermann: The controller that sets pedals and steering, None where the client does.
+        gains: Of that controller, kept while it is off.
     """
 
     body: Body
@@ -66,6 +77,24 @@ class Vehicle(Actor):
     velocity: Vector = ORIGIN
     acceleration: Vector = ORIGIN
     turning: float = 0.0
+    ackermann: Ackermann | None = None
+    gains: Gains = field(default_factory=Gains)
+
+    @property
+    def forward_speed(self) -> float:
+        """Speed along its axis, negative backwards [m/s]."""
+        yaw = math.radians(self.pose.rotation.yaw)
+        return self.velocity.x * math.cos(yaw) + self.velocity.y * math.sin(yaw)
+
+    def drive(self, control: Control) -> None:
+        """Set pedals and steering, until the client or its controller sets others."""
+        self.control, self.ackermann = control, None
+
+    def make_for(self, target: Target) -> None:
+        """Let the Ackermann controller make for a speed and a wheel angle."""
+        if self.ackermann is None:
+            self.ackermann = Ackermann(target)
+        self.ackermann.target = target
 
     @property
     def extent(self) -> Vector:
@@ -116,6 +145,10 @@ def world_pose(actor: Actor, actors: Mapping[int, Actor]) -> Transform:
     """Where an actor is in the world."""
     parent = actors.get(actor.parent)
     return attached(world_pose(parent, actors), actor.pose) if parent else actor.pose
+
+
+EMPTY_BOX: list[object] = [ORIGIN, ORIGIN, UPRIGHT, 0]
+"""The box that CARLA gives for an actor that is gone."""
 
 
 def bounding_box(actor: Actor) -> list[object]:

@@ -28,3 +28,19 @@ def refusal(message: str) -> Answer:
 def void_refusal(message: str) -> Answer:
     """An error of a call that only does something."""
     return [[True, [message]]]
+
+
+def batch_refusal(message: str) -> Answer:
+    """An error of a batch as a whole."""
+    return [refusal(message)]
+
+
+def errors(answer: Answer) -> list[str]:
+    """The error in an answer, or all those in the answer to a batch."""
+    match answer:
+        case [[0 | True, [str(message)]]]:
+            return [message]
+        case [[int(), *_]]:
+            return []
+        case _:
+            return [message for one in answer for message in errors(one)]

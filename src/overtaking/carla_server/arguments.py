@@ -52,6 +52,67 @@ class Control(NamedTuple):
     gear: int = 0
 
 
+class Target(NamedTuple):
+    """`carla.VehicleAckermannControl`: angle [rad], its speed [rad/s], m/s, m/s^2 and m/s^3.
+
+    The steering angle is positive to the right. CARLA's controller does not use the jerk.
+    """
+
+    steer: float = 0.0
+    steer_speed: float = 0.0
+    speed: float = 0.0
+    acceleration: float = 0.0
+    jerk: float = 0.0
+
+
+class Gains(NamedTuple):
+    """`carla.AckermannControllerSettings`, with CARLA's defaults."""
+
+    speed_kp: float = 0.15
+    speed_ki: float = 0.0
+    speed_kd: float = 0.25
+    accel_kp: float = 0.01
+    accel_ki: float = 0.0
+    accel_kd: float = 0.01
+
+
+class Wheel(NamedTuple):
+    """`carla.WheelPhysicsControl`, as it is sent; angles in degrees, radius in cm."""
+
+    tire_friction: float
+    damping_rate: float
+    max_steer_angle: float
+    radius: float
+    max_brake_torque: float
+    max_handbrake_torque: float
+    lat_stiff_max_load: float
+    lat_stiff_value: float
+    long_stiff_value: float
+    position: Vector
+
+
+class Physics(NamedTuple):
+    """`carla.VehiclePhysicsControl`, as it is sent; mass in kg, speeds in km/h."""
+
+    torque_curve: tuple[tuple[float, float], ...]
+    max_rpm: float
+    moi: float
+    damping_rate_full_throttle: float
+    damping_rate_zero_throttle_clutch_engaged: float
+    damping_rate_zero_throttle_clutch_disengaged: float
+    use_gear_autobox: bool
+    gear_switch_time: float
+    clutch_strength: float
+    final_ratio: float
+    forward_gears: tuple[tuple[float, float, float], ...]
+    mass: float
+    drag_coefficient: float
+    center_of_mass: Vector
+    steering_curve: tuple[tuple[float, float], ...]
+    wheels: tuple[Wheel, ...]
+    use_sweep_wheel_collision: bool
+
+
 class Attribute(NamedTuple):
     """A value that was chosen for an attribute of a blueprint."""
 
@@ -179,6 +240,25 @@ control = record(
     whole,
 )
 description = record(Description, unsigned, text, listed(record(Attribute, text, unsigned, text)))
+ackermann_target = record(Target, *[number] * 5)
+ackermann_gains = record(Gains, *[number] * 6)
+_pairs = listed(record(lambda *pair: pair, number, number))
+_gears = listed(record(lambda *gear: gear, number, number, number))
+wheel = record(Wheel, *[number] * 9, vector)
+physics_control = record(
+    Physics,
+    _pairs,
+    *[number] * 5,
+    yes_or_no,
+    *[number] * 3,
+    _gears,
+    number,
+    number,
+    vector,
+    _pairs,
+    listed(wheel),
+    yes_or_no,
+)
 _delta = optional(number)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from overtaking.carla_server.answers import NOTHING, value
+from overtaking.carla_server.answers import NOTHING, Refused, value
 from overtaking.carla_server.arguments import (
     anything,
     record,
@@ -170,14 +170,8 @@ def freeze_all_traffic_lights(_: Session, __: bool) -> Answer:
 
 @call(anything, void=True)
 def draw_debug_shape(_: Session, __: Any) -> Answer:
-    """Nothing: shapes for debugging are not drawn."""
-    return NOTHING
-
-
-@call(text)
-def console_command(_: Session, __: str) -> Answer:
-    """Nothing: there is no console."""
-    return value(False)
+    """Nothing: there is no window."""
+    raise Refused("this headless server has no window to draw in")
 
 
 # --- Traffic Managers, which run in the clients ---

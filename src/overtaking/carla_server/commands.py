@@ -12,15 +12,17 @@ from overtaking.carla_server.arguments import (
     Control,
     Description,
     Kind,
+    Target,
     Transform,
     Vector,
+    ackermann_target,
     anything,
     check,
     control,
     description,
     listed,
     optional,
-    text,
+    physics_control,
     transform,
     unsigned,
     vector,
@@ -30,6 +32,7 @@ from overtaking.core.errors import OvertakingError
 
 if TYPE_CHECKING:
     from overtaking.carla_server.answers import Answer
+    from overtaking.carla_server.protocol import Session
     from overtaking.carla_server.world import World
 
 SPAWN = 0
@@ -52,8 +55,10 @@ def command(value: Any) -> Command:
     match value:
         case [[int(number), [*fields]]] if number in _KINDS:
             return Command(number, tuple(check(_KINDS[number][0], fields)))
+        case [[int(number), list()]] if number in LACKING:
+            return Command(number, ())
         case _:
-            raise ArgumentError("a command that this server knows")
+            raise ArgumentError("a command of the protocol")
 
 
 def _then(value: Any) -> tuple[Command, ...]:
@@ -79,22 +84,24 @@ def _is_spawn(value: Any) -> bool:
             return False
 
 
-def apply(world: World, one: Command) -> Answer:
+def apply(session: Session, one: Command) -> Answer:
     """Do it; the id of the actor, or the reason why not."""
     try:
-        actor = _spawn(world, *one.fields) if one.number == SPAWN else _do(world, one)
+        actor = _spawn(session, *one.fields) if one.number == SPAWN else _do(session.world, one)
     except (Refused, OvertakingError) as error:
         return answers.refusal(str(error))
     return answers.value(actor)
 
 
 def _do(world: World, one: Command) -> int:
+    if one.number in LACKING:
+        raise Refused(f"the headless server does not offer the command {LACKING[one.number]}")
     _KINDS[one.number][1](world, *one.fields)
     return one.fields[0] if isinstance(one.fields[0], int) else 0
 
 
 def _spawn(
-    world: World,
+    session: Session,
     wanted: Description,
     pose: Transform,
     parent: int | None,
@@ -102,10 +109,14 @@ def _spawn(
     __: Any,
     then: tuple[Command, ...],
 ) -> int:
-    actor = world.spawn(wanted, pose, parent or 0).actor_id
+    actor = session.world.spawn(wanted, pose, parent or 0).actor_id
     for one in then:
-        # Inside, the actor is called 0: it had no id when the command was written.
-        _do(world, one._replace(fields=(actor, *one.fields[1:])))
+        try:
+            # Inside, the actor is called 0: it had no id when the command was written.
+            _do(session.world, one._replace(fields=(actor, *one.fields[1:])))
+        except Refused as error:
+            # The actor is there, so its id is the answer, as in CARLA.
+            session.unseen.append(str(error))
     return actor
 
 
@@ -115,7 +126,11 @@ def _destroy(world: World, actor: int) -> None:
 
 
 def _control(world: World, actor: int, wanted: Control) -> None:
-    world.vehicle(actor).control = wanted
+    world.vehicle(actor).drive(wanted)
+
+
+def _make_for(world: World, actor: int, wanted: Target) -> None:
+    world.vehicle(actor).make_for(wanted)
 
 
 def _place(world: World, actor: int, pose: Transform) -> None:
@@ -139,24 +154,35 @@ def _lights(world: World, actor: int, lights: int) -> None:
 
 
 def _nothing(*_: Any) -> None:
-    """For what has no effect here, such as gravity or the server's own autopilot."""
+    """For the autopilot: the client tells its Traffic Manager as well, and that one drives."""
 
 
 _KINDS: dict[int, tuple[tuple[Kind, ...], Deed]] = {
     SPAWN: ((description, transform, optional(unsigned), anything, anything, _then), _nothing),
     1: ((unsigned,), _destroy),
     2: ((unsigned, control), _control),
+    3: ((unsigned, ackermann_target), _make_for),
+    5: ((unsigned, physics_control), physics.apply_physics_control),
     6: ((unsigned, transform), _place),
     8: ((unsigned, vector), _velocity),
     9: ((unsigned, vector), physics.set_turning),
     10: ((unsigned, vector), physics.push),
     11: ((unsigned, vector), physics.force),
+    12: ((unsigned, vector), physics.spin),
+    13: ((unsigned, vector), physics.twist),
     14: ((unsigned, yes_or_no), _moves),
-    15: ((unsigned, yes_or_no), _nothing),
+    15: ((unsigned, yes_or_no), physics.set_gravity),
     16: ((unsigned, yes_or_no), _nothing),
-    17: ((unsigned, yes_or_no), _nothing),
     18: ((unsigned, unsigned), _lights),
     19: ((unsigned, vector), _locate),
-    20: ((text,), _nothing),
 }
 """Fields of each command, and what it does; the numbers are the protocol's."""
+
+LACKING = {
+    4: "ApplyWalkerControl",
+    7: "ApplyWalkerState",
+    17: "ShowDebugTelemetry",
+    20: "ConsoleCommand",
+    21: "SetTrafficLightState",
+}
+"""Commands that are refused one by one, so that the others of their batch are done."""

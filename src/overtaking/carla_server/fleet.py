@@ -17,6 +17,7 @@ import numpy as np
 from overtaking.carla_server.arguments import Control
 from overtaking.carla_server.bodies import Body, Nature, scenario_of
 from overtaking.carla_server.motion import Ground, Motion, Touch, overlap
+from overtaking.carla_server.steering import Steering
 from overtaking.core.units import kmh_from_mps
 from overtaking.sim.driven import Mover, mover
 from overtaking.sim.parameters import VEHICLE_FIELDS, Parameters, parameters
@@ -31,12 +32,6 @@ if TYPE_CHECKING:
 
 LONGEST_STEP = 0.01
 """Longest step of the dynamics, as in a simulation [s]."""
-
-MAX_WHEEL_ANGLE = math.radians(70.0)
-"""Angle of the front wheels at full lock; CARLA's cars have 70 degrees [rad]."""
-
-STEERING_CURVE = ((0.0, 1.0), (20.0, 0.9), (60.0, 0.8), (120.0, 0.7))
-"""Part of full lock against speed (km/h), as the vehicles of CARLA report theirs."""
 
 HAND_BRAKE = 0.6
 """Part of the brakes that the hand brake has."""
@@ -73,6 +68,9 @@ class Fleet:
         self._backwards: dict[int, float] = {}
         self._still: set[int] = set()
         self._forces: dict[int, tuple[float, float]] = {}
+        self._torques: dict[int, float] = {}
+        self._held: dict[int, tuple[float, float]] = {}
+        self._steering: dict[int, Steering] = {}
         self._movers: dict[float, Mover] = {}
 
     def __contains__(self, vehicle: int) -> bool:
@@ -102,8 +100,19 @@ class Fleet:
         del self._ids[row], self._bodies[row]
         self._backwards.pop(vehicle, None)
         self._still.discard(vehicle)
-        self._forces.pop(vehicle, None)
+        for kept in (self._forces, self._torques, self._held, self._steering):
+            kept.pop(vehicle, None)
         self._prepare()
+
+    def set_body(self, vehicle: int, body: Body, steering: Steering) -> None:
+        """Change the numbers of a vehicle, and how far its wheels turn."""
+        self._bodies[self._rows[vehicle]] = body
+        self._steering[vehicle] = steering
+        self._prepare()
+
+    def steering(self, vehicle: int) -> Steering:
+        """How far the wheels of a vehicle turn."""
+        return self._steering.get(vehicle, Steering())
 
     def set_weather(self, weather: Sequence[float]) -> None:
         """Change the weather for all."""
@@ -153,6 +162,22 @@ class Fleet:
         old = self._forces.get(vehicle, (0.0, 0.0))
         self._forces[vehicle] = (old[0] + along, old[1] + across)
 
+    def spin(self, vehicle: int, impulse: float) -> None:
+        """Give a vehicle an angular impulse, anticlockwise [kg m^2/s]."""
+        self._state.r[self._rows[vehicle]] += impulse / self.body(vehicle)["yaw_inertia"]
+
+    def twist(self, vehicle: int, torque: float) -> None:
+        """Let a torque act on a vehicle during the next tick, anticlockwise [N m]."""
+        self._torques[vehicle] = self._torques.get(vehicle, 0.0) + torque
+
+    def hold_velocity(self, vehicle: int, forward: float, left: float) -> None:
+        """Keep a velocity in the vehicle's axes until `release_velocity` [m/s]."""
+        self._held[vehicle] = (forward, left)
+
+    def release_velocity(self, vehicle: int) -> None:
+        """Leave the velocity to pedals and forces again."""
+        self._held.pop(vehicle, None)
+
     def motion(self, vehicle: int) -> Motion:
         """Where a vehicle is and how it moves."""
         return self.motions()[vehicle]
@@ -196,6 +221,7 @@ class Fleet:
         mover.weather(self._state, self._decision)
         self._decision += 1
         self._add_forces(duration)
+        self._hold()
         wanted = self._wanted(controls)
         pairs = self._near_pairs(duration)
         touches: list[Touch] = []
@@ -205,7 +231,9 @@ class Fleet:
         else:
             self._drive(mover, wanted, count)
         self._roll_back(duration, controls)
+        self._hold()
         self._forces.clear()
+        self._torques.clear()
         return touches
 
     def _prepare(self) -> None:
@@ -247,6 +275,17 @@ class Fleet:
             change = (along * cosine + across * sine) * duration
             state.vx[row] = max(float(state.vx[row, 0]) + change / self.body(vehicle)["mass"], 0.0)
 
+        for vehicle, torque in self._torques.items():
+            self.spin(vehicle, torque * duration)
+
+    def _hold(self) -> None:
+        """Set the velocities that are kept; friction takes something of them in each tick."""
+        for vehicle, (forward, left) in self._held.items():
+            psi = float(self._state.psi[self._rows[vehicle], 0])
+            cosine, sine = math.cos(psi), math.sin(psi)
+            along, across = forward * cosine - left * sine, forward * sine + left * cosine
+            self.set_velocity(vehicle, along, across)
+
     def _wanted(self, controls: Mapping[int, Control]) -> Controls:
         """Throttle, brake and wanted wheel angle of each vehicle."""
         wanted = [controls.get(vehicle, _NO_CONTROL) for vehicle in self._ids]
@@ -255,8 +294,10 @@ class Fleet:
         # Forward motion ends under full braking before the reverse gear engages.
         brake = [1.0 if one.reverse else b for one, b in zip(wanted, brake, strict=True)]
         speeds = kmh_from_mps(self._state.vx[:, 0])
-        knots, shares = zip(*STEERING_CURVE, strict=True)
-        lock = MAX_WHEEL_ANGLE * np.interp(speeds, knots, shares)
+        lock = Steering().angles(speeds)
+        for vehicle, own in self._steering.items():
+            row = self._rows[vehicle]
+            lock[row] = own.angles(speeds[row])
         # CARLA's steering is positive to the right.
         angle = -lock * np.array([one.steer for one in wanted])
         return Controls(_column(throttle), _column(brake), _column(angle))

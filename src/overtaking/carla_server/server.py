@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from overtaking.carla_server import actor_calls, answers, calls
 from overtaking.carla_server.answers import Refused
 from overtaking.carla_server.arguments import ArgumentError, check
-from overtaking.carla_server.protocol import CALLS, SLOW, Session
+from overtaking.carla_server.connections import Connection, Connections, CrowdedError
+from overtaking.carla_server.protocol import CALLS, SLOW, Session, refuse_unknown
 from overtaking.carla_server.streams import Streams
 from overtaking.carla_server.wire import Budget, Decoder, ProtocolError, encode
 from overtaking.carla_server.world import World
@@ -24,9 +25,11 @@ if TYPE_CHECKING:
 SILENCE = 10.0
 """A synchronous client with Traffic Managers that is silent this long is reported [s]."""
 
-MAX_CONNECTIONS = 64
-MAX_COMPLAINTS = 100
-"""Bad messages that are told one by one; who sends thousands shall not fill a disk."""
+MAX_COMPLAINTS = 1000
+"""Bad messages that are told one by one; who sends many thousands shall not fill a disk."""
+
+MAX_TOLD, MAX_TOLD_CHARACTERS = 20, 200
+"""Calls without effect that are told for each client, and how long their names may be."""
 
 _READ_BYTES = 1 << 14
 _CALL, _ANSWER = 0, 1
@@ -49,53 +52,71 @@ class Server:
     world: World
     log: Log
     managers: dict[int, str] = field(default_factory=dict)
+    connections: Connections = field(init=False)
     _budget: Budget = field(default_factory=Budget)
-    _connections: int = 0
     _last_call: float = 0.0
     _complaints: int = 0
 
+    def __post_init__(self) -> None:
+        """Nobody is connected."""
+        self.connections = Connections(self.log)
+
     async def serve_calls(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Answer the calls of one connection until it ends or sends what no client sends."""
+        """Answer the calls of one connection until it ends or sends what no client sends.
+
+        What a client does not take is not produced: at most one answer is beyond the few kilobytes
+        that a connection buffers, and until it is taken no further call is answered.
+        """
         session = Session(self.world, self.managers)
         decoder = Decoder(self._budget)
-        self._connections += 1
         try:
             _at_once(writer)
-            _check_count(self._connections)
-            while data := await reader.read(_READ_BYTES):
-                for message in decoder.feed(data):
-                    writer.write(await self._answer(session, message))
-                await writer.drain()
-                if len(data) == _READ_BYTES:
-                    await asyncio.sleep(0)  # The others come to their turn.
+            with self.connections.enter(writer) as connection:
+                while data := await reader.read(_READ_BYTES):
+                    for message in decoder.feed(data):
+                        connection.hear()
+                        writer.write(await self._answer(session, connection, message))
+                        await writer.drain()
+                    if len(data) == _READ_BYTES:
+                        await asyncio.sleep(0)  # The others come to their turn.
+        except CrowdedError as error:
+            self._complain(f"a client was turned away: {error}")
         except ProtocolError as error:
             self._complain(f"a connection was dropped: it sent {error}")
         except ConnectionError:
             pass
         finally:
-            self._connections -= 1
             decoder.close()
             for port in session.own_managers:
                 self.managers.pop(port, None)
             writer.close()
 
-    async def _answer(self, session: Session, message: Any) -> bytes:
+    async def _answer(self, session: Session, connection: Connection, message: Any) -> bytes:
         """The answer to one message."""
-        number, name, parameters = _opened(message)
+        number, is_async, name, parameters = _opened(message)
         self._last_call = asyncio.get_running_loop().time()
         if name == "tick_cue":
             await self.world.streams.settle()
-        try:
-            if name in SLOW:
-                given = (session, name, parameters)
-                answer = await asyncio.to_thread(self._result, *given)
-            else:
-                answer = self._result(session, name, parameters)
-            result = encode([_ANSWER, number, None, answer])
-        except ArgumentError as error:
-            self._complain(f"a call was refused: {name}: {error}")
-            result = encode([_ANSWER, number, f"{name}: {error}", None])
-        return result
+        if name in SLOW:
+            answer = await asyncio.to_thread(self._result, session, name, parameters)
+        else:
+            answer = self._result(session, name, parameters)
+        if is_async:
+            session.unseen += answers.errors(answer)
+        for error in session.unseen:
+            self._tell_unseen(connection, name, error)
+        session.unseen.clear()
+        return encode([_ANSWER, number, None, answer])
+
+    def _tell_unseen(self, connection: Connection, name: str, error: str) -> None:
+        """Say once for each client what it asked for in vain and cannot see.
+
+        The genuine client throws the answers to many of its calls away, so its user sees nothing.
+        """
+        text = (error if error.startswith(name) else f"{name}: {error}")[:MAX_TOLD_CHARACTERS]
+        if text not in connection.told and len(connection.told) < MAX_TOLD:
+            connection.told.add(text)
+            self._complain(f"client {connection.name} cannot see that a call had no effect: {text}")
 
     def _complain(self, text: str) -> None:
         """Tell of a bad message, unless there were too many."""
@@ -106,15 +127,16 @@ class Server:
             self.log("there were many bad messages; no more are told")
 
     def _result(self, session: Session, name: str, parameters: list[Any]) -> answers.Answer:
-        """What a call gives back; `ArgumentError` if there is none or it takes other arguments."""
+        """What a call gives back."""
         wanted = CALLS.get(name)
         if wanted is None:
-            raise ArgumentError("this headless server does not offer this call")
-        arguments = check(wanted.arguments, parameters)
+            return refuse_unknown(name)
         try:
-            return wanted.body(session, *arguments)
+            return wanted.body(session, *check(wanted.arguments, parameters))
+        except ArgumentError as error:
+            return wanted.refuse(f"{name}: {error}")
         except (Refused, OvertakingError) as error:
-            return (answers.void_refusal if wanted.is_void else answers.refusal)(str(error))
+            return wanted.refuse(str(error))
 
     async def run_free(self) -> None:
         """Let time pass, as fast as it does, while no client wants to say when."""
@@ -143,27 +165,21 @@ class Server:
             told = waiting
 
 
-def _opened(message: Any) -> tuple[int, str, list[Any]]:
-    """Number, name and arguments of a call."""
+def _opened(message: Any) -> tuple[int, bool, str, list[Any]]:
+    """Number of a call, whether the client throws its answer away, its name and arguments."""
     match message:
-        case [0, int(number), str(name), [[bool()], *parameters]] if number >= 0:
-            # What comes first says whether the client waits for the answer; it gets one anyway.
-            return number, name, parameters
+        case [0, int(number), str(name), [[bool(is_async)], *parameters]] if number >= 0:
+            return number, is_async, name, parameters
         case _:
             raise ProtocolError("a message that is no call")
 
 
-def _check_count(connections: int) -> None:
-    """Refuse what is one connection too many."""
-    if connections > MAX_CONNECTIONS:
-        raise ProtocolError(f"nothing yet, but is one of more than {MAX_CONNECTIONS}")
-
-
 def _at_once(writer: asyncio.StreamWriter) -> None:
-    """Send small answers without waiting for more to send."""
+    """Send small answers without waiting for more, and notice when the other machine is gone."""
     plug = writer.get_extra_info("socket")
     if plug is not None:
         plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        plug.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
 
 
 async def serve(

@@ -15,6 +15,12 @@ if TYPE_CHECKING:
 MAX_WAITING_BYTES = 64 << 20
 """A listener for whom more than this has piled up is let go; a picture has up to 8 MB."""
 
+MAX_ALL_WAITING_BYTES = 4 * MAX_WAITING_BYTES
+"""Where more has piled up for all listeners together, the slowest is let go."""
+
+MAX_LISTENERS = 512
+"""Most listeners at a time; a genuine client has one for each sensor."""
+
 SETTLING_TIME = 0.5
 """A listener that was announced and has not come by then is not waited for any more [s]."""
 
@@ -24,6 +30,11 @@ HANDSHAKE_TIME = 10.0
 _LENGTH = struct.Struct("<I")
 
 
+def _waiting(writer: asyncio.StreamWriter) -> int:
+    """Bytes that a listener has not taken yet."""
+    return writer.transport.get_write_buffer_size()
+
+
 class Streams:
     """All streams of a server, by number."""
 
@@ -31,7 +42,7 @@ class Streams:
         """Begin without streams."""
         self._log = log
         self._listeners: dict[int, set[asyncio.StreamWriter]] = {}
-        self._next = 0
+        self._next = self._open = 0
         self._announced: set[int] = set()
         self._arrival = asyncio.Event()
         self.port = 0
@@ -73,18 +84,39 @@ class Streams:
     def send(self, stream: int, message: bytes) -> None:
         """Send a message to all who listen."""
         data = _LENGTH.pack(len(message)) + message
-        for writer in list(self._listeners.get(stream, ())):
-            if writer.transport.get_write_buffer_size() > MAX_WAITING_BYTES:
-                self._log(f"a listener of stream {stream} does not read; let go")
-                self._listeners[stream].discard(writer)
-                writer.transport.abort()
-            elif not writer.is_closing():
+        piled_up = False
+        for writer in self._listeners.get(stream, ()):
+            if not writer.is_closing():
+                piled_up |= _waiting(writer) > 0
                 writer.write(data)
+        if piled_up:
+            self._let_go_of_the_slow()
+
+    def _let_go_of_the_slow(self) -> None:
+        """End the listeners for whom too much has piled up, the slowest first."""
+        slow = [
+            (_waiting(writer), stream, writer)
+            for stream, listeners in self._listeners.items()
+            for writer in listeners
+            if _waiting(writer)
+        ]
+        total = sum(size for size, _, _ in slow)
+        for size, stream, writer in sorted(slow, key=lambda one: one[0], reverse=True):
+            if size <= MAX_WAITING_BYTES and total <= MAX_ALL_WAITING_BYTES:
+                return
+            total -= size
+            self._log(f"a listener of stream {stream} does not read; let go")
+            self._listeners[stream].discard(writer)
+            writer.transport.abort()
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Serve one connection: it names its stream and then only listens."""
         stream = -1
+        self._open += 1
         try:
+            if self._open > MAX_LISTENERS:
+                self._log(f"a listener was turned away: there are {MAX_LISTENERS} already")
+                return
             head = await asyncio.wait_for(reader.readexactly(_LENGTH.size), HANDSHAKE_TIME)
             (stream,) = _LENGTH.unpack(head)
             if stream not in self._listeners:
@@ -99,5 +131,6 @@ class Streams:
         except (asyncio.IncompleteReadError, TimeoutError, ConnectionError):
             pass
         finally:
+            self._open -= 1
             self._listeners.get(stream, set()).discard(writer)
             writer.close()

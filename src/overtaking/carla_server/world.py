@@ -8,6 +8,7 @@ from time import monotonic, sleep
 from typing import TYPE_CHECKING
 
 from overtaking.carla_server import snapshot
+from overtaking.carla_server.ackermann import Seen
 from overtaking.carla_server.actors import (
     ORIGIN,
     UPRIGHT,
@@ -243,6 +244,7 @@ class World:
         begin, delta = monotonic(), self.delta
         self.frame += 1
         self.time += delta
+        self._steer_by_controllers(delta)
         controls = {one.actor_id: one.control for one in self.vehicles}
         touches = self.fleet.advance(delta, controls)
         self._follow_fleet(delta)
@@ -251,6 +253,14 @@ class World:
         self._tell_contacts(touches)
         self._tell_world(delta)
         self._take_pictures()
+
+    def _steer_by_controllers(self, delta: float) -> None:
+        """Let Ackermann controllers set pedals and steering."""
+        for one in self.vehicles:
+            if one.ackermann is not None:
+                lock = self.fleet.steering(one.actor_id).lock
+                seen = Seen(one.forward_speed, one.control.steer, lock)
+                one.control = one.ackermann.control(seen, one.gains, delta)
 
     def _follow_fleet(self, delta: float) -> None:
         """Bring the poses of all vehicles up to date."""
