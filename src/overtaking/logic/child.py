@@ -7,13 +7,11 @@ standard input.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import sys
-from pathlib import Path
 from typing import Any
 
-BYTES_PER_MIB = 1024 * 1024
+from overtaking.core.confinement import confine
 
 
 def main() -> None:
@@ -21,7 +19,7 @@ def main() -> None:
     import clingo
 
     asked = json.loads(sys.stdin.buffer.readline())
-    _confine(int(asked["memory_mib"]))
+    confine(int(asked["memory_mib"]), open_files=3)  # Standard input, output and error are open.
     while size := sys.stdin.buffer.readline():
         facts = sys.stdin.buffer.read(int(size)).decode()
         said: list[str] = []
@@ -61,26 +59,6 @@ def _value(clingo: Any, symbol: Any) -> Any:
         rest = [_value(clingo, one) for one in symbol.arguments]
         return [symbol.name, *rest] if symbol.name else rest
     return str(symbol) if symbol.type != clingo.SymbolType.Function or symbol.name else []
-
-
-def _confine(memory_mib: int) -> None:
-    """No more memory than that beside what is in use, and no file at all, where this can be."""
-    try:
-        import resource
-    except ImportError:  # Windows has no such bounds.
-        return
-    statm = Path("/proc/self/statm")
-    pages = int(statm.read_text(encoding="ascii").split()[0]) if statm.exists() else 0
-    in_use = pages * resource.getpagesize()
-    bounds = {
-        resource.RLIMIT_AS: in_use + memory_mib * BYTES_PER_MIB,
-        resource.RLIMIT_FSIZE: 0,
-        resource.RLIMIT_NOFILE: 3,  # Standard input, output and error are open already.
-        resource.RLIMIT_CORE: 0,
-    }
-    for bound, value in bounds.items():
-        with contextlib.suppress(ValueError, OSError):
-            resource.setrlimit(bound, (value, value))
 
 
 if __name__ == "__main__":

@@ -9,8 +9,7 @@ import threading
 import time
 from typing import IO, TYPE_CHECKING, Any, Self
 
-from overtaking.core.bounds import check_bounds
-from overtaking.core.errors import ConfigError
+from overtaking.core.bounds import check_bounds, over
 from overtaking.logic.clauses import reasoner
 
 if TYPE_CHECKING:
@@ -115,10 +114,10 @@ class Reasoner:
             timer.cancel()
         self._left -= time.monotonic() - begin
         if not line and self._left <= 0:
-            raise _over(f"an answer within {self._timeout:g} s", "one that takes longer")
+            raise over("ask", f"an answer within {self._timeout:g} s", "one that takes longer")
         answer: dict[str, Any] = json.loads(line) if line else {"error": "memory"}
         if answer.get("error") == "memory":
-            raise _over(f"at most {self._memory} MiB of memory", "one that needs more")
+            raise over("ask", f"at most {self._memory} MiB of memory", "one that needs more")
         if "error" in answer:
             raise ProgramError(answer["said"])
         return answer["rows"]
@@ -144,13 +143,3 @@ class ProgramError(Exception):
         """Keep what it says, line by line."""
         super().__init__(" ".join(said))
         self.said = said
-
-
-def _over(expected: str, got: str) -> ConfigError:
-    return ConfigError.of(
-        what="query",
-        where="ask",
-        expected=expected,
-        got=got,
-        next_step="ask for less, or allow more",
-    )
