@@ -11,6 +11,8 @@ from typing import Any
 
 from damage import damaged_text
 
+MANIFEST = "dataset.json"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
@@ -31,18 +33,21 @@ class Target:
 
 
 def _data_set(folder: Path) -> list[str]:
-    """The manifest of a data set that lies in the folder."""
-    from overtaking import api
+    """The manifests that a data set in the folder might have; the last one is its own."""
+    from overtaking import Balance, api
 
-    api.generate("pinto2023", 6, 1, folder, shard_size=4)
-    return [(folder / "dataset.json").read_text(encoding="utf-8")]
+    elsewhere = folder / "balanced"
+    balance = Balance(candidates=20, allows_missing=True)
+    api.generate("pinto2023", 6, 1, elsewhere, keep="features", balance=balance)
+    api.generate("motorway", 6, 1, folder / "data", shard_size=4)
+    return [(path / MANIFEST).read_text(encoding="utf-8") for path in (elsewhere, folder / "data")]
 
 
 def _load(manifest: bytes, folder: Path) -> None:
     from overtaking import api
 
-    (folder / "dataset.json").write_bytes(manifest)
-    data = api.load(folder)
+    (folder / "data" / MANIFEST).write_bytes(manifest)
+    data = api.load(folder / "data")
     assert repr(data)
     data.labels()
     assert len(data[-1].trace_hash) == 1
