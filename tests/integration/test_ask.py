@@ -192,6 +192,8 @@ def test_a_question_without_end_is_stopped(data: Dataset):
         overtaking.ask(data, endless, simulations=[0], timeout_s=1.0)
     with pytest.raises(ConfigError, match="at most 64 MiB of memory"):
         overtaking.ask(data, "X = 1..100000000", simulations=[0], memory_mib=64)
+    with pytest.raises(ConfigError, match="an answer of at most 16 MiB"):
+        overtaking.ask(data, "X = 1..200000", simulations=[0], memory_mib=128, max_rows=10**9)
 
 
 def test_nothing_beside_the_data_set_is_written(data: Dataset, workdir: Path):

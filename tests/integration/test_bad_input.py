@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -159,6 +160,8 @@ def test_an_unknown_command_comes_with_a_suggestion(tmp_path):
         "\x00\x01",
         "[profile]\nname = 3",
         "a = " + "[" * 5000,
+        "a = " + "9" * 5000,
+        "a" * 2_000_000,
     ],
 )
 def test_a_specification_that_is_none(tmp_path, text):
@@ -166,6 +169,30 @@ def test_a_specification_that_is_none(tmp_path, text):
     path.write_text(text, encoding="utf-8")
     refused(tmp_path, "generate", "--profile", path, "--out", tmp_path / "data", says="spec.toml")
     assert not (tmp_path / "data").exists()
+
+
+def test_a_specification_that_is_a_pipe_or_endless(tmp_path):
+    path = tmp_path / "spec.toml"
+    os.mkfifo(path)
+    for file in (path, "/dev/zero"):
+        recipe = ("--profile", file, "--out", tmp_path / "data")
+        refused(tmp_path, "generate", *recipe, says="got a pipe or a device")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "time.horizon_s=" + "9" * 5000,
+        "time.horizon_s=" + "[" * 100_000,
+        "time" + ".a" * 10_000 + "=1",
+        "profile.name=" + "a" * 10_000,
+    ],
+    ids=lambda text: text[:20],
+)
+def test_a_change_that_is_endless(tmp_path, change):
+    refused(tmp_path, "generate", "--set", change, "--out", tmp_path / "data", says="pinto2023")
+    profile = ("--profile", change)
+    refused(tmp_path, "generate", *profile, "--out", tmp_path / "data", says="a known profile")
 
 
 MAPS = {
@@ -262,6 +289,30 @@ def test_a_damaged_shard(data, tmp_path, damage):
         cut = {"cut short": len(whole) // 2, "one byte": len(whole), "empty": 0}[damage]
         part.write_bytes(whole[:cut])
     refused(tmp_path, "show", data, 0, says=f"--resume --out {data}")
+
+
+@pytest.mark.parametrize("table", ["labels", "simulations"])
+def test_a_pipe_in_the_place_of_a_shard_is_not_waited_for(data, tmp_path, table):
+    (part,) = (data / table).glob("*.parquet")
+    part.unlink()
+    os.mkfifo(part)
+    refused(tmp_path, "sql", data, f"select count(*) from {table}", says="a pipe or a device")
+    assert run("generate", "--resume", "--out", data, "--quiet").returncode == 0
+    assert run("show", data, 0).returncode == 0
+
+
+def test_a_manifest_that_is_a_pipe_or_endless(data, tmp_path):
+    path = data / "dataset.json"
+    path.unlink()
+    os.mkfifo(path)
+    commands = (("info", data), ("generate", "--resume", "--out", data))
+    for command in commands:
+        refused(tmp_path, *command, says="a pipe or a device")
+    path.unlink()
+    path.symlink_to("/dev/zero")
+    for command in commands:
+        process = run(*command)
+        assert "a pipe or a device" in process.stderr
 
 
 def test_a_damaged_shard_is_exported_only_when_it_is_repaired(data, tmp_path):

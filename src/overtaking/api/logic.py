@@ -42,7 +42,7 @@ def ask(
             changes.
         max_rows: How many answers to give at most.
         timeout_s: How long the reasoner may take [s].
-        memory_mib: How much memory it may use [MiB].
+        memory_mib: How much memory it may use [MiB]; the answers may take an eighth of it.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:

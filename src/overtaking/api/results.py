@@ -282,7 +282,7 @@ def query(
             paper's entities are views, such as `paper.EgoVehicle`.
         max_rows: How many rows to give at most.
         timeout_s: How long it may take [s].
-        memory_mib: How much memory the database may use [MiB].
+        memory_mib: How much memory the database may use [MiB]; the answer may take an eighth of it.
 
     Returns:
         Names of the columns, the rows, and whether there are more.

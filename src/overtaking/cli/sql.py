@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from rich.console import Group
 
 FORMATS = ("table", "csv", "json")
+MOST_SHOWN = 1000
+"""Characters of a cell in a table; CSV and JSON have all of them."""
 
 Question = Annotated[str, typer.Argument(metavar="SQL", help="One SELECT, in quotes.")]
 Written = Annotated[str, typer.Option("--format", metavar="NAME", help="table, csv or json.")]
@@ -90,12 +92,13 @@ def render(values: dict[str, Any]) -> "Group":
 
 
 def shown(cell: object) -> str:
-    """A cell as people read it, without anything that a terminal would obey."""
+    """A cell as people read it: not all of a long one, and nothing that a terminal would obey."""
     if cell is None:
         return "–"
     if isinstance(cell, bool):
         return "yes" if cell else "no"
     text = f"{cell:.6g}" if isinstance(cell, float) else str(cell)
+    text = text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}…"
     return "".join(one if one.isprintable() else "�" for one in text)
 
 

@@ -15,8 +15,9 @@ MAX_SHOWN_CHARACTERS = 160
 
 
 def _one_line(part: object) -> str:
-    """A part of a message as text without line breaks, shortened when it is very long."""
+    """A part of a message on one line, without what a terminal would obey, and not too long."""
     text = " ".join((part if isinstance(part, str) else repr(part)).split())
+    text = "".join(one if one.isprintable() else "�" for one in text[: MAX_SHOWN_CHARACTERS + 1])
     if len(text) <= MAX_SHOWN_CHARACTERS:
         return text
     return text[: MAX_SHOWN_CHARACTERS - 3] + "..."

@@ -1,26 +1,27 @@
 """Questions to a data set in SQL, which can read its tables and nothing else.
 
-The database lives in memory and holds the tables as streams that are read from outside: it never
-sees the name of a file and is forbidden to open one, so there is nothing that a query could write
-over, and nothing beside the data set that it could read.
+The database lives in the memory of a process of its own and holds the tables as streams that are
+read from outside: it never sees the name of a file and is forbidden to open one, so there is
+nothing that a query could write over, and nothing beside the data set that it could read.
 """
 
 from __future__ import annotations
 
+import io
+import os
+import pickle
 import re
-import threading
-from contextlib import contextmanager
+import subprocess
+import sys
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from overtaking.core.bounds import check_bounds
+from overtaking.core.bounds import check_bounds, over
 from overtaking.core.errors import ConfigError, MissingExtraError
-from overtaking.database.views import SCHEMA, VIEWS
-from overtaking.tables.schemas import SCHEMAS
+from overtaking.database.views import VIEWS
 
 if TYPE_CHECKING:
-    from collections.abc import Generator
-
     from overtaking.datasets.load import Dataset
 
 MAX_ROWS = 10_000
@@ -28,17 +29,13 @@ TIMEOUT_S = 60.0
 MEMORY_MIB = 1024
 """Bounds of a query, unless others are asked for."""
 
-_MAX_CHARACTERS = 100_000
-_SETTINGS = (
-    # The sizes of streams are unknown, and guesses put the states of all vehicles into memory; in
-    # the order of the query, a join keeps the table on its right.
-    "SET disabled_optimizers = 'build_side_probe_side'",
-    "SET temp_directory = ''",  # Nothing is written to disk: what needs more memory fails.
-    "SET autoinstall_known_extensions = false",
-    "SET autoload_known_extensions = false",
-    "SET enable_external_access = false",
-    "SET lock_configuration = true",
-)
+TOO_LATE = 3
+"""Exit status of the process of a query whose time is over."""
+
+_COMMAND = (sys.executable, "-P", "-m", "overtaking.database.child")
+
+_PATIENCE_S = 60.0
+"""How long the process may take to start and to end, beside the time of the query [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,53 +67,81 @@ def query(
         data: The data set; its tables have their own names and units, and the paper's entities are
             views in the schema `paper`.
         sql: One SELECT, or DESCRIBE, SUMMARIZE, SHOW, in DuckDB's dialect.
-        max_rows: How many rows to give at most.
-        timeout_s: How long it may take [s].
-        memory_mib: How much memory the database may use [MiB].
+        max_rows: How many rows to give at most, 1 to 1e9.
+        timeout_s: How long it may take [s], 0.001 to 1e9.
+        memory_mib: How much memory the database may use [MiB], 16 to 1e9; the answer may take an
+            eighth of it. Linux holds the database to it, whatever the query does.
 
     Raises:
         ConfigError: It is no query, is wrong, or needs more time or memory than it may.
         DatasetError: A file of the data set is damaged.
         MissingExtraError: DuckDB is not installed.
     """
-    duckdb = _duckdb()
+    _refuse_without_duckdb()
     check_bounds("sql", max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
-    with duckdb.connect(":memory:") as connection:
-        _fill(connection, data, sql, memory_mib)
+    bounds = {"max_rows": max_rows, "timeout_s": timeout_s, "memory_mib": memory_mib}
+    bounds = {"max_rows": max_rows, "timeout_s": timeout_s, "memory_mib": memory_mib}
+    request = pickle.dumps({"sql": sql, "tables": _tables(data, sql), **bounds})
+    try:
+        done = subprocess.run(
+            _COMMAND,
+            input=request,
+            capture_output=True,
+            env=os.environ | {"ARROW_DEFAULT_MEMORY_POOL": "system"},  # Others reserve a gigabyte.
+            timeout=timeout_s + _PATIENCE_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise _too_late(timeout_s) from None
+    answer = _answer(done.stdout)
+    if answer is not None:
+        return answer
+    if done.returncode == TOO_LATE:
+        raise _too_late(timeout_s)
+    if done.returncode == 1 and b"MemoryError" not in done.stderr:
+        raise RuntimeError(done.stderr.decode(errors="replace"))  # A fault of our own.
+    raise too_large(memory_mib)
+
+
+def _answer(said: bytes) -> Answer | None:
+    """What the process has said; None if it ended before it was done.
+
+    Raises:
+        ConfigError: It has refused the query.
+    """
+    columns: tuple[str, ...] = ()
+    rows: list[tuple[Any, ...]] = []
+    stream = io.BytesIO(said)
+    while True:
         try:
-            statement = _only_statement(connection, sql)
-            with _time_limit(connection, timeout_s):
-                found = connection.execute(statement)
-                names = tuple(column[0] for column in found.description or ())
-                rows = found.fetchmany(max_rows + 1)
-        except duckdb.InterruptException as error:
-            raise _over(f"an answer within {timeout_s:g} s", "one that takes longer") from error
-        except duckdb.OutOfMemoryException as error:
-            raise _over(f"at most {memory_mib} MiB of memory", "one that needs more") from error
-        except duckdb.Error as error:
-            raise _refused(_first_line(error)) from error
-    return Answer(columns=names, rows=rows[:max_rows], is_cut=len(rows) > max_rows)
+            message: Any = pickle.load(stream)
+        except (EOFError, pickle.UnpicklingError):
+            return None
+        if isinstance(message, ConfigError):
+            raise message
+        if isinstance(message, bool):
+            return Answer(columns=columns, rows=rows, is_cut=message)
+        if isinstance(message, tuple):
+            columns = message
+        else:
+            rows += message
 
 
-def _fill(connection: Any, data: Dataset, sql: str, memory_mib: int) -> None:
-    """Put the tables and the paper's views into a database, then lock it."""
-    import pyarrow.dataset as arrow
+def _tables(data: Dataset, sql: str) -> dict[str, tuple[list[str], Any]]:
+    """The files of each table, and its schema where a query cannot read it.
 
-    tables = data.kept_tables
-    named = _named(sql, tables)
-    for table in tables:
-        files = [str(path) for path in data.files(table, is_checked=table in named)]
-        # Views want to know the columns of tables that nobody asks about; their files stay closed.
-        schema = None if table in named else SCHEMAS[table]
-        source: Any = arrow.dataset(files, schema=schema, format="parquet")
-        connection.register(table, source)
-    connection.execute(f"CREATE SCHEMA {SCHEMA}")
-    for view in VIEWS:
-        if set(view.tables) <= set(tables):
-            connection.execute(f"CREATE VIEW {SCHEMA}.{view.name} AS {view.body}")
-    connection.execute(f"SET memory_limit = '{memory_mib}MiB'")
-    for setting in _SETTINGS:
-        connection.execute(setting)
+    Views want to know the columns of tables that nobody asks about; their files stay closed.
+    """
+    from overtaking.tables.schemas import SCHEMAS  # Slow; `child` needs none of it.
+
+    named = _named(sql, data.kept_tables)
+    return {
+        table: (
+            [str(path) for path in data.files(table, is_checked=table in named)],
+            None if table in named else SCHEMAS[table],
+        )
+        for table in data.kept_tables
+    }
 
 
 def _named(sql: str, tables: tuple[str, ...]) -> set[str]:
@@ -126,80 +151,22 @@ def _named(sql: str, tables: tuple[str, ...]) -> set[str]:
     return {table for table in tables if table in words or table in needed}
 
 
-def _only_statement(connection: Any, sql: str) -> Any:
-    """The query, parsed.
-
-    Raises:
-        ConfigError: It is not exactly one, or one that is no question.
-    """
-    if len(sql) > _MAX_CHARACTERS:
-        raise _no_query(f"one of {len(sql)} characters")
-    statements = connection.extract_statements(sql)
-    if len(statements) != 1:
-        raise _no_query(f"{len(statements) or 'no'} statements")
-    kind = statements[0].type.name
-    if kind != "SELECT":
-        raise _no_query(f"a statement of the kind {kind}")
-    return statements[0]
-
-
-@contextmanager
-def _time_limit(connection: Any, seconds: float) -> Generator[None]:
-    """Stop what a connection does after some time."""
-    timer = threading.Timer(seconds, connection.interrupt)
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
-
-
-def _duckdb() -> Any:
-    """DuckDB, which not everybody has."""
-    try:
-        import duckdb
-    except ImportError:
+def _refuse_without_duckdb() -> None:
+    """Refuse to go on without DuckDB, which not everybody has."""
+    if find_spec("duckdb") is None:
         raise MissingExtraError.of(
             what="DuckDB, which answers SQL",
             where="sql",
             expected="the extra [sql]",
             got="no such package",
             next_step="run: pip install 'overtaking[sql]'",
-        ) from None
-    return duckdb
+        )
 
 
-def _first_line(error: Exception) -> str:
-    """What DuckDB says, without the drawing of the place."""
-    return next((line for line in str(error).splitlines() if line.strip()), "an error")
+def too_large(memory_mib: int) -> ConfigError:
+    """The error of a query that needs more memory than it may [MiB]."""
+    return over("sql", f"at most {memory_mib} MiB of memory", "one that needs more")
 
 
-def _no_query(got: str) -> ConfigError:
-    return ConfigError.of(
-        what="query",
-        where="sql",
-        expected="one SELECT, DESCRIBE, SUMMARIZE or SHOW",
-        got=got,
-        next_step="ask one question at a time",
-    )
-
-
-def _over(expected: str, got: str) -> ConfigError:
-    return ConfigError.of(
-        what="query",
-        where="sql",
-        expected=expected,
-        got=got,
-        next_step="ask for less, or allow more",
-    )
-
-
-def _refused(said: str) -> ConfigError:
-    return ConfigError.of(
-        what="query",
-        where="sql",
-        expected="one that DuckDB can answer",
-        got=said,
-        next_step='ask "SHOW ALL TABLES" what there is',
-    )
+def _too_late(timeout_s: float) -> ConfigError:
+    return over("sql", f"an answer within {timeout_s:g} s", "one that takes longer")

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from overtaking.core.errors import DatasetError
+from overtaking.core.files import whole
 from overtaking.datasets import plan
 from overtaking.datasets.ahead import in_order
 from overtaking.datasets.balance import MAX_CANDIDATES, OUTSIDE, Balance, selection_weights
@@ -31,6 +32,9 @@ FILE_NAME = "balance.json"
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 U64 = NDArray[np.uint64]
+
+_MOST_BYTES = 1 << 28
+"""Of some ten million simulations; what is longer is looked for again."""
 
 _SAVED_SHARE = 10
 """What is remembered is written when it has grown by a tenth: at most that is to be done again, and
@@ -299,7 +303,7 @@ def _read(place: Place, key: str, limit: int, selection: Selection) -> None:
     """Let a selection go on from what was remembered for the same key, if it is whole."""
     try:
         with place.open(FILE_NAME) as file:
-            known = _Remembered.model_validate_json(file.read())
+            known = _Remembered.model_validate_json(whole(file, _MOST_BYTES))
     except (OSError, ValidationError):
         return
     if known.fits(key, limit, len(selection.seen)):

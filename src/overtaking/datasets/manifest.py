@@ -3,16 +3,26 @@
 import dataclasses
 import hashlib
 import json
-import os
-from typing import Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    JsonValue,
+    ValidationError,
+    model_validator,
+)
 
 from overtaking.core.errors import DatasetError, SchemaError
+from overtaking.core.files import whole
+from overtaking.datasets import plan
 from overtaking.datasets.balance import Balance
 from overtaking.datasets.place import Place
 from overtaking.datasets.recipe import Keep, Recipe, Simulator
 from overtaking.model.road import Road
+from overtaking.scenarios import spec as checked_spec
 from overtaking.tables.files import FileFacts
 from overtaking.tables.schemas import VERSION as TABLE_VERSION
 
@@ -23,10 +33,26 @@ VERSION = 1
 """Version of the manifest itself; the tables have versions of their own."""
 
 
+_MOST_BYTES = 1 << 26
+_MOST_VALUES = 2_000_000
+"""Twice what `MAX_SHARDS` shards take. A file of commas would take thirty times its size."""
+
+_Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+_Number = Annotated[int, Field(ge=0, le=plan.MAX_SIMULATIONS)]
+_Count = Annotated[int, Field(ge=1, le=plan.MAX_SIMULATIONS)]
+
+
+def _sampled(spec: dict[str, JsonValue]) -> dict[str, JsonValue]:
+    """Refuse what is no specification; recordings have an empty one."""
+    if spec:
+        checked_spec(spec)
+    return spec
+
+
 class _Record(BaseModel):
     """What all parts share: nothing unknown, nothing changed."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class ShardRecord(_Record):
@@ -39,9 +65,9 @@ class ShardRecord(_Record):
         tables: Its file of each table.
     """
 
-    number: int
-    first: int
-    simulations: int
+    number: _Number
+    first: _Number
+    simulations: _Count
     tables: dict[str, FileFacts]
 
 
@@ -58,7 +84,7 @@ class Source(_Record):
     """
 
     format: str
-    files: dict[str, str]
+    files: dict[str, _Hash]
     recording: str
     options: dict[str, JsonValue] = Field(default_factory=dict)
     counts: dict[str, JsonValue] = Field(default_factory=dict)
@@ -75,10 +101,10 @@ class CellRecord(_Record):
         weight: Factor of the weight of each of them; 0 if there are none.
     """
 
-    quota: int
-    seen: int
-    kept: int
-    weight: float
+    quota: _Number
+    seen: _Number
+    kept: _Number
+    weight: Annotated[float, Field(ge=0.0)]
 
 
 class BalanceRecord(_Record):
@@ -91,9 +117,9 @@ class BalanceRecord(_Record):
         cells: What became of each cell, by its name.
     """
 
-    candidates: int
-    outside: int
-    missing: int
+    candidates: _Number
+    outside: _Number
+    missing: _Number
     cells: dict[str, CellRecord]
 
 
@@ -118,14 +144,14 @@ class Identity(_Record):
     """
 
     profile: str
-    spec: dict[str, JsonValue]
+    spec: Annotated[dict[str, JsonValue], AfterValidator(_sampled)]
     spec_hash: str
     road: Road
-    seed: int | None
-    simulations: int
-    shard_size: int
+    seed: Annotated[int, Field(ge=0, lt=2**64)] | None
+    simulations: _Count
+    shard_size: _Count
     keep: Keep
-    table_version: int
+    table_version: _Count
     simulator: str
     simulator_version: str
     unknown: tuple[str, ...] = ()
@@ -217,11 +243,24 @@ class Manifest(_Record):
     format: Literal["overtaking.dataset"] = FORMAT
     version: int = VERSION
     complete: bool = False
-    content_hash: str | None = None
+    content_hash: _Hash | None = None
     identity: Identity
-    shards: tuple[ShardRecord, ...] = ()
+    shards: Annotated[tuple[ShardRecord, ...], Field(max_length=plan.MAX_SHARDS)] = ()
     balance: BalanceRecord | None = None
     provenance: Provenance
+
+    @model_validator(mode="after")
+    def _shards_follow_each_other(self) -> Self:
+        """Refuse shards that are not those of their number of simulations."""
+        total, size = self.num_simulations, self.identity.shard_size
+        known = [(one.number, one.first, one.first + one.simulations) for one in self.shards]
+        if len(known) != plan.num_shards(total, size) or known != [
+            (one.number, one.first, one.stop) for one in plan.shards(total, size)
+        ]:
+            raise ValueError("shards that do not follow each other")
+        if self.complete and not (self.shards and self.content_hash):
+            raise ValueError("complete, but without shards or hash")
+        return self
 
     @property
     def num_simulations(self) -> int:
@@ -268,31 +307,35 @@ def read_manifest(place: Place) -> Manifest:
     path = place.at(FILE_NAME)
     try:
         with place.open(FILE_NAME) as file:
-            text = file.read().decode()
-    except (OSError, UnicodeDecodeError) as error:
-        got = _reason(error) if isinstance(error, OSError) else "a file that is no text"
+            data = whole(file, _MOST_BYTES)
+    except OSError as error:
+        got = error.strerror or str(error)
         raise _unreadable(path, got, "check the path of the data set") from None
+    if sum(map(data.count, (b",", b"[", b"{"))) > _MOST_VALUES:
+        raise _unreadable(path, f"more than {_MOST_VALUES} values", "restore it from a copy")
     try:
-        _check_version(path, json.loads(text))
-        return Manifest.model_validate_json(text)
-    except json.JSONDecodeError as error:
-        raise _unreadable(path, str(error), "restore it from a copy") from None
+        _check_version(path, _Head.model_validate_json(data))
+        return Manifest.model_validate_json(data, strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise _unreadable(path, f"{key}: {first['msg']}", "restore it from a copy") from None
+        key = "".join(f"{part}: " for part in [".".join(map(str, first["loc"]))] if part)
+        said = first["msg"].removeprefix("Value error, ")
+        raise _unreadable(path, f"{key}{said}", "restore it from a copy") from None
 
 
-def _reason(error: OSError) -> str:
-    """Why a file cannot be read: what the system says, or the store."""
-    return os.strerror(error.errno) if error.errno else str(error)
+class _Head(BaseModel):
+    """What says whether all else can be read."""
+
+    model_config = ConfigDict(strict=True)
+
+    format: JsonValue = None
+    version: JsonValue = None
 
 
-def _check_version(path: str, content: JsonValue) -> None:
+def _check_version(path: str, head: _Head) -> None:
     """Refuse what is no manifest, or one of a version that is not known yet."""
-    given = content if isinstance(content, dict) else {}
-    version = given.get("version")
-    if given.get("format") != FORMAT or not isinstance(version, int):
+    version = head.version
+    if head.format != FORMAT or not isinstance(version, int) or isinstance(version, bool):
         raise _unreadable(path, "another kind of file", "check the path of the data set")
     if version > VERSION:
         raise SchemaError.of(

@@ -15,6 +15,7 @@ from typing import Protocol
 from urllib.parse import urlsplit
 
 from overtaking.core.errors import ConfigError
+from overtaking.core.files import ending, opened
 from overtaking.datasets import lock
 from overtaking.datasets.store import Store
 from overtaking.tables.files import sync_folder
@@ -184,11 +185,11 @@ class Folder:
 
     def open(self, name: str) -> BufferedIOBase:
         """One of its files."""
-        return (self.path / name).open("rb")
+        return opened(self.path / name)
 
     def fetch(self, name: str) -> Path:
         """The file itself."""
-        return self.path / name
+        return ending(self.path / name)
 
     def prepare(self, folders: Iterable[str]) -> None:
         """Make it and some folders in it."""

@@ -7,6 +7,12 @@ from typing import Any
 SHARD_SIZE = 4096
 """Simulations a shard: files of some ten megabytes, and at most that much to do again."""
 
+MAX_SIMULATIONS = 10**12
+"""More than anyone has disks for; a number beyond it is a slip."""
+
+MAX_SHARDS = 10_000
+"""So many that the manifest, which names them all, is read in a second and takes 200 MB."""
+
 CHUNK_SIZE = 512
 """Most simulations in memory at a time; each chunk becomes a row group, the least that is read for
 one simulation."""
@@ -45,6 +51,11 @@ class Shard:
     def file_name(self) -> str:
         """Name of its file in the folder of each table."""
         return f"part-{self.number:05d}.parquet"
+
+
+def num_shards(num_simulations: int, shard_size: int) -> int:
+    """How many shards a data set has."""
+    return -(-num_simulations // shard_size)
 
 
 def shards(num_simulations: int, shard_size: int = SHARD_SIZE) -> tuple[Shard, ...]:

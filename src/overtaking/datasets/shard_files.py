@@ -34,7 +34,7 @@ class ShardFiles:
         if name not in self._intact:
             facts = self._manifest.shards[shard.number].tables[table]
             if not write.is_intact(partial(path.open, "rb"), facts):
-                raise self._damaged(name, "others" if path.exists() else "no such file")
+                raise self._damaged(name, "others")
             self._intact.add(name)
         return path
 
@@ -65,11 +65,8 @@ class ShardFiles:
         name = write.name_of(table, shard)
         try:
             return self._place.fetch(name)
-        except FileNotFoundError:
-            got = "no such file"
         except OSError as error:
-            got = str(error)
-        raise self._damaged(name, got)
+            raise self._damaged(name, error.strerror or str(error)) from None
 
     def _damaged(self, name: str, got: str) -> DatasetError:
         return DatasetError.of(

@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from overtaking.core.bounds import room_after
 from overtaking.logic import facts as writing
 from overtaking.logic.export import check_every
 from overtaking.logic.question import ANSWER, Column, question, refused
@@ -60,7 +61,7 @@ def ask(
         every: Every how many frames positions are looked at, as in an export.
         max_rows: How many answers to give at most.
         timeout_s: How long the reasoner may take [s].
-        memory_mib: How much memory it may use [MiB].
+        memory_mib: How much memory it may use [MiB]; the answers may take an eighth of it.
         progress: Called with the number of simulations that are done, and of all.
 
     Raises:
@@ -71,7 +72,7 @@ def ask(
     check_every(every)
     asked = question(text)
     rows: list[tuple[Value, ...]] = []
-    num_asked, interval = 0, 0
+    num_asked, interval, room = 0, 0, None
     with Reasoner(
         asked.program,
         ((ANSWER, len(asked.columns)),),
@@ -81,7 +82,9 @@ def ask(
     ) as reasoner:
         for group in groups(data, chosen or Choice()):
             interval = group.case.signals.frame_interval_ms
-            rows += _answers(reasoner, group_text(group, asked.needed.demand, every))
+            found = _answers(reasoner, group_text(group, asked.needed.demand, every))
+            room = room_after(room, found, "ask", memory_mib)
+            rows += found
             num_asked += len(group.numbers)
             if progress is not None:
                 progress(group.done, len(data))

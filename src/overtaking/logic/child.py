@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import clingo
 
+from overtaking.core.confinement import confine
+
 if TYPE_CHECKING:
     from overtaking.core.parent import Parent
-
-BYTES_PER_MIB = 1024 * 1024
 
 
 def main(parent: Parent) -> None:
@@ -21,7 +19,7 @@ def main(parent: Parent) -> None:
     """
     messages = iter(parent)
     asked = next(messages)
-    _confine(asked["memory_mib"])
+    confine(asked["memory_mib"], open_files=3)  # Standard input, output and error are open.
     for facts in messages:
         answer = _answer(asked, facts)
         parent.send(answer)
@@ -62,23 +60,3 @@ def _value(symbol: Any) -> Any:
         rest = [_value(one) for one in symbol.arguments]
         return [symbol.name, *rest] if symbol.name else rest
     return str(symbol) if symbol.type != clingo.SymbolType.Function or symbol.name else []
-
-
-def _confine(memory_mib: int) -> None:
-    """No more memory than that beside what is in use, and no file at all, where this can be."""
-    try:
-        import resource
-    except ImportError:  # Windows has no such bounds.
-        return
-    statm = Path("/proc/self/statm")
-    pages = int(statm.read_text(encoding="ascii").split()[0]) if statm.exists() else 0
-    in_use = pages * resource.getpagesize()
-    bounds = {
-        resource.RLIMIT_AS: in_use + memory_mib * BYTES_PER_MIB,
-        resource.RLIMIT_FSIZE: 0,
-        resource.RLIMIT_NOFILE: 3,  # Standard input, output and error are open already.
-        resource.RLIMIT_CORE: 0,
-    }
-    for bound, value in bounds.items():
-        with contextlib.suppress(ValueError, OSError):
-            resource.setrlimit(bound, (value, value))

@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any, Self
 
-from overtaking.core.bounds import check_bounds
-from overtaking.core.errors import ConfigError
+from overtaking.core.bounds import check_bounds, over
 from overtaking.core.worker import ENDED, Worker
 from overtaking.logic.clauses import reasoner
 
@@ -95,12 +94,14 @@ class Reasoner:
         try:
             answer: Any = self._worker.receive(self._left)
         except TimeoutError:
-            raise _over(f"an answer within {self._timeout:g} s", "one that takes longer") from None
+            raise over(
+                "ask", f"an answer within {self._timeout:g} s", "one that takes longer"
+            ) from None
         self._left -= time.monotonic() - begin
         if answer is ENDED:
             answer = {"error": "memory"}  # clingo aborts where it cannot allocate.
         if answer.get("error") == "memory":
-            raise _over(f"at most {self._memory} MiB of memory", "one that needs more")
+            raise over("ask", f"at most {self._memory} MiB of memory", "one that needs more")
         if "error" in answer:
             raise ProgramError(answer["said"])
         return answer["rows"]
@@ -113,13 +114,3 @@ class ProgramError(Exception):
         """Keep what it says, line by line."""
         super().__init__(" ".join(said))
         self.said = said
-
-
-def _over(expected: str, got: str) -> ConfigError:
-    return ConfigError.of(
-        what="query",
-        where="ask",
-        expected=expected,
-        got=got,
-        next_step="ask for less, or allow more",
-    )

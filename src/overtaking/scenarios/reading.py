@@ -10,12 +10,17 @@ from typing import Any, cast
 from pydantic import ValidationError
 
 from overtaking.core.errors import ConfigError
+from overtaking.core.files import opened, whole
 from overtaking.scenarios.complaints import advice, config_error
 from overtaking.scenarios.schema import Spec, known_keys
 
 PROFILES = Path(__file__).with_name("profiles")
 """The folder of the profiles that are part of the package."""
 
+_MOST_BYTES = 1 << 20
+"""A hundred times the longest profile."""
+
+_MOST_DEPTH = 8
 _SPAWN_KEYS = ("spawn_x_m", "spawn_s_m")
 
 
@@ -57,7 +62,7 @@ def _table(source: str | Path | Mapping[str, Any] | Spec) -> tuple[str, dict[str
         return "specification", dict(source)
     if source in profile_names():
         path = _profile(str(source))
-    elif isinstance(source, Path) or source.endswith(".toml") or Path(source).exists():
+    elif isinstance(source, Path) or source.endswith(".toml") or _is_there(source):
         path = Path(source)
     else:
         raise ConfigError.of(
@@ -68,6 +73,14 @@ def _table(source: str | Path | Mapping[str, Any] | Spec) -> tuple[str, dict[str
             next_step=advice(source, profile_names()),
         )
     return path.name, _complete(_read(path), path.name)
+
+
+def _is_there(path: str) -> bool:
+    """Whether a path is that of something."""
+    try:
+        return Path(path).exists()
+    except OSError:  # No file can have such a name.
+        return False
 
 
 def _profile(name: str) -> Path:
@@ -103,8 +116,9 @@ def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
 def _read(path: Path) -> dict[str, Any]:
     """The content of a TOML file."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, RecursionError, tomllib.TOMLDecodeError) as error:
+        with opened(path) as file:
+            return tomllib.loads(whole(file, _MOST_BYTES).decode())
+    except (OSError, ValueError, RecursionError) as error:
         unreadable = isinstance(error, OSError)
         raise ConfigError.of(
             what="file",
@@ -122,7 +136,7 @@ def _parsed(text: str) -> Any:
         return [_parsed(low), _parsed(high)]
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text.strip()
 
 
@@ -133,7 +147,7 @@ def _with(table: dict[str, Any], key: str, value: Any, where: str) -> dict[str, 
     start, and everything that belongs to the other mode of the weather.
     """
     first, *rest = key.split(".")
-    if not all([first, *rest]):
+    if not all([first, *rest]) or len(rest) > _MOST_DEPTH:
         raise ConfigError.of(
             what=repr(key),
             where=where,

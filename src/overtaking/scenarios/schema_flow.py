@@ -10,9 +10,10 @@ from overtaking.scenarios.complaints import advice, complaint
 from overtaking.scenarios.fields import (
     Colours,
     Count,
+    Density,
+    Factor,
     LaneNumber,
-    Positive,
-    Range,
+    RoadRange,
     Section,
     Share,
     SpeedKmh,
@@ -68,7 +69,7 @@ def _rising(part: tuple[float, float]) -> tuple[float, float]:
 _Power = Annotated[float, Field(gt=0.0, le=20.0)]
 _Part = Annotated[tuple[Share, Share], AfterValidator(_rising)]
 _Shift = Annotated[float, Field(ge=-3.0, le=3.0)]
-DensityRange = Annotated[tuple[Positive, Positive], AfterValidator(ordered)]
+DensityRange = Annotated[tuple[Density, Density], AfterValidator(ordered)]
 
 
 class FlowLane(Section):
@@ -82,7 +83,7 @@ class FlowLane(Section):
         wish: Factor on the speed that its drivers want, over that of all drivers of their type.
     """
 
-    density: Positive
+    density: Factor
     types: Types
     speed_kmh: SpeedKmh
     wish: Annotated[float, Field(gt=0.5, lt=2.0)] = 1.0
@@ -112,7 +113,7 @@ class Flow(Section):
     spacing_sigma: Annotated[float, Field(gt=0.0, le=2.0)]
     colours: Colours
     ego_lanes: Annotated[tuple[LaneNumber, ...], Field(min_length=1), AfterValidator(different)]
-    sight_m: Range
+    sight_m: RoadRange
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

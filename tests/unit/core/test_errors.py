@@ -64,6 +64,12 @@ def test_a_message_is_one_line_whatever_its_parts_hold():
     assert message.startswith("x y: ")
 
 
+def test_a_terminal_obeys_nothing_in_a_message():
+    message = str(example(errors.ConfigError, got="\x1b[2Ja\u202eb\x00"))
+    assert message.isprintable()
+    assert "got �[2Ja�b�;" in message
+
+
 def test_a_value_that_is_no_text_is_shown_as_python_writes_it():
     assert "got None;" in str(example(errors.ConfigError, got=None))
     assert "expected 3.5, got ['a', 1];" in str(

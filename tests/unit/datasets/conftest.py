@@ -32,7 +32,7 @@ def recipe() -> Recipe:
 
 @pytest.fixture
 def manifest(recipe: Recipe, simulator: Simulator) -> Manifest:
-    facts = FileFacts(rows=2, size_bytes=10, sha256="ab", content="cd")
+    facts = FileFacts(rows=2, size_bytes=10, sha256="ab" * 32, content="cd" * 32)
     shards = tuple(
         ShardRecord(number=n, first=2 * n, simulations=2 - n, tables={"simulations": facts})
         for n in range(2)
@@ -47,7 +47,7 @@ def manifest(recipe: Recipe, simulator: Simulator) -> Manifest:
     )
     return Manifest(
         complete=True,
-        content_hash="ef",
+        content_hash="ef" * 32,
         identity=Identity.of(recipe, simulator),
         shards=shards,
         provenance=provenance,

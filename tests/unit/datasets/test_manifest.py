@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 from typing import TYPE_CHECKING
 
 import pytest
@@ -66,11 +67,15 @@ def test_a_newer_version_says_to_upgrade(written: Path):
 @pytest.mark.parametrize(
     ("text", "got"),
     [
-        ("", "Expecting value"),
-        ("{", "Expecting property name"),
-        ("[]", "another kind of file"),
+        ("", "Invalid JSON: EOF"),
+        ("{", "Invalid JSON: EOF"),
+        ("[]", "Input should be an object"),
+        ("[" * 100_000, "Invalid JSON: recursion limit"),
+        ("9" * 100_000, "Invalid JSON: number out of range"),
+        ("[" + "0," * 2_000_000 + "0]", "more than 2000000 values"),
         ('{"format": "something else", "version": 1}', "another kind of file"),
         ('{"format": "overtaking.dataset", "version": "new"}', "another kind of file"),
+        ('{"format": "overtaking.dataset", "version": true}', "another kind of file"),
         ('{"format": "overtaking.dataset", "version": 1}', "identity: Field required"),
     ],
 )
@@ -84,13 +89,72 @@ def test_what_is_no_manifest_is_refused(text: str, got: str, tmp_path: Path):
 
 def test_bytes_that_are_no_text_are_refused(tmp_path: Path):
     (tmp_path / FILE_NAME).write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(DatasetError, match="got a file that is no text"):
+    with pytest.raises(DatasetError, match="got Invalid JSON"):
         read_manifest(Folder(tmp_path))
 
 
 def test_a_folder_without_a_manifest_is_named(tmp_path: Path):
     with pytest.raises(DatasetError, match=r"dataset\.json: manifest: .*No such file"):
         read_manifest(Folder(tmp_path))
+
+
+def test_a_pipe_and_a_device_are_refused_unread(tmp_path: Path):
+    os.mkfifo(tmp_path / FILE_NAME)
+    with pytest.raises(DatasetError, match="got a pipe or a device"):
+        read_manifest(Folder(tmp_path))
+    (tmp_path / FILE_NAME).unlink()
+    (tmp_path / FILE_NAME).symlink_to("/dev/zero")
+    with pytest.raises(DatasetError, match="got a pipe or a device"):
+        read_manifest(Folder(tmp_path))
+
+
+def test_a_huge_file_is_refused(tmp_path: Path):
+    with (tmp_path / FILE_NAME).open("wb") as file:
+        file.truncate(1 << 40)
+    with pytest.raises(DatasetError, match="got a file of more than 67108864 bytes"):
+        read_manifest(Folder(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "key"),
+    [
+        ("identity.simulations", 0, "identity.simulations"),
+        ("identity.simulations", 10**13, "identity.simulations"),
+        ("identity.shard_size", 0, "identity.shard_size"),
+        ("identity.shard_size", True, "identity.shard_size"),
+        ("identity.shard_size", 2.0, "identity.shard_size"),
+        ("identity.shard_size", 10**9, "shards that do not follow"),
+        ("identity.seed", -1, "identity.seed"),
+        ("identity.seed", 10**400, "identity.seed"),
+        ("identity.spec", {"time": 3}, "identity.spec: specification: profile"),
+        ("identity.spec.time.horizon_s", -1, "identity.spec: specification: time.horizon_s"),
+        ("identity.road.length", 0, "identity.road: road town06: length"),
+        ("identity.road.lanes", [], "identity.road"),
+        ("identity.keep", "all", "identity.keep"),
+        ("identity.table_version", "1", "identity.table_version"),
+        ("shards", [], "complete, but without shards"),
+        ("shards.0.simulations", 0, "shards.0.simulations"),
+        ("shards.0.simulations", 10**12, "shards that do not follow"),
+        ("shards.1.number", 7, "shards that do not follow"),
+        ("shards.1.first", 1, "shards that do not follow"),
+        ("shards.0.tables.simulations.rows", "2", "shards.0.tables.simulations.rows"),
+        ("shards.0.tables", [1], "shards.0.tables"),
+        ("content_hash", None, "complete, but without shards or hash"),
+        ("content_hash", "ef", "content_hash"),
+        ("complete", 1, "complete"),
+        ("provenance.packages", {"numpy": 2}, "provenance.packages.numpy"),
+    ],
+)
+def test_a_value_that_no_data_set_has_is_named(path: str, value: object, key: str, written: Path):
+    file = written / FILE_NAME
+    content = part = json.loads(file.read_text())
+    *way, last = [int(one) if one.isdecimal() else one for one in path.split(".")]
+    for one in way:
+        part = part[one]
+    part[last] = value
+    file.write_text(json.dumps(content))
+    with pytest.raises(DatasetError, match=rf"\A[^\n]*got [^\n]*{key}[^\n]*\Z"):
+        read_manifest(Folder(written))
 
 
 def test_an_unknown_key_is_refused(written: Path):

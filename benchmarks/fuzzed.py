@@ -1,0 +1,74 @@
+"""What is fuzzed: sound inputs, how they are damaged, and who must bear it.
+
+A new target is one entry of `TARGETS`. Its functions import what they need themselves.
+"""
+
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from damage import damaged_text
+
+MANIFEST = "dataset.json"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """One reader, or one public function.
+
+    Attributes:
+        name: What it is called on the command line.
+        corpus: Sound inputs; made once, and may leave files in the folder.
+        damaged: A damaged copy of one of them.
+        call: Gives the damaged one to the package; the folder is the same. Any exception but an
+            `OvertakingError` is a fault, and so is a warning.
+    """
+
+    name: str
+    corpus: Callable[[Path], Sequence[Any]]
+    damaged: Callable[[Any, random.Random], Any]
+    call: Callable[[Any, Path], object]
+
+
+def _data_set(folder: Path) -> list[str]:
+    """The manifests that a data set in the folder might have; the last one is its own."""
+    from overtaking import Balance, api
+
+    elsewhere = folder / "balanced"
+    balance = Balance(candidates=20, allows_missing=True)
+    api.generate("pinto2023", 6, 1, elsewhere, keep="features", balance=balance)
+    api.generate("motorway", 6, 1, folder / "data", shard_size=4)
+    return [(path / MANIFEST).read_text(encoding="utf-8") for path in (elsewhere, folder / "data")]
+
+
+def _load(manifest: bytes, folder: Path) -> None:
+    from overtaking import api
+
+    (folder / "data" / MANIFEST).write_bytes(manifest)
+    data = api.load(folder / "data")
+    assert repr(data)
+    data.labels()
+    assert len(data[-1].trace_hash) == 1
+
+
+def _profiles(_folder: Path) -> list[str]:
+    from overtaking.scenarios.reading import PROFILES
+
+    return [path.read_text(encoding="utf-8") for path in sorted(PROFILES.glob("*.toml"))]
+
+
+def _simulate(text: bytes, folder: Path) -> None:
+    from overtaking import api
+
+    path = folder / "specification.toml"
+    path.write_bytes(text)
+    runs = api.simulate(api.sample(path, 3, 1))
+    api.label(runs)
+
+
+TARGETS = (
+    Target(name="manifest", corpus=_data_set, damaged=damaged_text, call=_load),
+    Target(name="specification", corpus=_profiles, damaged=damaged_text, call=_simulate),
+)

@@ -1,0 +1,37 @@
+"""Bounds that the operating system holds a process to, where it knows them."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+BYTES_PER_MIB = 1024 * 1024
+
+
+def confine(memory_mib: int, *, open_files: int | None = None) -> None:
+    """Let this process write no file and take no more memory than that beside what is in use.
+
+    Linux knows all of these bounds. macOS does not bound memory, Windows knows none.
+
+    Args:
+        memory_mib: Memory beside what is in use [MiB].
+        open_files: Number of files that may be open, None for no bound.
+    """
+    try:
+        import resource
+    except ImportError:  # Windows.
+        return
+    statm = Path("/proc/self/statm")
+    pages = int(statm.read_text(encoding="ascii").split()[5]) if statm.exists() else 0
+    in_use = pages * resource.getpagesize()
+    bounds = {
+        # Private memory that can be written. RLIMIT_AS would count what threads only reserve.
+        resource.RLIMIT_DATA: in_use + memory_mib * BYTES_PER_MIB,
+        resource.RLIMIT_FSIZE: 0,
+        resource.RLIMIT_CORE: 0,
+    }
+    if open_files is not None:
+        bounds[resource.RLIMIT_NOFILE] = open_files
+    for bound, value in bounds.items():
+        with contextlib.suppress(ValueError, OSError):
+            resource.setrlimit(bound, (value, value))

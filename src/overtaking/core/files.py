@@ -1,0 +1,49 @@
+"""Files of others that are read whole: only those that end, and no more than is wanted."""
+
+from __future__ import annotations
+
+import errno
+import stat
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from io import BufferedIOBase, BufferedReader
+    from pathlib import Path
+
+
+def ending(path: Path) -> Path:
+    """A path, refused if reading there might never end.
+
+    Raises:
+        FileNotFoundError: Nothing is there, or a pipe or a device.
+        OSError: It cannot be looked at.
+    """
+    mode = path.stat().st_mode
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise FileNotFoundError(errno.ENOENT, "a pipe or a device", str(path))
+    return path
+
+
+def opened(path: Path) -> BufferedReader:
+    """A file, open for reading.
+
+    Raises:
+        OSError: It cannot be opened, or is a pipe or a device.
+    """
+    return ending(path).open("rb")
+
+
+def whole(file: BufferedIOBase, most_bytes: int) -> bytes:
+    """What an open file holds.
+
+    Args:
+        file: The file.
+        most_bytes: How much is read at most [bytes].
+
+    Raises:
+        OSError: It holds more, or cannot be read.
+    """
+    data = file.read(most_bytes + 1)
+    if len(data) > most_bytes:
+        raise OSError(errno.EFBIG, f"a file of more than {most_bytes} bytes")
+    return data
