@@ -43,6 +43,12 @@ class Batch(Summarized):
     AXES: ClassVar[tuple[str, ...]] = ("simulation",)
     """Axes of the fields that do not name their own."""
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes that its arrays take."""
+        values = [getattr(self, field.name) for field in dataclasses.fields(self)]  # type: ignore[arg-type]
+        return sum(one.nbytes for one in values if isinstance(one, np.ndarray | Batch))
+
     def sizes(self) -> Mapping[str, int]:
         """Lengths of axes that no array of the batch has."""
         return {}

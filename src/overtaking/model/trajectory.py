@@ -118,6 +118,10 @@ class States(Batch):
     lights: U8 = field(metadata=within(0, sum(Lights)))
 
 
+BYTES_PER_STATE = 32
+"""Bytes that `States` has for each vehicle and frame."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contacts(Batch):
     """First collision of each vehicle; shape (simulation, vehicle).

@@ -4,6 +4,7 @@ A field of a dataclass names its range and its axes in its metadata (`within`, `
 of a function in its annotation (`Annotated[int, Range(0, 9)]`). `model.checks` holds both to it.
 """
 
+import math
 import types
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -51,6 +52,8 @@ class Range:
     def described(self, high: float) -> str:
         """The range in words."""
         unit = f" {self.unit}" if self.unit else ""
+        if high == math.inf:
+            return f"{number(self.low)}{unit} or more"
         if self.is_open:
             return f"more than {number(self.low)} and at most {number(high)}{unit}"
         end = "" if self.also is None else f", or {self.also}"
@@ -143,7 +146,8 @@ def _elements(value: Iterable[Any], inner: tuple[Any, ...]) -> Any:
 def expected(hint: Any) -> str:
     """An annotation in words."""
     if len(several := choices(hint)) > 1:
-        return " or ".join(dict.fromkeys(expected(one) for one in several))
+        *others, last = dict.fromkeys(expected(one) for one in several)
+        return f"{', '.join(others)} or {last}" if others else last
     origin, inner = get_origin(hint) or hint, get_args(hint)
     if hint in _PLAIN:
         return _PLAIN[hint][1]
