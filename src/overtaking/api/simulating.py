@@ -34,7 +34,6 @@ from overtaking.sim.clock import STEP_MS
 from overtaking.sim.decision import Decision
 from overtaking.simulators.comparison import Comparison
 
-
 MAX_SAMPLED = 100_000_000
 """Most scenarios of a batch; data sets may be larger."""
 

@@ -40,7 +40,7 @@ class Batch(Summarized):
 
     __slots__ = ()
 
-    AXES: ClassVar[tuple[str, ...]] = ("simulation",)
+    AXES: ClassVar[tuple[str | int, ...]] = ("simulation",)
     """Axes of the fields that do not name their own."""
 
     @property
@@ -53,7 +53,7 @@ class Batch(Summarized):
         """Lengths of axes that no array of the batch has."""
         return {}
 
-    def meant(self, axes: tuple[str | int, ...]) -> NDArray[np.bool_] | None:
+    def meant(self, axes: tuple[str | int, ...]) -> NDArray[np.bool_] | None:  # noqa: ARG002
         """Where values along some axes mean something; None if the batch does not say."""
         return None
 

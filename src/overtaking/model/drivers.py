@@ -1,7 +1,6 @@
 """People: how each vehicle is driven, without the body around them."""
 
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 from overtaking.core.elementary import F32, Mask
 from overtaking.model.batch import Batch
@@ -39,7 +38,7 @@ class Drivers(Batch):
         limit_respect: Share of the speed above the limit that is given up, 0 to 1 [1].
     """
 
-    AXES: ClassVar = ("simulation", "vehicle")
+    AXES = ("simulation", "vehicle")
 
     desired_speed: F32 = field(metadata=within(0.0, 150.0, "m/s"))
     time_gap: F32 = field(metadata=within(0.0, 60.0, "s"))

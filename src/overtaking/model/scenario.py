@@ -58,7 +58,7 @@ class Scenario(Batch):
     frame_interval_ms: int = field(metadata=within(1, 1000, "ms"))
     index: NDArray[np.uint64]
     horizon: F32 = field(metadata=within(0.0, MAX_DURATION, "s", is_open=True))
-    attempt_deadline: F32 = field(metadata=within(0.0, MAX_DURATION, "s", is_open=True))
+    attempt_deadline: F32 = field(metadata=within(0.0, 1e6, "s", is_open=True))
     weight: NDArray[np.float64] = field(metadata=within(0.0, 1e12))
     vehicles: VehicleSpecs
     drivers: Drivers

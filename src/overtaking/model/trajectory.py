@@ -7,7 +7,6 @@ agree.
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,7 +101,7 @@ class States(Batch):
         lights: `Lights` bits.
     """
 
-    AXES: ClassVar = ("simulation", "vehicle", "time")
+    AXES = ("simulation", "vehicle", "time")
 
     x: I32
     y: I32
@@ -133,7 +132,7 @@ class Contacts(Batch):
         closing_speed: Speed of approach along the contact normal [mm/s].
     """
 
-    AXES: ClassVar = ("simulation", "vehicle")
+    AXES = ("simulation", "vehicle")
 
     partner: U8 = field(metadata=within(0, "vehicle", also=int(NO_VEHICLE)))
     time: I32 = field(metadata=within(0, MAX_DURATION * 1000, "ms"))
@@ -160,11 +159,13 @@ class Percepts(Batch):
         true_closing_speed: The speed of approach as it was, (simulation, decision, 3) [mm/s].
     """
 
-    AXES: ClassVar = ("simulation", "decision", 3)
+    AXES = ("simulation", "decision", 3)
 
     valid: NDArray[np.bool_] = field(metadata=along("simulation", "decision"))
     kind: U8 = field(metadata=within(0, max(DecisionKind), axes=("simulation", "decision")))
-    time: I32 = field(metadata=within(0, MAX_DURATION * 1000, "ms", axes=("simulation", "decision")))
+    time: I32 = field(
+        metadata=within(0, MAX_DURATION * 1000, "ms", axes=("simulation", "decision"))
+    )
     vehicle: U8 = field(metadata=within(0, "vehicle", also=int(NO_VEHICLE)))
     detected: NDArray[np.bool_]
     gap: I32

@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +80,7 @@ class VehicleSpecs(Batch):
         unlawful_presence: May not be on a motorway at all.
     """
 
-    AXES: ClassVar = ("simulation", "vehicle")
+    AXES = ("simulation", "vehicle")
 
     valid: Mask
     kind: NDArray[np.uint8] = field(metadata=within(0, max(VehicleKind)))

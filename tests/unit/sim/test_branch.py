@@ -11,9 +11,9 @@ from overtaking.sim import engine, reference
 from overtaking.sim.branch import Decision, branch
 
 
-def world():
+def world(**changes: float):
     alone = Vehicle(s=100.0, lane=1, speed=30.0, driver={"desired_speed": 30.0})
-    return scenario([alone], road=wide_road(), horizon=10.0)
+    return scenario([alone], road=wide_road(), **{"horizon": 10.0, **changes})
 
 
 @pytest.mark.parametrize("frame", [-1, 201, 1_000_000])
@@ -41,8 +41,10 @@ def test_engine_and_reference_branch_alike():
     np.testing.assert_array_equal(one.trace_hash, two.trace_hash)
 
 
-def test_a_branch_at_the_horizon_changes_nothing():
+def test_a_branch_beyond_the_end_changes_nothing():
+    short = world(attempt_deadline=5.0)
+    undisturbed = engine.simulate(short)
+    assert undisturbed.num_frames.tolist() == [101]
     np.testing.assert_array_equal(
-        branch(world(), 200, decision=Decision.PULL_OUT).trace_hash,
-        engine.simulate(world()).trace_hash,
+        branch(short, 150, decision=Decision.PULL_OUT).trace_hash, undisturbed.trace_hash
     )
