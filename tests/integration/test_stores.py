@@ -53,7 +53,9 @@ def assert_same(stored: api.Dataset, folder: api.Dataset) -> None:
 
 def test_a_store_holds_the_bytes_of_a_folder(url, folder):
     stored = generate(url)
-    assert repr(stored) == f"Dataset('{url}': 20 simulations of pinto2023)"
+    assert repr(stored) == (
+        f"Dataset(where='{url}', profile='pinto2023', simulations=20, keep='frames')"
+    )
     assert_same(stored, folder)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from overtaking.api.data import load
 from overtaking.datasets.generate import Progress
 from overtaking.datasets.load import Dataset
+from overtaking.model.checks import checked
 
 if TYPE_CHECKING:
     from overtaking.simulators.carla_limits import Limits
@@ -26,6 +27,7 @@ def carla_limits() -> "Limits":
     return carla_client.limits()
 
 
+@checked
 def replay_in_carla(
     data: Dataset | str | Path,
     out: str | Path,
@@ -75,6 +77,7 @@ def replay_in_carla(
     return films
 
 
+@checked
 def serve_carla(
     *,
     port: int = 2000,

@@ -1,21 +1,29 @@
 """What the public functions are given by name: profiles, simulators, roads."""
 
 import importlib
+import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Annotated, Any
 
 from overtaking.core.errors import ConfigError
 from overtaking.datasets.recipe import Simulator
 from overtaking.exchange.roads import load_road
 from overtaking.model.road import Road
+from overtaking.model.values import Range
 from overtaking.scenarios import Spec
 from overtaking.sim.version import MODEL_VERSION
 
 Profile = str | Path | Mapping[str, Any] | Spec
 """A profile of the package, a TOML file, what a manifest recorded, or a specification."""
+
+Seed = Annotated[int, Range(0, 2**64 - 1)]
+"""Key of all random numbers."""
+
+Count = Annotated[int, Range(1, math.inf)]
+"""A number of things, at least one of them."""
 
 SIMULATORS = ("engine", "reference", "sumo", "carla", "carla-traffic-manager")
 """What can simulate: the compiled engine, its readable twin with the same results, SUMO, and CARLA
@@ -74,19 +82,6 @@ def module_of(name: str, among: tuple[str, ...] = SIMULATORS) -> ModuleType:
 def road_of(road: str | Path | Road) -> Road:
     """A road, read where it is given by name or file."""
     return road if isinstance(road, Road) else load_road(road)
-
-
-def at_least_one(simulations: int, where: str) -> int:
-    """A number of simulations, refused if it is none."""
-    if simulations < 1:
-        raise ConfigError.of(
-            what="simulations",
-            where=where,
-            expected="1 or more",
-            got=simulations,
-            next_step="choose a number in that range",
-        )
-    return simulations
 
 
 def several(simulators: Sequence[str]) -> Sequence[str]:

@@ -19,6 +19,7 @@ from overtaking.datasets.manifest import read_manifest
 from overtaking.datasets.place import folder_of, place_of
 from overtaking.datasets.recipe import Keep, Recipe
 from overtaking.exchange import recording_export
+from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
 
 EXPORTS = ("pinto2023", "commonroad", "highd", "asp", "prolog", "popper")
@@ -28,7 +29,17 @@ _OF_FACTS = ("simulations", "label", "policy", "every", "with_law")
 _EXPORT_OPTIONS = {"asp": _OF_FACTS, "prolog": _OF_FACTS, "popper": ("about", "policy")}
 """The options that some formats have."""
 
+_READER_OPTIONS: dict[str, Any] = {
+    "attempts_only": bool,
+    "vehicles": int,
+    "lanelet": int | None,
+    "direction": int | None,
+    "road": str | Path | Road | None,
+}
+"""Types of what the readers of recordings can be asked."""
 
+
+@checked
 def generate(
     profile: Profile,
     simulations: int,
@@ -107,6 +118,7 @@ def generate(
     )
 
 
+@checked
 def resume(
     out: str | Path,
     *,
@@ -161,6 +173,7 @@ def resume(
     )
 
 
+@checked
 def load(path: str | Path) -> Dataset:
     """A complete data set.
 
@@ -178,6 +191,7 @@ def load(path: str | Path) -> Dataset:
     return reading.load(place, simulator_of(by if is_foreign else "engine"))
 
 
+@checked
 def relabel(data: str | Path, *, progress: Progress | None = None) -> Dataset:
     """Write the labels of a data set anew, by the rules of this version.
 
@@ -194,6 +208,7 @@ def relabel(data: str | Path, *, progress: Progress | None = None) -> Dataset:
     return written_anew(folder_of(data, "label anew"), simulator_of("engine"), progress)
 
 
+@checked
 def export(
     data: Dataset | str | Path,
     out: str | Path,
@@ -273,6 +288,7 @@ def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
         )
 
 
+@checked
 def _export_facts(
     data: Dataset,
     out: Path,
@@ -300,6 +316,7 @@ def _export_facts(
     )
 
 
+@checked
 def _export_popper(data: Dataset, out: Path, *, about: str = "legal", policy: str = "paper") -> int:
     """Write what a data set holds about a target for the learner Popper; see `export`."""
     from overtaking.learning.examples import examples_of
@@ -310,6 +327,7 @@ def _export_popper(data: Dataset, out: Path, *, about: str = "legal", policy: st
     return write_popper(examples_of(data, policy), target, out)
 
 
+@checked
 def import_recording(
     file_format: str,
     path: str | Path,
@@ -341,6 +359,8 @@ def import_recording(
     from overtaking.datasets.importing import write_scenes
     from overtaking.exchange.recording_formats import read_recording
 
+    for name, value in options.items():
+        argument(value, _READER_OPTIONS.get(name, Any), "import_recording", name)
     target = folder_of(out, "import to")
     read = read_recording(file_format, path, options)
     write_scenes(

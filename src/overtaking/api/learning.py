@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 from overtaking.api.data import load
 from overtaking.datasets.generate import Progress
 from overtaking.datasets.load import Dataset
+from overtaking.model.checks import checked
 
 if TYPE_CHECKING:
     from overtaking.learning.factors import FactorsFound
     from overtaking.learning.rules import RulesFound
 
 
+@checked
 def learn_rules(
     data: Dataset | str | Path,
     about: str = "legal",
@@ -63,6 +65,7 @@ def learn_rules(
     )
 
 
+@checked
 def learn_factors(
     data: Dataset | str | Path,
     about: str = "outcome",

@@ -1,21 +1,20 @@
 """Questions in logic, and proofs from the law as a logic program."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from overtaking.api.data import load
+from overtaking.datasets.generate import Progress
 from overtaking.datasets.load import Dataset
+from overtaking.model.checks import checked
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from pathlib import Path
-
-    from overtaking.datasets.generate import Progress
     from overtaking.logic.ask import Answers
     from overtaking.logic.proof import Proof
 
 
+@checked
 def ask(
     data: str | Path | Dataset,
     query: str,
@@ -28,7 +27,7 @@ def ask(
     timeout_s: float = 600.0,
     memory_mib: int = 2048,
     progress: Progress | None = None,
-) -> Answers:
+) -> "Answers":
     """Ask a data set which simulations, vehicles and frames make a condition true.
 
     Args:
@@ -69,7 +68,8 @@ def ask(
     )
 
 
-def prove(data: str | Path | Dataset, simulation: int) -> tuple[Proof, ...]:
+@checked
+def prove(data: str | Path | Dataset, simulation: int) -> "tuple[Proof, ...]":
     """Why a simulation breaks the law: facts and instances of rules, as clingo derived them.
 
     Args:

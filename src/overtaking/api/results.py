@@ -5,11 +5,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from overtaking import scenarios
-from overtaking.api.choices import Profile, at_least_one, road_of, simulator_of
+from overtaking.api.choices import Count, Profile, Seed, road_of, simulator_of
 from overtaking.api.data import load
 from overtaking.core.errors import ConfigError
 from overtaking.datasets.generate import Progress
 from overtaking.datasets.load import Dataset
+from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from overtaking.video.produce import Video
 
 
+@checked
 def statistics(
     data: Dataset | str | Path,
     *,
@@ -49,6 +51,7 @@ def statistics(
     return computed(frame, policy=policy, reading=reading, weighted=weighted)
 
 
+@checked
 def write_report(
     data: Dataset | str | Path,
     out: str | Path | None = None,
@@ -94,6 +97,7 @@ def write_report(
     )
 
 
+@checked
 def film(
     data: Dataset | str | Path,
     out: str | Path | None = None,
@@ -127,10 +131,11 @@ def film(
     return produce.produce(films, folder, total=total, threads=threads, progress=progress)
 
 
+@checked
 def validate(
     profile: Profile,
-    simulations: int = 1000,
-    seed: int = 1,
+    simulations: Count = 1000,
+    seed: Seed = 1,
     *,
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
@@ -156,8 +161,7 @@ def validate(
     from overtaking.validation.run import validate as run
 
     spec = scenarios.spec(profile, overrides)
-    number = at_least_one(simulations, "validate")
-    return run(spec, road_of(road or spec.road), number, seed, progress)
+    return run(spec, road_of(road or spec.road), simulations, seed, progress)
 
 
 def plot_validation(found: "Validation", out: str | Path) -> None:
@@ -174,16 +178,20 @@ def plot_validation(found: "Validation", out: str | Path) -> None:
     from overtaking.plots.style import to_png, to_svg
     from overtaking.plots.validation import draw_validation
     from overtaking.report.files import put
+    from overtaking.validation.run import Validation
 
-    drawing, path = draw_validation(found), Path(out)
+    argument(found, Validation, "plot_validation", "found")
+    path = Path(argument(out, str | Path, "plot_validation", "out"))
+    drawing = draw_validation(found)
     content = to_svg(drawing) if path.suffix == ".svg" else to_png(drawing)
     put(path, content)
 
 
+@checked
 def reproduce(
     study: str,
-    replicates: int = 1000,
-    seed: int = 2023,
+    replicates: Count = 1000,
+    seed: Seed = 2023,
     *,
     overrides: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
@@ -234,10 +242,13 @@ def write_reproduction(found: "Reproduction", out: str | Path) -> "Written":
         OSError: A file cannot be written.
     """
     from overtaking.report.reproduction import write_reproduction as write
+    from overtaking.reproduction.run import Reproduction
 
-    return write(found, Path(out))
+    argument(found, Reproduction, "write_reproduction", "found")
+    return write(found, Path(argument(out, str | Path, "write_reproduction", "out")))
 
 
+@checked
 def literature(
     table: str,
     *,
@@ -266,6 +277,7 @@ def literature(
     return answer(table, wanted=tuple(wanted), own=data, is_corrected=is_corrected)
 
 
+@checked
 def query(
     data: str | Path | Dataset,
     sql: str,
@@ -298,6 +310,7 @@ def query(
     return asking.query(source, sql, max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
 
 
+@checked
 def entity_relationship_diagram(form: str = "svg", out: str | Path | None = None) -> str:
     """The diagram of the tables of a data set, drawn from their schemas.
 

@@ -2,39 +2,49 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from overtaking import scenarios
 from overtaking.api.choices import (
     BRANCHING,
+    Count,
     Profile,
-    at_least_one,
+    Seed,
     module_of,
     road_of,
     several,
     simulator_of,
 )
+from overtaking.core.errors import ConfigError
+from overtaking.core.memory import require
 from overtaking.datasets.generate import Progress
 from overtaking.labelling import Labelled
 from overtaking.labelling import label as labelled
 from overtaking.model.batch import concatenate
+from overtaking.model.checks import check, checked
 from overtaking.model.road import Road
-from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.scenario import MAX_VEHICLES, Scenario
+from overtaking.model.trajectory import BYTES_PER_STATE, Trajectories
+from overtaking.model.values import Range
 from overtaking.model.weather import Weather
 from overtaking.sim.branch import branch as branched
+from overtaking.sim.clock import STEP_MS
 from overtaking.sim.decision import Decision
 from overtaking.simulators.comparison import Comparison
 
+MAX_SAMPLED = 100_000_000
+"""Most scenarios of a batch; data sets may be larger."""
 
+
+@checked
 def sample(
     profile: Profile,
-    simulations: int,
-    seed: int,
+    simulations: Annotated[int, Range(0, MAX_SAMPLED)],
+    seed: Seed,
     *,
-    first: int = 0,
+    first: Annotated[int, Range(0, 2**63)] = 0,
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
 ) -> Scenario:
@@ -42,9 +52,9 @@ def sample(
 
     Args:
         profile: What to sample.
-        simulations: How many.
+        simulations: How many, at most `MAX_SAMPLED`.
         seed: Seed of all random numbers, 0 <= seed < 2**64.
-        first: Number of the first one; each is the same in any batch.
+        first: Number of the first one, 0 <= first < 2**63; each is the same in any batch.
         overrides: Dotted keys of the specification with other values.
         road: A road in place of the profile's.
 
@@ -53,10 +63,16 @@ def sample(
         InfeasibleError: No such scenario fits on the road.
     """
     spec = scenarios.spec(profile, overrides)
-    index = np.arange(first, first + simulations, dtype=np.uint64)
-    return scenarios.sample(spec, road_of(road or spec.road), seed, index)
+    place = road_of(road or spec.road)
+    index = np.uint64(first) + np.arange(simulations, dtype=np.uint64)
+    one = scenarios.sample(spec, place, seed, index[:1])
+    check(one, "sample", "scenario")
+    # Twice, as parts are joined in the end.
+    require(2 * one.nbytes * simulations, "sample", "draw fewer at a time, or call generate")
+    return scenarios.sample(spec, place, seed, index)
 
 
+@checked
 def simulate(scenario: Scenario, *, simulator: str = "engine") -> Trajectories:
     """Simulate a batch.
 
@@ -66,12 +82,16 @@ def simulate(scenario: Scenario, *, simulator: str = "engine") -> Trajectories:
             for bit.
 
     Raises:
-        ConfigError: There is no such simulator, or it cannot run the scenario.
+        ConfigError: A field of the scenario is out of its range, there is no such simulator, or it
+            cannot run the scenario.
         MissingExtraError: The simulator is not installed.
     """
-    return simulator_of(simulator).simulate(scenario)
+    chosen = simulator_of(simulator)
+    _check_runnable(scenario, "simulate")
+    return chosen.simulate(scenario)
 
 
+@checked
 def branch(
     scenario: Scenario,
     frame: int,
@@ -84,18 +104,24 @@ def branch(
 
     Args:
         scenario: A batch of scenarios.
-        frame: First frame that the change can affect; up to it, all is as it was.
+        frame: First frame that the change can affect, before the horizon of the longest simulation;
+            up to it, all is as it was.
         decision: Decision forced on every ego, at the first instant that allows it.
         weather: Weather of every simulation from then on, as long as the batch.
         simulator: One of `BRANCHING`.
 
     Raises:
-        ConfigError: The frame is negative, or there is no such simulator.
+        ConfigError: A field of the scenario or the weather is out of its range, the weather is not
+            as long as the batch, no simulation has the frame, or there is no such simulator.
     """
     run = module_of(simulator, BRANCHING).run
+    _check_runnable(scenario, "branch")
+    if weather is not None:
+        check(scenario.replace(weather=weather), "branch")
     return branched(scenario, frame, decision=decision, weather=weather, run=run)
 
 
+@checked
 def label(runs: Trajectories) -> Labelled:
     """What happened in recorded simulations, whether it was lawful, and what describes it.
 
@@ -104,14 +130,18 @@ def label(runs: Trajectories) -> Labelled:
 
     Returns:
         Signals, events, findings, labels and features, one for each simulation.
+
+    Raises:
+        ConfigError: A field of the recording is out of its range.
     """
     return labelled(runs)
 
 
+@checked
 def compare(
     profile: Profile,
-    simulations: int,
-    seed: int,
+    simulations: Count,
+    seed: Seed,
     *,
     simulators: Sequence[str] = ("engine", "sumo"),
     overrides: Mapping[str, Any] | None = None,
@@ -139,7 +169,7 @@ def compare(
     chosen = [simulator_of(name) for name in several(simulators)]
     step = min(one.chunk_size for one in chosen)
     parts: list[Comparison] = []
-    for first in range(0, at_least_one(simulations, "compare"), step):
+    for first in range(0, simulations, step):
         count = min(step, simulations - first)
         batch = sample(spec, count, seed, first=first, road=place)
         runs = [by.simulate(batch) for by in chosen]
@@ -147,3 +177,24 @@ def compare(
         if progress is not None:
             progress(first + count, simulations)
     return concatenate(parts)
+
+
+def _check_runnable(scenario: Scenario, where: str) -> None:
+    """Refuse what recordings may have and simulators cannot run, and what memory cannot hold."""
+    interval, slots = scenario.frame_interval_ms, scenario.num_slots
+    for what, is_wrong, expected, got in (
+        ("frame_interval_ms", interval % STEP_MS != 0, f"a multiple of {STEP_MS}", interval),
+        ("vehicles", slots > MAX_VEHICLES, f"at most {MAX_VEHICLES} slots", slots),
+    ):
+        if is_wrong:
+            raise ConfigError.of(
+                what=f"scenario.{what}",
+                where=where,
+                expected=expected,
+                got=got,
+                next_step="change the scenario",
+            )
+    longest = float(scenario.horizon.max(initial=0.0))
+    frames = int(longest * 1000.0) // interval + 1
+    size = scenario.num_simulations * slots * frames * BYTES_PER_STATE
+    require(size, where, "simulate fewer at a time, or call generate")

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from operator import index
-from typing import TYPE_CHECKING, SupportsIndex
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 
 from overtaking.core.errors import ConfigError, DatasetError, NoSuchSimulationError
+from overtaking.core.summary import Summarized
 from overtaking.datasets import plan
 from overtaking.datasets.contents import contents
 from overtaking.datasets.manifest import Manifest, read_manifest
 from overtaking.datasets.place import folder_of, place_of
 from overtaking.datasets.shard_files import ShardFiles
+from overtaking.model.checks import checked
 from overtaking.tables.files import read_rows, read_table
 from overtaking.tables.label_schemas import POLICY_NAMES
 from overtaking.tables.restore import restore, restore_scenario
@@ -58,7 +59,7 @@ def load(where: str | Path | Place, simulator: Simulator) -> Dataset:
     return Dataset(place, manifest, simulator)
 
 
-class Dataset:
+class Dataset(Summarized):
     """A complete data set in a folder or a store.
 
     Simulations are numbered from 0. Every method that returns a table reads it anew; a file whose
@@ -75,7 +76,8 @@ class Dataset:
         """Number of simulations."""
         return self._manifest.num_simulations
 
-    def __getitem__(self, simulation: SupportsIndex) -> Trajectories:
+    @checked
+    def __getitem__(self, simulation: int) -> Trajectories:
         """One recorded simulation, as a batch of one; what was not kept is simulated again.
 
         `batches` is the quick way through all of them.
@@ -87,12 +89,17 @@ class Dataset:
             DatasetError: Simulated again, it has another trace hash: the simulator has changed.
             NoSuchSimulationError: There is no such number; it is an `IndexError` as well.
         """
-        number = index(simulation)
+        number = int(simulation)
         return self.trajectory(number + len(self) if -len(self) <= number < 0 else number)
 
-    def __repr__(self) -> str:
+    def summary(self) -> Mapping[str, object]:
         """What it is and where."""
-        return f"Dataset({self.where!r}: {len(self)} simulations of {self.profile})"
+        return {
+            "where": self.where,
+            "profile": self.profile,
+            "simulations": len(self),
+            "keep": str(self._manifest.identity.keep),
+        }
 
     @property
     def where(self) -> str:
@@ -177,6 +184,7 @@ class Dataset:
         """
         return _decoded(self.table("safety"))
 
+    @checked
     def features(
         self, policy: str = "paper", *, reading: str | None = None, encoded: bool = False
     ) -> pd.DataFrame:
@@ -200,6 +208,7 @@ class Dataset:
         tables = [_decoded(self.table(name)) for name in ("features", "labels")]
         return features_frame(*tables, policy=policy, reading=chosen, encoded=encoded)
 
+    @checked
     def verdict(self, simulation: int) -> Verdict:
         """What is said of one simulation: class, phases, and every rule with its evidence."""
         from overtaking.datasets.verdict import verdict_of
@@ -207,6 +216,7 @@ class Dataset:
         names = ("labels", "events", "findings")
         return verdict_of(simulation, *(_decoded(self._part(name, simulation)) for name in names))
 
+    @checked
     def frames(self, simulation: int) -> pd.DataFrame:
         """The 22 variables of the source paper for one simulation, one row per frame.
 
@@ -220,12 +230,14 @@ class Dataset:
 
         return wide_frames({name: _decoded(table) for name, table in rows.items()})
 
+    @checked
     def states(self, simulation: int) -> pd.DataFrame:
         """The states of one simulation, one row per vehicle and frame."""
         if "states" in self._tables:
             return _decoded(self._part("states", simulation))
         return _decoded(self._encoded(simulation)["states"])
 
+    @checked
     def scenario(self, simulation: int) -> Scenario:
         """The scenario of one simulation, as a batch of one."""
         rows = {
@@ -233,6 +245,7 @@ class Dataset:
         }
         return restore_scenario(rows, self.road, self._manifest.identity.unknown)
 
+    @checked
     def trajectory(self, simulation: int) -> Trajectories:
         """One recorded simulation, as a batch of one; simulated again if it was not kept.
 
@@ -260,6 +273,7 @@ class Dataset:
                 }
                 yield np.arange(first, last + 1), self._recorded(rows)
 
+    @checked
     def class_weights(self, first: int, last: int) -> NDArray[np.float64]:
         """Weights that give back the natural rates, shape (simulation,).
 
@@ -274,6 +288,7 @@ class Dataset:
         rows = read_rows(self._files.one("labels", shard), "labels", first, last)
         return rows["class_weight"].to_numpy()[:: len(POLICY_NAMES.names)]
 
+    @checked
     def table(self, name: str) -> pa.Table:
         """A whole table as it is in the files.
 
@@ -297,6 +312,7 @@ class Dataset:
         shards = self._manifest.shards
         return tuple(name for name in self._tables if all(name in one.tables for one in shards))
 
+    @checked
     def files(self, name: str, *, is_checked: bool = True) -> list[Path]:
         """The files of a table, in the order of their simulations.
 

@@ -1,6 +1,6 @@
 """Signals, events, findings, labels and features of a recording, one after the other."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from overtaking.features import (
@@ -47,6 +47,10 @@ class Labelled(Batch):
     matched: Features
     decisions: Decisions
     safety: Safety
+
+    def summary(self) -> Mapping[str, object]:
+        """That of the recording."""
+        return self.trajectories.summary()
 
     @property
     def features(self) -> tuple[Features, Features]:

@@ -1,25 +1,90 @@
 """What all frozen batches (struct of arrays) share."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.errors import ConfigError, NoSuchSimulationError
+from overtaking.core.summary import Summarized
+
 B = TypeVar("B", bound="Batch")
 
 
-class Batch:
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """What the fields of a batch must fulfil together.
+
+    Attributes:
+        field: Name of the field that is at fault.
+        expected: What it should be, for people.
+        broken: Where it is not, along the first axes of the batch.
+        got: Values of the field, a shape that begins like that of `broken`.
+    """
+
+    field: str
+    expected: str
+    broken: NDArray[np.bool_]
+    got: NDArray[Any]
+
+
+class Batch(Summarized):
     """Base of the frozen dataclasses whose array fields all lead with the `simulation` axis.
 
-    A field may also be another batch, or a tuple of them.
+    A field may also be another batch, or a tuple of them. What comes from outside is checked by
+    `model.checks`, with `AXES`, `sizes`, `meant` and `rules`.
     """
 
     __slots__ = ()
 
-    def select(self, simulations: NDArray[np.integer] | slice) -> Self:
-        """The same batch, restricted to some simulations (an index array, a mask or a slice)."""
+    AXES: ClassVar[tuple[str | int, ...]] = ("simulation",)
+    """Axes of the fields that do not name their own."""
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that its arrays take."""
+        values = [getattr(self, field.name) for field in dataclasses.fields(self)]  # type: ignore[arg-type]
+        return sum(one.nbytes for one in values if isinstance(one, np.ndarray | Batch))
+
+    def sizes(self) -> Mapping[str, int]:
+        """Lengths of axes that no array of the batch has."""
+        return {}
+
+    def meant(self, axes: tuple[str | int, ...]) -> NDArray[np.bool_] | None:  # noqa: ARG002
+        """Where values along some axes mean something; None if the batch does not say."""
+        return None
+
+    def rules(self) -> Iterable[Rule]:
+        """What its fields must fulfil together."""
+        return ()
+
+    def select(self, simulations: NDArray[np.integer] | NDArray[np.bool_] | slice) -> Self:
+        """The same batch, restricted to some simulations.
+
+        Args:
+            simulations: Indices, a mask or a slice.
+
+        Raises:
+            NoSuchSimulationError: They are something else, or there is no such simulation.
+        """
+        try:
+            if isinstance(simulations, slice) or np.ndim(simulations) == 1:
+                return self._selected(simulations)
+            problem: object = f"{simulations!r}"
+        except (IndexError, TypeError, ValueError) as error:
+            problem = error
+        raise NoSuchSimulationError.of(
+            what="simulations",
+            where=f"{type(self).__name__}.select",
+            expected="a slice, a mask or an array of their indices",
+            got=str(problem),
+            next_step="choose among the simulations of the batch",
+        )
+
+    def _selected(self, simulations: Any) -> Self:
         changes = {}
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             value = getattr(self, field.name)
@@ -32,7 +97,21 @@ class Batch:
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
     def replace(self, **changes: Any) -> Self:
-        """A copy with some fields changed."""
+        """A copy with some fields changed.
+
+        Raises:
+            ConfigError: There is no such field.
+        """
+        known = [field.name for field in dataclasses.fields(self)]  # type: ignore[arg-type]
+        for name in changes:
+            if name not in known:
+                raise ConfigError.of(
+                    what="field",
+                    where=f"{type(self).__name__}.replace",
+                    expected=f"one of {', '.join(known)}",
+                    got=name,
+                    next_step="choose one of them",
+                )
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
 

@@ -1,9 +1,10 @@
 """People: how each vehicle is driven, without the body around them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from overtaking.core.elementary import F32, Mask
 from overtaking.model.batch import Batch
+from overtaking.model.values import within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,24 +38,26 @@ class Drivers(Batch):
         limit_respect: Share of the speed above the limit that is given up, 0 to 1 [1].
     """
 
-    desired_speed: F32
-    time_gap: F32
-    min_gap: F32
-    accel: F32
-    decel: F32
-    reaction_time: F32
-    caution: F32
-    politeness: F32
-    lane_change_threshold: F32
-    right_bias: F32
-    safe_decel: F32
-    lane_change_duration: F32
-    passing_gain: F32
-    patience: F32
-    pull_out_time: F32
-    gap_acceptance: F32
-    return_time_gap: F32
-    signal_time: F32
+    AXES = ("simulation", "vehicle")
+
+    desired_speed: F32 = field(metadata=within(0.0, 150.0, "m/s"))
+    time_gap: F32 = field(metadata=within(0.0, 60.0, "s"))
+    min_gap: F32 = field(metadata=within(0.0, 100.0, "m"))
+    accel: F32 = field(metadata=within(0.01, 30.0, "m/s^2"))
+    decel: F32 = field(metadata=within(0.01, 30.0, "m/s^2"))
+    reaction_time: F32 = field(metadata=within(0.0, 10.0, "s"))
+    caution: F32 = field(metadata=within(0.0, 1.0))
+    politeness: F32 = field(metadata=within(0.0, 10.0))
+    lane_change_threshold: F32 = field(metadata=within(0.0, 10.0, "m/s^2"))
+    right_bias: F32 = field(metadata=within(0.0, 10.0, "m/s^2"))
+    safe_decel: F32 = field(metadata=within(0.01, 30.0, "m/s^2"))
+    lane_change_duration: F32 = field(metadata=within(0.1, 100.0, "s"))
+    passing_gain: F32 = field(metadata=within(0.0, 100.0, "m/s"))
+    patience: F32 = field(metadata=within(0.01, 1e6, "s"))
+    pull_out_time: F32 = field(metadata=within(0.0, 1e6, "s"))
+    gap_acceptance: F32 = field(metadata=within(0.0, 100.0))
+    return_time_gap: F32 = field(metadata=within(0.0, 60.0, "s"))
+    signal_time: F32 = field(metadata=within(0.0, 60.0, "s"))
     uses_indicator: Mask
     checks_blind_spot: Mask
-    limit_respect: F32
+    limit_respect: F32 = field(metadata=within(0.0, 1.0))

@@ -16,7 +16,7 @@ the left in left-hand traffic, where it is -1.
 import dataclasses
 import enum
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Self
 
@@ -24,6 +24,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from overtaking.core.errors import ConfigError
+from overtaking.model.checks import check
+from overtaking.model.values import within
 
 F64 = NDArray[np.float64]
 
@@ -33,6 +35,8 @@ MAX_NEIGHBOUR_WIDTH = 100.0
 MAX_LENGTH = 100_000.0  # A float64 position then still resolves far below the recorded centimetre.
 MAX_COORDINATE = 1.0e8  # Wider than any map projection of the Earth in metres.
 MAX_SPEED_LIMIT = 100.0
+
+_COORDINATE = within(-MAX_COORDINATE, MAX_COORDINATE, "m")
 
 _HALF_PI = math.pi / 2.0
 _SINE = tuple((-1.0) ** (k // 2) / math.factorial(k) for k in range(19, 0, -2))
@@ -95,9 +99,9 @@ class Lane:
     """
 
     lane_id: int
-    width: float
+    width: float = field(metadata=within(0.0, MAX_NEIGHBOUR_WIDTH, "m", is_open=True))
     kind: str = "driving"
-    direction: int = 1
+    direction: int = field(default=1, metadata=within(-1, 1))
     right_mark: RoadMark
     left_mark: RoadMark
 
@@ -134,24 +138,23 @@ class Road:
     kind: str
     driving_side: DrivingSide
     lanes: tuple[Lane, ...]
-    edge_d: float
-    length: float
-    x0: float
-    y0: float
-    heading: float
-    speed_limit: float
+    edge_d: float = field(metadata=_COORDINATE)
+    length: float = field(metadata=within(0.0, MAX_LENGTH, "m", is_open=True))
+    x0: float = field(metadata=_COORDINATE)
+    y0: float = field(metadata=_COORDINATE)
+    heading: float = field(metadata=within(-math.tau, math.tau, "rad"))
+    speed_limit: float = field(metadata=within(0.0, MAX_SPEED_LIMIT, "m/s", is_open=True))
     slow_side_neighbour: Lane | None = None
     fast_side_neighbour: Lane | None = None
 
     def __post_init__(self) -> None:
         """Refuse what the model is not made for."""
-        self._check_numbers()
+        where = f"road {self.name}"
+        check(self, where)
+        for lane in (*self.lanes, self.slow_side_neighbour, self.fast_side_neighbour):
+            if lane is not None:
+                check(lane, where, f"lane {lane.lane_id}")
         self._check_lanes()
-        for neighbour in (self.slow_side_neighbour, self.fast_side_neighbour):
-            if neighbour is not None:
-                self._check_range(
-                    f"width of lane {neighbour.lane_id}", neighbour.width, 0.0, MAX_NEIGHBOUR_WIDTH
-                )
 
     @property
     def num_lanes(self) -> int:
@@ -251,18 +254,6 @@ class Road:
             got=got,
             next_step="correct the road",
         )
-
-    def _check_range(self, what: str, value: float, low: float, high: float) -> None:
-        """Refuse a number that is not finite or outside (low, high]."""
-        if not low < value <= high:  # Also true for NaN.
-            raise self._refused(what, f"more than {low:g} and at most {high:g}", f"{value:g}")
-
-    def _check_numbers(self) -> None:
-        self._check_range("length", self.length, 0.0, MAX_LENGTH)
-        self._check_range("speed_limit", self.speed_limit, 0.0, MAX_SPEED_LIMIT)
-        self._check_range("size of heading", abs(self.heading), -1.0, math.tau)
-        for what in ("edge_d", "x0", "y0"):
-            self._check_range(f"size of {what}", abs(getattr(self, what)), -1.0, MAX_COORDINATE)
 
     def _check_lanes(self) -> None:
         if not 1 <= self.num_lanes <= MAX_LANES:

@@ -1,14 +1,16 @@
 """A batch of scenarios: everything that is decided before the first frame."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32
-from overtaking.model.batch import Batch
+from overtaking.core.elementary import F32, Mask
+from overtaking.model.batch import Batch, Rule
 from overtaking.model.drivers import Drivers
-from overtaking.model.road import Road
+from overtaking.model.road import MAX_LENGTH, Road
+from overtaking.model.values import within
 from overtaking.model.vehicles import VehicleSpecs
 from overtaking.model.weather import Weather
 
@@ -17,6 +19,11 @@ SLOTS = (8, 16, 32)
 
 MAX_VEHICLES = SLOTS[-1]
 """Most vehicles of a simulation."""
+
+MAX_DURATION = 6000.0
+"""Longest simulation, and recording of one overtake [s]."""
+
+_EACH = ("simulation", "vehicle")
 
 
 def slots_for(vehicles: int) -> int:
@@ -32,7 +39,7 @@ class Scenario(Batch):
         profile: Name of the profile that they were drawn from.
         road: The road, the same for the batch.
         seed: Seed of the random numbers, 0 <= seed < 2**64.
-        frame_interval_ms: Time between recorded frames, a multiple of 10 [ms].
+        frame_interval_ms: Time between recorded frames, a multiple of 10 to be simulated [ms].
         index: Number of each simulation, shape (simulation,).
         horizon: Longest duration, shape (simulation,) [s].
         attempt_deadline: A simulation without an attempt ends here, shape (simulation,) [s].
@@ -47,18 +54,18 @@ class Scenario(Batch):
 
     profile: str
     road: Road
-    seed: int
-    frame_interval_ms: int
+    seed: int = field(metadata=within(0, 2**64 - 1))
+    frame_interval_ms: int = field(metadata=within(1, 1000, "ms"))
     index: NDArray[np.uint64]
-    horizon: F32
-    attempt_deadline: F32
-    weight: NDArray[np.float64]
+    horizon: F32 = field(metadata=within(0.0, MAX_DURATION, "s", is_open=True))
+    attempt_deadline: F32 = field(metadata=within(0.0, 1e6, "s", is_open=True))
+    weight: NDArray[np.float64] = field(metadata=within(0.0, 1e12))
     vehicles: VehicleSpecs
     drivers: Drivers
     weather: Weather
-    start_s: F32
-    start_lane: NDArray[np.uint8]
-    start_speed: F32
+    start_s: F32 = field(metadata=within(-MAX_LENGTH, MAX_LENGTH, "m", axes=_EACH))
+    start_lane: NDArray[np.uint8] = field(metadata=within(0, "lane", axes=_EACH))
+    start_speed: F32 = field(metadata=within(0.0, 150.0, "m/s", axes=_EACH))
 
     @property
     def num_simulations(self) -> int:
@@ -74,3 +81,27 @@ class Scenario(Batch):
     def num_vehicles(self) -> NDArray[np.int64]:
         """Number of vehicles of each simulation, shape (simulation,)."""
         return self.vehicles.valid.sum(axis=1)
+
+    def summary(self) -> Mapping[str, object]:
+        """Where it comes from and how large it is."""
+        return {
+            "profile": self.profile,
+            "road": self.road.name,
+            "seed": self.seed,
+            "simulations": self.num_simulations,
+            "vehicles": self.num_slots,
+        }
+
+    def sizes(self) -> Mapping[str, int]:
+        """Lanes of the road; a place may also be beyond the fastest one."""
+        return {"lane": self.road.num_lanes, "lane or beyond": self.road.num_lanes + 1}
+
+    def meant(self, axes: tuple[str | int, ...]) -> Mask | None:
+        """Where there is a vehicle."""
+        return self.vehicles.meant(axes)
+
+    def rules(self) -> Iterable[Rule]:
+        """Vehicles start before the end of the road."""
+        beyond = self.vehicles.valid & (self.start_s > self.road.length)
+        end = f"at most {self.road.length:g} m, the length of the road"
+        yield Rule("start_s", end, beyond, self.start_s)

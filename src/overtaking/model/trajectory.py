@@ -4,15 +4,17 @@ Everything after the simulation reads these values, so that labels from memory a
 agree.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.model.batch import Batch
+from overtaking.model.batch import Batch, Rule
 from overtaking.model.road import Road
-from overtaking.model.scenario import Scenario
+from overtaking.model.scenario import MAX_DURATION, Scenario
+from overtaking.model.values import along, within
 
 I32 = NDArray[np.int32]
 I16 = NDArray[np.int16]
@@ -38,6 +40,9 @@ UNKNOWNS = (
     "percepts",
 )
 """What a recording from elsewhere may not say; rules that need it are undecidable."""
+
+BEYOND_SLOW_EDGE = 255
+"""Lane index of who is beyond the slow edge of the road."""
 
 METRES_PER_STEP = 1e-3
 METRES_PER_SECOND_PER_STEP = 1e-3
@@ -96,18 +101,24 @@ class States(Batch):
         lights: `Lights` bits.
     """
 
+    AXES = ("simulation", "vehicle", "time")
+
     x: I32
     y: I32
     s: I32
     d: I32
-    speed: I32
-    heading: I16
-    wheel_angle: I16
+    speed: I32 = field(metadata=within(0, 1_000_000, "mm/s"))
+    heading: I16 = field(metadata=within(-31_416, 31_416, "steps of 0.1 mrad"))
+    wheel_angle: I16 = field(metadata=within(-31_416, 31_416, "steps of 0.1 mrad"))
     accel_lon: I16
     accel_lat: I16
     yaw_rate: I16
-    lane: U8
-    lights: U8
+    lane: U8 = field(metadata=within(0, "lane or beyond", also=BEYOND_SLOW_EDGE))
+    lights: U8 = field(metadata=within(0, sum(Lights)))
+
+
+BYTES_PER_STATE = 32
+"""Bytes that `States` has for each vehicle and frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,9 +132,11 @@ class Contacts(Batch):
         closing_speed: Speed of approach along the contact normal [mm/s].
     """
 
-    partner: U8
-    time: I32
-    impulse: I32
+    AXES = ("simulation", "vehicle")
+
+    partner: U8 = field(metadata=within(0, "vehicle", also=int(NO_VEHICLE)))
+    time: I32 = field(metadata=within(0, MAX_DURATION * 1000, "ms"))
+    impulse: I32 = field(metadata=within(0, 2**31 - 1, "N s"))
     closing_speed: I32
 
 
@@ -146,15 +159,23 @@ class Percepts(Batch):
         true_closing_speed: The speed of approach as it was, (simulation, decision, 3) [mm/s].
     """
 
-    valid: NDArray[np.bool_]
-    kind: U8
-    time: I32
-    vehicle: U8
+    AXES = ("simulation", "decision", 3)
+
+    valid: NDArray[np.bool_] = field(metadata=along("simulation", "decision"))
+    kind: U8 = field(metadata=within(0, max(DecisionKind), axes=("simulation", "decision")))
+    time: I32 = field(
+        metadata=within(0, MAX_DURATION * 1000, "ms", axes=("simulation", "decision"))
+    )
+    vehicle: U8 = field(metadata=within(0, "vehicle", also=int(NO_VEHICLE)))
     detected: NDArray[np.bool_]
     gap: I32
     closing_speed: I32
     true_gap: I32
     true_closing_speed: I32
+
+    def meant(self, axes: tuple[str | int, ...]) -> NDArray[np.bool_] | None:
+        """Where there is a decision."""
+        return self.valid if axes == self.AXES[:2] else self.valid[:, :, None]
 
     @classmethod
     def nothing(cls, num_simulations: int, num_rows: int) -> "Percepts":
@@ -196,13 +217,34 @@ class Trajectories(Batch):
     scenario: Scenario
     num_frames: I32
     states: States
-    stage: U8
-    collided_with: U8
+    stage: U8 = field(metadata=within(0, max(Stage), axes=("simulation", "time")))
+    collided_with: U8 = field(
+        metadata=within(0, "vehicle", also=int(NO_VEHICLE), axes=("simulation", "time"))
+    )
     contacts: Contacts
     percepts: Percepts
-    trace_hash: NDArray[np.uint32]
+    trace_hash: NDArray[np.uint32] = field(metadata=along("simulation", 4))
     unknown: frozenset[str] = frozenset()
-    present: NDArray[np.bool_] | None = None
+    present: NDArray[np.bool_] | None = field(default=None, metadata=along(*States.AXES))
+
+    def summary(self) -> Mapping[str, object]:
+        """That of the scenario, and the frames."""
+        frames = {"frames": self.stage.shape[1], "ms": self.scenario.frame_interval_ms}
+        return {**self.scenario.summary(), **frames}
+
+    def meant(self, axes: tuple[str | int, ...]) -> NDArray[np.bool_] | None:
+        """Where something was recorded."""
+        known = {States.AXES: self.state_valid, ("simulation", "time"): self.frame_valid}
+        return known.get(axes) if "time" in axes else self.scenario.meant(axes)
+
+    def rules(self) -> Iterable[Rule]:
+        """One frame or more of each simulation, and names of what is not known."""
+        frames = self.num_frames
+        wrong = (frames < 1) | (frames > self.stage.shape[1])
+        yield Rule("num_frames", f"1 to {self.stage.shape[1]}, as stage has", wrong, frames)
+        strange = sorted(self.unknown - set(UNKNOWNS))
+        expected = f"names among {', '.join(UNKNOWNS)}"
+        yield Rule("unknown", expected, np.array(bool(strange)), np.array(strange))
 
     @property
     def state_valid(self) -> NDArray[np.bool_]:

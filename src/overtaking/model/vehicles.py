@@ -1,13 +1,15 @@
 """Bodies: what each vehicle is, without the person in it."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask
-from overtaking.model.batch import Batch
+from overtaking.model.batch import Batch, Rule
+from overtaking.model.values import within
 
 
 class Role(IntEnum):
@@ -78,33 +80,50 @@ class VehicleSpecs(Batch):
         unlawful_presence: May not be on a motorway at all.
     """
 
+    AXES = ("simulation", "vehicle")
+
     valid: Mask
-    kind: NDArray[np.uint8]
-    colour: NDArray[np.uint8]
-    length: F32
-    width: F32
-    height: F32
-    mass: F32
-    wheelbase: F32
-    cg_to_front: F32
-    cg_height: F32
-    yaw_inertia: F32
-    front_stiffness: F32
-    rear_stiffness: F32
-    launch_accel: F32
-    power: F32
-    drag_area: F32
-    side_area: F32
-    rolling_resistance: F32
-    max_speed: F32
-    peak_decel: F32
-    wind_side_coefficient: F32
-    wind_centre_ratio: F32
-    front_drive_share: F32
-    tyre_wear: F32
-    track_width: F32
-    spray_factor: F32
-    lamp_separation: F32
-    contrast: F32
+    kind: NDArray[np.uint8] = field(metadata=within(0, max(VehicleKind)))
+    colour: NDArray[np.uint8] = field(metadata=within(0, max(Colour)))
+    length: F32 = field(metadata=within(0.1, 60.0, "m"))
+    width: F32 = field(metadata=within(0.1, 60.0, "m"))
+    height: F32 = field(metadata=within(0.1, 6.0, "m"))
+    mass: F32 = field(metadata=within(20.0, 2e5, "kg"))
+    wheelbase: F32 = field(metadata=within(0.1, 60.0, "m"))
+    cg_to_front: F32 = field(metadata=within(0.01, 60.0, "m"))
+    cg_height: F32 = field(metadata=within(0.01, 6.0, "m"))
+    yaw_inertia: F32 = field(metadata=within(0.1, 1e8, "kg m^2"))
+    front_stiffness: F32 = field(metadata=within(0.1, 100.0, "1/rad"))
+    rear_stiffness: F32 = field(metadata=within(0.1, 100.0, "1/rad"))
+    launch_accel: F32 = field(metadata=within(0.01, 30.0, "m/s^2"))
+    power: F32 = field(metadata=within(1.0, 1e7, "W"))
+    drag_area: F32 = field(metadata=within(0.0, 50.0, "m^2"))
+    side_area: F32 = field(metadata=within(0.0, 200.0, "m^2"))
+    rolling_resistance: F32 = field(metadata=within(0.0, 0.5))
+    max_speed: F32 = field(metadata=within(0.1, 150.0, "m/s"))
+    peak_decel: F32 = field(metadata=within(0.1, 30.0, "m/s^2"))
+    wind_side_coefficient: F32 = field(metadata=within(0.0, 5.0))
+    wind_centre_ratio: F32 = field(metadata=within(-2.0, 2.0))
+    front_drive_share: F32 = field(metadata=within(0.0, 1.0))
+    tyre_wear: F32 = field(metadata=within(0.0, 1.0))
+    track_width: F32 = field(metadata=within(0.01, 6.0, "m"))
+    spray_factor: F32 = field(metadata=within(0.0, 100.0))
+    lamp_separation: F32 = field(metadata=within(0.01, 6.0, "m"))
+    contrast: F32 = field(metadata=within(0.0, 1.0))
     two_wheeler: Mask
     unlawful_presence: Mask
+
+    def meant(self, axes: tuple[str | int, ...]) -> Mask | None:
+        """Where there is a vehicle."""
+        return self.valid if axes == self.AXES else None
+
+    def rules(self) -> Iterable[Rule]:
+        """An ego in slot 0 and no empty slot before a filled one; centres between the axles."""
+        filled = self.valid
+        is_ego = np.arange(filled.shape[1]) == Role.EGO
+        after_hole = np.zeros_like(filled)
+        after_hole[:, 1:] = filled[:, 1:] & ~filled[:, :-1]
+        expected = "True for the ego in slot 0, and no True after a False"
+        yield Rule("valid", expected, after_hole | (is_ego & ~filled), filled)
+        beyond = filled & (self.cg_to_front > self.wheelbase)
+        yield Rule("cg_to_front", "at most the wheelbase", beyond, self.cg_to_front)

@@ -1,15 +1,22 @@
 """Weather and light of a simulation, as CARLA's knobs name them; what they mean is in `physics`."""
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask
+from overtaking.knowledge import presets
 from overtaking.model.batch import Batch
+from overtaking.model.values import within
 
 NO_PRESET = np.uint8(255)
 """Preset of a weather that is none of the presets."""
+
+_PERCENT = within(0.0, 100.0, "%")
+_TURN = within(-math.tau, math.tau, "rad")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,14 +38,18 @@ class Weather(Batch):
         horizon_line: Whether the sun stands low ahead (the paper's HL).
     """
 
-    preset: NDArray[np.uint8]
-    cloudiness: F32
-    rain: F32
-    puddles: F32
-    wind: F32
-    wind_direction: F32
-    fog: F32
-    sun_altitude: F32
-    sun_azimuth: F32
+    preset: NDArray[np.uint8] = field(metadata=within(0, "preset", also=int(NO_PRESET)))
+    cloudiness: F32 = field(metadata=_PERCENT)
+    rain: F32 = field(metadata=_PERCENT)
+    puddles: F32 = field(metadata=_PERCENT)
+    wind: F32 = field(metadata=_PERCENT)
+    wind_direction: F32 = field(metadata=_TURN)
+    fog: F32 = field(metadata=_PERCENT)
+    sun_altitude: F32 = field(metadata=within(-1.5708, 1.5708, "rad"))
+    sun_azimuth: F32 = field(metadata=_TURN)
     night: Mask
     horizon_line: Mask
+
+    def sizes(self) -> Mapping[str, int]:
+        """How many presets there are."""
+        return {"preset": len(presets())}

@@ -31,23 +31,24 @@ def branch(
 
     Args:
         scenario: A batch of scenarios.
-        frame: First frame that the change can affect, >= 0.
+        frame: First frame that the change can affect, 0 to the last one before the horizon.
         decision: Decision forced on every ego.
         weather: Weather of every simulation from then on, shape as in `scenario`.
         run: `engine.run`, or `reference.run` for the readable twin.
 
     Raises:
-        ConfigError: The frame is negative.
+        ConfigError: There is no such frame.
     """
-    if frame < 0:
+    given = parameters(scenario)
+    last = max(given.num_frames - 1, 0)
+    if not 0 <= frame <= last:
         raise ConfigError.of(
             what="frame",
             where="branch",
-            expected="0 or more",
+            expected=f"0 to {last}, the last one before the horizon",
             got=frame,
             next_step="choose a recorded frame",
         )
-    given = parameters(scenario)
     changed = scenario if weather is None else scenario.replace(weather=weather)
     later = parameters(changed)
     if decision is not None:

@@ -198,7 +198,7 @@ def with_lane(**changes) -> tuple[Lane, ...]:
         ({"lanes": straight().lanes * 3}, "driving lanes: expected 1 to 8, got 9"),
         ({"lanes": with_lane(lane_id=-3)}, "lane ids"),
         ({"lanes": with_lane(width=1.9)}, "width of lane -1: expected 2 to 6 m, got 1.9 m"),
-        ({"lanes": with_lane(width=math.nan)}, "width of lane -1"),
+        ({"lanes": with_lane(width=math.nan)}, "lane -1.width: expected more than 0"),
         ({"lanes": with_lane(kind="shoulder")}, "lane -1"),
         ({"lanes": with_lane(direction=-1)}, "lane -1"),
         ({"lanes": with_lane(right_mark=RoadMark.SOLID)}, "line between lanes -2 and -1"),
@@ -212,9 +212,11 @@ def with_lane(**changes) -> tuple[Lane, ...]:
         ({"edge_d": -math.inf}, "edge_d"),
         ({"speed_limit": 0.0}, "speed_limit"),
         ({"speed_limit": math.nan}, "speed_limit"),
+        ({"length": "long"}, "length: expected a number, got 'long'"),
+        ({"lanes": 3}, "lanes: expected several values, each of them a Lane, got 3"),
         (
             {"fast_side_neighbour": dataclasses.replace(straight().lanes[0], width=0.0)},
-            "width of lane -3",
+            "lane -3.width: expected more than 0 and at most 100 m, got 0",
         ),
     ],
 )

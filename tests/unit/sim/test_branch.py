@@ -11,14 +11,15 @@ from overtaking.sim import engine, reference
 from overtaking.sim.branch import Decision, branch
 
 
-def world():
+def world(**changes: float):
     alone = Vehicle(s=100.0, lane=1, speed=30.0, driver={"desired_speed": 30.0})
-    return scenario([alone], road=wide_road(), horizon=10.0)
+    return scenario([alone], road=wide_road(), **{"horizon": 10.0, **changes})
 
 
-def test_a_frame_before_the_start_is_refused():
-    with pytest.raises(ConfigError, match="frame"):
-        branch(world(), -1)
+@pytest.mark.parametrize("frame", [-1, 201, 1_000_000])
+def test_a_frame_that_no_simulation_has_is_refused(frame: int):
+    with pytest.raises(ConfigError, match=f"frame: expected 0 to 200, .*got {frame}"):
+        branch(world(), frame)
 
 
 def test_a_change_of_weather_takes_effect_from_its_frame_on():
@@ -41,7 +42,9 @@ def test_engine_and_reference_branch_alike():
 
 
 def test_a_branch_beyond_the_end_changes_nothing():
+    short = world(attempt_deadline=5.0)
+    undisturbed = engine.simulate(short)
+    assert undisturbed.num_frames.tolist() == [101]
     np.testing.assert_array_equal(
-        branch(world(), 10_000, decision=Decision.PULL_OUT).trace_hash,
-        engine.simulate(world()).trace_hash,
+        branch(short, 150, decision=Decision.PULL_OUT).trace_hash, undisturbed.trace_hash
     )

@@ -1,0 +1,173 @@
+"""Ranges and types of values, and what a message says of them.
+
+A field of a dataclass names its range and its axes in its metadata (`within`, `along`), an argument
+of a function in its annotation (`Annotated[int, Range(0, 9)]`). `model.checks` holds both to it.
+"""
+
+import math
+import types
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any, Union, get_args, get_origin
+
+import numpy as np
+from numpy.typing import NDArray
+
+Axes = tuple[str | int, ...]
+
+REFUSED = object()
+"""What `taken` gives for a value of another type."""
+
+_PLAIN: dict[Any, tuple[type, str]] = {
+    int: (Integral, "a whole number"),
+    float: (Real, "a number"),
+    bool: (bool | np.bool_, "True or False"),
+    str: (str, "a text"),
+    Path: (Path, "a path"),
+    types.NoneType: (types.NoneType, "None"),
+}
+"""What is asked of a plain value, and its name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """The values that a number, or every number of an array, may have.
+
+    Attributes:
+        low: Smallest value.
+        high: Largest value, or the name of an axis whose indices are meant.
+        unit: Unit, empty for plain numbers.
+        also: One more value, which stands for nothing.
+        is_open: Whether the smallest value itself is left out.
+    """
+
+    low: float
+    high: float | str
+    unit: str = ""
+    also: int | None = None
+    is_open: bool = False
+
+    def described(self, high: float) -> str:
+        """The range in words."""
+        unit = f" {self.unit}" if self.unit else ""
+        if high == math.inf:
+            return f"{number(self.low)}{unit} or more"
+        if self.is_open:
+            return f"more than {number(self.low)} and at most {number(high)}{unit}"
+        end = "" if self.also is None else f", or {self.also}"
+        return f"{number(self.low)} to {number(high)}{unit}{end}"
+
+    def outside(self, values: Any, high: float) -> Any:
+        """Which values are not in the range, in the shape of `values`; NaN is in none."""
+        above = values > self.low if self.is_open else values >= self.low
+        inside = above & (values <= high)
+        return np.logical_not(inside if self.also is None else inside | (values == self.also))
+
+    def holds_all(self, values: NDArray[Any], high: float) -> bool:
+        """Whether every value is in the range."""
+        if self.also is not None or self.is_open:
+            return not self.outside(values, high).any()
+        return not values.size or bool(self.low <= values.min() and values.max() <= high)
+
+
+def within(
+    low: float,
+    high: float | str,
+    unit: str = "",
+    *,
+    axes: Axes | None = None,
+    also: int | None = None,
+    is_open: bool = False,
+) -> Mapping[str, Any]:
+    """Metadata of a field whose values have a range.
+
+    Args:
+        low: Smallest value.
+        high: Largest value, or the name of an axis whose indices are meant.
+        unit: Unit, empty for plain numbers.
+        axes: Axes of an array where they are not those of its class (`Batch.AXES`).
+        also: One more value, which stands for nothing.
+        is_open: Whether the smallest value itself is left out.
+    """
+    return {"range": Range(low, high, unit, also, is_open), "axes": axes}
+
+
+def along(*axes: str | int) -> Mapping[str, Any]:
+    """Metadata of an array whose axes are not those of its class; a number is a fixed length."""
+    return {"axes": axes}
+
+
+def choices(hint: Any) -> tuple[Any, ...]:
+    """The members of a union, or the type itself."""
+    return get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
+
+
+def taken(value: Any, hint: Any) -> Any:
+    """A value of an annotated type, or `REFUSED`; what an iterable gives becomes a tuple."""
+    if len(several := choices(hint)) > 1:
+        found = (taken(value, one) for one in several)
+        return next((one for one in found if one is not REFUSED), REFUSED)
+    origin, inner = get_origin(hint) or hint, get_args(hint)
+    if hint in _PLAIN:
+        return value if _is_plain(value, hint) else REFUSED
+    if hint is Any or (origin is Callable and callable(value)):
+        return value
+    if isinstance(value, str) or not isinstance(value, origin):
+        return REFUSED
+    if not inner or issubclass(origin, Mapping):
+        return value
+    return _elements(value, inner)
+
+
+def _is_plain(value: Any, hint: Any) -> bool:
+    """Whether a value is a number, text, path, flag or None."""
+    if isinstance(value, bool | np.bool_):
+        return hint is bool
+    if isinstance(value, str | Path) and "\0" in str(value):  # No file has such a name.
+        return False
+    return isinstance(value, _PLAIN[hint][0])
+
+
+def _elements(value: Iterable[Any], inner: tuple[Any, ...]) -> Any:
+    """What an iterable gives; in a tuple of fixed length each element has a type of its own."""
+    try:
+        given = tuple(value)
+    except TypeError:  # An array without axes.
+        return REFUSED
+    hints = inner if len(inner) > 1 and inner[-1] is not Ellipsis else inner[:1] * len(given)
+    if len(hints) != len(given):
+        return REFUSED
+    found = tuple(taken(one, hint) for one, hint in zip(given, hints, strict=True))
+    return REFUSED if any(one is REFUSED for one in found) else found
+
+
+def expected(hint: Any) -> str:
+    """An annotation in words."""
+    if len(several := choices(hint)) > 1:
+        *others, last = dict.fromkeys(expected(one) for one in several)
+        return f"{', '.join(others)} or {last}" if others else last
+    origin, inner = get_origin(hint) or hint, get_args(hint)
+    if hint in _PLAIN:
+        return _PLAIN[hint][1]
+    if origin is Callable:
+        return "a function"
+    if issubclass(origin, Iterable) and inner and not issubclass(origin, Mapping):
+        return f"several values, each of them {expected(inner[0])}"
+    return f"a {origin.__name__}"
+
+
+def shown(value: Any) -> str:
+    """A short description of any value."""
+    if isinstance(value, np.ndarray):
+        return f"a {type(value).__name__} of {value.dtype} with the shape {value.shape}"
+    if value is None or isinstance(value, str | Path | Real):
+        return repr(value)
+    return f"a {type(value).__name__}"
+
+
+def number(value: Any) -> str:
+    """A number, short; anything else as it is."""
+    is_whole = isinstance(value, Integral) or not isinstance(value, Real)
+    return str(value) if is_whole else f"{value:g}"
