@@ -168,6 +168,47 @@ def test_a_command_that_does_not_exist_is_seen():
     assert commands("`overtaking a b`\n```console\nmake c\n```\n") == ["make c", "overtaking a b"]
 
 
+# --- queries ---
+
+CHOICES = {"labels": "policy", "findings": "verdict"}
+"""Tables with several rows for a simulation, and the column by which a query chooses among them."""
+
+
+def queries(text: str) -> list[str]:
+    """The SQL of a page: in blocks, in strings of Python, and behind `overtaking sql DATA`."""
+    found = [block for kind, block in blocks(text) if kind == "sql"]
+    found += [
+        query
+        for kind, block in blocks(text)
+        if kind == "python"
+        for query in re.findall(r'"(select [^"]+)"', block, re.I)
+    ]
+    lines = [shlex.split(line) for line in commands(text) if line.startswith("overtaking sql")]
+    return [*found, *(line[3] for line in lines if len(line) > 3)]
+
+
+def repeated(query: str) -> list[str]:
+    """The tables of which a query counts several rows for the same simulation."""
+    return [
+        name
+        for name, column in CHOICES.items()
+        if re.search(rf"\b(from|join)\s+\S*\b{name}\b", query, re.I)
+        and "count(" in query.lower()
+        and column not in query.lower()
+    ]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_no_query_counts_a_simulation_more_than_once(page: str):
+    assert {query: repeated(query) for query in queries(read(page)) if repeated(query)} == {}
+
+
+def test_a_query_that_counts_a_simulation_thrice_is_seen():
+    text = '`overtaking sql d "SELECT class, count(*) FROM labels GROUP BY ALL"`'
+    assert [repeated(query) for query in queries(text)] == [["labels"]]
+    assert repeated("select count(*) from findings where verdict = 'illegal'") == []
+
+
 # --- snippets ---
 
 
