@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from overtaking.cli import main
-from overtaking.knowledge import quantities
+from overtaking.knowledge import Distribution, quantities
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -383,3 +383,16 @@ def test_a_page_that_is_out_of_date_is_seen(tmp_path: Path):
     done = generate(tmp_path)
     assert done.returncode == 1
     assert "docs/reference/constants.md is out of date: run make docs" in done.stderr
+
+
+def test_the_page_of_drivers_has_the_population_of_each_profile():
+    from overtaking.scenarios.reading import profile_names, spec
+
+    page = read("docs/reference/drivers.md")
+    for name in profile_names():
+        population = spec(name).drivers.population
+        assert f"| `{name}` | [`{population}`](#population-{population}) |" in page
+        section = page.partition(f"\n## Population {population}\n")[2].partition("\n## ")[0]
+        careful = quantities("drivers.toml")[f"{population}.careful.min_gap"]
+        assert isinstance(careful, Distribution)
+        assert f"| `min_gap` | {careful.parameter('value'):g} |" in section
