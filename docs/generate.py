@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from figures import overtake
-from generators import knowledge, numbers, rules, tables
+from generators import glossary, knowledge, numbers, rules, tables
 
 HERE = Path(__file__).parent
 
@@ -21,6 +21,7 @@ def generated() -> dict[str, str]:
         "reference/tables.md": tables.content(),
         "reference/constants.md": knowledge.constants(),
         "reference/drivers.md": knowledge.drivers(),
+        "reference/glossary.md": glossary.content(),
         "reference/rules.md": rules.content(),
         "reference/sources.md": knowledge.bibliography(),
         "reference/vehicles.md": knowledge.vehicles(),

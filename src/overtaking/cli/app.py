@@ -7,6 +7,7 @@ import typer
 
 from overtaking.cli import (
     carla,
+    glossary,
     importing,
     labelling,
     learn,
@@ -224,6 +225,7 @@ COMMANDS: dict[options.Body, str] = {
     **validate.COMMANDS,
     **reproducing.COMMANDS,
     compare: "overtaking compare pinto2023 -n 100 --seed 1 --with sumo,carla",
+    **glossary.COMMANDS,
     doctor: "overtaking doctor --json",
 }
 

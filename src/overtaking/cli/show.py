@@ -20,6 +20,7 @@ from overtaking.cli.drawing import (
 from overtaking.cli.law import law_lines
 from overtaking.cli.timeline import STAGE_STYLES, event_lines, stage_times, time_line, words
 from overtaking.core.units import kmh_from_mps
+from overtaking.knowledge import terms
 from overtaking.model.trajectory import METRES_PER_SECOND_PER_STEP, METRES_PER_STEP, Stage
 from overtaking.model.vehicles import Role
 
@@ -69,6 +70,8 @@ def render(run: Trajectories, values: Values, console: Console) -> RenderableTyp
         *_section("How it ended", _ending(values)),
         Text(),
         *law_lines(values, width, glyphs),
+        Text(),
+        Text("What a word means: overtaking glossary WORD", style="dim"),
     )
 
 
@@ -95,6 +98,8 @@ def _heading(values: Values, glyphs: Glyphs) -> Iterator[RenderableType]:
     grid.add_row("Outcome", Text(_outcome(values), style="bold"))
     classes = (f"{name} {one['class']}" for name, one in values["policies"].items())
     grid.add_row("Class", ", ".join(classes))
+    for name in dict.fromkeys(one["class"] for one in values["policies"].values()):
+        grid.add_row("", Text(f"{name}: {terms('classes')[name].meaning}", style="dim"))
     if values["not_recorded"]:
         grid.add_row("Unknown", ", ".join(words(name) for name in values["not_recorded"]))
     grid.add_row("Trace", Text(values["trace_hash"], style="dim"))
