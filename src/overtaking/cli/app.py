@@ -169,7 +169,7 @@ def export(
     with output.progress("simulations") as meter:
         rows = api.export(data, target, file_format=file_format, progress=meter, **chosen)
     values = summary.of_table(target, rows)
-    output.result(values, lambda _: summary.render_table(values))
+    output.wrote(values, lambda _: summary.render_table(values))
 
 
 def compare(

@@ -39,7 +39,7 @@ def serve(
     def ready(calls: int, streams: int) -> None:
         values = {"host": host, "port": calls, "stream_port": streams, "map": place}
         text = f"ready for CARLA 0.9.16 clients on {host}:{calls} (streams {streams}); Ctrl-C ends"
-        output.result(values, lambda _: text)
+        output.wrote(values, lambda _: text)
 
     api.serve_carla(port=port, host=host, place=place, seed=seed or 1, ready=ready, log=output.say)
 
@@ -132,7 +132,7 @@ def replay(
         {"file": str(path), "frames": film.num_frames} for film in films for path in film.files
     ]
     lines = "\n".join(f"{each['file']}  {each['frames']} frames" for each in files)
-    output.result({"films": files}, lambda _: lines)
+    output.wrote({"films": files}, lambda _: lines)
 
 
 COMMANDS: dict[options.Body, str] = {

@@ -96,7 +96,7 @@ def import_recording(
     with output.progress("simulations") as meter:
         data = api.import_recording(file_format, file, out, progress=meter, **given)
     values = of_import(data, time.monotonic() - begin)
-    output.result(values, lambda _: render(values))
+    output.wrote(values, lambda _: render(values))
 
 
 # On the command line it is called what Python does not let a function be called.

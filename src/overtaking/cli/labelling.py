@@ -20,7 +20,7 @@ def label(output: Output, data: options.Data) -> None:
     with output.progress("simulations") as meter:
         labelled = api.relabel(data, progress=meter)
     values = of_labels(labelled, time.monotonic() - begin)
-    output.result(values, lambda _: render(values))
+    output.wrote(values, lambda _: render(values))
 
 
 def of_labels(data: "Dataset", seconds: float) -> dict[str, Any]:

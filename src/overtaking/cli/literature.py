@@ -98,7 +98,7 @@ def factors(output: Output) -> None:
 
     found = api.literature("factors")
     rows = [
-        (row["name"], row["kind"], row["acts"], "\n".join(row["columns"]) or "none")
+        (row["name"], row["kind"], row["acts"], ", ".join(row["columns"]) or "none")
         for row in found["rows"]
     ]
     output.result(found, lambda _: _drawn(("factor", "kind", "how", "our columns"), rows, found))
@@ -184,7 +184,7 @@ def _drawn(
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for number, name in enumerate(header):
-        table.add_column(name, no_wrap=number == 0)
+        table.add_column(name, no_wrap=number == 0, overflow="fold")
     for row in rows:
         table.add_row(*(Text(one) for one in row))
     return Group(table, Text("\n".join(_notes(found["rows"]))))

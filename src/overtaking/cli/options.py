@@ -14,7 +14,14 @@ from overtaking.cli.output import Output
 Body = Callable[..., int | None]
 """A command: an `Output`, then what it takes from the command line; returns the exit status."""
 
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")]
+Quiet = Annotated[
+    bool,
+    typer.Option(
+        "--quiet",
+        "-q",
+        help="Print only what was asked for: no progress, no remarks, no summary of written files.",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, for machines.")]
 Log = Annotated[
     Path | None,

@@ -54,7 +54,7 @@ def render(run: Trajectories, values: Values, console: Console) -> RenderableTyp
     width = min(console.width, MAX_WIDTH)
     shown = _nearest(run)
     return Group(
-        *_heading(values, glyphs),
+        *_heading(values, width, glyphs),
         Text(),
         _vehicle_table(values, shown, glyphs),
         *_section("What the ego did", time_line(values, width, glyphs)),
@@ -82,7 +82,7 @@ def _section(title: str, lines: Iterator[Text]) -> Iterator[Text]:
     yield from lines
 
 
-def _heading(values: Values, glyphs: Glyphs) -> Iterator[RenderableType]:
+def _heading(values: Values, width: int, glyphs: Glyphs) -> Iterator[RenderableType]:
     """Where and in what weather."""
     facts = (
         f"Simulation {values['simulation']}",
@@ -93,6 +93,9 @@ def _heading(values: Values, glyphs: Glyphs) -> Iterator[RenderableType]:
     )
     yield Text(f" {glyphs.separator} ".join(facts), style="bold")
     grid = Table.grid(padding=(0, 2))
+    grid.width = width
+    grid.add_column()
+    grid.add_column(ratio=1)
     grid.add_row("Road", _road(values["road"]))
     grid.add_row("Weather", _weather(values["weather"]))
     grid.add_row("Outcome", Text(_outcome(values), style="bold"))

@@ -70,7 +70,7 @@ def er(output: Output, drawn: Drawn = "svg", out: Target = None) -> None:
     if out is None:
         output.text(values | {"diagram": picture}, picture)
     else:
-        output.text(values, f"{out}\n")
+        output.wrote(values, lambda _: str(out))
 
 
 def render(values: dict[str, Any]) -> "Group":

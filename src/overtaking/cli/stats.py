@@ -89,7 +89,7 @@ def report(
             progress=meter,
         )
     values = values_of(made, time.monotonic() - begin)
-    output.result(values, lambda _: render(values))
+    output.wrote(values, lambda _: render(values))
 
 
 def values_of(made: "Report", seconds: float) -> dict[str, Any]:

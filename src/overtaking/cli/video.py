@@ -54,7 +54,7 @@ def video(
     with output.progress("films") as meter:
         films = api.film(data, out, simulations=chosen, threads=threads, progress=meter)
     values = values_of(films, time.monotonic() - begin)
-    output.result(values, lambda _: render(values))
+    output.wrote(values, lambda _: render(values))
 
 
 def choice(text: str | None, *, is_per_class: bool, is_every: bool) -> list[int] | str:
