@@ -160,12 +160,8 @@ def _duckdb() -> Any:
     try:
         import duckdb
     except ImportError:
-        raise MissingExtraError.of(
-            what="DuckDB, which answers SQL",
-            where="sql",
-            expected="the extra [sql]",
-            got="no such package",
-            next_step="run: pip install 'overtaking[sql]'",
+        raise MissingExtraError.lacking(
+            "sql", what="DuckDB, which answers SQL", where="sql"
         ) from None
     return duckdb
 

@@ -300,7 +300,7 @@ def _check_version(path: str, content: JsonValue) -> None:
             where=path,
             expected=f"at most {VERSION}",
             got=version,
-            next_step="upgrade the package: pip install --upgrade overtaking",
+            next_step="use the version of overtaking that wrote it, or a newer one",
         )
 
 
