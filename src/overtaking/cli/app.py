@@ -28,7 +28,7 @@ HELP = "Simulate, label and explain overtaking manoeuvres, reproducibly."
 
 def build() -> typer.Typer:
     """The application with all its commands."""
-    app = _typer(HELP)
+    app = _typer(HELP, add_completion=True)
     app.callback()(_overtaking)
     for body, example in COMMANDS.items():
         options.command(app, body, example)
@@ -41,10 +41,10 @@ def build() -> typer.Typer:
     return app
 
 
-def _typer(about: str) -> typer.Typer:
+def _typer(about: str, *, add_completion: bool = False) -> typer.Typer:
     return typer.Typer(
         help=about,
-        add_completion=False,
+        add_completion=add_completion,
         rich_markup_mode=None,  # Plain help is there at once and reads well everywhere.
         context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     )
