@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from figures import overtake
-from generators import glossary, knowledge, numbers, rules, tables
+from generators import commands, glossary, knowledge, numbers, rules, tables
 
 HERE = Path(__file__).parent
 
@@ -19,6 +19,7 @@ def generated() -> dict[str, str]:
     """Every generated file: its path below this folder, and its content."""
     pages = {
         "reference/tables.md": tables.content(),
+        "reference/commands.md": commands.content(),
         "reference/constants.md": knowledge.constants(),
         "reference/drivers.md": knowledge.drivers(),
         "reference/glossary.md": glossary.content(),

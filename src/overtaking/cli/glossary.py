@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from rich.console import Group
 
 Word = Annotated[
-    str | None, typer.Argument(metavar="[WORD]", help="The word to explain.  [default: all]")
+    str | None, typer.Argument(metavar="[WORD]", help="Term to explain.  [default: all]")
 ]
 
 
 def glossary(output: Output, word: Word = None) -> None:
-    """Explain the words that tables, reports and pages use: classes, features, policies, others."""
+    """Explain classes, features, policies and other terms."""
     values = values_of(word)
     output.result(values, lambda _: render(values))
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def label(output: Output, data: options.Data) -> None:
-    """Label a data set anew, by the rules of this version: events, classes, findings, features."""
+    """Label a data set again, with the rules of this version."""
     from overtaking import api
 
     begin = time.monotonic()
