@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 INTRODUCTION = """\
-`overtaking COMMAND --help` prints the arguments and options of a command, with defaults and an
+`--help` behind a command prints its arguments and options, with defaults and an
 example. Results go to standard output, remarks and errors to standard error. In a terminal, tables
 fit its width; in a pipe or a file, each record is one line. The exit status is 0 for success, 1 if
 `validate` or `doctor` found something, 2 for wrong input, 70 for a fault of the program and 130
