@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from figures import overtake
-from generators import knowledge, numbers, rules, tables
+from generators import commands, glossary, knowledge, numbers, rules, tables
 
 HERE = Path(__file__).parent
 
@@ -19,8 +19,10 @@ def generated() -> dict[str, str]:
     """Every generated file: its path below this folder, and its content."""
     pages = {
         "reference/tables.md": tables.content(),
+        "reference/commands.md": commands.content(),
         "reference/constants.md": knowledge.constants(),
         "reference/drivers.md": knowledge.drivers(),
+        "reference/glossary.md": glossary.content(),
         "reference/rules.md": rules.content(),
         "reference/sources.md": knowledge.bibliography(),
         "reference/vehicles.md": knowledge.vehicles(),

@@ -9,14 +9,14 @@ from generators.markdown import page, section, table, unit
 
 from overtaking.knowledge import VEHICLE_CLASS_ORDER, Distribution, Quantity, quantities, sources
 from overtaking.model.drivers import Drivers
-from overtaking.scenarios.populations import TRAITS, ClassFactors, Temper
+from overtaking.scenarios.populations import TRAITS, ClassFactors, Temper, population_names
+from overtaking.scenarios.reading import profile_names, spec
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     Entry = Quantity | Distribution
 
-POPULATION = "mixed"
 FILES = {
     "model.toml": "Drivers, steering, perception, collisions",
     "weather.toml": "Weather, sight and wind",
@@ -34,18 +34,21 @@ The seven vehicle classes of the study: small, medium and large car, van, rigid 
 and bicycle with rider. `±` is one standard deviation; what varies is drawn for each vehicle,
 within two standard deviations or the limits that `vehicles.toml` states.
 """
-DRIVERS = f"""\
-What each driver is like, from the population `{POPULATION}`. A driver has a hidden *temper*,
-uniform from 0 (careful) to 1 (reckless) unless a specification narrows it. Each parameter has a
-distribution for careful and one for reckless drivers; for a temper in between, its parameters lie
-in between in proportion (the median of a lognormal on a logarithmic scale). Draws are cut off at
-2.5 standard deviations and at the limits in brackets.
+DRIVERS = """\
+A profile draws its drivers from a *population*. Each driver has a hidden *temper*, uniform from 0
+(careful) to 1 (reckless) unless the specification narrows it. A population gives each parameter one
+distribution for careful and one for reckless drivers; a temper in between interpolates between the
+two (the median of a lognormal on a logarithmic scale). Draws are truncated at 2.5 standard
+deviations and at the limits in brackets.
+"""
+UNUSED = """\
+No profile of the package draws from this population. A specification of your own can name it:
+`--set drivers.population={name}`.
 """
 SPEEDS = """\
-`cruise_factor`, `speed_over_leader` and `wants_to_overtake` are not kept: together with the
-speeds that the profile draws they make `desired_speed`. That of the traffic is the speed it came
-with, times the factor; that of the ego is at least its leader's plus the gain, unless it is
-content to follow.
+A data set does not record `cruise_factor`, `speed_over_leader` and `wants_to_overtake`. They set
+`desired_speed`: for the traffic, its initial speed times `cruise_factor`; for the ego, at least its
+leader's speed plus `speed_over_leader`, unless it does not want to overtake.
 """
 SOURCES = """\
 What the numbers of the knowledge base rest on. *Read* says whether the values were read in the
@@ -74,13 +77,40 @@ def vehicles() -> str:
 def drivers() -> str:
     """The page `reference/drivers.md`."""
     own, temper = _meanings(Drivers), _meanings(Temper)
-    header = ("parameter", "meaning", "unit", "careful", "reckless", "sources", "why")
-    rows = [_of_temper(name, own.get(name) or temper[name]) for name in TRAITS]
+    units = quantities("drivers.toml")
+    first = population_names()[0]
+    parameters = [
+        (
+            f"`{name}`",
+            own.get(name) or temper[name],
+            unit(units[f"{first}.careful.{name}"].quoted_unit),
+        )
+        for name in TRAITS
+    ]
+    profiles = {name: spec(name).drivers.population for name in profile_names()}
+    used = sorted(population_names(), key=lambda name: name not in profiles.values())
     return page(
         "Drivers",
         DRIVERS,
-        section("Parameters", table(header, rows), SPEEDS),
-        section("What the vehicle changes", table(*_factors())),
+        table(("profile", "population"), [_linked(*pair) for pair in profiles.items()]),
+        section("Parameters", table(("parameter", "meaning", "unit"), parameters), SPEEDS),
+        *(_population(name, [one for one in profiles if profiles[one] == name]) for name in used),
+    )
+
+
+def _linked(profile: str, population: str) -> tuple[str, str]:
+    return f"`{profile}`", f"[`{population}`](#population-{population})"
+
+
+def _population(name: str, profiles: list[str]) -> str:
+    """One population: its distributions, and what the vehicle class changes in them."""
+    header = ("parameter", "careful", "reckless", "sources", "why")
+    users = ", ".join(f"`{one}`" for one in profiles)
+    return section(
+        f"Population {name}",
+        f"Profiles: {users}." if profiles else UNUSED.format(name=name),
+        table(header, [_of_temper(name, trait) for trait in TRAITS]),
+        table(*_factors(name)),
     )
 
 
@@ -139,22 +169,27 @@ def _reason(entries: Mapping[str, Entry], name: str) -> tuple[str, ...]:
     return f"`{name}`", ", ".join(origins), " · ".join(reasons)
 
 
-def _of_temper(name: str, meaning: str) -> tuple[str, ...]:
+def _of_temper(population: str, name: str) -> tuple[str, ...]:
     entries = quantities("drivers.toml")
-    careful, reckless = (entries[f"{POPULATION}.{end}.{name}"] for end in ("careful", "reckless"))
+    careful, reckless = (entries[f"{population}.{end}.{name}"] for end in ("careful", "reckless"))
     origins = dict.fromkeys(source_link(entry.source) for entry in (careful, reckless))
     reasons = dict.fromkeys(
         entry.rationale
         for entry in (careful, reckless)
-        if entry.rationale and "See care" not in entry.rationale
+        if entry.rationale and "see care" not in entry.rationale.lower()
     )
-    cells = (unit(careful.quoted_unit), shown(careful), shown(reckless))
-    return f"`{name}`", meaning, *cells, ", ".join(origins), " · ".join(reasons)
+    return (
+        f"`{name}`",
+        shown(careful),
+        shown(reckless),
+        ", ".join(origins),
+        " · ".join(reasons),
+    )
 
 
-def _factors() -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+def _factors(population: str) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     entries = quantities("drivers.toml")
-    prefix = f"{POPULATION}.classes."
+    prefix = f"{population}.classes."
     rows = [
         (
             key.removeprefix(prefix).partition(".")[0],

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from overtaking.cli import main
-from overtaking.knowledge import quantities
+from overtaking.knowledge import Distribution, quantities
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -166,6 +166,47 @@ def test_a_command_that_does_not_exist_is_seen():
     assert faults("make coffee") == ["coffee"]
     assert faults("OVERTAKING_SIMD=avx2 overtaking doctor --json") == []
     assert commands("`overtaking a b`\n```console\nmake c\n```\n") == ["make c", "overtaking a b"]
+
+
+# --- queries ---
+
+CHOICES = {"labels": "policy", "findings": "verdict"}
+"""Tables with several rows for a simulation, and the column by which a query chooses among them."""
+
+
+def queries(text: str) -> list[str]:
+    """The SQL of a page: in blocks, in strings of Python, and behind `overtaking sql DATA`."""
+    found = [block for kind, block in blocks(text) if kind == "sql"]
+    found += [
+        query
+        for kind, block in blocks(text)
+        if kind == "python"
+        for query in re.findall(r'"(select [^"]+)"', block, re.I)
+    ]
+    lines = [shlex.split(line) for line in commands(text) if line.startswith("overtaking sql")]
+    return [*found, *(line[3] for line in lines if len(line) > 3)]
+
+
+def repeated(query: str) -> list[str]:
+    """The tables of which a query counts several rows for the same simulation."""
+    return [
+        name
+        for name, column in CHOICES.items()
+        if re.search(rf"\b(from|join)\s+\S*\b{name}\b", query, re.I)
+        and "count(" in query.lower()
+        and column not in query.lower()
+    ]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_no_query_counts_a_simulation_more_than_once(page: str):
+    assert {query: repeated(query) for query in queries(read(page)) if repeated(query)} == {}
+
+
+def test_a_query_that_counts_a_simulation_thrice_is_seen():
+    text = '`overtaking sql d "SELECT class, count(*) FROM labels GROUP BY ALL"`'
+    assert [repeated(query) for query in queries(text)] == [["labels"]]
+    assert repeated("select count(*) from findings where verdict = 'illegal'") == []
 
 
 # --- snippets ---
@@ -342,3 +383,16 @@ def test_a_page_that_is_out_of_date_is_seen(tmp_path: Path):
     done = generate(tmp_path)
     assert done.returncode == 1
     assert "docs/reference/constants.md is out of date: run make docs" in done.stderr
+
+
+def test_the_page_of_drivers_has_the_population_of_each_profile():
+    from overtaking.scenarios.reading import profile_names, spec
+
+    page = read("docs/reference/drivers.md")
+    for name in profile_names():
+        population = spec(name).drivers.population
+        assert f"| `{name}` | [`{population}`](#population-{population}) |" in page
+        section = page.partition(f"\n## Population {population}\n")[2].partition("\n## ")[0]
+        careful = quantities("drivers.toml")[f"{population}.careful.min_gap"]
+        assert isinstance(careful, Distribution)
+        assert f"| `min_gap` | {careful.parameter('value'):g} |" in section

@@ -327,7 +327,7 @@ def test_a_damaged_shard_is_exported_only_when_it_is_repaired(data, tmp_path):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"version": 99}, "pip install --upgrade overtaking"),
+        ({"version": 99}, "or a newer one"),
         ({"version": "one"}, "dataset.json"),
         ({"format": "other"}, "dataset.json"),
         ({"identity": {}}, "dataset.json"),

@@ -16,6 +16,7 @@ import pytest
 
 from overtaking import api
 from overtaking.exchange.pinto2023 import COLUMNS, read_table
+from overtaking.knowledge import terms
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -109,9 +110,10 @@ def test_threads_and_frame_interval_and_changes_arrive(tmp_path):
     assert set(np.diff(made.frames(0)["time_s"]).round(6)) == {0.1}
 
 
-def test_quiet_says_nothing(tmp_path):
+def test_quiet_says_nothing_of_what_was_written_and_prints_results(folder, tmp_path):
     process = done("generate", "-n", 2, "--out", tmp_path / "data", "--quiet")
     assert process.stdout == ""
+    assert done("stats", folder, "-q").stdout == done("stats", folder).stdout != ""
 
 
 def test_resume_of_a_complete_data_set_changes_nothing(folder, data):
@@ -133,8 +135,10 @@ def test_show_draws_the_simulation_that_was_asked_for(folder, data):
     for number in (0, NUM_SIMULATIONS - 1):
         text = done("show", folder, number).stdout
         assert text.startswith(f"Simulation {number} ")
-        assert max(len(line) for line in text.splitlines()) <= 80
         assert "\x1b" not in text
+        assert not [line for line in text.splitlines() if line != line.rstrip()]
+        for rule in ("paper", "default", "strict"):  # A pipe gets each sentence on one line.
+            assert terms("policies")[rule].meaning in text
         values = json.loads(done("show", folder, number, "--json").stdout)
         assert values["simulation"] == number
         assert len(values["vehicles"]) == data.simulations()["num_vehicles"][number]

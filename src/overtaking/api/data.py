@@ -4,7 +4,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from overtaking import scenarios
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, road_of, simulator_of
@@ -25,8 +27,8 @@ from overtaking.model.road import Road
 EXPORTS = ("pinto2023", "commonroad", "highd", "asp", "prolog", "popper")
 """The formats that a data set can be written in."""
 
-_OF_FACTS = ("simulations", "label", "policy", "every", "with_law")
-_EXPORT_OPTIONS = {"asp": _OF_FACTS, "prolog": _OF_FACTS, "popper": ("about", "policy")}
+_OF_FACTS = ("every", "with_law")
+_EXPORT_OPTIONS = {"asp": _OF_FACTS, "prolog": _OF_FACTS, "popper": ("about",)}
 """The options that some formats have."""
 
 _READER_OPTIONS: dict[str, Any] = {
@@ -214,10 +216,13 @@ def export(
     out: str | Path,
     *,
     file_format: str = EXPORTS[0],
+    simulations: Iterable[int] | None = None,
+    label: str | None = None,
+    policy: str = "paper",
     progress: Progress | None = None,
     **options: Any,
 ) -> int:
-    """Write a data set as a file of another program or paper.
+    """Write simulations of a data set in the format of another program or paper.
 
     Args:
         data: The data set, or its folder.
@@ -226,20 +231,78 @@ def export(
             recording for each simulation; of `asp` and `prolog` with files of facts and a theory,
             of `popper` with its three files.
         file_format: One of `EXPORTS`.
+        simulations: Numbers of the simulations to write, all by default.
+        label: A class that they must have, such as `Success_L`.
+        policy: The policy that decides about the class: `paper`, `default` or `strict`.
         progress: Called with the number of simulations that are done, and of all.
-        options: Of `asp` and `prolog`: `simulations` are numbers, `label` is a class that they must
-            have under `policy`; `every` is every how many frames positions are written;
+        options: Of `asp` and `prolog`: `every` is every how many frames positions are written;
             `with_law=True` writes what only the law reads, too. Of `popper`: `about` is `legal`,
-            `collision` or `start`, judged under `policy`.
+            `collision` or `start`.
 
     Returns:
         Number of rows, states or facts written.
 
     Raises:
-        ConfigError: There is no such format, the name does not fit it, or the folder is taken.
+        ConfigError: There is no such format, simulation, class or policy, no simulation is left,
+            the name does not fit the format, or the folder is taken.
         DatasetError: The data set is not complete, or damaged.
         OSError: The file cannot be written.
     """
+    target = folder_of(out, "export to")
+    _refuse_options(file_format, options)
+    source = data if isinstance(data, Dataset) else load(data)
+    numbers = _chosen(source, simulations, label, policy)
+    if file_format in ("asp", "prolog"):
+        return _export_facts(source, target, file_format, numbers, progress, **options)
+    if file_format == "popper":
+        return _export_popper(source, target, numbers, policy, **options)
+    total = len(source) if numbers is None else len(numbers)
+    if file_format in recording_export.FORMATS:
+        return recording_export.write_folder(
+            source.batches(numbers),
+            target,
+            file_format=file_format,
+            total=total,
+            road=source.road,
+            progress=progress,
+        )
+    from overtaking.exchange import pinto2023  # It loads pandas, which nothing else here needs.
+
+    def tables() -> Iterator[pa.Table]:
+        done = 0
+        for some, trajectories in source.batches(numbers):
+            yield pinto2023.to_table(trajectories, some)
+            done += len(some)
+            if progress is not None:
+                progress(done, total)
+
+    return pinto2023.write_table(tables(), target)
+
+
+def _chosen(
+    data: Dataset, simulations: Iterable[int] | None, label: str | None, policy: str
+) -> NDArray[np.int64] | None:
+    """The simulations to write, None for all.
+
+    Raises:
+        ConfigError: There is no such simulation, class or policy, or none is left.
+    """
+    from overtaking.datasets.choice import chosen
+
+    found = chosen(data, simulations, label, policy)
+    if found is not None and not found.size:
+        raise ConfigError.of(
+            what="simulations",
+            where="export",
+            expected="at least one",
+            got=f"none of class {label}" if label else "none",
+            next_step="choose others; overtaking stats counts the classes",
+        )
+    return found
+
+
+def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
+    """Refuse a format that there is not, and what a format has no use for."""
     if file_format not in EXPORTS:
         raise ConfigError.of(
             what=f"format {file_format}",
@@ -248,41 +311,12 @@ def export(
             got=file_format,
             next_step="choose one of them",
         )
-    target = folder_of(out, "export to")
-    source = data if isinstance(data, Dataset) else load(data)
-    _refuse_options(file_format, options)
-    if file_format in ("asp", "prolog"):
-        return _export_facts(source, target, file_format, progress, **options)
-    if file_format == "popper":
-        return _export_popper(source, target, **options)
-    if file_format in recording_export.FORMATS:
-        return recording_export.write_folder(
-            source.batches(),
-            target,
-            file_format=file_format,
-            total=len(source),
-            road=source.road,
-            progress=progress,
-        )
-    from overtaking.exchange import pinto2023  # It loads pandas, which nothing else here needs.
-
-    def tables() -> Iterator[pa.Table]:
-        for numbers, trajectories in source.batches():
-            yield pinto2023.to_table(trajectories, numbers)
-            if progress is not None:
-                progress(int(numbers[-1]) + 1, len(source))
-
-    return pinto2023.write_table(tables(), target)
-
-
-def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
-    """Refuse what a format has no use for."""
     known = _EXPORT_OPTIONS.get(file_format, ())
     for name in sorted(set(options) - set(known)):
         raise ConfigError.of(
             what=f"option {name}",
             where=f"export to {file_format}",
-            expected=", ".join(known) or "none, as all simulations are written",
+            expected=", ".join(known) or "none of those that some formats have",
             got=options[name],
             next_step="leave it out",
         )
@@ -293,23 +327,20 @@ def _export_facts(
     data: Dataset,
     out: Path,
     language: str,
+    numbers: NDArray[np.int64] | None,
     progress: Progress | None,
     *,
-    simulations: Iterable[int] | None = None,
-    label: str | None = None,
-    policy: str = "paper",
     every: int = 10,
     with_law: bool = False,
 ) -> int:
     """Write chosen simulations as facts; see `export`."""
     from overtaking.logic.export import write_facts
-    from overtaking.logic.source import choice
 
     return write_facts(
         data,
         out,
         language=language,
-        chosen=choice(data, simulations, label, policy),
+        chosen=numbers,
         every=every,
         with_law=with_law,
         progress=progress,
@@ -317,14 +348,23 @@ def _export_facts(
 
 
 @checked
-def _export_popper(data: Dataset, out: Path, *, about: str = "legal", policy: str = "paper") -> int:
+def _export_popper(
+    data: Dataset,
+    out: Path,
+    numbers: NDArray[np.int64] | None,
+    policy: str,
+    *,
+    about: str = "legal",
+) -> int:
     """Write what a data set holds about a target for the learner Popper; see `export`."""
     from overtaking.learning.examples import examples_of
     from overtaking.learning.popper import write_popper
     from overtaking.learning.targets import target_of
 
-    target = target_of(about)
-    return write_popper(examples_of(data, policy), target, out)
+    target, examples = target_of(about), examples_of(data, policy)
+    if numbers is not None:
+        examples = examples.where(np.isin(examples.simulations, numbers))
+    return write_popper(examples, target, out)
 
 
 @checked

@@ -52,14 +52,14 @@ def ask(
         DatasetError: The data set is not complete or damaged.
         MissingExtraError: The extra `logic` is not installed.
     """
+    from overtaking.datasets.choice import chosen
     from overtaking.logic import ask as asking
-    from overtaking.logic.source import choice
 
     source = data if isinstance(data, Dataset) else load(data)
     return asking.ask(
         source,
         query,
-        chosen=choice(source, simulations, label, policy),
+        chosen=chosen(source, simulations, label, policy),
         every=every,
         max_rows=max_rows,
         timeout_s=timeout_s,
@@ -84,9 +84,10 @@ def prove(data: str | Path | Dataset, simulation: int) -> "tuple[Proof, ...]":
         DatasetError: The data set is not complete or damaged.
         MissingExtraError: The extra `logic` is not installed.
     """
+    from overtaking.datasets.choice import chosen
     from overtaking.logic.proof import proofs
-    from overtaking.logic.source import choice, groups
+    from overtaking.logic.source import groups
 
     source = data if isinstance(data, Dataset) else load(data)
-    (group,) = groups(source, choice(source, [simulation]))
+    (group,) = groups(source, chosen(source, [simulation]))
     return proofs(group)

@@ -52,12 +52,11 @@ def survey(name: str, opendrive: str) -> Place:
         ConfigError: The reader finds no lanes in it, fails, or takes too long.
     """
     if find_spec("carla") is None:
-        raise MissingExtraError.of(
-            what="carla",
+        raise MissingExtraError.lacking(
+            "carla",
+            what="the wheel of CARLA 0.9.16",
             where="an OpenDRIVE file as a map",
-            expected="the wheel of CARLA 0.9.16",
-            got="none",
-            next_step="install it with pip install 'overtaking[carla]', or use a road of ours",
+            otherwise="use a road of the package",
         )
     rows = _in_own_process(name, opendrive)
     lanes = _lanes(rows)

@@ -7,6 +7,7 @@ import typer
 
 from overtaking.cli import (
     carla,
+    glossary,
     importing,
     labelling,
     learn,
@@ -22,12 +23,12 @@ from overtaking.cli import (
 )
 from overtaking.cli.output import Output
 
-HELP = "Simulate, label and explain overtaking manoeuvres, reproducibly."
+HELP = "Simulate, label and explain overtaking manoeuvres."
 
 
 def build() -> typer.Typer:
     """The application with all its commands."""
-    app = _typer(HELP)
+    app = _typer(HELP, add_completion=True)
     app.callback()(_overtaking)
     for body, example in COMMANDS.items():
         options.command(app, body, example)
@@ -40,10 +41,10 @@ def build() -> typer.Typer:
     return app
 
 
-def _typer(about: str) -> typer.Typer:
+def _typer(about: str, *, add_completion: bool = False) -> typer.Typer:
     return typer.Typer(
         help=about,
-        add_completion=False,
+        add_completion=add_completion,
         rich_markup_mode=None,  # Plain help is there at once and reads well everywhere.
         context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     )
@@ -77,7 +78,7 @@ def generate(
     output: Output,
     out: options.OutPlace,
     profile: options.Profile = None,
-    simulations: options.Simulations = None,
+    count: options.Count = None,
     seed: options.Seed = None,
     map_file: options.Map = None,
     road: options.Road = None,
@@ -91,11 +92,11 @@ def generate(
     frame_interval_ms: options.FrameInterval = None,
     balance: options.Balance = False,
     balance_by: options.BalanceBy = None,
-    policy: options.BalancePolicy = None,
+    policy: options.OpenPolicy = None,
     balance_candidates: options.BalanceCandidates = None,
     allow_missing: options.AllowMissing = False,
 ) -> None:
-    """Simulate scenarios of a profile and write them as a data set."""
+    """Simulate scenarios of a profile and write a labelled data set."""
     from overtaking.cli import arguments, making
 
     arguments.limit_threads(threads)
@@ -103,7 +104,7 @@ def generate(
     place = arguments.road(map_file, road)
     recipe = arguments.given(
         profile=profile,
-        simulations=simulations,
+        simulations=count,
         seed=seed,
         keep=keep,
         road=place,
@@ -121,7 +122,10 @@ def generate(
 
 
 def show(output: Output, data: options.Data, simulation: options.Number) -> None:
-    """Tell the story of one simulation in the terminal, and what would have been legal."""
+    """Show one simulation in the terminal: events, beliefs, law.
+
+    Each broken rule comes with what would have been legal.
+    """
     from overtaking import api
     from overtaking.cli import description, show
 
@@ -131,7 +135,7 @@ def show(output: Output, data: options.Data, simulation: options.Number) -> None
 
 
 def info(output: Output, data: options.Data) -> None:
-    """Tell what a data set holds and how it was made."""
+    """Print what a data set contains and how it was made."""
     from overtaking import api
     from overtaking.cli import summary
 
@@ -147,12 +151,12 @@ def export(
     is_csv: options.IsCsv = None,
     simulations: options.ChosenSimulations = None,
     label: options.ChosenClass = None,
-    policy: options.ChosenPolicy = None,
+    policy: options.OpenPolicy = None,
     every: options.EveryFrames = None,
     law: options.WithLaw = False,
     about: options.AboutTarget = None,
 ) -> None:
-    """Write a data set in the format of another program or paper."""
+    """Convert a data set to the format of another program or paper."""
     from overtaking import api
     from overtaking.cli import arguments, summary
 
@@ -168,13 +172,13 @@ def export(
     with output.progress("simulations") as meter:
         rows = api.export(data, target, file_format=file_format, progress=meter, **chosen)
     values = summary.of_table(target, rows)
-    output.result(values, lambda _: summary.render_table(values))
+    output.wrote(values, lambda _: summary.render_table(values))
 
 
 def compare(
     output: Output,
     profile: options.ProfileWord = None,
-    simulations: options.Simulations = None,
+    count: options.Count = None,
     seed: options.Seed = None,
     others: options.Others = "sumo",
     map_file: options.Map = None,
@@ -182,7 +186,10 @@ def compare(
     threads: options.Threads = None,
     changes: options.Changes = None,
 ) -> None:
-    """Simulate the same scenarios on other simulators too, and show where they part."""
+    """Run the same scenarios on several simulators and compare.
+
+    Prints the classes on each simulator, and when and where the trajectories diverge.
+    """
     from overtaking import api
     from overtaking.cli import arguments, comparison
 
@@ -190,7 +197,7 @@ def compare(
     chosen = ("engine", *(name.strip() for name in others.split(",")))
     recipe = arguments.DEFAULTS | arguments.given(
         profile=profile,
-        simulations=simulations,
+        simulations=count,
         seed=seed,
         road=arguments.road(map_file, road),
         overrides=arguments.overrides(changes or [], None),
@@ -201,8 +208,12 @@ def compare(
     output.result(values, lambda _: comparison.render(values))
 
 
-def doctor(output: Output, folder: options.Folder = Path()) -> int:
-    """Tell what works here, and how to install what does not."""
+def doctor(output: Output, folder: options.CheckedFolder = Path()) -> int:
+    """Check the installation.
+
+    Each missing extra comes with the command that installs it. The exit status is 1 if something
+    keeps the package from working.
+    """
     from overtaking.cli import doctor
 
     values = doctor.diagnose(folder)
@@ -224,16 +235,17 @@ COMMANDS: dict[options.Body, str] = {
     **validate.COMMANDS,
     **reproducing.COMMANDS,
     compare: "overtaking compare pinto2023 -n 100 --seed 1 --with sumo,carla",
+    **glossary.COMMANDS,
     doctor: "overtaking doctor --json",
 }
 
 GROUPS: dict[str, tuple[str, dict[options.Body, str]]] = {
     "carla": (
-        "CARLA 0.9.16: the same scenarios there, and its clients without it.",
+        "Run scenarios on CARLA 0.9.16, or serve CARLA's clients.",
         carla.COMMANDS,
     ),
-    "learn": ("What decides an overtake, learned from a data set.", learn.COMMANDS),
-    "literature": ("What the literature knows, with corrections.", literature.COMMANDS),
-    "sumo": ("The same scenarios on Eclipse SUMO.", sumo.COMMANDS),
+    "learn": ("Learn rules and factors from a data set.", learn.COMMANDS),
+    "literature": ("List what the study surveys, with corrections.", literature.COMMANDS),
+    "sumo": ("Run scenarios on Eclipse SUMO.", sumo.COMMANDS),
 }
 """Commands of two words."""

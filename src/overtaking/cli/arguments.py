@@ -111,11 +111,11 @@ def carla_simulator(driver: str) -> str:
     return names[driver]
 
 
-def road(map_file: Path | None, name: str | None) -> Road | None:
+def road(map_file: str | None, name: str | None) -> Road | None:
     """The road that was asked for, None if it is the profile's.
 
     Args:
-        map_file: An OpenDRIVE file.
+        map_file: An OpenDRIVE file, or the name of a road of the package.
         name: Id of a road in that file; without a file, the name of a road of the package.
 
     Raises:

@@ -12,17 +12,21 @@ PORT = 2000
 
 Port = Annotated[
     int,
-    typer.Option("--port", min=0, max=65534, metavar="P", help="For calls; streams get P+1."),
+    typer.Option(
+        "--port", min=0, max=65534, metavar="P", help="Port for calls; P+1 is for streams."
+    ),
 ]
 Host = Annotated[
     str,
     typer.Option(
-        "--host", metavar="ADDRESS", help="Address to listen on; by default nobody else can reach."
+        "--host",
+        metavar="ADDRESS",
+        help="Address to listen on; the default is reachable from this machine only.",
     ),
 ]
 Place = Annotated[
     str,
-    typer.Option("--map", metavar="NAME|FILE", help="Road of the package, or an OpenDRIVE file."),
+    typer.Option("--map", metavar="FILE|NAME", help=options.MAP),
 ]
 
 
@@ -33,13 +37,16 @@ def serve(
     place: Place = "town06",
     seed: options.Seed = None,
 ) -> None:
-    """Answer clients of CARLA 0.9.16 without CARLA: no graphics card, our dynamics."""
+    """Serve clients of CARLA 0.9.16 without CARLA, on our dynamics.
+
+    Needs neither CARLA nor a graphics card.
+    """
     from overtaking import api
 
     def ready(calls: int, streams: int) -> None:
         values = {"host": host, "port": calls, "stream_port": streams, "map": place}
         text = f"ready for CARLA 0.9.16 clients on {host}:{calls} (streams {streams}); Ctrl-C ends"
-        output.result(values, lambda _: text)
+        output.wrote(values, lambda _: text)
 
     api.serve_carla(port=port, host=host, place=place, seed=seed or 1, ready=ready, log=output.say)
 
@@ -49,13 +56,15 @@ Driver = Annotated[
     typer.Option(
         "--driver",
         metavar="own|traffic-manager",
-        help="Our drivers at true speed, or CARLA's at a third of it, as the study did.",
+        help="own: our drivers; traffic-manager: CARLA's at a third of the speed, as in the study.",
     ),
 ]
 Server = Annotated[
     str,
     typer.Option(
-        "--server", metavar="HOST:PORT", help="A running CARLA 0.9.16, or headless: one of our own."
+        "--server",
+        metavar="HOST:PORT",
+        help="Address of CARLA 0.9.16, or headless: our own server.",
     ),
 ]
 
@@ -64,7 +73,7 @@ def run(
     output: Output,
     out: options.OutFolder,
     profile: options.ProfileWord = None,
-    simulations: options.Simulations = None,
+    count: options.Count = None,
     seed: options.Seed = None,
     driver: Driver = "own",
     server: Server = "headless",
@@ -74,13 +83,13 @@ def run(
     changes: options.Changes = None,
     frame_interval_ms: options.FrameInterval = None,
 ) -> None:
-    """Simulate scenarios of a profile on CARLA and write them as a data set."""
+    """Simulate scenarios on CARLA and write a labelled data set."""
     from overtaking.cli import arguments, making
 
     arguments.choose_carla(server)
     recipe = arguments.given(
         profile=profile,
-        simulations=simulations,
+        simulations=count,
         seed=seed,
         keep=keep,
         road=arguments.road(None, road),
@@ -90,7 +99,7 @@ def run(
 
 
 def limits(output: Output, server: Server = "headless") -> None:
-    """Measure when CARLA's Traffic Manager does not change lanes."""
+    """Measure when CARLA's Traffic Manager refuses lane changes."""
     from overtaking import api
     from overtaking.cli import arguments, carla_limits
 
@@ -101,12 +110,12 @@ def limits(output: Output, server: Server = "headless") -> None:
 
 Numbers = Annotated[
     str,
-    typer.Option("--simulations", metavar="LIST", help="Numbers and ranges, such as 1,7,20-29."),
+    typer.Option("--simulations", metavar="LIST", help=options.SIMULATIONS),
 ]
 Size = Annotated[
     str, typer.Option("--size", metavar="WxH", help="Width and height of the pictures.")
 ]
-Films = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder for the films.")]
+Films = Annotated[Path, typer.Option("--out", metavar="FOLDER", help=f"{options.OUT} A folder.")]
 
 
 def replay(
@@ -117,7 +126,7 @@ def replay(
     size: Size = "800x450",
     server: Server = "headless",
 ) -> None:
-    """Play recorded simulations in CARLA and film them with its cameras."""
+    """Replay recorded simulations in CARLA and film them."""
     from overtaking import api
     from overtaking.cli import arguments
     from overtaking.cli.video import choice
@@ -132,7 +141,7 @@ def replay(
         {"file": str(path), "frames": film.num_frames} for film in films for path in film.files
     ]
     lines = "\n".join(f"{each['file']}  {each['frames']} frames" for each in files)
-    output.result({"films": files}, lambda _: lines)
+    output.wrote({"films": files}, lambda _: lines)
 
 
 COMMANDS: dict[options.Body, str] = {

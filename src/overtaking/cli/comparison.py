@@ -156,7 +156,7 @@ def _group_table(values: Values, key: str, title: str) -> Table:
     others = every[1:]
     columns = [("alike", others, "same_class"), ("completed", every, "completed")]
     columns += [("collided", every, "collisions"), ("half apart", others, "median_parting_s")]
-    heads = [f"{head}\n{name}" for head, names, _ in columns for name in names]
+    heads = [f"{head} {name}" for head, names, _ in columns for name in names]
     table = _table(title, "scenarios", *heads)
     for row in values[key]:
         cells = [_cell(cell) for _, _, name in columns for cell in row[name]]

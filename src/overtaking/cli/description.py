@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from overtaking.knowledge import terms
 from overtaking.model.trajectory import (
     METRES_PER_SECOND_PER_STEP,
     METRES_PER_STEP,
@@ -25,15 +26,7 @@ if TYPE_CHECKING:
 Values = dict[str, Any]
 """What becomes a JSON object: names with units, plain Python values."""
 
-KINDS = {
-    VehicleKind.S: "small car",
-    VehicleKind.M: "medium car",
-    VehicleKind.L: "large car",
-    VehicleKind.V: "van",
-    VehicleKind.T: "truck",
-    VehicleKind.MC: "motorcycle",
-    VehicleKind.B: "bicycle",
-}
+KINDS = {kind: terms("vehicles")[kind.name].title for kind in VehicleKind}
 NEIGHBOURS = ("leader", "front", "rear")
 """Last axis of `Percepts`: the vehicle ahead, and in the target lane those ahead and behind."""
 

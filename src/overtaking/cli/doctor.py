@@ -10,6 +10,7 @@ from importlib import import_module, metadata
 from typing import TYPE_CHECKING, Any
 
 from overtaking.core import processors
+from overtaking.core.extras import PACKAGE, extras, install_command
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,10 +19,10 @@ if TYPE_CHECKING:
 
 Values = dict[str, Any]
 
-PACKAGE = "overtaking"
 LIBRARIES = ("numpy", "pandas", "pyarrow", "pydantic", "rich", "typer")
 MIN_FREE_BYTES = 1_000_000_000  # A data set of the paper's size takes a hundredth of that.
 _BYTES_PER_GB = 1e9
+_AGAIN = "install overtaking again, in a clone by: make build"
 
 
 def diagnose(folder: Path) -> Values:
@@ -89,32 +90,28 @@ def _disk(folder: Path) -> Values:
 
 def _extras() -> dict[str, Values]:
     """Every extra with its packages, and the command that installs what is missing."""
-    extras: dict[str, Values] = {}
-    for requirement in metadata.requires(PACKAGE) or []:
-        found = re.match(r"([\w.-]+).*;.*\bextra\s*==\s*['\"]([\w-]+)['\"]", requirement)
-        if not found or found[1] == PACKAGE or found[2] == "all":
-            continue
-        packages = extras.setdefault(found[2], {"packages": {}})["packages"]
-        packages[found[1]] = _version(found[1])
-    for name, extra in extras.items():
-        extra["installed"] = all(extra["packages"].values())
-        extra["install"] = f"pip install '{PACKAGE}[{name}]'"
-    return extras
+    found: dict[str, Values] = {}
+    for extra, requirements in extras().items():
+        names = [re.split(r"[^\w.-]", one, maxsplit=1)[0] for one in requirements]
+        packages = {name: _version(name) for name in names}
+        found[extra] = {
+            "packages": packages,
+            "installed": all(packages.values()),
+            "install": install_command(extra),
+        }
+    return found
 
 
 def _findings(values: Values) -> list[str]:
     """What keeps something from working, each with what to do."""
     engine, disk = values["engine"], values["disk"]
     findings = [
-        f"{name} is missing; install the package again: pip install --force-reinstall {PACKAGE}"
+        f"{name} is missing; {_AGAIN}"
         for name, version in values["libraries"].items()
         if version is None
     ]
     if not engine["loaded"]:
-        findings.append(
-            f"the engine does not load ({engine['error']}); install the package again: "
-            f"pip install --force-reinstall {PACKAGE}"
-        )
+        findings.append(f"the engine does not load ({engine['error']}); {_AGAIN}")
     if not disk["writable"]:
         findings.append(f"{disk['folder']} is not writable; choose another --out")
     if disk["free_bytes"] < MIN_FREE_BYTES:

@@ -15,40 +15,34 @@ if TYPE_CHECKING:
     from overtaking.datasets.load import Dataset
 
 RecordingFormat = Annotated[
-    str, typer.Argument(metavar="FORMAT", help="commonroad, highd or pinto2023.")
+    str,
+    typer.Argument(
+        metavar="FORMAT", help="Format of the recording: commonroad, highd or pinto2023."
+    ),
 ]
 RecordingFile = Annotated[
-    Path, typer.Argument(metavar="FILE", help="The recording; of highD its NN_tracks.csv.")
+    Path, typer.Argument(metavar="FILE", help="Recording; of highD the file NN_tracks.csv.")
 ]
 AttemptsOnly = Annotated[
     bool | None,
     typer.Option(
-        "--attempts-only", help="Leave out vehicles that follow another and never move left."
+        "--attempts-only", help="Leave out vehicles that follow another and never overtake."
     ),
 ]
 Vehicles = Annotated[
     int | None,
-    typer.Option(
-        "--vehicles", metavar="N", help="Vehicles of a simulation at most.  [default: 16]"
-    ),
+    typer.Option("--vehicles", metavar="N", help="Vehicles per simulation at most.  [default: 16]"),
 ]
 Lanelet = Annotated[
     int | None,
-    typer.Option("--lanelet", metavar="ID", help="CommonRoad: a lanelet of the road to use."),
+    typer.Option("--lanelet", metavar="ID", help="With commonroad: a lanelet of the road to use."),
 ]
 Direction = Annotated[
     int | None,
-    typer.Option("--direction", metavar="1|2", help="highD: upper or lower lanes alone."),
+    typer.Option(
+        "--direction", metavar="1|2", help="With highd: only the upper or the lower lanes."
+    ),
 ]
-MapFile = Annotated[
-    Path | None,
-    typer.Option("--map", metavar="FILE", help="pinto2023: OpenDRIVE file with the road."),
-]
-RoadName = Annotated[
-    str | None,
-    typer.Option("--road", metavar="ID|NAME", help="pinto2023: road of that file, or a known one."),
-]
-
 _WORDS = {
     "vehicles": "vehicles",
     "lane_changes_left": "lane changes to the left",
@@ -80,10 +74,14 @@ def import_recording(
     vehicles: Vehicles = None,
     lanelet: Lanelet = None,
     direction: Direction = None,
-    map_file: MapFile = None,
-    road: RoadName = None,
+    map_file: options.Map = None,
+    road: options.Road = None,
 ) -> None:
-    """Make a data set of a recording: every overtake in it, and who follows, is a simulation."""
+    """Convert recordings of real traffic into a labelled data set.
+
+    Each overtake, and each vehicle that follows another, becomes a simulation. --map and --road
+    name the road of a pinto2023 table.
+    """
     from overtaking import api
     from overtaking.cli import arguments
 
@@ -98,7 +96,7 @@ def import_recording(
     with output.progress("simulations") as meter:
         data = api.import_recording(file_format, file, out, progress=meter, **given)
     values = of_import(data, time.monotonic() - begin)
-    output.result(values, lambda _: render(values))
+    output.wrote(values, lambda _: render(values))
 
 
 # On the command line it is called what Python does not let a function be called.

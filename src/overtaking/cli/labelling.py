@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 
 
 def label(output: Output, data: options.Data) -> None:
-    """Label a data set anew, by the rules of this version: events, classes, findings, features."""
+    """Label a data set again, with the rules of this version."""
     from overtaking import api
 
     begin = time.monotonic()
     with output.progress("simulations") as meter:
         labelled = api.relabel(data, progress=meter)
     values = of_labels(labelled, time.monotonic() - begin)
-    output.result(values, lambda _: render(values))
+    output.wrote(values, lambda _: render(values))
 
 
 def of_labels(data: "Dataset", seconds: float) -> dict[str, Any]:

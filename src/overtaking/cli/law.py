@@ -9,6 +9,7 @@ from rich.text import Text
 
 from overtaking.cli.timeline import who, words
 from overtaking.core.units import kmh_from_mps
+from overtaking.knowledge import terms
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -52,13 +53,14 @@ def _grid(width: int, first: int) -> Table:
 
 
 def _policies(values: Values, width: int) -> Table:
-    """One line for each policy: the class, and the rules that made it so."""
+    """Each policy: the class, the rules that made it so, and which rules it requires."""
     grid = _grid(width, max(len(name) for name in values["policies"]))
     for name, one in values["policies"].items():
         facts = [one["class"]]
         reasons = (what for what in ("broken", "undecidable") if one[what])
         facts += [f"{what} {', '.join(one[what])}" for what in reasons]
-        grid.add_row(name, Text("; ".join(facts)))
+        words = Text("; ".join(facts))
+        grid.add_row(name, words.append(f"\n{terms('policies')[name].meaning}", style="dim"))
     return grid
 
 

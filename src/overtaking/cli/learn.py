@@ -20,13 +20,15 @@ About = Annotated[
     typer.Option(
         "--about",
         metavar="NAME",
-        help="legal, collision, or start (do not start now).",
+        help=f"{options.TARGET} legal, collision, or start (do not start now).",
     ),
 ]
 AboutFactors = Annotated[
     str,
     typer.Option(
-        "--about", metavar="NAME", help="outcome (the class), legal, collision, or start."
+        "--about",
+        metavar="NAME",
+        help=f"{options.TARGET} outcome (the class), legal, collision, or start.",
     ),
 ]
 Features = Annotated[
@@ -38,22 +40,24 @@ Features = Annotated[
     ),
 ]
 Repeats = Annotated[
-    int, typer.Option("--repeats", metavar="N", help="Rank so often, to see how sure it is.")
+    int,
+    typer.Option(
+        "--repeats", metavar="N", help="How many times to rank, to measure the stability."
+    ),
 ]
 ShowLeakage = Annotated[
     bool,
     typer.Option(
-        "--show-leakage", help="Show what features would fake that are known only afterwards."
+        "--show-leakage",
+        help="Show how features that are known only afterwards inflate the accuracy.",
     ),
 ]
-Policy = Annotated[
-    str,
-    typer.Option("--policy", metavar="NAME", help="Which rules decide: paper, default or strict."),
+Seed = Annotated[
+    int, typer.Option("--seed", min=0, metavar="N", help=f"{options.SEED} They split and repeat.")
 ]
-Seed = Annotated[int, typer.Option("--seed", min=0, metavar="N", help="Of the split.")]
-MaxRules = Annotated[int, typer.Option("--max-rules", metavar="N", help="How many rules at most.")]
+MaxRules = Annotated[int, typer.Option("--max-rules", metavar="N", help="Rules at most.")]
 MaxConditions = Annotated[
-    int, typer.Option("--max-conditions", metavar="N", help="How many conditions a rule may have.")
+    int, typer.Option("--max-conditions", metavar="N", help="Conditions per rule at most.")
 ]
 
 
@@ -61,12 +65,15 @@ def rules(
     output: Output,
     data: options.Data,
     about: About = "legal",
-    policy: Policy = "paper",
+    policy: options.Policy = "paper",
     seed: Seed = 1,
     max_rules: MaxRules = 12,
     max_conditions: MaxConditions = 3,
 ) -> None:
-    """Learn a few rules that a driver would recognise, from what is known when it begins."""
+    """Learn a few short rules from what is known at the start.
+
+    Each attribute is known when the overtake starts, or could have started.
+    """
     from overtaking import api
 
     with output.progress("rounds") as meter:
@@ -87,12 +94,12 @@ def factors(
     data: options.Data,
     about: AboutFactors = "outcome",
     features: Features = None,
-    policy: Policy = "paper",
+    policy: options.Policy = "paper",
     seed: Seed = 1,
     repeats: Repeats = 1,
     show_leakage: ShowLeakage = False,
 ) -> None:
-    """Find out what decides: calibrated models, and the factors in order of importance."""
+    """Rank the factors that decide, with calibrated models."""
     from overtaking import api
 
     with output.progress("models") as meter:

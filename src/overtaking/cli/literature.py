@@ -13,11 +13,12 @@ if TYPE_CHECKING:
     from rich.console import Group
 
 AsPrinted = Annotated[
-    bool, typer.Option("--as-printed", help="Values as the paper prints them, not corrected.")
+    bool,
+    typer.Option("--as-printed", help="Print the values as in the paper, without corrections."),
 ]
 With = Annotated[
     Path | None,
-    typer.Option("--with", metavar="DATA", help="Add a row for a data set of your own."),
+    typer.Option("--own", metavar="DATA", help="Add a row for a data set of your own."),
 ]
 
 
@@ -40,7 +41,7 @@ Boxes = Annotated[bool, _flag("boxes3d", "boxes in three dimensions")]
 
 
 def systems(output: Output, as_printed: AsPrinted = False) -> None:
-    """List systems that drive or help to, with SAE level, comfort and safety."""
+    """List driving systems: SAE level, comfort and safety."""
     from overtaking import api
 
     found = api.literature("systems", is_corrected=not as_printed)
@@ -69,7 +70,7 @@ def datasets(
     own: With = None,
     as_printed: AsPrinted = False,
 ) -> None:
-    """List data sets of driving that have what you need."""
+    """List driving data sets with the properties you need."""
     from overtaking import api
 
     given = {
@@ -93,19 +94,19 @@ def datasets(
 
 
 def factors(output: Output) -> None:
-    """List what makes a scene easy or hard to drive, with our columns for it."""
+    """List what makes driving easy or hard, with our columns."""
     from overtaking import api
 
     found = api.literature("factors")
     rows = [
-        (row["name"], row["kind"], row["acts"], "\n".join(row["columns"]) or "none")
+        (row["name"], row["kind"], row["acts"], ", ".join(row["columns"]) or "none")
         for row in found["rows"]
     ]
     output.result(found, lambda _: _drawn(("factor", "kind", "how", "our columns"), rows, found))
 
 
 def studies(output: Output) -> None:
-    """List studies of what decides about an overtake, with our columns for each factor."""
+    """List studies of overtaking decisions, with our columns."""
     from overtaking import api
 
     found = api.literature("studies")
@@ -184,7 +185,7 @@ def _drawn(
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for number, name in enumerate(header):
-        table.add_column(name, no_wrap=number == 0)
+        table.add_column(name, no_wrap=number == 0, overflow="fold")
     for row in rows:
         table.add_row(*(Text(one) for one in row))
     return Group(table, Text("\n".join(_notes(found["rows"]))))

@@ -21,18 +21,16 @@ if TYPE_CHECKING:
 
 Query = Annotated[
     str | None,
-    typer.Argument(metavar="[QUERY]", help="A condition in clingo's language, in quotes."),
+    typer.Argument(metavar="[QUERY]", help="Condition in clingo's language, in quotes."),
 ]
 Why = Annotated[
     int | None,
-    typer.Option("--why", min=0, metavar="N", help="Prove what simulation N breaks of the law."),
+    typer.Option("--why", min=0, metavar="N", help="Prove which rules simulation N breaks."),
 ]
-Words = Annotated[bool, typer.Option("--predicates", help="List the words that there are.")]
-Rows = Annotated[int, typer.Option("--rows", min=1, metavar="N", help="Answers to give at most.")]
-Seconds = Annotated[float, typer.Option("--timeout", metavar="S", help="Seconds to reason.")]
-Memory = Annotated[
-    int, typer.Option("--memory", min=16, metavar="MIB", help="Memory to reason in [MiB].")
-]
+Words = Annotated[bool, typer.Option("--predicates", help="List the predicates.")]
+Rows = Annotated[int, typer.Option("--rows", min=1, metavar="N", help=options.ROWS)]
+Seconds = Annotated[float, typer.Option("--timeout", metavar="S", help=options.TIMEOUT)]
+Memory = Annotated[int, typer.Option("--memory", min=16, metavar="MIB", help=options.MEMORY)]
 
 _INDENT = 2
 _MS_PER_S = 1000.0
@@ -46,13 +44,13 @@ def ask(
     predicates: Words = False,
     simulations: options.ChosenSimulations = None,
     label: options.ChosenClass = None,
-    policy: options.ChosenPolicy = None,
+    policy: options.OpenPolicy = None,
     every: options.EveryFrames = None,
     rows: Rows = 1000,
     timeout_s: Seconds = 600.0,
     memory_mib: Memory = 2048,
 ) -> None:
-    """Ask which simulations and frames make a condition true, or why one is illegal."""
+    """Query simulations in logic, or prove why one is illegal."""
     from overtaking import api
     from overtaking.cli import arguments
 

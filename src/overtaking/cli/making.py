@@ -52,7 +52,7 @@ def make(
             complete = arguments.DEFAULTS | recipe
             data = api.generate(out=out, resume=resume, simulator=simulator, **talk, **complete)
     values = summary.of_dataset(data, time.monotonic() - begin)
-    output.result(values, lambda _: summary.render_generated(values))
+    output.wrote(values, lambda _: summary.render_generated(values))
 
 
 def balance(*, is_wanted: bool, **asked: Any) -> Balance | None:

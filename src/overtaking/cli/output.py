@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_format
 import logging
+import re
 import sys
 import time
 import traceback
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 _PATIENCE = 0.5  # Seconds of work before a progress bar is worth its flicker.
+_UNBOUNDED = 1_000_000  # Columns; wider than any line.
 _LOG_INTERVAL = 5.0  # Seconds between two lines of progress in the log.
 
 
@@ -30,7 +32,7 @@ class Output:
 
     Args:
         command: Name of the command.
-        quiet: Whether only errors are said.
+        quiet: Whether nothing is said but the result and errors.
         json: Whether the result is printed as JSON.
         log: File to append the log to.
     """
@@ -83,18 +85,13 @@ class Output:
     def result(
         self, values: Mapping[str, Any], render: Callable[[Console], RenderableType]
     ) -> None:
-        """Print the result of the command.
+        """Print what the command was asked for, also if it is to be quiet.
 
         Args:
             values: The result for machines, with units in the names.
             render: Draws the result for people; called only if they want it.
         """
-        if self._json:
-            text = json_format.dumps(values, indent=2, ensure_ascii=False, allow_nan=False)
-            sys.stdout.write(text + "\n")
-        elif not self.quiet:
-            sys.stdout.write(_drawn(render))
-        sys.stdout.flush()
+        self._print(_json_of(values) if self._json else _drawn(render))
 
     def text(self, values: Mapping[str, Any], text: str) -> None:
         """Print a result that is text as it is: no line is broken, nothing is coloured.
@@ -103,11 +100,16 @@ class Output:
             values: The result for machines, with units in the names.
             text: The result for people.
         """
-        if self._json:
-            self.result(values, lambda _: "")
-        elif not self.quiet:
-            sys.stdout.write(text)
-            sys.stdout.flush()
+        self._print(_json_of(values) if self._json else text)
+
+    def wrote(self, values: Mapping[str, Any], render: Callable[[Console], RenderableType]) -> None:
+        """Sum up what the command wrote to files, unless it is to be quiet; see `result`."""
+        if self._json or not self.quiet:
+            self.result(values, render)
+
+    def _print(self, text: str) -> None:
+        sys.stdout.write(text)
+        sys.stdout.flush()
 
     def progress(self, what: str) -> Meter:
         """A progress bar for work that may be long; use it as a context."""
@@ -187,14 +189,43 @@ def _bar(what: str, total: int) -> Progress:
     return bar
 
 
+def _json_of(values: Mapping[str, Any]) -> str:
+    return json_format.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
 def _drawn(render: Callable[[Console], RenderableType]) -> str:
-    """What a person sees, as text with the escape codes that stdout understands."""
+    """What a person sees, as text with the escape codes that stdout understands.
+
+    A terminal gets tables that fit its width. Anything else gets a record per line: no line is
+    broken, shortened or padded, and tables have no rules, so that `grep`, `cut` and `wc` work.
+    """
     from rich.console import Console
 
     console = Console(highlight=False)
+    drawing = render(console)
+    if not sys.stdout.isatty():
+        console = Console(highlight=False, width=_UNBOUNDED)
+        _unwrap(drawing)
     with console.capture() as captured:
-        console.print(render(console))
-    return captured.get()
+        console.print(drawing)
+    text = captured.get()
+    return text if sys.stdout.isatty() else re.sub(r"[ \t]+$", "", text, flags=re.MULTILINE)
+
+
+def _unwrap(drawing: RenderableType) -> None:
+    """Let every row of the tables in a drawing be one line."""
+    from rich.console import Group
+    from rich.table import Table
+
+    if isinstance(drawing, Group):
+        for part in drawing.renderables:
+            _unwrap(part)
+    elif isinstance(drawing, Table):
+        drawing.box = drawing.width = None
+        drawing.pad_edge = False
+        for column in drawing.columns:
+            column.no_wrap = True
+            column.max_width = column.ratio = None
 
 
 class _JsonLines(logging.Formatter):

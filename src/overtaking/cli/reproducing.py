@@ -14,20 +14,26 @@ if TYPE_CHECKING:
 
 REPLICATES, SEED = 1000, 2023
 
-Study = Annotated[str, typer.Argument(metavar="STUDY", help="What to reproduce: pinto2023.")]
+Study = Annotated[str, typer.Argument(metavar="STUDY", help="Study to reproduce: pinto2023.")]
 Replicates = Annotated[
     int,
-    typer.Option(
-        "--replicates", metavar="N", help="How many sets of 276 simulations; fewer are faster."
-    ),
+    typer.Option("--replicates", metavar="N", help="How many sets of 276 simulations."),
 ]
 Seed = Annotated[
     int,
-    typer.Option("--seed", metavar="N", help="Seed; none that the drivers were fitted with."),
+    typer.Option(
+        "--seed",
+        metavar="N",
+        help=f"{options.SEED} Those that the drivers were fitted with are refused.",
+    ),
 ]
 Page = Annotated[
     Path | None,
-    typer.Option("--out", metavar="FOLDER", help="Write it as a page with figures, too."),
+    typer.Option(
+        "--out",
+        metavar="FOLDER",
+        help=f"{options.OUT} A folder for an HTML page with figures.  [default: none]",
+    ),
 ]
 
 
@@ -40,7 +46,7 @@ def reproduce(
     threads: options.Threads = None,
     changes: options.Changes = None,
 ) -> None:
-    """Put every number of a paper among replicates of its data set."""
+    """Compare each number of the study with replicates of its data."""
     from overtaking import api
     from overtaking.cli import arguments
 

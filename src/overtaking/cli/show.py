@@ -20,6 +20,7 @@ from overtaking.cli.drawing import (
 from overtaking.cli.law import law_lines
 from overtaking.cli.timeline import STAGE_STYLES, event_lines, stage_times, time_line, words
 from overtaking.core.units import kmh_from_mps
+from overtaking.knowledge import terms
 from overtaking.model.trajectory import METRES_PER_SECOND_PER_STEP, METRES_PER_STEP, Stage
 from overtaking.model.vehicles import Role
 
@@ -53,7 +54,7 @@ def render(run: Trajectories, values: Values, console: Console) -> RenderableTyp
     width = min(console.width, MAX_WIDTH)
     shown = _nearest(run)
     return Group(
-        *_heading(values, glyphs),
+        *_heading(values, width, glyphs),
         Text(),
         _vehicle_table(values, shown, glyphs),
         *_section("What the ego did", time_line(values, width, glyphs)),
@@ -69,6 +70,8 @@ def render(run: Trajectories, values: Values, console: Console) -> RenderableTyp
         *_section("How it ended", _ending(values)),
         Text(),
         *law_lines(values, width, glyphs),
+        Text(),
+        Text("What a word means: overtaking glossary WORD", style="dim"),
     )
 
 
@@ -79,7 +82,7 @@ def _section(title: str, lines: Iterator[Text]) -> Iterator[Text]:
     yield from lines
 
 
-def _heading(values: Values, glyphs: Glyphs) -> Iterator[RenderableType]:
+def _heading(values: Values, width: int, glyphs: Glyphs) -> Iterator[RenderableType]:
     """Where and in what weather."""
     facts = (
         f"Simulation {values['simulation']}",
@@ -90,11 +93,16 @@ def _heading(values: Values, glyphs: Glyphs) -> Iterator[RenderableType]:
     )
     yield Text(f" {glyphs.separator} ".join(facts), style="bold")
     grid = Table.grid(padding=(0, 2))
+    grid.width = width
+    grid.add_column()
+    grid.add_column(ratio=1)
     grid.add_row("Road", _road(values["road"]))
     grid.add_row("Weather", _weather(values["weather"]))
     grid.add_row("Outcome", Text(_outcome(values), style="bold"))
     classes = (f"{name} {one['class']}" for name, one in values["policies"].items())
     grid.add_row("Class", ", ".join(classes))
+    for name in dict.fromkeys(one["class"] for one in values["policies"].values()):
+        grid.add_row("", Text(f"{name}: {terms('classes')[name].meaning}", style="dim"))
     if values["not_recorded"]:
         grid.add_row("Unknown", ", ".join(words(name) for name in values["not_recorded"]))
     grid.add_row("Trace", Text(values["trace_hash"], style="dim"))

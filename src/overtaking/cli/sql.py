@@ -17,16 +17,19 @@ FORMATS = ("table", "csv", "json")
 MOST_SHOWN = 1000
 """Characters of a cell in a table; CSV and JSON have all of them."""
 
-Question = Annotated[str, typer.Argument(metavar="SQL", help="One SELECT, in quotes.")]
-Written = Annotated[str, typer.Option("--format", metavar="NAME", help="table, csv or json.")]
-Rows = Annotated[int, typer.Option("--rows", min=1, metavar="N", help="Rows to give at most.")]
-Seconds = Annotated[float, typer.Option("--timeout", metavar="S", help="Seconds it may take.")]
-Memory = Annotated[
-    int, typer.Option("--memory", min=16, metavar="MIB", help="Memory it may use [MiB].")
+Question = Annotated[str, typer.Argument(metavar="SQL", help="One SELECT statement, in quotes.")]
+Written = Annotated[
+    str, typer.Option("--format", metavar="NAME", help=f"{options.FORMAT} table, csv or json.")
 ]
-Drawn = Annotated[str, typer.Option("--format", metavar="NAME", help="svg or mermaid.")]
+Rows = Annotated[int, typer.Option("--rows", min=1, metavar="N", help=options.ROWS)]
+Seconds = Annotated[float, typer.Option("--timeout", metavar="S", help=options.TIMEOUT)]
+Memory = Annotated[int, typer.Option("--memory", min=16, metavar="MIB", help=options.MEMORY)]
+Drawn = Annotated[
+    str, typer.Option("--format", metavar="NAME", help=f"{options.FORMAT} svg or mermaid.")
+]
 Target = Annotated[
-    Path | None, typer.Option("--out", metavar="FILE", help="File to write.  [default: none]")
+    Path | None,
+    typer.Option("--out", metavar="FILE", help=f"{options.OUT} A file.  [default: print it]"),
 ]
 
 
@@ -39,7 +42,7 @@ def sql(
     timeout_s: Seconds = 60.0,
     memory_mib: Memory = 1024,
 ) -> None:
-    """Ask a data set a question in SQL, which reads its tables and nothing else."""
+    """Query the tables of a data set in SQL."""
     from overtaking import api
     from overtaking.database import text
 
@@ -64,7 +67,7 @@ def sql(
 
 
 def er(output: Output, drawn: Drawn = "svg", out: Target = None) -> None:
-    """Draw the tables of a data set and how they hang together."""
+    """Draw the entity-relationship diagram of the tables."""
     from overtaking import api
 
     picture = api.entity_relationship_diagram(drawn, out)
@@ -72,7 +75,7 @@ def er(output: Output, drawn: Drawn = "svg", out: Target = None) -> None:
     if out is None:
         output.text(values | {"diagram": picture}, picture)
     else:
-        output.text(values, f"{out}\n")
+        output.wrote(values, lambda _: str(out))
 
 
 def render(values: dict[str, Any]) -> "Group":

@@ -17,27 +17,28 @@ if TYPE_CHECKING:
     from overtaking.report.write import Report
 
 Weighted = Annotated[
-    bool, typer.Option("--weighted", help="Count each simulation by its importance weight.")
-]
-Policy = Annotated[
-    str,
-    typer.Option("--policy", metavar="NAME", help="Which rules decide: paper, default or strict."),
+    bool, typer.Option("--weighted", help="Weight each simulation by its importance weight.")
 ]
 Reading = Annotated[
     str | None,
     typer.Option(
         "--reading",
         metavar="NAME",
-        help="How features are measured: paper or matched.  [default: the policy's]",
+        help="Definition of the features: paper or matched.  [default: the policy's]",
     ),
 ]
 Learn = Annotated[
-    bool, typer.Option("--learn", help="Learn rules and factors too; this takes minutes.")
+    bool, typer.Option("--learn", help="Add learned rules and factors; takes minutes.")
 ]
-Written = Annotated[str, typer.Option("--format", metavar="NAME", help="text, csv, json or latex.")]
+Written = Annotated[
+    str,
+    typer.Option("--format", metavar="NAME", help=f"{options.FORMAT} text, csv, json or latex."),
+]
 Folder = Annotated[
     Path | None,
-    typer.Option("--out", metavar="FOLDER", help="Folder to write to.  [default: DATA/report]"),
+    typer.Option(
+        "--out", metavar="FOLDER", help=f"{options.OUT} A folder.  [default: DATA/report]"
+    ),
 ]
 
 
@@ -45,11 +46,11 @@ def stats(
     output: Output,
     data: options.Data,
     weighted: Weighted = False,
-    policy: Policy = "paper",
+    policy: options.Policy = "paper",
     reading: Reading = None,
     written: Written = "text",
 ) -> None:
-    """Print the paper's tables, class frequencies and waiting times of a data set."""
+    """Print class frequencies, feature statistics and waiting times."""
     from overtaking import api
     from overtaking.stats import formats
 
@@ -70,11 +71,11 @@ def report(
     data: options.Data,
     out: Folder = None,
     weighted: Weighted = False,
-    policy: Policy = "paper",
+    policy: options.Policy = "paper",
     reading: Reading = None,
     learn: Learn = False,
 ) -> None:
-    """Write figures, tables and associations of a data set as one page."""
+    """Write an HTML report: figures, tables and associations."""
     from overtaking import api
 
     begin = time.monotonic()
@@ -89,7 +90,7 @@ def report(
             progress=meter,
         )
     values = values_of(made, time.monotonic() - begin)
-    output.result(values, lambda _: render(values))
+    output.wrote(values, lambda _: render(values))
 
 
 def values_of(made: "Report", seconds: float) -> dict[str, Any]:

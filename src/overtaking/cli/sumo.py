@@ -8,7 +8,7 @@ def run(
     output: Output,
     out: options.OutFolder,
     profile: options.ProfileWord = None,
-    simulations: options.Simulations = None,
+    count: options.Count = None,
     seed: options.Seed = None,
     map_file: options.Map = None,
     road: options.Road = None,
@@ -17,12 +17,12 @@ def run(
     changes: options.Changes = None,
     frame_interval_ms: options.FrameInterval = None,
 ) -> None:
-    """Simulate scenarios of a profile on SUMO and write them as a data set."""
+    """Simulate scenarios on SUMO and write a labelled data set."""
     from overtaking.cli import arguments, making
 
     recipe = arguments.given(
         profile=profile,
-        simulations=simulations,
+        simulations=count,
         seed=seed,
         keep=keep,
         road=arguments.road(map_file, road),

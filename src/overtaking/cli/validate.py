@@ -1,4 +1,4 @@
-"""The command that holds a profile against real traffic."""
+"""The command that compares a profile with real traffic."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,24 +8,20 @@ import typer
 from overtaking.cli import options
 from overtaking.cli.output import Output
 
-SIMULATIONS = 1000
+COUNT = 1000
 
-Profile = Annotated[
-    str, typer.Argument(metavar="PROFILE", help="Profile of the package, or a TOML file.")
-]
-Simulations = Annotated[
-    int, typer.Option("--simulations", "-n", metavar="N", help="How many to simulate.")
-]
+Profile = Annotated[str, typer.Argument(metavar="PROFILE", help=options.PROFILE)]
+Count = Annotated[int, typer.Option("--count", "-n", metavar="N", help=options.COUNT)]
 Plot = Annotated[
     Path | None,
-    typer.Option("--plot", metavar="FILE", help="Draw the figures, too; .png or .svg."),
+    typer.Option("--plot", metavar="FILE", help="Draw the figures to a .png or .svg file."),
 ]
 
 
 def validate(
     output: Output,
     profile: Profile,
-    simulations: Simulations = SIMULATIONS,
+    count: Count = COUNT,
     seed: options.Seed = None,
     plot: Plot = None,
     map_file: options.Map = None,
@@ -33,7 +29,10 @@ def validate(
     threads: options.Threads = None,
     changes: options.Changes = None,
 ) -> int:
-    """Hold the traffic of a profile against measured traffic; 1 if a target is missed."""
+    """Compare a profile's traffic with published measurements.
+
+    The exit status is 1 if a target is missed.
+    """
     from overtaking import api
     from overtaking.cli import arguments, validation_page
 
@@ -41,7 +40,7 @@ def validate(
     with output.progress("simulations") as meter:
         found = api.validate(
             profile,
-            simulations,
+            count,
             1 if seed is None else seed,
             overrides=arguments.overrides(changes or [], None),
             road=arguments.road(map_file, road),

@@ -21,16 +21,18 @@ Chosen = Annotated[
     typer.Option(
         "--simulations",
         metavar="LIST",
-        help="Numbers and ranges of simulations, such as 1,7,20-29.",
+        help=options.SIMULATIONS,
     ),
 ]
 PerClass = Annotated[
-    bool, typer.Option("--one-per-class", help="The first of each class; what is done by default.")
+    bool, typer.Option("--one-per-class", help="The first simulation of each class; the default.")
 ]
 All = Annotated[bool, typer.Option("--all", help="Every simulation.")]
 Folder = Annotated[
     Path | None,
-    typer.Option("--out", metavar="FOLDER", help="Folder to write to.  [default: DATA/videos]"),
+    typer.Option(
+        "--out", metavar="FOLDER", help=f"{options.OUT} A folder.  [default: DATA/videos]"
+    ),
 ]
 
 _MOST_LISTED = 12
@@ -46,7 +48,7 @@ def video(
     out: Folder = None,
     threads: options.Threads = None,
 ) -> None:
-    """Film simulations from above, as mp4 files."""
+    """Render simulations as mp4 films, seen from above."""
     from overtaking import api
 
     chosen = choice(simulations, is_per_class=one_per_class, is_every=every)
@@ -54,7 +56,7 @@ def video(
     with output.progress("films") as meter:
         films = api.film(data, out, simulations=chosen, threads=threads, progress=meter)
     values = values_of(films, time.monotonic() - begin)
-    output.result(values, lambda _: render(values))
+    output.wrote(values, lambda _: render(values))
 
 
 def choice(text: str | None, *, is_per_class: bool, is_every: bool) -> list[int] | str:

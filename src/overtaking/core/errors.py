@@ -74,6 +74,25 @@ class LockedError(DatasetError):
 class MissingExtraError(OvertakingError, ImportError):
     """An optional dependency that a command needs and that is not installed."""
 
+    @classmethod
+    def lacking(
+        cls, extra: str, *, what: str, where: str, got: str = "none", otherwise: str = ""
+    ) -> Self:
+        """The error for an extra that is not installed; its last part is the command to run.
+
+        Args:
+            extra: Its name.
+            what: The package, and what it does.
+            where: What needs it.
+            got: What was there instead.
+            otherwise: What else the reader can do, as an imperative.
+        """
+        from overtaking.core.extras import install_command
+
+        head = f"{where}: {what}: expected the extra [{extra}], got {_one_line(got)}"
+        instead = f"; or {otherwise}" if otherwise else ""
+        return cls(f"{head}; run: {install_command(extra)}{instead}")
+
 
 class KnowledgeError(OvertakingError, ValueError):
     """A knowledge file with an unknown, missing, unitless or unsourced entry."""

@@ -154,13 +154,7 @@ def _named(sql: str, tables: tuple[str, ...]) -> set[str]:
 def _refuse_without_duckdb() -> None:
     """Refuse to go on without DuckDB, which not everybody has."""
     if find_spec("duckdb") is None:
-        raise MissingExtraError.of(
-            what="DuckDB, which answers SQL",
-            where="sql",
-            expected="the extra [sql]",
-            got="no such package",
-            next_step="run: pip install 'overtaking[sql]'",
-        )
+        raise MissingExtraError.lacking("sql", what="DuckDB, which answers SQL", where="sql")
 
 
 def too_large(memory_mib: int) -> ConfigError:

@@ -35,6 +35,10 @@ if TYPE_CHECKING:
     from overtaking.model.trajectory import Trajectories
 
 
+_FAR = 64
+"""Simulations between two chosen ones from which on they are read apart."""
+
+
 def load(where: str | Path | Place, simulator: Simulator) -> Dataset:
     """A complete data set.
 
@@ -254,8 +258,13 @@ class Dataset(Summarized):
         """
         return self._recorded(self._rows(simulation))
 
-    def batches(self) -> Iterator[tuple[NDArray[np.int64], Trajectories]]:
-        """All simulations in order, as many at a time as memory is meant to hold.
+    def batches(
+        self, chosen: NDArray[np.int64] | None = None
+    ) -> Iterator[tuple[NDArray[np.int64], Trajectories]]:
+        """Simulations in order, as many at a time as memory is meant to hold.
+
+        Args:
+            chosen: Their numbers in order, each once, shape (chosen,); all by default.
 
         Yields:
             The numbers of some simulations, shape (simulation,), and what was recorded of them.
@@ -265,13 +274,17 @@ class Dataset(Summarized):
         """
         size = plan.chunk_size(self._manifest.identity.spec)
         for shard in self._shards:
-            for numbers in plan.chunks(shard, size):
-                first, last = numbers[0], numbers[-1]
-                rows = {
-                    name: read_rows(self._files.one(name, shard), name, first, last)
-                    for name in self._recorded_tables
-                }
-                yield np.arange(first, last + 1), self._recorded(rows)
+            for chunk in plan.chunks(shard, size):
+                numbers = np.arange(chunk[0], chunk[-1] + 1)
+                for some in [numbers] if chosen is None else _runs(np.intersect1d(numbers, chosen)):
+                    first, last = int(some[0]), int(some[-1])
+                    rows = {
+                        name: read_rows(self._files.one(name, shard), name, first, last)
+                        for name in self._recorded_tables
+                    }
+                    recorded = self._recorded(rows)
+                    is_whole = len(some) == last - first + 1
+                    yield some, recorded if is_whole else recorded.select(some - first)
 
     @checked
     def class_weights(self, first: int, last: int) -> NDArray[np.float64]:
@@ -383,6 +396,13 @@ class Dataset(Summarized):
             got=f"another from {self._simulator.name} {self._simulator.version}",
             next_step=f"simulate with {identity.simulator} {identity.simulator_version}",
         )
+
+
+def _runs(numbers: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Numbers in order, parted where so many lie between that it is not worth reading them."""
+    if not numbers.size:
+        return []
+    return np.split(numbers, np.flatnonzero(np.diff(numbers) > _FAR) + 1)
 
 
 def _decoded(table: pa.Table) -> pd.DataFrame:

@@ -343,7 +343,7 @@ def _check_version(path: str, head: _Head) -> None:
             where=path,
             expected=f"at most {VERSION}",
             got=version,
-            next_step="upgrade the package: pip install --upgrade overtaking",
+            next_step="use the version of overtaking that wrote it, or a newer one",
         )
 
 

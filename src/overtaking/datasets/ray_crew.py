@@ -267,11 +267,7 @@ def _ray(*, is_only_here: bool) -> Any:
     try:
         import ray
     except ImportError:
-        raise MissingExtraError.of(
-            what="engine ray",
-            where="generate",
-            expected="Ray",
-            got="none",
-            next_step="install it: pip install 'overtaking[ray]'",
+        raise MissingExtraError.lacking(
+            "ray", what="Ray, of the engine ray", where="generate"
         ) from None
     return ray

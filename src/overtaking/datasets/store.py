@@ -144,11 +144,19 @@ def _reached(url: str) -> tuple[Any, str]:
     try:
         from fsspec.core import url_to_fs
     except ImportError:
-        raise _missing(url, "fsspec", "install it: pip install 'overtaking[cloud]'") from None
+        raise MissingExtraError.lacking(
+            "cloud", what="fsspec, which reaches stores", where=url
+        ) from None
     try:
         files, root = url_to_fs(url)
     except ImportError as error:
-        raise _missing(url, str(error), "install the package of that store") from None
+        raise MissingExtraError.of(
+            what="store",
+            where=url,
+            expected="the packages that reach it",
+            got=f"none: {error}",
+            next_step="install the package of that store",
+        ) from None
     except Exception as error:
         raise ConfigError.of(
             what="place",
@@ -158,13 +166,3 @@ def _reached(url: str) -> tuple[Any, str]:
             next_step="see docs/how-to/generate-at-scale.md for stores that are known",
         ) from None
     return files, str(root).rstrip("/")
-
-
-def _missing(url: str, got: str, next_step: str) -> MissingExtraError:
-    return MissingExtraError.of(
-        what="store",
-        where=url,
-        expected="the packages that reach it",
-        got=f"none: {got}",
-        next_step=next_step,
-    )

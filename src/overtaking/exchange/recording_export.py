@@ -57,12 +57,13 @@ def write_folder(
         from overtaking.exchange.commonroad_write import write_commonroad as write
     else:
         from overtaking.exchange.highd_write import write_highd as write
-    rows = 0
+    rows = done = 0
     with whole_folder(out) as folder:
         for numbers, trajectories in batches:
             rows += write(trajectories, numbers, folder)
+            done += len(numbers)
             if progress is not None:
-                progress(int(numbers[-1]) + 1, total)
+                progress(done, total)
     return rows
 
 

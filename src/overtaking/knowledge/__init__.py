@@ -11,6 +11,7 @@ from overtaking.knowledge.friction import (
 from overtaking.knowledge.presets import Preset, presets
 from overtaking.knowledge.quantity import Distribution, Quantity, Source
 from overtaking.knowledge.reader import number, quantities, read_section, sources
+from overtaking.knowledge.terms import Term, terms
 from overtaking.knowledge.vehicles import (
     COLOUR_ORDER,
     VEHICLE_CLASS_ORDER,
@@ -31,6 +32,7 @@ __all__ = [
     "Preset",
     "Quantity",
     "Source",
+    "Term",
     "VehicleClass",
     "WeatherMaps",
     "colours",
@@ -41,6 +43,7 @@ __all__ = [
     "quantities",
     "read_section",
     "sources",
+    "terms",
     "vehicle_classes",
     "weather_maps",
 ]

@@ -14,12 +14,8 @@ def require_models() -> None:
         MissingExtraError: It is not installed.
     """
     if find_spec("sklearn") is None:
-        raise MissingExtraError.of(
-            what="scikit-learn, which fits models",
-            where="learn",
-            expected="the extra [learn]",
-            got="no such package",
-            next_step="run: pip install 'overtaking[learn]'",
+        raise MissingExtraError.lacking(
+            "learn", what="scikit-learn, which fits models", where="learn"
         )
 
 

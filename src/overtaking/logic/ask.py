@@ -11,7 +11,7 @@ from overtaking.logic import facts as writing
 from overtaking.logic.export import check_every
 from overtaking.logic.question import ANSWER, Column, question, refused
 from overtaking.logic.reasoning import MAX_ROWS, MEMORY_MIB, TIMEOUT_S, ProgramError, Reasoner
-from overtaking.logic.source import Choice, Group, groups
+from overtaking.logic.source import I64, Group, groups
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -45,7 +45,7 @@ def ask(
     data: Dataset,
     text: str,
     *,
-    chosen: Choice | None = None,
+    chosen: I64 | None = None,
     every: int = writing.EVERY,
     max_rows: int = MAX_ROWS,
     timeout_s: float = TIMEOUT_S,
@@ -57,7 +57,7 @@ def ask(
     Args:
         data: The data set.
         text: A condition in the words of facts, theory and law, in clingo's language.
-        chosen: Which simulations; all of them if left out.
+        chosen: Numbers of the simulations in order; all of them if left out.
         every: Every how many frames positions are looked at, as in an export.
         max_rows: How many answers to give at most.
         timeout_s: How long the reasoner may take [s].
@@ -80,7 +80,7 @@ def ask(
         timeout_s=timeout_s,
         memory_mib=memory_mib,
     ) as reasoner:
-        for group in groups(data, chosen or Choice()):
+        for group in groups(data, chosen):
             interval = group.case.signals.frame_interval_ms
             found = _answers(reasoner, group_text(group, asked.needed.demand, every))
             room = room_after(room, found, "ask", memory_mib)

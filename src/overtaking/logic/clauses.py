@@ -101,12 +101,8 @@ def reasoner() -> Any:
         clingo = import_module("clingo")
         import_module("clingo.ast")
     except ImportError:
-        raise MissingExtraError.of(
-            what="clingo, which reasons",
-            where="logic",
-            expected="the extra [logic]",
-            got="no such package",
-            next_step="run: pip install 'overtaking[logic]'",
+        raise MissingExtraError.lacking(
+            "logic", what="clingo, which reasons", where="logic"
         ) from None
     return clingo
 

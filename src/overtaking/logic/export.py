@@ -10,7 +10,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.exchange.recording_folder import put_file, whole_folder
 from overtaking.logic import facts as writing
 from overtaking.logic.header import LANGUAGES, header
-from overtaking.logic.source import Choice, Group, groups
+from overtaking.logic.source import I64, Group, groups
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,7 +29,7 @@ def write_facts(
     out: Path,
     *,
     language: str,
-    chosen: Choice,
+    chosen: I64 | None = None,
     every: int = writing.EVERY,
     with_law: bool = False,
     progress: Callable[[int, int], None] | None = None,
@@ -40,7 +40,7 @@ def write_facts(
         data: The data set.
         out: Folder for the files; it must not exist, or be empty. It appears when it is complete.
         language: One of `LANGUAGES`.
-        chosen: Which of its simulations.
+        chosen: Numbers of its simulations in order; all of them if left out.
         every: Every how many frames positions and speeds are written.
         with_law: Whether what only the law reads is written too, in every frame.
         progress: Called with the number of simulations that are done, and of all.

@@ -65,6 +65,14 @@ def paragraph(text: str) -> str:
     return f"<p>{escape(text)}</p>\n"
 
 
+def definitions(pairs: Iterable[tuple[str, str]], colours: dict[str, str] | None = None) -> str:
+    """Names with their meanings; a class has the patch of its colour."""
+    rows = "".join(
+        f"<dt>{_named(name, colours or {})}</dt><dd>{escape(text)}</dd>" for name, text in pairs
+    )
+    return f'<dl class="meanings">{rows}</dl>\n'
+
+
 def remarks(notes: Iterable[str], warnings: Iterable[str] = ()) -> str:
     """Notes and warnings, each in a box."""
     items = [f'<li class="warning">{escape(one)}</li>' for one in warnings]

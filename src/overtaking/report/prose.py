@@ -1,9 +1,11 @@
 """The words of the report. They depend on the numbers, and claim no more than these."""
 
+from collections.abc import Iterable, Iterator
 from html import escape
 
 from overtaking.core.words import counted
-from overtaking.report.page import paragraph
+from overtaking.knowledge.terms import GROUPS, terms
+from overtaking.report.page import definitions, paragraph
 from overtaking.stats.associations import ALPHA, Associations
 from overtaking.stats.results import Statistics
 from overtaking.stats.survival import Survival
@@ -19,13 +21,14 @@ ABOUT_EXAMPLES = (
     "moves with the mean speed of the target, so that slopes are differences of speed."
 )
 
-_POLICIES = {"paper": "the paper's policy", "default": "the default policy"}
+_EXPLAINED = ("classes", "features")
+"""The groups of terms that have their place beside the numbers."""
 
 
 def lead(found: Statistics) -> str:
     """One line on what this is."""
     sample = found.sample
-    policy = _POLICIES.get(sample.policy, f"the {sample.policy} policy")
+    policy = terms("policies")[sample.policy].title
     weighing = "counted by their importance weights" if sample.is_weighted else "each counted once"
     return f"{counted(len(sample), 'simulation')}, classified under {policy}, {weighing}."
 
@@ -41,6 +44,43 @@ def facts(found: Statistics) -> list[tuple[str, str]]:
     if sample.is_weighted:
         known.append(("effective simulations", f"{sample.num_effective:,.0f}"))
     return known
+
+
+def meanings(group: str, names: Iterable[str] | None = None) -> list[tuple[str, str]]:
+    """Names with their meanings.
+
+    Args:
+        group: One of the groups of terms.
+        names: Those to explain, all by default.
+    """
+    known = terms(group)
+    return [
+        (f"{name} [{known[name].shown_in}]" if known[name].shown_in else name, known[name].meaning)
+        for name in names or known
+    ]
+
+
+def about_policy(found: Statistics) -> str:
+    """Which rules decide about the classes."""
+    policy = found.sample.policy
+    meaning = terms("policies")[policy].meaning
+    return f"The policy “{policy}” decides which rules a legal overtake must keep. {meaning}"
+
+
+def about_reading(found: Statistics) -> str:
+    """How the features were measured."""
+    reading = found.sample.reading
+    return f"The features, in the reading “{reading}”. {terms('readings')[reading].meaning}"
+
+
+def glossary() -> Iterator[str]:
+    """Every other word, by group."""
+    yield paragraph(
+        "The classes are explained with their frequencies, the features with their statistics."
+    )
+    for group, title in GROUPS.items():
+        if group not in _EXPLAINED:
+            yield f"<h3>{escape(title)}</h3>\n{definitions(meanings(group))}"
 
 
 def about_leaks(found: Statistics) -> str:

@@ -1,13 +1,13 @@
 """The page on a reproduction: every number of the paper among ours, and what its labels hide."""
 
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 
 from overtaking.core.errors import MissingExtraError
 from overtaking.report import files
 from overtaking.report.page import (
     Section,
+    definitions,
     figure_block,
     missing,
     page,
@@ -111,7 +111,7 @@ def _sections(
             name="numbers",
             title="Every number",
             blocks=(
-                _definitions(words.standings()),
+                definitions(words.standings()),
                 _shown(tables.numbers(found)),
                 _shown(tables.design(found)),
             ),
@@ -119,7 +119,7 @@ def _sections(
         Section(
             name="remarks",
             title="Remarks on single numbers",
-            blocks=(_definitions(words.remarks_on_numbers(found)),),
+            blocks=(definitions(words.remarks_on_numbers(found)),),
         ),
         Section(
             name="hidden",
@@ -135,12 +135,6 @@ def _sections(
             blocks=(paragraph(words.about_starts(found)), _shown(tables.starts(found))),
         ),
     )
-
-
-def _definitions(pairs: list[tuple[str, str]]) -> str:
-    """Names with what is said of them."""
-    rows = "".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in pairs)
-    return f'<dl class="meanings">{rows}</dl>\n'
 
 
 def _shown(table: Table) -> str:

@@ -14,6 +14,7 @@ from overtaking.report.learned import Learned
 from overtaking.report.learned import sections as sections_of
 from overtaking.report.page import (
     Section,
+    definitions,
     figure_block,
     missing,
     page,
@@ -101,6 +102,7 @@ def write_report(
         writer.examples(example),
         *(sections_of(writer, learned) if learned else ()),
         Section(name="methods", title="How the numbers were made", blocks=prose.methods()),
+        Section(name="glossary", title="Glossary", blocks=tuple(prose.glossary())),
     ]
     text = page(title, prose.lead(found), [*facts, *prose.facts(found)], sections, prose.FOOT)
     files.put(out / files.PAGE, text.encode())
@@ -146,12 +148,22 @@ class Writer:
 
     def classes(self) -> Section:
         """How often each class occurs."""
-        blocks = (self.pictures("class_picture", self._found), self.table(self._found.classes))
+        blocks = (
+            paragraph(prose.about_policy(self._found)),
+            definitions(prose.meanings("classes", self._found.sample.classes), self._colours),
+            self.pictures("class_picture", self._found),
+            self.table(self._found.classes),
+        )
         return Section(name="classes", title="Classes", blocks=blocks)
 
     def tables_of_features(self) -> Section:
         """The paper's two tables."""
-        blocks = (self.table(self._found.static), self.table(self._found.dynamic))
+        blocks = (
+            paragraph(prose.about_reading(self._found)),
+            definitions(prose.meanings("features")),
+            self.table(self._found.static),
+            self.table(self._found.dynamic),
+        )
         return Section(name="features", title="Statistics of the features", blocks=blocks)
 
     def waiting(self) -> Section:

@@ -48,13 +48,11 @@ def library() -> Any:
 
 
 def _missing(got: str) -> MissingExtraError:
-    return MissingExtraError.of(
-        what="carla",
+    return MissingExtraError.lacking(
+        "carla",
+        what=f"carla=={VERSION}, for Python 3.10 to 3.12 on Linux and Windows",
         where="the simulator CARLA",
-        expected=f"carla=={VERSION}",
         got=got,
-        next_step="install it with pip install 'overtaking[carla]'; it exists for Python 3.10 to"
-        " 3.12 on Linux and Windows",
     )
 
 

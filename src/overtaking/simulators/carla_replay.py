@@ -90,12 +90,8 @@ def encoder() -> ModuleType:
     try:
         import av
     except ImportError:
-        raise MissingExtraError.of(
-            what="PyAV, which encodes films",
-            where="carla replay",
-            expected="the extra [video]",
-            got="no such package",
-            next_step="install it with pip install 'overtaking[video]'",
+        raise MissingExtraError.lacking(
+            "video", what="PyAV, which encodes films", where="carla replay"
         ) from None
     return av
 

@@ -35,12 +35,8 @@ def library() -> Any:
         with contextlib.redirect_stdout(io.StringIO()):
             return importlib.import_module(DISTRIBUTION)
     except ImportError as error:
-        raise MissingExtraError.of(
-            what=DISTRIBUTION,
-            where="sumo",
-            expected="the extra [sumo]",
-            got=str(error),
-            next_step="run: pip install 'overtaking[sumo]'",
+        raise MissingExtraError.lacking(
+            "sumo", what=DISTRIBUTION, where="sumo", got=str(error)
         ) from None
     finally:
         for name, value in before.items():

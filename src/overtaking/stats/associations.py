@@ -129,12 +129,8 @@ def needs_scipy() -> None:
     try:
         import scipy.stats  # noqa: F401  # pyright: ignore[reportUnusedImport]
     except ImportError:
-        raise MissingExtraError.of(
-            what="SciPy, which computes p-values",
-            where="statistics",
-            expected="the extra [stats]",
-            got="no such package",
-            next_step="run: pip install 'overtaking[stats]'",
+        raise MissingExtraError.lacking(
+            "stats", what="SciPy, which computes p-values", where="statistics"
         ) from None
 
 

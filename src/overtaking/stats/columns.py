@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from overtaking.knowledge import terms
 from overtaking.model.labels import OvertakeClass
 
 CLASS = "CLASS"
@@ -54,22 +55,18 @@ VEHICLE_TYPES = ("S", "M", "L", "V", "T", "MC", "B")
 EGO_TYPES = VEHICLE_TYPES[:5]
 """Those that the ego has in the paper; two-wheelers are shown where a recording has one."""
 
-FEATURES = (
-    Feature(name="DN", title="time of day", levels=("Day", "Night"), is_static=True),
-    Feature(name="HL", title="low sun ahead", levels=("No", "Yes"), is_static=True),
-    Feature(name="TE", title="type of the ego", levels=VEHICLE_TYPES, is_static=True),
-    Feature(name="TP", title="type of the target", levels=VEHICLE_TYPES, is_static=True),
-    Feature(name="WT", title="waiting time", unit="s", is_static=True),
-    Feature(name="OT", title="overtaking time", unit="s", is_static=True),
-    Feature(name="NV", title="number of vehicles", is_static=True),
-    Feature(name="SE", title="speed of the ego", unit="km/h"),
-    Feature(name="SP", title="speed of the target", unit="km/h"),
-    Feature(name="DSEP", title="difference of the speeds", unit="km/h"),
-    Feature(name="D", title="distance to the target", unit="m"),
-    Feature(name="OLR", title="occupancy of the left lane", unit="%"),
-    Feature(name="PREC", title="precipitation", unit="%"),
-    Feature(name="WIND", title="wind", unit="%"),
-    Feature(name="FOG", title="fog", unit="%"),
+_LEVELS = {"DN": ("Day", "Night"), "HL": ("No", "Yes"), "TE": VEHICLE_TYPES, "TP": VEHICLE_TYPES}
+_STATIC = ("DN", "HL", "TE", "TP", "WT", "OT", "NV")
+
+FEATURES = tuple(
+    Feature(
+        name=name,
+        title=term.title,
+        unit=term.shown_in,
+        levels=_LEVELS.get(name, ()),
+        is_static=name in _STATIC,
+    )
+    for name, term in terms("features").items()
 )
 """All fifteen, static ones first, in the order of the paper's tables."""
 

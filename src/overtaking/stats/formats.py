@@ -6,6 +6,8 @@ from collections.abc import Iterable
 
 import pandas as pd
 
+from overtaking.knowledge import terms
+from overtaking.stats.columns import BY_NAME
 from overtaking.stats.results import Statistics
 from overtaking.stats.survival import Survival
 from overtaking.stats.table import Style, Table, write
@@ -39,12 +41,25 @@ _LATEX = {
 
 def to_text(statistics: Statistics) -> str:
     """All tables, the waiting time, notes and warnings for a terminal."""
-    parts = [table_to_text(table) for table in statistics.tables]
+    parts = [
+        table_to_text(statistics.classes),
+        _legend("classes", statistics.sample.classes),
+        table_to_text(statistics.static),
+        table_to_text(statistics.dynamic),
+        _legend("features", BY_NAME),
+    ]
     if statistics.waiting is not None:
         parts.append(_waiting_to_text(statistics.waiting))
     remarks = [f"note: {note}" for note in statistics.notes]
     remarks += [f"warning: {leak.sentence}" for leak in statistics.leaks]
     return "\n\n".join([*parts, *remarks]) + "\n"
+
+
+def _legend(group: str, names: Iterable[str]) -> str:
+    """What names mean, a line each."""
+    known, names = terms(group), list(names)
+    width = max(map(len, names))
+    return "\n".join(f"{name:<{width}}  {known[name].meaning}" for name in names)
 
 
 def table_to_text(table: Table) -> str:

@@ -261,7 +261,7 @@ def _check_version(path: Path, table: str, metadata: dict[bytes, bytes]) -> None
             where=str(path),
             expected=f"at most {VERSION}",
             got=version,
-            next_step="upgrade the package: pip install --upgrade overtaking",
+            next_step="use the version of overtaking that wrote it, or a newer one",
         )
 
 

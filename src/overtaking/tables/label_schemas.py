@@ -5,6 +5,7 @@ They follow from the other tables and can be made from them anew.
 
 import pyarrow as pa
 
+from overtaking.knowledge import terms
 from overtaking.model.events import Detail, Outcome
 from overtaking.model.labels import Belief, OvertakeClass, Severity, Verdict
 from overtaking.rules import POLICIES, PORTUGAL
@@ -42,6 +43,7 @@ DAY_NIGHT = Enumeration(names=("Day", "Night"))
 NO_YES = Enumeration(names=("No", "Yes"))
 
 _SIMULATION = column("simulation", pa.int64(), "1", "Number of the simulation in its data set")
+_FEATURES = terms("features")
 _VERSION = column("rule_set", pa.string(), "1", "Version of the rules")
 
 LABEL_FIELDS: dict[str, list[pa.Field]] = {
@@ -96,21 +98,21 @@ LABEL_FIELDS: dict[str, list[pa.Field]] = {
     "features": [
         _SIMULATION,
         column("policy", READINGS, "1", "The paper's way of measuring, or alike in every class"),
-        column("DN", DAY_NIGHT, "1", "Day or night", nullable=True),
-        column("HL", NO_YES, "1", "Whether the sun stands low ahead", nullable=True),
-        column("TE", KINDS, "1", "Type of the ego"),
-        column("TP", KINDS, "1", "Type of the vehicle to overtake", nullable=True),
-        column("WT_s", pa.float32(), "s", "Waiting time before the overtake"),
-        column("OT_s", pa.float32(), "s", "Duration of the overtake"),
-        column("NV", pa.uint8(), "1", "Number of vehicles"),
-        column("SE_mps", pa.float32(), "m/s", "Speed of the ego"),
-        column("SP_mps", pa.float32(), "m/s", "Speed of the vehicle to overtake", nullable=True),
-        column("DSEP_mps", pa.float32(), "m/s", "Difference of those speeds", nullable=True),
-        column("D_m", pa.float32(), "m", "Distance to the vehicle to overtake", nullable=True),
-        column("OLR_percent", pa.float32(), "%", "Occupancy of the lane to the left"),
-        column("PREC_percent", pa.float32(), "%", "Precipitation", nullable=True),
-        column("WIND_percent", pa.float32(), "%", "Wind", nullable=True),
-        column("FOG_percent", pa.float32(), "%", "Fog", nullable=True),
+        column("DN", DAY_NIGHT, "1", _FEATURES["DN"].meaning, nullable=True),
+        column("HL", NO_YES, "1", _FEATURES["HL"].meaning, nullable=True),
+        column("TE", KINDS, "1", _FEATURES["TE"].meaning),
+        column("TP", KINDS, "1", _FEATURES["TP"].meaning, nullable=True),
+        column("WT_s", pa.float32(), "s", _FEATURES["WT"].meaning),
+        column("OT_s", pa.float32(), "s", _FEATURES["OT"].meaning),
+        column("NV", pa.uint8(), "1", _FEATURES["NV"].meaning),
+        column("SE_mps", pa.float32(), "m/s", _FEATURES["SE"].meaning),
+        column("SP_mps", pa.float32(), "m/s", _FEATURES["SP"].meaning, nullable=True),
+        column("DSEP_mps", pa.float32(), "m/s", _FEATURES["DSEP"].meaning, nullable=True),
+        column("D_m", pa.float32(), "m", _FEATURES["D"].meaning, nullable=True),
+        column("OLR_percent", pa.float32(), "%", _FEATURES["OLR"].meaning),
+        column("PREC_percent", pa.float32(), "%", _FEATURES["PREC"].meaning, nullable=True),
+        column("WIND_percent", pa.float32(), "%", _FEATURES["WIND"].meaning, nullable=True),
+        column("FOG_percent", pa.float32(), "%", _FEATURES["FOG"].meaning, nullable=True),
         column("frame", pa.int32(), "1", "Measured in this frame, null for means", nullable=True),
     ],
     "decisions": [

@@ -84,12 +84,8 @@ def require() -> ModuleType:
         import av
         import PIL
     except ImportError:
-        raise MissingExtraError.of(
-            what="PyAV or Pillow, which encode films and write in them",
-            where="video",
-            expected="the extra [video]",
-            got="no such package",
-            next_step="run: pip install 'overtaking[video]'",
+        raise MissingExtraError.lacking(
+            "video", what="PyAV or Pillow, which encode films and write in them", where="video"
         ) from None
     del PIL
     return av

@@ -135,7 +135,7 @@ def test_without_libsumo_one_line_says_what_to_install(monkeypatch, tmp_path, ca
     monkeypatch.setitem(__import__("sys").modules, "libsumo", None)
     assert main(["sumo", "run", *FEW, "--out", str(tmp_path / "x")]) == 2
     error = capsys.readouterr().err
-    assert "pip install 'overtaking[sumo]'" in error
+    assert "pip install 'libsumo>=" in error
     assert len(error.splitlines()) == 1
 
 

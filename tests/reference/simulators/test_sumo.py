@@ -324,7 +324,7 @@ def test_what_sumo_refuses_is_one_line_and_leaves_it_closed(tmp_path):
 
 def test_without_libsumo_the_error_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "libsumo", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'overtaking\[sumo\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install 'libsumo>="):
         sumo.simulate(scenario([Vehicle()]))
 
 

@@ -11,6 +11,7 @@ import pytest
 from rich.console import Console
 
 from overtaking.cli import doctor
+from overtaking.core.extras import install_command
 
 
 def page(values, *, encoding="utf-8", width=80) -> str:
@@ -40,7 +41,7 @@ def test_every_extra_that_the_package_declares_is_listed(tmp_path):
     assert set(extras) == declared
     for name, extra in extras.items():
         assert extra["packages"]
-        assert extra["install"] == f"pip install 'overtaking[{name}]'"
+        assert extra["install"] == install_command(name)
         for package, version in extra["packages"].items():
             if version is not None:
                 assert version == metadata.version(package)
@@ -57,7 +58,7 @@ def test_an_extra_that_is_missing_comes_with_the_command_that_installs_it(tmp_pa
     monkeypatch.setattr(metadata, "version", version)
     values = doctor.diagnose(tmp_path)
     assert not values["extras"]["sql"]["installed"]
-    assert "duckdb missing: pip install 'overtaking[sql]'" in page(values)
+    assert f"duckdb missing: {install_command('sql')}" in page(values)
     assert values["findings"] == []  # An extra is not needed.
 
 
@@ -75,7 +76,7 @@ def test_an_engine_that_does_not_load_is_a_finding(tmp_path, monkeypatch):
     values = doctor.diagnose(tmp_path)
     (finding,) = values["findings"]
     assert "wrong ELF class" in finding
-    assert "pip install" in finding
+    assert "make build" in finding
     assert "! " in page(values)
 
 

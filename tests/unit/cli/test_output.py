@@ -10,6 +10,9 @@ import time
 
 import pytest
 import typer
+from rich import box
+from rich.console import Group
+from rich.table import Table
 from rich.text import Text
 from typer.testing import CliRunner
 
@@ -44,12 +47,39 @@ def test_a_machine_reads_json_and_nothing_is_drawn(capsys):
     assert json.loads(capsys.readouterr().out) == {"value_m": 1.5, "name": "Évora"}
 
 
-def test_quiet_says_nothing(capsys):
+def test_quiet_prints_the_result_and_nothing_else(capsys):
     with output(quiet=True) as out:
         out.say("working")
+        out.wrote({}, render)
         out.result({}, render)
+        out.text({}, "text\n")
     written = capsys.readouterr()
-    assert (written.out, written.err) == ("", "")
+    assert (written.out, written.err) == ("for people\ntext\n", "")
+
+
+def test_a_pipe_gets_each_row_whole_and_on_a_line_of_its_own(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "40")
+    cells = ("a cell that is far longer than forty columns are wide", "x" * 60)
+
+    def drawing(_):
+        table = Table(box=box.SIMPLE_HEAD)
+        table.add_column("first", max_width=10)
+        table.add_column("second", overflow="fold")
+        table.add_row(*cells)
+        return Group(Text("y" * 90), table)
+
+    with output() as out:
+        out.result({}, drawing)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines == ["y" * 90, f"{'first':<53}  second", f"{cells[0]}  {cells[1]}"]
+
+
+def test_a_terminal_gets_what_fits(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "40")
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    with output() as out:
+        out.result({}, lambda _: Text("word " * 30))
+    assert max(map(len, capsys.readouterr().out.splitlines())) <= 40
 
 
 def test_quiet_still_prints_the_json_that_was_asked_for(capsys):

@@ -20,6 +20,7 @@ from overtaking.cli.law import law_lines
 from overtaking.cli.show import MAX_INSTANTS, render
 from overtaking.cli.timeline import LETTERS, event_lines
 from overtaking.core.units import kmh_from_mps
+from overtaking.knowledge import terms
 from overtaking.model.trajectory import NO_VEHICLE, UNKNOWNS, Stage, Trajectories
 
 if TYPE_CHECKING:
@@ -43,6 +44,15 @@ def runs(labelled) -> Trajectories:
 def stories(labelled) -> list[Values]:
     """What is told of each simulation."""
     return [describe(one(labelled, number), number) for number in range(NUM_SIMULATIONS)]
+
+
+def test_classes_and_policies_are_explained(runs, stories):
+    text = printed(lambda console: render(runs.select(slice(0, 1)), stories[0], console), width=110)
+    flat = " ".join(text.split())
+    for name, policy in stories[0]["policies"].items():
+        assert terms("classes")[policy["class"]].meaning in flat
+        assert terms("policies")[name].meaning in flat
+    assert "overtaking glossary" in flat
 
 
 def one(labelled: Labelled, number: int) -> Labelled:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from html import escape
 from html.parser import HTMLParser
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ import pytest
 from tests.support.features import synthetic_features
 
 from overtaking.core.errors import DatasetError, SchemaError
+from overtaking.knowledge.terms import GROUPS, terms
 from overtaking.report import files
 from overtaking.report.page import page, paragraph, remarks, table_block
 from overtaking.report.write import Report, write_report
@@ -100,6 +102,14 @@ def test_the_page_needs_nothing_from_elsewhere(made: Report):
     assert "http://" not in text
     assert "https://" not in text
     assert "<script" not in text
+
+
+def test_the_page_explains_its_classes_features_and_policies(made: Report):
+    text = made.path.read_text(encoding="utf-8")
+    for group in GROUPS:
+        for name, term in terms(group).items():
+            is_shown = group != "classes" or name in made.statistics.sample.classes
+            assert (escape(term.meaning) in text) == is_shown, name
 
 
 def test_the_page_is_well_formed_and_its_pictures_have_words(made: Report):
@@ -241,6 +251,7 @@ def test_without_the_extras_the_tables_are_there_and_it_says_what_to_install(
     figures, tables, *told = done.stdout.strip().split("|")
     assert (int(figures), int(tables)) == (0, 3)
     text = (tmp_path / "index.html").read_text(encoding="utf-8")
-    for extra in ("plots", "stats"):
-        assert any(f"pip install 'overtaking[{extra}]'" in one for one in told)
-        assert f"pip install &#x27;overtaking[{extra}]&#x27;" in text
+    for extra, package in (("plots", "matplotlib"), ("stats", "scipy")):
+        hint = f"expected the extra [{extra}], got none; run: "
+        assert any(hint in one and f"pip install '{package}>=" in one for one in told)
+        assert f"pip install &#x27;{package}&gt;=" in text

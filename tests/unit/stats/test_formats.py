@@ -5,11 +5,13 @@ from __future__ import annotations
 import io
 import json
 import math
+import re
 
 import pandas as pd
 import pytest
 from tests.support.features import synthetic_features
 
+from overtaking.knowledge import terms
 from overtaking.stats.formats import latex, table_to_csv, table_to_latex, to_csv, to_latex, to_text
 from overtaking.stats.results import Statistics, statistics
 from overtaking.stats.table import Style, write
@@ -40,6 +42,14 @@ def test_json_says_null_where_there_is_no_number():
     sigma = [row for row in values["dynamic_features"] if row["statistic"] == "σ"]
     assert sigma[0]["All"] is None
     assert "NaN" not in text
+
+
+def test_text_explains_its_classes_and_features(result: Statistics):
+    text = to_text(result)
+    for name in result.sample.classes:
+        assert terms("classes")[name].meaning in text
+    for name, term in terms("features").items():
+        assert re.search(rf"^{name} +{term.meaning}$", text, re.M)
 
 
 def test_csv_is_one_tidy_table_with_exact_values(result: Statistics):

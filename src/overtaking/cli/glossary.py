@@ -1,0 +1,81 @@
+"""`overtaking glossary`: what the words of tables, reports and pages mean."""
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from overtaking.cli import options
+from overtaking.cli.output import Output
+from overtaking.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+Word = Annotated[
+    str | None, typer.Argument(metavar="[WORD]", help="Term to explain.  [default: all]")
+]
+
+
+def glossary(output: Output, word: Word = None) -> None:
+    """Explain classes, features, policies and other terms."""
+    values = values_of(word)
+    output.result(values, lambda _: render(values))
+
+
+def values_of(word: str | None) -> dict[str, Any]:
+    """The terms, or those of one name.
+
+    Raises:
+        ConfigError: There is no such word.
+    """
+    from overtaking.knowledge.terms import GROUPS, terms
+
+    found = [
+        {
+            "group": title,
+            "name": name,
+            "title": term.title or None,
+            "unit": term.shown_in or None,
+            "meaning": term.meaning,
+        }
+        for group, title in GROUPS.items()
+        for name, term in terms(group).items()
+        if word is None or word.lower() in (name.lower(), *name.lower().split(", "))
+    ]
+    if not found:
+        from overtaking.scenarios.complaints import advice
+
+        names = [name for group in GROUPS for name in terms(group)]
+        raise ConfigError.of(
+            what="word",
+            where="glossary",
+            expected="a word of the glossary",
+            got=repr(word),
+            next_step=advice(str(word), names),
+        )
+    return {"terms": found}
+
+
+def render(values: dict[str, Any]) -> "Group":
+    """The terms, group by group."""
+    from itertools import groupby
+
+    from rich.console import Group, RenderableType
+    from rich.table import Table
+    from rich.text import Text
+
+    width = max(len(one["name"]) for one in values["terms"])
+    parts: list[RenderableType] = []
+    for title, of_group in groupby(values["terms"], key=lambda one: one["group"]):
+        grid = Table.grid(padding=(0, 2, 0, 0))
+        grid.add_column(min_width=width)
+        grid.add_column(overflow="fold")
+        for one in of_group:
+            words = ", ".join(filter(None, (one["title"], one["unit"])))
+            meaning = f"{one['meaning'].rstrip('.')}."
+            grid.add_row(one["name"], Text(f"({words}) {meaning}" if words else meaning))
+        parts += [*([Text()] if parts else []), Text(title, style="bold"), grid]
+    return Group(*parts)
+
+
+COMMANDS: dict[options.Body, str] = {glossary: "overtaking glossary Success_I"}

@@ -1,0 +1,65 @@
+"""The words for classes, policies, features and vehicle classes, each declared once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from overtaking.knowledge.reader import load, read_section
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+_FILE = "terms.toml"
+
+
+GROUPS = {
+    "classes": "Classes",
+    "policies": "Policies",
+    "readings": "Readings of the features",
+    "features": "Features",
+    "vehicles": "Vehicle classes",
+    "road": "On the road",
+    "manoeuvre": "The manoeuvre",
+    "world": "The world",
+    "law": "The law",
+    "data": "Data and numbers",
+}
+"""The groups of terms, each with its heading."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Term:
+    """What a word means.
+
+    Attributes:
+        meaning: One sentence.
+        home: Where the code defines it, below the root of the package.
+        title: The name in a few words, empty where the name is one.
+        shown_in: Unit in which tables show it, empty without one.
+        avoid: What not to call it.
+    """
+
+    meaning: str
+    home: str
+    title: str = ""
+    shown_in: str = ""
+    avoid: str = ""
+
+
+@cache
+def terms(group: str) -> Mapping[str, Term]:
+    """The terms of a group by name, in the order in which tables show them.
+
+    Args:
+        group: One of `GROUPS`.
+
+    Raises:
+        KnowledgeError: An entry lacks a word, or has one too many.
+        KeyError: There is no such group.
+    """
+    names = load(_FILE)[group]
+    found = {name: read_section(Term, _FILE, f"{group}.{name}") for name in names}
+    return MappingProxyType(found)

@@ -1,0 +1,59 @@
+"""The command line: an option means the same everywhere, and every command has an example."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from overtaking.cli import main
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+sys.path.insert(0, str(DOCS))
+
+from generators.commands import commands, example, meaning, options  # noqa: E402
+from tests.contract.test_docs import faults  # noqa: E402
+
+COMMANDS = dict(commands())
+
+
+def test_an_option_means_the_same_in_every_command():
+    meanings: dict[str, set[str]] = {}
+    for command in COMMANDS.values():
+        for option, text in options(command).items():
+            for word in option.split(", "):
+                meanings.setdefault(word, set()).add(f"{option}: {meaning(text)}")
+    assert {word: of for word, of in meanings.items() if len(of) > 1} == {}
+
+
+@pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
+def test_every_command_has_a_summary_and_an_example_that_can_be_typed(command: Any):
+    assert command.help[0].isupper()
+    assert command.help.partition("\n")[0].endswith(".")
+    assert faults(example(command)) == []
+    assert all(text and text[-1] in ".]" for text in options(command).values())
+
+
+@pytest.mark.parametrize("group", ["", "carla", "learn", "literature", "sumo"])
+def test_no_summary_is_cut_off_in_the_list_of_commands(
+    group: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main([*group.split(), "--help"]) == 0
+    listed = capsys.readouterr().out.partition("Commands:")[2]
+    assert listed
+    assert "..." not in listed
+
+
+def test_an_option_of_an_older_name_still_works_and_says_its_new_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    out = str(tmp_path / "data")
+    assert main(["generate", "--simulations", "2", "--out", out, "--json"]) == 0
+    written = capsys.readouterr()
+    assert '"simulations": 2,' in written.out
+    assert "--simulations is called --count" in written.err
+    assert main(["literature", "datasets", "--with", out, "--json"]) == 0
+    assert "--with is called --own" in capsys.readouterr().err

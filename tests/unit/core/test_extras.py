@@ -1,0 +1,71 @@
+"""What is said of a missing extra is true wherever the package was installed from."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from typing import TYPE_CHECKING
+
+from overtaking.core.errors import MissingExtraError
+from overtaking.core.extras import extras, install_command
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import pytest
+
+
+def declared(repository: Path) -> dict[str, list[str]]:
+    """The extras of the project file, without what markers say."""
+    text = (repository / "pyproject.toml").read_text(encoding="utf-8")
+    given = tomllib.loads(text)["project"]["optional-dependencies"]
+    return {
+        name: [one.partition(";")[0] for one in requirements]
+        for name, requirements in given.items()
+        if name != "all"
+    }
+
+
+def test_every_extra_is_known_with_its_requirements(repository: Path):
+    assert {name: list(of) for name, of in extras().items()} == declared(repository)
+
+
+def test_the_command_installs_packages_of_an_index_for_the_interpreter_that_runs(
+    repository: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    monkeypatch.chdir(tmp_path)
+    for name, requirements in declared(repository).items():
+        python, *words = shlex.split(install_command(name))
+        assert python == sys.executable
+        assert words == ["-m", "pip", "install", *requirements]
+    monkeypatch.setattr(sys, "executable", str(tmp_path / ".venv" / "bin" / "python"))
+    assert install_command("sql") == ".venv/bin/python -m pip install 'duckdb>=1.1'"
+
+
+def test_the_error_ends_in_the_command():
+    error = MissingExtraError.lacking("sql", what="DuckDB", where="sql")
+    told = f"sql: DuckDB: expected the extra [sql], got none; run: {install_command('sql')}"
+    assert str(error) == told
+
+
+def sources(repository: Path) -> Iterator[Path]:
+    yield from repository.glob("*.md")
+    for folder, kind in (("docs", "*.md"), ("src", "*.py"), ("examples", "*.py")):
+        yield from (repository / folder).rglob(kind)
+
+
+def test_nothing_tells_to_install_the_package_from_an_index(repository: Path):
+    told = r"pip install [^\n]*\bovertaking\b"
+    assert [path for path in sources(repository) if re.search(told, path.read_text("utf-8"))] == []
+
+
+def test_pip_takes_what_the_command_names():
+    for name in extras():
+        words = shlex.split(install_command(name))[1:]
+        command = [sys.executable, *words, "--dry-run", "--no-index", "--no-deps", "--quiet"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert "Invalid requirement" not in done.stderr, name

@@ -1,0 +1,37 @@
+"""Every name in a data set has words, declared once."""
+
+from __future__ import annotations
+
+from overtaking.knowledge.terms import GROUPS, terms
+from overtaking.model.labels import OvertakeClass
+from overtaking.model.vehicles import VehicleKind
+from overtaking.rules import POLICIES
+from overtaking.stats.columns import FEATURES
+from overtaking.tables.label_schemas import LABEL_FIELDS, READINGS
+
+
+def test_every_class_policy_reading_feature_and_vehicle_class_has_words():
+    assert tuple(terms("classes")) == tuple(one.title for one in OvertakeClass)
+    assert tuple(terms("policies")) == tuple(one.name for one in POLICIES)
+    assert tuple(terms("readings")) == READINGS.names
+    assert tuple(terms("vehicles")) == tuple(kind.name for kind in VehicleKind)
+    assert [(one.name, one.unit, one.title) for one in FEATURES] == [
+        (name, term.shown_in, term.title) for name, term in terms("features").items()
+    ]
+
+
+def test_the_columns_of_features_say_what_the_terms_say():
+    found = {
+        field.name.partition("_")[0]: field.metadata[b"description"].decode()
+        for field in LABEL_FIELDS["features"]
+    }
+    assert {name: found[name] for name in terms("features")} == {
+        name: term.meaning for name, term in terms("features").items()
+    }
+
+
+def test_every_term_has_a_meaning_of_one_line():
+    for group in GROUPS:
+        for name, term in terms(group).items():
+            assert len(term.meaning.split()) > 1, name
+            assert "\n" not in term.meaning, name
