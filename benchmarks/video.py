@@ -39,22 +39,10 @@ def shortest(action: Callable[[], object], clock: Callable[[], float] = time.pro
     return min(times)
 
 
-def film_of(job: jobs.Job) -> Film:
-    one = job.labelled
-    return Film(
-        one.trajectories,
-        title=f"Simulation {job.number}",
-        events=one.events,
-        findings=one.findings,
-        articles=job.articles,
-        label=job.label,
-    )
-
-
 def preparing(job: jobs.Job) -> float:
     """Seconds to the first frame."""
     frame = blank()
-    return shortest(lambda: film_of(job).draw(0, frame))
+    return shortest(lambda: produce.film_of(job).draw(0, frame))
 
 
 def drawing(film: Film) -> float:
@@ -106,7 +94,7 @@ def measures(count: int) -> list[Measure]:
         folder = Path(name)
         data = api.generate("pinto2023", count, 1, folder / "data")
         wanted = list(jobs.jobs(data, jobs.ALL))
-        films = [film_of(job) for job in wanted]
+        films = [produce.film_of(job) for job in wanted]
         frames = sum(film.num_frames for film in films)
         apart = {
             "preparing": sum(preparing(job) for job in wanted) / count,

@@ -22,14 +22,15 @@ from overtaking.report import gallery
 from overtaking.stats.diagrams import diagram
 from overtaking.stats.distributions import typical
 from overtaking.video.canvas import rgb
-from overtaking.video.film import Film
 from overtaking.video.jobs import jobs
+from overtaking.video.produce import film_of
 from overtaking.video.scene import RATE as FILM_RATE
 
 if TYPE_CHECKING:
     from overtaking.datasets.load import Dataset
     from overtaking.report.gallery import Picture
     from overtaking.video.canvas import U8
+    from overtaking.video.film import Film
 
 HERE = Path(__file__).parent
 SIMULATIONS, SEED = 276, 1
@@ -45,16 +46,8 @@ GAP, CARD, CORNER = 18, 760, 14  # Pixels.
 
 def film(data: Dataset) -> bytes:
     """A film of one simulation as a small animated picture."""
-    chosen = next(one for one in jobs(data, "one-per-class") if one.label == CLASS)
-    whole = Film(
-        chosen.labelled.trajectories,
-        title=f"Simulation {chosen.number}",
-        events=chosen.labelled.events,
-        findings=chosen.labelled.findings,
-        articles=chosen.articles,
-        label=chosen.label,
-    )
-    return animated(whole)
+    chosen = next(one for one in jobs(data, "one-per-class") if one.label.title == CLASS)
+    return animated(film_of(chosen))
 
 
 def animated(whole: Film) -> bytes:

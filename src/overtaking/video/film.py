@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from overtaking.model.vehicles import Role
+from overtaking.rules import POLICIES
 from overtaking.video import notes, sky
 from overtaking.video.canvas import FRAME_SHAPE, HEIGHT, WIDTH
 from overtaking.video.display import Display
@@ -18,15 +19,15 @@ from overtaking.video.scene import scene
 from overtaking.video.text import line
 from overtaking.video.traffic import Traffic
 from overtaking.video.view import SCENE_BOTTOM, SCENE_TOP, view
+from overtaking.video.words import explained
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from numpy.typing import NDArray
 
     from overtaking.model.events import Events
-    from overtaking.model.labels import Findings
+    from overtaking.model.labels import Findings, OvertakeClass
     from overtaking.model.trajectory import Trajectories
+    from overtaking.rules import Policy
     from overtaking.video.canvas import U8
     from overtaking.video.display import Part
 
@@ -44,10 +45,9 @@ class Film:
         run: A batch of one simulation.
         title: Its name in the film.
         events: What happened in it, if it is known.
-        findings: What the rules say of it; what they find broken is shown as it happens.
-        articles: For the codes of the rules that are told of, what shall be read; without it all
-            rules by their codes.
-        label: Class of the simulation.
+        findings: What the rules say of it; breaches are shown as they happen.
+        policy: Which rules count; breaches of others are grey.
+        label: Class of the simulation under this policy.
 
     Raises:
         ConfigError: The batch holds another number of simulations than one.
@@ -60,8 +60,8 @@ class Film:
         title: str = "Simulation",
         events: Events | None = None,
         findings: Findings | None = None,
-        articles: Mapping[str, str] | None = None,
-        label: str | None = None,
+        policy: Policy = POLICIES[0],
+        label: OvertakeClass | None = None,
     ) -> None:
         """List what is on all frames."""
         self.scene = scene(run, events)
@@ -69,14 +69,17 @@ class Film:
         self.traffic = Traffic(self.scene, self.view)
         self.contact = notes.contact(self.scene)
         self._sky = sky.sky(run)
-        told = notes.breaches(self.scene, findings, articles)
+        told = notes.breaches(self.scene, findings, policy)
         self._notes = [*notes.endings(self.scene, self.contact), *told]
         self._display = Display(self.scene.num_frames)
-        subtitle = " · ".join([run.scenario.profile, *([label] if label else [])])
-        header = Header(title, subtitle, self._sky.text)
+        subtitle = (
+            run.scenario.profile if label is None else f"{run.scenario.profile} · {label.title}"
+        )
+        meaning = "" if label is None else explained(label, policy.name)
+        header = Header(title, subtitle, meaning, self._sky.text)
         header.lay(self._display.part(0, SCENE_TOP), self.scene.stage)
         self._road(self._display.part(SCENE_TOP, SCENE_BOTTOM))
-        timeline = Timeline(self.scene, [(first, last) for first, last, _ in told])
+        timeline = Timeline(self.scene, told)
         timeline.lay(self._display.part(SCENE_BOTTOM, HEIGHT))
 
     @property

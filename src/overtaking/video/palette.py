@@ -59,6 +59,8 @@ EGO = "#56b4e9"
 TARGET = "#f0a830"
 GAP = "#cfd6dd"
 WARNING = "#d03a2b"
+ASIDE = "#59636e"
+"""Of breaches that do not count."""
 FLASH = "#fff3c4"
 
 PAINT = {

@@ -12,10 +12,12 @@ from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
 from overtaking.video.canvas import HEIGHT, WIDTH
 from overtaking.video.palette import (
+    ASIDE,
     EGO,
     FAINT,
     GAP,
     GRID,
+    INK,
     PANEL,
     PANEL_EDGE,
     STAGES,
@@ -33,14 +35,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.video.display import Part
+    from overtaking.video.notes import Note
     from overtaking.video.pictures import Tile
     from overtaking.video.scene import Scene
 
     F32 = NDArray[np.float32]
 
 _STRIP = HEIGHT - SCENE_BOTTOM
-_LEFT, _RIGHT = 66, 1096  # Columns of the plots.
-_SPEED_ROWS, _GAP_ROWS = (10.0, 46.0), (60.0, 92.0)
+_LEFT, _RIGHT = 80, 1096  # Columns of the plots.
+_SPEED_ROWS, _GAP_ROWS = (9.0, 41.0), (61.0, 93.0)
 _STAGE_ROWS, _BREACH_ROWS = (100.0, 106.0), (108.0, 112.0)
 _READOUT = 1112
 _ROW = 66  # Of the distance to the target.
@@ -55,16 +58,18 @@ class Header:
 
     Args:
         title: Name of the simulation.
-        subtitle: Where it comes from.
+        subtitle: Where it comes from, and its class.
+        meaning: What the class means.
         weather: Weather in words.
     """
 
-    def __init__(self, title: str, subtitle: str, weather: str) -> None:
+    def __init__(self, title: str, subtitle: str, meaning: str, weather: str) -> None:
         """Draw what does not change."""
         sheet = _panel(SCENE_TOP)
-        name = lettering(title, _LARGE, bold=True)
-        sheet.write(name, 16, 10, TEXT)
-        sheet.write(lettering(subtitle, _NORMAL), 28 + name.width, 13, FAINT)
+        name, row = lettering(title, _LARGE, bold=True), 3 if meaning else 10
+        sheet.write(name, 16, row, TEXT)
+        sheet.write(lettering(subtitle, _NORMAL), 28 + name.width, row + 3, FAINT)
+        sheet.write(lettering(meaning, _SMALL), 16, 23, FAINT)
         sky = lettering(weather, _NORMAL)
         sheet.write(sky, WIDTH - 16 - sky.width, 13, TEXT)
         self._tile = sheet.tile()
@@ -109,10 +114,10 @@ class Timeline:
 
     Args:
         scene: What is drawn.
-        breaches: First and last frame of the film of each breach of the law.
+        breaches: Breaches of the law, those that count first.
     """
 
-    def __init__(self, scene: Scene, breaches: Sequence[tuple[int, int]]) -> None:
+    def __init__(self, scene: Scene, breaches: Sequence[Note]) -> None:
         """Draw past and future once."""
         self._scene = scene
         self._lead = scene.lead
@@ -194,16 +199,17 @@ def _panel(height: int) -> Sheet:
     return sheet
 
 
-def _plots(scene: Scene, breaches: Sequence[tuple[int, int]], opacity: float) -> Tile:
+def _plots(scene: Scene, breaches: Sequence[Note], opacity: float) -> Tile:
     """The strip with its curves as they are left or right of the cursor."""
     sheet = _panel(_STRIP)
     columns = np.linspace(_LEFT, _RIGHT, max(scene.num_frames, 2), dtype=np.float32)
     _speeds(sheet, scene, columns, opacity)
     _gap(sheet, scene, columns, opacity)
     _stages(sheet, scene, columns, opacity)
-    for first, last in breaches:
-        ends = (float(columns[first]), float(columns[min(last + 1, len(columns) - 1)]))
-        sheet.rect(ends, _BREACH_ROWS, WARNING, opacity=max(opacity, 0.5), radius=2.0)
+    for one in reversed(breaches):  # What counts lies above what does not.
+        ends = (float(columns[one.first]), float(columns[min(one.last + 1, len(columns) - 1)]))
+        colour = WARNING if one.counts else ASIDE
+        sheet.rect(ends, _BREACH_ROWS, colour, opacity=max(opacity, 0.5), radius=2.0)
     return sheet.tile()
 
 
@@ -220,7 +226,7 @@ def _speeds(sheet: Sheet, scene: Scene, columns: F32, opacity: float) -> None:
     shown = [(Role.EGO, EGO)] if scene.target is None else [(scene.target, TARGET), (Role.EGO, EGO)]
     speeds = {slot: kmh_from_mps(scene.speed[slot]) for slot, _ in shown}
     low, high, step = _axis([float(f(v)) for v in speeds.values() for f in (np.min, np.max)], 20.0)
-    _grid(sheet, (low, high, step), _SPEED_ROWS, "km/h")
+    _grid(sheet, (low, high, step), _SPEED_ROWS, " km/h")
     for slot, colour in shown:
         _curve(sheet, columns, _rows(speeds[slot], low, high, _SPEED_ROWS), colour, opacity)
 
@@ -233,7 +239,7 @@ def _gap(sheet: Sheet, scene: Scene, columns: F32, opacity: float) -> None:
         sheet.write(letters, _LEFT + 8, int(_GAP_ROWS[0]) + 8, FAINT)
         return
     low, high, step = _axis([0.0, float(lead.min()), float(lead.max())], 20.0)
-    _grid(sheet, (low, high, step), _GAP_ROWS, "m ahead")
+    _grid(sheet, (low, high, step), _GAP_ROWS, " m ahead")
     zero = float(_rows(np.zeros(1), low, high, _GAP_ROWS)[0])
     sheet.rect((_LEFT, _RIGHT), (zero - 0.5, zero + 0.5), FAINT, opacity=0.7)
     _curve(sheet, columns, _rows(lead, low, high, _GAP_ROWS), GAP, opacity)
@@ -268,15 +274,13 @@ def _axis(values: list[float], step: float) -> tuple[float, float, float]:
 def _grid(
     sheet: Sheet, axis: tuple[float, float, float], rows: tuple[float, float], unit: str
 ) -> None:
-    """Lines with their values, and the unit."""
+    """Lines on a ground of their own, with the first and the last value; unit at the last."""
     low, high, step = axis
+    sheet.rect((_LEFT, _RIGHT), (rows[0] - 5.0, rows[1] + 5.0), INK, opacity=0.4, radius=3.0)
     for value in np.arange(low, high + 0.5 * step, step):
         row = float(_rows(np.array([value]), low, high, rows)[0])
         sheet.rect((_LEFT, _RIGHT), (row - 0.5, row + 0.5), GRID)
-    for value in (low, high):
+    for value, shown in ((low, ""), (high, unit)):
         row = float(_rows(np.array([value]), low, high, rows)[0])
-        label = lettering(f"{value:.0f}", _SMALL)
+        label = lettering(f"{value:.0f}{shown}", _SMALL)
         sheet.write(label, _LEFT - 6 - label.width, round(row) - label.height // 2, FAINT)
-    letters = lettering(unit, _SMALL)
-    middle = round(0.5 * (rows[0] + rows[1]))
-    sheet.write(letters, _LEFT - 6 - letters.width, middle - letters.height // 2, FAINT)

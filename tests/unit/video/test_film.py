@@ -11,16 +11,20 @@ from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking import api
 from overtaking.core.errors import ConfigError
-from overtaking.model.labels import Findings
+from overtaking.model.labels import Findings, OvertakeClass
 from overtaking.model.trajectory import Lights, Stage
 from overtaking.model.vehicles import Colour, VehicleKind
-from overtaking.video.canvas import FRAME_SHAPE, WIDTH, blank, rgb
+from overtaking.rules import POLICIES, PORTUGAL, policy
+from overtaking.video.canvas import FRAME_SHAPE, HEIGHT, WIDTH, blank, rgb
 from overtaking.video.film import Film
-from overtaking.video.palette import EGO, STAGES, TARGET, WARNING
+from overtaking.video.notes import articles_of, breaches
+from overtaking.video.palette import ASIDE, EGO, STAGES, TARGET, WARNING
 from overtaking.video.panel import Timeline
 from overtaking.video.scene import scene
+from overtaking.video.text import lettering
 from overtaking.video.vehicles import Body, lamps
 from overtaking.video.view import SCENE_BOTTOM, SCENE_TOP, view
+from overtaking.video.words import explained
 
 MM = 1e-3
 RING = 0.45  # Metres from the body to the outer edge of a mark.
@@ -130,7 +134,7 @@ def test_a_target_that_was_passed_is_behind():
 def test_the_cursor_moves_from_the_first_to_the_last_column(film):
     timeline = Timeline(film.scene, [])
     columns = timeline.columns()
-    assert columns[0] == 66
+    assert columns[0] == 80
     assert columns[-1] == 1096
     assert (np.diff(columns) >= 0).all()
     strip = film.draw(20)[SCENE_BOTTOM + 12]
@@ -198,12 +202,14 @@ def test_a_vehicle_that_was_not_recorded_in_a_frame_is_not_shown(run):
     assert np.flatnonzero(film.traffic.seen[:, 20]).tolist() == [0, 1, 2]
 
 
-def findings(run, first: int, last: int) -> Findings:
+def findings(first: int, last: int, *codes: str) -> Findings:
+    rules = codes or ("L3",)
+
     def array(value, kind):
-        return np.full((1, 1), value, kind)
+        return np.full((1, len(rules)), value, kind)
 
     return Findings(
-        rules=("L3",),
+        rules=rules,
         version="test",
         verdict=array(1, np.uint8),
         margin=array(-1.0, np.float32),
@@ -219,13 +225,59 @@ def red(film: Film, frame: int) -> int:
 
 
 def test_a_breach_is_told_from_its_first_to_its_last_frame(run):
-    film = Film(run, findings=findings(run, 10, 20), articles={"L3": "Article 18(1)"})
+    film = Film(run, findings=findings(10, 20))
     assert [red(film, frame) > 500 for frame in (9, 10, 20, 21)] == [False, True, True, False]
 
 
-def test_a_breach_of_a_rule_that_is_not_told_of_is_left_out(run):
-    film = Film(run, findings=findings(run, 10, 20), articles={"L4": "Article 38(1)"})
+def test_a_breach_that_the_policy_does_not_count_is_grey_and_says_so(run):
+    """A film of a lawful overtake shows no red article."""
+    film = Film(run, findings=findings(10, 20, "L20"), policy=policy("paper"))
+    picture = rgb(film.draw(15))
     assert red(film, 15) == 0
+    assert not near(picture[SCENE_BOTTOM:], WARNING, 12).any()
+    assert near(picture[SCENE_BOTTOM - 30 : SCENE_BOTTOM, :300], ASIDE, 12).sum() > 500
+    (note,) = breaches(film.scene, findings(10, 20, "L20"), policy("paper"))
+    assert note.text == "Article 74: Lanes for trucks (serious) - not counted by policy paper"
+    (note,) = breaches(film.scene, findings(10, 20, "L20"), policy("default"))
+    assert note.text == "Article 74: Lanes for trucks (serious)"
+
+
+def test_what_counts_is_shown_first(run):
+    both = findings(10, 20, "L20", "L3")
+    notes = breaches(scene(run), both, policy("paper"))
+    assert [note.counts for note in notes] == [True, False]
+
+
+def test_a_class_is_explained_beside_its_name_in_the_room_that_there_is():
+    for label in OvertakeClass:
+        for each in POLICIES:
+            text = explained(label, each.name)
+            assert each.name in text
+            assert 16 + lettering(text, 11).width < 420  # Left of where the stages begin.
+
+
+def test_of_two_readings_of_a_rule_only_the_required_one_is_shown():
+    default, strict = (articles_of(policy(name)).keys() for name in ("default", "strict"))
+    assert {"L14", "L15"} <= default
+    assert not {"L14s", "L15s"} & default
+    assert {"L14s", "L15s"} <= strict
+    assert not {"L14", "L15"} & strict
+
+
+def test_breaches_by_others_are_not_shown():
+    theirs = {rule.code for rule in PORTUGAL.rules if not rule.of_ego}
+    assert theirs
+    for each in POLICIES:
+        assert not theirs & articles_of(each).keys()
+
+
+def test_values_of_one_axis_stay_clear_of_those_of_the_other(film):
+    """Rows of the labels left of the plots: two of speeds, two of distances, none touching."""
+    labels = film.draw(20)[SCENE_BOTTOM:HEIGHT, :78]
+    is_written = (labels > 80).any(axis=1)
+    tops = np.flatnonzero(np.diff(is_written.astype(int), prepend=0) == 1)
+    assert len(tops) == 4
+    assert np.diff(tops).min() >= 16
 
 
 def test_a_collision_flashes_where_the_two_touch_and_is_told_from_then_on():
