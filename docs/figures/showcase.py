@@ -21,7 +21,6 @@ from overtaking.plots.style import to_png
 from overtaking.report import gallery
 from overtaking.stats.diagrams import diagram
 from overtaking.stats.distributions import typical
-from overtaking.video.canvas import rgb
 from overtaking.video.jobs import jobs
 from overtaking.video.produce import film_of
 from overtaking.video.scene import RATE as FILM_RATE
@@ -29,7 +28,7 @@ from overtaking.video.scene import RATE as FILM_RATE
 if TYPE_CHECKING:
     from overtaking.datasets.load import Dataset
     from overtaking.report.gallery import Picture
-    from overtaking.video.canvas import U8
+    from overtaking.video.canvas import Canvas
     from overtaking.video.film import Film
 
 HERE = Path(__file__).parent
@@ -54,7 +53,7 @@ def animated(whole: Film) -> bytes:
     """Frames of a film, as animated WebP."""
     last = min(whole.num_frames, round(LAST_S * FILM_RATE))
     numbers = range(round(FIRST_S * FILM_RATE), last, FILM_RATE // RATE)
-    pictures = [small(rgb(whole.draw(number))) for number in numbers]
+    pictures = [small(whole.draw(number)) for number in numbers]
     buffer = io.BytesIO()
     pictures[0].save(
         buffer,
@@ -68,9 +67,9 @@ def animated(whole: Film) -> bytes:
     return buffer.getvalue()
 
 
-def small(frame: U8) -> Image.Image:
+def small(frame: Canvas) -> Image.Image:
     """One frame at the width of the page."""
-    picture = Image.fromarray(frame)
+    picture = Image.fromarray(frame.rgb())
     return picture.resize((WIDTH, round(picture.height * WIDTH / picture.width)))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,18 +13,17 @@ from overtaking.model.labels import Severity, Verdict
 from overtaking.model.vehicles import Role
 from overtaking.rules import POLICIES, PORTUGAL
 from overtaking.video import palette
-from overtaking.video.canvas import WIDTH
+from overtaking.video.canvas import WIDTH, Drawing
 from overtaking.video.scene import RATE
-from overtaking.video.sheet import Sheet
-from overtaking.video.text import lettering
+from overtaking.video.text import Picture, lettering
+from overtaking.video.view import SCENE_BOTTOM, SCENE_TOP
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from overtaking.model.labels import Findings
     from overtaking.rules import Policy
-    from overtaking.video.display import Part
-    from overtaking.video.pictures import Sprite, Texture
+    from overtaking.video.canvas import Canvas
     from overtaking.video.scene import Scene
     from overtaking.video.view import View
 
@@ -54,27 +52,26 @@ class Note(NamedTuple):
     counts: bool = True
 
 
-def tell(part: Part, notes: Sequence[Note], num_frames: int) -> None:
-    """Put notes on the verge as long as there is room, in the frames that they are told in."""
-    changes = {0, num_frames, *(one.first for one in notes), *(one.last + 1 for one in notes)}
-    for first, after in pairwise(sorted(changes)):
-        column, row = _NOTE_GAP, part.height - _NOTE_HEIGHT - 2
-        for told in (one for one in notes if one.first <= first <= one.last):
-            sprite = note(told.text, counts=told.counts)
-            if column + sprite.size[0] > WIDTH and column > _NOTE_GAP:
+def tell(canvas: Canvas, notes: Sequence[Note], frame: int) -> None:
+    """Draw the notes of a frame on the verge, as long as there is room."""
+    column, row = _NOTE_GAP, SCENE_BOTTOM - _NOTE_HEIGHT - 2
+    for one in notes:
+        if one.first <= frame <= one.last:
+            picture = note(one.text, counts=one.counts)
+            if column + picture.width > WIDTH and column > _NOTE_GAP:
                 column, row = _NOTE_GAP, row - _NOTE_HEIGHT - 2
-            part.sprite(sprite, column, row, frames=np.arange(first, after))
-            column += sprite.size[0] + _NOTE_GAP
+            canvas.draw(picture.drawing, column, row)
+            column += picture.width + _NOTE_GAP
 
 
-def flash(part: Part, contact: Contact | None, view: View) -> None:
-    """The flash of a collision, which fades."""
+def flash(canvas: Canvas, contact: Contact | None, view: View, frame: int) -> None:
+    """Draw the flash of a collision, which fades."""
     if contact is None:
         return
     first, s, d = contact
-    for frame in range(first, min(first + _FLASH_FRAMES, len(view.left))):
-        burst = _burst(frame - first, view.scale)
-        part.texture(burst, view.x(frame, s), view.y(d), frames=[frame])
+    if first <= frame < first + _FLASH_FRAMES:
+        place = view.x(frame, s), SCENE_TOP + view.y(d)
+        canvas.draw(_burst(frame - first), *place, scale=view.scale)
 
 
 def endings(scene: Scene, contact: Contact | None) -> Iterator[Note]:
@@ -168,30 +165,28 @@ def _is_other_reading(code: str, required: tuple[str, ...], elsewhere: set[str])
 
 
 @lru_cache(maxsize=256)
-def note(text: str, *, counts: bool = True) -> Sprite:
+def note(text: str, *, counts: bool = True) -> Picture:
     """A warning, readable on anything: red, or grey if it does not count."""
     short = text if len(text) <= _MAX_NOTE_LETTERS else text[: _MAX_NOTE_LETTERS - 3] + "..."
     letters = lettering(short, 13, bold=counts)
-    width, height = float(letters.width + (34 if counts else 16)), float(_NOTE_HEIGHT)
-    sheet = Sheet((0.0, width, 0.0, height), 1.0)
+    width, drawing = letters.shape[1] + (34 if counts else 16), Drawing()
     ground = palette.WARNING if counts else palette.ASIDE
-    sheet.rect((0.0, width), (0.0, height), ground, radius=4.0)
+    drawing.rect((0.0, float(width)), (0.0, float(_NOTE_HEIGHT)), ground, radius=4.0)
     if counts:
-        sheet.rect((12.0, 14.5), (5.0, 14.5), palette.TEXT)
-        sheet.rect((12.0, 14.5), (16.5, 19.0), palette.TEXT)
-    row = (_NOTE_HEIGHT - letters.height) // 2 + 1
-    sheet.write(letters, 24 if counts else 8, row, palette.TEXT)
-    return sheet.sprite()
+        drawing.rect((12.0, 14.5), (5.0, 14.5), palette.TEXT)
+        drawing.rect((12.0, 14.5), (16.5, 19.0), palette.TEXT)
+    row = (_NOTE_HEIGHT - letters.shape[0]) // 2 + 1
+    drawing.mask(letters, (24 if counts else 8, row), palette.TEXT)
+    return Picture(drawing, width, _NOTE_HEIGHT)
 
 
 @lru_cache(maxsize=64)
-def _burst(age: int, scale: float) -> Texture:
-    """The flash of a collision, `age` frames old."""
+def _burst(age: int) -> Drawing:
+    """The flash of a collision, `age` frames old, in metres."""
     left = 1.0 - age / _FLASH_FRAMES
-    reach = 3.0 + 3.0 * (1.0 - left)
-    sheet = Sheet((-reach - 1.0, reach + 1.0, -reach - 1.0, reach + 1.0), scale, 2)
-    sheet.glow(0.0, 0.0, reach, "#ff6a3d", 0.9 * left)
-    sheet.glow(0.0, 0.0, 0.55 * reach, palette.FLASH, left)
+    reach, drawing = 3.0 + 3.0 * (1.0 - left), Drawing()
+    drawing.glow(0.0, 0.0, reach, "#ff6a3d", 0.9 * left)
+    drawing.glow(0.0, 0.0, 0.55 * reach, palette.FLASH, left)
     for x, y in ((reach, 0.18), (0.18, reach)):
-        sheet.rect((-x, x), (-y, y), palette.FLASH, opacity=0.8 * left, radius=0.15)
-    return sheet.texture()
+        drawing.rect((-x, x), (-y, y), palette.FLASH, opacity=0.8 * left, radius=0.15)
+    return drawing
