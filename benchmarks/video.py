@@ -14,6 +14,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import cast
 
 import av
 import numpy as np
@@ -21,7 +22,7 @@ import numpy as np
 from measure import Measure, parser, report
 from overtaking import api
 from overtaking.video import encode, jobs, produce
-from overtaking.video.canvas import U8, blank
+from overtaking.video.canvas import HEIGHT, WIDTH, Canvas
 from overtaking.video.film import Film
 from overtaking.video.scene import RATE
 
@@ -39,55 +40,48 @@ def shortest(action: Callable[[], object], clock: Callable[[], float] = time.pro
     return min(times)
 
 
-def film_of(job: jobs.Job) -> Film:
-    one = job.labelled
-    return Film(
-        one.trajectories,
-        title=f"Simulation {job.number}",
-        events=one.events,
-        findings=one.findings,
-        articles=job.articles,
-        label=job.label,
-    )
-
-
 def preparing(job: jobs.Job) -> float:
     """Seconds to the first frame."""
-    frame = blank()
-    return shortest(lambda: film_of(job).draw(0, frame))
+    canvas = blank()
+    return shortest(lambda: produce.film_of(job).draw(0, canvas))
 
 
 def drawing(film: Film) -> float:
     """Seconds for all frames."""
-    frame = blank()
+    canvas, planes = blank(), np.empty((HEIGHT * 3 // 2, WIDTH), np.uint8)
 
     def draw() -> None:
         for number in range(film.num_frames):
-            film.draw(number, frame)
+            film.draw(number, canvas)
+            canvas.yuv(planes)
 
     return shortest(draw)
 
 
-class Still(Film):
+class Still:
     """A film whose frames were drawn before."""
 
-    def keep(self) -> None:
+    def __init__(self, film: Film) -> None:
         """Draw all frames."""
-        self._kept = [self.draw(number).copy() for number in range(self.num_frames)]
+        self.num_frames, self._frames = film.num_frames, list[Canvas]()
+        for number in range(film.num_frames):
+            self._frames.append(film.draw(number))
 
-    def draw(self, frame: int, out: U8 | None = None) -> U8:
+    def draw(self, frame: int, out: Canvas) -> Canvas:
         """Copy a frame that was kept."""
-        if out is None:
-            return super().draw(frame)
-        np.copyto(out, self._kept[frame])
+        out.paste(self._frames[frame], 0, 0, (0, WIDTH))
         return out
 
 
 def encoding(job: jobs.Job, folder: Path) -> float:
-    """Seconds from frames to a file."""
-    still = Still(job.labelled.trajectories)
-    still.keep()
+    """Seconds from frames to a file, with their conversion to the colours of the encoder."""
+    still = cast("Film", Still(produce.film_of(job)))
     return shortest(lambda: encode.write_film(still, folder / "still.mp4"))
+
+
+def blank() -> Canvas:
+    """A black frame."""
+    return Canvas(WIDTH, HEIGHT, "#000000")
 
 
 def together(wanted: list[jobs.Job], folder: Path) -> tuple[float, float]:
@@ -106,7 +100,7 @@ def measures(count: int) -> list[Measure]:
         folder = Path(name)
         data = api.generate("pinto2023", count, 1, folder / "data")
         wanted = list(jobs.jobs(data, jobs.ALL))
-        films = [film_of(job) for job in wanted]
+        films = [produce.film_of(job) for job in wanted]
         frames = sum(film.num_frames for film in films)
         apart = {
             "preparing": sum(preparing(job) for job in wanted) / count,

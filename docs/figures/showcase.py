@@ -21,15 +21,15 @@ from overtaking.plots.style import to_png
 from overtaking.report import gallery
 from overtaking.stats.diagrams import diagram
 from overtaking.stats.distributions import typical
-from overtaking.video.canvas import rgb
-from overtaking.video.film import Film
 from overtaking.video.jobs import jobs
+from overtaking.video.produce import film_of
 from overtaking.video.scene import RATE as FILM_RATE
 
 if TYPE_CHECKING:
     from overtaking.datasets.load import Dataset
     from overtaking.report.gallery import Picture
-    from overtaking.video.canvas import U8
+    from overtaking.video.canvas import Canvas
+    from overtaking.video.film import Film
 
 HERE = Path(__file__).parent
 SIMULATIONS, SEED = 276, 1
@@ -45,23 +45,15 @@ GAP, CARD, CORNER = 18, 760, 14  # Pixels.
 
 def film(data: Dataset) -> bytes:
     """A film of one simulation as a small animated picture."""
-    chosen = next(one for one in jobs(data, "one-per-class") if one.label == CLASS)
-    whole = Film(
-        chosen.labelled.trajectories,
-        title=f"Simulation {chosen.number}",
-        events=chosen.labelled.events,
-        findings=chosen.labelled.findings,
-        articles=chosen.articles,
-        label=chosen.label,
-    )
-    return animated(whole)
+    chosen = next(one for one in jobs(data, "one-per-class") if one.label.title == CLASS)
+    return animated(film_of(chosen))
 
 
 def animated(whole: Film) -> bytes:
     """Frames of a film, as animated WebP."""
     last = min(whole.num_frames, round(LAST_S * FILM_RATE))
     numbers = range(round(FIRST_S * FILM_RATE), last, FILM_RATE // RATE)
-    pictures = [small(rgb(whole.draw(number))) for number in numbers]
+    pictures = [small(whole.draw(number)) for number in numbers]
     buffer = io.BytesIO()
     pictures[0].save(
         buffer,
@@ -75,9 +67,9 @@ def animated(whole: Film) -> bytes:
     return buffer.getvalue()
 
 
-def small(frame: U8) -> Image.Image:
+def small(frame: Canvas) -> Image.Image:
     """One frame at the width of the page."""
-    picture = Image.fromarray(frame)
+    picture = Image.fromarray(frame.rgb())
     return picture.resize((WIDTH, round(picture.height * WIDTH / picture.width)))
 
 

@@ -1,6 +1,6 @@
 """The compiled engine; its source is `crates/overtaking-py`. Use it through `sim.engine`."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -585,228 +585,142 @@ class Hash:
     def hexdigest(self) -> str:
         """The hash so far, 64 hexadecimal digits."""
 
-class Tile:
-    """A picture without opacity, of even width and height."""
+class Drawing:
+    """Shapes, the first below the others; x grows to the right, y downwards.
 
-    def __init__(self, luma: NDArray[np.uint8], chroma: NDArray[np.uint8]) -> None:
-        """Take its planes.
-
-        Args:
-            luma: Shape (height, width).
-            chroma: U and V, (2, height / 2, width / 2).
-
-        Raises:
-            ValueError: The size is odd, or chroma has another.
-        """
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height [px]."""
-
-class Sprite:
-    """A picture with opacity."""
-
-    def __init__(self, luma: NDArray[np.uint16], chroma: NDArray[np.uint16]) -> None:
-        """Take its planes.
-
-        Args:
-            luma: Luma times opacity, and what shines through, of 256; (2, height, width).
-            chroma: U, V and what shines through; (3, height / 2, width / 2).
-
-        Raises:
-            ValueError: An array has another shape, or a number is too large.
-        """
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height [px]."""
-
-    def planes(self) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
-        """Luma and chroma, as they were given."""
-
-class Texture:
-    """A sheet that is put at any place and angle; `Painting.texture` makes it.
-
-    Each texel holds what a pixel centred there would show. What is drawn is the texel below the
-    middle of each pixel: places within a pixel cost no filter.
+    Colours are `#rrggbb`, opacity is 0 to 1. Every method raises `ValueError` for another colour.
     """
 
-    @property
-    def width(self) -> int:
-        """Width in texels."""
-
-    @property
-    def fine(self) -> int:
-        """Texels to a pixel."""
-
-class Veil:
-    """Brightness between the eye and the road that hides what lies behind it."""
-
-    def __init__(self, keep: NDArray[np.uint16], colour: tuple[int, int, int]) -> None:
-        """A veil by what shines through each column, of 256, and its Y, U and V.
-
-        Raises:
-            ValueError: More than everything shines through.
-        """
-
-class Light:
-    """A patch of light, at half the resolution."""
-
-    def __init__(self, power: NDArray[np.uint16]) -> None:
-        """A patch by what it adds to the light of the night, of 256; shape (height, width).
-
-        Raises:
-            ValueError: It is brighter than day.
-        """
-
-class Streaks:
-    """Falling rain, black but for its streaks, as wide as a frame."""
-
-    def __init__(self, luma: NDArray[np.uint8]) -> None:
-        """Rain from its luma, shape (height, width)."""
-
-class Painting:
-    """Something to paint on, in units of its own; y grows downwards.
-
-    Colours are Y, U and V; stretches have a lower and an upper end.
-    """
-
-    def __init__(
-        self, x: tuple[float, float], y: tuple[float, float], scale: float, fine: int
-    ) -> None:
-        """A transparent sheet of `scale` pixels to the unit and `fine` texels to the pixel.
-
-        Raises:
-            ValueError: It has no size, or is too large; texels are not 1, 2, 4 or 8.
-        """
-
-    def fill(self, colour: tuple[float, float, float]) -> None:
-        """One colour everywhere."""
+    def __init__(self) -> None:
+        """No shapes."""
 
     def rect(
         self,
         x: tuple[float, float],
         y: tuple[float, float],
-        colour: tuple[float, float, float],
-        opacity: float,
-        radius: float,
+        colour: str,
+        *,
+        opacity: float = 1.0,
+        radius: float = 0.0,
     ) -> None:
-        """A rectangle, with round corners if it has a radius."""
+        """Add a rectangle, with round corners if it has a radius."""
 
     def frame(
         self,
         x: tuple[float, float],
         y: tuple[float, float],
-        colour: tuple[float, float, float],
+        colour: str,
+        *,
         line: float,
         radius: float,
     ) -> None:
-        """The outline of a rectangle with round corners, `line` wide, inside its edges."""
+        """Add the outline of a rectangle with round corners, `line` wide, inside its edges."""
 
-    def glow(
-        self,
-        place: tuple[float, float],
-        reach: float,
-        colour: tuple[float, float, float],
-        strength: float,
+    def polygon(
+        self, points: Sequence[tuple[float, float]], colour: str, *, opacity: float = 1.0
     ) -> None:
-        """Light around a place that fades towards `reach`."""
+        """Add a polygon."""
 
-    def swept(
+    def lines(
         self,
-        x: tuple[float, float],
-        y: tuple[float, float],
-        reach: tuple[float, float],
-        colour: tuple[float, float, float],
-        opacity: float,
+        lines: Sequence[Sequence[tuple[float, float]]],
+        colour: str,
+        *,
+        width: float,
+        opacity: float = 1.0,
     ) -> None:
-        """All that a rectangle passes over when it is moved by `reach`."""
+        """Add lines, each through points."""
 
-    def curve(
-        self,
-        x: NDArray[np.float32],
-        y: NDArray[np.float32],
-        colour: tuple[float, float, float],
-        line: float,
-        opacity: float,
-    ) -> None:
-        """A line through points with growing x, `line` wide.
+    def glow(self, x: float, y: float, reach: float, colour: str, strength: float) -> None:
+        """Add light around a point that fades towards `reach`."""
 
-        Raises:
-            ValueError: There are no points, or of x others than of y.
-        """
-
-    def stamp(
-        self,
-        luma: NDArray[np.float32],
-        chroma: NDArray[np.float32],
-        place: tuple[int, int],
-        colour: tuple[float, float, float],
-    ) -> None:
-        """A picture of one colour; what lies outside is cut off.
+    def mask(self, covered: NDArray[np.uint8], place: tuple[int, int], colour: str) -> None:
+        """Add a mask of one colour.
 
         Args:
-            luma: Share of each texel that it covers, shape (height, width).
-            chroma: The same at half the resolution.
-            place: Column and row of its left upper corner, in texels of chroma.
+            covered: How much of each pixel it covers, 0 to 255; shape (height, width), contiguous.
+            place: Column and row of its left upper corner.
             colour: Its colour.
 
         Raises:
-            ValueError: It has no columns.
+            ValueError: It has no rows or no columns, or this is no colour.
         """
 
-    def sprite(self) -> Sprite:
-        """The sheet of one texel to the pixel, as a picture with opacity."""
+class Canvas:
+    """An opaque picture.
 
-    def tile(self) -> Tile:
-        """The sheet of one texel to the pixel, as a picture that nothing shines through."""
+    `rows` are the first row and the one after the last; rows or columns that a picture does not
+    have raise `ValueError`.
+    """
 
-    def texture(self) -> Texture:
-        """The sheet, to be put at any place and angle; its origin is what it is placed by.
+    def __init__(self, width: int, height: int, colour: str) -> None:
+        """A picture of one colour.
 
         Raises:
-            ValueError: Its origin is too far away.
+            ValueError: It has no size, or this is no colour.
         """
 
-class Frames:
-    """The frames of a film, as a list of what is on them; numbers are checked when they come in."""
-
-    def __init__(self, width: int, height: int, moonlight: int) -> None:
-        """No frames yet.
+    def draw(
+        self,
+        drawing: Drawing,
+        x: float = 0.0,
+        y: float = 0.0,
+        angle: float = 0.0,
+        scale: float = 1.0,
+    ) -> None:
+        """Draw shapes; what lies outside is cut off.
 
         Args:
-            width: Of a frame [px], even.
-            height: Even.
-            moonlight: Light of a night without lamps, of 256.
-
-        Raises:
-            ValueError: This is no size of a frame.
+            drawing: The shapes.
+            x: Column of their origin [px].
+            y: Row of their origin [px].
+            angle: By which they are turned, anticlockwise [rad].
+            scale: Pixels to a unit of theirs.
         """
 
-    def add(self, picture: Tile | Sprite | Texture | Veil | Light | Streaks) -> int:
-        """Keep a picture, which other films may share, and give its number among its kind."""
-
-    def play(self, items: NDArray[np.int32], ends: NDArray[np.int64]) -> None:
-        """Say what is on all frames.
+    def paste(self, other: Canvas, x: int, y: int, columns: tuple[int, int]) -> None:
+        """Copy all rows of another picture.
 
         Args:
-            items: kind, as in `item_kinds`; number of the picture; column and row (textures: in
-                texels, lights: in samples of chroma); two more numbers (tiles: first column and
-                number of columns, textures: cosine and sine times 65536, veils: first column,
-                night: first column of its veil, which is -1 for none); first row that may be drawn
-                on, and the one after the last. Shape (item, 8).
-            ends: Number of items up to the end of each frame.
-
-        Raises:
-            ValueError: An item cannot be drawn.
+            other: The other picture.
+            x: Where its first copied column goes.
+            y: Where its first row goes.
+            columns: First column to copy, and the one after the last.
         """
 
-    def draw(self, frame: int, out: NDArray[np.uint8]) -> None:
-        """Draw a frame over what is in a contiguous array.
+    def veil(self, rows: tuple[int, int], hidden: NDArray[np.uint16], colour: str) -> None:
+        """Hide some rows behind a colour.
 
-        Raises:
-            ValueError: There is no such frame, or the array has another size.
+        Args:
+            rows: Which rows.
+            hidden: Share of each column that is hidden, 0 to 256; contiguous.
+            colour: What is seen instead.
         """
 
-def item_kinds() -> list[str]:
-    """What an item of a frame may be, in the order of their numbers."""
+    def night(
+        self,
+        rows: tuple[int, int],
+        moonlight: int,
+        lights: Sequence[tuple[NDArray[np.uint8], int, int]],
+    ) -> None:
+        """Darken some rows where no light falls.
+
+        Args:
+            rows: Which rows.
+            moonlight: What is left without a lamp, 0 to 255.
+            lights: What each adds, at half the resolution, with column and row of its left upper
+                corner from that of the rows; what lies outside is cut off.
+        """
+
+    def rgb(self) -> NDArray[np.uint8]:
+        """Red, green and blue, shape (height, width, 3)."""
+
+    def yuv(self, out: NDArray[np.uint8]) -> None:
+        """Write the picture as encoders take it, YUV 4:2:0 with BT.601's colours.
+
+        Args:
+            out: Luma, then both chroma planes at half the resolution; contiguous.
+
+        Raises:
+            ValueError: The array has another size.
+        """

@@ -30,9 +30,8 @@ BINDINGS = (
     "overtaking.tables.digest",
     "overtaking.tables.encode",
     "overtaking.tables.packed",
-    "overtaking.video.display",
+    "overtaking.video.canvas",
     "overtaking.video.encode",
-    "overtaking.video.pictures",
 )
 REFERENCES = ("overtaking.sim.reference", "overtaking.signals.reference")
 

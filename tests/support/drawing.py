@@ -1,31 +1,21 @@
-"""One frame with something drawn on it."""
+"""One grey picture with something drawn on it."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from overtaking.video.canvas import HEIGHT, Canvas, blank
-from overtaking.video.display import Display
+import numpy as np
+
+from overtaking.video.canvas import HEIGHT, WIDTH, Canvas
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from overtaking.video.display import Part
+    from numpy.typing import NDArray
 
 
-def drawn(
-    paint: Callable[[Part], object],
-    luma: int = 16,
-    chroma: int = 128,
-    *,
-    top: int = 0,
-    bottom: int = HEIGHT,
-) -> Canvas:
-    """What becomes of a frame of one colour when something is drawn on some of its rows."""
-    frame = blank()
-    canvas = Canvas(frame)
-    canvas.luma[...], canvas.chroma[...] = luma, chroma
-    display = Display(1)
-    paint(display.part(top, bottom))
-    display.draw(0, frame)
-    return canvas
+def drawn(paint: Callable[[Canvas], object], grey: int = 0) -> NDArray[np.float64]:
+    """What becomes of a grey picture, its red from 0 to 255, when something is drawn on it."""
+    canvas = Canvas(WIDTH, HEIGHT, f"#{grey:02x}{grey:02x}{grey:02x}")
+    paint(canvas)
+    return canvas.rgb()[:, :, 0].astype(np.float64)

@@ -1,14 +1,14 @@
-//! Thin Python binding of `overtaking-core`, arrays in, arrays filled in place, and of
-//! `overtaking-pictures`.
+//! Thin Python binding of `overtaking-core`, arrays in, arrays filled in place, and of tiny-skia,
+//! which draws films.
 
 mod arrays;
+mod canvas;
+mod drawing;
 mod draws;
 mod driven;
 mod events;
 mod hash;
 mod instants;
-mod pictures;
-mod sheets;
 mod signals;
 mod stretches;
 
@@ -235,14 +235,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(simd_level, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)?;
     module.add_class::<hash::Hash>()?;
-    module.add_class::<pictures::Frames>()?;
-    module.add_class::<pictures::Tile>()?;
-    module.add_class::<pictures::Sprite>()?;
-    module.add_class::<pictures::Texture>()?;
-    module.add_class::<pictures::Veil>()?;
-    module.add_class::<pictures::Light>()?;
-    module.add_class::<pictures::Streaks>()?;
-    module.add_class::<sheets::Painting>()?;
-    module.add_function(wrap_pyfunction!(pictures::item_kinds, module)?)?;
+    module.add_class::<canvas::Canvas>()?;
+    module.add_class::<drawing::Drawing>()?;
     Ok(())
 }

@@ -10,8 +10,10 @@ from overtaking.api.data import load
 from overtaking.core.errors import ConfigError
 from overtaking.datasets.generate import Progress
 from overtaking.datasets.load import Dataset
+from overtaking.labelling import Labelled
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
+from overtaking.model.trajectory import Trajectories
 
 if TYPE_CHECKING:
     from overtaking.database.query import Answer
@@ -99,35 +101,42 @@ def write_report(
 
 @checked
 def film(
-    data: Dataset | str | Path,
+    source: Dataset | str | Path | Trajectories | Labelled,
     out: str | Path | None = None,
     *,
     simulations: Iterable[int] | str = "one-per-class",
+    policy: str = "paper",
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> "list[Video]":
     """Film simulations from above, as mp4 files; each appears when it is complete.
 
     Args:
-        data: The data set, or its folder; what it did not keep is simulated again.
-        out: Folder for the files, `videos` in that of the data set if not given.
-        simulations: Their numbers, `all`, or `one-per-class`: the first of each class.
+        source: A data set or its folder, trajectories of any origin, or what `label` returned. What
+            a data set did not keep is simulated again; trajectories are labelled first.
+        out: Folder for the files; if not given, `videos` in the folder of the data set, or in the
+            working folder.
+        simulations: Their numbers (for trajectories, their places in the batch from 0 on), `all`,
+            or `one-per-class`: the first of each class.
+        policy: Which rules decide about the class: `paper`, `default` or `strict`. Breaches of
+            other rules are grey.
         threads: How many films are made beside each other; all processors if not given.
         progress: Called with the number of films that are done, and of all.
 
     Raises:
-        ConfigError: There is no such simulation.
+        ConfigError: There is no such simulation or policy.
         DatasetError: The data set is not complete or damaged, or the encoder failed.
         MissingExtraError: The extra `video` is not installed.
         OSError: A file cannot be written.
     """
     from overtaking.video import jobs, produce
 
-    source = data if isinstance(data, Dataset) else load(data)
-    folder = source.path / "videos" if out is None else Path(out)
+    runs = load(source) if isinstance(source, (str, Path)) else source
+    home = runs.path if isinstance(runs, Dataset) else Path()
+    folder = home / "videos" if out is None else Path(out)
     chosen = simulations if isinstance(simulations, str) else list(simulations)
-    total = jobs.num_films(source, chosen)
-    films = jobs.jobs(source, chosen)
+    total = jobs.num_films(runs, chosen)
+    films = jobs.jobs(runs, chosen, policy)
     return produce.produce(films, folder, total=total, threads=threads, progress=progress)
 
 

@@ -45,6 +45,7 @@ def video(
     simulations: Chosen = None,
     one_per_class: PerClass = False,
     every: All = False,
+    policy: options.ChosenPolicy = None,
     out: Folder = None,
     threads: options.Threads = None,
 ) -> None:
@@ -54,7 +55,14 @@ def video(
     chosen = choice(simulations, is_per_class=one_per_class, is_every=every)
     begin = time.monotonic()
     with output.progress("films") as meter:
-        films = api.film(data, out, simulations=chosen, threads=threads, progress=meter)
+        films = api.film(
+            data,
+            out,
+            simulations=chosen,
+            policy=policy or "paper",
+            threads=threads,
+            progress=meter,
+        )
     values = values_of(films, time.monotonic() - begin)
     output.wrote(values, lambda _: render(values))
 

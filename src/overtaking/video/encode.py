@@ -6,10 +6,12 @@ import os
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from overtaking import _core
 from overtaking.core.errors import DatasetError, MissingExtraError
 from overtaking.tables.files import sync_folder
-from overtaking.video.canvas import HEIGHT, WIDTH, blank
+from overtaking.video.canvas import HEIGHT, WIDTH, Canvas
 from overtaking.video.scene import RATE
 
 if TYPE_CHECKING:
@@ -95,13 +97,15 @@ def _encode(
     av: ModuleType, film: Film, path: Path, title: str, is_wanted: Callable[[], bool]
 ) -> None:
     with _opened(av, path, title) as (container, stream):
-        drawn = blank()
+        canvas = Canvas(WIDTH, HEIGHT, "#000000")
+        drawn = np.empty((HEIGHT * 3 // 2, WIDTH), np.uint8)
         # The same memory: the encoder takes its own copy of each frame before the next is drawn.
         target = av.VideoFrame.from_numpy_buffer(drawn, "yuv420p")
         for number in range(film.num_frames):
             if not is_wanted():
                 raise Interrupted
-            film.draw(number, drawn)
+            film.draw(number, canvas)
+            canvas.yuv(drawn)
             target.pts = number
             for packet in stream.encode(target):
                 container.mux(packet)

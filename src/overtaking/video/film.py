@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from overtaking.model.vehicles import Role
+from overtaking.rules import POLICIES
 from overtaking.video import notes, sky
-from overtaking.video.canvas import FRAME_SHAPE, HEIGHT, WIDTH
-from overtaking.video.display import Display
+from overtaking.video.canvas import HEIGHT, WIDTH, Canvas
 from overtaking.video.palette import INK
 from overtaking.video.panel import Header, Timeline
 from overtaking.video.road import strip
@@ -18,17 +16,14 @@ from overtaking.video.scene import scene
 from overtaking.video.text import line
 from overtaking.video.traffic import Traffic
 from overtaking.video.view import SCENE_BOTTOM, SCENE_TOP, view
+from overtaking.video.words import explained
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
-
     from overtaking.model.events import Events
-    from overtaking.model.labels import Findings
+    from overtaking.model.labels import Findings, OvertakeClass
     from overtaking.model.trajectory import Trajectories
-    from overtaking.video.canvas import U8
-    from overtaking.video.display import Part
+    from overtaking.rules import Policy
+    from overtaking.video.traffic import Place
 
 _SIGN_EVERY = 100  # Metres between two distances beside the road.
 _SIGN = "#e4e8e6"
@@ -44,10 +39,9 @@ class Film:
         run: A batch of one simulation.
         title: Its name in the film.
         events: What happened in it, if it is known.
-        findings: What the rules say of it; what they find broken is shown as it happens.
-        articles: For the codes of the rules that are told of, what shall be read; without it all
-            rules by their codes.
-        label: Class of the simulation.
+        findings: What the rules say of it; breaches are shown as they happen.
+        policy: Which rules count; breaches of others are grey.
+        label: Class of the simulation under this policy.
 
     Raises:
         ConfigError: The batch holds another number of simulations than one.
@@ -60,88 +54,86 @@ class Film:
         title: str = "Simulation",
         events: Events | None = None,
         findings: Findings | None = None,
-        articles: Mapping[str, str] | None = None,
-        label: str | None = None,
+        policy: Policy = POLICIES[0],
+        label: OvertakeClass | None = None,
     ) -> None:
-        """List what is on all frames."""
+        """Prepare what is the same in many frames."""
         self.scene = scene(run, events)
         self.view = view(self.scene)
-        self.traffic = Traffic(self.scene, self.view)
+        self._sky = seen = sky.sky(run)
+        self.traffic = Traffic(self.scene, self.view, seen.shade, seen.spray)
         self.contact = notes.contact(self.scene)
-        self._sky = sky.sky(run)
-        told = notes.breaches(self.scene, findings, articles)
+        told = notes.breaches(self.scene, findings, policy)
         self._notes = [*notes.endings(self.scene, self.contact), *told]
-        self._display = Display(self.scene.num_frames)
-        subtitle = " · ".join([run.scenario.profile, *([label] if label else [])])
-        header = Header(title, subtitle, self._sky.text)
-        header.lay(self._display.part(0, SCENE_TOP), self.scene.stage)
-        self._road(self._display.part(SCENE_TOP, SCENE_BOTTOM))
-        timeline = Timeline(self.scene, [(first, last) for first, last, _ in told])
-        timeline.lay(self._display.part(SCENE_BOTTOM, HEIGHT))
+        subtitle = run.scenario.profile + ("" if label is None else f" · {label.title}")
+        meaning = "" if label is None else explained(label, policy.name)
+        self._header = Header(title, subtitle, meaning, seen.text)
+        self._timeline = Timeline(self.scene, told)
+        self._road = strip(self.scene.road, self.view.scale, self.view.middle_d, seen.tone)
+        self._fog, self._glare = sky.fog(seen, self.view.scale), sky.glare(seen)
 
     @property
     def num_frames(self) -> int:
         """Number of frames, `RATE` of them a second."""
         return self.scene.num_frames
 
-    def draw(self, frame: int, out: U8 | None = None) -> U8:
+    def draw(self, frame: int, out: Canvas | None = None) -> Canvas:
         """Draw a frame.
 
         Args:
             frame: Its number, 0 <= frame < num_frames.
-            out: Where to draw, of `FRAME_SHAPE`; made if missing.
+            out: What to draw on, of `WIDTH` and `HEIGHT`; made if missing.
 
         Returns:
-            The frame in YUV 4:2:0, of `FRAME_SHAPE`; `canvas.rgb` converts it.
+            The picture; `rgb()` gives it as an array.
         """
-        picture = np.empty(FRAME_SHAPE, dtype=np.uint8) if out is None else out
-        self._display.draw(frame, picture)
-        return picture
+        if not 0 <= frame < self.num_frames:
+            raise IndexError(f"frame: expected 0 to {self.num_frames - 1}, got {frame}")
+        canvas = Canvas(WIDTH, HEIGHT, "#000000") if out is None else out
+        places = self.traffic.at(frame)
+        first = int(self.view.left[frame]) % self._road.period
+        canvas.paste(self._road.canvas, 0, SCENE_TOP, (first, first + WIDTH))
+        self.traffic.draw_bodies(canvas, places)
+        self._hide(canvas, places, frame)
+        self.traffic.draw_lamps(canvas, places, frame)
+        self._rain(canvas, frame)
+        self._signs(canvas, frame)
+        self.traffic.draw_marks(canvas, places, frame)
+        notes.flash(canvas, self.contact, self.view, frame)
+        notes.tell(canvas, self._notes, frame)
+        self._header.draw(canvas, None if self.scene.stage is None else self.scene.stage[frame])
+        self._timeline.draw(canvas, frame)
+        return canvas
 
-    def _road(self, part: Part) -> None:
-        """The part of the picture with the road."""
-        seen = self._sky
-        road = strip(self.scene.road, self.view.scale, self.view.middle_d, seen.tone)
-        road.lay(part, self.view.left)
-        self.traffic.lay_bodies(part, seen.shade, seen.spray)
-        self._hide(part)
-        self.traffic.lay_lamps(part)
-        self._rain(part)
-        self._signs(part)
-        self.traffic.lay_marks(part)
-        notes.flash(part, self.contact, self.view)
-        notes.tell(part, self._notes, self.num_frames)
-
-    def _hide(self, part: Part) -> None:
+    def _hide(self, canvas: Canvas, places: list[Place], frame: int) -> None:
         """Night, low sun and fog; lamps are drawn later, as they are seen through all of them."""
-        fog, glare = sky.fog(self._sky, self.view.scale), sky.glare(self._sky)
-        ego = self.traffic.x[Role.EGO]
-        first = np.clip(WIDTH - 2 * np.rint(0.5 * ego), 0, WIDTH)
-        if glare is not None:
-            part.veil(glare)
+        rows = SCENE_TOP, SCENE_BOTTOM
+        if self._glare is not None:
+            canvas.veil(rows, *self._glare)
         if self._sky.is_night:
-            self.traffic.illuminate(part)
-            part.night(fog, first)
-        elif fog is not None:
-            part.veil(fog, first)
+            lights = [
+                (light.power, round(0.5 * x) + light.left, round(0.5 * (y - SCENE_TOP)) + light.top)
+                for light, x, y in self.traffic.lights(places, frame)
+            ]
+            canvas.night(rows, sky.MOONLIGHT, lights)
+        if self._fog is not None:
+            first = min(max(WIDTH - round(float(self.traffic.x[Role.EGO, frame])), 0), WIDTH)
+            canvas.veil(rows, self._fog.hidden[first : first + WIDTH], self._fog.colour)
 
-    def _rain(self, part: Part) -> None:
+    def _rain(self, canvas: Canvas, frame: int) -> None:
         """Streaks of rain, in some pictures that take turns."""
-        rate = self._sky.rate
-        if rate > 0.0:
-            pictures = sky.rain(rate, part.height, is_night=self._sky.is_night)
-            turn = 2 * np.arange(self.num_frames) % len(pictures)
-            for number, picture in enumerate(pictures):
-                part.rain(picture, frames=np.flatnonzero(turn == number))
+        if self._sky.rate > 0.0:
+            height, is_night = SCENE_BOTTOM - SCENE_TOP, self._sky.is_night
+            pictures = sky.rain(self._sky.rate, height, is_night=is_night)
+            canvas.draw(pictures[2 * frame % len(pictures)], 0, SCENE_TOP)
 
-    def _signs(self, part: Part) -> None:
+    def _signs(self, canvas: Canvas, frame: int) -> None:
         """Distances along the road, at the upper edge."""
-        left: NDArray[np.float64] = self.view.left / self.view.scale
         shown = WIDTH / self.view.scale
-        first = math.ceil(left.min() / _SIGN_EVERY) * _SIGN_EVERY
+        left = int(self.view.left[frame]) / self.view.scale
+        first = math.ceil(left / _SIGN_EVERY) * _SIGN_EVERY
         is_pale = not self._sky.is_night and self._sky.extinction * 0.5 * shown > math.log(2.0)
-        for s in range(first, int(left.max() + shown) + 1, _SIGN_EVERY):
-            frames = np.flatnonzero((left <= s) & (s <= left + shown))
-            text = line(f"{s} m", 11, INK if is_pale else _SIGN)
-            columns = 2 * np.rint(0.5 * (s * self.view.scale - self.view.left[frames]))
-            part.sprite(text, columns - text.size[0] // 4 * 2, 2, frames=frames)
+        for s in range(first, int(left + shown) + 1, _SIGN_EVERY):
+            sign = line(f"{s} m", 11, INK if is_pale else _SIGN)
+            column = round((s - left) * self.view.scale) - sign.width // 2
+            canvas.draw(sign.drawing, column, SCENE_TOP + 2)

@@ -4,31 +4,28 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Severity, Verdict
 from overtaking.model.vehicles import Role
+from overtaking.rules import POLICIES, PORTUGAL
 from overtaking.video import palette
-from overtaking.video.canvas import WIDTH
+from overtaking.video.canvas import WIDTH, Drawing
 from overtaking.video.scene import RATE
-from overtaking.video.sheet import Sheet
-from overtaking.video.text import lettering
+from overtaking.video.text import Picture, lettering
+from overtaking.video.view import SCENE_BOTTOM, SCENE_TOP
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     from overtaking.model.labels import Findings
-    from overtaking.video.display import Part
-    from overtaking.video.pictures import Sprite, Texture
+    from overtaking.rules import Policy
+    from overtaking.video.canvas import Canvas
     from overtaking.video.scene import Scene
     from overtaking.video.view import View
-
-    Note = tuple[int, int, Sprite]
-    """First and last frame of what is told, and its text."""
 
     Contact = tuple[int, float, float]
     """First frame after a contact, and its place along and across the road."""
@@ -39,28 +36,42 @@ _NOTE_HEIGHT = 24
 _MAX_NOTE_LETTERS = 110
 
 
-def tell(part: Part, notes: Sequence[Note], num_frames: int) -> None:
-    """Put notes on the verge as long as there is room, in the frames that they are told in."""
-    changes = {0, num_frames, *(one[0] for one in notes), *(one[1] + 1 for one in notes)}
-    borders = sorted(changes)
-    for first, after in pairwise(borders):
-        column, row = _NOTE_GAP, part.height - _NOTE_HEIGHT - 2
-        told = [sprite for begin, last, sprite in notes if begin <= first <= last]
-        for sprite in told:
-            if column + sprite.size[0] > WIDTH and column > _NOTE_GAP:
+class Note(NamedTuple):
+    """A text on the road.
+
+    Attributes:
+        first: First frame that shows it.
+        last: Last frame that shows it.
+        text: What it says.
+        counts: Whether it bears on the class of the simulation; else it is grey.
+    """
+
+    first: int
+    last: int
+    text: str
+    counts: bool = True
+
+
+def tell(canvas: Canvas, notes: Sequence[Note], frame: int) -> None:
+    """Draw the notes of a frame on the verge, as long as there is room."""
+    column, row = _NOTE_GAP, SCENE_BOTTOM - _NOTE_HEIGHT - 2
+    for one in notes:
+        if one.first <= frame <= one.last:
+            picture = note(one.text, counts=one.counts)
+            if column + picture.width > WIDTH and column > _NOTE_GAP:
                 column, row = _NOTE_GAP, row - _NOTE_HEIGHT - 2
-            part.sprite(sprite, column, row, frames=np.arange(first, after))
-            column += sprite.size[0] + _NOTE_GAP
+            canvas.draw(picture.drawing, column, row)
+            column += picture.width + _NOTE_GAP
 
 
-def flash(part: Part, contact: Contact | None, view: View) -> None:
-    """The flash of a collision, which fades."""
+def flash(canvas: Canvas, contact: Contact | None, view: View, frame: int) -> None:
+    """Draw the flash of a collision, which fades."""
     if contact is None:
         return
     first, s, d = contact
-    for frame in range(first, min(first + _FLASH_FRAMES, len(view.left))):
-        burst = _burst(frame - first, view.scale)
-        part.texture(burst, view.x(frame, s), view.y(d), frames=[frame])
+    if first <= frame < first + _FLASH_FRAMES:
+        place = view.x(frame, s), SCENE_TOP + view.y(d)
+        canvas.draw(_burst(frame - first), *place, scale=view.scale)
 
 
 def endings(scene: Scene, contact: Contact | None) -> Iterator[Note]:
@@ -70,11 +81,11 @@ def endings(scene: Scene, contact: Contact | None) -> Iterator[Note]:
         partner = scene.contact[1]
         other = "" if partner is None else f" with vehicle {scene.slots[partner]}"
         name = " with the target" if partner == scene.target else other
-        yield contact[0], last, note(f"COLLISION{name}")
+        yield Note(contact[0], last, f"COLLISION{name}")
     borders = np.sort(scene.road.boundaries)
     off = (scene.d[Role.EGO] < borders[0]) | (scene.d[Role.EGO] > borders[-1])
     if off.any():
-        yield int(np.argmax(off)), last, note("LEFT THE LANES")
+        yield Note(int(np.argmax(off)), last, "LEFT THE LANES")
 
 
 def contact(scene: Scene) -> Contact | None:
@@ -108,48 +119,74 @@ def _nearest(
     )
 
 
-def breaches(
-    scene: Scene, findings: Findings | None, articles: Mapping[str, str] | None
-) -> list[Note]:
-    """What is broken from which to which frame of the film, the first one first."""
-    if findings is None:
-        return []
+def breaches(scene: Scene, findings: Findings | None, policy: Policy) -> list[Note]:
+    """Breaches of the ego's duties, those that the policy does not count marked as such.
+
+    Args:
+        scene: What is drawn.
+        findings: What the rules find; None gives no notes.
+        policy: Which rules count.
+    """
+    articles = articles_of(policy)
     notes: list[Note] = []
-    for rule, code in enumerate(findings.rules):
-        is_told = articles is None or code in articles
-        is_broken = is_told and findings.verdict[0, rule] == Verdict.ILLEGAL
+    for rule, code in enumerate(findings.rules if findings else ()):
+        assert findings is not None
         first, last = int(findings.first[0, rule]), int(findings.last[0, rule])
-        if is_broken and first != NEVER:
+        is_broken = findings.verdict[0, rule] == Verdict.ILLEGAL and first != NEVER
+        if is_broken and code in articles:
             severity = palette.SEVERITIES[Severity(int(findings.severity[0, rule]))]
-            text = (articles[code] if articles else code) + (f" ({severity})" if severity else "")
+            counts = code in policy.required
+            text = articles[code] + (f" ({severity})" if severity else "")
+            text += "" if counts else f" - not counted by policy {policy.name}"
             frames = np.searchsorted(scene.recorded, [first, last])
             start, stop = (min(int(one), scene.num_frames - 1) for one in frames)
-            notes.append((start, stop, note(text)))
-    return sorted(notes, key=lambda one: one[0])
+            notes.append(Note(start, stop, text, counts))
+    return sorted(notes, key=lambda one: (not one.counts, one.first))
+
+
+def articles_of(policy: Policy) -> dict[str, str]:
+    """Article and title of each rule that a film shows, by code.
+
+    These are the ego's duties. Of a rule with two readings only the one that the policy requires
+    is shown.
+    """
+    elsewhere = {code for one in POLICIES for code in one.required} - set(policy.required)
+    return {
+        rule.code: f"{rule.law}: {rule.title}"
+        for rule in PORTUGAL.rules
+        if rule.of_ego and not _is_other_reading(rule.code, policy.required, elsewhere)
+    }
+
+
+def _is_other_reading(code: str, required: tuple[str, ...], elsewhere: set[str]) -> bool:
+    """Whether a rule is one of two readings, and the policy requires the other or neither."""
+    stem = code.rstrip("s")
+    return code not in required and code in elsewhere and f"{stem}s" in elsewhere | set(required)
 
 
 @lru_cache(maxsize=256)
-def note(text: str) -> Sprite:
-    """A warning, readable on anything."""
+def note(text: str, *, counts: bool = True) -> Picture:
+    """A warning, readable on anything: red, or grey if it does not count."""
     short = text if len(text) <= _MAX_NOTE_LETTERS else text[: _MAX_NOTE_LETTERS - 3] + "..."
-    letters = lettering(short, 13, bold=True)
-    width, height = float(letters.width + 34), float(_NOTE_HEIGHT)
-    sheet = Sheet((0.0, width, 0.0, height), 1.0)
-    sheet.rect((0.0, width), (0.0, height), palette.WARNING, radius=4.0)
-    sheet.rect((12.0, 14.5), (5.0, 14.5), palette.TEXT)
-    sheet.rect((12.0, 14.5), (16.5, 19.0), palette.TEXT)
-    sheet.write(letters, 24, (_NOTE_HEIGHT - letters.height) // 2 + 1, palette.TEXT)
-    return sheet.sprite()
+    letters = lettering(short, 13, bold=counts)
+    width, drawing = letters.shape[1] + (34 if counts else 16), Drawing()
+    ground = palette.WARNING if counts else palette.ASIDE
+    drawing.rect((0.0, float(width)), (0.0, float(_NOTE_HEIGHT)), ground, radius=4.0)
+    if counts:
+        drawing.rect((12.0, 14.5), (5.0, 14.5), palette.TEXT)
+        drawing.rect((12.0, 14.5), (16.5, 19.0), palette.TEXT)
+    row = (_NOTE_HEIGHT - letters.shape[0]) // 2 + 1
+    drawing.mask(letters, (24 if counts else 8, row), palette.TEXT)
+    return Picture(drawing, width, _NOTE_HEIGHT)
 
 
 @lru_cache(maxsize=64)
-def _burst(age: int, scale: float) -> Texture:
-    """The flash of a collision, `age` frames old."""
+def _burst(age: int) -> Drawing:
+    """The flash of a collision, `age` frames old, in metres."""
     left = 1.0 - age / _FLASH_FRAMES
-    reach = 3.0 + 3.0 * (1.0 - left)
-    sheet = Sheet((-reach - 1.0, reach + 1.0, -reach - 1.0, reach + 1.0), scale, 2)
-    sheet.glow(0.0, 0.0, reach, "#ff6a3d", 0.9 * left)
-    sheet.glow(0.0, 0.0, 0.55 * reach, palette.FLASH, left)
+    reach, drawing = 3.0 + 3.0 * (1.0 - left), Drawing()
+    drawing.glow(0.0, 0.0, reach, "#ff6a3d", 0.9 * left)
+    drawing.glow(0.0, 0.0, 0.55 * reach, palette.FLASH, left)
     for x, y in ((reach, 0.18), (0.18, reach)):
-        sheet.rect((-x, x), (-y, y), palette.FLASH, opacity=0.8 * left, radius=0.15)
-    return sheet.texture()
+        drawing.rect((-x, x), (-y, y), palette.FLASH, opacity=0.8 * left, radius=0.15)
+    return drawing

@@ -1,38 +1,8 @@
-"""The colours of the films, and how a colour becomes luma and chroma."""
-
-from functools import cache
-from typing import NamedTuple
+"""The colours of the films."""
 
 from overtaking.model.labels import Severity
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Colour
-
-
-class Yuv(NamedTuple):
-    """Luma and the two chroma components of a colour, ITU-R BT.601, 16 to 235 and 16 to 240.
-
-    Players take films with fewer than 576 lines for BT.601 where they do not look at what the file
-    says, so these are the colours that everybody sees.
-    """
-
-    y: float
-    u: float
-    v: float
-
-
-@cache
-def yuv(colour: str) -> Yuv:
-    """Components of a colour written as `#rrggbb`.
-
-    Source:
-        ITU-R BT.601-7, section 2.5.
-    """
-    red, green, blue = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
-    return Yuv(
-        16.0 + 65.481 * red + 128.553 * green + 24.966 * blue,
-        128.0 - 37.797 * red - 74.203 * green + 112.0 * blue,
-        128.0 + 112.0 * red - 93.786 * green - 18.214 * blue,
-    )
 
 
 def mixed(colour: str, other: str, share: float) -> str:
@@ -59,6 +29,8 @@ EGO = "#56b4e9"
 TARGET = "#f0a830"
 GAP = "#cfd6dd"
 WARNING = "#d03a2b"
+ASIDE = "#59636e"
+"""Of breaches that do not count."""
 FLASH = "#fff3c4"
 
 PAINT = {

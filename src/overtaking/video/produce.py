@@ -124,18 +124,23 @@ def _settled(
 
 def _make(job: Job, folder: Path, stop: threading.Event) -> Video:
     """Make one film."""
-    film = Film(
+    film = film_of(job)
+    path = folder / file_name(job.number)
+    title = f"Simulation {job.number} of {job.labelled.trajectories.scenario.profile}"
+    write_film(film, path, title=title, is_wanted=lambda: not stop.is_set())
+    return Video(number=job.number, path=path, num_frames=film.num_frames, label=job.label.title)
+
+
+def film_of(job: Job) -> Film:
+    """The frames of a film."""
+    return Film(
         job.labelled.trajectories,
         title=f"Simulation {job.number}",
         events=job.labelled.events,
         findings=job.labelled.findings,
-        articles=job.articles,
+        policy=job.policy,
         label=job.label,
     )
-    path = folder / file_name(job.number)
-    title = f"Simulation {job.number} of {job.labelled.trajectories.scenario.profile}"
-    write_film(film, path, title=title, is_wanted=lambda: not stop.is_set())
-    return Video(number=job.number, path=path, num_frames=film.num_frames, label=job.label)
 
 
 def _tidy(folder: Path) -> None:

@@ -8,20 +8,14 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from overtaking.model.road import RoadMark
-from overtaking.video.canvas import WIDTH
+from overtaking.video.canvas import WIDTH, Canvas, Drawing
 from overtaking.video.palette import mixed, tinted
-from overtaking.video.sheet import Sheet
 from overtaking.video.view import SCENE_BOTTOM, SCENE_TOP, shown_width
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import numpy as np
-    from numpy.typing import NDArray
-
     from overtaking.model.road import Road
-    from overtaking.video.display import Part
-    from overtaking.video.pictures import Tile
 
 DASH, DASH_PERIOD = 4.0, 12.0
 """Length of a painted dash, and of dash and gap [m]; a choice, as maps do not tell."""
@@ -57,22 +51,16 @@ class Tone(NamedTuple):
     wet: float
 
 
-class Strip:
+class Strip(NamedTuple):
     """The road without anybody on it, a little longer than a picture is wide.
 
-    Args:
-        tile: The picture of it.
+    Attributes:
+        canvas: The picture of it.
         period: Columns after which it repeats, even.
     """
 
-    def __init__(self, tile: Tile, period: int) -> None:
-        """Keep it."""
-        self._tile, self._period = tile, period
-
-    def lay(self, part: Part, left: NDArray[np.int64]) -> None:
-        """Fill each frame of a part with the road from a column on, even."""
-        first = left % self._period
-        part.tile(self._tile, columns=(first, first + WIDTH))
+    canvas: Canvas
+    period: int
 
 
 @lru_cache(maxsize=16)
@@ -87,13 +75,15 @@ def strip(road: Road, scale: float, middle_d: float, tone: Tone) -> Strip:
     """
     dash = 2 * round(0.5 * DASH_PERIOD * scale)
     period = dash * _POST_PERIODS
-    height = SCENE_BOTTOM - SCENE_TOP
-    painter = _Painter(road, scale, middle_d, tone, (WIDTH + period, height), dash)
+    size = (WIDTH + period, SCENE_BOTTOM - SCENE_TOP)
+    painter = _Painter(road, scale, middle_d, tone, size, dash)
     painter.ground()
     painter.lanes()
     painter.marks()
     painter.posts()
-    return Strip(painter.sheet.tile(), period)
+    canvas = Canvas(*size, "#000000")
+    canvas.draw(painter.drawing)
+    return Strip(canvas, period)
 
 
 class _Painter:
@@ -108,7 +98,7 @@ class _Painter:
         size: tuple[int, int],
         dash: int,
     ) -> None:
-        self.sheet = Sheet((0.0, float(size[0]), 0.0, float(size[1])), 1.0)
+        self.drawing = Drawing()
         self._road, self._scale, self._tone, self._dash = road, scale, tone, dash
         self._size, self._middle_d = size, middle_d
         self._whole = (-2.0, size[0] + 2.0)
@@ -125,20 +115,20 @@ class _Painter:
 
     def ground(self) -> None:
         """Verges and what is paved."""
-        self.sheet.rect(
+        self.drawing.rect(
             self._whole, (-2.0, self._size[1] + 2.0), self._colour("#71885c", "#55694a")
         )
         low, high = shown_width(self._road)
         gravel = (self._y(high) - 0.35 * self._scale, self._y(low) + 0.35 * self._scale)
-        self.sheet.rect(self._whole, gravel, self._colour("#a39c88", "#7c776a"))
-        self.sheet.rect(
+        self.drawing.rect(self._whole, gravel, self._colour("#a39c88", "#7c776a"))
+        self.drawing.rect(
             self._whole, (self._y(high), self._y(low)), self._colour("#666b70", "#51565c")
         )
 
     def lanes(self) -> None:
         """The driving lanes, a little darker where the wheels run."""
         borders = self._road.boundaries
-        self.sheet.rect(
+        self.drawing.rect(
             self._whole,
             self._band(float(borders[0]), float(borders[-1])),
             self._colour("#5c6166", "#454a50"),
@@ -147,7 +137,9 @@ class _Painter:
             for share in _WHEEL_PATHS:
                 d = float(slow + share * (fast - slow))
                 track = self._band(d - 0.3, d + 0.3)
-                self.sheet.rect(self._whole, track, self._colour("#54595e", "#3d4248"), opacity=0.8)
+                self.drawing.rect(
+                    self._whole, track, self._colour("#54595e", "#3d4248"), opacity=0.8
+                )
 
     def marks(self) -> None:
         """The painted lines."""
@@ -165,11 +157,11 @@ class _Painter:
 
     def _line(self, d: float, kind: str) -> None:
         if kind == "kerb":
-            self.sheet.rect(self._whole, self._band(d, d + _KERB), self._colour("#b9bcbd"))
+            self.drawing.rect(self._whole, self._band(d, d + _KERB), self._colour("#b9bcbd"))
             return
         rows = self._band(d - 0.5 * _LINE, d + 0.5 * _LINE)
         for columns in self._stretches(kind):
-            self.sheet.rect(columns, rows, self._colour("#f1f2ee", "#dfe2e3"))
+            self.drawing.rect(columns, rows, self._colour("#f1f2ee", "#dfe2e3"))
 
     def _stretches(self, kind: str) -> Iterator[tuple[float, float]]:
         """The painted columns of a line."""
@@ -189,4 +181,6 @@ class _Painter:
             for d in (high + 0.85, low - 0.85):
                 y = self._y(d)
                 for x in (first, first - 0.01):
-                    self.sheet.rect((x - 1.5, x + 2.5), (y - 2.0, y + 2.0), self._colour("#eceeec"))
+                    self.drawing.rect(
+                        (x - 1.5, x + 2.5), (y - 2.0, y + 2.0), self._colour("#eceeec")
+                    )

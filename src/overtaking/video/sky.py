@@ -15,17 +15,15 @@ from overtaking.model.weather import NO_PRESET
 from overtaking.physics.constants import known
 from overtaking.physics.film import rain_rate
 from overtaking.physics.visibility import fog_extinction, rain_extinction
-from overtaking.video import pictures
-from overtaking.video.canvas import OPAQUE, WIDTH
-from overtaking.video.display import MOONLIGHT
-from overtaking.video.palette import yuv
+from overtaking.video.canvas import WIDTH, Drawing
 from overtaking.video.road import Tone
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.model.trajectory import Trajectories
-    from overtaking.video.pictures import Streaks, Veil
+
+    U8 = NDArray[np.uint8]
 
 _NIGHT, _DAY, _OVERCAST, _SUNSET = (
     (0.80, 0.88, 1.10),
@@ -40,8 +38,14 @@ _CLEAR_TO_SEE = 1500.0  # Fog that lets one see farther is not drawn [m].
 _OWN_HALF = 2.3  # Half a car's length [m].
 _FOG_ABOVE = 100.0  # Depth of fog that the sun shines through before it casts a shadow [m].
 _LEAST_SHARE = 24  # Of 256: what lies in fog stays a hint, so that the film still tells it.
+_OPAQUE = 256
+"""Scale of what veils hide."""
+
+MOONLIGHT = 64
+"""What is left of the day's light at night, of 256."""
+
 _HEAVY_RAIN = 60.0  # Rate at which wetness and spray are drawn in full [mm/h].
-_NUM_RAIN_PICTURES = 5
+_NUM_RAIN_PICTURES = 5  # These take turns.
 _STREAK = 12  # Length of a streak of rain [px].
 _GLIMMER, _GLIMMER_REACH = 90, 8.0  # Of 256, and metres.
 
@@ -157,11 +161,22 @@ def _shade(
     return -long * math.cos(azimuth), long * math.sin(azimuth), darkness
 
 
+class Veil(NamedTuple):
+    """What hides the road, column by column.
+
+    Attributes:
+        hidden: Share of each column, of 256.
+        colour: What is seen instead.
+    """
+
+    hidden: NDArray[np.uint16]
+    colour: str
+
+
 def _veil(share: NDArray[np.floating], colour: str) -> Veil:
-    """A veil that lets a share of each column of a strip shine through."""
-    keep = np.clip(np.rint(share * OPAQUE), _LEAST_SHARE, OPAQUE).astype(np.uint16)
-    y, u, v = (round(part) for part in yuv(colour))
-    return pictures.Veil(keep, (y, u, v))
+    """A veil that lets a share of each column shine through."""
+    hidden = np.clip(np.rint((1.0 - share) * _OPAQUE), 0, _OPAQUE - _LEAST_SHARE)
+    return Veil(hidden.astype(np.uint16), colour)
 
 
 def fog(sky: Sky, scale: float) -> Veil | None:
@@ -191,39 +206,37 @@ def glare(sky: Sky) -> Veil | None:
 
 
 @lru_cache(maxsize=8)
-def rain(rate: float, height: int, *, is_night: bool) -> tuple[Streaks, ...]:
-    """Pictures of falling rain, each of so many rows."""
+def rain(rate: float, height: int, *, is_night: bool) -> tuple[Drawing, ...]:
+    """Pictures of falling rain on so many rows."""
     num_streaks = round(40 + 2.4 * rate)
-    bright = 82 if is_night else 138
-    falling: list[Streaks] = []
+    falling: list[Drawing] = []
     for number in range(_NUM_RAIN_PICTURES):
         draws = Draws(number, np.arange(num_streaks, dtype=np.uint64), 0)
-        x, y = draws.integer(WIDTH), draws.integer(height)
-        length = _STREAK // 2 + draws.integer(_STREAK)
-        along = np.arange(_STREAK + _STREAK // 2)[:, None]
-        is_there = (along < length) & (y + along < height)
-        picture = np.zeros((height, WIDTH), dtype=np.uint8)
-        rows, columns = np.broadcast_arrays(y + along, (x - along // 4) % WIDTH)
-        picture[rows[is_there], columns[is_there]] = bright
-        falling.append(pictures.Streaks(picture))
+        x, y = draws.integer(WIDTH).astype(float), draws.integer(height - _STREAK).astype(float)
+        length = _STREAK // 2 + draws.integer(_STREAK // 2)
+        ends = zip(x.tolist(), y.tolist(), length.tolist(), strict=True)
+        streaks = [[(x, y), (x - 0.25 * long, y + long)] for x, y, long in ends]
+        drawing = Drawing()
+        drawing.lines(streaks, "#e8eef4", width=1.0, opacity=0.3 if is_night else 0.45)
+        falling.append(drawing)
     return tuple(falling)
 
 
 class Light(NamedTuple):
-    """A patch of light, at the resolution of chroma.
+    """A patch of light, at half the resolution of the picture.
 
     Attributes:
-        picture: What it adds to the light of the night.
+        power: What it adds to the light of the night, of 256; shape (rows, columns).
         left: Column of its left upper corner from where it comes from.
         top: Row of that corner.
     """
 
-    picture: pictures.Light
+    power: U8
     left: int
     top: int
 
 
-@lru_cache(maxsize=64)  # Each is about a megabyte.
+@lru_cache(maxsize=64)  # Each is about half a megabyte.
 def beam(degrees: int, scale: float, *, is_high: bool) -> Light:
     """Light of two headlamps, from the middle of the front of a vehicle.
 
@@ -249,8 +262,8 @@ def beam(degrees: int, scale: float, *, is_high: bool) -> Light:
     forward, aside = x * cosine - y * sine, x * sine + y * cosine
     spread = 1.0 + 0.17 * np.maximum(forward, 0.0)
     fading = np.clip(1.0 - forward / reach, 0.0, 1.0) * np.clip(forward / 1.5, 0.0, 1.0)
-    power = (OPAQUE - MOONLIGHT) * 0.95 * fading * np.exp(-1.2 * (aside / spread) ** 2)
-    return Light(pictures.Light(np.rint(power).astype(np.uint16)), left, top)
+    power = (_OPAQUE - MOONLIGHT) * 0.95 * fading * np.exp(-1.2 * (aside / spread) ** 2)
+    return Light(np.rint(power).astype(np.uint8), left, top)
 
 
 @lru_cache(maxsize=16)
@@ -259,4 +272,4 @@ def glimmer(scale: float) -> Light:
     half = round(_GLIMMER_REACH * 0.5 * scale)
     away = (np.arange(-half, half) + 0.5) / half
     inside = np.maximum(1.0 - away * away - (away * away)[:, None], 0.0)
-    return Light(pictures.Light(np.rint(_GLIMMER * inside).astype(np.uint16)), -half, -half)
+    return Light(np.rint(_GLIMMER * inside).astype(np.uint8), -half, -half)

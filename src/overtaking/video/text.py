@@ -2,82 +2,80 @@
 
 from __future__ import annotations
 
-import math
 import unicodedata
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from overtaking.video.canvas import OPAQUE
-from overtaking.video.palette import yuv
-from overtaking.video.pictures import Sprite
+from overtaking.video.canvas import Drawing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from PIL.ImageFont import FreeTypeFont
 
+    from overtaking.video.canvas import Canvas
+
 _MAX_KEPT = 4096  # Speeds from 0 to 300 km/h with every label, and room to spare.
+_FINE = 4  # Letters are drawn so many times as large, as their places are whole pixels.
 _INSTEAD = str.maketrans({"–": "-", "—": "-", "’": "'", "“": '"', "”": '"', "≤": "<=", "≥": ">="})
 
 
-class Lettering:
-    """A text as the share of each pixel that it covers.
+class Picture(NamedTuple):
+    """A drawing whose left upper corner is its origin.
 
-    Args:
-        share: Shape (height, width), 0 to 1.
+    Attributes:
+        drawing: The drawing.
+        width: [px].
+        height: [px].
     """
 
-    __slots__ = ("_share",)
-
-    def __init__(self, share: NDArray[np.float32]) -> None:
-        """Keep it."""
-        self._share = share
-
-    @property
-    def width(self) -> int:
-        """Width [px]."""
-        return self._share.shape[1]
-
-    @property
-    def height(self) -> int:
-        """Height [px]."""
-        return self._share.shape[0]
-
-    def shares(
-        self, right: int = 0, down: int = 0
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """The shares moved by one pixel or none, and the same at half the resolution.
-
-        Width and height of the first are even, as chroma has a pixel for two times two of luma.
-        """
-        height, width = self._share.shape
-        size = (height + down + (height + down) % 2, width + right + (width + right) % 2)
-        share = np.zeros(size, dtype=np.float32)
-        share[down : down + height, right : right + width] = self._share
-        rows = share[0::2] + share[1::2]
-        return share, np.asarray((rows[:, 0::2] + rows[:, 1::2]) * 0.25, dtype=np.float32)
+    drawing: Drawing
+    width: int
+    height: int
 
 
 @lru_cache(maxsize=_MAX_KEPT)
-def lettering(text: str, size: int, *, bold: bool = False) -> Lettering:
+def line(text: str, size: int, colour: str, *, bold: bool = False) -> Picture:
     """A line of text.
 
     Args:
         text: What the font lacks is written in similar letters.
         size: Height of the font [px].
+        colour: `#rrggbb`.
         bold: Whether the strokes are thicker.
     """
-    font = _font(size)
-    text = _writable(text)
-    ascent, descent = font.getmetrics()
-    stroke = 0.35 if bold else 0.0
-    width = round(font.getlength(text)) + (2 if bold else 1)
+    covered = lettering(text, size, bold=bold)
+    drawing = Drawing()
+    drawing.mask(covered, (0, 0), colour)
+    return Picture(drawing, covered.shape[1], covered.shape[0])
+
+
+def write_number(canvas: Canvas, text: str, place: tuple[int, int], size: int, colour: str) -> int:
+    """Write a text that changes all the time, and give the column after it.
+
+    All digits are equally wide, so that what stands behind them does not tremble.
+    """
+    x, y = place
+    for letter in text:
+        one = line(letter, size, colour)
+        canvas.draw(one.drawing, x, y)
+        x += (line("0", size, colour) if letter.isdigit() else one).width
+    return x
+
+
+@lru_cache(maxsize=_MAX_KEPT)
+def lettering(text: str, size: int, *, bold: bool = False) -> NDArray[np.uint8]:
+    """How much of each pixel a line of text covers, 0 to 255; shape (height, width)."""
     from PIL import Image, ImageDraw
 
-    image = Image.new("L", (max(width, 1), ascent + descent))
-    ImageDraw.Draw(image).text((0, 0), text, fill=255, font=font, stroke_width=stroke)
-    return Lettering(np.asarray(image, dtype=np.float32) / np.float32(255.0))
+    text, font = _writable(text), _font(_FINE * size)
+    stroke = 0.35 * _FINE if bold else 0.0
+    width = round(font.getlength(text) + 2.0 * stroke) // _FINE + 1
+    height = sum(font.getmetrics()) // _FINE + 1
+    image = Image.new("L", (_FINE * width, _FINE * height))
+    ImageDraw.Draw(image).text((stroke, 0), text, fill=255, font=font, stroke_width=stroke)
+    return np.asarray(image.reduce(_FINE))
 
 
 @cache
@@ -94,50 +92,3 @@ def _writable(text: str) -> str:
     """The text in letters that the font has."""
     plain = unicodedata.normalize("NFKD", text.translate(_INSTEAD))
     return "".join(letter for letter in plain if letter.isascii() or letter in "·°")
-
-
-def line(text: str, size: int, colour: str, *, bold: bool = False) -> Sprite:
-    """A line of text as a sprite, for texts that come again."""
-    return _line(text, size, colour, bold)
-
-
-def spelled(text: str, size: int, colour: str, *, bold: bool = False) -> list[Sprite]:
-    """The letters of a text, to be put beside each other, for numbers that change all the time.
-
-    All digits are equally wide, so that what stands behind them does not tremble.
-    """
-    return [_letter(letter, size, colour, bold) for letter in text]
-
-
-@lru_cache(maxsize=_MAX_KEPT)
-def _line(text: str, size: int, colour: str, bold: bool) -> Sprite:
-    return _coloured(lettering(text, size, bold=bold).shares(), colour)
-
-
-@lru_cache(maxsize=_MAX_KEPT)
-def _letter(letter: str, size: int, colour: str, bold: bool) -> Sprite:
-    """A letter in a cell of even width."""
-    drawn = lettering(letter, size, bold=bold)
-    cell = lettering("0", size, bold=bold).width if letter.isdigit() else drawn.width
-    spare = 2 * math.ceil(0.5 * (cell - 1)) - drawn.width
-    luma, chroma = drawn.shares(right=max(spare // 2, 0) % 2)
-    width = 2 * math.ceil(0.5 * (cell - 1))
-    return _coloured((_widened(luma, width), _widened(chroma, width // 2)), colour)
-
-
-def _widened(share: NDArray[np.float32], width: int) -> NDArray[np.float32]:
-    """The same in a cell of another width."""
-    cell = np.zeros((share.shape[0], width), dtype=np.float32)
-    kept = min(width, share.shape[1])
-    cell[:, :kept] = share[:, :kept]
-    return cell
-
-
-def _coloured(shares: tuple[NDArray[np.float32], NDArray[np.float32]], colour: str) -> Sprite:
-    """Shares as a sprite of one colour."""
-    y, u, v = yuv(colour)
-    luma, chroma = shares
-    return Sprite(
-        np.rint(np.stack([luma * y, (1.0 - luma) * OPAQUE])).astype(np.uint16),
-        np.rint(np.stack([chroma * u, chroma * v, (1.0 - chroma) * OPAQUE])).astype(np.uint16),
-    )

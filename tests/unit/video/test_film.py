@@ -11,16 +11,20 @@ from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking import api
 from overtaking.core.errors import ConfigError
-from overtaking.model.labels import Findings
+from overtaking.model.labels import Findings, OvertakeClass
 from overtaking.model.trajectory import Lights, Stage
 from overtaking.model.vehicles import Colour, VehicleKind
-from overtaking.video.canvas import FRAME_SHAPE, WIDTH, blank, rgb
+from overtaking.rules import POLICIES, PORTUGAL, policy
+from overtaking.video.canvas import HEIGHT, WIDTH, Canvas
 from overtaking.video.film import Film
-from overtaking.video.palette import EGO, STAGES, TARGET, WARNING
+from overtaking.video.notes import articles_of, breaches
+from overtaking.video.palette import ASIDE, EGO, STAGES, TARGET, WARNING
 from overtaking.video.panel import Timeline
 from overtaking.video.scene import scene
+from overtaking.video.text import lettering
 from overtaking.video.vehicles import Body, lamps
 from overtaking.video.view import SCENE_BOTTOM, SCENE_TOP, view
+from overtaking.video.words import explained
 
 MM = 1e-3
 RING = 0.45  # Metres from the body to the outer edge of a mark.
@@ -37,7 +41,7 @@ def marked(film: Film, frame: int, colour: str, index: int):
 
     Its name has the same colour and lies above or below, so only its lane is looked at.
     """
-    picture = rgb(film.draw(frame))[SCENE_TOP:SCENE_BOTTOM]
+    picture = film.draw(frame).rgb()[SCENE_TOP:SCENE_BOTTOM]
     body, scale = film.scene.bodies[index], film.view.scale
     reach = round((0.5 * body.width + RING) * scale) + 1
     middle = round(film.view.y(float(film.scene.d[index, frame])))
@@ -67,7 +71,7 @@ def test_the_mark_is_as_long_as_the_ego(run, film):
 
 def test_the_ego_has_its_colour_on_the_road(run, film):
     x, y = film.view.x(5, run.states.s[0, 0, 5] * MM), film.view.y(run.states.d[0, 0, 5] * MM)
-    bonnet = rgb(film.draw(5))[SCENE_TOP + round(y), round(x + 1.7 * film.view.scale)]
+    bonnet = film.draw(5).rgb()[SCENE_TOP + round(y), round(x + 1.7 * film.view.scale)]
     assert bonnet[0] > 2 * bonnet[1]  # Red.
 
 
@@ -80,12 +84,17 @@ def test_the_ego_is_above_the_lane_line_that_it_has_crossed():
 
 def test_frames_are_the_same_every_time_and_in_any_order(run, film):
     again = Film(run, title="Simulation 0")
-    drawn = [film.draw(frame).copy() for frame in (3, 30, 12)]
-    canvas = blank()
-    canvas[...] = 77
+    drawn = [film.draw(frame).rgb() for frame in (3, 30, 12)]
+    canvas = Canvas(WIDTH, HEIGHT, WARNING)
     for frame, picture in zip((12, 30, 3), drawn[::-1], strict=True):
-        assert np.array_equal(again.draw(frame, canvas), picture)
-    assert drawn[0].shape == FRAME_SHAPE
+        assert np.array_equal(again.draw(frame, canvas).rgb(), picture)
+    assert drawn[0].shape == (HEIGHT, WIDTH, 3)
+
+
+@pytest.mark.parametrize("frame", [-1, 41])
+def test_a_frame_that_is_not_there_is_refused(film, frame):
+    with pytest.raises(IndexError, match=f"expected 0 to 40, got {frame}"):
+        film.draw(frame)
 
 
 def test_ego_and_target_stay_in_the_picture_while_both_fit():
@@ -129,11 +138,10 @@ def test_a_target_that_was_passed_is_behind():
 
 def test_the_cursor_moves_from_the_first_to_the_last_column(film):
     timeline = Timeline(film.scene, [])
-    columns = timeline.columns()
-    assert columns[0] == 66
-    assert columns[-1] == 1096
-    assert (np.diff(columns) >= 0).all()
-    strip = film.draw(20)[SCENE_BOTTOM + 12]
+    columns = [timeline.column(frame) for frame in range(film.num_frames)]
+    assert (columns[0], columns[-1]) == (80, 1096)
+    assert columns == sorted(columns)
+    strip = film.draw(20).rgb()[SCENE_BOTTOM + 12, :, 0]
     assert strip[columns[20]] > 200  # The cursor is the brightest thing there.
 
 
@@ -162,12 +170,12 @@ CAR = Body(kind=VehicleKind.M, colour=Colour.GREY, length=4.6, width=1.8, height
     ],
 )
 def test_a_lamp_shines_where_the_vehicle_has_it(light, rows, columns):
-    texture = lamps(CAR, int(light), 10.0)
+    drawing = lamps(CAR, int(light))
     black, white = (
-        drawn(lambda part: part.texture(texture, 640.0, 200.0), luma).luma.astype(float)
-        for luma in (16, 235)
+        drawn(lambda canvas: canvas.draw(drawing, 640.0, 200.0, scale=10.0), grey)
+        for grey in (0, 255)
     )
-    light_there = 256.0 * (1.0 - (white - black) / (235.0 - 16.0))
+    light_there = 256.0 * (1.0 - (white - black) / 255.0)
     height, width = light_there.shape
     if columns == "rear":
         dark, bright = light_there[:, width // 2 :], light_there[:, : width // 2]
@@ -187,7 +195,7 @@ def test_a_recording_that_does_not_know_its_lamps_shows_none(run):
 def test_a_recording_that_does_not_know_stage_and_weather_can_be_filmed(run):
     film = Film(run.replace(unknown=frozenset({"stage", "weather", "percepts"})))
     assert film.scene.stage is None
-    assert not near(rgb(film.draw(0))[8:32, 420:900], STAGES[Stage.FOLLOW][1]).any()
+    assert not near(film.draw(0).rgb()[8:32, 420:900], STAGES[Stage.FOLLOW][1]).any()
 
 
 def test_a_vehicle_that_was_not_recorded_in_a_frame_is_not_shown(run):
@@ -198,12 +206,14 @@ def test_a_vehicle_that_was_not_recorded_in_a_frame_is_not_shown(run):
     assert np.flatnonzero(film.traffic.seen[:, 20]).tolist() == [0, 1, 2]
 
 
-def findings(run, first: int, last: int) -> Findings:
+def findings(first: int, last: int, *codes: str) -> Findings:
+    rules = codes or ("L3",)
+
     def array(value, kind):
-        return np.full((1, 1), value, kind)
+        return np.full((1, len(rules)), value, kind)
 
     return Findings(
-        rules=("L3",),
+        rules=rules,
         version="test",
         verdict=array(1, np.uint8),
         margin=array(-1.0, np.float32),
@@ -215,17 +225,63 @@ def findings(run, first: int, last: int) -> Findings:
 
 
 def red(film: Film, frame: int) -> int:
-    return int(near(rgb(film.draw(frame))[SCENE_BOTTOM - 30 : SCENE_BOTTOM, :300], WARNING).sum())
+    return int(near(film.draw(frame).rgb()[SCENE_BOTTOM - 30 : SCENE_BOTTOM, :300], WARNING).sum())
 
 
 def test_a_breach_is_told_from_its_first_to_its_last_frame(run):
-    film = Film(run, findings=findings(run, 10, 20), articles={"L3": "Article 18(1)"})
+    film = Film(run, findings=findings(10, 20))
     assert [red(film, frame) > 500 for frame in (9, 10, 20, 21)] == [False, True, True, False]
 
 
-def test_a_breach_of_a_rule_that_is_not_told_of_is_left_out(run):
-    film = Film(run, findings=findings(run, 10, 20), articles={"L4": "Article 38(1)"})
+def test_a_breach_that_the_policy_does_not_count_is_grey_and_says_so(run):
+    """A film of a lawful overtake shows no red article."""
+    film = Film(run, findings=findings(10, 20, "L20"), policy=policy("paper"))
+    picture = film.draw(15).rgb()
     assert red(film, 15) == 0
+    assert not near(picture[SCENE_BOTTOM:], WARNING, 12).any()
+    assert near(picture[SCENE_BOTTOM - 30 : SCENE_BOTTOM, :300], ASIDE, 12).sum() > 500
+    (note,) = breaches(film.scene, findings(10, 20, "L20"), policy("paper"))
+    assert note.text == "Article 74: Lanes for trucks (serious) - not counted by policy paper"
+    (note,) = breaches(film.scene, findings(10, 20, "L20"), policy("default"))
+    assert note.text == "Article 74: Lanes for trucks (serious)"
+
+
+def test_what_counts_is_shown_first(run):
+    both = findings(10, 20, "L20", "L3")
+    notes = breaches(scene(run), both, policy("paper"))
+    assert [note.counts for note in notes] == [True, False]
+
+
+def test_a_class_is_explained_beside_its_name_in_the_room_that_there_is():
+    for label in OvertakeClass:
+        for each in POLICIES:
+            text = explained(label, each.name)
+            assert each.name in text
+            assert 16 + lettering(text, 11).shape[1] < 420  # Left of where the stages begin.
+
+
+def test_of_two_readings_of_a_rule_only_the_required_one_is_shown():
+    default, strict = (articles_of(policy(name)).keys() for name in ("default", "strict"))
+    assert {"L14", "L15"} <= default
+    assert not {"L14s", "L15s"} & default
+    assert {"L14s", "L15s"} <= strict
+    assert not {"L14", "L15"} & strict
+
+
+def test_breaches_by_others_are_not_shown():
+    theirs = {rule.code for rule in PORTUGAL.rules if not rule.of_ego}
+    assert theirs
+    for each in POLICIES:
+        assert not theirs & articles_of(each).keys()
+
+
+def test_values_of_one_axis_stay_clear_of_those_of_the_other(film):
+    """Rows of the labels left of the plots: two of speeds, two of distances, none touching."""
+    labels = film.draw(20).rgb()[SCENE_BOTTOM:HEIGHT, :78]
+    is_written = (labels > 80).any(axis=(1, 2))
+    tops = np.flatnonzero(np.diff(is_written.astype(int), prepend=0) == 1)
+    assert len(tops) == 4
+    assert np.diff(tops).min() >= 16
 
 
 def test_a_collision_flashes_where_the_two_touch_and_is_told_from_then_on():
@@ -253,13 +309,13 @@ def test_an_ego_that_leaves_the_lanes_is_told(run):
 def test_a_film_of_nobody_but_the_ego_is_a_film():
     film = Film(api.simulate(scenario([Vehicle(s=100.0)], horizon=0.5)))
     assert film.scene.target is None
-    assert film.draw(3).shape == FRAME_SHAPE
+    assert film.draw(3).rgb().any()
 
 
 def test_a_recording_of_one_frame_is_a_film_of_one_frame(run):
     film = Film(run.replace(num_frames=np.array([1], np.int32)))
     assert film.num_frames == 1
-    assert film.draw(0).shape == FRAME_SHAPE
+    assert film.draw(0).rgb().any()
 
 
 def test_two_simulations_at_once_are_refused_in_one_line(run):
@@ -279,8 +335,8 @@ def test_names_at_the_edge_do_not_cover_each_other():
     edge = (int(alone.view.left[0]) + WIDTH) / alone.view.scale
     cars += [Vehicle(kind="M", s=edge + more, lane=2, speed=25.0) for more in (6.0, 22.0)]
     before, after = (
-        film.draw(0).astype(int)[SCENE_TOP:SCENE_BOTTOM, WIDTH - 80 :]
+        film.draw(0).rgb()[SCENE_TOP:SCENE_BOTTOM, WIDTH - 80 :]
         for film in (alone, Film(api.simulate(scenario(cars))))
     )
     height = 18  # Of a name; two of them must be seen whole.
-    assert int((before != after).any(axis=1).sum()) >= 2 * height
+    assert int((before != after).any(axis=(1, 2)).sum()) >= 2 * height

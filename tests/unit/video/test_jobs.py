@@ -9,8 +9,10 @@ import pytest
 from overtaking import api
 from overtaking.cli.video import choice
 from overtaking.core.errors import ConfigError
-from overtaking.rules import PORTUGAL
-from overtaking.video.jobs import articles_of, jobs
+from overtaking.model.labels import OvertakeClass
+from overtaking.sim.decision import Decision
+from overtaking.video import jobs as module
+from overtaking.video.jobs import jobs
 from overtaking.video.produce import produce
 
 
@@ -26,7 +28,7 @@ def test_one_film_for_each_class_the_first_of_it(data):
     paper = labels[labels["policy"] == "paper"]
     firsts = paper.groupby("class", observed=True)["simulation"].min()
     expected = sorted((int(number), str(name)) for name, number in firsts.items())
-    assert [(job.number, job.label) for job in jobs(data)] == expected
+    assert [(job.number, job.label.title) for job in jobs(data)] == expected
 
 
 def test_all_of_them_in_order(data):
@@ -70,23 +72,9 @@ def test_a_film_that_fails_ends_the_work_and_leaves_what_was_finished(data, tmp_
     assert {path.name for path in tmp_path.glob("*.mp4")} <= {"000001.mp4"}
 
 
-def test_of_two_readings_of_a_rule_only_the_required_one_is_told():
-    assert {"L14", "L15"} <= articles_of("default").keys()
-    assert not {"L14s", "L15s"} & articles_of("default").keys()
-    assert {"L14s", "L15s"} <= articles_of("strict").keys()
-    assert not {"L14", "L15"} & articles_of("strict").keys()
-
-
-def test_what_others_do_wrong_is_not_told_of_the_ego():
-    theirs = {rule.code for rule in PORTUGAL.rules if not rule.of_ego}
-    assert theirs
-    for policy in ("paper", "default", "strict"):
-        assert not theirs & articles_of(policy).keys()
-
-
-def test_an_unknown_policy_is_refused():
-    with pytest.raises(ConfigError, match="expected paper or default or strict"):
-        articles_of("lenient")
+def test_an_unknown_policy_is_refused(data):
+    with pytest.raises(ConfigError, match="expected one of paper, default, strict"):
+        list(jobs(data, policy_name="lenient"))
 
 
 def test_numbers_and_ranges_are_read():
@@ -112,3 +100,36 @@ def _shortened(job):
     run = job.labelled.trajectories
     short = run.replace(num_frames=run.num_frames.clip(max=5))
     return dataclasses.replace(job, labelled=job.labelled.replace(trajectories=short))
+
+
+SHORT = {"time.horizon_s": 2, "time.attempt_deadline_s": 2}
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return api.simulate(api.sample("pinto2023", 3, 1, overrides=SHORT))
+
+
+def test_trajectories_are_labelled_and_filmed(runs, tmp_path):
+    made = api.film(runs, tmp_path, simulations=[2, 0], policy="default")
+    assert [film.path.name for film in made] == ["000000.mp4", "000002.mp4"]
+    classes = api.label(runs).labels.classes[:, 1]
+    assert [film.label for film in made] == [OvertakeClass(classes[i]).title for i in (0, 2)]
+    assert made[0].num_frames == 41
+
+
+def test_labels_that_are_known_are_not_computed_again(runs, monkeypatch):
+    labelled = api.label(runs)
+    monkeypatch.setattr(module, "label", None)
+    assert [job.number for job in jobs(labelled, "all")] == [0, 1, 2]
+
+
+def test_a_branch_is_filmed(runs):
+    scenario = runs.scenario.select(slice(0, 1))
+    (job,) = jobs(api.branch(scenario, 10, decision=Decision.ABORT), "all")
+    assert job.number == 0
+
+
+def test_a_simulation_that_is_not_in_the_batch_is_refused(runs):
+    with pytest.raises(ConfigError, match="expected some of 0 to 2, got 3"):
+        list(jobs(runs, [3]))
