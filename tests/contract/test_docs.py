@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from overtaking.cli import main
-from overtaking.knowledge import Distribution, quantities
+from overtaking.knowledge import Distribution, quantities, terms
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -328,6 +328,12 @@ def test_every_word_of_the_glossary_has_a_home():
 
 def test_what_is_no_name_is_not_taken_for_one():
     assert not any(map(is_name, ["a.b", "vehicles.toml", "steering.rate", "overtaking.stay_time"]))
+
+
+def test_the_readme_explains_the_five_classes_as_the_terms_do():
+    five = [name for name in terms("classes") if name not in ("Success_U", "censored")]
+    rows = re.findall(r"^\| `(\w+)` \| (.+) \|$", read("README.md"), re.M)
+    assert [(name, terms("classes")[name].meaning) for name in five] == rows[: len(five)]
 
 
 # --- the map ---

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.support.forces import bounds
 
 from overtaking import scenarios
 from overtaking.exchange.roads import load_road
@@ -22,7 +23,7 @@ from overtaking.model.batch import concatenate
 from overtaking.model.known_roads import known_road
 from overtaking.model.trajectory import NO_VEHICLE, Stage, States, Trajectories
 from overtaking.sim import branch, engine, reference
-from overtaking.sim.parameters import Effects, parameters
+from overtaking.sim.parameters import VEHICLE_FIELDS, Effects, Parameters, parameters
 
 if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario
@@ -241,12 +242,47 @@ def without_errors(world: Scenario):
 @settings(max_examples=20)
 def test_speeds_are_never_negative_and_accelerations_stay_physical(seed: int, index: list[int]):
     ran = simulated(seed, index)
-    valid = present(ran)
-    assert (ran.states.speed[valid] >= 0).all()
-    # 1.05 g is all that the best tyre transmits, wind and drag add a little: 11 m/s^2.
-    for name in ("accel_lon", "accel_lat"):
-        values = getattr(ran.states, name)[valid]
-        assert np.abs(values.astype(int)).max() <= 11_000, name
+    assert (ran.states.speed[present(ran)] >= 0).all()
+    least, most = acceleration_shares(ran, parameters(ran.scenario))
+    assert least >= 0.0
+    assert most <= 1.0
+
+
+def test_accelerations_stay_physical_in_a_gale_against_bicycles():
+    """A head wind of 20 m/s and gusts slow a rider at 94 km/h by more than the tyres can."""
+    ran = simulated(1136812, [795287715])
+    assert np.abs(ran.states.accel_lon[present(ran)]).max() > 10_000
+    least, most = acceleration_shares(ran, parameters(ran.scenario))
+    assert least >= 0.0
+    assert most <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [("brake_force", 0.9), ("launch_force", 0.9), ("power", 0.9), ("drag", 1.1), ("rolling", 1.1)],
+)
+def test_bounds_of_acceleration_are_exceeded_if_one_force_is_a_tenth_off(name: str, factor: float):
+    world = drawn(0, list(range(300)))
+    given_ = parameters(world)
+    ran = engine.run(world, given_)
+    least, most = acceleration_shares(ran, given_)
+    assert least >= 0.0
+    assert most <= 1.0
+    other = given_.vehicle.copy()
+    other[VEHICLE_FIELDS.index(name)] *= np.float32(factor)
+    least, most = acceleration_shares(ran, dataclasses.replace(given_, vehicle=other))
+    assert least < 0.0 or most > 1.0
+
+
+def acceleration_shares(ran: Trajectories, given_: Parameters) -> tuple[float, float]:
+    """Least and largest place of an acceleration between its bounds, which are 0 and 1."""
+    seen = present(ran)
+    seen[:, :, 0] = False  # The first frame comes before the first step.
+    limits = bounds(ran, given_, driven=sound(ran))
+    along = (ran.states.accel_lon / 1000.0 - limits.backward) / (limits.forward - limits.backward)
+    across = 0.5 + 0.5 * ran.states.accel_lat / 1000.0 / limits.sideward
+    every = np.concatenate([along[seen], across[seen]])
+    return float(every.min()), float(every.max())
 
 
 @given(seed=seeds, index=indices)

@@ -10,6 +10,7 @@ from tests.support.bench import bench
 from tests.support.single_track import side_wind
 from tests.support.worlds import FOUR_WHEELERS, Vehicle, body_of, scenario, wide_road
 
+from overtaking.sim import engine, reference
 from overtaking.sim.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Effects, parameters
 from overtaking.sim.reference import environment
 from overtaking.sim.reference.state import Fields, initial_state
@@ -64,6 +65,22 @@ def test_force_and_moment_are_those_of_the_equations_in_float64(kind: str, perce
     # Float32 and our own arc tangent: a few units in the sixth digit.
     assert float(b.state.wind_force[0, 0]) == pytest.approx(force, rel=2e-5)
     assert float(b.state.wind_moment[0, 0]) == pytest.approx(moment, rel=5e-5)
+
+
+@pytest.mark.parametrize("simulator", [engine, reference], ids=["engine", "reference"])
+def test_a_head_wind_lifts_no_wheel_that_pulls_the_rider_back(simulator):
+    """The load of the rear wheel was negative, and so was the force of the pedals."""
+    rider = Vehicle(kind="B", speed=30.0, driver={"desired_speed": 40.0})
+    against = {"wind": 100.0, "wind_direction": math.pi}
+    given = scenario([rider], weather=against, horizon=1.0)
+    ran = simulator.run(given, parameters(given, Effects(gusts=False)))
+    body = body_of("B")
+    # Newton's second law with the force of the pedals at zero or more.
+    air = ran.states.speed[0, 0] / 1000.0 + 0.15 + 20.0  # A frame tells what came of a step.
+    resistance = 0.5 * 1.2 * body["drag_area"] * air**2 / body["mass"]
+    resistance += body["rolling_resistance"] * 9.81
+    assert resistance.max() > 4.63  # At which the rear wheel lifts: g * 0.4725 m / 1 m.
+    assert (ran.states.accel_lon[0, 0] / 1000.0 >= -resistance).all()
 
 
 def test_a_head_wind_brakes_and_does_not_push_aside():

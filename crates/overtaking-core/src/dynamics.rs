@@ -88,7 +88,11 @@ fn tyre_forces<S: Simd, const N: usize>(
     inverse_speed: V<S>,
 ) -> Tyres<S> {
     let (c, p) = (w.c, &w.p[i]);
-    let shift = state.a_lon[i] * p.cg_height;
+    let shift = clamp(
+        state.a_lon[i] * p.cg_height,
+        -c.gravity * p.cg_front,
+        c.gravity * p.cg_rear,
+    );
     let front_weight = p.inverse_wheelbase * (c.gravity * p.cg_rear - shift);
     let front_load = p.mass * front_weight;
     let rear_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_front + shift);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.exchange.commonroad_lanes import Lanelet, contains
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from overtaking.exchange.commonroad_road import Network, Stretch
 
@@ -24,6 +25,7 @@ MAX_ROADS = 16
 SINGLE_LANE = 0.1
 """Weight of traffic on a road with one lane, on which nobody overtakes."""
 
+_MAX_NAMED = 5  # Other roads that are named.
 _MAX_SAMPLE = 2_000  # Points that decide how busy lanelets are.
 
 
@@ -74,8 +76,13 @@ def chosen_road(network: Network, wanted: int | None, x: F64, y: F64) -> Stretch
         best = max(options, key=lambda one: one.weight).road
     else:
         best = _asked_for(network, wanted, options)
-    others = "; ".join(str(one) for one in options if one.road.lanelets != best.lanelets)
+    others = _named(one for one in options if one.road.lanelets != best.lanelets)
     return dataclasses.replace(best, notes=best.notes | {"other_roads": others or None})
+
+
+def _named(options: Iterable[_Option]) -> str:
+    """Some roads, for a message."""
+    return "; ".join(map(str, islice(options, _MAX_NAMED)))
 
 
 def _asked_for(network: Network, wanted: int, options: list[_Option]) -> Stretch:
@@ -91,7 +98,7 @@ def _asked_for(network: Network, wanted: int, options: list[_Option]) -> Stretch
     try:
         return network.stretch(network.lanelets[wanted], is_part=True)
     except ImportFormatError as error:
-        named = f", --lanelet {'; '.join(map(str, options))}" if options else ""
+        named = f", --lanelet {_named(options)}" if options else ""
         raise ImportFormatError(f"{error}{named}") from None
 
 
@@ -109,12 +116,13 @@ def _options(network: Network, x: F64, y: F64) -> tuple[list[_Option], list[Impo
         except ImportFormatError as error:
             refused.append(error)
             continue
+        own = {one: share[one] for one in road.lanelets - seen if one in share}
+        if own:
+            total = sum(share.get(one, 0.0) for one in road.lanelets)
+            busiest = max(own, key=lambda one: (own[one], -one))
+            options.append(_Option(busiest, road, total))
         # What lies beside a part of it, such as an entry, is no road of its own.
         seen |= {other.number for one in road.lanelets for other in network.rows[one]}
-        total = sum(share.get(one, 0.0) for one in road.lanelets)
-        busiest = max(road.lanelets, key=lambda one: (share.get(one, 0.0), -one))
-        if total:
-            options.append(_Option(busiest, road, total))
     return sorted(options, key=lambda one: (-one.share, one.lanelet)), refused
 
 

@@ -67,6 +67,8 @@ class Lanelet:
         element: Where it stands in the file, for messages.
         left: Border on its left, in its direction, shape (point, 2) [m].
         right: Border on its right, likewise.
+        length: Length of its middle, roughly [m].
+        narrowest: Distance between its borders at the narrower end [m].
         left_mark: Line on its left, None if unknown.
         right_mark: Line on its right, None if unknown.
         left_neighbour: Id of the lanelet on its left with the same direction, or None.
@@ -84,6 +86,8 @@ class Lanelet:
     element: Element
     left: F64
     right: F64
+    length: float
+    narrowest: float
     left_mark: RoadMark | None
     right_mark: RoadMark | None
     left_neighbour: int | None
@@ -95,17 +99,6 @@ class Lanelet:
     kind: str
     signs: tuple[int, ...]
     speed_limit: float | None
-
-    @property
-    def length(self) -> float:
-        """Length of its middle, roughly [m]."""
-        left, right = (np.hypot(*np.diff(line, axis=0).T).sum() for line in (self.left, self.right))
-        return float(left + right) * 0.5
-
-    @property
-    def narrowest(self) -> float:
-        """Distance between its borders at the narrower end [m]."""
-        return float(min(np.hypot(*(self.left[k] - self.right[k])) for k in (0, -1)))
 
     @property
     def is_lane(self) -> bool:
@@ -130,13 +123,16 @@ def lanelet(element: Element) -> Lanelet:
         ImportFormatError: Something is missing or no number; the message names line and element.
     """
     left, right = element.required("leftBound"), element.required("rightBound")
+    sides = (_points(left), _points(right))
     stated = element.optional("speedLimit")
     types = tuple(one.text for one in element.all("laneletType"))
     return Lanelet(
         number=element.integer("id"),
         element=element,
-        left=_points(left),
-        right=_points(right),
+        left=sides[0],
+        right=sides[1],
+        length=float(np.mean([np.hypot(*np.diff(side, axis=0).T).sum() for side in sides])),
+        narrowest=min(float(np.hypot(*(sides[0][k] - sides[1][k]))) for k in (0, -1)),
         left_mark=_mark(left),
         right_mark=_mark(right),
         left_neighbour=_beside(element, "adjacentLeft", "same"),
@@ -238,10 +234,11 @@ Strip = tuple[Lane, ...]
 
 
 def strips(row: Slice, rows: Mapping[int, Slice]) -> Iterator[Strip]:
-    """Every stretch of road with lanes that run through beside each other and past a slice.
+    """The stretches of road with lanes that run through beside each other and past a slice.
 
-    A lane runs through where each of its lanelets leads into exactly one, which no other leads
-    into: where lanes part or meet, a stretch ends.
+    A stretch is left out where a longer one has the same lanes. A lane runs through where each of
+    its lanelets leads into exactly one, which no other leads into: where lanes part or meet, a
+    stretch ends.
 
     Args:
         row: The slice.
@@ -256,12 +253,14 @@ def strips(row: Slice, rows: Mapping[int, Slice]) -> Iterator[Strip]:
             chain.insert(len(chain) if forwards else 0, following)
     place = chain.index(row)
     for first in range(place + 1):
-        lanes: list[Lane] = [(one,) for one in chain[first] if one.narrowest >= MIN_LANE_WIDTH]
-        for last in range(first, len(chain)):
-            if last > first:
-                lanes = list(_extended(lanes, chain[last - 1], chain[last]))
-            if last >= place:
-                yield from _side_by_side(lanes)
+        found = _side_by_side([(one,) for one in chain[first] if one.narrowest >= MIN_LANE_WIDTH])
+        for last, (here, there) in enumerate(pairwise(chain[first:]), start=first):
+            longer = [_extended(strip, here, there) for strip in found]
+            for strip, beyond in zip(found, longer, strict=True):
+                if last >= place and [len(one) for one in beyond] != [len(strip)]:
+                    yield strip
+            found = [strip for beyond in longer for strip in beyond]
+        yield from found
 
 
 def _neighbour(row: Slice, rows: Mapping[int, Slice], *, forwards: bool) -> Slice | None:
@@ -271,24 +270,21 @@ def _neighbour(row: Slice, rows: Mapping[int, Slice], *, forwards: bool) -> Slic
     return max(known, key=known.count) if known else None
 
 
-def _extended(lanes: Sequence[Lane], here: Slice, there: Slice) -> Iterator[Lane]:
-    """The lanes that run through into the next slice."""
-    for lane in lanes:
-        ahead = _only_link(lane[-1], here, there)
-        if ahead is not None:
-            yield (*lane, ahead)
+def _extended(strip: Strip, here: Slice, there: Slice) -> list[Strip]:
+    """The lanes that run through into the next slice, side by side."""
+    links = ((lane, _only_link(lane[-1], here, there)) for lane in strip)
+    return _side_by_side([(*lane, ahead) for lane, ahead in links if ahead is not None])
 
 
-def _side_by_side(lanes: Sequence[Lane]) -> Iterator[Strip]:
-    """The lanes, parted where one is not the neighbour of the next all along."""
+def _side_by_side(lanes: Sequence[Lane]) -> list[Strip]:
+    """The lanes, parted where the last lanelet of one is not the neighbour of the next."""
     parts = [
         k
-        for k, pair in enumerate(pairwise(lanes), start=1)
-        if any(a.left_neighbour != b.number for a, b in zip(*pair, strict=True))
+        for k, (one, other) in enumerate(pairwise(lanes), start=1)
+        if one[-1].left_neighbour != other[-1].number
     ]
-    for first, last in pairwise([0, *parts, len(lanes)]):
-        if last > first:
-            yield tuple(lanes[first:last])
+    ends = [0, *parts, len(lanes)]
+    return [tuple(lanes[first:last]) for first, last in pairwise(ends) if last > first]
 
 
 def _only_link(one: Lanelet, here: Slice, there: Slice) -> Lanelet | None:

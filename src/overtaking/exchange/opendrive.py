@@ -26,7 +26,7 @@ from overtaking.model.road import MAX_LENGTH, MAX_SPEED_LIMIT, DrivingSide, Lane
 
 _SKIPPED = frozenset(["objects", "signals", "surface", "railroad", "userData", "link", "include"])
 _RULES = {"RHT": DrivingSide.RIGHT, "LHT": DrivingSide.LEFT}
-_MAX_LISTED = 12
+_MAX_LISTED = 6
 
 
 def read_opendrive(
@@ -62,13 +62,26 @@ def read_opendrive(
     for road in _roads(file, wanted, ids):
         found.append(road)
         del found[2:]  # Two are enough to know that the choice is not clear.
-    if len(found) != 1:
-        raise _unclear(file, wanted, ids)
-    return _road(file, found[0], lanes, speed_limit)
+    try:
+        if len(found) != 1:
+            raise _unclear(file, wanted, ids)
+        return _road(file, found[0], lanes, speed_limit)
+    except ImportFormatError as error:
+        if len(ids) < 2:
+            raise
+        fit = _drivable(survey_opendrive(file, lanes=lanes, speed_limit=speed_limit))
+        raise ImportFormatError(f"{error}; {fit}") from None
 
 
-def survey_opendrive(path: str | Path) -> dict[str, Road | ImportFormatError]:
+def survey_opendrive(
+    path: str | Path, *, lanes: Side | None = None, speed_limit: float | None = None
+) -> dict[str, Road | ImportFormatError]:
     """Every road of an OpenDRIVE file, or the reason why it cannot be used, by id.
+
+    Args:
+        path: The file.
+        lanes: As for `read_opendrive`.
+        speed_limit: As for `read_opendrive` [m/s].
 
     Raises:
         ImportFormatError: The file as a whole cannot be read.
@@ -77,10 +90,24 @@ def survey_opendrive(path: str | Path) -> dict[str, Road | ImportFormatError]:
     for road in _roads(Path(path), None, []):
         name = shown(road.attribute("id"))
         try:
-            verdicts[name] = _road(Path(path), road, None, None)
+            verdicts[name] = _road(Path(path), road, lanes, speed_limit)
         except ImportFormatError as error:
             verdicts[name] = error
     return verdicts
+
+
+def _drivable(verdicts: Mapping[str, Road | ImportFormatError]) -> str:
+    """The roads of a file on which somebody can overtake, the longest first, for a message."""
+    roads = [
+        (name, one) for name, one in verdicts.items() if isinstance(one, Road) and one.num_lanes > 1
+    ]
+    if not roads:
+        return "no road of the file is straight with two or more lanes in one direction"
+    longest = sorted(roads, key=lambda each: -each[1].length)[:_MAX_LISTED]
+    named = ", ".join(
+        f"{name} ({one.num_lanes} lanes, {one.length:.0f} m)" for name, one in longest
+    )
+    return f"straight roads with two or more lanes in one direction: --road {named}"
 
 
 def _check_choice(lanes: str | None, speed_limit: float | None) -> None:

@@ -104,6 +104,7 @@ def zone_of(spec: Spec, road: Road) -> Zone:
 
 def _zone(spec: Spec, traffic: Traffic, road: Road) -> Zone:
     """`zone_of` traffic that has one."""
+    lanes = _ego_lanes(spec, traffic, road)
     low, high = _stretch(spec, traffic, road)
     _check_speeds(spec, traffic)
     room = longest(traffic) + spec.starts.min_gap_m
@@ -118,7 +119,6 @@ def _zone(spec: Spec, traffic: Traffic, road: Road) -> Zone:
             got=most,
             next_step="ask for fewer vehicles, a longer zone, or smaller gaps",
         )
-    lanes = _ego_lanes(spec, traffic, road)
     return Zone(low=low, high=high, ego_lanes=lanes, num_lanes=road.num_lanes, most_in_lane=fit)
 
 
@@ -148,12 +148,16 @@ def _stretch(spec: Spec, traffic: Traffic, road: Road) -> tuple[float, float]:
     assert ends is not None  # The specification has one of the two.
     half = 0.5 * longest(traffic)
     if ends[0] < half or ends[1] > road.length - half:
+        # As long as the profile's where the road allows, in whole metres.
+        first = math.ceil(half)
+        last = math.floor(min(road.length - half, first + ends[1] - ends[0] + _SLACK))
+        ready = f"add --set traffic.spawn_s_m={first}..{last}"
         raise ConfigError.of(
             what=f"traffic.{key}",
             where=f"specification {spec.name} on road {road.name}",
             expected=f"{half:g} to {road.length - half:g} m along the road, so that all are on it",
             got=f"{ends[0]:g} to {ends[1]:g} m along it",
-            next_step="set traffic.spawn_s_m for this road",
+            next_step=ready if last > first else "choose a longer road",
         )
     return ends
 

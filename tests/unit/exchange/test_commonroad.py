@@ -30,6 +30,8 @@ ANY_LANELET = Lanelet(
     element=Element(file="", line=1, name="lanelet", attributes={}),
     left=np.zeros((2, 2)),
     right=np.zeros((2, 2)),
+    length=0.0,
+    narrowest=0.0,
     left_mark=None,
     right_mark=None,
     left_neighbour=None,

@@ -10,7 +10,7 @@ from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.exchange.opendrive import read_opendrive, survey_opendrive
 from overtaking.model.road import DrivingSide, Road, RoadMark
 
-from .opendrive_text import LEFT, ONE_LANE, RIGHT, document, lane, road, section
+from .opendrive_text import LEFT, LINE, ONE_LANE, RIGHT, document, lane, road, section
 
 
 def write(folder: Path, *roads: str) -> Path:
@@ -236,6 +236,25 @@ def test_a_road_is_found_among_others(tmp_path: Path):
         read_opendrive(write(tmp_path))
     with pytest.raises(ImportFormatError, match="got the roads 7, 7; choose"):
         read_opendrive(write(tmp_path, road(), road()), 7)
+
+
+def test_the_roads_that_can_be_driven_are_named_where_another_was_asked_for(tmp_path: Path):
+    arc = LINE.replace("<line/>", '<arc curvature="0.01"/>')
+    bend, lane_only = (
+        road(road_id="5", plan=arc),
+        road(road_id="6", sections=section(right=ONE_LANE)),
+    )
+    short = LINE.replace('length="500"', 'length="90"')
+    roads = [bend, lane_only, road(road_id="8", plan=short, length="90"), road()]
+    path = write(tmp_path, *roads)
+    named = r"in one direction: --road 7 \(2 lanes, 500 m\), 8 \(2 lanes, 90 m\)$"
+    for wanted in (None, 5, 99):
+        with pytest.raises(ImportFormatError, match=named):
+            read_opendrive(path, wanted)
+    with pytest.raises(ImportFormatError, match="no road of the file is straight with two or more"):
+        read_opendrive(write(tmp_path, bend, lane_only), 5)
+    with pytest.raises(ImportFormatError, match=r"got arc; choose a straight road$"):
+        read_opendrive(write(tmp_path, bend))
 
 
 def test_the_only_road_needs_no_id(tmp_path: Path):

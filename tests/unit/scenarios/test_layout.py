@@ -4,6 +4,8 @@ The check of the braking is made here a second time, in float64 and step by step
 table and a film of water typed from their sources, so that it shares no line with the sampler.
 """
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy import interpolate, stats
@@ -283,10 +285,25 @@ def test_a_truck_cannot_come_faster_than_its_governor(town06):
 
 
 def test_a_zone_off_the_road_is_refused(town06):
-    with pytest.raises(ConfigError, match=r"spawn_s_m: .* set traffic\.spawn_s_m"):
+    with pytest.raises(ConfigError, match=r"spawn_s_m: .* --set traffic\.spawn_s_m=5\.\.105"):
         sample(spec("pinto2023", {"traffic.spawn_s_m": "0..100"}), town06, seed=1, index=[0])
     with pytest.raises(ConfigError, match="spawn_x_m"):
         sample(spec("pinto2023", {"traffic.spawn_x_m": "500..700"}), town06, seed=1, index=[0])
+
+
+def test_a_zone_for_another_road_is_refused_with_one_that_fits(town06):
+    other = dataclasses.replace(town06, x0=town06.x0 + 5000.0)
+    with pytest.raises(ConfigError) as caught:
+        sample(spec("pinto2023"), other, seed=1, index=[0])
+    key, zone = str(caught.value).rsplit("add --set ", 1)[1].split("=")
+    assert zone == "5..135"
+    assert sample(spec("pinto2023", {key: zone}), other, seed=1, index=[0]).num_simulations == 1
+
+
+def test_the_lanes_of_a_road_are_looked_at_before_its_length(town06):
+    narrow = dataclasses.replace(town06, lanes=town06.lanes[:1], length=20.0)
+    with pytest.raises(ConfigError, match="a road with at least two lanes, got 1 lane"):
+        sample(spec("pinto2023"), narrow, seed=1, index=[0])
 
 
 def test_the_fastest_lane_is_refused_to_the_ego(town06):

@@ -100,7 +100,8 @@ def _tyre_forces(
     Source:
         The single-track model with load transfer of Althoff, Koschi and Manzinger (CommonRoad).
     """
-    shift = state.a_lon * p.cg_height
+    # The load of an axle is never negative: it can leave the road, but not pull at it.
+    shift = clamp(state.a_lon * p.cg_height, -c.gravity * p.cg_front, c.gravity * p.cg_rear)
     front_weight = p.inverse_wheelbase * (c.gravity * p.cg_rear - shift)
     front_load = p.mass * front_weight
     rear_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_front + shift)
