@@ -7,6 +7,8 @@ BIN    := $(VENV)/bin
 DEMO   ?= data/pinto
 # Tests that ask for more processes than the machine has cores only get slower.
 PYTEST_FLAGS ?= -n 2
+# How often `make test-all` runs the property tests, each time with other examples.
+ROUNDS ?= 20
 # `make lock LOCK_FLAGS=--upgrade` moves every package to its newest version.
 LOCK_FLAGS ?=
 
@@ -21,11 +23,15 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 # Pyright would ask the package registry whether a newer version exists.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
+# Bytecode is written when a module is first imported, most of it never.
+INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --no-compile --require-hashes
+ENGINE  := cargo build --release --locked --package overtaking-py --features pyo3/extension-module
 CRATES := $(shell find crates -type f)
 LOCK   := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes \
           --no-header --no-emit-index-url --no-emit-find-links --quiet $(LOCK_FLAGS)
 
-.PHONY: help demo test check check-python check-rust test-rust test-python bench docs lock build format clean
+.PHONY: help demo test test-ci test-all check check-python check-rust test-rust test-python bench docs \
+        lock build dev format clean
 
 help:  ## List what can be made
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1|\2/p' $(firstword $(MAKEFILE_LIST)) \
@@ -39,18 +45,31 @@ demo: build  ## Generate the paper's 276 simulations, with report and sample vid
 	$(BIN)/overtaking show $(DEMO) 3
 	@echo "The data set is in $(abspath $(DEMO)): tables, report/index.html and videos/."
 
-test: check test-rust test-python  ## Everything that must pass: checks, then the tests of both languages
+test: check test-rust test-python  ## Checks, then the tests of both languages but those of test-ci
+
+test-ci: dev  ## The tests that take long: kills, memory, SIMD levels, Ray, CARLA, SUMO; CI runs them too
+	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "ci and not soak"
+
+test-all: test test-ci  ## All of that, then random properties, hostile sizes, soaks and mutations; hours
+	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m soak
+	for round in $$(seq $(ROUNDS)); do \
+	  $(BIN)/python -m pytest $(PYTEST_FLAGS) --hypothesis-profile=random tests/properties || exit 1; done
+	$(BIN)/python benchmarks/kill_resume.py
+	$(BIN)/python benchmarks/carla_fuzz.py
+	$(BIN)/python benchmarks/carla_soak.py
+	$(BIN)/python benchmarks/mutations.py
+	$(BIN)/python benchmarks/flips.py
 
 check: check-python check-rust  ## Format, lint, types, layers and spelling; changes nothing
 
-check-python: build
+check-python: dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports --no-cache --no-logo
 	$(BIN)/typos
 
-check-rust: build
+check-rust: dev
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --locked -- -D warnings
 
@@ -59,18 +78,20 @@ check-rust: build
 test-rust:
 	cargo test --release --locked
 
-test-python: build
-	$(BIN)/python -m pytest $(PYTEST_FLAGS)
+test-python: dev
+	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "not ci and not soak"
 
-bench: build  ## Measure the speed against its peers
+bench: dev  ## Measure the speed against its peers
 	$(BIN)/python benchmarks/run.py
 
-docs: build  ## Write the pages and pictures that are made from the project anew
+docs: dev  ## Write the pages and pictures that are made from the project anew
 	$(BIN)/python docs/generate.py
 
-build: $(VENV)/.build  ## Make .venv with the locked packages and the compiled engine in it
+build: $(VENV)/.build  ## Make .venv with the compiled engine and the packages that make demo needs
 
-format: $(VENV)/.dev  ## Format all code, and fix what the linter can fix
+dev: $(VENV)/.build $(VENV)/.dev  ## The same with the packages that developers need
+
+format: dev  ## Format all code, and fix what the linter can fix
 	$(BIN)/ruff check --fix-only --quiet .
 	$(BIN)/ruff format .
 	cargo fmt --all
@@ -78,6 +99,7 @@ format: $(VENV)/.dev  ## Format all code, and fix what the linter can fix
 lock:  ## Write requirements/*.txt anew (needs uv)
 	$(LOCK) -o requirements/runtime.txt
 	$(LOCK) -c requirements/runtime.txt --extra all --group tools -o requirements/dev.txt
+	$(LOCK) -c requirements/dev.txt $(addprefix --extra ,plots stats video) --group build -o requirements/demo.txt
 	@if grep -nE '://|--(extra-)?index-url|--find-links' requirements/*.txt; then \
 	  echo "requirements/*.txt: a download address was written into a lock file" >&2; exit 1; fi
 
@@ -86,20 +108,26 @@ clean:  ## Remove what was built, except the caches of pip and cargo and the dat
 	find src tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
 
 # Each stamp is touched last, so an interrupted step is done again.
-$(VENV)/.dev: requirements/dev.txt
+$(VENV)/.demo: requirements/demo.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and \
 	  "$(PYTHON) is Python %d.%d, overtaking needs 3.11 or newer: make PYTHON=python3.11" % v[:2])'
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
 	@echo "installing the packages of $< into $(VENV)"
-	@$(BIN)/python -m pip install --quiet --require-hashes -r $<
+	@$(INSTALL) -r $<
 	@touch $@
 
-# pip starts maturin, which it looks for on PATH, which starts cargo; the packages that it needs are
-# there already. Only the compiled module has to be built again when Rust code changes.
-$(VENV)/.build: $(VENV)/.dev $(CRATES) Cargo.toml Cargo.lock pyproject.toml
+$(VENV)/.dev: requirements/dev.txt | $(VENV)/.demo
+	@echo "installing the packages of $< into $(VENV)"
+	@$(INSTALL) -r $<
+	@touch $@
+
+# Cargo shows its progress; maturin, which pip starts, then finds the engine built. Only the compiled
+# module has to be built again when Rust code changes.
+$(VENV)/.build: $(VENV)/.demo $(CRATES) Cargo.toml Cargo.lock pyproject.toml
 	@command -v cargo >/dev/null || { \
 	  echo "cargo is not on PATH, overtaking needs Rust 1.89 or newer: install it with rustup" >&2; exit 1; }
 	@echo "building the engine"
+	@$(ENGINE)
 	@PATH="$(CURDIR)/$(BIN):$$PATH" \
 	  $(BIN)/python -m pip install --quiet --no-build-isolation --no-deps --editable .
 	@touch $@

@@ -11,7 +11,7 @@ import pytest
 if TYPE_CHECKING:
     from pathlib import Path
 
-LOCKS = ("runtime", "dev")
+LOCKS = ("runtime", "demo", "dev")
 ADDRESS = re.compile(r"://|--(?:extra-)?index-url|--find-links| @ ")
 PIN = re.compile(r"^([a-z0-9._-]+)==(\S+)(?: ; (.*?))? \\$", re.MULTILINE)
 
@@ -50,12 +50,12 @@ def test_a_lock_file_has_a_hash_for_every_version(name: str, repository: Path):
 
 
 def test_all_lock_files_agree_on_versions(repository: Path):
-    runtime, dev = (pins(repository, name) for name in LOCKS)
+    runtime, demo, dev = (pins(repository, name) for name in LOCKS)
 
     def versions(lines: set[tuple[str, ...]]) -> set[tuple[str, ...]]:
         return {line[:2] for line in lines}
 
-    assert versions(runtime) <= versions(dev)
+    assert versions(runtime) <= versions(demo) <= versions(dev)
 
 
 def test_the_locks_hold_every_package_that_the_project_asks_for(
@@ -66,8 +66,10 @@ def test_the_locks_hold_every_package_that_the_project_asks_for(
     extras = project["project"]["optional-dependencies"]
     optional = names([each for name, one in extras.items() if name != "all" for each in one])
     runtime = names(project["project"]["dependencies"])
+    shown = names([each for name in ("plots", "stats", "video") for each in extras[name]])
     wanted = {
         "runtime": runtime,
+        "demo": runtime | names(groups["build"]) | shown,
         "dev": runtime | tools | optional,
     }
     for name, packages in wanted.items():

@@ -170,6 +170,7 @@ def test_batches_and_threads_change_nothing(chunk_size, threads, data, tmp_path)
     assert other.manifest.balance == data.manifest.balance
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("by", "phase", "after", "remembered"),
     [

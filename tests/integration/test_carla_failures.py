@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario
 
 pytestmark = [
+    pytest.mark.ci,
     needs_wheel,
     pytest.mark.skipif(sys.platform == "win32", reason="servers are stopped by signals here"),
 ]

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario
     from overtaking.model.trajectory import Trajectories
 
-pytestmark = needs_wheel
+pytestmark = [pytest.mark.ci, needs_wheel]
 
 FAST_EGO = {"desired_speed": 33.3, "passing_gain": 1.0, "accel": 1.8, "lane_change_duration": 4.0}
 

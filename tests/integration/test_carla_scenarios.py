@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from overtaking.datasets.load import Dataset
 
-pytestmark = needs_wheel
+pytestmark = [pytest.mark.ci, needs_wheel]
 
 COUNT, SEED = 20, 5
 SHORT = {"time.horizon_s": 3.0, "time.attempt_deadline_s": 3.0}

@@ -237,6 +237,7 @@ def files(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
+@pytest.mark.ci
 def test_ctrl_c_leaves_a_data_set_that_resume_completes_to_the_same_content(tmp_path):
     simulations = 3 * 4096  # Three shards.
     recipe = ("-n", simulations, "--keep", "features", "--out")

@@ -114,6 +114,7 @@ def ignores(number: int, what: signal.Signals) -> bool:
     return bool(mask >> (what - 1) & 1)
 
 
+@pytest.mark.ci
 @linux_only
 def test_two_workers_killed_in_the_middle_change_not_one_byte(tmp_path, undisturbed):
     told: list[int] = []
@@ -131,6 +132,7 @@ def test_two_workers_killed_in_the_middle_change_not_one_byte(tmp_path, undistur
     assert told[-1] == NUM_SIMULATIONS
 
 
+@pytest.mark.ci
 @linux_only
 def test_a_shard_of_which_every_worker_dies_is_given_up(tmp_path, monkeypatch, undisturbed):
     monkeypatch.setattr(process_crew, "MAX_ATTEMPTS", 2)
@@ -144,6 +146,7 @@ def test_a_shard_of_which_every_worker_dies_is_given_up(tmp_path, monkeypatch, u
     assert contents(tmp_path / "data") == undisturbed
 
 
+@pytest.mark.ci
 def test_a_script_that_guards_nothing_runs_once(script, undisturbed):
     process = started(script)
     said, complaints = process.communicate(timeout=120)
@@ -153,6 +156,7 @@ def test_a_script_that_guards_nothing_runs_once(script, undisturbed):
     assert contents(script.parent / "data") == undisturbed
 
 
+@pytest.mark.ci
 @linux_only
 def test_workers_end_with_a_parent_that_is_killed(script, undisturbed):
     process = at_work(script)
@@ -172,6 +176,7 @@ def test_workers_end_with_a_parent_that_is_killed(script, undisturbed):
     assert {path: path.stat().st_mtime_ns for path in before} == before
 
 
+@pytest.mark.ci
 @linux_only
 @pytest.mark.parametrize(
     ("by", "named"), [(signal.SIGTERM, "DatasetError"), (signal.SIGINT, "KeyboardInterrupt")]
@@ -213,6 +218,7 @@ def test_a_store_is_filled_with_the_same(tmp_path, undisturbed, monkeypatch):
     }
 
 
+@pytest.mark.ci
 @needs_sumo
 def test_every_process_has_a_sumo_of_its_own(tmp_path):
     made = [

@@ -17,10 +17,11 @@ from overtaking.core.errors import ConfigError, DatasetError, MissingExtraError
 from overtaking.datasets import ray_crew
 from overtaking.datasets.place import PARTIAL
 
-pytestmark = pytest.mark.filterwarnings(
+pytestmark = [
+    pytest.mark.ci,
     # Where Ray's first start was too slow, it drops the processes of that try without a wait.
-    "ignore::pytest.PytestUnraisableExceptionWarning"
-)
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+]
 
 NUM_SIMULATIONS = 1500
 SETTINGS = {

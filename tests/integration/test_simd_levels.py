@@ -45,6 +45,7 @@ def test_this_cpu_has_the_portable_level_and_the_chosen_one():
     assert set(LEVELS) == {"avx512", "avx2", "portable"}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("threads", ["1", "2"])
 @pytest.mark.parametrize("level", sorted(LEVELS))
 def test_every_level_and_number_of_threads_records_the_same(level, threads, expected, repository):
@@ -54,6 +55,7 @@ def test_every_level_and_number_of_threads_records_the_same(level, threads, expe
     assert simulated_elsewhere(repository, **environment) == expected
 
 
+@pytest.mark.ci
 def test_threads_are_those_that_were_asked_for(repository):
     program = "from overtaking import _core; print(_core.num_threads())"
     for threads in ("1", "2"):
