@@ -156,11 +156,12 @@ def read_table(path: Path | str) -> pa.Table:
 
 def _parquet_text(source: Path) -> pa.Table:
     """The cells of a Parquet file."""
-    try:
-        # One file, not a folder of partitions, and no columns guessed from the path.
-        table = pq.ParquetFile(source).read()
-    except pa.ArrowException as error:
-        raise _unreadable(source, "a Parquet file", error) from None
+    with source.open("rb") as file:
+        try:
+            # One file, not a folder of partitions, and no columns guessed from the path.
+            table = pq.ParquetFile(file).read()
+        except (pa.ArrowException, OSError) as error:  # Arrow raises both on damaged pages.
+            raise _unreadable(source, "a Parquet file", error) from None
     _check_names(source, table.column_names)
     for field in table.schema:
         if not (pa.types.is_string(field.type) or pa.types.is_large_string(field.type)):

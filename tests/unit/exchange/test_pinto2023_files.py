@@ -198,6 +198,20 @@ def test_a_byte_order_mark_of_a_spreadsheet_is_no_reason_to_refuse(tmp_path):
     assert read_table(path).num_rows == 1
 
 
+def test_a_parquet_file_with_a_damaged_byte_is_refused_or_read(tmp_path):
+    """Arrow says OSError where a page or its header is damaged."""
+    path = tmp_path / "table.parquet"
+    write_table([ONE_ROW], path)
+    whole, num_refused = path.read_bytes(), 0
+    for place in range(4, len(whole) - 8, 97):
+        path.write_bytes(whole[:place] + b"\xff" + whole[place + 1 :])
+        try:
+            read_table(path)
+        except ImportFormatError:
+            num_refused += 1
+    assert num_refused > 10
+
+
 @pytest.mark.parametrize("cut", [0, 3, 100, 4000])
 def test_a_parquet_file_cut_short_is_refused(tmp_path, cut):
     path = tmp_path / "table.parquet"

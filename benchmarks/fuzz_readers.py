@@ -1,0 +1,134 @@
+"""Readers of recordings and maps as targets of `fuzz.py`: hand-made files, and who must bear them.
+
+Each entry of `READERS` holds the arguments of a `Target`.
+"""
+
+import importlib
+import random
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from damage import damaged_bytes, damaged_text
+from measure import ROOT
+
+sys.path.insert(0, str(ROOT))
+
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+
+Named = tuple[str, str | bytes]
+"""The name of a file and its content."""
+
+
+def _scenes(_folder: Path) -> list[Named]:
+    """Scenarios of both versions, with a bend, cuts, an oncoming vehicle and a speed sign."""
+    made: Any = importlib.import_module("tests.support.recordings")
+    bend = made.Bend(length=120.0, cuts=(40.0, 80.0), curvature=1.0 / 900.0)
+    movers = [
+        made.Mover(number=1, s=10.0, last=12, moves=((0.6, 1),), ramp=0.8),
+        made.Mover(number=2, s=40.0, speed=20.0, last=12),
+        made.Mover(number=3, s=100.0, speed=-20.0, lane=3, last=12),
+    ]
+    sign = (
+        '<trafficSign id="500"><trafficSignElement><trafficSignID>274</trafficSignID>'
+        "<additionalValue>33.25</additionalValue></trafficSignElement></trafficSign>"
+    )
+    texts = (made.commonroad(movers, bend, version=one, more=sign) for one in ("2018b", "2020a"))
+    return [("scene.xml", text.replace("><", ">\n<")) for text in texts]
+
+
+def _highd(folder: Path) -> list[Named]:
+    """The three files of a recording with both carriageways."""
+    made: Any = importlib.import_module("tests.support.recordings")
+    lower = [made.Mover(number=one.number, s=one.s, moves=one.moves) for one in made.OVERTAKE]
+    made.highd(folder, lower=lower, upper=[made.Mover(number=11), made.Mover(number=12, s=50.0)])
+    return [(path.name, path.read_text(encoding="utf-8")) for path in folder.glob("*.csv")]
+
+
+def _maps(_folder: Path) -> list[Named]:
+    """A map with a road in a junction, and one with a lane offset, a roll and two sections."""
+    made: Any = importlib.import_module("tests.unit.exchange.opendrive_text")
+    sections = "".join(made.section(s=s, left=made.LEFT, right=made.RIGHT) for s in (0, 250))
+    roll = '<superelevation s="0" a="0.01" b="0" c="0" d="0"/>'
+    offset = '<laneOffset s="0" a="0.5" b="0" c="0" d="0"/>'
+    roads = (
+        made.road(offset=offset, lateral=roll, sections=sections),
+        made.road(road_id="8", header='junction="2"'),
+    )
+    return [("map.xodr", made.document(*roads).replace("><", ">\n<"))]
+
+
+def _tables(folder: Path) -> list[Named]:
+    """The paper's table of two short simulations, as text and as Parquet."""
+    from overtaking import api
+
+    short = {
+        "time.horizon_s": "2",
+        "time.attempt_deadline_s": "1",
+        "traffic.vehicles": "2..3",
+    }
+    api.generate("pinto2023", 2, 1, folder / "data", overrides=short)
+    paths = [folder / "table.csv", folder / "table.parquet"]
+    for path in paths:
+        api.export(folder / "data", path)
+    return [(paths[0].name, paths[0].read_text("utf-8")), (paths[1].name, paths[1].read_bytes())]
+
+
+def _damaged(given: Named, chance: random.Random) -> tuple[str, bytes]:
+    """Most damage is refused at once; other numbers in a whole file get farther."""
+    name, content = given
+    if isinstance(content, bytes):
+        return name, damaged_bytes(content, chance)
+    if chance.random() < 0.5:
+        return name, damaged_text(content, chance)
+    for _ in range(chance.choice((1, 2, 8))):
+        start, stop = chance.choice([found.span() for found in _NUMBER.finditer(content)])
+        content = content[:start] + _other(content[start:stop], chance) + content[stop:]
+    return name, content.encode()
+
+
+def _other(number: str, chance: random.Random) -> str:
+    """Another number than one that was there."""
+    value = float(number)
+    near = (value + 1.0, value - 1.0, value * 10.0, value * 0.1, -value, value * 1e-300)
+    return chance.choice(
+        (*(f"{one:g}" for one in near), f"{round(value) + 1}", "0", "1e8", "1e-308")
+    )
+
+
+def _reads(file_format: str) -> Callable[[tuple[str, bytes], Path], None]:
+    """What reads a damaged recording and makes simulations of all that it finds."""
+
+    def read(given: tuple[str, bytes], folder: Path) -> None:
+        from overtaking.exchange.recording_formats import read_recording
+
+        path = folder / given[0]
+        before = path.read_bytes() if path.exists() else given[1]
+        path.write_bytes(given[1])
+        try:
+            main = folder / "01_tracks.csv" if file_format == "highd" else path
+            scenes = read_recording(file_format, main, {}).scenes
+            scenes.trajectories(range(min(len(scenes), 50)))
+        finally:
+            path.write_bytes(before)
+
+    return read
+
+
+def _read_map(given: tuple[str, bytes], folder: Path) -> None:
+    from overtaking.exchange.opendrive import read_opendrive
+
+    path = folder / given[0]
+    path.write_bytes(given[1])
+    read_opendrive(path, 7)
+
+
+READERS: tuple[dict[str, Any], ...] = (
+    {"name": "commonroad", "corpus": _scenes, "call": _reads("commonroad")},
+    {"name": "highd", "corpus": _highd, "call": _reads("highd")},
+    {"name": "opendrive", "corpus": _maps, "call": _read_map},
+    {"name": "pinto2023", "corpus": _tables, "call": _reads("pinto2023")},
+)
+READERS = tuple({**one, "damaged": _damaged} for one in READERS)
