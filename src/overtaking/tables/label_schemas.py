@@ -24,6 +24,7 @@ EVENTS_IN_ORDER = (
     "back",
     "collision",
     "road_departure",
+    "drift",
 )
 """The attributes of `model.events.Events` that have rows of their own, if they happened."""
 
