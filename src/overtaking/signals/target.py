@@ -96,14 +96,28 @@ def signals_of(
         lane=states.lane[row, slot],
         speed=as_f32(states.speed[row, slot]) * METRES,
         accel=as_f32(states.accel_lon[row, slot]) * METRES,
-        lateral_speed=lateral_speed(trajectories, states.d[row, slot]),
+        lateral_speed=_lateral_speed(trajectories, row, slot),
     )
+
+
+def _lateral_speed(
+    trajectories: Trajectories, row: NDArray[np.intp], slot: NDArray[np.intp]
+) -> F32:
+    """Speed to the left of one vehicle of each simulation, shape (simulation, time) [m/s]."""
+    if trajectories.present is None:
+        return lateral_speed(trajectories, trajectories.states.d[row, slot])
+    frames = np.arange(trajectories.states.d.shape[2])[None, :]
+    return lateral_speed_at(trajectories, row[:, None], slot[:, None], frames)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Along:
-    """The target along the road at one frame each, as in `TargetSignals`; shape (instant,)."""
+    """The target along the road at one frame each, as in `TargetSignals`; shape (instant,).
 
+    `valid` says where there is a target and it is recorded; elsewhere the values mean nothing.
+    """
+
+    valid: Mask
     lead: F32
     gap: F32
     speed: F32
