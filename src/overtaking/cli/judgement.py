@@ -26,6 +26,7 @@ SYMBOLS = {
     "collision": "collision",
     "road_departure": "departure",
     "drift": "drift",
+    "under_way": "under way",
 }
 """The events, with the paper's symbols where it has them."""
 

@@ -37,6 +37,7 @@ LETTERS = {
     "collision": "C",
     "road_departure": "D",
     "drift": "W",
+    "under_way": "U",
 }
 """The mark of each event; none is the symbol of a vehicle."""
 
@@ -143,4 +144,5 @@ def _sentence(event: str, values: Values) -> str:
         "collision": met,
         "road_departure": "leaves the driving lanes with its centre",
         "drift": "drifts to the left",
+        "under_way": "had begun to move out before the recording",
     }[event]

@@ -16,9 +16,9 @@ from overtaking.labels.movements import Movements, advances, movements, num_fram
 from overtaking.labels.view import View
 from overtaking.model.events import NEVER
 from overtaking.model.signals import Signals
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.trajectory import NO_VEHICLE, Trajectories
 from overtaking.physics.constants import known
-from overtaking.signals.frames import at, first_true, since, until
+from overtaking.signals.frames import at, first_true, only, since, until
 
 I32 = NDArray[np.int32]
 
@@ -87,6 +87,14 @@ def _what_follows(view: View, seen: Signals, found: Movements, crosses: Mask) ->
     back[fast] = (undone != NEVER) & ((crossed == NEVER) | (undone < crossed))
     later[fast] = (crossed != NEVER) & ~back[fast]
     return later, back
+
+
+def under_way(trajectories: Trajectories, attempt: I32) -> I32:
+    """First frame where an attempt began before the recording, else `NEVER`, (simulation,).
+
+    A movement that is there in the first frame of a recording had begun; in a simulation it begins.
+    """
+    return only(attempt, (attempt == 0) & trajectories.is_excerpt)
 
 
 def undone_at(view: View, during: Mask, begun: I32) -> I32:

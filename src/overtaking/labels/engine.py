@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from overtaking import _core
 from overtaking.labels import reference
 from overtaking.labels.accidents import struck
+from overtaking.labels.attempts import under_way
 from overtaking.labels.movements import num_frames_of
 from overtaking.labels.view import borders_of, lanes_with_left, least_advances
 from overtaking.model.events import Events
@@ -59,7 +60,8 @@ def find_events(trajectories: Trajectories, seen: Signals) -> Events:
         for name, row in zip(names, found, strict=True)
     }
     by_other = struck(trajectories, seen, columns["partner"], columns["collision"])
-    return Events(struck=by_other, **columns)
+    begun = under_way(trajectories, columns["attempt"])
+    return Events(struck=by_other, under_way=begun, **columns)
 
 
 def _recorded(trajectories: Trajectories) -> dict[str, NDArray[Any] | None]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.elementary import Mask, maximum
 from overtaking.labels.accidents import Accidents, accidents
-from overtaking.labels.attempts import LeftMovements, left_movements, undone_at
+from overtaking.labels.attempts import LeftMovements, left_movements, under_way, undone_at
 from overtaking.labels.movements import movements
 from overtaking.labels.view import View, borders_of, left_line, view_of
 from overtaking.model.events import NEVER, Events
@@ -240,6 +240,7 @@ def _events(
         struck=ended.struck,
         drift=drifts.drift,
         num_drifts=drifts.num_drifts,
+        under_way=under_way(trajectories, found.attempt),
     )
 
 

@@ -71,6 +71,8 @@ class Events(Batch):
         drift: Start of the first movement to the left that is no part of an attempt and leads into
             no other lane.
         num_drifts: How many of those there are, at most 255.
+        under_way: First frame, if the attempt had begun before the recording: `attempt` is then
+            that frame and too late.
     """
 
     first: I32
@@ -94,6 +96,7 @@ class Events(Batch):
     struck: Mask
     drift: I32
     num_drifts: U8
+    under_way: I32
 
     @property
     def attempted(self) -> Mask:

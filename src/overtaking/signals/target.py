@@ -140,13 +140,21 @@ def target_at(
     rows, frame = np.arange(len(frames)) if rows is None else rows, np.maximum(frames, 0)
     if not target.is_original:
         at = (rows, frame)
-        return Along(lead=target.lead[at], gap=target.gap[at], speed=target.speed[at])
+        return Along(
+            valid=target.valid[at],
+            lead=target.lead[at],
+            gap=target.gap[at],
+            speed=target.speed[at],
+        )
     states, length = trajectories.states, trajectories.scenario.vehicles.length
     slot = _slot(target.vehicle)[rows]
     lead = as_f32(states.s[rows, Role.EGO, frame] - states.s[rows, slot, frame]) * METRES
     half = np.float32(0.5) * (length[rows, Role.EGO] + length[rows, slot])
     speed = as_f32(states.speed[rows, slot, frame]) * METRES
-    return Along(lead=lead, gap=np.abs(lead) - half, speed=speed)
+    there = (target.vehicle != NO_VEHICLE)[rows] & trajectories.frame_valid[rows, frame]
+    if trajectories.present is not None:
+        there &= trajectories.present[rows, slot, frame]
+    return Along(valid=there, lead=lead, gap=np.abs(lead) - half, speed=speed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

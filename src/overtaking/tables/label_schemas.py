@@ -25,6 +25,7 @@ EVENTS_IN_ORDER = (
     "collision",
     "road_departure",
     "drift",
+    "under_way",
 )
 """The attributes of `model.events.Events` that have rows of their own, if they happened."""
 
@@ -101,8 +102,8 @@ LABEL_FIELDS: dict[str, list[pa.Field]] = {
         column("HL", NO_YES, "1", "Whether the sun stands low ahead", nullable=True),
         column("TE", KINDS, "1", "Type of the ego"),
         column("TP", KINDS, "1", "Type of the vehicle to overtake", nullable=True),
-        column("WT_s", pa.float32(), "s", "Waiting time before the overtake"),
-        column("OT_s", pa.float32(), "s", "Duration of the overtake"),
+        column("WT_s", pa.float32(), "s", "Waiting time before the overtake", nullable=True),
+        column("OT_s", pa.float32(), "s", "Duration of the overtake", nullable=True),
         column("NV", pa.uint8(), "1", "Number of vehicles"),
         column("SE_mps", pa.float32(), "m/s", "Speed of the ego"),
         column("SP_mps", pa.float32(), "m/s", "Speed of the vehicle to overtake", nullable=True),
