@@ -88,7 +88,7 @@ def test_engine_and_reference_find_the_same_events(run):
 def test_what_they_agree_on_has_every_kind_of_event():
     given = recorded()
     found = engine.find_events(given, signals.signals(given))
-    for name in ("attempt", "line_crossed", "return_end", "abort", "back", "collision"):
+    for name in ("attempt", "line_crossed", "return_end", "abort", "back", "collision", "drift"):
         happened = getattr(found, name) != NEVER
         assert happened.any(), name
         assert not happened.all(), name

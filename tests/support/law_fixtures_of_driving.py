@@ -71,6 +71,30 @@ OF_DRIVING: list[tuple[str, Verdict, str, Any]] = [
         "slow among two slow ones",
         lambda: case(Track(speed=5.0), *queue(2), events={"target": 255}),
     ),
+    (
+        "L13",
+        APART,
+        "standing in a queue",
+        lambda: case(Track(speed=0.0), Track(s=8.0, speed=0.0), events={"target": 255}),
+    ),
+    (
+        "L13",
+        APART,
+        "in a queue at 36 km/h",
+        lambda: case(Track(speed=10.0), Track(s=25.0, speed=11.0), events={"target": 255}),
+    ),
+    (
+        "L13",
+        BREACH,
+        "slow with a slow one far ahead",
+        lambda: case(Track(speed=10.0), Track(s=60.0, speed=10.0), events={"target": 255}),
+    ),
+    (
+        "L13",
+        BREACH,
+        "slow behind one that is fast enough",
+        lambda: case(Track(speed=10.0), Track(s=25.0, speed=15.0), events={"target": 255}),
+    ),
     ("L13", BREACH, "43 km/h", lambda: alone(ego={"speed": 12.0})),
     ("L13", APART, "no motorway", lambda: overtake(road=two_way_road())),
     (

@@ -9,7 +9,7 @@ mod scene;
 
 use rayon::prelude::*;
 
-use self::attempt::{Attempt, decisive};
+use self::attempt::{Attempt, lefts};
 use self::scene::Scene;
 pub use self::scene::{Limits, Watched};
 
@@ -20,7 +20,7 @@ const NO_VEHICLE: u8 = 255;
 const SHARE: usize = 32;
 
 /// What there is to say of a simulation, in the order of `Found`.
-pub const NAMES: [&str; 18] = [
+pub const NAMES: [&str; 20] = [
     "first",
     "last",
     "target",
@@ -39,6 +39,8 @@ pub const NAMES: [&str; 18] = [
     "num_attempts",
     "num_passed",
     "partner",
+    "drift",
+    "num_drifts",
 ];
 
 /// Values of one simulation, by the places of `NAMES`.
@@ -61,18 +63,17 @@ pub fn events(watched: &Watched<'_>, limits: &Limits, out: &mut [i32]) {
 
 /// The events of one simulation.
 fn of(scene: &Scene<'_>) -> Found {
-    let (attempt, num_attempts) = decisive(scene);
+    let lefts = lefts(scene);
+    let attempt = lefts.attempt.as_ref();
     let last = scene.recorded.saturating_sub(1);
     let prospect = || scene.prospect().unwrap_or(NO_VEHICLE);
-    let target = attempt.as_ref().map_or_else(prospect, |one| one.target);
-    let until = attempt.as_ref().map_or(last, |one| one.begun);
-    let passed = attempt.as_ref().map_or(0, |one| {
+    let target = attempt.map_or_else(prospect, |one| one.target);
+    let until = attempt.map_or(last, |one| one.begun);
+    let passed = attempt.map_or(0, |one| {
         scene.num_passed(one.begun, one.return_end.unwrap_or(last))
     });
-    let lane = attempt
-        .as_ref()
-        .map_or_else(|| scene.lane.first().copied().unwrap_or(0), |one| one.lane);
-    let at = |event: fn(&Attempt) -> Option<usize>| frame(attempt.as_ref().and_then(event));
+    let lane = attempt.map_or_else(|| scene.lane.first().copied().unwrap_or(0), |one| one.lane);
+    let at = |event: fn(&Attempt) -> Option<usize>| frame(attempt.and_then(event));
     [
         0,
         last as i32,
@@ -89,9 +90,11 @@ fn of(scene: &Scene<'_>) -> Found {
         at(|one| one.back),
         frame(scene.collision),
         frame(scene.departure),
-        num_attempts,
+        lefts.num_attempts,
         passed,
         i32::from(scene.collision.map_or(NO_VEHICLE, |frame| scene.hit[frame])),
+        frame(lefts.drift),
+        lefts.num_drifts,
     ]
 }
 

@@ -16,6 +16,7 @@ pub struct Recorded<'py> {
     num_frames: PyReadonlyArray1<'py, i32>,
     valid: PyReadonlyArray1<'py, bool>,
     length: PyReadonlyArray1<'py, f32>,
+    least_advance: PyReadonlyArray1<'py, f32>,
     s: PyReadonlyArray3<'py, i32>,
     hit: PyReadonlyArray2<'py, u8>,
     present: Option<PyReadonlyArray3<'py, bool>>,
@@ -44,6 +45,10 @@ pub struct Numbers {
     least_speed: f32,
     least_shift: f32,
     settled_shift: f32,
+    lanes_with_left: usize,
+    over_line: f32,
+    advance: usize,
+    follow_up: usize,
     follow_time_gap: f32,
 }
 
@@ -61,6 +66,7 @@ impl Recorded<'_> {
         expect_length("num_frames", self.num_frames.len(), simulations)?;
         expect_length("valid", self.valid.len(), simulations * slots)?;
         expect_length("length", self.length.len(), simulations * slots)?;
+        expect_length("least_advance", self.least_advance.len(), simulations)?;
         Ok((simulations, slots, frames))
     }
 }
@@ -96,6 +102,10 @@ impl Numbers {
             least_speed: self.least_speed,
             least_shift: self.least_shift,
             settled_shift: self.settled_shift,
+            lanes_with_left: self.lanes_with_left,
+            over_line: self.over_line,
+            advance: self.advance,
+            follow_up: self.follow_up,
             follow_time_gap: self.follow_time_gap,
         })
     }
@@ -124,6 +134,7 @@ pub fn events(
         present: recorded.present.as_ref().map(rows).transpose()?,
         valid: recorded.valid.as_slice()?,
         length: recorded.length.as_slice()?,
+        least_advance: recorded.least_advance.as_slice()?,
         lane: seen.lane.as_slice()?,
         lateral: seen.lateral.as_slice()?,
         lateral_speed: seen.lateral_speed.as_slice()?,

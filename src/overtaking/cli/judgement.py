@@ -25,6 +25,8 @@ SYMBOLS = {
     "back": "back",
     "collision": "collision",
     "road_departure": "departure",
+    "drift": "drift",
+    "under_way": "under way",
 }
 """The events, with the paper's symbols where it has them."""
 
@@ -51,6 +53,7 @@ def judge(labelled: Labelled, explanation: Explanation) -> Values:
         "collision_partner": _slot(events.partner[0]),
         "struck_by_partner": bool(events.struck[0]),
         "num_attempts": int(events.num_attempts[0]),
+        "num_drifts": int(events.num_drifts[0]),
         "num_passed": int(events.num_passed[0]),
         "events": _events(labelled),
         "rules_version": labelled.findings.version,

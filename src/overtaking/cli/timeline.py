@@ -36,6 +36,8 @@ LETTERS = {
     "back": "B",
     "collision": "C",
     "road_departure": "D",
+    "drift": "W",
+    "under_way": "U",
 }
 """The mark of each event; none is the symbol of a vehicle."""
 
@@ -141,4 +143,6 @@ def _sentence(event: str, values: Values) -> str:
         "back": f"is wholly back in its lane, behind {target}",
         "collision": met,
         "road_departure": "leaves the driving lanes with its centre",
+        "drift": "drifts to the left",
+        "under_way": "had begun to move out before the recording",
     }[event]

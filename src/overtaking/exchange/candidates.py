@@ -112,26 +112,51 @@ def lane_changes(recording: Recording) -> LaneChanges:
     changed = changed[on_road]
     to_left = slope(tracks.d, tracks.start, recording.frame_interval_ms) * recording.road.side
     old, new = lane[changed - 1], lane[changed]
-    begin, end = _movements(tracks, changed, to_left * 1.0, np.sign(new - old))
+    left = _last_rows_in(tracks, changed, old)
+    begin, end = _movements(tracks, left, changed, to_left * 1.0, np.sign(new - old))
     return LaneChanges(
         vehicle=vehicle[changed], row=changed, begin=begin, end=end, old=old, new=new
     )
 
 
+def _last_rows_in(tracks: Tracks, rows: I64, lanes: I64) -> I64:
+    """The last row before each of some in which that vehicle's centre is in a lane.
+
+    Args:
+        tracks: The vehicles.
+        rows: Rows in which it counts as in another lane.
+        lanes: The lane that it leaves.
+    """
+    lane = np.where(tracks.lane == BEYOND_SLOW_EDGE, -1, tracks.lane.astype(np.int64))
+    last = rows - 1
+    for k, (row, old) in enumerate(zip(rows, lanes, strict=True)):
+        low = tracks.start[np.searchsorted(tracks.start, row, side="right") - 1]
+        before = np.flatnonzero(lane[low:row] == old)
+        last[k] = low + before[-1] if len(before) else row - 1
+    return last
+
+
 def _movements(
-    tracks: Tracks, rows: I64, to_left: NDArray[np.float64], direction: I64
+    tracks: Tracks, left: I64, rows: I64, to_left: NDArray[np.float64], direction: I64
 ) -> tuple[I64, I64]:
-    """First and last row of the movement across the road that each of some rows belongs to."""
-    begin, end = rows.copy(), rows.copy()
+    """First and last row of movements across the road.
+
+    Args:
+        tracks: The vehicles.
+        left: Last row of each in the lane that is left; the movement has begun by then.
+        rows: A later row of it, the first in the new lane.
+        to_left: Speed to the left, shape (row,) [m/s].
+        direction: 1 to the left, -1 to the right.
+    """
+    begin, end = left.copy(), rows.copy()
     vehicle = tracks.vehicle[rows]
     for k, (row, sign) in enumerate(zip(rows, direction, strict=True)):
         low, high = tracks.start[vehicle[k]], tracks.start[vehicle[k] + 1]
-        # Where the line was crossed is the movement; a lane that counts later does not change it.
-        still_before = np.flatnonzero(sign * to_left[low:row][::-1] <= MOVING)
+        still_before = np.flatnonzero(sign * to_left[low : left[k]][::-1] <= MOVING)
         still_after = np.flatnonzero(sign * to_left[row:high] <= MOVING)
-        begin[k] = row - still_before[0] if len(still_before) else low
+        begin[k] = left[k] - still_before[0] if len(still_before) else low
         end[k] = row + still_after[0] - 1 if len(still_after) else high - 1
-    return np.minimum(begin, rows - 1), np.maximum(end, rows)
+    return begin, np.maximum(end, rows)
 
 
 def overtakes(recording: Recording, changes: LaneChanges, around: Surroundings) -> list[Window]:

@@ -5,10 +5,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.elementary import F32, Mask
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.model.vehicles import Role
+from overtaking.signals.target import Along
 
 I32 = NDArray[np.int32]
 
@@ -19,6 +21,30 @@ def end_of(case: Case, *events: I32) -> I32:
     for event in reversed(events):
         end = np.where(event == NEVER, end, event)
     return end
+
+
+def unless_under_way(case: Case, values: F32) -> F32:
+    """Values that count from the attempt, NaN where the recording begins later, (simulation,)."""
+    return np.where(case.events.under_way == NEVER, values, np.float32(np.nan))
+
+
+def of_target(case: Case, target: Along) -> dict[str, F32]:
+    """Speed, lead and gap of the target at one frame of each simulation.
+
+    0 where there is no target; NaN where it is not recorded in that frame, and for lead and gap
+    where the attempt began before the recording.
+    """
+    nobody = case.events.target == NO_VEHICLE
+
+    def known(values: F32, there: Mask) -> F32:
+        missing = np.where(nobody, np.float32(0.0), np.float32(np.nan))
+        return np.where(there, values, missing)
+
+    return {
+        "speed": known(target.speed, target.valid),
+        "lead": unless_under_way(case, known(target.lead, target.valid)),
+        "gap": unless_under_way(case, known(target.gap, target.valid)),
+    }
 
 
 def static(case: Case) -> dict[str, NDArray[Any]]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, as_f32
+from overtaking.features.common import unless_under_way
 from overtaking.features.decision_lanes import lane_around, left_lane, next_ahead
 from overtaking.features.encounters import Index, Side
 from overtaking.features.engine import encounter
@@ -49,7 +50,7 @@ def features_at(case: Case, frame: I32) -> Decisions:
     """The features of a batch at one frame each, whatever happens later.
 
     Args:
-        case: The batch; of its events only `follow` is used.
+        case: The batch; of its events only `follow` and `under_way` are used.
         frame: A recorded frame of each simulation, shape (simulation,).
     """
     rows, frames = np.arange(len(frame)), frame.astype(np.intp)
@@ -113,7 +114,7 @@ def _ego(case: Case, rows: Index, frames: Index) -> OwnState:
         accel=seen.accel[rows, frames],
         available_accel=available_accel(case, speed),
         desired_speed=scenario.drivers.desired_speed[:, Role.EGO],
-        waiting_time=seconds_of(case, waited),
+        waiting_time=unless_under_way(case, seconds_of(case, waited)),
         lateral_offset=seen.lateral[rows, frames] - _lane_centre(case, rows, frames),
     )
 

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from overtaking.core.compiled import Draws
 from overtaking.core.elementary import F32, as_f32, maximum
 from overtaking.core.philox import Stream
-from overtaking.features.common import end_of, static
+from overtaking.features.common import end_of, of_target, static, unless_under_way
 from overtaking.knowledge import Quantity, quantities
 from overtaking.model.events import NEVER
 from overtaking.model.features import Features
 from overtaking.model.labels import Case
 from overtaking.model.once import once
+from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.signals.frames import at, seconds_of
 from overtaking.signals.reference import LeftLane, left_lane_at
 from overtaking.signals.target import target_at
@@ -35,17 +36,20 @@ def matched_features(case: Case) -> Features:
     events, run = case.events, case.trajectories
     attempted = events.attempted
     frame = moment(case)
+    waited = np.maximum(frame - events.follow, 0)
     ended = end_of(case, events.collision, events.return_end, events.back)
     lasted = np.where(attempted, np.maximum(ended - events.attempt, 0), np.int32(0))
-    own, target = at(case.signals.speed, frame), target_at(run, case.target, frame)
+    own = at(case.signals.speed, frame)
+    target = of_target(case, target_at(run, case.target, frame))
+    has_target = events.target != NO_VEHICLE
     return Features(
         policy=POLICY,
-        waiting_time=seconds_of(case, np.maximum(frame - events.follow, 0)),
-        overtaking_time=seconds_of(case, lasted),
+        waiting_time=unless_under_way(case, seconds_of(case, waited)),
+        overtaking_time=unless_under_way(case, seconds_of(case, lasted)),
         ego_speed=own,
-        target_speed=target.speed,
-        speed_difference=own - target.speed,
-        distance=target.gap,
+        target_speed=target["speed"],
+        speed_difference=np.where(has_target, own - target["speed"], np.float32(0.0)),
+        distance=target["gap"],
         left_occupancy=left_lane_then(case).occupancy,
         frame=frame,
         **static(case),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask, as_f32
-from overtaking.features.common import end_of, static
+from overtaking.features.common import end_of, of_target, static, unless_under_way
 from overtaking.features.engine import sums
 from overtaking.features.matched import left_lane_then
 from overtaking.model.events import NEVER
@@ -42,8 +42,8 @@ def paper_features(case: Case) -> Features:
     measured: dict[str, Any] = {**_at_attempt(case, attempted), **static(case)}
     return Features(
         policy=POLICY,
-        waiting_time=seconds_of(case, waited),
-        overtaking_time=seconds_of(case, lasted),
+        waiting_time=unless_under_way(case, seconds_of(case, waited)),
+        overtaking_time=unless_under_way(case, seconds_of(case, lasted)),
         frame=np.where(attempted, events.attempt, NEVER),
         **measured,
     )
@@ -57,14 +57,15 @@ def _at_attempt(case: Case, attempted: Mask) -> dict[str, F32]:
 
 def _instant(case: Case) -> dict[str, F32]:
     run, frame = case.trajectories, case.events.attempt
-    own, target = at(case.signals.speed, frame), target_at(run, case.target, frame)
+    own = at(case.signals.speed, frame)
+    target = of_target(case, target_at(run, case.target, frame))
     left = left_lane_then(case)  # Nobody looks at it where nothing was attempted.
     others = np.maximum(case.trajectories.scenario.num_vehicles - 1, 1)
     return {
         "ego_speed": own,
-        "target_speed": target.speed,
-        "speed_difference": np.abs(own - target.speed),
-        "distance": np.abs(target.lead),
+        "target_speed": target["speed"],
+        "speed_difference": np.abs(own - target["speed"]),
+        "distance": np.abs(target["lead"]),
         "left_occupancy": as_f32(left.count) / as_f32(others),
     }
 

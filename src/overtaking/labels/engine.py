@@ -6,18 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
-from overtaking.core.elementary import as_f32
 from overtaking.labels import reference
 from overtaking.labels.accidents import struck
+from overtaking.labels.attempts import under_way
 from overtaking.labels.movements import num_frames_of
+from overtaking.labels.view import borders_of, lanes_with_left, least_advances
 from overtaking.model.events import Events
 from overtaking.model.signals import Signals
 from overtaking.model.trajectory import Trajectories
+from overtaking.model.vehicles import Role
 from overtaking.physics.constants import known
 from overtaking.signals.arrays import adjacent, expect_slots, flat
-from overtaking.signals.reference import side_of
 
-_NARROW = frozenset(["target", "original_lane", "num_attempts", "num_passed", "partner"])
+_NARROW = frozenset(
+    ["target", "original_lane", "num_attempts", "num_passed", "partner", "num_drifts"]
+)
 """Events that are bytes; the others are frames."""
 
 _SEEN = (
@@ -57,7 +60,8 @@ def find_events(trajectories: Trajectories, seen: Signals) -> Events:
         for name, row in zip(names, found, strict=True)
     }
     by_other = struck(trajectories, seen, columns["partner"], columns["collision"])
-    return Events(struck=by_other, **columns)
+    begun = under_way(trajectories, columns["attempt"])
+    return Events(struck=by_other, under_way=begun, **columns)
 
 
 def _recorded(trajectories: Trajectories) -> dict[str, NDArray[Any] | None]:
@@ -66,6 +70,7 @@ def _recorded(trajectories: Trajectories) -> dict[str, NDArray[Any] | None]:
         "num_frames": flat(trajectories.num_frames),
         "valid": flat(bodies.valid),
         "length": flat(bodies.length),
+        "least_advance": least_advances()[bodies.kind[:, Role.EGO]],
         "s": adjacent(trajectories.states.s),
         "hit": adjacent(trajectories.collided_with),
         "present": None if present is None else adjacent(present),
@@ -73,13 +78,17 @@ def _recorded(trajectories: Trajectories) -> dict[str, NDArray[Any] | None]:
 
 
 def _limits(trajectories: Trajectories, seen: Signals) -> dict[str, Any]:
-    borders = side_of(trajectories.road) * as_f32(trajectories.road.boundaries)
+    road = trajectories.road
     return {
-        "borders": [float(each) for each in borders],
+        "borders": [float(each) for each in borders_of(road)],
         "least_frames": num_frames_of(seen, "motion.least_time"),
         "window": num_frames_of(seen, "motion.median_window"),
         "least_speed": float(known("labels.motion.least_speed")),
         "least_shift": float(known("labels.motion.least_shift")),
         "settled_shift": float(known("labels.motion.settled_shift")),
+        "lanes_with_left": lanes_with_left(road),
+        "over_line": float(known("labels.attempt.over_line")),
+        "advance": num_frames_of(seen, "attempt.advance_time"),
+        "follow_up": num_frames_of(seen, "attempt.back_time"),
         "follow_time_gap": float(known("labels.phases.follow_time_gap")),
     }

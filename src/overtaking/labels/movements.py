@@ -1,4 +1,4 @@
-"""Movements across the road: sustained, and far enough to be meant."""
+"""Movements across the road: unbroken ones, how far they lead, and how fast."""
 
 from dataclasses import dataclass
 
@@ -20,27 +20,26 @@ class Movements:
         simulation: Whose they are, shape (movement,).
         begin: First frame, shape (movement,).
         end: Last frame, shape (movement,).
-        meant: Whether they are long and wide enough to be a change of lane or its beginning.
+        wide: Whether they last and lead far enough to be noticed.
     """
 
     simulation: I32
     begin: I32
     end: I32
-    meant: Mask
+    wide: Mask
 
     def as_mask(self, shape: tuple[int, int]) -> Mask:
-        """Where a movement that was meant begins, shape (simulation, time)."""
+        """Where a wide movement begins, shape (simulation, time)."""
         mask = np.zeros(shape, dtype=np.bool_)
-        mask[self.simulation[self.meant], self.begin[self.meant]] = True
+        mask[self.simulation[self.wide], self.begin[self.wide]] = True
         return mask
 
 
 def movements(seen: Signals, moving: Mask, *, towards_left: bool) -> Movements:
     """The unbroken movements of the egos to one side.
 
-    A movement is meant if it lasts `motion.least_time` and leads `motion.least_shift` away from
-    where the ego was in the median over the `motion.median_window` before it. A gust moves a
-    vehicle fast but not far, a drift far but not fast.
+    A movement is wide if it lasts `motion.least_time` and leads `motion.least_shift` away from
+    where the ego was in the median over the `motion.median_window` before it.
 
     Args:
         seen: Signals of the batch.
@@ -57,8 +56,30 @@ def movements(seen: Signals, moving: Mask, *, towards_left: bool) -> Movements:
         simulation=simulation,
         begin=begin,
         end=end,
-        meant=long_enough & (shift >= known("labels.motion.least_shift")),
+        wide=long_enough & (shift >= known("labels.motion.least_shift")),
     )
+
+
+def advances(lateral: F32, found: tuple[I32, I32, I32], frames: int) -> F32:
+    """The farthest that each movement to the left leads within a number of frames [m].
+
+    Args:
+        lateral: Position across the road, shape (simulation, time) [m].
+        found: Simulation, first and last frame of the movements, as `runs` gives them.
+        frames: How many frames a movement has for it; a shorter one has those that it lasts.
+
+    Returns:
+        Shape (movement,).
+    """
+    simulation, begin, end = found
+    length = end - begin + 1
+    if not length.size:
+        return np.zeros(0, np.float32)
+    row, last = np.repeat(simulation, length), np.repeat(end, length)
+    first = np.cumsum(length) - length
+    frame = np.arange(row.size, dtype=np.int32) + np.repeat(begin - first, length)
+    ahead = lateral[row, np.minimum(frame + frames, last)] - lateral[row, frame]
+    return as_f32(np.maximum.reduceat(ahead, first))
 
 
 def runs(mask: Mask) -> tuple[I32, I32, I32]:

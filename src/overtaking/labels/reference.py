@@ -3,9 +3,9 @@
 `crates/overtaking-core/src/events.rs` is the fast twin. Events are found in what was recorded;
 never in what the ego meant to do.
 
-An attempt begins with a movement to the left behind a vehicle ahead, and ends by the return in
-front of it, by the return behind it (an abort), or not at all. After an abort the ego may begin
-again; its last attempt is the one that counts.
+An attempt begins with a movement to the left behind a vehicle ahead (`attempts` says which ones),
+and ends by the return in front of it, by the return behind it (an abort), or not at all. After an
+abort the ego may begin again; its last attempt is the one that counts.
 """
 
 import dataclasses
@@ -14,17 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask, as_f32, maximum
+from overtaking.core.elementary import Mask, maximum
 from overtaking.labels.accidents import Accidents, accidents
-from overtaking.labels.movements import Movements, movements, num_frames_of
-from overtaking.model.batch import Batch
+from overtaking.labels.attempts import LeftMovements, left_movements, under_way, undone_at
+from overtaking.labels.movements import movements
+from overtaking.labels.view import View, borders_of, left_line, view_of
 from overtaking.model.events import NEVER, Events
 from overtaking.model.road import Road
 from overtaking.model.signals import Around, Signals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
 from overtaking.physics.constants import known
 from overtaking.signals.frames import at, earliest, first_true, only, since, until
-from overtaking.signals.reference import side_of
 from overtaking.signals.target import alongside
 
 I32 = NDArray[np.int32]
@@ -32,6 +32,9 @@ U8 = NDArray[np.uint8]
 
 _LEAST_SPEED = np.float32(0.1)
 """Keeps time gaps finite [m/s]."""
+
+_MOST = 255
+"""Drifts that are counted."""
 
 
 def find_events(trajectories: Trajectories, seen: Signals) -> Events:
@@ -45,97 +48,27 @@ def find_events(trajectories: Trajectories, seen: Signals) -> Events:
         Events of the attempt that decides each simulation, see `model.events.Events`.
     """
     ended = accidents(trajectories, seen)
-    view, lefts = _view(trajectories, seen, ended)
-    attempts = _empty(len(seen.valid))
-    begun = _first_attempt(view, lefts, np.zeros(len(seen.valid), np.int32))
+    view = view_of(trajectories, seen, ended)
+    lefts, rights = left_movements(view, seen), _rights(view, seen)
+    attempts, trying = _empty(len(seen.valid)), np.zeros_like(seen.valid)
+    begun = _first(lefts, np.zeros(len(seen.valid), np.int32))
     while (begun != NEVER).any():
         # Most of the work is done for those simulations alone in which there is something to see.
         tried = np.flatnonzero(begun != NEVER)
-        found = _attempt(trajectories, view.select(tried), begun[tried])
+        found = _attempt(trajectories, view.select(tried), rights[tried], begun[tried])
         attempts = _replaced(attempts, found, tried)
+        trying[tried] |= since(found.attempt, seen.num_frames) & until(found.back, seen.num_frames)
         again = tried[found.back != NEVER]
         after = np.full(len(begun), seen.num_frames, np.int32)
         after[again] = attempts.back[again]
-        begun = _first_attempt(view, lefts, after)
-    return _events(trajectories, seen, ended, attempts)
+        begun = _first(lefts, after)
+    return _events(trajectories, seen, ended, attempts, _drifts(lefts, trying))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _View(Batch):
-    """What attempts are looked for in; arrays have shape (simulation, time).
-
-    Attributes:
-        simulation: Number of each simulation in the batch, shape (simulation,).
-        valid: Frames before any accident.
-        lane: As in `Signals`.
-        lateral: As in `Signals`.
-        left_reach: As in `Signals`.
-        right_reach: As in `Signals`.
-        treads: Frames with a corner of the ego over the left line of its lane.
-        rights: Where movements to the right begin that were meant.
-        lately_ahead: The leader, or who was it until a moment ago.
-    """
-
-    simulation: NDArray[np.int64]
-    valid: Mask
-    lane: U8
-    lateral: F32
-    left_reach: F32
-    right_reach: F32
-    treads: Mask
-    rights: Mask
-    lately_ahead: U8
-
-    @property
-    def num_frames(self) -> int:
-        """Frames of the longest simulation."""
-        return self.valid.shape[1]
-
-
-def _view(trajectories: Trajectories, seen: Signals, ended: Accidents) -> tuple[_View, Movements]:
-    """What attempts are looked for in, and the movements to the left that may be some."""
-    valid = seen.valid & until(earliest(ended.collision, ended.road_departure), seen.num_frames)
-    borders = _borders(trajectories.road)
-    treads = valid & (seen.left_reach > _left_line(borders, seen.lane))
-    speed, least = seen.lateral_speed, known("labels.motion.least_speed")
-    # However slowly: who goes over the line leaves the lane.
-    to_left = valid & ((speed > least) | (treads & (speed > 0)))
-    rights = movements(seen, valid & (speed < -least), towards_left=False)
-    view = _View(
-        simulation=np.arange(len(valid)),
-        valid=valid,
-        lane=seen.lane,
-        lateral=seen.lateral,
-        left_reach=seen.left_reach,
-        right_reach=seen.right_reach,
-        treads=treads,
-        rights=rights.as_mask(valid.shape),
-        lately_ahead=_lately_ahead(seen),
-    )
-    return view, movements(seen, to_left, towards_left=True)
-
-
-def _left_line(borders: F32, lane: U8) -> F32:
-    """Left border of lanes; the last border for what is beyond the lanes."""
-    return borders[np.minimum(lane.astype(np.intp) + 1, len(borders) - 1)]
-
-
-def _lately_ahead(seen: Signals) -> U8:
-    """Slot of the leader, or of the last one if that was just now; shape (simulation, time).
-
-    A leader that makes room to the right while the ego pulls out to the left is overtaken no less.
-    """
-    leader, has = seen.vehicle[:, Around.LEADER], seen.has(Around.LEADER)
-    frame = np.arange(seen.num_frames, dtype=np.int32)
-    latest = np.maximum.accumulate(np.where(has, frame, NEVER), axis=1)
-    lately = (latest != NEVER) & (frame - latest <= num_frames_of(seen, "motion.median_window"))
-    found = np.take_along_axis(leader, np.maximum(latest, 0), axis=1)
-    return np.where(lately, found, NO_VEHICLE)
-
-
-def _borders(road: Road) -> F32:
-    """Lane borders from the right to the left, shape (lane + 1,) [m]."""
-    return side_of(road) * as_f32(road.boundaries)
+def _rights(view: View, seen: Signals) -> Mask:
+    """Where wide movements to the right begin, shape (simulation, time)."""
+    moving = view.valid & (seen.lateral_speed < -known("labels.motion.least_speed"))
+    return movements(seen, moving, towards_left=False).as_mask(moving.shape)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,41 +109,63 @@ def _replaced(before: _Attempts, found: _Attempts, tried: NDArray[np.int64]) -> 
     return _Attempts(**changes)
 
 
-def _first_attempt(view: _View, lefts: Movements, after: I32) -> I32:
-    """Where the first movement to the left from a frame on begins that is an attempt.
+def _first(lefts: LeftMovements, after: I32) -> I32:
+    """Where the first attempt from a frame on begins, shape (simulation,)."""
+    simulation, begin = lefts.all.simulation, lefts.all.begin
+    return _earliest(simulation, begin, lefts.is_attempt & (begin >= after[simulation]), len(after))
 
-    It is one if it was meant or crosses the line, and if there is somebody to overtake.
-    """
-    begin, end = (lefts.simulation, lefts.begin), (lefts.simulation, lefts.end)
-    trodden = np.cumsum(view.treads, axis=1, dtype=np.int32)
-    crosses = (trodden[end] > trodden[begin]) | view.treads[begin]
-    ahead = view.lately_ahead[begin] != NO_VEHICLE
-    later = lefts.begin >= after[lefts.simulation]
-    chosen = (lefts.meant | crosses) & ahead & later
-    first = np.full(len(after), NEVER)
+
+def _earliest(simulation: I32, begin: I32, chosen: Mask, count: int) -> I32:
+    """First frame of the first chosen movement of each simulation, `NEVER` without one."""
+    first = np.full(count, NEVER)
     # In reverse, so that the first of several movements of a simulation is written last.
-    first[lefts.simulation[chosen][::-1]] = lefts.begin[chosen][::-1]
+    first[simulation[chosen][::-1]] = begin[chosen][::-1]
     return first
 
 
-def _attempt(trajectories: Trajectories, view: _View, begun: I32) -> _Attempts:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Drifts:
+    """The drifts of each simulation, as in `Events`."""
+
+    drift: I32
+    num_drifts: U8
+
+
+def _drifts(lefts: LeftMovements, trying: Mask) -> _Drifts:
+    """The drifts that are no part of an attempt.
+
+    Args:
+        lefts: The movements to the left.
+        trying: The frames of attempts, shape (simulation, time).
+    """
+    simulation, begin = lefts.all.simulation, lefts.all.begin
+    chosen = lefts.is_drift & ~trying[simulation, begin]
+    number = np.bincount(simulation[chosen], minlength=len(trying))
+    return _Drifts(
+        drift=_earliest(simulation, begin, chosen, len(trying)),
+        num_drifts=np.minimum(number, _MOST).astype(np.uint8),
+    )
+
+
+def _attempt(trajectories: Trajectories, view: View, rights: Mask, begun: I32) -> _Attempts:
     """The phases of the attempts that begin at `begun`."""
-    num_frames, borders = view.num_frames, _borders(trajectories.road)
+    num_frames, road = view.num_frames, trajectories.road
     target, lane = at(view.lately_ahead, begun), at(view.lane, begun)
     other = alongside(trajectories, target, view.simulation)
     during = view.valid & since(begun, num_frames)
-    crossed = first_true(during & (view.left_reach > _left_line(borders, lane)[:, None]))
-    undone = _undone(view, during, begun, crossed)
+    crossed = first_true(during & (view.left_reach > left_line(road, lane)[:, None]))
+    undone = undone_at(view, during, begun)
+    undone = only(undone, (crossed == NEVER) | (undone < crossed))
     during = during & until(undone, num_frames)
     overlap_begin = first_true(during & other.overlaps)
     is_past = other.valid & (other.lead > 0) & (other.gap >= 0)
     overlap_end = first_true(during & since(overlap_begin, num_frames) & is_past)
-    home = during & since(crossed, num_frames) & _is_inside(view, borders, lane)
+    home = during & since(crossed, num_frames) & _is_inside(view, road, lane)
     return_end = first_true(home & since(overlap_end, num_frames) & is_past)
     behind = first_true(home & other.valid & (other.lead < 0))
     back = earliest(undone, only(behind, _not_after(behind, return_end)))
     return_end = only(return_end, back == NEVER)
-    turned = _turning(view, begun, earliest(return_end, back))
+    turned = _turning(view, rights, begun, earliest(return_end, back))
     gave_up = (back != NEVER) | (overlap_end == NEVER)
     return _Attempts(
         target=target,
@@ -232,23 +187,14 @@ def _not_after(frame: I32, end: I32) -> Mask:
     return (end == NEVER) | (frame <= end)
 
 
-def _is_inside(view: _View, borders: F32, lane: U8) -> Mask:
+def _is_inside(view: View, road: Road, lane: U8) -> Mask:
     """Whether the whole body is in a lane of each simulation, shape (simulation, time)."""
+    borders = borders_of(road)
     right = borders[np.minimum(lane, len(borders) - 1)][:, None]
-    left = _left_line(borders, lane)[:, None]
-    return (view.right_reach >= right) & (view.left_reach <= left)
+    return (view.right_reach >= right) & (view.left_reach <= left_line(road, lane)[:, None])
 
 
-def _undone(view: _View, during: Mask, begun: I32, crossed: I32) -> I32:
-    """Where a movement is undone that never came to the line, `NEVER` if it is not."""
-    shift = view.lateral - at(view.lateral, begun)[:, None]
-    moved = first_true(during & (shift >= known("labels.motion.least_shift")))
-    settled = shift <= known("labels.motion.settled_shift")
-    undone = first_true(during & since(moved, view.num_frames) & settled)
-    return only(undone, (crossed == NEVER) | (undone < crossed))
-
-
-def _turning(view: _View, begun: I32, end: I32) -> I32:
+def _turning(view: View, rights: Mask, begun: I32, end: I32) -> I32:
     """Where the movement back begins, after the ego was farthest to the left."""
     num_frames = view.num_frames
     during = view.valid & since(begun, num_frames)
@@ -256,13 +202,17 @@ def _turning(view: _View, begun: I32, end: I32) -> I32:
     during = during & until(stopped, num_frames)
     place = np.where(during, view.lateral, np.float32(-np.inf))
     farthest = place.argmax(axis=1).astype(np.int32)
-    meant = first_true(during & since(farthest, num_frames) & view.rights)
+    back = first_true(during & since(farthest, num_frames) & rights)
     # A short way back can be too short to be a movement of its own.
-    return np.where((meant == NEVER) & (end != NEVER), farthest, meant)
+    return np.where((back == NEVER) & (end != NEVER), farthest, back)
 
 
 def _events(
-    trajectories: Trajectories, seen: Signals, ended: Accidents, found: _Attempts
+    trajectories: Trajectories,
+    seen: Signals,
+    ended: Accidents,
+    found: _Attempts,
+    drifts: _Drifts,
 ) -> Events:
     """The attempts that decide, with what lies before and after them."""
     attempted = found.attempt != NEVER
@@ -288,6 +238,9 @@ def _events(
         num_passed=_num_passed(trajectories, found, last),
         partner=ended.partner,
         struck=ended.struck,
+        drift=drifts.drift,
+        num_drifts=drifts.num_drifts,
+        under_way=under_way(trajectories, found.attempt),
     )
 
 

@@ -69,6 +69,7 @@ EVENTS = (
     "back",
     "collision",
     "road_departure",
+    "drift",
 )
 """The attributes of `model.events.Events` that become facts; `first` and `last` always happen."""
 

@@ -23,7 +23,8 @@ class OwnState(Batch):
         accel: Along its axis [m/s^2].
         available_accel: Largest acceleration of engine and air on a level road [m/s^2].
         desired_speed: Speed wanted on a free road [m/s].
-        waiting_time: Since it closed up to the vehicle ahead [s].
+        waiting_time: Since it closed up to the vehicle ahead, NaN where the attempt began before
+            the recording [s].
         lateral_offset: Of its centre from that of its lane, growing to the left [m].
     """
 

@@ -68,6 +68,11 @@ class Events(Batch):
             the overtake, the target among them.
         partner: Slot of the vehicle that the ego collided with, or `NO_VEHICLE`.
         struck: Whether the other one ran into the ego.
+        drift: Start of the first movement to the left that is no part of an attempt and leads into
+            no other lane.
+        num_drifts: How many of those there are, at most 255.
+        under_way: First frame, if the attempt had begun before the recording: `attempt` is then
+            that frame and too late.
     """
 
     first: I32
@@ -89,6 +94,9 @@ class Events(Batch):
     num_passed: U8
     partner: U8
     struck: Mask
+    drift: I32
+    num_drifts: U8
+    under_way: I32
 
     @property
     def attempted(self) -> Mask:

@@ -17,7 +17,8 @@ class Features(Batch):
     """Seven static and eight dynamic features; every array has shape (simulation,).
 
     The paper's names are in brackets. Without a vehicle to overtake, what is about it is 0 and
-    `has_target` is false.
+    `has_target` is false. Waiting time, overtaking time and distance are NaN where the attempt
+    began before the recording, what is about the vehicle where it is not recorded in that frame.
 
     Attributes:
         policy: `paper` or `matched`, how they were measured.

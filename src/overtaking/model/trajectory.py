@@ -253,6 +253,11 @@ class Trajectories(Batch):
         return rows if self.present is None else rows & self.present
 
     @property
+    def is_excerpt(self) -> bool:
+        """Whether the traffic had been going on before the first frame, as in recordings."""
+        return "stage" in self.unknown
+
+    @property
     def road(self) -> Road:
         """The road of the batch."""
         return self.scenario.road

@@ -11,8 +11,11 @@ from overtaking.physics.constants import known
 from overtaking.rules.frames import instant
 from overtaking.rules.others import Others, others_at, out_indicator
 from overtaking.rules.rule import Check, Grade, Rule
+from overtaking.signals.steady import steady_speed_at
 
 T = TypeVar("T", bound=np.generic)
+I32 = NDArray[np.int32]
+Index = NDArray[np.intp]
 
 
 def check(case: Case) -> Check:
@@ -26,7 +29,8 @@ def check(case: Case) -> Check:
     behind = others.valid & ~others.oncoming & (others.lead > 0)
     left = behind & (others.lane == own_lane + 1)
     same = behind & (others.lane == own_lane) & (others.gap <= known("law.others.reach"))
-    moving = same & (others.lateral_speed > known("law.others.lateral_speed"))
+    moving = same.copy()
+    moving[same] = _moves_left(case, frame, rows, same)
     hidden = "indicators" in case.trajectories.unknown
     shown = same & ((others.lights & out_indicator(case)) != 0) & (not hidden)
     begun = (moving | shown).any(axis=1)
@@ -37,6 +41,15 @@ def check(case: Case) -> Check:
         _spread((left | same).any(axis=1), attempted),
         doubtful=_spread(same.any(axis=1) & hidden, attempted),
     )
+
+
+def _moves_left(case: Case, frame: I32, rows: Index, some: Mask) -> Mask:
+    """Whether some of the others move left at the attempts of some simulations, (instant,)."""
+    limit = known("law.others.lateral_speed")
+    place, slot = np.nonzero(some)
+    which = rows[place]
+    speed = steady_speed_at(case.trajectories, which, slot, frame[which], float(limit))
+    return speed > limit
 
 
 def _spread(values: NDArray[T], where: Mask) -> NDArray[T]:

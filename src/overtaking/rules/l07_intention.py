@@ -10,7 +10,7 @@ from overtaking.physics.constants import known
 from overtaking.rules.frames import instant
 from overtaking.rules.others import out_indicator
 from overtaking.rules.rule import Check, Grade, Rule
-from overtaking.signals.reference import lateral_speed_at
+from overtaking.signals.steady import steady_speed_at
 
 
 def check(case: Case) -> Check:
@@ -23,7 +23,11 @@ def check(case: Case) -> Check:
     hidden = "indicators" in case.trajectories.unknown
     shown = ((lights & out_indicator(case)) != 0) & (not hidden)
     limit = known("law.others.lateral_speed")
-    margin = limit - _lateral_speed(case, row, slot.astype(np.intp), first)
+    # Without an attempt the target need not be recorded in the frame that is looked at.
+    speed = np.zeros(len(slot), np.float32)
+    begun = np.flatnonzero(there & case.events.attempted)
+    speed[begun] = _lateral_speed(case, begun, slot[begun].astype(np.intp), first[begun])
+    margin = limit - speed
     margin = np.where(shown, np.minimum(margin, -limit), margin)
     return instant(frame, margin, there, doubtful=np.full(len(slot), hidden))
 
@@ -32,9 +36,10 @@ def _lateral_speed(
     case: Case, rows: NDArray[np.intp], slots: NDArray[np.intp], frames: NDArray[np.int32]
 ) -> F32:
     """Speed of the target to the left at one frame of each simulation [m/s]."""
-    if not case.target.is_original:
+    if not (case.target.is_original or case.trajectories.unknown):
         return case.target.lateral_speed[rows, frames]
-    return lateral_speed_at(case.trajectories, rows, slots, frames)
+    limit = float(known("law.others.lateral_speed"))
+    return steady_speed_at(case.trajectories, rows, slots, frames, limit)
 
 
 RULE = Rule(

@@ -3,19 +3,22 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.elementary import Mask
 from overtaking.model.labels import Case, Verdict
+from overtaking.model.signals import Around
 from overtaking.physics.constants import known
 from overtaking.rules.engine import excess
 from overtaking.rules.frames import ENDLESS, Span, Stretch, conduct, never_negative, stretch
 from overtaking.rules.others import num_slow
 from overtaking.rules.rule import Check, Grade, Rule, decided, inapplicable
+from overtaking.signals.engine import neighbours_at
 
 _ANYWHERE = 1e6
 """Metres; congestion is judged by all that were recorded."""
 
 
 def check(case: Case) -> Check:
-    """On a motorway speed is at least 50 km/h, unless at least three others stand or crawl."""
+    """On a motorway speed is at least 50 km/h, unless others are in the way or stand or crawl."""
     seen, road_known = case.signals, "road_kind" not in case.trajectories.unknown
     if road_known and case.trajectories.road.kind != "motorway":
         return inapplicable(seen.num_simulations)
@@ -27,7 +30,7 @@ def check(case: Case) -> Check:
 
 
 def _but_in_jams(case: Case, span: Span, found: Stretch, slow: NDArray[np.intp]) -> Stretch:
-    """The same, where in some simulations frames in a traffic jam do not count."""
+    """The same, where in some simulations frames in a jam or in a queue do not count."""
     part = Span(start=span.start[slow], stop=span.stop[slow])
     margin = case.signals.speed[slow] - known("law.minimum.speed")
     inside = part.mask(np.arange(len(slow)), margin.shape[1])
@@ -40,10 +43,20 @@ def _but_in_jams(case: Case, span: Span, found: Stretch, slow: NDArray[np.intp])
         reach=_ANYWHERE,
     )
     congested = crawling >= known("law.minimum.congestion_vehicles")
+    congested |= _is_held_up(case, slow[row], frames)
     margin[row[congested], frames[congested]] = ENDLESS
     again = stretch(margin, part)
     found.low[slow], found.first[slow], found.last[slow] = again.low, again.first, again.last
     return found
+
+
+def _is_held_up(case: Case, rows: NDArray[np.intp], frames: NDArray[np.intp]) -> Mask:
+    """Whether a vehicle below the lowest speed is so near ahead that the ego has to follow it."""
+    least = known("law.minimum.speed")
+    ahead = neighbours_at(case.trajectories, case.signals, Around.LEADER, rows, frames)
+    leader_speed = case.signals.speed[rows, frames] - ahead.closing_speed
+    near = ahead.gap <= known("law.minimum.queue_time_gap") * least
+    return ahead.exists & near & (leader_speed < least)
 
 
 def _perhaps(found: Check) -> Check:
@@ -61,7 +74,8 @@ RULE = Rule(
     title="Lowest speed",
     gloss="On motorways do not drive slower than 50 km/h.",
     predicate="At every frame on a motorway: speed >= 50 km/h, unless at least 3 others are "
-    "slower than 10 km/h. Frames above 50 km/h count in congestion too.",
+    "slower than 10 km/h, or the leader in the ego's lane is slower than 50 km/h and no farther "
+    "ahead than 3 s at 50 km/h. Frames above 50 km/h count in congestion too.",
     unit="m/s",
     grade=Grade.LIGHT,
     partly=frozenset(["road_kind"]),

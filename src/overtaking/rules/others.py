@@ -10,7 +10,6 @@ from overtaking.model.labels import Case
 from overtaking.model.road import DrivingSide
 from overtaking.model.trajectory import Lights, Trajectories
 from overtaking.model.vehicles import Role
-from overtaking.signals.reference import lateral_speed_at
 
 I32 = NDArray[np.int32]
 U8 = NDArray[np.uint8]
@@ -29,7 +28,6 @@ class Others:
         lead: Centre of the ego minus its centre along the road: positive for those behind [m].
         gap: Between its bumper and the ego's, negative where they overlap [m].
         speed: Along its own direction [m/s].
-        lateral_speed: To the left, as the law has it, over about 0.2 s [m/s].
         lane: Lane index.
         lights: `Lights`.
         oncoming: Whether it drives against the road.
@@ -39,7 +37,6 @@ class Others:
     lead: F32
     gap: F32
     speed: F32
-    lateral_speed: F32
     lane: U8
     lights: U8
     oncoming: Mask
@@ -66,7 +63,6 @@ def others_at(case: Case, frame: I32, rows: Index | None = None) -> Others:
         lead=lead,
         gap=np.abs(lead) - (half + half[:, [Role.EGO]]),
         speed=as_f32(states.speed[place]) * _STEP,
-        lateral_speed=lateral_speed_at(trajectories, *place),
         lane=states.lane[place],
         lights=states.lights[place],
         oncoming=sincos(heading)[1] < 0,

@@ -30,7 +30,7 @@ from overtaking.rules.pack import Pack
 
 PORTUGAL = Pack(
     name="pt",
-    version="pt-1@2013",
+    version="pt-2@2013",
     rules=(
         l01_side.RULE,
         l02_line.RULE,

@@ -129,7 +129,7 @@ def footprint(
 
 
 def lateral_speed(trajectories: Trajectories, d: I32) -> F32:
-    """Speed to the left of one vehicle a simulation, from its positions [m/s].
+    """Speed to the left of vehicles that are in all frames, one a simulation [m/s].
 
     Args:
         trajectories: The batch, for its times and its side.
@@ -155,16 +155,51 @@ def lateral_speed_at(
     rows: NDArray[np.intp],
     slot: NDArray[np.intp],
     frames: NDArray[np.integer],
+    half: NDArray[np.integer] | int | None = None,
 ) -> F32:
-    """What `lateral_speed` says of vehicles at single frames; all arrays of one shape [m/s]."""
+    """What `lateral_speed` says of vehicles at single frames; all arrays of one shape [m/s].
+
+    Args:
+        trajectories: The batch.
+        rows: Simulations.
+        slot: A vehicle of each.
+        frames: A frame of each in which it is recorded.
+        half: Frames on either side over which to measure, where there are as many; those of
+            `lateral_speed` if left out.
+
+    Returns:
+        A central difference, one-sided beside frames without the vehicle.
+    """
     interval, d = trajectories.scenario.frame_interval_ms, trajectories.states.d
-    half = half_window(interval)
-    last = maximum_of(trajectories.num_frames[rows] - 1, 0)
-    later = np.minimum(frames + half, last)
-    earlier = np.minimum(np.maximum(frames - half, 0), last)
+    half = half_window(interval) if half is None else half
+    earlier, later = _recorded_around(trajectories, rows, slot, frames, half)
     moved = d[rows, slot, later] - d[rows, slot, earlier]
     elapsed = maximum_of((later - earlier) * interval, 1)
     return side_of(trajectories.road) * (as_f32(moved) / as_f32(elapsed))
+
+
+def _recorded_around(
+    trajectories: Trajectories,
+    rows: NDArray[np.intp],
+    slot: NDArray[np.intp],
+    frames: NDArray[np.integer],
+    half: NDArray[np.integer] | int,
+) -> tuple[I32, I32]:
+    """The farthest frames within `half` of some that the vehicle is recorded up to."""
+    last = maximum_of(trajectories.num_frames[rows] - 1, 0)
+    later = np.minimum(frames + half, last).astype(np.int32)
+    earlier = np.minimum(np.maximum(frames - half, 0), last).astype(np.int32)
+    if trajectories.present is None:
+        return earlier, later
+    ends = [np.minimum(frames, last).astype(np.int32)] * 2
+    for step in range(1, int(np.max(half, initial=0)) + 1):
+        for place, (sign, limit) in enumerate(((-1, earlier), (1, later))):
+            next_one = ends[place] + np.int32(sign)
+            inside = (limit - next_one) * sign >= 0
+            there = trajectories.present[rows, slot, np.where(inside, next_one, ends[place])]
+            reached = np.abs(ends[place] - frames) == step - 1
+            ends[place] = np.where(inside & there & reached, next_one, ends[place])
+    return ends[0], ends[1]
 
 
 def half_window(interval_ms: int) -> int:

@@ -96,14 +96,28 @@ def signals_of(
         lane=states.lane[row, slot],
         speed=as_f32(states.speed[row, slot]) * METRES,
         accel=as_f32(states.accel_lon[row, slot]) * METRES,
-        lateral_speed=lateral_speed(trajectories, states.d[row, slot]),
+        lateral_speed=_lateral_speed(trajectories, row, slot),
     )
+
+
+def _lateral_speed(
+    trajectories: Trajectories, row: NDArray[np.intp], slot: NDArray[np.intp]
+) -> F32:
+    """Speed to the left of one vehicle of each simulation, shape (simulation, time) [m/s]."""
+    if trajectories.present is None:
+        return lateral_speed(trajectories, trajectories.states.d[row, slot])
+    frames = np.arange(trajectories.states.d.shape[2])[None, :]
+    return lateral_speed_at(trajectories, row[:, None], slot[:, None], frames)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Along:
-    """The target along the road at one frame each, as in `TargetSignals`; shape (instant,)."""
+    """The target along the road at one frame each, as in `TargetSignals`; shape (instant,).
 
+    `valid` says where there is a target and it is recorded; elsewhere the values mean nothing.
+    """
+
+    valid: Mask
     lead: F32
     gap: F32
     speed: F32
@@ -126,13 +140,21 @@ def target_at(
     rows, frame = np.arange(len(frames)) if rows is None else rows, np.maximum(frames, 0)
     if not target.is_original:
         at = (rows, frame)
-        return Along(lead=target.lead[at], gap=target.gap[at], speed=target.speed[at])
+        return Along(
+            valid=target.valid[at],
+            lead=target.lead[at],
+            gap=target.gap[at],
+            speed=target.speed[at],
+        )
     states, length = trajectories.states, trajectories.scenario.vehicles.length
     slot = _slot(target.vehicle)[rows]
     lead = as_f32(states.s[rows, Role.EGO, frame] - states.s[rows, slot, frame]) * METRES
     half = np.float32(0.5) * (length[rows, Role.EGO] + length[rows, slot])
     speed = as_f32(states.speed[rows, slot, frame]) * METRES
-    return Along(lead=lead, gap=np.abs(lead) - half, speed=speed)
+    there = (target.vehicle != NO_VEHICLE)[rows] & trajectories.frame_valid[rows, frame]
+    if trajectories.present is not None:
+        there &= trajectories.present[rows, slot, frame]
+    return Along(valid=there, lead=lead, gap=np.abs(lead) - half, speed=speed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

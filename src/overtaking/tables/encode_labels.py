@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import Mask
+from overtaking.core.elementary import F32, Mask
 from overtaking.labelling import Labelled
 from overtaking.model.events import NEVER
 from overtaking.model.features import Features
@@ -186,16 +186,22 @@ def _features(
         "HL": Masked(found.horizon_line.astype(np.int32), unseen),
         "TE": found.ego_kind,
         "TP": Masked(found.target_kind, nobody),
-        "WT_s": found.waiting_time,
-        "OT_s": found.overtaking_time,
+        "WT_s": _where_known(found.waiting_time),
+        "OT_s": _where_known(found.overtaking_time),
         "NV": found.num_vehicles,
         "SE_mps": found.ego_speed,
-        "SP_mps": Masked(found.target_speed, nobody),
-        "DSEP_mps": Masked(found.speed_difference, nobody),
-        "D_m": Masked(found.distance, nobody),
+        "SP_mps": _where_known(found.target_speed, nobody),
+        "DSEP_mps": _where_known(found.speed_difference, nobody),
+        "D_m": _where_known(found.distance, nobody),
         "OLR_percent": found.left_occupancy * PERCENT,
         "PREC_percent": Masked(found.rain, unseen),
         "WIND_percent": Masked(found.wind, unseen),
         "FOG_percent": Masked(found.fog, unseen),
         "frame": Masked(found.frame, found.frame == NEVER),
     }
+
+
+def _where_known(values: F32, missing: Mask | None = None) -> Masked:
+    """Values that are null where they are NaN, and where said so."""
+    unknown = np.isnan(values)
+    return Masked(values, unknown if missing is None else unknown | missing)

@@ -25,6 +25,8 @@ EVENTS_IN_ORDER = (
     "back",
     "collision",
     "road_departure",
+    "drift",
+    "under_way",
 )
 """The attributes of `model.events.Events` that have rows of their own, if they happened."""
 
@@ -102,8 +104,8 @@ LABEL_FIELDS: dict[str, list[pa.Field]] = {
         column("HL", NO_YES, "1", _FEATURES["HL"].meaning, nullable=True),
         column("TE", KINDS, "1", _FEATURES["TE"].meaning),
         column("TP", KINDS, "1", _FEATURES["TP"].meaning, nullable=True),
-        column("WT_s", pa.float32(), "s", _FEATURES["WT"].meaning),
-        column("OT_s", pa.float32(), "s", _FEATURES["OT"].meaning),
+        column("WT_s", pa.float32(), "s", _FEATURES["WT"].meaning, nullable=True),
+        column("OT_s", pa.float32(), "s", _FEATURES["OT"].meaning, nullable=True),
         column("NV", pa.uint8(), "1", _FEATURES["NV"].meaning),
         column("SE_mps", pa.float32(), "m/s", _FEATURES["SE"].meaning),
         column("SP_mps", pa.float32(), "m/s", _FEATURES["SP"].meaning, nullable=True),

@@ -17,7 +17,7 @@ from overtaking.tables.label_schemas import LABEL_FIELDS, LABEL_KEYS
 FORMAT = "overtaking"
 """What the name of a schema in a file's metadata begins with."""
 
-VERSION = 1
+VERSION = 2
 """Version of all schemas below; raised when a column is added, removed or changes its meaning."""
 
 ROLES = Enumeration(names=("ego", "other"))

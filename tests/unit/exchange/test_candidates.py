@@ -226,3 +226,15 @@ def test_who_is_there_at_the_return_goes_before_who_is_beside_for_longer(tmp_pat
     ids = recording.tracks.ids
     assert [int(ids[one]) for one in cast_of(recording, around, window, 3)] == [7, 3, 9]
     assert [int(ids[one]) for one in cast_of(recording, around, window, 4)] == [7, 3, 9, 11]
+
+
+def test_the_leader_is_looked_for_in_the_lane_that_is_left(tmp_path):
+    # The ego rests with its centre 0.2 m beyond the line, and moves on after a second.
+    ego = Mover(number=7, s=20.0, speed=25.0, moves=((3.0, 0.55), (6.0, 1)), ramp=2.0, last=120)
+    left = Mover(number=3, s=60.0, speed=25.0, last=120)
+    entered = Mover(number=5, s=50.0, speed=25.0, lane=1, last=120)
+    recording = read(tmp_path, [ego, left, entered])
+    changes = lane_changes(recording)
+    (window,) = overtakes(recording, changes, Surroundings.of(recording))
+    assert recording.tracks.ids[window.leader] == 3
+    assert window.moves == pytest.approx(21, abs=2)

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tests.support.cases import Track, case, ramp, seen_case
+from tests.support.cases import Track, case, ramp, seen_case, two_way_road
 from tests.support.worlds import wide_road
 
 from overtaking.labels.outcome import detail, outcome
@@ -88,6 +88,85 @@ def test_a_slow_drift_over_the_line_is_one():
     events = found(way((2, 0), (22, 0.5)), AHEAD, speed=20.0)
     assert events.attempt[0] != NEVER
     assert said(events) == (Outcome.NOT_COMPLETED, Detail.OPEN_AT_HORIZON)
+
+
+def drifted(events) -> bool:
+    """Whether there is a drift and no attempt."""
+    assert (events.drift[0] != NEVER) == (events.num_drifts[0] > 0)
+    return said(events)[0] is Outcome.NO_ATTEMPT and bool(events.num_drifts[0])
+
+
+def test_a_wide_movement_within_the_lane_that_is_slow_is_a_drift():
+    # 0.7 m in 2.5 s and back.
+    events = found(way((3, 0), (5.5, 0.2), (6, 0.2), (8.5, 0)), AHEAD, speed=20.0)
+    assert drifted(events)
+    assert events.drift[0] == pytest.approx(60, abs=2)
+
+
+def test_a_fast_movement_within_the_lane_that_does_not_come_back_in_time_is_a_drift():
+    assert drifted(found(way((3, 0), (4, 0.2)), AHEAD, speed=20.0))
+    assert drifted(found(way((3, 0), (4, 0.2), (10, 0.2), (11, 0)), AHEAD, speed=20.0))
+
+
+def test_a_pause_before_the_line_belongs_to_the_attempt():
+    events = found(way((3, 0), (4, 0.2), (6, 0.2), (9, 1)), AHEAD)
+    assert events.attempt[0] == pytest.approx(60, abs=2)
+    assert events.num_attempts[0] == 1
+    assert events.num_drifts[0] == 0
+
+
+@pytest.mark.parametrize("track", [Track(kind="MC"), Track(kind="M")])
+def test_what_counts_as_fast_depends_on_the_class(track):
+    swing = way((3, 0), (4, 0.22), (6, 0.22), (7, 0))  # 0.77 m in a second.
+    ego = dataclasses.replace(track, speed=20.0, lane=swing)
+    events = case(ego, AHEAD, frames=FRAMES, road=ROAD).events
+    assert drifted(events) == (track.kind == "MC")
+
+
+def test_without_a_driving_lane_on_the_left_nothing_is_attempted():
+    ahead = dataclasses.replace(AHEAD, lane=2)
+    assert drifted(found(way((3, 2), (5, 2.3), (7, 2)), ahead, speed=20.0))
+    assert drifted(found(way((3, 2), (4, 2.2), (5, 2.2), (6, 2)), ahead, speed=20.0))
+
+
+def test_on_a_two_way_road_the_lane_of_oncoming_traffic_is_one_to_attempt_in():
+    swing = way((3, 0), (4, 0.35), (5, 0.35), (6, 0))
+    events = found(swing, AHEAD, speed=20.0, road=two_way_road())
+    assert said(events) == (Outcome.NOT_COMPLETED, Detail.ABORTED_AFTER_CROSSING)
+
+
+def test_what_is_left_of_a_change_into_this_lane_from_the_right_is_no_attempt():
+    # The speed falls for a moment when the centre is over the line.
+    arriving = way((2, 0), (3.5, 0.6), (4.5, 0.62), (5.5, 1.0))
+    events = found(arriving, dataclasses.replace(AHEAD, lane=1), speed=20.0)
+    assert said(events)[0] is Outcome.NO_ATTEMPT
+
+
+def test_a_tremor_while_the_ego_comes_from_the_left_is_no_attempt():
+    arriving = way((2, 1), (4.5, 0.4), (4.6, 0.43), (7, 0))
+    events = found(arriving, AHEAD, speed=20.0)
+    assert said(events)[0] is Outcome.NO_ATTEMPT
+
+
+def test_who_has_been_in_the_lane_and_goes_back_attempts_again():
+    events = found(way((2, 1), (5, 0), (6, 0), (9, 1)), dataclasses.replace(AHEAD, s=90.0))
+    assert events.attempt[0] == pytest.approx(120, abs=3)
+
+
+def test_touching_the_line_is_a_drift_and_being_over_it_an_attempt():
+    width = ROAD.lanes[0].width
+    body = {"width": 1.8}
+    for beyond, is_attempt in ((0.03, False), (0.08, True)):
+        reach = ((width - 1.8) / 2 + beyond) / width
+        ego = Track(speed=20.0, lane=way((3, 0), (10, reach), (17, 0)), body=body)
+        events = case(ego, AHEAD, frames=FRAMES, road=ROAD).events
+        assert bool(events.attempted[0]) == is_attempt
+
+
+def test_the_leader_of_the_lane_that_the_ego_came_from_is_not_overtaken():
+    # Nobody is ahead in lane 1, where it is for 2.6 s.
+    events = found(way((2, 2), (4, 1), (4.6, 1), (6.6, 2)), dataclasses.replace(AHEAD, lane=2))
+    assert said(events)[0] is Outcome.NO_ATTEMPT
 
 
 def test_giving_up_before_the_line_is_an_attempt():
@@ -210,8 +289,13 @@ def test_nothing_counts_after_a_collision():
 
 
 def test_leaving_the_road_ends_the_overtake():
-    events = found(way((3, 2), (8, 3.5)), dataclasses.replace(AHEAD, lane=2))
+    events = found(way((3, 1), (8, 3.5)), dataclasses.replace(AHEAD, lane=1))
     assert said(events) == (Outcome.NOT_COMPLETED, Detail.LEFT_ROAD)
+
+
+def test_leaving_the_road_from_the_fastest_lane_is_no_attempt():
+    events = found(way((3, 2), (8, 3.5)), dataclasses.replace(AHEAD, lane=2))
+    assert said(events) == (Outcome.NO_ATTEMPT, Detail.LEFT_ROAD)
 
 
 def test_following_begins_when_the_time_gap_falls_below_three_seconds():

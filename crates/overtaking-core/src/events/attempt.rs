@@ -1,7 +1,10 @@
-//! Attempts to overtake, from the movement to the left to the return or the end.
+//! Attempts to overtake, from the movement to the left to the return or the end; what is none is a drift.
 
 use super::movements::Movement;
 use super::scene::Scene;
+
+/// Drifts that are counted.
+const MOST: i32 = 255;
 
 /// One attempt; what did not happen is `None`.
 pub(super) struct Attempt {
@@ -17,31 +20,79 @@ pub(super) struct Attempt {
     pub(super) back: Option<usize>,
 }
 
-/// The last attempt of a simulation, and how many there were.
-pub(super) fn decisive(scene: &Scene<'_>) -> (Option<Attempt>, i32) {
-    let (mut last, mut count, mut after, mut next) = (None, 0, 0, 0);
-    while let Some(movement) = scene.movement_left(next) {
-        next = movement.end + 1;
-        if movement.begin < after || !is_attempt(scene, movement) {
-            continue;
-        }
-        let Some(target) = scene.lately_ahead(movement.begin) else {
-            continue;
-        };
-        let found = attempt(scene, target, movement.begin);
-        let back = found.back;
-        (last, count) = (Some(found), count + 1);
-        match back {
-            Some(frame) => after = frame,
-            None => break,
-        }
-    }
-    (last, count)
+/// The attempts and drifts of a simulation.
+pub(super) struct Lefts {
+    /// The last attempt.
+    pub(super) attempt: Option<Attempt>,
+    pub(super) num_attempts: i32,
+    /// Where the first drift begins.
+    pub(super) drift: Option<usize>,
+    pub(super) num_drifts: i32,
 }
 
-/// Whether a movement to the left was meant or crosses the line.
-fn is_attempt(scene: &Scene<'_>, one: Movement) -> bool {
-    (one.begin..=one.end).any(|frame| scene.treads(frame)) || scene.is_meant(one, 1.0)
+/// What the movements of a simulation to the left are.
+pub(super) fn lefts(scene: &Scene<'_>) -> Lefts {
+    let mut found = Lefts {
+        attempt: None,
+        num_attempts: 0,
+        drift: None,
+        num_drifts: 0,
+    };
+    let (mut after, mut next) = (0, 0);
+    while let Some(movement) = scene.movement_left(next) {
+        next = movement.end + 1;
+        if movement.begin < after {
+            continue;
+        }
+        let crosses = (movement.begin..=movement.end).any(|frame| scene.is_out(frame));
+        let comes_to = Outcome::of(scene, movement, crosses);
+        let target = scene.lately_ahead(movement.begin);
+        if let (Outcome::Leaves | Outcome::Returns, Some(target)) = (comes_to, target) {
+            let one = attempt(scene, target, movement.begin);
+            let back = one.back;
+            (found.attempt, found.num_attempts) = (Some(one), found.num_attempts + 1);
+            match back {
+                Some(frame) => after = frame,
+                None => break,
+            }
+        } else if comes_to != Outcome::Leaves && (crosses || scene.is_wide(movement, 1.0)) {
+            found.drift = found.drift.or(Some(movement.begin));
+            found.num_drifts = (found.num_drifts + 1).min(MOST);
+        }
+    }
+    found
+}
+
+/// What a movement to the left comes to.
+#[derive(Clone, Copy, PartialEq)]
+enum Outcome {
+    /// The ego leaves its lane for a driving lane.
+    Leaves,
+    /// It moves as only drivers move it, and comes back.
+    Returns,
+    Nothing,
+}
+
+impl Outcome {
+    fn of(scene: &Scene<'_>, one: Movement, crosses: bool) -> Self {
+        if !scene.has_left(one.begin) {
+            return Self::Nothing;
+        }
+        if crosses {
+            return Self::Leaves;
+        }
+        if !scene.is_fast(one) {
+            return Self::Nothing;
+        }
+        let until = (one.end + scene.limits.follow_up + 1).min(scene.driven);
+        let crossed = (one.begin..until).find(|&frame| scene.is_out(frame));
+        let undone = undone(scene, one.begin, until);
+        match (crossed, undone) {
+            (None, None) => Self::Nothing,
+            (Some(crossed), undone) if undone.is_none_or(|frame| crossed <= frame) => Self::Leaves,
+            _ => Self::Returns,
+        }
+    }
 }
 
 /// The phases of the attempt that begins at a frame.
@@ -49,7 +100,8 @@ fn attempt(scene: &Scene<'_>, target: u8, begun: usize) -> Attempt {
     let (lane, other) = (scene.lane[begun], scene.beside(target));
     let (left, right) = (scene.left_line(lane), scene.right_line(lane));
     let crossed = (begun..scene.driven).find(|&frame| scene.left_reach[frame] > left);
-    let undone = undone(scene, begun, crossed);
+    let undone = undone(scene, begun, scene.driven)
+        .filter(|&frame| crossed.is_none_or(|crossed| frame < crossed));
     let end = undone.unwrap_or(scene.driven);
     let from = |start: Option<usize>| start.unwrap_or(end)..end;
     let is_home =
@@ -83,15 +135,12 @@ fn earlier(one: Option<usize>, other: Option<usize>) -> Option<usize> {
     one.into_iter().chain(other).min()
 }
 
-/// Where a movement is undone that never came to the line.
-fn undone(scene: &Scene<'_>, begun: usize, crossed: Option<usize>) -> Option<usize> {
+/// Where a movement that began at a frame is undone, before another.
+fn undone(scene: &Scene<'_>, begun: usize, until: usize) -> Option<usize> {
     let limits = scene.limits;
     let shift = |frame: usize| scene.lateral[frame] - scene.lateral[begun];
-    let moved = (begun..scene.driven).find(|&frame| shift(frame) >= limits.least_shift)?;
-    let settled = (moved..scene.driven).find(|&frame| shift(frame) <= limits.settled_shift)?;
-    crossed
-        .is_none_or(|frame| settled < frame)
-        .then_some(settled)
+    let moved = (begun..until).find(|&frame| shift(frame) >= limits.least_shift)?;
+    (moved..until).find(|&frame| shift(frame) <= limits.settled_shift)
 }
 
 /// Where the movement back begins, after the ego was farthest to the left.
@@ -104,5 +153,5 @@ fn turning(scene: &Scene<'_>, begun: usize, end: Option<usize>) -> Option<usize>
         }
     }
     // A short way back can be too short to be a movement of its own.
-    scene.meant_right(farthest, until).or(end.map(|_| farthest))
+    scene.wide_right(farthest, until).or(end.map(|_| farthest))
 }

@@ -1,4 +1,4 @@
-//! Movements across the road: sustained, and far enough to be meant.
+//! Movements across the road: unbroken ones, how far they lead, and how fast.
 
 use super::scene::Scene;
 
@@ -16,12 +16,12 @@ impl Scene<'_> {
         self.movement(from, |frame| {
             let speed = self.lateral_speed[frame];
             // However slowly: who goes over the line leaves the lane.
-            speed > least || (speed > 0.0 && self.treads(frame))
+            speed > least || (speed > 0.0 && self.is_out(frame))
         })
     }
 
-    /// Where the first movement to the right begins that was meant, from a frame on and before another.
-    pub(super) fn meant_right(&self, from: usize, until: usize) -> Option<usize> {
+    /// Where the first wide movement to the right begins, from a frame on and before another.
+    pub(super) fn wide_right(&self, from: usize, until: usize) -> Option<usize> {
         let least = -self.limits.least_speed;
         let mut next = from;
         loop {
@@ -29,7 +29,7 @@ impl Scene<'_> {
             if one.begin >= until {
                 return None;
             }
-            if self.is_meant(one, -1.0) {
+            if self.is_wide(one, -1.0) {
                 return Some(one.begin);
             }
             next = one.end + 1;
@@ -47,8 +47,16 @@ impl Scene<'_> {
         })
     }
 
-    /// Whether a movement is long and wide enough to be a change of lane or its beginning.
-    pub(super) fn is_meant(&self, one: Movement, sign: f32) -> bool {
+    /// Whether a movement to the left advances by more than gusts and wandering do in as many frames.
+    pub(super) fn is_fast(&self, one: Movement) -> bool {
+        (one.begin..=one.end).any(|frame| {
+            let later = (frame + self.limits.advance).min(one.end);
+            self.lateral[later] - self.lateral[frame] >= self.least_advance
+        })
+    }
+
+    /// Whether a movement lasts and leads far enough to be noticed.
+    pub(super) fn is_wide(&self, one: Movement, sign: f32) -> bool {
         one.end - one.begin + 1 >= self.limits.least_frames
             && sign * (self.lateral[one.end] - self.median_before(one.begin))
                 >= self.limits.least_shift

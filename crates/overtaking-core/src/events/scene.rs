@@ -27,6 +27,8 @@ pub struct Watched<'a> {
     pub valid: &'a [bool],
     /// Length, (simulation, slot) [m].
     pub length: &'a [f32],
+    /// Advance that is more than gusts and wandering, of each ego [m].
+    pub least_advance: &'a [f32],
     /// Lane of the ego.
     pub lane: &'a [u8],
     /// Its position across the road, to the left [m].
@@ -57,6 +59,14 @@ pub struct Limits {
     pub least_shift: f32,
     /// Way within which a movement counts as undone [m].
     pub settled_shift: f32,
+    /// Lanes, from the slowest on, that have a driving lane to their left.
+    pub lanes_with_left: usize,
+    /// How far over the line a corner is before it counts as over it [m].
+    pub over_line: f32,
+    /// Frames in which a fast movement makes its advance.
+    pub advance: usize,
+    /// Frames after a fast movement in which it leads out of the lane or is undone.
+    pub follow_up: usize,
     /// Time gap that is close [s].
     pub follow_time_gap: f32,
 }
@@ -76,6 +86,7 @@ pub(super) struct Scene<'a> {
     pub(super) lateral_speed: &'a [f32],
     pub(super) right_reach: &'a [f32],
     pub(super) left_reach: &'a [f32],
+    pub(super) least_advance: f32,
     speed: &'a [f32],
     leader: &'a [u8],
     s: &'a [&'a [i32]],
@@ -113,6 +124,7 @@ impl<'a> Scene<'a> {
             lateral_speed: &watched.lateral_speed[own.clone()],
             right_reach: &watched.right_reach[own.clone()],
             left_reach: &watched.left_reach[own.clone()],
+            least_advance: watched.least_advance[simulation],
             speed: &watched.speed[own],
             leader: &watched.vehicle[leaders],
             s: &watched.s[slots.clone()],
@@ -134,9 +146,34 @@ impl<'a> Scene<'a> {
         borders[usize::from(lane).min(borders.len() - 1)]
     }
 
-    /// Whether a corner of the ego is over the left line of its lane.
-    pub(super) fn treads(&self, frame: usize) -> bool {
-        self.left_reach[frame] > self.left_line(self.lane[frame])
+    /// Whether there is a driving lane to the left of the ego's lane.
+    pub(super) fn has_left(&self, frame: usize) -> bool {
+        usize::from(self.lane[frame]) < self.limits.lanes_with_left
+    }
+
+    /// Whether a corner of the ego is over the left line of a lane in which the whole left side has been.
+    pub(super) fn is_out(&self, frame: usize) -> bool {
+        self.is_over(frame) && self.has_been_inside(frame)
+    }
+
+    fn is_over(&self, frame: usize) -> bool {
+        self.left_reach[frame] > self.left_line(self.lane[frame]) + self.limits.over_line
+    }
+
+    /// Whether the whole left side was in the lane for long enough since the centre came, or at first; a recording may
+    /// also begin while the ego leaves its lane.
+    fn has_been_inside(&self, frame: usize) -> bool {
+        let mut inside = 0;
+        for earlier in (0..frame).rev() {
+            if self.lane[earlier] != self.lane[frame] {
+                return false;
+            }
+            inside = if self.is_over(earlier) { 0 } else { inside + 1 };
+            if inside >= self.limits.least_frames {
+                return true;
+            }
+        }
+        inside > 0 || self.lateral_speed[0] > self.limits.least_speed
     }
 
     fn leader(&self, frame: usize) -> Option<u8> {
@@ -144,10 +181,18 @@ impl<'a> Scene<'a> {
         (frame < self.recorded && leader != NO_VEHICLE).then_some(leader)
     }
 
-    /// The leader, or who was it until a moment ago.
+    /// The leader, or who was it until a moment ago and is still recorded.
     pub(super) fn lately_ahead(&self, frame: usize) -> Option<u8> {
         let earliest = frame.saturating_sub(self.limits.window);
-        (earliest..=frame).rev().find_map(|each| self.leader(each))
+        (earliest..=frame)
+            .rev()
+            .take_while(|&each| self.lane[each] == self.lane[frame])
+            .find_map(|each| self.leader(each))
+            .filter(|&slot| self.is_present(usize::from(slot), frame))
+    }
+
+    fn is_present(&self, slot: usize, frame: usize) -> bool {
+        self.present.is_none_or(|rows| rows[slot][frame])
     }
 
     /// The leader that the ego is close behind.
@@ -198,8 +243,7 @@ impl<'a> Scene<'a> {
     /// Vehicles ahead of the ego at one frame and behind it at another.
     pub(super) fn num_passed(&self, begin: usize, end: usize) -> i32 {
         let there = |slot: usize, frame: usize| {
-            let present = self.present.is_none_or(|rows| rows[slot][frame]);
-            self.valid[slot] && frame < self.recorded && present
+            self.valid[slot] && frame < self.recorded && self.is_present(slot, frame)
         };
         let lead = |slot: usize, frame: usize| self.s[0][frame].wrapping_sub(self.s[slot][frame]);
         let passed = |slot: &usize| {

@@ -74,12 +74,12 @@ pub fn target(
         let vehicle = targets.vehicle[simulation];
         let slot = targets.slot(recording, simulation);
         let recorded = recording.recorded(simulation, frames);
-        lateral_speed(
-            recording.d[slot],
-            recorded,
-            bodies,
-            &mut out.lateral_speed[..rest],
-        );
+        let speed = &mut out.lateral_speed[..rest];
+        if recording.present.is_some() {
+            lateral_speed_between_gaps(recording, slot, recorded, bodies, speed);
+        } else {
+            lateral_speed(recording.d[slot], recorded, bodies, speed);
+        }
         dispatch!(level, |simd| in_chunks!(
             Frames::new(simd, recording, bodies, simulation, frames),
             0..rest,
@@ -95,6 +95,26 @@ pub fn target(
         }
     });
     Ok(())
+}
+
+/// Speed to the left of a vehicle that is not in all frames: a central difference, one-sided beside a gap.
+fn lateral_speed_between_gaps(
+    recording: &Recording<'_>,
+    slot: usize,
+    recorded: usize,
+    bodies: &Bodies<'_>,
+    out: &mut [f32],
+) {
+    let (d, half) = (recording.d[slot], bodies.half_window);
+    let there = |frame: &usize| *frame < recorded && recording.is_present(slot, *frame);
+    for (frame, speed) in out.iter_mut().enumerate() {
+        let later = frame + (frame + 1..=frame + half).take_while(there).count();
+        let before = (frame.saturating_sub(half)..frame).rev();
+        let earlier = frame - before.take_while(there).count();
+        let moved = d[later].wrapping_sub(d[earlier]) as f32;
+        let elapsed = ((later - earlier) as i32 * bodies.interval_ms).max(1) as f32;
+        *speed = bodies.side * (moved / elapsed);
+    }
 }
 
 /// Where what is asked of targets in some frames goes: a number for each of these frames, one simulation after
