@@ -1,7 +1,6 @@
 """What the public functions are given by name: profiles, simulators, roads."""
 
 import importlib
-import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,8 +21,8 @@ Profile = str | Path | Mapping[str, Any] | Spec
 Seed = Annotated[int, Range(0, 2**64 - 1)]
 """Key of all random numbers."""
 
-Count = Annotated[int, Range(1, math.inf)]
-"""A number of things, at least one of them."""
+Count = Annotated[int, Range(1, 1_000_000)]
+"""A number of simulations that are not written down."""
 
 SIMULATORS = ("engine", "reference", "sumo", "carla", "carla-traffic-manager")
 """What can simulate: the compiled engine, its readable twin with the same results, SUMO, and CARLA

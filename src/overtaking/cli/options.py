@@ -95,6 +95,10 @@ Keep = Annotated[
 Resume = Annotated[
     bool, typer.Option("--resume", help="Complete an interrupted data set; --out is enough.")
 ]
+Yes = Annotated[
+    bool,
+    typer.Option("--yes", help="Make more than 10 GB or 1000000 simulations without a question."),
+]
 Threads = Annotated[
     int | None,
     typer.Option(
