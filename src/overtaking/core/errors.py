@@ -15,8 +15,10 @@ MAX_SHOWN_CHARACTERS = 160
 
 
 def _one_line(part: object) -> str:
-    """A part of a message as text without line breaks, shortened when it is very long."""
+    """A part of a message as printable text on one line, shortened when it is very long."""
     text = " ".join((part if isinstance(part, str) else repr(part)).split())
+    if not text.isprintable():  # A terminal must not take it for a command.
+        text = "".join(one if one.isprintable() else ascii(one)[1:-1] for one in text)
     if len(text) <= MAX_SHOWN_CHARACTERS:
         return text
     return text[: MAX_SHOWN_CHARACTERS - 3] + "..."

@@ -57,7 +57,7 @@ def _table(source: str | Path | Mapping[str, Any] | Spec) -> tuple[str, dict[str
         return "specification", dict(source)
     if source in profile_names():
         path = _profile(str(source))
-    elif isinstance(source, Path) or source.endswith(".toml") or Path(source).exists():
+    elif isinstance(source, Path) or source.endswith(".toml") or is_there(source):
         path = Path(source)
     else:
         raise ConfigError.of(
@@ -68,6 +68,14 @@ def _table(source: str | Path | Mapping[str, Any] | Spec) -> tuple[str, dict[str
             next_step=advice(source, profile_names()),
         )
     return path.name, _complete(_read(path), path.name)
+
+
+def is_there(name: str) -> bool:
+    """Whether a text is the path of a file or folder; one that is too long for a path is none."""
+    try:
+        return Path(name).exists()
+    except OSError:
+        return False
 
 
 def _profile(name: str) -> Path:
