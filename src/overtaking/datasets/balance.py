@@ -1,13 +1,15 @@
 """What it is to balance a data set: its cells, their quotas, and the weights that undo it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import Mask
 from overtaking.core.errors import ConfigError
+from overtaking.model.checks import check
 from overtaking.model.labels import OvertakeClass
+from overtaking.model.values import within
 from overtaking.rules import policy as known_policy
 
 I64 = NDArray[np.int64]
@@ -56,18 +58,16 @@ class Balance:
 
     by: tuple[str, ...] = ("class",)
     policy: str = "paper"
-    candidates: int | None = None
+    candidates: int | None = field(default=None, metadata=within(1, MAX_CANDIDATES))
     allows_missing: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what cannot be carried out, before anything is made."""
+        check(self, "balance")
         known_policy(self.policy)
         if self.by not in BY:
             choices = " or ".join(",".join(names) for names in BY)
             raise _error("cells", choices, ",".join(self.by), "choose one of these")
-        if self.candidates is not None and not 1 <= self.candidates <= MAX_CANDIDATES:
-            expected = f"1 to {MAX_CANDIDATES}"
-            raise _error("candidates", expected, self.candidates, "choose a number in that range")
 
     def __str__(self) -> str:
         """What is asked for, in a few words."""

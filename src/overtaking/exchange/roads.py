@@ -7,6 +7,7 @@ from overtaking.exchange.opendrive import Side, read_opendrive
 from overtaking.knowledge.roads import ROAD_NAMES
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import Road
+from overtaking.scenarios.reading import is_there
 
 
 def load_road(
@@ -29,7 +30,7 @@ def load_road(
         ImportFormatError: The file or its road cannot be used; the message says why.
     """
     if name_or_path not in ROAD_NAMES:
-        if not Path(name_or_path).suffix and not Path(name_or_path).exists():
+        if not Path(name_or_path).suffix and not is_there(str(name_or_path)):
             raise _unknown(str(name_or_path))
         return read_opendrive(name_or_path, road_id, lanes=lanes, speed_limit=speed_limit)
     if not (road_id is None and lanes is None and speed_limit is None):

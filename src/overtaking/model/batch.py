@@ -35,7 +35,7 @@ class Batch(Summarized):
     """Base of the frozen dataclasses whose array fields all lead with the `simulation` axis.
 
     A field may also be another batch, or a tuple of them. What comes from outside is checked by
-    `model.checks`, with `AXES`, `sizes`, `meant` and `rules`.
+    `model.checks`, with `AXES`, `sizes` and `rules`.
     """
 
     __slots__ = ()
@@ -52,10 +52,6 @@ class Batch(Summarized):
     def sizes(self) -> Mapping[str, int]:
         """Lengths of axes that no array of the batch has."""
         return {}
-
-    def meant(self, axes: tuple[str | int, ...]) -> NDArray[np.bool_] | None:  # noqa: ARG002
-        """Where values along some axes mean something; None if the batch does not say."""
-        return None
 
     def rules(self) -> Iterable[Rule]:
         """What its fields must fulfil together."""

@@ -34,7 +34,7 @@ def check(one: Any, where: str, name: str = "") -> None:
     """
     door = _Door(where)
     door.check_types(one, name)
-    door.check_values(one, name, ())
+    door.check_values(one, name)
 
 
 def checked(function: Callable[P, T]) -> Callable[P, T]:
@@ -152,15 +152,15 @@ class _Door:
         if isinstance(one, Batch):
             self._sizes |= {axis: (size, "road") for axis, size in one.sizes().items()}
 
-    def check_values(self, one: Any, name: str, around: tuple[Batch, ...]) -> None:
+    def check_values(self, one: Any, name: str) -> None:
         """Refuse arrays with a value out of range, and batches that break a rule of their own."""
         if not isinstance(one, Batch):
             return
         for field, value, path in _fields(one, name):
             if isinstance(value, Batch):
-                self.check_values(value, path, (*around, one))
+                self.check_values(value, path)
             elif isinstance(value, np.ndarray) and field.range is not None:
-                self._check_range(value, field, path, (*around, one))
+                self._check_range(value, field, field.range, path)
         axes = {field.name: field.axes for field in _declared(type(one))}
         for rule in one.rules():
             if np.any(rule.broken):
@@ -200,20 +200,12 @@ class _Door:
                 self._refuse(name, f"length {length} along {axis}{end}", size)
 
     def _check_range(
-        self, array: NDArray[Any], field: _Declared, name: str, around: tuple[Batch, ...]
+        self, array: NDArray[Any], field: _Declared, allowed: Range, name: str
     ) -> None:
-        assert field.range is not None
-        high = self._high(field.range)
-        if field.range.holds_all(array, high):
-            return
-        wrong = field.range.outside(array, high)
-        meant = [mask for one in around if (mask := one.meant(field.axes)) is not None]
-        if meant:  # What means nothing must be finite all the same.
-            wrong &= meant[-1] | ~np.isfinite(array)
-        if wrong.any():
-            place = _first(wrong)
-            got = _at(place, array[place], field.axes)
-            self._refuse(name, field.range.described(high), got)
+        high = self._high(allowed)
+        if not allowed.holds_all(array, high):
+            place = _first(allowed.outside(array, high))
+            self._refuse(name, allowed.described(high), _at(place, array[place], field.axes))
 
     def _high(self, allowed: Range) -> float:
         return self._sizes[allowed.high][0] - 1 if isinstance(allowed.high, str) else allowed.high

@@ -6,6 +6,9 @@ from overtaking.core.elementary import F32, Mask
 from overtaking.model.batch import Batch
 from overtaking.model.values import within
 
+_NEVER = 1e9
+"""Largest threshold, of a driver who never does what it is about."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drivers(Batch):
@@ -48,13 +51,13 @@ class Drivers(Batch):
     reaction_time: F32 = field(metadata=within(0.0, 10.0, "s"))
     caution: F32 = field(metadata=within(0.0, 1.0))
     politeness: F32 = field(metadata=within(0.0, 10.0))
-    lane_change_threshold: F32 = field(metadata=within(0.0, 10.0, "m/s^2"))
+    lane_change_threshold: F32 = field(metadata=within(0.0, _NEVER, "m/s^2"))
     right_bias: F32 = field(metadata=within(0.0, 10.0, "m/s^2"))
     safe_decel: F32 = field(metadata=within(0.01, 30.0, "m/s^2"))
     lane_change_duration: F32 = field(metadata=within(0.1, 100.0, "s"))
-    passing_gain: F32 = field(metadata=within(0.0, 100.0, "m/s"))
-    patience: F32 = field(metadata=within(0.01, 1e6, "s"))
-    pull_out_time: F32 = field(metadata=within(0.0, 1e6, "s"))
+    passing_gain: F32 = field(metadata=within(0.0, _NEVER, "m/s"))
+    patience: F32 = field(metadata=within(0.01, _NEVER, "s"))
+    pull_out_time: F32 = field(metadata=within(0.0, _NEVER, "s"))
     gap_acceptance: F32 = field(metadata=within(0.0, 100.0))
     return_time_gap: F32 = field(metadata=within(0.0, 60.0, "s"))
     signal_time: F32 = field(metadata=within(0.0, 60.0, "s"))

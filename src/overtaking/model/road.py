@@ -96,6 +96,9 @@ class Lane:
         direction: +1 if its traffic runs along the road's `s`, -1 if it comes the other way.
         right_mark: Line on its right, seen in the road's direction of travel.
         left_mark: Line on its left, seen in the road's direction of travel.
+
+    Raises:
+        ConfigError: A value is of another type or out of range.
     """
 
     lane_id: int
@@ -104,6 +107,10 @@ class Lane:
     direction: int = field(default=1, metadata=within(-1, 1))
     right_mark: RoadMark
     left_mark: RoadMark
+
+    def __post_init__(self) -> None:
+        """Refuse what no lane is."""
+        check(self, f"lane {self.lane_id}")
 
     def mirrored(self) -> Self:
         """The lane in a world where left and right are swapped."""
@@ -149,11 +156,7 @@ class Road:
 
     def __post_init__(self) -> None:
         """Refuse what the model is not made for."""
-        where = f"road {self.name}"
-        check(self, where)
-        for lane in (*self.lanes, self.slow_side_neighbour, self.fast_side_neighbour):
-            if lane is not None:
-                check(lane, where, f"lane {lane.lane_id}")
+        check(self, f"road {self.name}")
         self._check_lanes()
 
     @property

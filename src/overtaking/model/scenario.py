@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.elementary import F32
 from overtaking.model.batch import Batch, Rule
 from overtaking.model.drivers import Drivers
 from overtaking.model.road import MAX_LENGTH, Road
@@ -95,10 +95,6 @@ class Scenario(Batch):
     def sizes(self) -> Mapping[str, int]:
         """Lanes of the road; a place may also be beyond the fastest one."""
         return {"lane": self.road.num_lanes, "lane or beyond": self.road.num_lanes + 1}
-
-    def meant(self, axes: tuple[str | int, ...]) -> Mask | None:
-        """Where there is a vehicle."""
-        return self.vehicles.meant(axes)
 
     def rules(self) -> Iterable[Rule]:
         """Vehicles start before the end of the road."""

@@ -173,10 +173,6 @@ class Percepts(Batch):
     true_gap: I32
     true_closing_speed: I32
 
-    def meant(self, axes: tuple[str | int, ...]) -> NDArray[np.bool_] | None:
-        """Where there is a decision."""
-        return self.valid if axes == self.AXES[:2] else self.valid[:, :, None]
-
     @classmethod
     def nothing(cls, num_simulations: int, num_rows: int) -> "Percepts":
         """Rows for decisions of which nothing is written down yet, nor need ever be."""
@@ -231,11 +227,6 @@ class Trajectories(Batch):
         """That of the scenario, and the frames."""
         frames = {"frames": self.stage.shape[1], "ms": self.scenario.frame_interval_ms}
         return {**self.scenario.summary(), **frames}
-
-    def meant(self, axes: tuple[str | int, ...]) -> NDArray[np.bool_] | None:
-        """Where something was recorded."""
-        known = {States.AXES: self.state_valid, ("simulation", "time"): self.frame_valid}
-        return known.get(axes) if "time" in axes else self.scenario.meant(axes)
 
     def rules(self) -> Iterable[Rule]:
         """One frame or more of each simulation, and names of what is not known."""

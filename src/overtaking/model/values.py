@@ -116,9 +116,9 @@ def taken(value: Any, hint: Any) -> Any:
         return value
     if isinstance(value, str) or not isinstance(value, origin):
         return REFUSED
-    if not inner or issubclass(origin, Mapping):
-        return value
-    return _elements(value, inner)
+    if inner and issubclass(origin, Mapping):
+        return value if all(taken(key, inner[0]) is not REFUSED for key in value) else REFUSED
+    return _elements(value, inner) if inner else value
 
 
 def _is_plain(value: Any, hint: Any) -> bool:
@@ -153,7 +153,9 @@ def expected(hint: Any) -> str:
         return _PLAIN[hint][1]
     if origin is Callable:
         return "a function"
-    if issubclass(origin, Iterable) and inner and not issubclass(origin, Mapping):
+    if inner and issubclass(origin, Mapping):
+        return f"a {origin.__name__} whose keys are each {expected(inner[0])}"
+    if inner and issubclass(origin, Iterable):
         return f"several values, each of them {expected(inner[0])}"
     return f"a {origin.__name__}"
 

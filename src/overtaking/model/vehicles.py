@@ -48,7 +48,8 @@ class VehicleSpecs(Batch):
     """Bodies of all vehicles; every array has shape (simulation, vehicle).
 
     Attributes:
-        valid: Whether the slot holds a vehicle; elsewhere the values are finite and mean nothing.
+        valid: Whether the slot holds a vehicle; the values of an empty one are in their ranges, and
+            mean nothing.
         kind: `VehicleKind`.
         colour: `Colour`.
         length: Bumper to bumper [m].
@@ -113,10 +114,6 @@ class VehicleSpecs(Batch):
     two_wheeler: Mask
     unlawful_presence: Mask
 
-    def meant(self, axes: tuple[str | int, ...]) -> Mask | None:
-        """Where there is a vehicle."""
-        return self.valid if axes == self.AXES else None
-
     def rules(self) -> Iterable[Rule]:
         """An ego in slot 0 and no empty slot before a filled one; centres between the axles."""
         filled = self.valid
@@ -125,5 +122,5 @@ class VehicleSpecs(Batch):
         after_hole[:, 1:] = filled[:, 1:] & ~filled[:, :-1]
         expected = "True for the ego in slot 0, and no True after a False"
         yield Rule("valid", expected, after_hole | (is_ego & ~filled), filled)
-        beyond = filled & (self.cg_to_front > self.wheelbase)
-        yield Rule("cg_to_front", "at most the wheelbase", beyond, self.cg_to_front)
+        beyond = self.cg_to_front >= self.wheelbase
+        yield Rule("cg_to_front", "less than the wheelbase", beyond, self.cg_to_front)

@@ -62,7 +62,7 @@ def _table(source: str | Path | Mapping[str, Any] | Spec) -> tuple[str, dict[str
         return "specification", dict(source)
     if source in profile_names():
         path = _profile(str(source))
-    elif isinstance(source, Path) or source.endswith(".toml") or _is_there(source):
+    elif isinstance(source, Path) or source.endswith(".toml") or is_there(source):
         path = Path(source)
     else:
         raise ConfigError.of(
@@ -75,11 +75,11 @@ def _table(source: str | Path | Mapping[str, Any] | Spec) -> tuple[str, dict[str
     return path.name, _complete(_read(path), path.name)
 
 
-def _is_there(path: str) -> bool:
-    """Whether a path is that of something."""
+def is_there(name: str) -> bool:
+    """Whether a text is the path of a file or folder; one that is too long for a path is none."""
     try:
-        return Path(path).exists()
-    except OSError:  # No file can have such a name.
+        return Path(name).exists()
+    except OSError:
         return False
 
 

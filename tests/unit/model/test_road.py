@@ -3,6 +3,7 @@
 import cmath
 import dataclasses
 import math
+import re
 
 import mpmath
 import numpy as np
@@ -198,7 +199,6 @@ def with_lane(**changes) -> tuple[Lane, ...]:
         ({"lanes": straight().lanes * 3}, "driving lanes: expected 1 to 8, got 9"),
         ({"lanes": with_lane(lane_id=-3)}, "lane ids"),
         ({"lanes": with_lane(width=1.9)}, "width of lane -1: expected 2 to 6 m, got 1.9 m"),
-        ({"lanes": with_lane(width=math.nan)}, "lane -1.width: expected more than 0"),
         ({"lanes": with_lane(kind="shoulder")}, "lane -1"),
         ({"lanes": with_lane(direction=-1)}, "lane -1"),
         ({"lanes": with_lane(right_mark=RoadMark.SOLID)}, "line between lanes -2 and -1"),
@@ -214,10 +214,6 @@ def with_lane(**changes) -> tuple[Lane, ...]:
         ({"speed_limit": math.nan}, "speed_limit"),
         ({"length": "long"}, "length: expected a number, got 'long'"),
         ({"lanes": 3}, "lanes: expected several values, each of them a Lane, got 3"),
-        (
-            {"fast_side_neighbour": dataclasses.replace(straight().lanes[0], width=0.0)},
-            "lane -3.width: expected more than 0 and at most 100 m, got 0",
-        ),
     ],
 )
 def test_a_road_that_the_model_is_not_made_for_is_refused(changes, reason: str):
@@ -226,6 +222,21 @@ def test_a_road_that_the_model_is_not_made_for_is_refused(changes, reason: str):
     assert str(caught.value).startswith("road test: ")
     assert reason in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"width": math.nan}, "lane -1: width: expected more than 0 and at most 100 m, got nan"),
+        ({"width": 0.0}, "lane -1: width: expected more than 0 and at most 100 m, got 0"),
+        ({"width": "wide"}, "lane -1: width: expected a number, got 'wide'"),
+        ({"direction": 2}, "lane -1: direction: expected -1 to 1, got 2"),
+        ({"left_mark": "Solid"}, "lane -1: left_mark: expected a RoadMark, got 'Solid'"),
+    ],
+)
+def test_what_is_no_lane_is_refused(changes, reason: str):
+    with pytest.raises(ConfigError, match=re.escape(reason)):
+        with_lane(**changes)
 
 
 @pytest.mark.parametrize("name", ROAD_NAMES)
