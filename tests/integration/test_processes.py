@@ -59,7 +59,7 @@ def generate(out: str | Path, **changes) -> api.Dataset:
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return contents(
         generate(tmp_path_factory.mktemp("undisturbed") / "data", engine="threads").path
     )
