@@ -11,7 +11,7 @@ from overtaking.physics.constants import known
 from overtaking.rules.frames import instant
 from overtaking.rules.others import Others, others_at, out_indicator
 from overtaking.rules.rule import Check, Grade, Rule
-from overtaking.signals.steady import steady_speed_at
+from overtaking.rules.steady import steady_speed_at
 
 T = TypeVar("T", bound=np.generic)
 I32 = NDArray[np.int32]

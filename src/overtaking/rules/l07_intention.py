@@ -10,7 +10,7 @@ from overtaking.physics.constants import known
 from overtaking.rules.frames import instant
 from overtaking.rules.others import out_indicator
 from overtaking.rules.rule import Check, Grade, Rule
-from overtaking.signals.steady import steady_speed_at
+from overtaking.rules.steady import steady_speed_at
 
 
 def check(case: Case) -> Check:

@@ -13,8 +13,8 @@ from overtaking.exchange.recording import NEVER_RECORDED
 from overtaking.model.labels import Verdict
 from overtaking.rules import PORTUGAL
 from overtaking.rules.rule import judge
+from overtaking.rules.steady import steady_speed_at
 from overtaking.signals.reference import lateral_speed_at
-from overtaking.signals.steady import steady_speed_at
 from overtaking.signals.target import signals_of
 
 ATTEMPT = 60
