@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 F64 = NDArray[np.float64]
 
-MAX_ROADS = 16
+MAX_ROADS = 48
 """Roads that are tried, the busiest lanelets first."""
 
 SINGLE_LANE = 0.1
 """Weight of traffic on a road with one lane, on which nobody overtakes."""
 
-_MAX_NAMED = 5  # Other roads that are named.
+_MAX_NAMED = 3  # Other roads that are named.
 _MAX_SAMPLE = 2_000  # Points that decide how busy lanelets are.
 
 
@@ -108,13 +108,16 @@ def _options(network: Network, x: F64, y: F64) -> tuple[list[_Option], list[Impo
     options: list[_Option] = []
     refused: list[ImportFormatError] = []
     seen: set[int] = set()
+    tries = 0
     for number in sorted(share, key=lambda number: (-share[number], number)):
-        if number in seen or len(options) + len(refused) == MAX_ROADS:
+        if number in seen or tries == MAX_ROADS:
             continue
+        tries += 1
         try:
             road = network.stretch(network.lanelets[number], is_part=False)
         except ImportFormatError as error:
             refused.append(error)
+            seen |= {other.number for other in network.rows[number]}
             continue
         own = {one: share[one] for one in road.lanelets - seen if one in share}
         if own:

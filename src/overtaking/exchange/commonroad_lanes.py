@@ -54,7 +54,7 @@ _KINDS = {
 _ROAD_KINDS = (DRIVING, "entry", "exit")  # What a road can be made of, each kind by itself.
 _DRIVERS = frozenset({"vehicle", "car"})  # Users without whom a lanelet is no driving lane.
 
-_MAX_CHAIN = 100  # Slices on either side of one that are looked at.
+_MAX_CHAIN = 40  # Slices on either side of one that are looked at.
 _MAX_GAP = 0.5  # How far the ends of lanelets that follow each other may lie apart [m].
 
 

@@ -212,15 +212,17 @@ class _Builder:
         if not text or current is None or len(self._open) == 1:
             return
         size = len(current.text) + len(text)
-        self._check_size(
-            f"text of <{shown(current.name)}>", size, self._limits.characters, "characters"
-        )
+        what = f"text of <{current.name}>"
+        self._check_size(what, size, self._limits.characters, "characters")
         current.text += text
 
     def _check_size(self, what: str, size: int, most: int, unit: str) -> None:
         if size > most:
             raise self._error(
-                f"{what} is too large", f"at most {most} {unit}", "more", "use a smaller file"
+                f"{shown(what)} is too large",
+                f"at most {most} {unit}",
+                "more",
+                "use a smaller file",
             )
 
     def _error(self, what: str, expected: str, got: str, next_step: str) -> ImportFormatError:
