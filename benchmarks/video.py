@@ -27,7 +27,7 @@ from overtaking.video.film import Film
 from overtaking.video.scene import RATE
 
 FILMS, REPEATS, FRAMES = 24, 3, 200
-TARGET = 10.0
+TARGET = 2.0
 
 
 def shortest(action: Callable[[], object], clock: Callable[[], float] = time.process_time) -> float:

@@ -18,7 +18,7 @@ def _one_line(part: object) -> str:
     """A part of a message on one line, without what a terminal would obey, and not too long."""
     text = " ".join((part if isinstance(part, str) else repr(part)).split())
     text = text[: MAX_SHOWN_CHARACTERS + 1]
-    text = "".join(one if one.isprintable() else ascii(one)[1:-1] for one in text)
+    text = "".join(one if one.isprintable() else "�" for one in text)
     if len(text) <= MAX_SHOWN_CHARACTERS:
         return text
     return text[: MAX_SHOWN_CHARACTERS - 3] + "..."

@@ -42,13 +42,13 @@ class Place(NamedTuple):
     """Where a vehicle is in a frame.
 
     Attributes:
-        index: Which vehicle of the scene.
+        vehicle: Which vehicle of the scene.
         x: Column of its middle [px].
         y: Row of its middle [px].
         angle: Anticlockwise [rad].
     """
 
-    index: int
+    vehicle: int
     x: float
     y: float
     angle: float
@@ -88,7 +88,7 @@ class Traffic:
         seen = np.flatnonzero(self.seen[:, frame])
         columns = (seen, *(one[seen, frame] for one in (self.x, self.y, self._scene.angle)))
         places = [Place(*one) for one in zip(*(each.tolist() for each in columns), strict=True)]
-        return sorted(places, key=lambda one: -self._rank(one.index))
+        return sorted(places, key=lambda one: -self._rank(one.vehicle))
 
     def draw_bodies(self, canvas: Canvas, places: list[Place]) -> None:
         """Draw bodies with their shadows and the spray behind them."""
@@ -153,7 +153,7 @@ class Traffic:
 
     def _name(self, place: Place, frame: int) -> Picture:
         """What is written beside a vehicle."""
-        scene, index, rank = self._scene, place.index, self._rank(place.index)
+        scene, index, rank = self._scene, place.vehicle, self._rank(place.vehicle)
         name = ("EGO", "TARGET", str(scene.slots[index]))[rank]
         if 0.0 <= place.x < WIDTH:
             speed = kmh_from_mps(float(scene.speed[index, frame]))

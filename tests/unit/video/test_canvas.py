@@ -101,7 +101,7 @@ def test_a_shadow_is_the_hull_of_the_body_and_of_where_its_roof_falls(shade):
 def test_a_drawing_lies_where_it_belongs_however_it_is_turned(angle, place):
     drawing = Drawing()
     drawing.rect((-1.0, 3.0), (-0.9, 0.3), WHITE)
-    shown = drawn(lambda canvas: canvas.draw(drawing, *place, angle, SCALE)) / 255.0
+    shown = drawn(lambda canvas: canvas.draw(drawing, place[0], place[1], angle, SCALE)) / 255.0
     assert shown.sum() == pytest.approx(4.8 * SCALE**2, rel=0.02)
     rows, columns = (np.arange(size) + 0.5 for size in shown.shape)
     centre = (shown.sum(axis=0) @ columns / shown.sum(), shown.sum(axis=1) @ rows / shown.sum())
@@ -126,7 +126,7 @@ def test_a_glow_fades_to_nothing_at_its_reach():
 def test_a_mask_that_reaches_beyond_the_picture_is_cut_off(place):
     drawing = Drawing()
     drawing.mask(np.full((8, 14), 255, np.uint8), (0, 0), WHITE)
-    shown = drawn(lambda canvas: canvas.draw(drawing, *place))
+    shown = drawn(lambda canvas: canvas.draw(drawing, place[0], place[1]))
     inside = box(0, 0, WIDTH, HEIGHT).intersection(box(*place, place[0] + 14, place[1] + 8))
     assert shown.sum() / 255.0 == inside.area
 
