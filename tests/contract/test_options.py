@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.contract.test_docs import faults
 
 from overtaking.cli import main
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
-sys.path.insert(0, str(DOCS))
-
-from generators.commands import commands, example, meaning, options  # noqa: E402
-from tests.contract.test_docs import faults  # noqa: E402
-
-COMMANDS = dict(commands())
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "docs"))
+PAGE: Any = importlib.import_module("generators.commands")
+COMMANDS = dict(PAGE.commands())
 
 
 def test_an_option_means_the_same_in_every_command():
     meanings: dict[str, set[str]] = {}
     for command in COMMANDS.values():
-        for option, text in options(command).items():
+        for option, text in PAGE.options(command).items():
             for word in option.split(", "):
-                meanings.setdefault(word, set()).add(f"{option}: {meaning(text)}")
+                meanings.setdefault(word, set()).add(f"{option}: {PAGE.meaning(text)}")
     assert {word: of for word, of in meanings.items() if len(of) > 1} == {}
 
 
@@ -32,8 +30,8 @@ def test_an_option_means_the_same_in_every_command():
 def test_every_command_has_a_summary_and_an_example_that_can_be_typed(command: Any):
     assert command.help[0].isupper()
     assert command.help.partition("\n")[0].endswith(".")
-    assert faults(example(command)) == []
-    assert all(text and text[-1] in ".]" for text in options(command).values())
+    assert faults(PAGE.example(command)) == []
+    assert all(text and text[-1] in ".]" for text in PAGE.options(command).values())
 
 
 @pytest.mark.parametrize("group", ["", "carla", "learn", "literature", "sumo"])

@@ -13,6 +13,7 @@ from overtaking.plots.style import (
     CLASS_MARKERS,
     INK,
     QUIET,
+    is_narrow,
     lightened,
     new_figure,
     say_nothing_to_draw,
@@ -60,8 +61,9 @@ def draw_boxes_and_swarm(
         boxes: `stats.distributions.boxes_by_class` of it.
         points: `stats.distributions.swarm_points` of it.
     """
-    figure = new_figure(3.3)
-    left, right = figure.subplots(1, 2, sharey=True)
+    figure = new_figure(5.8 if is_narrow() else 3.3)
+    rows, columns = (2, 1) if is_narrow() else (1, 2)
+    left, right = figure.subplots(rows, columns, sharey=True)
     _draw_boxes(left, boxes, CLASS_COLOURS)
     values = sample.values(feature.name)
     known = values[~np.isnan(values)]
@@ -130,7 +132,8 @@ def _draw_swarm(axes: Axes, place: int, values: F64, name: str) -> None:
     width, height = figure.get_size_inches() * _POINTS_PER_INCH
     low, high = axes.get_ylim()
     # The axes take about these shares of the figure once labels have their room.
-    up, across = 0.80 * height / (high - low), 0.43 * width / len(CLASS_COLOURS)
+    tall, wide = (0.40, 0.86) if is_narrow() else (0.80, 0.43)
+    up, across = tall * height / (high - low), wide * width / len(CLASS_COLOURS)
     offsets = swarm_offsets(values * up, _POINT) / across
     axes.scatter(
         place + np.clip(offsets, -_ROOM, _ROOM),

@@ -13,6 +13,7 @@ from overtaking.plots.style import (
     CLASS_COLOURS,
     CLASS_HATCHES,
     QUIET,
+    is_narrow,
     new_figure,
     say_nothing_to_draw,
     set_margins,
@@ -39,7 +40,8 @@ def draw_histograms(
     """
     rows = -(-len(histograms) // COLUMNS)
     figure = new_figure(0.6 + _PANEL_HEIGHT * rows, is_fixed=True)
-    set_margins(figure, left=0.52, right=0.16, top=0.52, bottom=0.28, wspace=0.24, hspace=0.42)
+    top = 0.7 if is_narrow() else 0.52  # Room for a legend of two lines.
+    set_margins(figure, left=0.52, right=0.16, top=top, bottom=0.28, wspace=0.24, hspace=0.42)
     panels = np.atleast_1d(figure.subplots(rows, COLUMNS)).ravel()
     for axes, one in zip(panels, histograms, strict=False):
         _draw_panel(axes, one, classes)
@@ -95,7 +97,7 @@ def add_class_legend(figure: Figure, classes: Sequence[str]) -> None:
     figure.legend(
         handles=patches,
         loc="upper center",
-        ncols=len(patches),
+        ncols=3 if is_narrow() else len(patches),
         handlelength=1.3,
         columnspacing=1.4,
     )

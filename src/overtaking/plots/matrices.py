@@ -6,7 +6,7 @@ from matplotlib.colors import LinearSegmentedColormap, ListedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from overtaking.plots.style import INK, QUIET, new_figure, styled
+from overtaking.plots.style import INK, QUIET, is_narrow, new_figure, styled
 from overtaking.stats.associations import ALPHA, Associations
 
 F64 = NDArray[np.float64]
@@ -26,7 +26,7 @@ def draw_associations(found: Associations) -> Figure:
     Args:
         found: `stats.associations.associations`.
     """
-    figure = new_figure(6.0)
+    figure = new_figure(4.1 if is_narrow() else 6.0)
     axes = figure.add_subplot()
     image = axes.imshow(found.values, cmap=_DIVERGING, vmin=-1.0, vmax=1.0)
     for row, column in np.argwhere(~np.isnan(found.values)):
@@ -38,7 +38,7 @@ def draw_associations(found: Associations) -> Figure:
             _short(value),
             ha="center",
             va="center",
-            size=6.6,
+            size=4.6 if is_narrow() else 6.6,
             color=colour,
             in_layout=False,
         )
@@ -57,7 +57,7 @@ def draw_p_values(found: Associations) -> Figure:
     Args:
         found: `stats.associations.associations`.
     """
-    figure = new_figure(6.0)
+    figure = new_figure(4.1 if is_narrow() else 6.0)
     axes = figure.add_subplot()
     steps = np.digitize(found.p_values, _LIMITS).astype(float)
     steps[np.isnan(found.p_values)] = np.nan
@@ -70,7 +70,7 @@ def draw_p_values(found: Associations) -> Figure:
             _p_value(float(found.p_values[row, column])),
             ha="center",
             va="center",
-            size=6.2,
+            size=4.0 if is_narrow() else 6.2,
             weight="bold" if is_kept else "normal",
             color="white" if steps[row, column] == 0 else INK,
             in_layout=False,

@@ -13,6 +13,7 @@ from overtaking.plots.style import (
     CLASS_COLOURS,
     CLASS_MARKERS,
     LINE,
+    is_narrow,
     new_figure,
     set_margins,
     styled,
@@ -64,9 +65,9 @@ def draw_details(sample: Sample, points: Points) -> Figure:
         sample: The features.
         points: `stats.distributions.pair_points`.
     """
-    figure = new_figure(3.2)
+    figure = new_figure(6.0 if is_narrow() else 3.2)
     members = {name: of[points.simulations] for name, of in sample.groups()}
-    for axes, (across, up) in zip(figure.subplots(1, len(DETAILS)), DETAILS, strict=True):
+    for axes, (across, up) in zip(_panels(figure), DETAILS, strict=True):
         x, y = (sample.values(name)[points.simulations] for name in (across, up))
         _draw_cloud(axes, x, y, members, size=12.0)
         axes.grid(visible=True, axis="both")
@@ -76,6 +77,12 @@ def draw_details(sample: Sample, points: Points) -> Figure:
             axes.axline((100.0, 100.0), slope=1.0, color=LINE, linewidth=0.8, zorder=0)
     _add_marker_legend(figure, list(members), "outside upper center", None)
     return figure
+
+
+def _panels(figure: Figure) -> Sequence[Axes]:
+    """A panel for each detail, side by side, on a phone below each other."""
+    rows, columns = (len(DETAILS), 1) if is_narrow() else (1, len(DETAILS))
+    return figure.subplots(rows, columns)
 
 
 def _draw_cloud(axes: Axes, across: F64, up: F64, members: dict[str, Mask], *, size: float) -> None:
@@ -137,7 +144,8 @@ def _add_marker_legend(
         )
         for name in classes
     ]
-    columns = len(handles) if anchor is None else 1
+    beside = 3 if is_narrow() else len(handles)
+    columns = beside if anchor is None else 1
     more: dict[str, Any] = (
         {"loc": place} if anchor is None else {"loc": place, "bbox_to_anchor": anchor}
     )

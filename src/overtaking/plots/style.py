@@ -10,7 +10,9 @@ Source:
 
 import functools
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any, ParamSpec, TypeVar, cast
 
 import matplotlib as mpl
@@ -57,7 +59,12 @@ PHASE_COLOURS = {
 """Background of each phase of an overtake, light enough to print on."""
 
 WIDTH = 7.2
-"""Width of every figure [inch]: the text of an A4 page."""
+"""Width of a figure [inch]: the text of an A4 page."""
+
+NARROW_WIDTH = 4.0
+"""Width of a figure for a phone [inch], with letters of the same size."""
+
+_width: ContextVar[float] = ContextVar("width of new figures", default=WIDTH)
 
 DOTS_PER_INCH = 200
 
@@ -116,6 +123,21 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
     return run
 
 
+@contextmanager
+def narrow() -> Generator[None]:
+    """Within it, figures are drawn for a phone: narrower, with panels below each other."""
+    token = _width.set(NARROW_WIDTH)
+    try:
+        yield
+    finally:
+        _width.reset(token)
+
+
+def is_narrow() -> bool:
+    """Whether figures are drawn for a phone."""
+    return _width.get() < WIDTH
+
+
 def new_figure(height: float, *, is_fixed: bool = False) -> Figure:
     """An empty figure of the common width, that belongs to no window.
 
@@ -123,7 +145,7 @@ def new_figure(height: float, *, is_fixed: bool = False) -> Figure:
         height: Its height [inch].
         is_fixed: Whether `set_margins` says where panels go; else everything finds its place.
     """
-    figure = Figure(figsize=(WIDTH, height), layout=None if is_fixed else "constrained")
+    figure = Figure(figsize=(_width.get(), height), layout=None if is_fixed else "constrained")
     FigureCanvasAgg(figure)
     return figure
 

@@ -9,6 +9,9 @@ from itertools import pairwise
 
 from overtaking.stats.table import Table
 
+_PHONE = "(max-width: 44rem)"  # As in the style sheet.
+_FEW_NUMBERS = 4  # Columns of numbers that fit a phone with their names written across.
+
 # Nothing may be loaded from anywhere, whatever a data set's names hold.
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 
@@ -85,18 +88,29 @@ def missing(text: str) -> str:
     return f'<div class="missing">{escape(text)}</div>\n'
 
 
-def figure_block(name: str, svg: bytes, caption: str) -> str:
-    """A figure with its caption and the files that hold it."""
-    data = base64.b64encode(svg).decode("ascii")
+def figure_block(name: str, svg: bytes, caption: str, narrow: bytes | None = None) -> str:
+    """A figure with its caption and the files that hold it.
+
+    Args:
+        name: Name of the files.
+        svg: The figure.
+        caption: The words below it.
+        narrow: The figure for a phone; without it, a phone scrolls the wide one in its box.
+    """
+    source = f'<source media="{_PHONE}" srcset="{_embedded(narrow)}">' if narrow else ""
     kinds = ", ".join(
         f'<a href="figures/{name}.{kind}">{kind.upper()}</a>' for kind in ("svg", "png")
     )
     return (
-        f'<figure id="figure-{name}"><img alt="{escape(caption)}" '
-        f'src="data:image/svg+xml;base64,{data}">'
+        f'<figure id="figure-{name}"><picture>{source}<img alt="{escape(caption)}" '
+        f'src="{_embedded(svg)}"></picture>'
         f'<figcaption>{escape(caption)} <span class="files">({kinds})</span></figcaption>'
         "</figure>\n"
     )
+
+
+def _embedded(svg: bytes) -> str:
+    return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode('ascii')}"
 
 
 def table_block(table: Table, colours: dict[str, str]) -> str:
@@ -120,9 +134,10 @@ def table_block(table: Table, colours: dict[str, str]) -> str:
         f'<a href="tables/{table.name}.{kind}">{text}</a>'
         for kind, text in (("tex", "LaTeX"), ("csv", "CSV"))
     )
+    crowd = ' class="many"' if len(table.header) - table.num_texts > _FEW_NUMBERS else ""
     return (
-        f'<div class="wide"><table id="table-{table.name}"><caption>{escape(table.title)}</caption>'
-        f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+        f'<div class="wide"><table id="table-{table.name}"{crowd}>'
+        f"<caption>{escape(table.title)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
         f'<p class="note">{escape(table.note)} ({kinds})</p>\n'
     )
 

@@ -239,7 +239,7 @@ class Writer:
 
     def _picture(self, one: object) -> str:
         """Draw a figure and write it."""
-        from overtaking.plots.style import to_png, to_svg
+        from overtaking.plots.style import narrow, to_png, to_svg
         from overtaking.report.gallery import Picture
 
         assert isinstance(one, Picture)
@@ -249,7 +249,9 @@ class Writer:
         files.put(self._out / files.FIGURES / f"{one.name}.png", to_png(figure))
         self.figures.append(one.name)
         self.step()
-        return figure_block(one.name, svg, one.caption)
+        with narrow():
+            for_phone = to_svg(one.draw())
+        return figure_block(one.name, svg, one.caption, for_phone)
 
     def table(self, table: Table) -> str:
         """Write a table."""

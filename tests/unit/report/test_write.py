@@ -41,7 +41,7 @@ TABLES = {
     "associations-with-class",
     "strongest-associations",
 }
-VOID = {"meta", "img", "br", "link", "input", "hr"}
+VOID = {"meta", "img", "source", "br", "link", "input", "hr"}
 
 
 class Page(HTMLParser):
@@ -102,6 +102,13 @@ def test_the_page_needs_nothing_from_elsewhere(made: Report):
     assert "http://" not in text
     assert "https://" not in text
     assert "<script" not in text
+
+
+def test_every_figure_is_drawn_for_a_phone_too(made: Report):
+    text = made.path.read_text(encoding="utf-8")
+    source = '<source media="(max-width: 44rem)" srcset="data:image/svg+xml;base64,'
+    assert text.count(source) == len(FIGURES)
+    assert "@media screen and (max-width: 44rem)" in text
 
 
 def test_the_page_explains_its_classes_features_and_policies(made: Report):
