@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.support.carla import Address, answer_of, ask, headless_server, needs_wheel
 
+from overtaking.carla_server.places import known_place
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
 pytestmark = [
     needs_wheel,
@@ -179,3 +182,72 @@ def test_a_call_that_is_not_offered_says_so_where_the_client_waits(server: Addre
         "set_actor_collisions: the headless server does not offer this call",
         "get_actor_component_names: the headless server does not offer this call",
     ]
+
+
+# --- towns, rays and telemetry ---
+
+
+def test_several_maps_are_offered_and_loaded_by_their_names(tmp_path: Path):
+    road = known_place("town06").opendrive
+    for name in ("Town98", "Town99"):
+        (tmp_path / f"{name}.xodr").write_text(road, encoding="utf-8")
+    maps = [part for name in ("Town98", "Town99") for part in ("--map", f"{tmp_path / name}.xodr")]
+    with headless_server(*maps, "--map", "motorway") as address:
+        found = ask(
+            address,
+            """
+            first, names = world.get_map().name, client.get_available_maps()
+            second = client.load_world("Town99").get_map().name
+            third = client.load_world("motorway").get_map().name
+            try:
+                refused = client.load_world("Town01")
+            except RuntimeError as error:
+                refused = str(error)
+            print(json.dumps([first, names, second, third, refused]))
+            """,
+        )
+    first, names, second, third, refused = found
+    assert [one.rsplit("/", 1)[-1] for one in (first, second, third)] == [
+        "Town98",
+        "Town99",
+        "motorway",
+    ]
+    assert {one.rsplit("/", 1)[-1] for one in names} == {"Town06", "Town98", "Town99", "motorway"}
+    assert "Town98 or Town99 or motorway, got 'Town01'" in refused
+
+
+def test_rays_and_telemetry_reach_the_genuine_client(server: Address):
+    found = ask(
+        server,
+        """
+        synchronous()
+        car = spawn("vehicle.audi.a2", 300.0, 244.65)
+        world.tick()
+        car.set_target_velocity(carla.Vector3D(x=15.0))
+        car.apply_control(carla.VehicleControl(throttle=0.4, steer=0.1))
+        for _ in range(10):
+            world.tick()
+        where, told = car.get_location(), car.get_telemetry_data()
+        ground = world.ground_projection(carla.Location(200.0, 244.65, 5.0), 10.0)
+        hits = world.cast_ray(carla.Location(where.x - 9.0, where.y, 0.5),
+                              carla.Location(where.x + 9.0, where.y, 0.5))
+        nothing = world.project_point(
+            carla.Location(200.0, 244.65, 5.0), carla.Vector3D(z=1.0), 10.0)
+        wheels = [car.get_wheel_steer_angle(getattr(carla.VehicleWheelLocation, name))
+                  for name in ("FL_Wheel", "FR_Wheel", "BL_Wheel", "BR_Wheel")]
+        print(json.dumps({
+            "ground": [ground.location.z, str(ground.label)], "hits": [str(x.label) for x in hits],
+            "nothing": nothing is None, "wheels": wheels, "throttle": told.throttle,
+            "speed": told.speed - car.get_velocity().length(), "loads": len(told.wheels)}))
+        """,
+    )
+    assert found["ground"] == [0.0, "Roads"]
+    assert found["hits"] == ["Car"]
+    assert found["nothing"]
+    assert found["throttle"] == pytest.approx(0.4)
+    assert found["speed"] == pytest.approx(0.0, abs=0.2)
+    assert found["loads"] == 4
+    front, also_front, *rear = found["wheels"]
+    # A tenth of the lock, which is 70 degrees at rest and 0.85 of it at 40 km/h or more.
+    assert 5.5 < front == also_front < 7.0
+    assert rear == [0.0, 0.0]

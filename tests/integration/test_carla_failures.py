@@ -179,7 +179,7 @@ def test_a_client_that_falls_silent_between_its_ticks_is_told_of_once(
 ):
     monkeypatch.setattr(serving, "SILENCE", 0.04)
     log: list[str] = []
-    world = World(Atlas(known_place("town06"), survey), Streams(log.append), 1)
+    world = World(Atlas([known_place("town06")], survey), Streams(log.append), 1)
     world.settings = Settings()._replace(synchronous=True)
     server = serving.Server(world, log.append, managers={8000: "127.0.0.1"})
 

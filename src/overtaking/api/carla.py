@@ -1,6 +1,6 @@
 """CARLA: its clients without it, its limits, and recorded simulations in it."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -82,7 +82,7 @@ def serve_carla(
     *,
     port: int = 2000,
     host: str = "127.0.0.1",
-    place: str | Path = "town06",
+    maps: Sequence[str | Path] = ("town06",),
     seed: int = 1,
     ready: Callable[[int, int], None] | None = None,
     log: Callable[[str], None] | None = None,
@@ -92,21 +92,22 @@ def serve_carla(
     Args:
         port: For calls; streams get the next one. 0 lets the system choose both.
         host: Address to listen on; whoever can reach it can use the server.
-        place: The map: a road of the package, or an OpenDRIVE file.
+        maps: Each a road of the package, or an OpenDRIVE file, which clients load by its name
+            without the suffix. The first is there from the beginning.
         seed: Seed of gusts and puddles, 0 <= seed < 2**64.
         ready: Called with the ports of calls and streams when clients may come.
         log: Called with a line when something happens that a person may want to know.
 
     Raises:
         ConfigError: An argument cannot be used, or the port is taken.
-        MissingExtraError: The map is a file, and CARLA's wheel is not there to read it.
+        MissingExtraError: A map is a file, and CARLA's wheel is not there to read it.
     """
     from overtaking.carla_server.running import run_server
 
     run_server(
         port=port,
         host=host,
-        place=place,
+        maps=maps,
         seed=seed,
         ready=ready or _ignore,
         log=log or _ignore,

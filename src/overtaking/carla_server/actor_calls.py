@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from overtaking.carla_server import answers, commands, physics
@@ -14,6 +15,7 @@ from overtaking.carla_server.arguments import (
     control,
     description,
     listed,
+    one_of,
     physics_control,
     record,
     text,
@@ -24,6 +26,7 @@ from overtaking.carla_server.arguments import (
 )
 from overtaking.carla_server.catalogue import definitions
 from overtaking.carla_server.protocol import call
+from overtaking.carla_server.telemetry import telemetry
 
 if TYPE_CHECKING:
     from overtaking.carla_server.answers import Answer
@@ -234,6 +237,19 @@ def apply_physics_control(session: Session, actor: int, wanted: Physics) -> Answ
     """Change mass, drag and steering of a vehicle; all else is refused."""
     physics.apply_physics_control(session.world, actor, wanted)
     return NOTHING
+
+
+@call(unsigned)
+def get_telemetry_data(session: Session, actor: int) -> Answer:
+    """What is known of a vehicle and its wheels."""
+    return value(telemetry(session.world, session.world.vehicle(actor)))
+
+
+@call(unsigned, one_of(range(4)))
+def get_wheel_steer_angle(session: Session, actor: int, wheel: int) -> Answer:
+    """Angle of a wheel, to the right [degrees]; 0 and 1 are in front."""
+    angle = session.world.fleet.driven(session.world.vehicle(actor).actor_id).angle
+    return value(-math.degrees(angle) if wheel < 2 else 0.0)
 
 
 @call(unsigned)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from typing import Any, NamedTuple
 
 Kind = Callable[[Any], Any]
@@ -166,6 +166,17 @@ def unsigned(value: Any) -> int:
     if whole(value) < 0:
         raise ArgumentError("a whole number that is not negative")
     return int(value)
+
+
+def one_of(choices: Container[int]) -> Kind:
+    """One of some whole numbers."""
+
+    def read(value: Any) -> int:
+        if unsigned(value) not in choices:
+            raise ArgumentError("a number that stands for something")
+        return int(value)
+
+    return read
 
 
 def yes_or_no(value: Any) -> bool:

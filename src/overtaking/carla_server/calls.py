@@ -8,13 +8,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from overtaking.carla_server import rays
 from overtaking.carla_server.answers import NOTHING, Refused, value
 from overtaking.carla_server.arguments import (
     anything,
+    number,
     record,
     settings,
     text,
     unsigned,
+    vector,
     weather,
     whole,
     yes_or_no,
@@ -23,7 +26,7 @@ from overtaking.carla_server.protocol import VERSION, call
 
 if TYPE_CHECKING:
     from overtaking.carla_server.answers import Answer
-    from overtaking.carla_server.arguments import Settings
+    from overtaking.carla_server.arguments import Settings, Vector
     from overtaking.carla_server.protocol import Session
 
 PACE = 0.002
@@ -122,7 +125,7 @@ def tick_cue(session: Session) -> Answer:
     return value(world.frame)
 
 
-# --- weather and lamps of the street ---
+# --- weather and what stands in the world ---
 
 
 @call()
@@ -154,6 +157,19 @@ def get_environment_objects(_: Session, __: Any) -> Answer:
 def get_all_level_BBs(_: Session, __: Any) -> Answer:
     """Boxes of houses and trees: there are none."""
     return value([])
+
+
+@call(vector, vector, number)
+def project_point(session: Session, location: Vector, direction: Vector, distance: float) -> Answer:
+    """The first thing on the way from a point in a direction."""
+    hit = rays.project(session.world, location, direction, distance)
+    return value([hit is not None, hit or [[0.0, 0.0, 0.0], 0]])
+
+
+@call(vector, vector)
+def cast_ray(session: Session, start: Vector, end: Vector) -> Answer:
+    """Everything on the way from one point to another."""
+    return value(rays.cast(session.world, start, end))
 
 
 @call(void=True)

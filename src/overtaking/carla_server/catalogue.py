@@ -15,6 +15,9 @@ LANE_INVASION = "sensor.other.lane_invasion"
 CAMERA = "sensor.camera.rgb"
 SPECTATOR = "spectator"
 
+WALKER, WALKER_CONTROLLER = "walker.pedestrian.0001", "controller.ai.walker"
+"""Scripts look for these before they ask for no walker at all; they are listed, never spawned."""
+
 SEMANTIC_TAGS = {"car": 14, "truck": 15, "bus": 16, "van": 14, "motorcycle": 18, "bicycle": 19}
 """CARLA's `CityObjectLabel` of each base type."""
 
@@ -73,6 +76,11 @@ def catalogue() -> dict[str, tuple[Choice, ...]]:
     front = Choice("role_name", AttributeType.STRING, ("front",))
     found = {name: _vehicle(one) for name, one in blueprints().items()}
     return found | {
+        WALKER: (
+            Choice("role_name", AttributeType.STRING, ("pedestrian",)),
+            Choice("generation", AttributeType.INT, ("2",), may_change=False),
+        ),
+        WALKER_CONTROLLER: (Choice("role_name", AttributeType.STRING, ("default",)),),
         COLLISION: (front,),
         LANE_INVASION: (front,),
         CAMERA: (

@@ -16,7 +16,7 @@ import numpy as np
 
 from overtaking.carla_server.arguments import Control
 from overtaking.carla_server.bodies import Body, Nature, scenario_of
-from overtaking.carla_server.motion import Ground, Motion, Touch, overlap
+from overtaking.carla_server.motion import LEVELS_APART, Driven, Ground, Motion, Touch, overlap
 from overtaking.carla_server.steering import Steering
 from overtaking.core.units import kmh_from_mps
 from overtaking.sim.driven import Mover, mover
@@ -47,6 +47,7 @@ _HARDEST = 20.0  # How fast their approach may grow meanwhile [m/s^2].
 _FOREVER = np.float32(1e9)
 _ZERO = np.float32(0.0)
 _NO_CONTROL = Control()
+_DRIVEN = ("vx", "vy", "r", "wheel", "a_lon", "a_lat", "mu_fast", "mu_slow")
 
 
 class Fleet:
@@ -56,6 +57,9 @@ class Fleet:
         ground: What they stand on.
         weather: The fourteen numbers of `carla.WeatherParameters`.
         nature: What they leave open.
+
+    Attributes:
+        heights: How high vehicles are [m]; who is on another level is never touched.
     """
 
     def __init__(self, ground: Ground, weather: Sequence[float], nature: Nature) -> None:
@@ -70,17 +74,13 @@ class Fleet:
         self._forces: dict[int, tuple[float, float]] = {}
         self._torques: dict[int, float] = {}
         self._held: dict[int, tuple[float, float]] = {}
+        self.heights: dict[int, float] = {}
         self._steering: dict[int, Steering] = {}
         self._movers: dict[float, Mover] = {}
 
     def __contains__(self, vehicle: int) -> bool:
         """Whether this vehicle is there."""
         return vehicle in self._rows
-
-    @property
-    def ids(self) -> tuple[int, ...]:
-        """Ids of all vehicles."""
-        return tuple(self._ids)
 
     def body(self, vehicle: int) -> Body:
         """The numbers of a vehicle."""
@@ -98,10 +98,10 @@ class Fleet:
         """Take a vehicle away."""
         row = self._rows[vehicle]
         del self._ids[row], self._bodies[row]
-        self._backwards.pop(vehicle, None)
         self._still.discard(vehicle)
-        for kept in (self._forces, self._torques, self._held, self._steering):
+        for kept in (self._backwards, self._forces, self._torques, self._held, self._steering):
             kept.pop(vehicle, None)
+        self.heights.pop(vehicle, None)
         self._prepare()
 
     def set_body(self, vehicle: int, body: Body, steering: Steering) -> None:
@@ -182,6 +182,16 @@ class Fleet:
         """Where a vehicle is and how it moves."""
         return self.motions()[vehicle]
 
+    def driven(self, vehicle: int) -> Driven:
+        """What the model knows of a vehicle."""
+        row, state = self._rows[vehicle], self._state
+        found = Driven(*(float(getattr(state, name)[row, 0]) for name in _DRIVEN))
+        body = self.body(vehicle)
+        if not body["two_wheeler"]:
+            return found
+        curve = found.angle * body["wheelbase"]  # Its wheel stands for lateral acceleration.
+        return found._replace(angle=math.atan2(curve, max(found.vx, 1.0) ** 2))
+
     def motions(self) -> dict[int, Motion]:
         """Where every vehicle is and how it moves."""
         if not self._ids:
@@ -197,10 +207,11 @@ class Fleet:
             found[vehicle] = Motion(s, d, math.remainder(psi, math.tau), along, across, r)
         return found
 
-    def overlapped(self, body: Body, motion: Motion) -> int | None:
+    def overlapped(self, body: Body, motion: Motion, height: float = 0.0) -> int | None:
         """A vehicle that stands where another would be put, or None."""
         for row, (vehicle, at) in enumerate(self.motions().items()):
-            if overlap(body, motion, self._bodies[row], at):
+            on_level = abs(self.heights.get(vehicle, 0.0) - height) < LEVELS_APART
+            if on_level and overlap(body, motion, self._bodies[row], at):
                 return vehicle
         return None
 
@@ -322,7 +333,8 @@ class Fleet:
         sine, cosine = np.sin(state.psi), np.cos(state.psi)
         turned = duration * np.abs(state.r) * p.half_length
         nearer = _NEAR + 0.5 * _HARDEST * duration * duration
-        close = np.ones((len(self._ids),) * 2, np.bool_)
+        high = _column([self.heights.get(vehicle, 0.0) for vehicle in self._ids])
+        close = np.abs(high - high.T) < LEVELS_APART
         for place, length, width, speed in (
             (state.s, cosine, sine, state.vx * cosine - state.vy * sine),
             (state.d, sine, cosine, state.vx * sine + state.vy * cosine),

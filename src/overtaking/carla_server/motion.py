@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,10 @@ from overtaking.sim.reference import collisions
 if TYPE_CHECKING:
     from overtaking.carla_server.bodies import Body
     from overtaking.model.road import Road
+
+
+LEVELS_APART = 3.0
+"""What differs by more in height is on another level: a bridge, or out of sight below [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +49,27 @@ class Motion:
     along: float
     across: float
     yaw_rate: float
+
+
+class Driven(NamedTuple):
+    """What the model knows of a vehicle, in its axes: forwards and to the left.
+
+    Attributes:
+        vx, vy: Velocity [m/s].
+        yaw_rate: Anticlockwise [rad/s].
+        angle: Of the front wheels, anticlockwise [rad].
+        a_lon, a_lat: Acceleration by tyres and wind [m/s^2].
+        mu_left, mu_right: Friction under the wheels of either side.
+    """
+
+    vx: float
+    vy: float
+    yaw_rate: float
+    angle: float
+    a_lon: float
+    a_lat: float
+    mu_left: float
+    mu_right: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,10 @@ if TYPE_CHECKING:
     from overtaking.carla_server.actors import Vehicle
     from overtaking.carla_server.world import World
 
+WHEEL_RADIUS = 0.35
+"""Radius of every wheel that the server tells of [m]."""
+
 _CM_PER_M = 100.0
-_WHEEL_RADIUS = 0.35
 _LIGHTEST, _HEAVIEST = 50.0, 100_000.0
 
 _TURN = math.radians(1.0) / _CM_PER_M**2
@@ -187,12 +189,12 @@ def _wheel(vehicle: Vehicle, k: int, lock_deg: float) -> Wheel:
     yaw = math.radians(pose.rotation.yaw)
     x = pose.location.x + math.cos(yaw) * ahead - math.sin(yaw) * aside
     y = pose.location.y + math.sin(yaw) * ahead + math.cos(yaw) * aside
-    place = Vector(*(_CM_PER_M * part for part in (x, y, pose.location.z + _WHEEL_RADIUS)))
+    place = Vector(*(_CM_PER_M * part for part in (x, y, pose.location.z + WHEEL_RADIUS)))
     return Wheel(
         tire_friction=3.5,
         damping_rate=0.25,
         max_steer_angle=lock_deg if is_front else 0.0,
-        radius=_CM_PER_M * _WHEEL_RADIUS,
+        radius=_CM_PER_M * WHEEL_RADIUS,
         max_brake_torque=1500.0,
         max_handbrake_torque=0.0 if is_front else 3000.0,
         lat_stiff_max_load=2.0,

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from overtaking.carla_server.arguments import Rotation, Transform, Vector
-from overtaking.carla_server.motion import Ground, Motion
+from overtaking.carla_server.motion import LEVELS_APART, Ground, Motion
 from overtaking.core.errors import ConfigError
 from overtaking.exchange.opendrive_writer import write_opendrive
 from overtaking.knowledge.roads import ROAD_NAMES
 from overtaking.model.known_roads import known_road
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -45,6 +45,7 @@ class Lanes:
     Attributes:
         place: x, y and z in CARLA's frame [m].
         yaw: Heading in CARLA's frame [rad].
+        slope: Rise for each metre of travel.
         width: Of the lane [m].
         length: Of road that the sample stands for [m].
         marks: Whether there is a left and a right line: 0 none, 1 solid, 2 broken.
@@ -54,11 +55,25 @@ class Lanes:
 
     place: NDArray[np.float64]
     yaw: NDArray[np.float64]
+    slope: NDArray[np.float64]
     width: NDArray[np.float64]
     length: NDArray[np.float64]
     marks: NDArray[np.int64]
     station: NDArray[np.float64]
     driving: NDArray[np.bool_]
+
+
+class Surface(NamedTuple):
+    """The ground at a point.
+
+    Attributes:
+        height: Of it [m].
+        rise_x, rise_y: Rise for each metre along CARLA's axes.
+    """
+
+    height: float = 0.0
+    rise_x: float = 0.0
+    rise_y: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,12 +102,20 @@ class Place:
         psi = math.remainder(-math.radians(pose.rotation.yaw) - road.heading, math.tau)
         return Motion(float(s), float(d), psi, 0.0, 0.0, 0.0)
 
-    def pose(self, motion: Motion) -> Transform:
-        """A motion's place as a pose of CARLA, on the ground."""
+    def pose(self, motion: Motion, height: float) -> Transform:
+        """A motion's place as a pose of CARLA, on the ground.
+
+        Args:
+            motion: Where in the frame of the ground.
+            height: Where it was before, for roads above each other [m].
+        """
         road = self.ground.road
         x, y = (float(value) for value in road.world(motion.s, motion.d))
-        yaw = -math.degrees(math.remainder(motion.psi + road.heading, math.tau))
-        return Transform(Vector(x, -y, self.height(x, -y)), Rotation(0.0, yaw, 0.0))
+        yaw = -math.remainder(motion.psi + road.heading, math.tau)
+        here = self.surface(x, -y, height)
+        rise = here.rise_x * math.cos(yaw) + here.rise_y * math.sin(yaw)
+        turned = Rotation(math.degrees(math.atan(rise)), math.degrees(yaw), 0.0)
+        return Transform(Vector(x, -y, here.height), turned)
 
     def to_world(self, along: float, across: float) -> Vector:
         """A vector of the ground's frame in CARLA's."""
@@ -104,15 +127,44 @@ class Place:
         cosine, sine = math.cos(self.ground.road.heading), math.sin(self.ground.road.heading)
         return vector.x * cosine - vector.y * sine, -vector.y * cosine - vector.x * sine
 
-    def height(self, x: float, y: float) -> float:
-        """Height of the nearest lane [m]; 0 far from all of them."""
+    def surface(self, x: float, y: float, z: float) -> Surface:
+        """The ground at a point; the level nearest to height `z` where there are several.
+
+        Beside the lanes the ground is as high as the nearest of them, and 0 far from all.
+        """
+        found = self._sample(x, y, z)
+        if found is None:
+            return Surface()
+        k, apart = found
+        (x0, y0, z0), yaw = self.lanes.place[k].tolist(), float(self.lanes.yaw[k])
+        if apart > _ON_LANE:
+            return Surface(z0)
+        slope = float(self.lanes.slope[k])
+        rise_x, rise_y = slope * math.cos(yaw), slope * math.sin(yaw)
+        return Surface(z0 + rise_x * (x - x0) + rise_y * (y - y0), rise_x, rise_y)
+
+    def is_lane(self, x: float, y: float, z: float) -> bool:
+        """Whether the ground at a point belongs to a lane."""
         if self.is_flat:
-            return 0.0
+            road = self.ground.road
+            s, d = road.road_coordinates(x, -y)
+            half = 0.5 * max(lane.width for lane in road.lanes)
+            return bool(0.0 <= s <= road.length and np.min(np.abs(road.centres - d)) <= half)
+        found = self._sample(x, y, z)
+        return found is not None and found[1] <= _ON_LANE
+
+    def _sample(self, x: float, y: float, z: float) -> tuple[int, float] | None:
+        """The sample that a point stands on, or the nearest, and how far from it [m]."""
         near = self._cells.get((math.floor(x / _CELL), math.floor(y / _CELL)), [])
         if not near:
-            return 0.0
-        apart = np.hypot(self.lanes.place[near, 0] - x, self.lanes.place[near, 1] - y)
-        return float(self.lanes.place[near[int(np.argmin(apart))], 2])
+            return None
+        places = self.lanes.place[near]
+        apart = np.hypot(places[:, 0] - x, places[:, 1] - y)
+        heights = places[apart < max(_ON_LANE, float(apart.min()) + _LEVEL_REACH), 2]
+        level = heights[np.argmin(np.abs(heights - z))]
+        apart = np.where(np.abs(places[:, 2] - level) < LEVELS_APART, apart, np.inf)
+        best = int(np.argmin(apart))
+        return near[best], float(apart[best])
 
     def spawn_points(self) -> list[Transform]:
         """Where vehicles may be put, lane by lane."""
@@ -125,16 +177,21 @@ class Place:
                 continue
             last = station
             x, y, z = (float(part) for part in lanes.place[k])
-            turned = Rotation(0.0, math.degrees(float(lanes.yaw[k])), 0.0)
+            pitch = math.degrees(math.atan(float(lanes.slope[k])))
+            turned = Rotation(pitch, math.degrees(float(lanes.yaw[k])), 0.0)
             points.append(Transform(Vector(x, y, z + SPAWN_HEIGHT), turned))
         return points
 
 
 _CELL = 10.0
+_ON_LANE = 2.5
+"""Who is nearer than this to the centre of a lane stands on it [m]."""
+_LEVEL_REACH = 0.5
+"""How much farther than the nearest lane one of another level may be [m]."""
 
 
 def cells_of(lanes: Lanes) -> dict[tuple[int, int], list[int]]:
-    """Samples that are near each square of 10 m, for `Place.height`."""
+    """Samples that are near each square of 10 m, for `Place.surface`."""
     cells: dict[tuple[int, int], list[int]] = {}
     for k, (x, y, _) in enumerate(lanes.place):
         column, row = math.floor(x / _CELL), math.floor(y / _CELL)
@@ -174,15 +231,15 @@ class Atlas:
     """The maps that a server can load.
 
     Args:
-        first: The one that it begins with.
+        places: Those that it was started with; it begins with the first.
         survey: Makes a map of a name and an OpenDRIVE text.
     """
 
-    def __init__(self, first: Place, survey: Callable[[str, str], Place]) -> None:
-        """Know the first map, and our roads."""
-        self.first = first
+    def __init__(self, places: Sequence[Place], survey: Callable[[str, str], Place]) -> None:
+        """Know these maps, and our roads."""
+        self.first = places[0]
         self._survey = survey
-        self._learned = {first.name: first}
+        self._learned = {place.name: place for place in places}
 
     def names(self) -> list[str]:
         """Names of all maps."""
@@ -190,8 +247,22 @@ class Atlas:
         return sorted(ours | set(self._learned))
 
     def find(self, name: str) -> Place:
-        """The map of a name; ConfigError if there is none."""
-        return self._learned.get(name) or known_place(name)
+        """The map of a name.
+
+        Raises:
+            ConfigError: There is none.
+        """
+        if name in self._learned:
+            return self._learned[name]
+        if name.lower() in ROAD_NAMES:
+            return known_place(name)
+        raise ConfigError.of(
+            what="map",
+            where="the headless server",
+            expected=" or ".join(self.names()),
+            got=repr(name),
+            next_step=f"choose one of them, or start the server with --map {name}.xodr as well",
+        )
 
     def learn(self, opendrive: str) -> None:
         """Take an OpenDRIVE text as the map that clients call `OpenDriveMap`.
@@ -216,6 +287,7 @@ def _sampled(road: Road) -> Lanes:
     return Lanes(
         place=np.stack([x, -y, np.zeros_like(x)], axis=1),
         yaw=np.full(len(s), -road.heading),
+        slope=np.zeros(len(s)),
         width=np.repeat([lane.width for lane in road.lanes], every),
         length=np.full(len(s), _SAMPLE),
         marks=np.repeat(np.array(marks), every, axis=0),

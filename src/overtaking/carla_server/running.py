@@ -13,7 +13,7 @@ from overtaking.carla_server.survey import survey
 from overtaking.core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from overtaking.carla_server.places import Place
 
@@ -28,7 +28,7 @@ def run_server(
     *,
     port: int = PORT,
     host: str = LOOPBACK,
-    place: str | Path = "town06",
+    maps: Sequence[str | Path] = ("town06",),
     seed: int = 1,
     ready: Callable[[int, int], None],
     log: Callable[[str], None],
@@ -38,14 +38,15 @@ def run_server(
     Args:
         port: For calls, 0 to 65535; streams get the next one. 0 lets the system choose both.
         host: Address to listen on; whoever can reach it can use the server.
-        place: One of `knowledge.roads.ROAD_NAMES`, or an OpenDRIVE file.
+        maps: Each one of `knowledge.roads.ROAD_NAMES`, or an OpenDRIVE file, which clients load by
+            its name without the suffix. The first is there from the beginning.
         seed: Seed of gusts and puddles, 0 <= seed < 2**64.
         ready: Called with both ports when clients may come.
         log: Called with a line when something happens that a person may want to know.
 
     Raises:
         ConfigError: An argument cannot be used, or the port is taken.
-        MissingExtraError: The map is a file, and CARLA's wheel is not there to read it.
+        MissingExtraError: A map is a file, and CARLA's wheel is not there to read it.
     """
     if not 0 <= seed < 2**64:
         raise ConfigError.of(
@@ -55,7 +56,7 @@ def run_server(
             got=seed,
             next_step="choose another seed",
         )
-    atlas = Atlas(_first_place(place), survey)
+    atlas = Atlas(_places(maps), survey)
 
     async def until_told() -> None:
         loop, told = asyncio.get_running_loop(), asyncio.Event()
@@ -75,8 +76,23 @@ def run_server(
     asyncio.run(until_told())
 
 
-def _first_place(place: str | Path) -> Place:
-    """The map that the server begins with."""
+def _places(maps: Sequence[str | Path]) -> list[Place]:
+    """The maps, each with a name of its own."""
+    found = [_place(one) for one in maps]
+    names = [place.name for place in found]
+    if not names or len(set(names)) < len(names):
+        raise ConfigError.of(
+            what="maps",
+            where="run_server",
+            expected="one or more, each with a name of its own",
+            got=", ".join(names) or "none",
+            next_step="name each map once; rename a file that has the name of another map",
+        )
+    return found
+
+
+def _place(place: str | Path) -> Place:
+    """A map by the name of a road, or from a file."""
     path = Path(place)
     if not path.suffix and not path.is_file():
         return known_place(str(place))

@@ -43,6 +43,7 @@ class Streams:
         self._log = log
         self._listeners: dict[int, set[asyncio.StreamWriter]] = {}
         self._next = self._open = 0
+        self._told = False
         self._announced: set[int] = set()
         self._arrival = asyncio.Event()
         self.port = 0
@@ -109,6 +110,12 @@ class Streams:
             self._listeners[stream].discard(writer)
             writer.transport.abort()
 
+    def _tell_of_unknown(self, stream: int) -> None:
+        """Say once that a stream never was; clients ask again for that of a destroyed sensor."""
+        if stream > self._next and not self._told:
+            self._told = True
+            self._log(f"somebody asked for stream {stream}, which never was; said once")
+
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Serve one connection: it names its stream and then only listens."""
         stream = -1
@@ -120,7 +127,7 @@ class Streams:
             head = await asyncio.wait_for(reader.readexactly(_LENGTH.size), HANDSHAKE_TIME)
             (stream,) = _LENGTH.unpack(head)
             if stream not in self._listeners:
-                self._log(f"somebody asked for stream {stream}, which is not there")
+                self._tell_of_unknown(stream)
                 return
             self._listeners[stream].add(writer)
             self._announced.discard(stream)

@@ -36,7 +36,7 @@ TIME_LIMIT = 60.0
 ANY_LIMIT = mps_from_kmh(90.0)
 """Speed limit where vehicles are on a map of which the server knows no limits [m/s]."""
 
-_FIELDS = ("x", "y", "z", "yaw", "width", "left", "right", "station", "open")
+_FIELDS = ("x", "y", "z", "yaw", "slope", "width", "left", "right", "station", "open")
 _OPEN_GROUND = 5000.0
 
 
@@ -99,10 +99,11 @@ def _unusable(name: str, got: str) -> ConfigError:
 
 
 def _lanes(rows: NDArray[np.float64]) -> Lanes:
-    x, y, z, yaw, width, left, right, station, is_open = rows.T
+    x, y, z, yaw, slope, width, left, right, station, is_open = rows.T
     return Lanes(
         place=np.stack([x, y, z], axis=1),
         yaw=yaw,
+        slope=slope,
         width=width,
         length=np.full(len(rows), SPACING),
         marks=np.stack([left, right], axis=1).astype(np.int64),
@@ -148,7 +149,9 @@ def _row(point: Any) -> list[float]:
     """One waypoint as numbers; the station grows in the direction of travel."""
     where, turned = point.transform.location, point.transform.rotation
     marks = [_kind(str(mark.type)) for mark in (point.left_lane_marking, point.right_lane_marking)]
-    place = [where.x, where.y, where.z, math.radians(turned.yaw)]
+    # CARLA's reader takes the rise for each metre for an angle, and adds a turn in left lanes.
+    slope = math.remainder(math.radians(turned.pitch), math.tau)
+    place = [where.x, where.y, where.z, math.radians(turned.yaw), slope]
     return [*place, point.lane_width, *marks, _station(point), not point.is_junction]
 
 

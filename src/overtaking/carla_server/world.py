@@ -31,6 +31,8 @@ from overtaking.carla_server.catalogue import (
     MIN_FOV_DEG,
     SEMANTIC_TAGS,
     SPECTATOR,
+    WALKER,
+    WALKER_CONTROLLER,
     catalogue,
 )
 from overtaking.carla_server.fleet import Fleet
@@ -150,6 +152,8 @@ class World:
         """
         if wanted.blueprint not in catalogue():
             raise Refused(f"this headless server has no blueprint {wanted.blueprint}")
+        if wanted.blueprint in (WALKER, WALKER_CONTROLLER):
+            raise Refused("this headless server has no walkers")
         if len(self.actors) >= MAX_ACTORS:
             raise Refused(f"this headless server takes at most {MAX_ACTORS} actors")
         if parent:
@@ -162,10 +166,11 @@ class World:
 
     def _new_vehicle(self, wanted: Description, pose: Transform) -> Vehicle:
         body, motion = body_of(wanted.blueprint), self.place.motion(pose)
-        if self.fleet.overlapped(body, motion) is not None:
+        if self.fleet.overlapped(body, motion, pose.location.z) is not None:
             raise Refused("Spawn failed because of collision at spawn position")
         actor_id = self._take_id()
         self.fleet.add(actor_id, body, motion)
+        self.fleet.heights[actor_id] = pose.location.z
         tag = SEMANTIC_TAGS[blueprints()[wanted.blueprint].base_type]
         return Vehicle(actor_id=actor_id, description=wanted, pose=pose, body=body, tag=tag)
 
@@ -200,6 +205,7 @@ class World:
         actor.pose = pose
         if actor_id in self.fleet:
             self.fleet.place(actor_id, self.place.motion(pose))
+            self.fleet.heights[actor_id] = pose.location.z
 
     def set_velocity(self, actor_id: int, velocity: Vector) -> None:
         """Give a vehicle a velocity [m/s]."""
@@ -274,7 +280,8 @@ class World:
             vehicle.acceleration = Vector(*((b - a) / delta for a, b in zip(old, new, strict=True)))
             vehicle.velocity = new
             vehicle.turning = -math.degrees(motion.yaw_rate)
-            vehicle.pose = self.place.pose(motion)
+            vehicle.pose = self.place.pose(motion, vehicle.pose.location.z)
+            self.fleet.heights[actor_id] = vehicle.pose.location.z
 
     def _tell_contacts(self, touches: Sequence[Touch]) -> None:
         """One event a tick for each pair, with the sum of its impulses."""

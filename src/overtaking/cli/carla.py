@@ -24,9 +24,14 @@ Host = Annotated[
         help="Address to listen on; the default is reachable from this machine only.",
     ),
 ]
-Place = Annotated[
-    str,
-    typer.Option("--map", metavar="FILE|NAME", help=options.MAP),
+Maps = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--map",
+        metavar="FILE|NAME",
+        help="Road of the package (town06 if none is named), or an OpenDRIVE file. Again for each"
+        " further one that clients may load.",
+    ),
 ]
 
 
@@ -34,7 +39,7 @@ def serve(
     output: Output,
     port: Port = PORT,
     host: Host = "127.0.0.1",
-    place: Place = "town06",
+    maps: Maps = None,
     seed: options.Seed = None,
 ) -> None:
     """Serve clients of CARLA 0.9.16 without CARLA, on our dynamics.
@@ -43,12 +48,14 @@ def serve(
     """
     from overtaking import api
 
+    places = maps or ["town06"]
+
     def ready(calls: int, streams: int) -> None:
-        values = {"host": host, "port": calls, "stream_port": streams, "map": place}
+        values = {"host": host, "port": calls, "stream_port": streams, "maps": places}
         text = f"ready for CARLA 0.9.16 clients on {host}:{calls} (streams {streams}); Ctrl-C ends"
         output.wrote(values, lambda _: text)
 
-    api.serve_carla(port=port, host=host, place=place, seed=seed or 1, ready=ready, log=output.say)
+    api.serve_carla(port=port, host=host, maps=places, seed=seed or 1, ready=ready, log=output.say)
 
 
 Driver = Annotated[

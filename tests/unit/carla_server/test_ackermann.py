@@ -40,7 +40,7 @@ AT_REST = Seen(0.0, 0.0, LOCK)
 
 def car_in_the_calm() -> tuple[World, int]:
     """A world without wind, and a car in it at 20 m/s."""
-    world = World(Atlas(known_place("town06"), survey), Streams(lambda _: None), 1)
+    world = World(Atlas([known_place("town06")], survey), Streams(lambda _: None), 1)
     weather = list(world.weather)
     weather[3] = 0.0
     world.set_weather(weather)

@@ -208,7 +208,7 @@ def test_removing_one_leaves_the_others_as_they_are():
     drive(fleet, 0.5)
     before = fleet.motions()
     fleet.remove(1)
-    assert fleet.ids == (0, 2, 3)
+    assert list(fleet.motions()) == [0, 2, 3]
     assert fleet.motions() == {k: before[k] for k in (0, 2, 3)}
 
 
@@ -248,9 +248,9 @@ def test_every_blueprint_drives():
     fleet = fleet_in()
     for k, name in enumerate(blueprints()):
         fleet.add(k, body_of(name), at(100.0 + 30.0 * k))
-    fleet.advance(TICK, {k: Control(throttle=1.0) for k in fleet.ids})
+    fleet.advance(TICK, {k: Control(throttle=1.0) for k in fleet.motions()})
     for k in range(20):
-        fleet.advance(TICK, {k: Control(throttle=1.0) for k in fleet.ids})
+        fleet.advance(TICK, {k: Control(throttle=1.0) for k in fleet.motions()})
     speeds = [motion.along for motion in fleet.motions().values()]
     assert min(speeds) > 0.5
     assert np.isfinite(speeds).all()

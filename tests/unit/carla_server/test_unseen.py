@@ -20,7 +20,7 @@ POSE = [[300.0, 244.65, 0.3], [0.0, 0.0, 0.0]]
 def told(*calls: tuple[str, list[Any]], clients: int = 1) -> tuple[list[str], list[Any]]:
     """What the server says, and what it answers to the last client, when clients make calls."""
     log: list[str] = []
-    world = World(Atlas(known_place("town06"), survey), Streams(log.append), 1)
+    world = World(Atlas([known_place("town06")], survey), Streams(log.append), 1)
     server = Server(world, log.append)
     answers: list[Any] = []
 
