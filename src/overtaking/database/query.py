@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.core.bounds import check_bounds
 from overtaking.core.errors import ConfigError, MissingExtraError
+from overtaking.core.summary import Summarized
 from overtaking.database.views import SCHEMA, VIEWS
 from overtaking.tables.schemas import SCHEMAS
 
@@ -42,7 +43,7 @@ _SETTINGS = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class Answer(Summarized):
     """What a query gives.
 
     Attributes:

@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from overtaking.core.summary import Summarized
 from overtaking.logic import facts as writing
 from overtaking.logic.export import check_every
 from overtaking.logic.question import ANSWER, Column, question, refused
@@ -22,7 +23,7 @@ Value = int | str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answers:
+class Answers(Summarized):
     """What answers a question.
 
     Attributes:
