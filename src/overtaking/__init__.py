@@ -1,8 +1,45 @@
 """A laboratory for overtaking manoeuvres: simulate, label and explain them, reproducibly.
 
-Every public name is loaded from the module that defines it when it is first used (PEP 562), so
-importing the package costs nothing and binds no layer to another. `__init__.pyi` beside this file
-tells type checkers and editors the same names.
+In memory:
+
+    sample              draw scenarios from a profile
+    simulate            simulate them
+    branch              simulate them again with a decision or the weather changed
+    label               find what happened, whether it was lawful, and features
+    compare             simulate on several simulators, and say where they part
+    validate            hold the traffic of a profile against real traffic
+    plot_validation     draw what validate found
+    reproduce           repeat a published study
+    write_reproduction  write what reproduce found as one page
+
+Data sets on disk, each in a folder:
+
+    generate            make one
+    resume              complete one that was interrupted
+    load                open one
+    relabel             label one anew by the rules of this version
+    statistics          count classes, features and waiting times
+    write_report        write figures and tables as one page
+    film                film simulations
+    query               ask in SQL
+    ask                 ask in logic
+    prove               prove why a simulation breaks the law
+    learn_rules         learn rules from what is known when an overtake begins
+    learn_factors       rank the factors that decide
+
+Objects:
+
+    Scenario            what is decided before the first frame: Road with Lane, VehicleSpecs,
+                        Drivers, Weather
+    Trajectories        recorded simulations
+    Labelled            the same with labels
+    Dataset             a data set on disk
+    Balance             equal shares of classes, for generate
+    Decision            a decision to force, for branch
+    OvertakingError     the base of all errors
+
+`help(overtaking.simulate)` explains one of them. A name is loaded from its module when it is first
+used (PEP 562), so `import overtaking` is quick; `__init__.pyi` tells editors the same names.
 """
 
 from importlib import import_module as _import_module
@@ -43,6 +80,8 @@ _HOMES = {
     "write_reproduction": "overtaking.api.results",
 }
 """The module that defines each public name."""
+
+__all__ = [*_HOMES]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> object:

@@ -7,6 +7,7 @@ import importlib
 import importlib.metadata
 import inspect
 import pkgutil
+import pydoc
 import re
 from pathlib import Path
 
@@ -46,6 +47,14 @@ def test_a_public_name_is_what_its_module_defines(name: str):
 @pytest.mark.parametrize("name", NAMES)
 def test_a_public_name_is_explained(name: str):
     assert inspect.getdoc(getattr(overtaking, name))
+
+
+def test_help_lists_every_public_name():
+    text = pydoc.render_doc(overtaking, renderer=pydoc.plaintext)
+    overview, listed = text.split("PACKAGE CONTENTS")
+    for name in NAMES:
+        assert re.search(rf"\b{name}\b", overview), "missing in the docstring of the package"
+        assert re.search(rf"^    (class )?{name}\(", listed, re.MULTILINE)
 
 
 def test_no_public_name_is_hidden_by_a_package():

@@ -1,7 +1,7 @@
-"""DuckDB in a process of its own, which the system holds to its memory and its time.
+"""DuckDB in a worker process, which the system holds to its memory.
 
-Run as `python -P -m overtaking.database.child`, it reads a pickled request and answers with pickled
-messages: the names of the columns, rows, and whether there are more; or an error.
+It answers one request: `BEGUN`, the names of the columns, rows, and whether there are more; or an
+error.
 
 A bound of the database alone is not enough: DuckDB computes 2,048 rows at a time, whatever is in
 them, and counts no text against its memory limit until it keeps it.
@@ -9,10 +9,6 @@ them, and counts no text against its memory limit until it keeps it.
 
 from __future__ import annotations
 
-import os
-import pickle
-import sys
-import threading
 from typing import TYPE_CHECKING, Any
 
 import duckdb
@@ -23,11 +19,13 @@ from overtaking.core import processors
 from overtaking.core.bounds import room_after
 from overtaking.core.confinement import confine
 from overtaking.core.errors import ConfigError
-from overtaking.database.query import TOO_LATE, too_large
+from overtaking.database.query import BEGUN, too_large
 from overtaking.database.views import SCHEMA, VIEWS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from overtaking.core.parent import Parent
 
 _MOST_THREADS = 8
 _OVERHEAD_MIB = 256
@@ -47,22 +45,17 @@ _SETTINGS = (
 )
 
 
-def main() -> None:
+def main(parent: Parent) -> None:
     """Answer one request."""
-    asked = pickle.load(sys.stdin.buffer)
-
-    def send(message: object) -> None:
-        pickle.dump(message, sys.stdout.buffer)
-        sys.stdout.buffer.flush()
-
+    asked = next(iter(parent))
     try:
-        _answer(asked, send)
+        _answer(asked, parent.send)
     except (duckdb.OutOfMemoryException, MemoryError):
-        send(too_large(asked["memory_mib"]))
+        parent.send(too_large(asked["memory_mib"]))
     except (duckdb.Error, pa.ArrowException, RecursionError) as error:
-        send(_refused(_first_line(error)))
+        parent.send(_refused(_first_line(error)))
     except ConfigError as error:
-        send(error)
+        parent.send(error)
 
 
 def _answer(asked: dict[str, Any], send: Callable[[object], None]) -> None:
@@ -71,9 +64,7 @@ def _answer(asked: dict[str, Any], send: Callable[[object], None]) -> None:
     connection = _connected(asked["tables"], memory_mib)
     statement = _only_statement(connection, asked["sql"])
     confine(memory_mib + _OVERHEAD_MIB)
-    timer = threading.Timer(asked["timeout_s"], os._exit, (TOO_LATE,))
-    timer.daemon = True
-    timer.start()
+    send(BEGUN)
     found = connection.execute(statement)
     send(tuple(column[0] for column in found.description or ()))
     left, room = asked["max_rows"], None
@@ -83,7 +74,6 @@ def _answer(asked: dict[str, Any], send: Callable[[object], None]) -> None:
         if len(rows) > left:
             break
         left -= len(rows)
-    timer.cancel()
     send(bool(rows))
 
 
@@ -146,7 +136,3 @@ def _refused(said: str) -> ConfigError:
         got=said,
         next_step='ask "SHOW ALL TABLES" what there is',
     )
-
-
-if __name__ == "__main__":
-    main()

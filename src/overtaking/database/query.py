@@ -7,18 +7,16 @@ nothing that a query could write over, and nothing beside the data set that it c
 
 from __future__ import annotations
 
-import io
-import os
-import pickle
 import re
-import subprocess
-import sys
+import time
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from overtaking.core.bounds import check_bounds, over
 from overtaking.core.errors import ConfigError, MissingExtraError
+from overtaking.core.summary import Summarized
+from overtaking.core.worker import ENDED, Worker
 from overtaking.database.views import VIEWS
 
 if TYPE_CHECKING:
@@ -29,17 +27,17 @@ TIMEOUT_S = 60.0
 MEMORY_MIB = 1024
 """Bounds of a query, unless others are asked for."""
 
-TOO_LATE = 3
-"""Exit status of the process of a query whose time is over."""
+_MODULE = "overtaking.database.child"
 
-_COMMAND = (sys.executable, "-P", "-m", "overtaking.database.child")
+BEGUN = "begun"
+"""The first message of the process: the query begins now."""
 
 _PATIENCE_S = 60.0
-"""How long the process may take to start and to end, beside the time of the query [s]."""
+"""Longest time for the process to start [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class Answer(Summarized):
     """What a query gives.
 
     Attributes:
@@ -79,49 +77,49 @@ def query(
     """
     _refuse_without_duckdb()
     check_bounds("sql", max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
-    bounds = {"max_rows": max_rows, "timeout_s": timeout_s, "memory_mib": memory_mib}
-    bounds = {"max_rows": max_rows, "timeout_s": timeout_s, "memory_mib": memory_mib}
-    request = pickle.dumps({"sql": sql, "tables": _tables(data, sql), **bounds})
-    try:
-        done = subprocess.run(
-            _COMMAND,
-            input=request,
-            capture_output=True,
-            env=os.environ | {"ARROW_DEFAULT_MEMORY_POOL": "system"},  # Others reserve a gigabyte.
-            timeout=timeout_s + _PATIENCE_S,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        raise _too_late(timeout_s) from None
-    answer = _answer(done.stdout)
-    if answer is not None:
-        return answer
-    if done.returncode == TOO_LATE:
-        raise _too_late(timeout_s)
-    if done.returncode == 1 and b"MemoryError" not in done.stderr:
-        raise RuntimeError(done.stderr.decode(errors="replace"))  # A fault of our own.
-    raise too_large(memory_mib)
+    request = {
+        "sql": sql,
+        "tables": _tables(data, sql),
+        "max_rows": max_rows,
+        "memory_mib": memory_mib,
+    }
+    # The default pool of Arrow reserves a gigabyte of addresses.
+    with Worker(_MODULE, variables={"ARROW_DEFAULT_MEMORY_POOL": "system"}) as worker:
+        worker.send(request)
+        try:
+            return _answer(worker, timeout_s)
+        except TimeoutError:
+            bound = f"an answer within {timeout_s:g} s"
+            raise over("sql", bound, "one that takes longer") from None
+        except EOFError:
+            ending = worker.ending()
+            if "exit status 1" in ending and "MemoryError" not in ending:
+                raise RuntimeError(ending) from None  # A fault of our own.
+            raise too_large(memory_mib) from None
 
 
-def _answer(said: bytes) -> Answer | None:
-    """What the process has said; None if it ended before it was done.
+def _answer(worker: Worker, timeout_s: float) -> Answer:
+    """The answer of the process, which begins with the names of the columns or an error.
 
     Raises:
-        ConfigError: It has refused the query.
+        ConfigError: The process has refused the query.
+        EOFError: It ended before the answer was complete.
+        TimeoutError: The answer was not complete in time.
     """
     columns: tuple[str, ...] = ()
     rows: list[tuple[Any, ...]] = []
-    stream = io.BytesIO(said)
+    end = time.monotonic() + _PATIENCE_S
     while True:
-        try:
-            message: Any = pickle.load(stream)
-        except (EOFError, pickle.UnpicklingError):
-            return None
-        if isinstance(message, ConfigError):
+        message = worker.receive(max(0.0, end - time.monotonic()))
+        if message == BEGUN:
+            end = time.monotonic() + timeout_s
+        elif message is ENDED:
+            raise EOFError
+        elif isinstance(message, ConfigError):
             raise message
-        if isinstance(message, bool):
+        elif isinstance(message, bool):
             return Answer(columns=columns, rows=rows, is_cut=message)
-        if isinstance(message, tuple):
+        elif isinstance(message, tuple):
             columns = message
         else:
             rows += message
@@ -160,7 +158,3 @@ def _refuse_without_duckdb() -> None:
 def too_large(memory_mib: int) -> ConfigError:
     """The error of a query that needs more memory than it may [MiB]."""
     return over("sql", f"at most {memory_mib} MiB of memory", "one that needs more")
-
-
-def _too_late(timeout_s: float) -> ConfigError:
-    return over("sql", f"an answer within {timeout_s:g} s", "one that takes longer")

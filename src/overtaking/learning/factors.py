@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.summary import Summarized
 from overtaking.learning.attributes import Attribute
 from overtaking.learning.elimination import Factors, Ranked, num_fits, rank
 from overtaking.learning.examples import Examples, refuse_too_few
@@ -103,7 +104,7 @@ class Faked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FactorsFound:
+class FactorsFound(Summarized):
     """What was found out about the factors.
 
     Attributes:

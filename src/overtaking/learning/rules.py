@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.summary import Summarized
 from overtaking.learning.conditions import Rule, RuleSet, conditions_of
 from overtaking.learning.covering import MAX_CONDITIONS, MAX_RULES, cover
 from overtaking.learning.examples import Examples, refuse_too_few
@@ -63,7 +64,7 @@ class LearnedRule:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RulesFound:
+class RulesFound(Summarized):
     """What was learned about a target.
 
     Attributes:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from overtaking.core.bounds import room_after
+from overtaking.core.summary import Summarized
 from overtaking.logic import facts as writing
 from overtaking.logic.export import check_every
 from overtaking.logic.question import ANSWER, Column, question, refused
@@ -23,7 +24,7 @@ Value = int | str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answers:
+class Answers(Summarized):
     """What answers a question.
 
     Attributes:

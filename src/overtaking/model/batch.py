@@ -15,7 +15,7 @@ B = TypeVar("B", bound="Batch")
 
 
 @dataclass(frozen=True, slots=True)
-class Rule:
+class Constraint:
     """What the fields of a batch must fulfil together.
 
     Attributes:
@@ -35,7 +35,7 @@ class Batch(Summarized):
     """Base of the frozen dataclasses whose array fields all lead with the `simulation` axis.
 
     A field may also be another batch, or a tuple of them. What comes from outside is checked by
-    `model.checks`, with `AXES`, `sizes` and `rules`.
+    `model.checks`, with `AXES`, `sizes` and `constraints`.
     """
 
     __slots__ = ()
@@ -53,7 +53,7 @@ class Batch(Summarized):
         """Lengths of axes that no array of the batch has."""
         return {}
 
-    def rules(self) -> Iterable[Rule]:
+    def constraints(self) -> Iterable[Constraint]:
         """What its fields must fulfil together."""
         return ()
 

@@ -153,7 +153,7 @@ class _Door:
             self._sizes |= {axis: (size, "road") for axis, size in one.sizes().items()}
 
     def check_values(self, one: Any, name: str) -> None:
-        """Refuse arrays with a value out of range, and batches that break a rule of their own."""
+        """Refuse arrays with a value out of range, and batches that break a constraint."""
         if not isinstance(one, Batch):
             return
         for field, value, path in _fields(one, name):
@@ -162,15 +162,15 @@ class _Door:
             elif isinstance(value, np.ndarray) and field.range is not None:
                 self._check_range(value, field, field.range, path)
         axes = {field.name: field.axes for field in _declared(type(one))}
-        for rule in one.rules():
-            if np.any(rule.broken):
-                place = _first(rule.broken)
-                got = _at(place, rule.got[place], axes[rule.field])
-                self._refuse(_path(name, rule.field), rule.expected, got)
+        for demand in one.constraints():
+            if np.any(demand.broken):
+                place = _first(demand.broken)
+                got = _at(place, demand.got[place], axes[demand.field])
+                self._refuse(_path(name, demand.field), demand.expected, got)
 
     def plain(self, value: Any, hint: Any, name: str) -> Any:
         """A value of an annotated type; iterables become tuples."""
-        extras: tuple[Any, ...] = ()
+        extras: list[Range] = []
         if get_origin(hint) is Annotated:
             hint, *extras = get_args(hint)
         taken = values.taken(value, hint)

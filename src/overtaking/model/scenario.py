@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32
-from overtaking.model.batch import Batch, Rule
+from overtaking.model.batch import Batch, Constraint
 from overtaking.model.drivers import Drivers
 from overtaking.model.road import MAX_LENGTH, Road
 from overtaking.model.values import within
@@ -96,8 +96,8 @@ class Scenario(Batch):
         """Lanes of the road; a place may also be beyond the fastest one."""
         return {"lane": self.road.num_lanes, "lane or beyond": self.road.num_lanes + 1}
 
-    def rules(self) -> Iterable[Rule]:
+    def constraints(self) -> Iterable[Constraint]:
         """Vehicles start before the end of the road."""
         beyond = self.vehicles.valid & (self.start_s > self.road.length)
         end = f"at most {self.road.length:g} m, the length of the road"
-        yield Rule("start_s", end, beyond, self.start_s)
+        yield Constraint("start_s", end, beyond, self.start_s)

@@ -11,7 +11,7 @@ from enum import IntEnum, IntFlag
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.model.batch import Batch, Rule
+from overtaking.model.batch import Batch, Constraint
 from overtaking.model.road import Road
 from overtaking.model.scenario import MAX_DURATION, Scenario
 from overtaking.model.values import along, within
@@ -228,14 +228,14 @@ class Trajectories(Batch):
         frames = {"frames": self.stage.shape[1], "ms": self.scenario.frame_interval_ms}
         return {**self.scenario.summary(), **frames}
 
-    def rules(self) -> Iterable[Rule]:
+    def constraints(self) -> Iterable[Constraint]:
         """One frame or more of each simulation, and names of what is not known."""
         frames = self.num_frames
         wrong = (frames < 1) | (frames > self.stage.shape[1])
-        yield Rule("num_frames", f"1 to {self.stage.shape[1]}, as stage has", wrong, frames)
+        yield Constraint("num_frames", f"1 to {self.stage.shape[1]}, as stage has", wrong, frames)
         strange = sorted(self.unknown - set(UNKNOWNS))
         expected = f"names among {', '.join(UNKNOWNS)}"
-        yield Rule("unknown", expected, np.array(bool(strange)), np.array(strange))
+        yield Constraint("unknown", expected, np.array(bool(strange)), np.array(strange))
 
     @property
     def state_valid(self) -> NDArray[np.bool_]:

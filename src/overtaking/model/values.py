@@ -20,7 +20,7 @@ Axes = tuple[str | int, ...]
 REFUSED = object()
 """What `taken` gives for a value of another type."""
 
-_PLAIN: dict[Any, tuple[type, str]] = {
+_PLAIN: dict[Any, tuple[Any, str]] = {
     int: (Integral, "a whole number"),
     float: (Real, "a number"),
     bool: (bool | np.bool_, "True or False"),

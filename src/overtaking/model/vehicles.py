@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask
-from overtaking.model.batch import Batch, Rule
+from overtaking.model.batch import Batch, Constraint
 from overtaking.model.values import within
 
 
@@ -114,13 +114,13 @@ class VehicleSpecs(Batch):
     two_wheeler: Mask
     unlawful_presence: Mask
 
-    def rules(self) -> Iterable[Rule]:
+    def constraints(self) -> Iterable[Constraint]:
         """An ego in slot 0 and no empty slot before a filled one; centres between the axles."""
         filled = self.valid
         is_ego = np.arange(filled.shape[1]) == Role.EGO
         after_hole = np.zeros_like(filled)
         after_hole[:, 1:] = filled[:, 1:] & ~filled[:, :-1]
         expected = "True for the ego in slot 0, and no True after a False"
-        yield Rule("valid", expected, after_hole | (is_ego & ~filled), filled)
+        yield Constraint("valid", expected, after_hole | (is_ego & ~filled), filled)
         beyond = self.cg_to_front >= self.wheelbase
-        yield Rule("cg_to_front", "less than the wheelbase", beyond, self.cg_to_front)
+        yield Constraint("cg_to_front", "less than the wheelbase", beyond, self.cg_to_front)

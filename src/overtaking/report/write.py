@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from overtaking.core.errors import MissingExtraError, OvertakingError
+from overtaking.core.summary import Summarized
 from overtaking.model.events import Events
 from overtaking.model.trajectory import Trajectories
 from overtaking.report import files, prose
@@ -39,7 +40,7 @@ _NUM_PARTS = 18  # Figures, and the parts that take time beside them, for the pr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
+class Report(Summarized):
     """What was written.
 
     Attributes:

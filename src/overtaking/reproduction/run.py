@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError
+from overtaking.core.summary import Summarized
 from overtaking.knowledge.paper import COUNTS, Measure, Statement, calibration, statements
 from overtaking.knowledge.reader import load
 from overtaking.reproduction import hidden
@@ -143,7 +144,7 @@ class Starts:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reproduction:
+class Reproduction(Summarized):
     """What was found.
 
     Attributes:

@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from overtaking.core.summary import Summarized
 from overtaking.stats.columns import CENSORED, NUMERIC
 from overtaking.stats.leaks import Leak, leaks
 from overtaking.stats.sample import Sample, prepare
@@ -17,7 +18,7 @@ _DECENT_SHARE = 0.3  # Below this share of effective simulations, weighted numbe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Statistics:
+class Statistics(Summarized):
     """The statistics of a labelled data set.
 
     Attributes:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from overtaking.core.summary import Summarized
 from overtaking.model.labels import OvertakeClass
 from overtaking.scenarios import sample
 from overtaking.scenarios.schema_flow import Flow
@@ -56,7 +57,7 @@ class Stratum:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Validation:
+class Validation(Summarized):
     """What was found.
 
     Attributes:

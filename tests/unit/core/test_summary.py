@@ -1,0 +1,41 @@
+"""Large objects show a line in a terminal and a small table in a notebook."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+import pytest
+
+import overtaking as ot
+
+SHORT = {"time.horizon_s": 2.0, "time.attempt_deadline_s": 1.0}
+SAMPLED = "profile='pinto2023', road='town06', seed=1, simulations=3, vehicles=6"
+
+
+@pytest.fixture(scope="module")
+def labelled() -> ot.Labelled:
+    return ot.label(ot.simulate(ot.sample("pinto2023", 3, 1, overrides=SHORT)))
+
+
+def test_batches_say_what_they_are_in_a_line(labelled):
+    runs = labelled.trajectories
+    assert repr(runs.scenario) == f"Scenario({SAMPLED})"
+    assert repr(runs) == f"Trajectories({SAMPLED}, frames=41, ms=50)"
+    assert repr(labelled) == f"Labelled({SAMPLED}, frames=41, ms=50)"
+    assert repr(runs.scenario.drivers) == "Drivers(simulations=3)"
+    assert repr(labelled.paper) == "Features(policy='paper', simulations=3)"
+
+
+def test_nothing_is_worked_out_to_be_shown(labelled):
+    assert repr(labelled.signals) == "Signals(frame_interval_ms=50, simulations=3)"
+    assert labelled.signals.is_original
+
+
+def test_a_notebook_gets_a_table_with_headers_and_a_caption(labelled):
+    scenario = labelled.trajectories.scenario.replace(profile="<b>&")
+    table = ET.fromstring(scenario._repr_html_())
+    assert table.findtext("caption") == "Scenario"
+    rows = {row.findtext("th"): row.findtext("td") for row in table.iter("tr")}
+    assert rows["profile"] == "<b>&"
+    assert rows["simulations"] == "3"
+    assert {cell.get("scope") for cell in table.iter("th")} == {"row"}
