@@ -68,7 +68,7 @@ def _asked(output: Output, yes: bool) -> Callable[[Estimate], bool]:
     def is_allowed(found: Estimate) -> bool:
         is_watched = sys.stdin.isatty() and sys.stderr.isatty() and not output.quiet
         is_sure = yes or not found.is_large
-        if is_sure or is_watched:
+        if found.is_long and (is_sure or is_watched):
             output.say(str(found))
         return is_sure or (is_watched and typer.confirm("Go on?", err=True))
 

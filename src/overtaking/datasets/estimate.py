@@ -28,6 +28,7 @@ LARGE_BYTES = 10_000_000_000
 LARGE_SIMULATIONS = 1_000_000
 """Beyond one of these it has to be said that so much is meant."""
 
+LONG_S = 60.0
 _GB = 1e9
 _S_PER_H = 3600.0
 
@@ -55,6 +56,11 @@ class Estimate:
     def is_large(self) -> bool:
         """Whether it has to be said that so much is meant."""
         return self.size_bytes > LARGE_BYTES or self.simulations > LARGE_SIMULATIONS
+
+    @property
+    def is_long(self) -> bool:
+        """Whether a person wants to know before the work begins."""
+        return self.is_large or self.seconds > LONG_S
 
     def __str__(self) -> str:
         """The same in a few words."""

@@ -74,7 +74,7 @@ def generate(
     work = _Work(order, identity, place, progresses)
     try:
         _refuse_strangers(place)
-        if _begun(place, identity, resume=resume) is None:
+        if not place.has(manifest.FILE_NAME):
             refuse_too_large(recipe, place, simulator, allow_large)
         with termination_raises(), place.locked():
             work.run(crew)
