@@ -160,6 +160,7 @@ def _parquet_text(source: Path) -> pa.Table:
         try:
             # One file, not a folder of partitions, and no columns guessed from the path.
             table = pq.ParquetFile(file).read()
+            table.validate(full=True)  # Text that is no UTF-8, for one, is read without complaint.
         except (pa.ArrowException, OSError) as error:  # Arrow raises both on damaged pages.
             raise _unreadable(source, "a Parquet file", error) from None
     _check_names(source, table.column_names)

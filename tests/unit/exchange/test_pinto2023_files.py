@@ -212,6 +212,16 @@ def test_a_parquet_file_with_a_damaged_byte_is_refused_or_read(tmp_path):
     assert num_refused > 10
 
 
+def test_a_parquet_file_with_text_that_is_no_utf_8_is_refused(tmp_path):
+    path = tmp_path / "table.parquet"
+    table = pa.Table.from_pylist([GOOD]).select(COLUMNS)
+    pq.write_table(table, path, compression="none", use_dictionary=False)
+    assert read_table(path).num_rows == 1
+    path.write_bytes(path.read_bytes().replace(b"Night", b"N\xffght"))
+    with pytest.raises(ImportFormatError, match=r"expected a Parquet file, got .*UTF"):
+        read_table(path)
+
+
 @pytest.mark.parametrize("cut", [0, 3, 100, 4000])
 def test_a_parquet_file_cut_short_is_refused(tmp_path, cut):
     path = tmp_path / "table.parquet"
