@@ -660,21 +660,15 @@ class Canvas:
             ValueError: It has no size, or this is no colour.
         """
 
-    def draw(
-        self,
-        drawing: Drawing,
-        x: float = 0.0,
-        y: float = 0.0,
-        angle: float = 0.0,
-        scale: float = 1.0,
-    ) -> None:
-        """Draw shapes; what lies outside is cut off.
+    def draw(self, drawing: Drawing, x: float = 0.0, y: float = 0.0) -> None:
+        """Draw shapes with their origin at a column and a row; what lies outside is cut off."""
+
+    def draw_all(self, placed: Sequence[tuple[Drawing, float, float, float]], scale: float) -> None:
+        """Draw shapes one after the other, without Python's lock; what lies outside is cut off.
 
         Args:
-            drawing: The shapes.
-            x: Column of their origin [px].
-            y: Row of their origin [px].
-            angle: By which they are turned, anticlockwise [rad].
+            placed: Each with column and row of its origin, and the angle by which it is turned
+                anticlockwise [rad].
             scale: Pixels to a unit of theirs.
         """
 

@@ -56,14 +56,32 @@ impl Canvas {
         Ok(Self(pixmap))
     }
 
-    /// Draws shapes with their origin at a place, turned anticlockwise, and scaled.
-    #[pyo3(signature = (drawing, x = 0.0, y = 0.0, angle = 0.0, scale = 1.0))]
-    fn draw(&mut self, drawing: &Drawing, x: f32, y: f32, angle: f32, scale: f32) {
-        // Rounded from double precision, so that libraries of mathematics agree.
-        let (sine, cosine) = f64::from(angle).sin_cos();
-        let (along, across) = (scale * cosine as f32, scale * sine as f32);
-        let transform = Transform::from_row(along, -across, across, along, x, y);
-        drawing.on(&mut self.0.as_mut(), transform);
+    /// Draws shapes with their origin at a place.
+    #[pyo3(signature = (drawing, x = 0.0, y = 0.0))]
+    fn draw(&mut self, drawing: &Drawing, x: f32, y: f32) {
+        drawing.on(&mut self.0.as_mut(), Transform::from_translate(x, y));
+    }
+
+    /// Draws shapes one after the other, each with its origin at a place, turned anticlockwise; all scaled.
+    fn draw_all(
+        &mut self,
+        py: Python<'_>,
+        placed: Vec<(PyRef<'_, Drawing>, f32, f32, f32)>,
+        scale: f32,
+    ) {
+        let each = |(_, x, y, angle): &(PyRef<'_, Drawing>, f32, f32, f32)| {
+            // Rounded from double precision, so that libraries of mathematics agree.
+            let (sine, cosine) = f64::from(*angle).sin_cos();
+            let (along, across) = (scale * cosine as f32, scale * sine as f32);
+            Transform::from_row(along, -across, across, along, *x, *y)
+        };
+        let transforms: Vec<Transform> = placed.iter().map(each).collect();
+        let drawings: Vec<&Drawing> = placed.iter().map(|one| &*one.0).collect();
+        py.detach(|| {
+            for (drawing, transform) in drawings.into_iter().zip(transforms) {
+                drawing.on(&mut self.0.as_mut(), transform);
+            }
+        });
     }
 
     /// Copies some columns of another picture, the first of them to column `x` and row `y`.

@@ -125,7 +125,7 @@ class Film:
         if self._sky.rate > 0.0:
             height, is_night = SCENE_BOTTOM - SCENE_TOP, self._sky.is_night
             pictures = sky.rain(self._sky.rate, height, is_night=is_night)
-            canvas.draw(pictures[2 * frame % len(pictures)], 0, SCENE_TOP)
+            canvas.draw_all([(pictures[2 * frame % len(pictures)], 0, SCENE_TOP, 0)], 1.0)
 
     def _signs(self, canvas: Canvas, frame: int) -> None:
         """Distances along the road, at the upper edge."""

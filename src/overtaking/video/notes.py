@@ -71,7 +71,7 @@ def flash(canvas: Canvas, contact: Contact | None, view: View, frame: int) -> No
     first, s, d = contact
     if first <= frame < first + _FLASH_FRAMES:
         place = view.x(frame, s), SCENE_TOP + view.y(d)
-        canvas.draw(_burst(frame - first), *place, scale=view.scale)
+        canvas.draw_all([(_burst(frame - first), *place, 0.0)], view.scale)
 
 
 def endings(scene: Scene, contact: Contact | None) -> Iterator[Note]:

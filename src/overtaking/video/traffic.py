@@ -92,15 +92,18 @@ class Traffic:
 
     def draw_bodies(self, canvas: Canvas, places: list[Place]) -> None:
         """Draw bodies with their shadows and the spray behind them."""
-        for index, x, y, angle in places:
-            canvas.draw(self._bodies[index], x, y, angle, self._scale)
+        canvas.draw_all([(self._bodies[one.vehicle], *one[1:]) for one in places], self._scale)
 
     def draw_lamps(self, canvas: Canvas, places: list[Place], frame: int) -> None:
         """Draw the lamps that are lit."""
-        for index, x, y, angle in places:
-            if lit := int(self.lit[index, frame]):
-                drawing = lamps(self._scene.bodies[index], lit)
-                canvas.draw(drawing, x, y, angle, self._scale)
+        lit = [int(self.lit[one.vehicle, frame]) for one in places]
+        bodies = self._scene.bodies
+        shown = [
+            (lamps(bodies[one.vehicle], lights), *one[1:])
+            for one, lights in zip(places, lit, strict=True)
+            if lights
+        ]
+        canvas.draw_all(shown, self._scale)
 
     def lights(self, places: list[Place], frame: int) -> list[tuple[Light, float, float]]:
         """Headlamps that light the road, and a little light around every vehicle."""
@@ -123,7 +126,7 @@ class Traffic:
             index, x, y, angle = place
             if self._rank(index) < _OTHER:
                 ring = mark(self._scene.bodies[index], self._scale, is_ego=index == Role.EGO)
-                canvas.draw(ring, x, y, angle, self._scale)
+                canvas.draw_all([(ring, x, y, angle)], self._scale)
             self._draw_name(canvas, place, frame, away)
 
     def _rank(self, index: int) -> int:

@@ -22,7 +22,7 @@ SCALE, WHITE = 10.0, "#ffffff"
 def area(drawing: Drawing) -> float:
     """Opacity of a white drawing added up, in square units."""
     at = WIDTH / 2.0, HEIGHT / 2.0
-    shown = drawn(lambda canvas: canvas.draw(drawing, *at, scale=SCALE))
+    shown = drawn(lambda canvas: canvas.draw_all([(drawing, *at, 0.0)], SCALE))
     return float(shown.sum()) / 255.0 / SCALE**2
 
 
@@ -88,7 +88,7 @@ def test_a_shadow_is_the_hull_of_the_body_and_of_where_its_roof_falls(shade):
     plain, shaded = (painted(body, (*shade, dark), 0.0) for dark in (0.0, 1.0))
 
     def shown(drawing: Drawing):
-        return drawn(lambda canvas: canvas.draw(drawing, 640.0, 200.0, scale=SCALE), 255)
+        return drawn(lambda canvas: canvas.draw_all([(drawing, 640.0, 200.0, 0.0)], SCALE), 255)
 
     along, across = (1.5 * one for one in shade)
     ends = box(-2.0, -1.0, 2.0, 1.0).union(box(-2 + along, -1 + across, 2 + along, 1 + across))
@@ -101,7 +101,9 @@ def test_a_shadow_is_the_hull_of_the_body_and_of_where_its_roof_falls(shade):
 def test_a_drawing_lies_where_it_belongs_however_it_is_turned(angle, place):
     drawing = Drawing()
     drawing.rect((-1.0, 3.0), (-0.9, 0.3), WHITE)
-    shown = drawn(lambda canvas: canvas.draw(drawing, place[0], place[1], angle, SCALE)) / 255.0
+    shown = (
+        drawn(lambda canvas: canvas.draw_all([(drawing, place[0], place[1], angle)], SCALE)) / 255.0
+    )
     assert shown.sum() == pytest.approx(4.8 * SCALE**2, rel=0.02)
     rows, columns = (np.arange(size) + 0.5 for size in shown.shape)
     centre = (shown.sum(axis=0) @ columns / shown.sum(), shown.sum(axis=1) @ rows / shown.sum())
@@ -116,7 +118,7 @@ def test_a_drawing_lies_where_it_belongs_however_it_is_turned(angle, place):
 def test_a_glow_fades_to_nothing_at_its_reach():
     drawing = Drawing()
     drawing.glow(0.0, 0.0, 5.0, WHITE, 0.8)
-    row = drawn(lambda canvas: canvas.draw(drawing, 300.0, 100.0, scale=SCALE))[100, 300:360]
+    row = drawn(lambda canvas: canvas.draw_all([(drawing, 300.0, 100.0, 0.0)], SCALE))[100, 300:360]
     assert row[0] == pytest.approx(0.8 * 255.0, abs=4.0)
     assert (np.diff(row) <= 0.0).all()
     assert row[49:].max() <= 2.0
@@ -127,7 +129,8 @@ def test_a_mask_that_reaches_beyond_the_picture_is_cut_off(place):
     drawing = Drawing()
     drawing.mask(np.full((8, 14), 255, np.uint8), (0, 0), WHITE)
     shown = drawn(lambda canvas: canvas.draw(drawing, place[0], place[1]))
-    inside = box(0, 0, WIDTH, HEIGHT).intersection(box(*place, place[0] + 14, place[1] + 8))
+    x, y = place
+    inside = box(0, 0, WIDTH, HEIGHT).intersection(box(x, y, x + 14, y + 8))
     assert shown.sum() / 255.0 == inside.area
 
 

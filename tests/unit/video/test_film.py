@@ -172,7 +172,7 @@ CAR = Body(kind=VehicleKind.M, colour=Colour.GREY, length=4.6, width=1.8, height
 def test_a_lamp_shines_where_the_vehicle_has_it(light, rows, columns):
     drawing = lamps(CAR, int(light))
     black, white = (
-        drawn(lambda canvas: canvas.draw(drawing, 640.0, 200.0, scale=10.0), grey)
+        drawn(lambda canvas: canvas.draw_all([(drawing, 640.0, 200.0, 0.0)], 10.0), grey)
         for grey in (0, 255)
     )
     light_there = 256.0 * (1.0 - (white - black) / 255.0)
