@@ -11,7 +11,7 @@ import numpy as np
 
 from overtaking.core import processors
 from overtaking.core.errors import ConfigError, DatasetError
-from overtaking.datasets.contents import content_rows
+from overtaking.datasets.contents import contents
 from overtaking.datasets.place import Folder, Place
 from overtaking.datasets.recipe import Recipe, Simulator
 from overtaking.scenarios import sample
@@ -142,7 +142,7 @@ def _made(recipe: Recipe, simulator: Simulator, count: int) -> tuple[int, int]:
     numbers = np.arange(count)
     index = numbers.astype(np.uint64)
     run = simulator.simulate(sample(recipe.spec, recipe.road, recipe.seed, index))
-    tables = content_rows(run, numbers, recipe.keep.tables)
+    tables = contents(run, numbers, recipe.keep.tables)
     rows = size = 0
     with tempfile.TemporaryDirectory(prefix="overtaking-") as folder:
         for name, table in tables.items():
