@@ -45,7 +45,7 @@ def video(
     simulations: Chosen = None,
     one_per_class: PerClass = False,
     every: All = False,
-    policy: options.ChosenPolicy = None,
+    policy: options.OpenPolicy = None,
     out: Folder = None,
     threads: options.Threads = None,
 ) -> None:

@@ -28,7 +28,7 @@ _EXPLAINED = ("classes", "features")
 def lead(found: Statistics) -> str:
     """One line on what this is."""
     sample = found.sample
-    policy = terms("policies")[sample.policy].title
+    policy = f"the policy {sample.policy} ({terms('policies')[sample.policy].title})"
     weighing = "counted by their importance weights" if sample.is_weighted else "each counted once"
     return f"{counted(len(sample), 'simulation')}, classified under {policy}, {weighing}."
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from overtaking.knowledge.terms import terms
 from overtaking.model.vehicles import Role
 from overtaking.rules import POLICIES
 from overtaking.video import notes, sky
@@ -16,7 +17,6 @@ from overtaking.video.scene import scene
 from overtaking.video.text import line
 from overtaking.video.traffic import Traffic
 from overtaking.video.view import SCENE_BOTTOM, SCENE_TOP, view
-from overtaking.video.words import explained
 
 if TYPE_CHECKING:
     from overtaking.model.events import Events
@@ -66,7 +66,7 @@ class Film:
         told = notes.breaches(self.scene, findings, policy)
         self._notes = [*notes.endings(self.scene, self.contact), *told]
         subtitle = run.scenario.profile + ("" if label is None else f" · {label.title}")
-        meaning = "" if label is None else explained(label, policy.name)
+        meaning = "" if label is None else explained(label.title, policy.name)
         self._header = Header(title, subtitle, meaning, seen.text)
         self._timeline = Timeline(self.scene, told)
         self._road = strip(self.scene.road, self.view.scale, self.view.middle_d, seen.tone)
@@ -137,3 +137,8 @@ class Film:
             sign = line(f"{s} m", 11, INK if is_pale else _SIGN)
             column = round((s - left) * self.view.scale) - sign.width // 2
             canvas.draw(sign.drawing, column, SCENE_TOP + 2)
+
+
+def explained(label: str, policy: str) -> str:
+    """A class under a policy in a few words."""
+    return f"{terms('classes')[label].title} · policy {policy}: {terms('policies')[policy].title}"

@@ -159,7 +159,10 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
             lambda _: ot.compare("pinto2023", 1, 1, simulators="engine"),
             "compare: simulators: expected several values, each of them a text, got 'engine'",
         ),
-        (lambda _: ot.film(5), "film: data: expected a Dataset, a text or a path, got 5"),
+        (
+            lambda _: ot.film(5),
+            "film: source: expected a Dataset, a text, a path, a Trajectories or a Labelled, got 5",
+        ),
         (lambda _: ot.plot_validation(1, "x"), "plot_validation: found: expected a Validation"),
         (lambda _: ot.Balance(candidates="a"), "balance: candidates: expected a whole number or N"),
         (lambda _: ot.Balance(by="class"), "balance: by: expected several values"),

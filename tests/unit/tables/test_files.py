@@ -164,7 +164,9 @@ def test_a_newer_version_says_to_upgrade(tables, tmp_path: Path):
     pq.write_table(tables["states"].replace_schema_metadata(newer), tmp_path / "a.parquet")
     with pytest.raises(SchemaError) as caught:
         read_table(tmp_path / "a.parquet", "states")
-    one_line(caught.value, "overtaking.states", f"at most {VERSION}, got {VERSION + 1}", "upgrade")
+    one_line(
+        caught.value, "overtaking.states", f"at most {VERSION}, got {VERSION + 1}", "newer one"
+    )
 
 
 def test_another_table_is_refused(tables, tmp_path: Path):

@@ -16,7 +16,7 @@ from overtaking.model.trajectory import Lights, Stage
 from overtaking.model.vehicles import Colour, VehicleKind
 from overtaking.rules import POLICIES, PORTUGAL, policy
 from overtaking.video.canvas import HEIGHT, WIDTH, Canvas
-from overtaking.video.film import Film
+from overtaking.video.film import Film, explained
 from overtaking.video.notes import articles_of, breaches
 from overtaking.video.palette import ASIDE, EGO, STAGES, TARGET, WARNING
 from overtaking.video.panel import Timeline
@@ -24,7 +24,6 @@ from overtaking.video.scene import scene
 from overtaking.video.text import lettering
 from overtaking.video.vehicles import Body, lamps
 from overtaking.video.view import SCENE_BOTTOM, SCENE_TOP, view
-from overtaking.video.words import explained
 
 MM = 1e-3
 RING = 0.45  # Metres from the body to the outer edge of a mark.
@@ -255,7 +254,7 @@ def test_what_counts_is_shown_first(run):
 def test_a_class_is_explained_beside_its_name_in_the_room_that_there_is():
     for label in OvertakeClass:
         for each in POLICIES:
-            text = explained(label, each.name)
+            text = explained(label.title, each.name)
             assert each.name in text
             assert 16 + lettering(text, 11).shape[1] < 420  # Left of where the stages begin.
 
@@ -285,7 +284,7 @@ def test_values_of_one_axis_stay_clear_of_those_of_the_other(film):
 
 
 def test_a_collision_flashes_where_the_two_touch_and_is_told_from_then_on():
-    cars = [Vehicle(kind="M", s=100.0, lane=1, speed=30.0, driver={"reaction_time": 30.0})]
+    cars = [Vehicle(kind="M", s=100.0, lane=1, speed=30.0, driver={"reaction_time": 10.0})]
     cars.append(Vehicle(kind="M", s=106.0, lane=1, speed=5.0))
     film = Film(api.simulate(scenario(cars, horizon=3.0)))
     assert film.contact is not None
