@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import overtaking as ot
+from overtaking import api
 from overtaking.core.errors import ConfigError
 from overtaking.model.checks import check, checked
 from overtaking.model.values import Range
@@ -116,7 +117,7 @@ def test_what_profiles_and_simulators_make_passes(profile: str):
 def test_a_recording_of_others_passes(shared_data, tmp_path: Path):
     for name in ("C-DEU_MONAMerge-2_480_T-559", "OSC_CutIn-1_2_T-1"):
         source = shared_data / "commonroad" / f"{name}.xml"
-        data = ot.api.import_recording("commonroad", source, tmp_path / name)
+        data = api.import_recording("commonroad", source, tmp_path / name)
         for _, batch in data.batches():
             check(batch, "test")
 
