@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import fuzz_arrays
 from damage import damaged_text
+from fuzz_readers import READERS
 
 MANIFEST = "dataset.json"
 
@@ -71,4 +73,11 @@ def _simulate(text: bytes, folder: Path) -> None:
 TARGETS = (
     Target(name="manifest", corpus=_data_set, damaged=damaged_text, call=_load),
     Target(name="specification", corpus=_profiles, damaged=damaged_text, call=_simulate),
+    Target(
+        name="arrays",
+        corpus=fuzz_arrays.corpus,
+        damaged=fuzz_arrays.damaged,
+        call=fuzz_arrays.call,
+    ),
+    *(Target(**one) for one in READERS),
 )
