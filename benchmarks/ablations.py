@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.exchange.roads import load_road
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind, Trajectories
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine
-from overtaking.sim.effects import Effects
-from overtaking.sim.parameters import parameters
+from overtaking.world.effects import Effects
+from overtaking.world.parameters import parameters
 
 Values = NDArray[np.float64]
 

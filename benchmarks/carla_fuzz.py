@@ -17,9 +17,9 @@ from contextlib import suppress
 from typing import Any
 
 from measure import ROOT
-from overtaking.carla_server.protocol import CALLS
-from overtaking.carla_server.server import DECLARED
-from overtaking.carla_server.wire import Decoder, encode
+from overtaking.simulators.carla_server.protocol import CALLS
+from overtaking.simulators.carla_server.server import DECLARED
+from overtaking.simulators.carla_server.wire import Decoder, encode
 
 sys.path.insert(0, str(ROOT))
 support: Any = importlib.import_module("tests.support.carla")

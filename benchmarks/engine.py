@@ -23,11 +23,11 @@ import numpy as np
 
 from measure import ROOT, Measure, parser, report
 from overtaking import _core
-from overtaking.exchange.roads import load_road
 from overtaking.model.scenario import SLOTS, Scenario
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine
-from overtaking.sim.parameters import Parameters, parameters
+from overtaking.world.parameters import Parameters, parameters
 
 SIMULATIONS, VEHICLES, FRAMES = 1024, 5, 200
 SPACING_M = 60.0  # Room on the road for each vehicle of a crowd.

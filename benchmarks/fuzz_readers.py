@@ -102,7 +102,7 @@ def _reads(file_format: str) -> Callable[[tuple[str, bytes], Path], None]:
     """What reads a damaged recording and makes simulations of all that it finds."""
 
     def read(given: tuple[str, bytes], folder: Path) -> None:
-        from overtaking.exchange.recording_formats import read_recording
+        from overtaking.recordings.formats import read_recording
 
         path = folder / given[0]
         before = path.read_bytes() if path.exists() else given[1]
@@ -118,7 +118,7 @@ def _reads(file_format: str) -> Callable[[tuple[str, bytes], Path], None]:
 
 
 def _read_map(given: tuple[str, bytes], folder: Path) -> None:
-    from overtaking.exchange.opendrive import read_opendrive
+    from overtaking.recordings.opendrive import read_opendrive
 
     path = folder / given[0]
     path.write_bytes(given[1])

@@ -28,8 +28,8 @@ from pathlib import Path
 import pyarrow.parquet as pq
 
 from overtaking import api
-from overtaking.tables.files import sha256_of
-from overtaking.tables.schemas import KEYS
+from overtaking.data.tables.files import sha256_of
+from overtaking.data.tables.schemas import KEYS
 
 CHANGES = frozenset({"open", "os.mkdir", "os.rename", "os.truncate", "shutil.rmtree"})
 """Audit events (PEP 578) of what changes the file system."""

@@ -22,29 +22,29 @@ import pyarrow as pa
 from measure import Measure, parser, report
 from memory import Watch
 from overtaking import api
-from overtaking.datasets.contents import contents
-from overtaking.datasets.load import Dataset
-from overtaking.datasets.place import Folder
-from overtaking.datasets.plan import LARGE_CHUNK_SIZE, SHARD_SIZE, shards
-from overtaking.datasets.recipe import Keep
-from overtaking.datasets.write import write_shard
-from overtaking.exchange.roads import load_road
-from overtaking.features import (
+from overtaking.data.contents import contents
+from overtaking.data.load import Dataset
+from overtaking.data.place import Folder
+from overtaking.data.plan import LARGE_CHUNK_SIZE, SHARD_SIZE, shards
+from overtaking.data.recipe import Keep
+from overtaking.data.tables.encode_labels import encode_labels
+from overtaking.data.tables.label_schemas import LABEL_TABLES
+from overtaking.data.write import write_shard
+from overtaking.labels.events import find_events
+from overtaking.labels.features import (
     decision_features,
     matched_features,
     paper_features,
     safety_measures,
 )
-from overtaking.labelling import label
-from overtaking.labels import find_events
+from overtaking.labels.label import label
+from overtaking.labels.law import PORTUGAL, check
+from overtaking.labels.signals.engine import signals, target_signals
 from overtaking.model.labels import Case
-from overtaking.rules import PORTUGAL, check
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
-from overtaking.signals.engine import signals, target_signals
 from overtaking.sim import engine, reference
-from overtaking.sim.parameters import parameters
-from overtaking.tables.encode_labels import encode_labels
-from overtaking.tables.label_schemas import LABEL_TABLES
+from overtaking.world.parameters import parameters
 from readable import readable
 
 MILLION = 1_000_000

@@ -20,15 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.errors import OvertakingError
-from overtaking.exchange.recording_formats import read_recording
-from overtaking.exchange.roads import load_road
-from overtaking.labels.movements import advances, runs
+from overtaking.labels.events.movements import advances, runs
+from overtaking.labels.signals.reference import footprint, lateral_speed, side_of
 from overtaking.model.trajectory import NO_VEHICLE, Lights, Trajectories
 from overtaking.model.vehicles import VehicleKind
-from overtaking.physics.constants import known
+from overtaking.recordings.formats import read_recording
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
-from overtaking.signals.reference import footprint, lateral_speed, side_of
 from overtaking.sim import engine
+from overtaking.world.constants import known
 
 BATCH = 256
 BEFORE_S, AFTER_S = 6.0, 1.0

@@ -12,17 +12,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import overtaking
-from overtaking.core.errors import DatasetError
-from overtaking.learning.factors import FactorsFound
-from overtaking.learning.rules import RulesFound
-from overtaking.learning.tables_of_factors import (
+from overtaking.analysis.learning.factors import FactorsFound
+from overtaking.analysis.learning.rules import RulesFound
+from overtaking.analysis.learning.tables_of_factors import (
     confusion_table,
     leakage_table,
     model_table,
     ranking_table,
 )
-from overtaking.learning.tables_of_rules import comparison_table, rule_table
-from overtaking.stats.table import Table
+from overtaking.analysis.learning.tables_of_rules import comparison_table, rule_table
+from overtaking.analysis.stats.table import Table
+from overtaking.core.errors import DatasetError
 
 BEGIN = "<!-- begin: benchmarks/learning.py -->"
 END = "<!-- end: benchmarks/learning.py -->"

@@ -21,13 +21,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from overtaking import api
-from overtaking.exchange.roads import load_road
-from overtaking.logic.facts import Classes
-from overtaking.logic.law import CODES, judged, lawyer
-from overtaking.logic.reasoning import Reasoner
-from overtaking.logic.source import Choice, Group, case_of, groups
+from overtaking.analysis.logic.facts import Classes
+from overtaking.analysis.logic.law import CODES, judged, lawyer
+from overtaking.analysis.logic.reasoning import Reasoner
+from overtaking.analysis.logic.source import Choice, Group, case_of, groups
+from overtaking.labels.law import PORTUGAL, check
 from overtaking.model.labels import Verdict
-from overtaking.rules import PORTUGAL, check
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine
 

@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from overtaking.features import encounters, past
-from overtaking.features import engine as measures
-from overtaking.features import reference as readable_measures
-from overtaking.labels import engine as events
-from overtaking.labels import reference as readable_events
-from overtaking.rules import engine as margins
-from overtaking.rules import frames
-from overtaking.rules import reference as readable_margins
-from overtaking.signals import engine as signals
-from overtaking.signals import reference as readable_signals
-from overtaking.signals import target as readable_target
+from overtaking.labels.events import engine as events
+from overtaking.labels.events import reference as readable_events
+from overtaking.labels.features import encounters, past
+from overtaking.labels.features import engine as measures
+from overtaking.labels.features import reference as readable_measures
+from overtaking.labels.law import engine as margins
+from overtaking.labels.law import frames
+from overtaking.labels.law import reference as readable_margins
+from overtaking.labels.signals import engine as signals
+from overtaking.labels.signals import reference as readable_signals
+from overtaking.labels.signals import target as readable_target
 
 
 def _largest(values: Any, span: frames.Span) -> Any:

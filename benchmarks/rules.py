@@ -13,10 +13,10 @@ from functools import partial
 
 from measure import Measure, number, parser, report
 from overtaking import api
-from overtaking.labels import find_events
+from overtaking.labels.events import find_events
+from overtaking.labels.law import PORTUGAL, check, judge
+from overtaking.labels.signals.engine import signals, target_signals
 from overtaking.model.labels import Case
-from overtaking.rules import PORTUGAL, check, judge
-from overtaking.signals.engine import signals, target_signals
 
 BATCH, REPEATS = 512, 7
 LIMIT = 60.0

@@ -17,14 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from measure import parser
-from overtaking.exchange.roads import load_road
-from overtaking.labelling import label
+from overtaking.labels.label import label
 from overtaking.model.events import Outcome
 from overtaking.model.labels import OvertakeClass
-from overtaking.physics.film import rain_rate
-from overtaking.physics.visibility import meteorological_range
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine
+from overtaking.world.film import rain_rate
+from overtaking.world.visibility import meteorological_range
 
 PIECE = 64
 ENOUGH = 30

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.exchange.roads import load_road
-from overtaking.labelling import label
+from overtaking.labels.label import label
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.scenario import Scenario
 from overtaking.model.weather import NO_PRESET, Weather
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import Spec, sample, spec
 from overtaking.sim import engine
 

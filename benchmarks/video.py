@@ -21,10 +21,10 @@ import numpy as np
 
 from measure import Measure, parser, report
 from overtaking import api
-from overtaking.video import encode, jobs, produce
-from overtaking.video.canvas import HEIGHT, WIDTH, Canvas
-from overtaking.video.film import Film
-from overtaking.video.scene import RATE
+from overtaking.show.video import encode, jobs, produce
+from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas
+from overtaking.show.video.film import Film
+from overtaking.show.video.scene import RATE
 
 FILMS, REPEATS, FRAMES = 24, 3, 200
 TARGET = 2.0

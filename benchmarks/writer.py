@@ -22,10 +22,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from overtaking import api
+from overtaking.data.tables.decode import decode
+from overtaking.data.tables.encode import encode
+from overtaking.data.tables.files import TableWriter, read_table
 from overtaking.model.trajectory import Trajectories
-from overtaking.tables.decode import decode
-from overtaking.tables.encode import encode
-from overtaking.tables.files import TableWriter, read_table
 
 PIECE = 512
 """Simulations in memory at a time, as in `datasets.plan`."""

@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from overtaking import scenarios
-from overtaking.exchange.roads import load_road
+from overtaking.analysis.validation.figures import Figure
+from overtaking.analysis.validation.run import Validation, validate
 from overtaking.knowledge import number
 from overtaking.knowledge.reader import load
-from overtaking.validation.figures import Figure
-from overtaking.validation.run import Validation, validate
+from overtaking.recordings.roads import load_road
 
 FROZEN = Path(__file__).with_name("motorway.json")
 PROFILE = "motorway"

@@ -19,13 +19,13 @@ from pathlib import Path
 from typing import Any
 
 from overtaking import scenarios
+from overtaking.analysis.reproduction.measures import measured
+from overtaking.analysis.reproduction.replicates import replicates
+from overtaking.analysis.reproduction.run import parameter_hash
 from overtaking.api.choices import simulator_of
-from overtaking.exchange.roads import load_road
 from overtaking.knowledge.paper import Measure, Standing, Statement, calibration, statements
 from overtaking.knowledge.reader import load
-from overtaking.reproduction.measures import measured
-from overtaking.reproduction.replicates import replicates
-from overtaking.reproduction.run import parameter_hash
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import populations
 
 FROZEN = Path(__file__).with_name("pinto2023.json")

@@ -10,8 +10,8 @@ it was, to the last bit.
 import numpy as np
 
 import overtaking as ot
+from overtaking.model.decision import Decision
 from overtaking.model.trajectory import NO_VEHICLE, Stage
-from overtaking.sim.decision import Decision
 
 FOG_LEAD = 40  # Frames between the fog and the decision, 2 s.
 

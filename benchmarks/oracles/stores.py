@@ -24,7 +24,7 @@ from typing import Any
 
 from overtaking import api
 from overtaking.core.errors import DatasetError
-from overtaking.datasets.store import Store
+from overtaking.data.store import Store
 
 BUCKET = "overtaking"
 SHARD_SIZE = 32

@@ -15,7 +15,7 @@ from figures.svg import Point, box, curve, document, element, group, label, line
 from overtaking.knowledge import presets
 from overtaking.model.trajectory import DecisionKind, Lights, Stage
 from overtaking.model.vehicles import Role
-from overtaking.physics import film
+from overtaking.world import film
 
 WIDTH, LEFT, RIGHT = 960.0, 128.0, 16.0
 PIXELS = (WIDTH - LEFT - RIGHT) / (BEHIND + AHEAD)  # A metre, along and across.

@@ -17,19 +17,19 @@ from typing import TYPE_CHECKING
 from PIL import Image, ImageDraw
 
 import overtaking
-from overtaking.plots.style import to_png
-from overtaking.report import gallery
-from overtaking.stats.diagrams import diagram
-from overtaking.stats.distributions import typical
-from overtaking.video.jobs import jobs
-from overtaking.video.produce import film_of
-from overtaking.video.scene import RATE as FILM_RATE
+from overtaking.analysis.stats.diagrams import diagram
+from overtaking.analysis.stats.distributions import typical
+from overtaking.show.plots.style import to_png
+from overtaking.show.report import gallery
+from overtaking.show.video.jobs import jobs
+from overtaking.show.video.produce import film_of
+from overtaking.show.video.scene import RATE as FILM_RATE
 
 if TYPE_CHECKING:
-    from overtaking.datasets.load import Dataset
-    from overtaking.report.gallery import Picture
-    from overtaking.video.canvas import Canvas
-    from overtaking.video.film import Film
+    from overtaking.data.load import Dataset
+    from overtaking.show.report.gallery import Picture
+    from overtaking.show.video.canvas import Canvas
+    from overtaking.show.video.film import Film
 
 HERE = Path(__file__).parent
 SIMULATIONS, SEED = 276, 1

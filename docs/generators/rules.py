@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from generators.knowledge import numbers_of, source_link
 from generators.markdown import page, section, table
 
-from overtaking.rules import POLICIES, PORTUGAL
+from overtaking.labels.law import POLICIES, PORTUGAL
 
 if TYPE_CHECKING:
-    from overtaking.rules import Policy, Rule
+    from overtaking.labels.law import Policy, Rule
 
 INTRODUCTION = f"""\
 The rule set `{PORTUGAL.version}`: the Portuguese Highway Code and the regulation of signs, as far

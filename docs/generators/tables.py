@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from generators.markdown import page, section, table, unit
 
-from overtaking.tables.columns import STEPS, flags_of, names_of, si_name, unit_of
-from overtaking.tables.schemas import KEYS, SCHEMAS, VERSION
+from overtaking.data.tables.columns import STEPS, flags_of, names_of, si_name, unit_of
+from overtaking.data.tables.schemas import KEYS, SCHEMAS, VERSION
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -45,11 +45,11 @@ used (PEP 562), so `import overtaking` is quick; `__init__.pyi` tells editors th
 from importlib import import_module as _import_module
 
 _HOMES = {
-    "Balance": "overtaking.datasets.balance",
-    "Dataset": "overtaking.datasets.load",
-    "Decision": "overtaking.sim.decision",
+    "Balance": "overtaking.data.balance",
+    "Dataset": "overtaking.data.load",
+    "Decision": "overtaking.model.decision",
     "Drivers": "overtaking.model.drivers",
-    "Labelled": "overtaking.labelling.label",
+    "Labelled": "overtaking.labels.label",
     "Lane": "overtaking.model.road",
     "OvertakingError": "overtaking.core.errors",
     "Road": "overtaking.model.road",

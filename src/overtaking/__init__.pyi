@@ -20,9 +20,10 @@ from overtaking.api.simulating import label as label
 from overtaking.api.simulating import sample as sample
 from overtaking.api.simulating import simulate as simulate
 from overtaking.core.errors import OvertakingError as OvertakingError
-from overtaking.datasets.balance import Balance as Balance
-from overtaking.datasets.load import Dataset as Dataset
-from overtaking.labelling.label import Labelled as Labelled
+from overtaking.data.balance import Balance as Balance
+from overtaking.data.load import Dataset as Dataset
+from overtaking.labels.label import Labelled as Labelled
+from overtaking.model.decision import Decision as Decision
 from overtaking.model.drivers import Drivers as Drivers
 from overtaking.model.road import Lane as Lane
 from overtaking.model.road import Road as Road
@@ -30,6 +31,5 @@ from overtaking.model.scenario import Scenario as Scenario
 from overtaking.model.trajectory import Trajectories as Trajectories
 from overtaking.model.vehicles import VehicleSpecs as VehicleSpecs
 from overtaking.model.weather import Weather as Weather
-from overtaking.sim.decision import Decision as Decision
 
 __version__: str

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from overtaking import scenarios
+from overtaking.analysis.reproduction.run import parameter_hash
 from overtaking.knowledge.paper import calibration as fitted_to_the_study
 from overtaking.knowledge.paper import statements
-from overtaking.reproduction.run import parameter_hash
 
 FOLDER = Path(__file__).resolve().parents[2] / "calibration"
 

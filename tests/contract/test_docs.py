@@ -310,7 +310,7 @@ def test_every_name_exists(page: str):
         ("Drivers.time_gap", True),
         ("Drivers.time_gaps", False),
         ("overtaking.branch", True),
-        ("overtaking.labels_of", False),
+        ("overtaking.labels.events_of", False),
         ("model.drivers.Drivers.patience.more", False),
     ],
 )

@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 COMPILED = "overtaking._core"
 BINDINGS = (
     "overtaking.core.compiled",
-    "overtaking.features.engine",
-    "overtaking.labels.engine",
-    "overtaking.rules.engine",
+    "overtaking.labels.features.engine",
+    "overtaking.labels.events.engine",
+    "overtaking.labels.law.engine",
     "overtaking.sim",
-    "overtaking.signals.engine",
-    "overtaking.tables.digest",
-    "overtaking.tables.encode",
-    "overtaking.tables.packed",
-    "overtaking.video.canvas",
-    "overtaking.video.encode",
+    "overtaking.labels.signals.engine",
+    "overtaking.data.tables.digest",
+    "overtaking.data.tables.encode",
+    "overtaking.data.tables.packed",
+    "overtaking.show.video.canvas",
+    "overtaking.show.video.encode",
 )
-REFERENCES = ("overtaking.sim.reference", "overtaking.signals.reference")
+REFERENCES = ("overtaking.sim.reference", "overtaking.labels.signals.reference")
 
 LOAD_REFERENCE = f"""
 import importlib, pkgutil, sys
@@ -130,7 +130,7 @@ def test_dependencies_point_down(repository: Path, copy: Path):
     ("module", "line", "contract"),
     [
         ("core/spoiled.py", "import overtaking.cli", "dependencies point down"),
-        ("tables/spoiled.py", "import overtaking.exchange", "dependencies point down"),
+        ("tables/spoiled.py", "import overtaking.recordings", "dependencies point down"),
         ("utils/__init__.py", "", "dependencies point down"),
         ("model/spoiled.py", "import pyarrow", "no table library below the tables"),
         ("sim/spoiled.py", "from pandas import DataFrame", "no table library below the tables"),
@@ -164,7 +164,7 @@ def test_only_the_binding_loads_compiled_code(copy: Path):
 )
 def test_every_way_to_load_compiled_code_is_seen(line: str, copy: Path):
     add(copy, "physics/spoiled.py", line)
-    assert "overtaking.physics.spoiled" in loaders_of_compiled_code(copy)
+    assert "overtaking.world.spoiled" in loaders_of_compiled_code(copy)
 
 
 def test_no_module_takes_public_names_from_the_root(copy: Path):

@@ -9,12 +9,8 @@ import re
 import pyarrow as pa
 import pytest
 
-from overtaking.model.drivers import Drivers
-from overtaking.model.trajectory import Contacts, Percepts, States
-from overtaking.model.vehicles import VehicleSpecs
-from overtaking.model.weather import Weather
-from overtaking.tables.columns import STEPS, SUFFIXES, names_of, si_name, unit_of
-from overtaking.tables.schemas import (
+from overtaking.data.tables.columns import STEPS, SUFFIXES, names_of, si_name, unit_of
+from overtaking.data.tables.schemas import (
     BODY_FIELDS,
     DRIVER_FIELDS,
     KEYS,
@@ -23,6 +19,10 @@ from overtaking.tables.schemas import (
     VERSION,
     WEATHER_FIELDS,
 )
+from overtaking.model.drivers import Drivers
+from overtaking.model.trajectory import Contacts, Percepts, States
+from overtaking.model.vehicles import VehicleSpecs
+from overtaking.model.weather import Weather
 
 
 def units_in_docstring(cls: type) -> dict[str, str]:

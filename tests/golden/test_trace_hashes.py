@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from overtaking.exchange.roads import load_road
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine
 

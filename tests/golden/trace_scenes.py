@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.exchange.roads import load_road
 from overtaking.model.trajectory import NO_VEHICLE, Stage, Trajectories
 from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine
 

@@ -19,7 +19,7 @@ PARENT = """
 import json, os, resource, sys
 from overtaking import api
 from overtaking.cli import app, arguments, description, main, show, summary
-from overtaking.exchange import pinto2023
+from overtaking.recordings import pinto2023
 for line in sys.stdin:
     order = json.loads(line)
     child = os.fork()

@@ -16,14 +16,14 @@ import pytest
 from overtaking import api
 from overtaking.cli import making
 from overtaking.core.errors import ConfigError, DatasetError
-from overtaking.datasets import generate as writing
-from overtaking.datasets.balance import Balance
-from overtaking.datasets.balance_scan import FILE_NAME
-from overtaking.datasets.card import FILE_NAME as CARD
-from overtaking.datasets.manifest import FILE_NAME as MANIFEST
-from overtaking.datasets.manifest import BalanceRecord
-from overtaking.datasets.place import Folder
-from overtaking.datasets.recipe import Keep, Recipe
+from overtaking.data import generate as writing
+from overtaking.data.balance import Balance
+from overtaking.data.balance_scan import FILE_NAME
+from overtaking.data.card import FILE_NAME as CARD
+from overtaking.data.manifest import FILE_NAME as MANIFEST
+from overtaking.data.manifest import BalanceRecord
+from overtaking.data.place import Folder
+from overtaking.data.recipe import Keep, Recipe
 from overtaking.model.known_roads import known_road
 from overtaking.scenarios import spec
 
@@ -37,7 +37,7 @@ BALANCE = Balance()
 GENERATE = f"""
 import sys
 from overtaking import api
-from overtaking.datasets.balance import Balance
+from overtaking.data.balance import Balance
 held, after = sys.argv[2], int(sys.argv[3])
 def teller(phase):
     def tell(done, total):

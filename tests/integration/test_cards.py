@@ -18,11 +18,11 @@ from tests.support.recordings import Mover, commonroad
 
 from overtaking import api
 from overtaking.core.errors import DatasetError
-from overtaking.datasets import card
-from overtaking.datasets.card_header import card_header, size_category
-from overtaking.datasets.croissant import croissant
-from overtaking.datasets.datasheet import CHAPTERS, answers, datasheet
-from overtaking.datasets.manifest import Source
+from overtaking.data import card
+from overtaking.data.card_header import card_header, size_category
+from overtaking.data.croissant import croissant
+from overtaking.data.datasheet import CHAPTERS, answers, datasheet
+from overtaking.data.manifest import Source
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

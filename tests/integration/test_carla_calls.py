@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.support.carla import Address, answer_of, ask, headless_server, needs_wheel
 
-from overtaking.carla_server.places import known_place
+from overtaking.simulators.carla_server.places import known_place
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

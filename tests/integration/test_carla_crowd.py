@@ -9,9 +9,9 @@ from contextlib import ExitStack
 import pytest
 from tests.support.carla import PATIENCE, answer_of, ask, headless_server, memory_kb, needs_wheel
 
-from overtaking.carla_server.connections import MAX_CONNECTIONS
-from overtaking.carla_server.places import known_place
-from overtaking.carla_server.wire import Decoder, encode
+from overtaking.simulators.carla_server.connections import MAX_CONNECTIONS
+from overtaking.simulators.carla_server.places import known_place
+from overtaking.simulators.carla_server.wire import Decoder, encode
 
 pytestmark = [
     needs_wheel,

@@ -20,18 +20,19 @@ from tests.support.processes import eventually
 from tests.support.worlds import Vehicle, scenario
 
 from overtaking import api
-from overtaking.carla_server import server as serving
-from overtaking.carla_server.arguments import Settings
-from overtaking.carla_server.places import Atlas, known_place
-from overtaking.carla_server.streams import Streams
-from overtaking.carla_server.survey import survey
-from overtaking.carla_server.wire import Decoder, encode
-from overtaking.carla_server.world import World
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
-from overtaking.simulators import carla, carla_client
-from overtaking.simulators.carla_library import HEADLESS, SERVER_VARIABLE
-from overtaking.simulators.carla_stage import SimulationLostError
+from overtaking.simulators.carla import processes
+from overtaking.simulators.carla import run as carla
+from overtaking.simulators.carla.library import HEADLESS, SERVER_VARIABLE
+from overtaking.simulators.carla.stage import SimulationLostError
+from overtaking.simulators.carla_server import server as serving
+from overtaking.simulators.carla_server.arguments import Settings
+from overtaking.simulators.carla_server.places import Atlas, known_place
+from overtaking.simulators.carla_server.streams import Streams
+from overtaking.simulators.carla_server.survey import survey
+from overtaking.simulators.carla_server.wire import Decoder, encode
+from overtaking.simulators.carla_server.world import World
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -68,11 +69,11 @@ def test_a_server_that_hangs_is_replaced_and_the_result_the_same(monkeypatch: py
     found: list[np.ndarray] = []
     thread = in_background(lambda: found.append(carla.simulate(lone_ego(horizon=6.0)).trace_hash))
     time.sleep(0.5)
-    (hung,) = carla_client.servers()
+    (hung,) = processes.servers()
     os.kill(hung, signal.SIGSTOP)
     thread.join(120.0)
     assert (found[0] == expected).all()
-    assert carla_client.servers() != [hung]
+    assert processes.servers() != [hung]
 
 
 def test_a_client_that_died_is_closed_before_it_is_replaced(monkeypatch: pytest.MonkeyPatch):
@@ -80,9 +81,9 @@ def test_a_client_that_died_is_closed_before_it_is_replaced(monkeypatch: pytest.
     monkeypatch.setenv(SERVER_VARIABLE, HEADLESS)
     for _ in range(2):
         carla.simulate(lone_ego(horizon=0.5))
-        (client,) = carla_client.workers()
+        (client,) = processes.workers()
         os.kill(client, signal.SIGKILL)
-        assert eventually(lambda: not carla_client.workers())
+        assert eventually(lambda: not processes.workers())
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         carla.simulate(lone_ego(horizon=0.5))
@@ -126,7 +127,7 @@ def test_a_server_that_dies_leaves_a_list_of_what_is_missing_and_resume_goes_on(
     assert len(error.strip().splitlines()) == 1
     with headless_server() as there:
         assert main([*words, "--resume", "--server", f"127.0.0.1:{there.port}"]) == 0
-    carla_client.dismiss()
+    processes.dismiss()
     data = api.load(tmp_path / "data")
     data.verify()
     assert data.simulations()["index"].tolist() == list(range(10))
@@ -134,7 +135,7 @@ def test_a_server_that_dies_leaves_a_list_of_what_is_missing_and_resume_goes_on(
 
 def test_a_spawn_that_is_refused_is_named_and_the_others_are_run(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv(SERVER_VARIABLE, HEADLESS)
-    monkeypatch.setattr(carla_client, "ATTEMPTS", 1)
+    monkeypatch.setattr(processes, "ATTEMPTS", 1)
     with pytest.raises(SimulationLostError, match=r"simulations 0: .*refusal of the server"):
         carla.simulate(lone_ego(s=320.0))
     assert carla.simulate(lone_ego()).num_frames[0] == 41
@@ -171,7 +172,7 @@ def test_a_server_of_another_version_is_refused_with_both_versions(monkeypatch: 
         monkeypatch.setenv(SERVER_VARIABLE, f"127.0.0.1:{port}")
         with pytest.raises(ConfigError, match=r"expected 0\.9\.16, got 0\.9\.15"):
             carla.simulate(lone_ego())
-        carla_client.dismiss()
+        processes.dismiss()
 
 
 def test_a_client_that_falls_silent_between_its_ticks_is_told_of_once(

@@ -21,9 +21,10 @@ from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
 from overtaking.model.trajectory import Stage
-from overtaking.simulators import carla, carla_client, carla_traffic
-from overtaking.simulators.carla_library import SERVER_VARIABLE
-from overtaking.simulators.carla_stage import SimulationLostError
+from overtaking.simulators.carla import processes, traffic
+from overtaking.simulators.carla import run as carla
+from overtaking.simulators.carla.library import SERVER_VARIABLE
+from overtaking.simulators.carla.stage import SimulationLostError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -103,8 +104,8 @@ def test_the_same_simulation_has_the_same_hash_in_any_batch():
 
 def test_at_a_third_of_the_speed_places_speeds_and_time_agree_after_conversion():
     """dL/dTS = V: what the study's conversion needs and every third tick gives."""
-    run = carla_traffic.simulate(overtake(speed=30.0, horizon=6.0))
-    again = carla_traffic.simulate(overtake(speed=30.0, horizon=6.0))
+    run = traffic.simulate(overtake(speed=30.0, horizon=6.0))
+    again = traffic.simulate(overtake(speed=30.0, horizon=6.0))
     assert (run.trace_hash == again.trace_hash).all()
     for slot in (0, 1):
         s, speed = metres(run, "s", slot), metres(run, "speed", slot)
@@ -132,7 +133,7 @@ def test_a_client_that_is_killed_is_replaced_and_the_result_the_same():
     thread = threading.Thread(target=lambda: found.append(carla.simulate(overtake(horizon=4.0))))
     thread.start()
     time.sleep(1.0)
-    (worker,) = carla_client.workers()
+    (worker,) = processes.workers()
     os.kill(worker, signal.SIGKILL)
     thread.join(60.0)
     assert (found[0].trace_hash == expected).all()
@@ -172,7 +173,7 @@ def test_a_recorded_simulation_is_played_pose_by_pose_and_filmed(tmp_path: Path)
 STARTS_A_SERVER = """
 import sys
 from overtaking.core.worker import Worker
-server = Worker("overtaking.carla_server.child")
+server = Worker("overtaking.simulators.carla_server.child")
 assert server.receive(60.0) > 0
 print(server.pid, flush=True)
 sys.stdin.read()
@@ -192,7 +193,7 @@ def test_the_headless_server_is_gone_when_the_process_that_started_it_is_killed(
 def test_a_server_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch):
     port = free_port()
     monkeypatch.setenv(SERVER_VARIABLE, f"127.0.0.1:{port}")
-    monkeypatch.setattr(carla_client, "ATTEMPTS", 1)
+    monkeypatch.setattr(processes, "ATTEMPTS", 1)
     # Its client says it, or who looks after the server if the client is slow to start.
     with pytest.raises((ConfigError, SimulationLostError), match=f"127.0.0.1:{port}"):
         carla.simulate(overtake(horizon=1.0))

@@ -11,12 +11,12 @@ from tests.support.carla import needs_wheel
 from overtaking import api
 from overtaking.cli import main
 from overtaking.model.labels import OvertakeClass
-from overtaking.simulators.carla_library import SERVER_VARIABLE
+from overtaking.simulators.carla.library import SERVER_VARIABLE
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from overtaking.datasets.load import Dataset
+    from overtaking.data.load import Dataset
 
 pytestmark = [pytest.mark.ci, needs_wheel]
 

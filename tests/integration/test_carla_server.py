@@ -26,7 +26,7 @@ from tests.support.carla import (
     needs_wheel,
 )
 
-from overtaking.carla_server.wire import encode
+from overtaking.simulators.carla_server.wire import encode
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from overtaking import api
-from overtaking.exchange.pinto2023 import COLUMNS, read_table
 from overtaking.knowledge import terms
+from overtaking.recordings.pinto2023 import COLUMNS, read_table
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,12 +10,12 @@ import pytest
 
 from overtaking import api
 from overtaking.cli import main
-from overtaking.exchange.pinto2023 import read_table
+from overtaking.recordings.pinto2023 import read_table
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from overtaking.datasets.load import Dataset
+    from overtaking.data.load import Dataset
 
 SIMULATIONS = 300
 CHOSEN = [0, 5, 6, 290]

@@ -14,14 +14,14 @@ import overtaking as ot
 from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError, DatasetError, ImportFormatError
-from overtaking.datasets import write as writing
-from overtaking.exchange.commonroad import read_commonroad
-from overtaking.exchange.recording_scenes import scenes
+from overtaking.data import write as writing
+from overtaking.recordings.commonroad import read_commonroad
+from overtaking.recordings.scenes import scenes
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from overtaking.datasets.manifest import Source
+    from overtaking.data.manifest import Source
 
 MOVERS = (
     Mover(number=7, s=20.0, speed=30.0, moves=((4.0, 1), (14.0, 0)), last=250),

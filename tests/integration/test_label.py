@@ -7,8 +7,8 @@ import pytest
 from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import DatasetError
-from overtaking.datasets import relabel
-from overtaking.tables.label_schemas import LABEL_TABLES
+from overtaking.data import relabel
+from overtaking.data.tables.label_schemas import LABEL_TABLES
 
 SIZE = 12
 

@@ -9,9 +9,9 @@ import pytest
 
 import overtaking
 from overtaking.cli import main
-from overtaking.report import files
-from overtaking.report.learned import Learned, sections
-from overtaking.report.write import Writer
+from overtaking.show.report import files
+from overtaking.show.report.learned import Learned, sections
+from overtaking.show.report.write import Writer
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -20,13 +20,13 @@ from tests.support.troubled import troubled
 
 from overtaking import api
 from overtaking.core.errors import DatasetError
-from overtaking.datasets import generate as writing
-from overtaking.datasets import process_crew
-from overtaking.datasets.balance import Balance
-from overtaking.datasets.place import PARTIAL, Folder
-from overtaking.datasets.process_crew import ProcessCrew
-from overtaking.datasets.recipe import Keep, Recipe
-from overtaking.exchange.roads import load_road
+from overtaking.data import generate as writing
+from overtaking.data import process_crew
+from overtaking.data.balance import Balance
+from overtaking.data.place import PARTIAL, Folder
+from overtaking.data.process_crew import ProcessCrew
+from overtaking.data.recipe import Keep, Recipe
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import spec
 
 NUM_SIMULATIONS, SHARD_SIZE = 1000, 125

@@ -14,8 +14,8 @@ from tests.support.killer import Killer, contents
 
 from overtaking import api
 from overtaking.core.errors import ConfigError, DatasetError, MissingExtraError
-from overtaking.datasets import ray_crew
-from overtaking.datasets.place import PARTIAL
+from overtaking.data import ray_crew
+from overtaking.data.place import PARTIAL
 
 pytestmark = [
     pytest.mark.ci,

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from overtaking.core.errors import OvertakingError
-from overtaking.exchange.recording_formats import read_recording
-from overtaking.labelling import label
+from overtaking.labels.label import label
 from overtaking.model.events import NEVER
 from overtaking.model.vehicles import VehicleKind
-from overtaking.physics.constants import known
+from overtaking.recordings.formats import read_recording
+from overtaking.world.constants import known
 
 FILES = sorted((Path(__file__).parents[3] / "shared/data/commonroad").glob("*.xml"))
 ROUNDING = 0.003

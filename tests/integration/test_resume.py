@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from overtaking import api
 from overtaking.core.errors import DatasetError, LockedError
-from overtaking.tables.schemas import KEYS
+from overtaking.data.tables.schemas import KEYS
 
 NUM_SIMULATIONS = 24
 SHARD_SIZE = 8

@@ -18,9 +18,9 @@ import pytest
 
 import overtaking
 from overtaking import api
+from overtaking.analysis.database.entities import relations
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError, DatasetError
-from overtaking.database.entities import relations
 
 if TYPE_CHECKING:
     from overtaking import Dataset
@@ -132,7 +132,7 @@ def test_who_breaks_which_rule_while_following_closely_is_what_pandas_finds(data
 
 def test_the_papers_views_agree_with_the_exported_table(data: Dataset):
     """The export is made by other code, from trajectories; it rounds to two places."""
-    from overtaking.exchange.pinto2023 import to_table
+    from overtaking.recordings.pinto2023 import to_table
 
     table = to_table(data.trajectory(3), np.array([3])).to_pylist()
     vehicles = ask(data, "select * from paper.Vehicles where S = 3 order by F, ID")

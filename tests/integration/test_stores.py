@@ -9,9 +9,9 @@ import pytest
 
 from overtaking import api
 from overtaking.core.errors import ConfigError, DatasetError
-from overtaking.datasets import generate as generating
-from overtaking.datasets.balance import Balance
-from overtaking.datasets.store import Store
+from overtaking.data import generate as generating
+from overtaking.data.balance import Balance
+from overtaking.data.store import Store
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -18,12 +18,12 @@ from hypothesis import strategies as st
 from tests.support.forces import bounds
 
 from overtaking import scenarios
-from overtaking.exchange.roads import load_road
 from overtaking.model.batch import concatenate
 from overtaking.model.known_roads import known_road
 from overtaking.model.trajectory import NO_VEHICLE, Stage, States, Trajectories
+from overtaking.recordings.roads import load_road
 from overtaking.sim import branch, engine, reference
-from overtaking.sim.parameters import VEHICLE_FIELDS, Effects, Parameters, parameters
+from overtaking.world.parameters import VEHICLE_FIELDS, Effects, Parameters, parameters
 
 if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario

@@ -9,13 +9,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from overtaking.exchange.roads import load_road
-from overtaking.labelling import Labelled, label
+from overtaking.labels.label import Labelled, label
+from overtaking.labels.signals.frames import at
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Verdict
 from overtaking.model.trajectory import NO_VEHICLE, Lights, Trajectories
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
-from overtaking.signals.frames import at
 from overtaking.sim import engine
 
 SIZE = 400

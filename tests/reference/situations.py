@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.exchange.roads import load_road
 from overtaking.model.batch import Batch
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine
 from overtaking.sim.branch import Decision
-from overtaking.sim.parameters import SIMULATION_FIELDS, parameters
+from overtaking.world.parameters import SIMULATION_FIELDS, parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario
     from overtaking.model.trajectory import Trajectories
     from overtaking.model.weather import Weather
-    from overtaking.sim.parameters import Parameters
+    from overtaking.world.parameters import Parameters
 
     Run = Callable[..., Trajectories]
 

@@ -15,10 +15,10 @@ from shapely import affinity
 from tests.support.worlds import Vehicle, body_of, scenario, wide_road
 
 from overtaking.sim import engine
-from overtaking.sim.parameters import VEHICLE_FIELDS, Effects, parameters
 from overtaking.sim.reference import collisions
 from overtaking.sim.reference.collisions import Box, first_contact
 from overtaking.sim.reference.state import Fields, State, initial_state
+from overtaking.world.parameters import VEHICLE_FIELDS, Effects, parameters
 
 RESTITUTION = 0.1
 STEP = 0.01

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from overtaking.physics.measures import (
+from overtaking.world.measures import (
     drac,
     is_critical,
     shortfall,

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from overtaking import _core
-from overtaking.carla_server.bodies import Nature, body_of, scenario_of
 from overtaking.core.errors import ConfigError
 from overtaking.knowledge import presets
 from overtaking.knowledge.blueprints import blueprints
 from overtaking.model.known_roads import known_road
 from overtaking.sim.driven import EngineMover, ReferenceMover, mover
-from overtaking.sim.parameters import Parameters, parameters
 from overtaking.sim.reference.driven import MOVING, Controls
 from overtaking.sim.reference.state import State, initial_state
+from overtaking.simulators.carla_server.bodies import Nature, body_of, scenario_of
+from overtaking.world.parameters import Parameters, parameters
 
 TICK, STEPS = 0.05, 5
 LEVELS = [name for name, is_available in _core.simd_levels() if is_available]

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from overtaking import _core
-from overtaking.exchange.roads import load_road
 from overtaking.model.scenario import SLOTS
 from overtaking.model.trajectory import DecisionKind, Stage
 from overtaking.model.vehicles import VehicleKind
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import branch, engine, reference
-from overtaking.sim.parameters import parameters
+from overtaking.world.parameters import parameters
 
 from .situations import SITUATIONS, SMALL, Situation, arrays, difference, turned_round
 

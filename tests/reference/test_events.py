@@ -11,12 +11,12 @@ import pytest
 from tests.support.recordings import with_gaps
 
 from overtaking import _core
-from overtaking.exchange.roads import load_road
-from overtaking.labels import engine, reference
+from overtaking.labels.events import engine, reference
+from overtaking.labels.signals import engine as signals
+from overtaking.labels.signals import target
 from overtaking.model.events import NEVER
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
-from overtaking.signals import engine as signals
-from overtaking.signals import target
 from overtaking.sim import engine as simulator
 
 if TYPE_CHECKING:

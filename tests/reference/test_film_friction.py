@@ -13,10 +13,10 @@ from tests.support.bench import bench
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.knowledge import friction_table
-from overtaking.physics import film, friction
-from overtaking.physics.constants import constants
-from overtaking.sim.parameters import SIMULATION_FIELDS, parameters
 from overtaking.sim.reference.state import Fields
+from overtaking.world import film, friction
+from overtaking.world.constants import constants
+from overtaking.world.parameters import SIMULATION_FIELDS, parameters
 
 KMH = 1.0 / 3.6
 

@@ -12,9 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from tests.support.worlds import Vehicle, scenario, wide_road
 
-from overtaking.physics.constants import constants
 from overtaking.sim import engine
-from overtaking.sim.parameters import Effects, parameters
 from overtaking.sim.reference.following import (
     follow,
     forced_braking,
@@ -22,6 +20,8 @@ from overtaking.sim.reference.following import (
     needed_braking,
 )
 from overtaking.sim.reference.state import Fields
+from overtaking.world.constants import constants
+from overtaking.world.parameters import Effects, parameters
 
 EXPONENT = 4.0
 

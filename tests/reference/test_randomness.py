@@ -14,9 +14,9 @@ import pytest
 from scipy.stats import kurtosis, skew
 from tests.support.worlds import Vehicle, scenario, wide_road
 
-from overtaking.sim.parameters import SIMULATION_FIELDS, Parameters, parameters
 from overtaking.sim.reference import environment
 from overtaking.sim.reference.state import Fields, initial_state
+from overtaking.world.parameters import SIMULATION_FIELDS, Parameters, parameters
 
 DECISION = 0.05
 NAMES = ("gust", "distance_error", "speed_error", "wander")

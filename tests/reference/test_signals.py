@@ -11,9 +11,9 @@ import pytest
 from tests.support.recordings import with_gaps
 
 from overtaking import _core
-from overtaking.exchange.roads import load_road
+from overtaking.labels.signals import engine, reference, target
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
-from overtaking.signals import engine, reference, target
 from overtaking.sim import engine as simulator
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from tests.support.bench import Bench, bench
 from tests.support.worlds import FOUR_WHEELERS, Vehicle, body_of
 
 from overtaking.knowledge import friction_table
-from overtaking.physics.friction import stoppable_speed, stopping_distance
+from overtaking.world.friction import stoppable_speed, stopping_distance
 
 GRAVITY = 9.81
 ANTI_LOCK = 0.95

@@ -16,9 +16,9 @@ import pytest
 
 from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.core.units import kmh_from_mps
-from overtaking.exchange.opendrive import survey_opendrive
-from overtaking.exchange.roads import load_road
 from overtaking.model.road import DrivingSide, Road, RoadMark
+from overtaking.recordings.opendrive import survey_opendrive
+from overtaking.recordings.roads import load_road
 
 CENTIMETRE = 0.01
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from overtaking.physics import visibility
+from overtaking.world import visibility
 
 CLEAR, THICK = 10_000.0, 50.0
 DEPTH = 3.0  # ln(1 / 0.05), rounded as the meteorological organization rounds it.

@@ -11,9 +11,9 @@ from tests.support.single_track import side_wind
 from tests.support.worlds import FOUR_WHEELERS, Vehicle, body_of, scenario, wide_road
 
 from overtaking.sim import engine, reference
-from overtaking.sim.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Effects, parameters
 from overtaking.sim.reference import environment
 from overtaking.sim.reference.state import Fields, initial_state
+from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Effects, parameters
 
 ACROSS = math.pi / 2.0
 KMH = 1.0 / 3.6

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.sim.parameters import (
+from overtaking.sim.reference import dynamics, environment
+from overtaking.sim.reference.state import Fields, State, initial_state
+from overtaking.world.parameters import (
     SIMULATION_FIELDS,
     SUBSTEPS,
     VEHICLE_FIELDS,
@@ -16,13 +18,11 @@ from overtaking.sim.parameters import (
     Parameters,
     parameters,
 )
-from overtaking.sim.reference import dynamics, environment
-from overtaking.sim.reference.state import Fields, State, initial_state
 
 from .worlds import Vehicle, scenario, wide_road
 
 if TYPE_CHECKING:
-    from overtaking.physics.constants import Constants
+    from overtaking.world.constants import Constants
 
 F64 = np.ndarray
 

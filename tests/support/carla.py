@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pytest
 
-from overtaking.carla_server.wire import Decoder, encode
+from overtaking.simulators.carla_server.wire import Decoder, encode
 
 if TYPE_CHECKING:
     from collections.abc import Generator

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tests.support.worlds import CLEAR, Vehicle, scenario
 
-from overtaking.labels import find_events
+from overtaking.labels.events import find_events
+from overtaking.labels.signals.reference import signals
+from overtaking.labels.signals.target import target_signals
 from overtaking.model.events import NEVER, Events
 from overtaking.model.known_roads import known_road
 from overtaking.model.labels import Case
@@ -23,8 +25,6 @@ from overtaking.model.trajectory import (
     States,
     Trajectories,
 )
-from overtaking.signals.reference import signals
-from overtaking.signals.target import target_signals
 
 if TYPE_CHECKING:
     from overtaking.model.signals import Signals

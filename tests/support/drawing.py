@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.video.canvas import HEIGHT, WIDTH, Canvas
+from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas
 
 if TYPE_CHECKING:
     from collections.abc import Callable

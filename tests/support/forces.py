@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from overtaking.physics import friction
-from overtaking.sim.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS
 from overtaking.sim.reference.state import Fields
+from overtaking.world import friction
+from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS
 
 if TYPE_CHECKING:
     from overtaking.model.trajectory import Trajectories
-    from overtaking.sim.parameters import Parameters
+    from overtaking.world.parameters import Parameters
 
 SIGMAS = 6.0
 """Turbulence beyond so many standard deviations does not occur: 2e-9 of a normal distribution."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from overtaking.learning.attributes import BY_NAME
-from overtaking.learning.examples import Examples
+from overtaking.analysis.learning.attributes import BY_NAME
+from overtaking.analysis.learning.examples import Examples
 
 NAMES = ("over_limit", "ahead_kind", "ahead_gap_m", "left_rear_gap_m", "night", "rain_mmph")
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.logic import facts as writing
+from overtaking.analysis.logic import facts as writing
 
 if TYPE_CHECKING:
     from overtaking.model.labels import Case

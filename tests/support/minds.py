@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.sim.parameters import (
+from overtaking.sim.reference import perception
+from overtaking.sim.reference.neighbours import Neighbours, find_neighbours
+from overtaking.sim.reference.state import Fields, State, initial_state
+from overtaking.world.parameters import (
     SIMULATION_FIELDS,
     VEHICLE_FIELDS,
     Effects,
     Parameters,
     parameters,
 )
-from overtaking.sim.reference import perception
-from overtaking.sim.reference.neighbours import Neighbours, find_neighbours
-from overtaking.sim.reference.state import Fields, State, initial_state
 
 from .worlds import Vehicle, scenario, wide_road
 

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.exchange.candidates import Window
-from overtaking.exchange.recording_batch import trajectories
+from overtaking.recordings.batch import trajectories
+from overtaking.recordings.candidates import Window
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from overtaking.exchange.recording import Recording
     from overtaking.model.trajectory import Trajectories
+    from overtaking.recordings.recording import Recording
 
 WIDTH = 3.5
 

@@ -7,7 +7,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from overtaking.datasets.recipe import Simulator
+from overtaking.data.recipe import Simulator
 from overtaking.sim import engine
 
 if TYPE_CHECKING:

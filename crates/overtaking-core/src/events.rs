@@ -1,4 +1,4 @@
-//! What happened in each simulation, from its signals; see `overtaking.labels.reference`.
+//! What happened in each simulation, from its signals; see `overtaking.labels.events.reference`.
 //!
 //! There every question is asked of all frames of a batch, here of one simulation after the other, and
 //! only as far as the answer.

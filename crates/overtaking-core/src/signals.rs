@@ -1,4 +1,4 @@
-//! Who is around the ego, how far and how fast, from recorded states; see `overtaking.signals.reference`.
+//! Who is around the ego, how far and how fast, from recorded states; see `overtaking.labels.signals.reference`.
 //!
 //! Here sixteen frames of one simulation lie side by side. Gaps to all neighbours and the lane to the left are
 //! worked out apart, as few ask for them in all frames.

@@ -1,6 +1,6 @@
 //! What margins and measures come to over a stretch of frames of each simulation.
 //!
-//! `overtaking.rules.reference` and `overtaking.features.reference` say the same of all frames at once.
+//! `overtaking.labels.law.reference` and `overtaking.labels.features.reference` say the same of all frames at once.
 
 mod around;
 mod behind;

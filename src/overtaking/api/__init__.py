@@ -18,7 +18,7 @@ from overtaking.api.results import (
     write_reproduction,
 )
 from overtaking.api.simulating import branch, compare, label, sample, simulate
-from overtaking.datasets.load import Dataset
+from overtaking.data.load import Dataset
 
 __all__ = [
     "BRANCHING",

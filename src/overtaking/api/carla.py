@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from overtaking.api.data import load
-from overtaking.datasets.generate import Progress
-from overtaking.datasets.load import Dataset
+from overtaking.data.generate import Progress
+from overtaking.data.load import Dataset
 from overtaking.model.checks import checked
 
 if TYPE_CHECKING:
-    from overtaking.simulators.carla_limits import Limits
-    from overtaking.simulators.carla_replay import Replayed
+    from overtaking.simulators.carla.limits import Limits
+    from overtaking.simulators.replay import Replayed
 
 
 def carla_limits() -> "Limits":
@@ -22,9 +22,9 @@ def carla_limits() -> "Limits":
         ConfigError: The server that `OVERTAKING_CARLA` names is not there or of another version.
         SimulationLostError: Client or server failed several times.
     """
-    from overtaking.simulators import carla_client
+    from overtaking.simulators.carla import processes
 
-    return carla_client.limits()
+    return processes.limits()
 
 
 @checked
@@ -54,24 +54,24 @@ def replay_in_carla(
         MissingExtraError: CARLA's client or the encoder of films is not installed.
         SimulationLostError: Client or server failed several times.
     """
-    from overtaking.exchange.opendrive_writer import write_opendrive
-    from overtaking.simulators import carla_client, carla_replay
+    from overtaking.recordings.opendrive_writer import write_opendrive
+    from overtaking.simulators.carla import processes, replay
 
     source = data if isinstance(data, Dataset) else load(data)
     folder, chosen = Path(out), list(simulations)
-    carla_replay.check_size(size)
+    replay.check_size(size)
     films: list[Replayed] = []
     for number in chosen:
         run = source.trajectory(number)
-        job = carla_replay.ReplayJob(
+        job = replay.ReplayJob(
             run=run,
             folder=folder.resolve(),
             name=f"{number:06d}",
             size=size,
-            opendrive=None if carla_replay.map_of(run) else write_opendrive(run.road),
+            opendrive=None if replay.map_of(run) else write_opendrive(run.road),
         )
         folder.mkdir(parents=True, exist_ok=True)
-        films.append(carla_client.replay(job))
+        films.append(processes.replay(job))
         if progress is not None:
             progress(len(films), len(chosen))
     return films
@@ -102,7 +102,7 @@ def serve_carla(
         ConfigError: An argument cannot be used, or the port is taken.
         MissingExtraError: A map is a file, and CARLA's wheel is not there to read it.
     """
-    from overtaking.carla_server.running import run_server
+    from overtaking.simulators.carla_server.running import run_server
 
     run_server(
         port=port,

@@ -8,10 +8,10 @@ from types import ModuleType
 from typing import Annotated, Any
 
 from overtaking.core.errors import ConfigError
-from overtaking.datasets.recipe import Simulator
-from overtaking.exchange.roads import load_road
+from overtaking.data.recipe import Simulator
 from overtaking.model.road import Road
 from overtaking.model.values import Range
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import Spec
 from overtaking.sim.version import MODEL_VERSION
 
@@ -31,9 +31,9 @@ with our drivers or with its own."""
 _HOMES = {
     "engine": "overtaking.sim.engine",
     "reference": "overtaking.sim.reference",
-    "sumo": "overtaking.simulators.sumo",
-    "carla": "overtaking.simulators.carla",
-    "carla-traffic-manager": "overtaking.simulators.carla_traffic",
+    "sumo": "overtaking.simulators.sumo.run",
+    "carla": "overtaking.simulators.carla.run",
+    "carla-traffic-manager": "overtaking.simulators.carla.traffic",
 }
 """The module of each simulator, loaded when it is asked for."""
 

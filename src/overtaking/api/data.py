@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 from overtaking import scenarios
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, road_of, simulator_of
 from overtaking.core.errors import ConfigError, DatasetError
-from overtaking.datasets import generate as writing
-from overtaking.datasets import load as reading
-from overtaking.datasets.balance import Balance
-from overtaking.datasets.crews import ENGINES, crew_of
-from overtaking.datasets.estimate import Allowed
-from overtaking.datasets.generate import Progress
-from overtaking.datasets.load import Dataset
-from overtaking.datasets.manifest import read_manifest
-from overtaking.datasets.place import folder_of, place_of
-from overtaking.datasets.recipe import Keep, Recipe
-from overtaking.exchange import recording_export
+from overtaking.data import generate as writing
+from overtaking.data import load as reading
+from overtaking.data.balance import Balance
+from overtaking.data.crews import ENGINES, crew_of
+from overtaking.data.estimate import Allowed
+from overtaking.data.generate import Progress
+from overtaking.data.load import Dataset
+from overtaking.data.manifest import read_manifest
+from overtaking.data.place import folder_of, place_of
+from overtaking.data.recipe import Keep, Recipe
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
+from overtaking.recordings import export as recording_export
 
 EXPORTS = ("pinto2023", "commonroad", "highd", "asp", "prolog", "popper")
 """The formats that a data set can be written in."""
@@ -213,7 +213,7 @@ def relabel(data: str | Path, *, progress: Progress | None = None) -> Dataset:
         DatasetError: There is none, it is not complete or damaged, or another process writes it.
         SchemaError: It is of a newer version.
     """
-    from overtaking.datasets.relabel import relabel as written_anew
+    from overtaking.data.relabel import relabel as written_anew
 
     return written_anew(folder_of(data, "label anew"), simulator_of("engine"), progress)
 
@@ -274,7 +274,7 @@ def export(
             road=source.road,
             progress=progress,
         )
-    from overtaking.exchange import pinto2023  # It loads pandas, which nothing else here needs.
+    from overtaking.recordings import pinto2023  # It loads pandas, which nothing else here needs.
 
     def tables() -> Iterator[pa.Table]:
         done = 0
@@ -295,7 +295,7 @@ def _chosen(
     Raises:
         ConfigError: There is no such simulation, class or policy, or none is left.
     """
-    from overtaking.datasets.choice import chosen
+    from overtaking.data.choice import chosen
 
     found = chosen(data, simulations, label, policy)
     if found is not None and not found.size:
@@ -342,7 +342,7 @@ def _export_facts(
     with_law: bool = False,
 ) -> int:
     """Write chosen simulations as facts; see `export`."""
-    from overtaking.logic.export import write_facts
+    from overtaking.analysis.logic.export import write_facts
 
     return write_facts(
         data,
@@ -365,9 +365,9 @@ def _export_popper(
     about: str = "legal",
 ) -> int:
     """Write what a data set holds about a target for the learner Popper; see `export`."""
-    from overtaking.learning.examples import examples_of
-    from overtaking.learning.popper import write_popper
-    from overtaking.learning.targets import target_of
+    from overtaking.analysis.learning.examples import examples_of
+    from overtaking.analysis.learning.popper import write_popper
+    from overtaking.analysis.learning.targets import target_of
 
     target, examples = target_of(about), examples_of(data, policy)
     if numbers is not None:
@@ -404,8 +404,8 @@ def import_recording(
         ImportFormatError: The file cannot be used; the message names line and element or column.
         DatasetError: The folder cannot be written. Nothing is left behind.
     """
-    from overtaking.datasets.importing import write_scenes
-    from overtaking.exchange.recording_formats import read_recording
+    from overtaking.data.importing import write_scenes
+    from overtaking.recordings.formats import read_recording
 
     for name, value in options.items():
         argument(value, _READER_OPTIONS.get(name, Any), "import_recording", name)

@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from overtaking.api.data import load
-from overtaking.datasets.generate import Progress
-from overtaking.datasets.load import Dataset
+from overtaking.data.generate import Progress
+from overtaking.data.load import Dataset
 from overtaking.model.checks import checked
 
 if TYPE_CHECKING:
-    from overtaking.learning.factors import FactorsFound
-    from overtaking.learning.rules import RulesFound
+    from overtaking.analysis.learning.factors import FactorsFound
+    from overtaking.analysis.learning.rules import RulesFound
 
 
 @checked
@@ -45,11 +45,11 @@ def learn_rules(
         DatasetError: The data set is not complete or damaged, or has too few examples.
         MissingExtraError: The extra `learn` is not installed.
     """
-    from overtaking.learning.checks import at_least_one
-    from overtaking.learning.examples import examples_of
-    from overtaking.learning.extra import require_models
-    from overtaking.learning.rules import learn_rules as learned
-    from overtaking.learning.targets import target_of
+    from overtaking.analysis.learning.checks import at_least_one
+    from overtaking.analysis.learning.examples import examples_of
+    from overtaking.analysis.learning.extra import require_models
+    from overtaking.analysis.learning.rules import learn_rules as learned
+    from overtaking.analysis.learning.targets import target_of
 
     require_models()
     target = target_of(about)
@@ -99,12 +99,12 @@ def learn_factors(
         DatasetError: The data set is not complete or damaged, or has too few examples.
         MissingExtraError: The extra `learn` is not installed.
     """
-    from overtaking.learning import leakage
-    from overtaking.learning.checks import at_least_one
-    from overtaking.learning.examples import examples_of
-    from overtaking.learning.extra import require_models
-    from overtaking.learning.factors import learn_factors as learned
-    from overtaking.learning.targets import target_of
+    from overtaking.analysis.learning import leakage
+    from overtaking.analysis.learning.checks import at_least_one
+    from overtaking.analysis.learning.examples import examples_of
+    from overtaking.analysis.learning.extra import require_models
+    from overtaking.analysis.learning.factors import learn_factors as learned
+    from overtaking.analysis.learning.targets import target_of
 
     require_models()
     factors = leakage.chosen_factors(tuple(features))

@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from overtaking.api.data import load
-from overtaking.datasets.generate import Progress
-from overtaking.datasets.load import Dataset
+from overtaking.data.generate import Progress
+from overtaking.data.load import Dataset
 from overtaking.model.checks import checked
 
 if TYPE_CHECKING:
-    from overtaking.logic.ask import Answers
-    from overtaking.logic.proof import Proof
+    from overtaking.analysis.logic.ask import Answers
+    from overtaking.analysis.logic.proof import Proof
 
 
 @checked
@@ -52,8 +52,8 @@ def ask(
         DatasetError: The data set is not complete or damaged.
         MissingExtraError: The extra `logic` is not installed.
     """
-    from overtaking.datasets.choice import chosen
-    from overtaking.logic import ask as asking
+    from overtaking.analysis.logic import ask as asking
+    from overtaking.data.choice import chosen
 
     source = data if isinstance(data, Dataset) else load(data)
     return asking.ask(
@@ -84,9 +84,9 @@ def prove(data: str | Path | Dataset, simulation: int) -> "tuple[Proof, ...]":
         DatasetError: The data set is not complete or damaged.
         MissingExtraError: The extra `logic` is not installed.
     """
-    from overtaking.datasets.choice import chosen
-    from overtaking.logic.proof import proofs
-    from overtaking.logic.source import groups
+    from overtaking.analysis.logic.proof import proofs
+    from overtaking.analysis.logic.source import groups
+    from overtaking.data.choice import chosen
 
     source = data if isinstance(data, Dataset) else load(data)
     (group,) = groups(source, chosen(source, [simulation]))

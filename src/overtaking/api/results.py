@@ -8,21 +8,21 @@ from overtaking import scenarios
 from overtaking.api.choices import Count, Profile, Seed, road_of, simulator_of
 from overtaking.api.data import load
 from overtaking.core.errors import ConfigError
-from overtaking.datasets.generate import Progress
-from overtaking.datasets.load import Dataset
-from overtaking.labelling import Labelled
+from overtaking.data.generate import Progress
+from overtaking.data.load import Dataset
+from overtaking.labels.label import Labelled
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
 from overtaking.model.trajectory import Trajectories
 
 if TYPE_CHECKING:
-    from overtaking.database.query import Answer
-    from overtaking.report.reproduction import Written
-    from overtaking.report.write import Report
-    from overtaking.reproduction.run import Reproduction
-    from overtaking.stats.results import Statistics
-    from overtaking.validation.run import Validation
-    from overtaking.video.produce import Video
+    from overtaking.analysis.database.query import Answer
+    from overtaking.analysis.reproduction.run import Reproduction
+    from overtaking.analysis.stats.results import Statistics
+    from overtaking.analysis.validation.run import Validation
+    from overtaking.show.report.reproduction import Written
+    from overtaking.show.report.write import Report
+    from overtaking.show.video.produce import Video
 
 
 @checked
@@ -46,7 +46,7 @@ def statistics(
         DatasetError: The data set is not complete, or damaged.
         SchemaError: The weights cannot be used.
     """
-    from overtaking.stats.results import statistics as computed
+    from overtaking.analysis.stats.results import statistics as computed
 
     source = data if isinstance(data, Dataset) else load(data)
     frame = source.features(policy, reading=reading)
@@ -85,7 +85,7 @@ def write_report(
         DatasetError: The data set is not complete, or damaged.
         OSError: A file cannot be written.
     """
-    from overtaking.report.of_dataset import report_on
+    from overtaking.show.report.of_dataset import report_on
 
     source = data if isinstance(data, Dataset) else load(data)
     return report_on(
@@ -129,7 +129,7 @@ def film(
         MissingExtraError: The extra `video` is not installed.
         OSError: A file cannot be written.
     """
-    from overtaking.video import jobs, produce
+    from overtaking.show.video import jobs, produce
 
     runs = load(source) if isinstance(source, (str, Path)) else source
     home = runs.path if isinstance(runs, Dataset) else Path()
@@ -167,7 +167,7 @@ def validate(
     Raises:
         ConfigError: The specification or a number cannot be used.
     """
-    from overtaking.validation.run import validate as run
+    from overtaking.analysis.validation.run import validate as run
 
     spec = scenarios.spec(profile, overrides)
     return run(spec, road_of(road or spec.road), simulations, seed, progress)
@@ -184,10 +184,10 @@ def plot_validation(found: "Validation", out: str | Path) -> None:
         MissingExtraError: The extra `plots` is not installed.
         OSError: The file cannot be written.
     """
-    from overtaking.plots.style import to_png, to_svg
-    from overtaking.plots.validation import draw_validation
-    from overtaking.report.files import put
-    from overtaking.validation.run import Validation
+    from overtaking.analysis.validation.run import Validation
+    from overtaking.show.plots.style import to_png, to_svg
+    from overtaking.show.plots.validation import draw_validation
+    from overtaking.show.report.files import put
 
     argument(found, Validation, "plot_validation", "found")
     path = Path(argument(out, str | Path, "plot_validation", "out"))
@@ -222,8 +222,8 @@ def reproduce(
     Raises:
         ConfigError: There is no such study, or a number cannot be used.
     """
-    from overtaking.reproduction.run import STUDIES
-    from overtaking.reproduction.run import reproduce as run
+    from overtaking.analysis.reproduction.run import STUDIES
+    from overtaking.analysis.reproduction.run import reproduce as run
 
     if study not in STUDIES:
         raise ConfigError.of(
@@ -250,8 +250,8 @@ def write_reproduction(found: "Reproduction", out: str | Path) -> "Written":
     Raises:
         OSError: A file cannot be written.
     """
-    from overtaking.report.reproduction import write_reproduction as write
-    from overtaking.reproduction.run import Reproduction
+    from overtaking.analysis.reproduction.run import Reproduction
+    from overtaking.show.report.reproduction import write_reproduction as write
 
     argument(found, Reproduction, "write_reproduction", "found")
     return write(found, Path(argument(out, str | Path, "write_reproduction", "out")))
@@ -280,7 +280,7 @@ def literature(
         ConfigError: There is no such table, or no such thing can be wanted.
         DatasetError: One's own data set is not complete or damaged.
     """
-    from overtaking.literature.answers import answer
+    from overtaking.analysis.literature.answers import answer
 
     data = own if own is None or isinstance(own, Dataset) else load(own)
     return answer(table, wanted=tuple(wanted), own=data, is_corrected=is_corrected)
@@ -313,7 +313,7 @@ def query(
         DatasetError: The data set is not complete or damaged.
         MissingExtraError: The extra `sql` is not installed.
     """
-    from overtaking.database import query as asking
+    from overtaking.analysis.database import query as asking
 
     source = data if isinstance(data, Dataset) else load(data)
     return asking.query(source, sql, max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
@@ -334,11 +334,11 @@ def entity_relationship_diagram(form: str = "svg", out: str | Path | None = None
         ConfigError: There is no such form.
         OSError: The file cannot be written.
     """
-    from overtaking.database.diagram import diagram
+    from overtaking.analysis.database.diagram import diagram
 
     text = diagram(form)
     if out is not None:
-        from overtaking.report.files import put
+        from overtaking.show.report.files import put
 
         put(Path(out), text.encode())
     return text

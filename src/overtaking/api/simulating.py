@@ -19,20 +19,20 @@ from overtaking.api.choices import (
 )
 from overtaking.core.errors import ConfigError
 from overtaking.core.memory import require
-from overtaking.datasets.generate import Progress
-from overtaking.labelling import Labelled
-from overtaking.labelling import label as labelled
+from overtaking.data.generate import Progress
+from overtaking.labels.label import Labelled
+from overtaking.labels.label import label as labelled
 from overtaking.model.batch import concatenate
 from overtaking.model.checks import check, checked
+from overtaking.model.decision import Decision
 from overtaking.model.road import Road
 from overtaking.model.scenario import MAX_VEHICLES, Scenario
 from overtaking.model.trajectory import BYTES_PER_STATE, Trajectories
 from overtaking.model.values import Range
 from overtaking.model.weather import Weather
 from overtaking.sim.branch import branch as branched
-from overtaking.sim.clock import STEP_MS
-from overtaking.sim.decision import Decision
 from overtaking.simulators.comparison import Comparison
+from overtaking.world.clock import STEP_MS
 
 MAX_SAMPLED = 100_000_000
 """Most scenarios of a batch; data sets may be larger."""

@@ -68,7 +68,7 @@ def choose_carla(server: str) -> None:
     Raises:
         ConfigError: The text is no address.
     """
-    from overtaking.simulators.carla_library import HEADLESS, SERVER_VARIABLE, parse_address
+    from overtaking.simulators.carla.library import HEADLESS, SERVER_VARIABLE, parse_address
 
     if server != HEADLESS:
         parse_address(server)
@@ -124,7 +124,7 @@ def road(map_file: str | None, name: str | None) -> Road | None:
     """
     if map_file is None and name is None:
         return None
-    from overtaking.exchange.roads import load_road
+    from overtaking.recordings.roads import load_road
 
     return load_road(str(name)) if map_file is None else load_road(map_file, name)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from overtaking.simulators.carla_limits import Limits
+    from overtaking.simulators.carla.limits import Limits
 
 Values = dict[str, Any]
 

@@ -18,8 +18,8 @@ from overtaking.model.vehicles import Colour, VehicleKind
 from overtaking.model.weather import NO_PRESET
 
 if TYPE_CHECKING:
-    from overtaking.explain import Thought
-    from overtaking.labelling import Labelled
+    from overtaking.labels.explain import Thought
+    from overtaking.labels.label import Labelled
     from overtaking.model.road import Road
     from overtaking.model.trajectory import Trajectories
 
@@ -45,7 +45,7 @@ def describe(labelled: Labelled, number: int) -> Values:
         Values of plain Python types, in SI units; None for what was not recorded.
     """
     from overtaking.cli.judgement import judge
-    from overtaking.explain import explain
+    from overtaking.labels.explain import explain
 
     run, explanation = labelled.trajectories, explain(labelled)
     scenario = run.scenario

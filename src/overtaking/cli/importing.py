@@ -12,7 +12,7 @@ from overtaking.cli.output import Output
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from overtaking.datasets.load import Dataset
+    from overtaking.data.load import Dataset
 
 RecordingFormat = Annotated[
     str,

@@ -10,8 +10,8 @@ from overtaking.model.trajectory import NO_VEHICLE
 
 if TYPE_CHECKING:
     from overtaking.cli.description import Values
-    from overtaking.explain import Breach, Change, Doubt, Explanation, Thought
-    from overtaking.labelling import Labelled
+    from overtaking.labels.explain import Breach, Change, Doubt, Explanation, Thought
+    from overtaking.labels.label import Labelled
 
 SYMBOLS = {
     "follow": "t_follow",

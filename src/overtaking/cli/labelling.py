@@ -9,7 +9,7 @@ from overtaking.cli.output import Output
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from overtaking.datasets.load import Dataset
+    from overtaking.data.load import Dataset
 
 
 def label(output: Output, data: options.Data) -> None:

@@ -11,9 +11,9 @@ from overtaking.cli.output import Output
 if TYPE_CHECKING:
     from rich.console import Group, RenderableType
 
-    from overtaking.learning.factors import FactorsFound
-    from overtaking.learning.rules import RulesFound
-    from overtaking.stats.table import Table
+    from overtaking.analysis.learning.factors import FactorsFound
+    from overtaking.analysis.learning.rules import RulesFound
+    from overtaking.analysis.stats.table import Table
 
 About = Annotated[
     str,
@@ -120,7 +120,7 @@ def _drawn_factors(found: "FactorsFound") -> "Group":
     """Models, confusion, the factors in order, and leaks."""
     from rich.console import Group
 
-    from overtaking.learning import tables_of_factors as tables
+    from overtaking.analysis.learning import tables_of_factors as tables
 
     parts = [
         tables.model_table(found),
@@ -137,7 +137,7 @@ def _drawn_rules(found: "RulesFound") -> "Group":
     from rich.console import Group
     from rich.text import Text
 
-    from overtaking.learning.tables_of_rules import comparison_table, rule_table
+    from overtaking.analysis.learning.tables_of_rules import comparison_table, rule_table
 
     lines = [
         f"learned from {found.num_learned_from:,} simulations; "

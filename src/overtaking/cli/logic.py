@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from rich.console import Group
     from rich.table import Table
 
-    from overtaking.logic.ask import Answers
-    from overtaking.logic.proof import Proof
+    from overtaking.analysis.logic.ask import Answers
+    from overtaking.analysis.logic.proof import Proof
 
 Query = Annotated[
     str | None,
@@ -137,7 +137,7 @@ def _cell(value: Any, kind: str | None, interval_ms: int) -> str:
 
 def _words() -> "Iterator[dict[str, Any]]":
     """Every predicate, by where it is from."""
-    from overtaking.logic.vocabulary import FACTS, LAW, THEORY
+    from overtaking.analysis.logic.vocabulary import FACTS, LAW, THEORY
 
     for source, predicates in (("fact", FACTS), ("theory", THEORY), ("law", LAW)):
         for one in predicates:
@@ -159,14 +159,14 @@ def _words_page(words: list[dict[str, Any]]) -> "Table":
 
 def _proof(proof: "Proof") -> dict[str, Any]:
     """A proof as plain values."""
-    from overtaking.logic.law import title_of
+    from overtaking.analysis.logic.law import title_of
 
     return {"title": title_of(proof.rule), **dataclasses.asdict(proof)}
 
 
 def _proofs_page(simulation: int, proofs: "tuple[Proof, ...]") -> str:
     """All proofs as text; what was shown before is not shown again."""
-    from overtaking.logic.law import CODES, title_of
+    from overtaking.analysis.logic.law import CODES, title_of
 
     if not proofs:
         return f"Simulation {simulation} breaks none of {', '.join(CODES)}.\n"

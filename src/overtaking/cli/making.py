@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from typing import Self
 
     from overtaking.cli.output import Meter, Output
-    from overtaking.datasets.balance import Balance
-    from overtaking.datasets.estimate import Estimate
+    from overtaking.data.balance import Balance
+    from overtaking.data.estimate import Estimate
 
 
 def make(
@@ -88,7 +88,7 @@ def balance(*, is_wanted: bool, **asked: Any) -> Balance | None:
     """
     given = {name: value for name, value in asked.items() if value is not None}
     if is_wanted:
-        from overtaking.datasets.balance import Balance
+        from overtaking.data.balance import Balance
 
         if "by" in given:
             given["by"] = tuple(name.strip() for name in given["by"].split(","))

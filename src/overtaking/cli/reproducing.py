@@ -10,7 +10,7 @@ from overtaking.cli import options
 from overtaking.cli.output import Output
 
 if TYPE_CHECKING:
-    from overtaking.reproduction.run import Reproduction
+    from overtaking.analysis.reproduction.run import Reproduction
 
 REPLICATES, SEED = 1000, 2023
 
@@ -72,8 +72,8 @@ def reproduce(
 
 def rendered(found: "Reproduction") -> str:
     """All of it as text for a terminal."""
-    from overtaking.reproduction import tables, words
-    from overtaking.stats.formats import table_to_text
+    from overtaking.analysis.reproduction import tables, words
+    from overtaking.analysis.stats.formats import table_to_text
 
     numbers, design, lawful, starts = map(table_to_text, tables.tables(found))
     meanings = "\n".join(f"{name:<14} {text}" for name, text in words.standings())

@@ -44,7 +44,7 @@ def sql(
 ) -> None:
     """Query the tables of a data set in SQL."""
     from overtaking import api
-    from overtaking.database import text
+    from overtaking.analysis.database import text
 
     if written not in FORMATS:
         raise ConfigError.of(

@@ -14,7 +14,7 @@ from overtaking.core.words import counted
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from overtaking.report.write import Report
+    from overtaking.show.report.write import Report
 
 Weighted = Annotated[
     bool, typer.Option("--weighted", help="Weight each simulation by its importance weight.")
@@ -52,7 +52,7 @@ def stats(
 ) -> None:
     """Print class frequencies, feature statistics and waiting times."""
     from overtaking import api
-    from overtaking.stats import formats
+    from overtaking.analysis.stats import formats
 
     if written not in formats.FORMATS:
         raise ConfigError.of(

@@ -10,7 +10,7 @@ from rich.text import Text
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from overtaking.datasets.load import Dataset
+    from overtaking.data.load import Dataset
 
 Values = dict[str, Any]
 

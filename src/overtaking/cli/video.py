@@ -14,7 +14,7 @@ from overtaking.core.words import counted
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from overtaking.video.produce import Video
+    from overtaking.show.video.produce import Video
 
 Chosen = Annotated[
     str | None,

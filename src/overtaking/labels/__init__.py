@@ -1,6 +1,1 @@
-"""What happened: the events of an overtake, how it ended, and its class under a policy."""
-
-from overtaking.labels.classify import Judgement, classify
-from overtaking.labels.engine import find_events
-
-__all__ = ["Judgement", "classify", "find_events"]
+"""From trajectories to events, verdicts of law and features."""

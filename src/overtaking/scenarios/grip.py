@@ -10,8 +10,8 @@ from overtaking.core.compiled import maximum, minimum
 from overtaking.core.units import GRAVITY
 from overtaking.knowledge import weather_maps
 from overtaking.model.vehicles import VehicleKind, VehicleSpecs
-from overtaking.physics import film, friction
-from overtaking.physics.constants import constants
+from overtaking.world import film, friction
+from overtaking.world.constants import constants
 
 if TYPE_CHECKING:
     from overtaking.core.elementary import F32

@@ -3,12 +3,12 @@
 from collections.abc import Callable
 
 from overtaking.core.errors import ConfigError
+from overtaking.model.decision import Decision
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
 from overtaking.model.weather import Weather
 from overtaking.sim import engine
-from overtaking.sim.decision import Decision
-from overtaking.sim.parameters import parameters, with_command
+from overtaking.world.parameters import parameters, with_command
 
 __all__ = ["Decision", "Run", "branch"]
 

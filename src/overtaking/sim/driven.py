@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
-from overtaking.physics.constants import Constants
 from overtaking.sim.engine import chosen_level, constant_values, road_values
-from overtaking.sim.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Parameters
 from overtaking.sim.reference import driven as reference
 from overtaking.sim.reference.driven import MOVING, WHEEL_RATE, Controls
 from overtaking.sim.reference.state import Fields, State
+from overtaking.world.constants import Constants
+from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Parameters
 
 
 class Mover(Protocol):

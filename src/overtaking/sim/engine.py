@@ -13,8 +13,8 @@ from overtaking.core.errors import ConfigError
 from overtaking.core.memory import as_left, empty
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Contacts, Percepts, States, Trajectories
-from overtaking.physics.constants import Constants
-from overtaking.sim.parameters import Parameters, parameters
+from overtaking.world.constants import Constants
+from overtaking.world.parameters import Parameters, parameters
 
 SIMD_VARIABLE = "OVERTAKING_SIMD"
 """Environment variable that forces a SIMD level: avx512, avx2, sse2, neon or portable."""

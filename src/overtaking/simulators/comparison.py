@@ -13,9 +13,9 @@ from overtaking.model.labels import Labels
 from overtaking.model.trajectory import METRES_PER_STEP, NO_VEHICLE, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.model.weather import NO_PRESET, Weather
-from overtaking.physics.constants import constants
-from overtaking.physics.constants import known as known_number
-from overtaking.physics.visibility import meteorological_range
+from overtaking.world.constants import constants
+from overtaking.world.constants import known as known_number
+from overtaking.world.visibility import meteorological_range
 
 I32 = NDArray[np.int32]
 U8 = NDArray[np.uint8]

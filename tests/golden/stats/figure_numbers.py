@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from overtaking.stats.associations import associations
-from overtaking.stats.columns import FEATURES
-from overtaking.stats.distributions import (
+from overtaking.analysis.stats.associations import associations
+from overtaking.analysis.stats.columns import FEATURES
+from overtaking.analysis.stats.distributions import (
     Box,
     boxes_by_class,
     histogram,
@@ -20,7 +20,7 @@ from overtaking.stats.distributions import (
     swarm_points,
     typical,
 )
-from overtaking.stats.results import statistics
+from overtaking.analysis.stats.results import statistics
 
 FOLDER = Path(__file__).parent
 FEATURES_FILE, PINNED = FOLDER / "features.csv", FOLDER / "figures.json"

@@ -16,8 +16,8 @@ import pytest
 from tests.support.small import HORIZON, NUM_SIMULATIONS, generate
 
 from overtaking import api
-from overtaking.tables.columns import names_of
-from overtaking.tables.schemas import SCHEMAS
+from overtaking.data.tables.columns import names_of
+from overtaking.data.tables.schemas import SCHEMAS
 
 if TYPE_CHECKING:
     from pathlib import Path

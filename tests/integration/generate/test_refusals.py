@@ -12,11 +12,11 @@ from tests.support.small import NUM_SIMULATIONS, generate, refused
 
 from overtaking import api
 from overtaking.core.errors import ConfigError, DatasetError, SchemaError
-from overtaking.datasets.load import load
-from overtaking.datasets.recipe import Simulator
+from overtaking.data.load import load
+from overtaking.data.recipe import Simulator
+from overtaking.data.tables.files import sha256_of
+from overtaking.data.tables.schemas import SCHEMAS
 from overtaking.sim.engine import simulate
-from overtaking.tables.files import sha256_of
-from overtaking.tables.schemas import SCHEMAS
 
 
 def test_a_complete_data_set_is_not_overwritten(data):

@@ -13,9 +13,9 @@ from tests.support.cases import Track, case, ramp, seen_case
 from tests.support.overtakes import CROSSED, crossing, overtake
 
 import overtaking as ot
+from overtaking.labels.law import PORTUGAL, check
 from overtaking.model.labels import Case, Findings, Verdict
 from overtaking.model.trajectory import NO_VEHICLE, Lights, States, Trajectories
-from overtaking.rules import PORTUGAL, check
 
 LEFT, RIGHT = int(Lights.INDICATOR_LEFT), int(Lights.INDICATOR_RIGHT)
 TURNED = ("y", "d", "heading", "wheel_angle", "accel_lat", "yaw_rate")

@@ -15,13 +15,13 @@ import pytest
 from tests.support.cases import Track, case
 
 from overtaking.core.elementary import as_f32
+from overtaking.labels.law import PORTUGAL, judge
+from overtaking.labels.law.distances import lawful_gap, sure_decel
+from overtaking.labels.law.reference import longest_run
 from overtaking.model.labels import Case, Verdict
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
-from overtaking.physics.constants import known
-from overtaking.rules import PORTUGAL, judge
-from overtaking.rules.distances import lawful_gap, sure_decel
-from overtaking.rules.reference import longest_run
+from overtaking.world.constants import known
 
 RULES = {rule.code: rule for rule in PORTUGAL.rules}
 SURE = 1e6

@@ -10,19 +10,19 @@ import pytest
 from tests.support.recordings import with_gaps
 
 from overtaking import _core
-from overtaking.exchange.roads import load_road
-from overtaking.features import encounters, past
-from overtaking.features import engine as fast_measures
-from overtaking.features import reference as measures
-from overtaking.features.encounters import Side
-from overtaking.labels import find_events
+from overtaking.labels.events import find_events
+from overtaking.labels.features import encounters, past
+from overtaking.labels.features import engine as fast_measures
+from overtaking.labels.features import reference as measures
+from overtaking.labels.features.encounters import Side
+from overtaking.labels.law import engine, reference
+from overtaking.labels.law.frames import Span, conduct, lowest, manoeuvre, reduced
+from overtaking.labels.signals.engine import neighbours_at, signals, target_signals
 from overtaking.model.labels import Case
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import Lights
-from overtaking.rules import engine, reference
-from overtaking.rules.frames import Span, conduct, lowest, manoeuvre, reduced
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
-from overtaking.signals.engine import neighbours_at, signals, target_signals
 from overtaking.sim import engine as simulator
 from overtaking.sim.engine import SIMD_VARIABLE
 

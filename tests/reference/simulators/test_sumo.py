@@ -16,9 +16,10 @@ from overtaking.model.known_roads import known_road
 from overtaking.model.trajectory import NO_VEHICLE, Stage
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine
-from overtaking.simulators import sumo, sumo_traffic
-from overtaking.simulators.sumo_library import library, running
-from overtaking.simulators.sumo_network import network
+from overtaking.simulators.sumo import run as sumo
+from overtaking.simulators.sumo import traffic
+from overtaking.simulators.sumo.library import library, running
+from overtaking.simulators.sumo.network import network
 
 pytestmark = needs_sumo
 
@@ -45,7 +46,7 @@ def batch():
 def without_errors(monkeypatch):
     """Drivers who see exactly and drive evenly, so that formulas can be compared."""
     quiet = {"sigmagap": 0.0, "sigmaleader": 0.0, "sigmaerror": 0.0}
-    monkeypatch.setattr(sumo_traffic, "_errors", lambda *_: quiet)
+    monkeypatch.setattr(traffic, "_errors", lambda *_: quiet)
 
 
 # --- what goes in comes out ---
@@ -137,7 +138,7 @@ def test_a_wet_road_slows_vehicles_by_the_published_share(rain, without_errors):
     """The polynomial of the page Simulation/Friction of SUMO's documentation."""
     begin = [Vehicle(speed=25.0, driver=STAYS | {"desired_speed": 30.0})]
     world = scenario(begin, weather={"rain": rain}, horizon=40.0)
-    friction = float(sumo_traffic.Traffic.of(world).friction[0, 0])
+    friction = float(traffic.Traffic.of(world).friction[0, 0])
     share = -0.3491 * friction**2 + 0.8922 * friction + 0.4493
     speed = metres(sumo.simulate(world).states.speed[0, 0, -1])
     assert speed == pytest.approx(30.0 * share, rel=0.005)
@@ -331,7 +332,7 @@ def test_without_libsumo_the_error_says_what_to_install(monkeypatch):
 def test_loading_it_prints_nothing_and_leaves_the_environment_alone():
     script = (
         "import os; before = dict(os.environ);"
-        "from overtaking.simulators.sumo_library import library; library();"
+        "from overtaking.simulators.sumo.library import library; library();"
         "assert dict(os.environ) == before"
     )
     done = subprocess.run(

@@ -11,9 +11,9 @@ import pytest
 import scipy.stats
 from tests.support.features import synthetic_features
 
-from overtaking.stats.associations import Associations, associations
-from overtaking.stats.columns import FEATURES, NOMINAL, NUMERIC
-from overtaking.stats.sample import prepare
+from overtaking.analysis.stats.associations import Associations, associations
+from overtaking.analysis.stats.columns import FEATURES, NOMINAL, NUMERIC
+from overtaking.analysis.stats.sample import prepare
 
 NAMES = [one.name for one in FEATURES] + ["CLASS"]
 NAMED = [one.name for one in NOMINAL] + ["CLASS"]

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.features import synthetic_features
 
-from overtaking.stats.sample import prepare
-from overtaking.stats.survival import kaplan_meier, waiting_time
+from overtaking.analysis.stats.sample import prepare
+from overtaking.analysis.stats.survival import kaplan_meier, waiting_time
 
 # Remission in weeks under 6-MP, + censored: E. J. Freireich et al., Blood 21 (1963) 699-716, as
 # printed in many books since D. R. Cox, J. R. Stat. Soc. B 34 (1972) 187-220.

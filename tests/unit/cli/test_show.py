@@ -24,7 +24,7 @@ from overtaking.knowledge import terms
 from overtaking.model.trajectory import NO_VEHICLE, UNKNOWNS, Stage, Trajectories
 
 if TYPE_CHECKING:
-    from overtaking.labelling import Labelled
+    from overtaking.labels.label import Labelled
 
 NUM_SIMULATIONS = 48
 

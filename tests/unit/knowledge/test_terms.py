@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from overtaking.analysis.stats.columns import FEATURES
+from overtaking.data.tables.label_schemas import LABEL_FIELDS, READINGS
 from overtaking.knowledge.terms import GROUPS, terms
+from overtaking.labels.law import POLICIES
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.vehicles import VehicleKind
-from overtaking.rules import POLICIES
-from overtaking.stats.columns import FEATURES
-from overtaking.tables.label_schemas import LABEL_FIELDS, READINGS
 
 
 def test_every_class_policy_reading_feature_and_vehicle_class_has_words():

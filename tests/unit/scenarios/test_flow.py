@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from overtaking.core.errors import ConfigError
-from overtaking.exchange.roads import load_road
 from overtaking.model.vehicles import VehicleKind
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.scenarios.schema import IndependentWeather
 from overtaking.scenarios.schema_flow import Flow

@@ -7,8 +7,8 @@ import pytest
 import scipy.stats
 
 from overtaking.core.errors import ConfigError
-from overtaking.exchange.roads import load_road
 from overtaking.model.vehicles import Role
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.scenarios.proposal import Bending
 from overtaking.scenarios.schema_flow import Component

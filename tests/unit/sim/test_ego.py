@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 from overtaking.model.trajectory import DecisionKind, Lights, Stage, Trajectories
 from overtaking.sim import engine
 from overtaking.sim.branch import Decision, branch
-from overtaking.sim.parameters import parameters
+from overtaking.world.parameters import parameters
 
 CAR = 4.4
 

@@ -11,8 +11,8 @@ from tests.support.minds import CLEAR_MINDED, Moment, moment
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.sim import engine
-from overtaking.sim.parameters import parameters
 from overtaking.sim.reference import control, mobil
+from overtaking.world.parameters import parameters
 
 if TYPE_CHECKING:
     from overtaking.model.trajectory import Trajectories

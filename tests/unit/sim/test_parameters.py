@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from tests.support.worlds import Vehicle, body_of, scenario, wide_road
 
-from overtaking.sim.parameters import (
+from overtaking.sim.reference.state import Fields
+from overtaking.world.parameters import (
     SIMULATION_FIELDS,
     VEHICLE_FIELDS,
     Effects,
@@ -17,7 +18,6 @@ from overtaking.sim.parameters import (
     road_parameters,
     with_command,
 )
-from overtaking.sim.reference.state import Fields
 
 if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario

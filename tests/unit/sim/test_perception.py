@@ -10,8 +10,8 @@ import pytest
 from tests.support.minds import CLEAR_MINDED, Moment, moment
 from tests.support.worlds import Vehicle, wide_road
 
-from overtaking.sim.parameters import Effects
 from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, REAR
+from overtaking.world.parameters import Effects
 
 UNSEEN = 1000.0
 CAR = 4.4  # Length of both cars [m].

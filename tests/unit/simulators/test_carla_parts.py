@@ -10,24 +10,24 @@ import pytest
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking import api
-from overtaking.carla_server.world import SCENARIO_NAME
 from overtaking.core.errors import ConfigError
 from overtaking.knowledge import VEHICLE_CLASS_ORDER, presets
 from overtaking.knowledge.blueprints import blueprints
 from overtaking.model.road import DrivingSide
-from overtaking.sim.parameters import parameters
 from overtaking.sim.reference.state import initial_state
-from overtaking.simulators import carla_cast, carla_manager, carla_replay
-from overtaking.simulators.carla_client import joined
-from overtaking.simulators.carla_library import Address, parse_address
-from overtaking.simulators.carla_own import HARDEST, check_interval, take_over
-from overtaking.simulators.carla_stage import Reading
+from overtaking.simulators.carla import cast, manager, replay
+from overtaking.simulators.carla.library import Address, parse_address
+from overtaking.simulators.carla.own import HARDEST, check_interval, take_over
+from overtaking.simulators.carla.processes import joined
+from overtaking.simulators.carla.stage import Reading
+from overtaking.simulators.carla_server.world import SCENARIO_NAME
+from overtaking.world.parameters import parameters
 
 
 @pytest.mark.parametrize("kind", VEHICLE_CLASS_ORDER)
 def test_every_class_is_played_by_a_vehicle_of_its_own(kind: str):
     given = scenario([Vehicle(kind=kind)])
-    name = carla_cast.blueprint_for(given, 0)
+    name = cast.blueprint_for(given, 0)
     assert blueprints()[name].vehicle_class == kind
     length = float(given.vehicles.length[0, 0])
     assert blueprints()[name].size[0] == pytest.approx(length, abs=1.2)
@@ -38,7 +38,7 @@ def test_a_preset_goes_to_carla_as_it_is_there():
     for row in range(8):
         one = given.select(slice(row, row + 1))
         base = list(presets().values())[int(one.weather.preset[0])].carla_fields()
-        fields = carla_cast.weather_fields(one)
+        fields = cast.weather_fields(one)
         assert {k: v for k, v in fields.items() if k != "sun_azimuth_angle"} == {
             k: v for k, v in base.items() if k != "sun_azimuth_angle"
         }
@@ -46,7 +46,7 @@ def test_a_preset_goes_to_carla_as_it_is_there():
 
 def test_a_sampled_weather_fills_what_means_something():
     one = scenario([Vehicle()], weather={"rain": 40.0, "fog": 7.0, "sun_altitude": -0.5})
-    fields = carla_cast.weather_fields(one)
+    fields = cast.weather_fields(one)
     assert fields["precipitation"] == 40.0
     assert fields["fog_density"] == 7.0
     assert fields["sun_altitude_angle"] == pytest.approx(-28.65, abs=0.01)
@@ -55,7 +55,7 @@ def test_a_sampled_weather_fills_what_means_something():
 @pytest.mark.parametrize("direction", [0.0, -3.1415927, 3.1415927, 0.07976437, 1e-7, -1e-9])
 def test_the_headless_server_understands_where_the_wind_blows(direction: float):
     one = scenario([Vehicle()], weather={"wind_direction": direction}, index=[7])
-    match = re.fullmatch(SCENARIO_NAME, carla_cast.nature(one))
+    match = re.fullmatch(SCENARIO_NAME, cast.nature(one))
     assert match is not None
     assert int(match[2]) == 7
     apart = math.remainder(float(match[3]) - direction, math.tau)
@@ -136,22 +136,22 @@ def test_frames_between_two_ticks_are_refused():
 
 def test_vision_is_cut_under_clouds_and_towards_a_low_sun():
     def sight(**weather: float) -> float:
-        return carla_manager.far_sight(scenario([Vehicle()], weather=weather))
+        return manager.far_sight(scenario([Vehicle()], weather=weather))
 
-    assert sight() == sight(cloudiness=60.0) == carla_manager.SIGHT
-    assert sight(cloudiness=61.0) == sight(horizon_line=1.0) == carla_manager.POOR_SIGHT
+    assert sight() == sight(cloudiness=60.0) == manager.SIGHT
+    assert sight(cloudiness=61.0) == sight(horizon_line=1.0) == manager.POOR_SIGHT
 
 
 def test_pushes_grow_with_the_worse_of_rain_and_wind():
     def push(**weather: float) -> float:
-        return carla_manager.push_accel(scenario([Vehicle()], weather=weather))
+        return manager.push_accel(scenario([Vehicle()], weather=weather))
 
     assert push() == 0.0
-    assert push(rain=30.0, wind=50.0) == pytest.approx(0.5 * carla_manager.PUSH)
-    assert push(rain=100.0) == carla_manager.PUSH
+    assert push(rain=30.0, wind=50.0) == pytest.approx(0.5 * manager.PUSH)
+    assert push(rain=100.0) == manager.PUSH
 
 
 @pytest.mark.parametrize("size", [(801, 450), (800, 8), (4000, 2000), (-2, 450)])
 def test_pictures_that_cannot_be_are_refused(size: tuple[int, int]):
     with pytest.raises(ConfigError, match="size"):
-        carla_replay.check_size(size)
+        replay.check_size(size)

@@ -9,7 +9,7 @@ import pytest
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.cli import comparison
-from overtaking.labelling import label
+from overtaking.labels.label import label
 from overtaking.model.batch import concatenate
 from overtaking.model.events import Outcome
 from overtaking.model.labels import OvertakeClass

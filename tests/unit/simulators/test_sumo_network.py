@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from overtaking.model.known_roads import known_road
-from overtaking.simulators.sumo_network import BEHIND, length_for, network
+from overtaking.simulators.sumo.network import BEHIND, length_for, network
 
 
 def lanes(road, friction=None):

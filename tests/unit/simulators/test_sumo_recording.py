@@ -7,7 +7,7 @@ import pytest
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.model.trajectory import NO_VEHICLE, UNKNOWNS, Lights
-from overtaking.simulators.sumo_recording import RAW, UNKNOWN, Recording, Run
+from overtaking.simulators.sumo.recording import RAW, UNKNOWN, Recording, Run
 
 BLINKER_RIGHT, BLINKER_LEFT, BRAKE = 1, 2, 8
 SEEN = {"front": 102.0, "d": -8.0, "speed": 30.0, "drift": 0.5, "accel": -1.2345, "angle": 89.0}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from tests.support.worlds import Vehicle, scenario, wide_road
 
-from overtaking.simulators.sumo import _Simulation
-from overtaking.simulators.sumo_traffic import Traffic
+from overtaking.simulators.sumo.run import _Simulation
+from overtaking.simulators.sumo.traffic import Traffic
 
 LANES = (-8.75, -5.25, -1.75)
 LENGTH = 4.0

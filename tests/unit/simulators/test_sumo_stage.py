@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from overtaking.model.trajectory import Stage
-from overtaking.simulators.sumo_stage import Sight, Watch
+from overtaking.simulators.sumo.stage import Sight, Watch
 
 AHEAD, BEHIND = frozenset(), frozenset({1})
 

@@ -10,8 +10,8 @@ import pytest
 from tests.support.worlds import Vehicle, scenario
 
 from overtaking.model.vehicles import VehicleKind
-from overtaking.simulators.sumo_network import BEHIND
-from overtaking.simulators.sumo_traffic import (
+from overtaking.simulators.sumo.network import BEHIND
+from overtaking.simulators.sumo.traffic import (
     CLASSES,
     Traffic,
     lateral_limits,

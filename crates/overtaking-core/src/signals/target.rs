@@ -1,4 +1,4 @@
-//! The vehicle that is overtaken, frame by frame; see `overtaking.signals.target`.
+//! The vehicle that is overtaken, frame by frame; see `overtaking.labels.signals.target`.
 
 use std::ops::Range;
 

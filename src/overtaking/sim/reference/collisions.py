@@ -7,8 +7,8 @@ import numpy as np
 from overtaking.core.elementary import F32, Mask, clamp, maximum, minimum, sincos
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
-from overtaking.physics.constants import Constants
 from overtaking.sim.reference.state import Fields, State
+from overtaking.world.constants import Constants
 
 _TINY = np.float32(1e-6)  # Keeps the instant of contact finite without relative motion [m].
 _EVER = np.float32(1e9)  # Steps before and after which nothing happens.

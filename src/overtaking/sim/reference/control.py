@@ -5,12 +5,12 @@ import numpy as np
 from overtaking.core.elementary import F32, clamp, maximum, minimum
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
-from overtaking.physics.constants import Constants
-from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.following import follow
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.state import FAST_LEAD, LEAD, SLOW_LEAD, Fields, State, pick
+from overtaking.world.constants import Constants
+from overtaking.world.parameters import Parameters
 
 _FREE = np.float32(1e9)
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from overtaking.core.elementary import F32, clamp, maximum, minimum, sincos
-from overtaking.physics.constants import Constants
-from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference import dynamics, environment
 from overtaking.sim.reference.state import Fields, State
+from overtaking.world.constants import Constants
+from overtaking.world.parameters import Parameters
 
 WHEEL_RATE = np.float32(6.0)
 """How fast the front wheels turn [rad/s]; CARLA's follow the control almost at once."""

@@ -3,8 +3,8 @@
 import numpy as np
 
 from overtaking.core.elementary import F32, clamp, maximum, minimum, sincos
-from overtaking.physics.constants import Constants
 from overtaking.sim.reference.state import Fields, State
+from overtaking.world.constants import Constants
 
 _ONE = np.float32(1.0)
 _HALF = np.float32(0.5)

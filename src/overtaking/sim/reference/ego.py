@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.elementary import F32, Mask, exp, maximum, minimum
+from overtaking.model.decision import Decision
 from overtaking.model.trajectory import DecisionKind, Stage
 from overtaking.model.vehicles import Role
-from overtaking.sim.decision import Decision
-from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.following import forced_braking
 from overtaking.sim.reference.mobil import turn_to_lane
 from overtaking.sim.reference.neighbours import Neighbours
@@ -25,6 +24,7 @@ from overtaking.sim.reference.state import (
     State,
     pick,
 )
+from overtaking.world.parameters import Parameters
 
 
 @dataclass(slots=True, kw_only=True)

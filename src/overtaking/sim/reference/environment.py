@@ -4,9 +4,9 @@ import numpy as np
 
 from overtaking.core.elementary import F32, atan, clamp, exp, maximum, minimum, sincos
 from overtaking.core.philox import Stream, uniform, words
-from overtaking.physics import film, friction
-from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.state import Fields, State
+from overtaking.world import film, friction
+from overtaking.world.parameters import Parameters
 
 _ROOT_3 = np.float32(1.732_050_8)  # A uniform number of unit variance lies within +- sqrt(3).
 _TURN = np.float32(6.283_185_5)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from overtaking.core.elementary import F32, clamp, exp, log, maximum, minimum
-from overtaking.physics.constants import Constants
 from overtaking.sim.reference.state import Fields
+from overtaking.world.constants import Constants
 
 _STEADY = np.float32(0.0)
 _LEAST_WAY = np.float32(1e-3)  # Keeps the quotient finite behind a standing leader [m^2/s^2].

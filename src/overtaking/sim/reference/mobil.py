@@ -4,8 +4,6 @@ import numpy as np
 
 from overtaking.core.elementary import F32, Mask, minimum
 from overtaking.model.vehicles import Role
-from overtaking.physics.constants import Constants
-from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.following import follow, forced_braking
 from overtaking.sim.reference.neighbours import lane_borders
 from overtaking.sim.reference.perception import Beliefs
@@ -20,6 +18,8 @@ from overtaking.sim.reference.state import (
     State,
 )
 from overtaking.sim.reference.steering import begin_path
+from overtaking.world.constants import Constants
+from overtaking.world.parameters import Parameters
 
 
 def is_due(c: Constants, decision: int) -> bool:

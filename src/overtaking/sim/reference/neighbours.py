@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.elementary import F32, Mask
-from overtaking.sim.parameters import SIMULATION_FIELDS, Parameters
 from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.state import NOBODY, Fields, State, pick
+from overtaking.world.parameters import SIMULATION_FIELDS, Parameters
 
 _FAR = np.float32(1e9)  # Where nobody is [m].
 _SHIFTS = (0.0, 1.0, -1.0)  # The own, the faster and the slower lane, from the own.

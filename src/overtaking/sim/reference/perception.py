@@ -5,9 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.elementary import F32, Mask, clamp, exp, maximum, minimum
-from overtaking.physics import film
-from overtaking.physics.constants import Constants
-from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.neighbours import Neighbours, along
 from overtaking.sim.reference.state import (
@@ -19,6 +16,9 @@ from overtaking.sim.reference.state import (
     pick,
     road_velocity,
 )
+from overtaking.world import film
+from overtaking.world.constants import Constants
+from overtaking.world.parameters import Parameters
 
 # The engine has these numbers too.
 _NEAREST = np.float32(1.0)  # Who touches is as visible, and looms as much, as at this gap [m].

@@ -17,11 +17,11 @@ from overtaking.model.trajectory import (
     Trajectories,
 )
 from overtaking.model.vehicles import Role
-from overtaking.sim.clock import STEP_MS
-from overtaking.sim.parameters import Parameters
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.state import Fields, State, pick, road_velocity
+from overtaking.world.clock import STEP_MS
+from overtaking.world.parameters import Parameters
 
 MAX_PERCEPTS = 4
 """Decisions of the ego that are written down for a simulation."""

@@ -4,13 +4,6 @@ import numpy as np
 
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
-from overtaking.sim.parameters import (
-    SIMULATION_FIELDS,
-    SUBSTEPS,
-    VEHICLE_FIELDS,
-    Parameters,
-    parameters,
-)
 from overtaking.sim.reference import (
     collisions,
     control,
@@ -24,6 +17,13 @@ from overtaking.sim.reference import (
 from overtaking.sim.reference.neighbours import find_neighbours
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import Fields, State, initial_state
+from overtaking.world.parameters import (
+    SIMULATION_FIELDS,
+    SUBSTEPS,
+    VEHICLE_FIELDS,
+    Parameters,
+    parameters,
+)
 
 Pairs = dict[tuple[int, int], np.ndarray]
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from overtaking.core.elementary import F32, sincos
 from overtaking.model.trajectory import Stage
-from overtaking.sim.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Parameters
+from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Parameters
 
 HISTORY = 64
 """Decisions whose kinematics are remembered; longer than any reaction time."""

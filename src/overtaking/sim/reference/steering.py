@@ -3,8 +3,8 @@
 import numpy as np
 
 from overtaking.core.elementary import F32, Mask, clamp, maximum, minimum, sincos
-from overtaking.physics.constants import Constants
 from overtaking.sim.reference.state import Fields, State
+from overtaking.world.constants import Constants
 
 
 def begin_path(state: State, moved: Mask, centre: F32, duration: F32) -> None:

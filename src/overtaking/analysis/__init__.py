@@ -1,0 +1,1 @@
+"""Numbers about data sets: statistics, validation, reproduction, learning, logic, SQL."""

@@ -1,0 +1,160 @@
+"""Questions to a data set in SQL, which can read its tables and nothing else.
+
+The database lives in the memory of a process of its own and holds the tables as streams that are
+read from outside: it never sees the name of a file and is forbidden to open one, so there is
+nothing that a query could write over, and nothing beside the data set that it could read.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from overtaking.analysis.database.views import VIEWS
+from overtaking.core.bounds import check_bounds, over
+from overtaking.core.errors import ConfigError, MissingExtraError
+from overtaking.core.summary import Summarized
+from overtaking.core.worker import ENDED, Worker
+
+if TYPE_CHECKING:
+    from overtaking.data.load import Dataset
+
+MAX_ROWS = 10_000
+TIMEOUT_S = 60.0
+MEMORY_MIB = 1024
+"""Bounds of a query, unless others are asked for."""
+
+_MODULE = "overtaking.analysis.database.child"
+
+BEGUN = "begun"
+"""The first message of the process: the query begins now."""
+
+_PATIENCE_S = 60.0
+"""Longest time for the process to start [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer(Summarized):
+    """What a query gives.
+
+    Attributes:
+        columns: Names of the columns.
+        rows: The rows, as many as were asked for.
+        is_cut: Whether there are more.
+    """
+
+    columns: tuple[str, ...]
+    rows: list[tuple[Any, ...]]
+    is_cut: bool
+
+
+def query(
+    data: Dataset,
+    sql: str,
+    *,
+    max_rows: int = MAX_ROWS,
+    timeout_s: float = TIMEOUT_S,
+    memory_mib: int = MEMORY_MIB,
+) -> Answer:
+    """The answer to one question.
+
+    Args:
+        data: The data set; its tables have their own names and units, and the paper's entities are
+            views in the schema `paper`.
+        sql: One SELECT, or DESCRIBE, SUMMARIZE, SHOW, in DuckDB's dialect.
+        max_rows: How many rows to give at most, 1 to 1e9.
+        timeout_s: How long it may take [s], 0.001 to 1e9.
+        memory_mib: How much memory the database may use [MiB], 16 to 1e9; the answer may take an
+            eighth of it. Linux holds the database to it, whatever the query does.
+
+    Raises:
+        ConfigError: It is no query, is wrong, or needs more time or memory than it may.
+        DatasetError: A file of the data set is damaged.
+        MissingExtraError: DuckDB is not installed.
+    """
+    _refuse_without_duckdb()
+    check_bounds("sql", max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
+    request = {
+        "sql": sql,
+        "tables": _tables(data, sql),
+        "max_rows": max_rows,
+        "memory_mib": memory_mib,
+    }
+    # The default pool of Arrow reserves a gigabyte of addresses.
+    with Worker(_MODULE, variables={"ARROW_DEFAULT_MEMORY_POOL": "system"}) as worker:
+        worker.send(request)
+        try:
+            return _answer(worker, timeout_s)
+        except TimeoutError:
+            bound = f"an answer within {timeout_s:g} s"
+            raise over("sql", bound, "one that takes longer") from None
+        except EOFError:
+            ending = worker.ending()
+            if "exit status 1" in ending and "MemoryError" not in ending:
+                raise RuntimeError(ending) from None  # A fault of our own.
+            raise too_large(memory_mib) from None
+
+
+def _answer(worker: Worker, timeout_s: float) -> Answer:
+    """The answer of the process, which begins with the names of the columns or an error.
+
+    Raises:
+        ConfigError: The process has refused the query.
+        EOFError: It ended before the answer was complete.
+        TimeoutError: The answer was not complete in time.
+    """
+    columns: tuple[str, ...] = ()
+    rows: list[tuple[Any, ...]] = []
+    end = time.monotonic() + _PATIENCE_S
+    while True:
+        message = worker.receive(max(0.0, end - time.monotonic()))
+        if message == BEGUN:
+            end = time.monotonic() + timeout_s
+        elif message is ENDED:
+            raise EOFError
+        elif isinstance(message, ConfigError):
+            raise message
+        elif isinstance(message, bool):
+            return Answer(columns=columns, rows=rows, is_cut=message)
+        elif isinstance(message, tuple):
+            columns = message
+        else:
+            rows += message
+
+
+def _tables(data: Dataset, sql: str) -> dict[str, tuple[list[str], Any]]:
+    """The files of each table, and its schema where a query cannot read it.
+
+    Views want to know the columns of tables that nobody asks about; their files stay closed.
+    """
+    from overtaking.data.tables.schemas import SCHEMAS  # Slow; `child` needs none of it.
+
+    named = _named(sql, data.kept_tables)
+    return {
+        table: (
+            [str(path) for path in data.files(table, is_checked=table in named)],
+            None if table in named else SCHEMAS[table],
+        )
+        for table in data.kept_tables
+    }
+
+
+def _named(sql: str, tables: tuple[str, ...]) -> set[str]:
+    """The tables that a query may read: those whose names occur in it, as words."""
+    words = {word.lower() for word in re.findall(r"\w+", sql)}
+    needed = {table for view in VIEWS if view.name.lower() in words for table in view.tables}
+    return {table for table in tables if table in words or table in needed}
+
+
+def _refuse_without_duckdb() -> None:
+    """Refuse to go on without DuckDB, which not everybody has."""
+    if find_spec("duckdb") is None:
+        raise MissingExtraError.lacking("sql", what="DuckDB, which answers SQL", where="sql")
+
+
+def too_large(memory_mib: int) -> ConfigError:
+    """The error of a query that needs more memory than it may [MiB]."""
+    return over("sql", f"at most {memory_mib} MiB of memory", "one that needs more")

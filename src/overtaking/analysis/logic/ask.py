@@ -1,0 +1,129 @@
+"""Questions to a data set: which simulations, vehicles and frames make a condition true."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from overtaking.analysis.logic import facts as writing
+from overtaking.analysis.logic.export import check_every
+from overtaking.analysis.logic.question import ANSWER, Column, question, refused
+from overtaking.analysis.logic.reasoning import (
+    MAX_ROWS,
+    MEMORY_MIB,
+    TIMEOUT_S,
+    ProgramError,
+    Reasoner,
+)
+from overtaking.analysis.logic.source import I64, Group, groups
+from overtaking.core.bounds import room_after
+from overtaking.core.summary import Summarized
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from overtaking.analysis.logic.facts import Demand
+    from overtaking.data.load import Dataset
+
+Value = int | str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answers(Summarized):
+    """What answers a question.
+
+    Attributes:
+        columns: The variables of the question.
+        rows: What they are, in order; as many as were asked for.
+        is_cut: Whether there are more.
+        num_asked: How many simulations were asked.
+        frame_interval_ms: Time between two frames [ms].
+    """
+
+    columns: tuple[Column, ...]
+    rows: list[tuple[Value, ...]]
+    is_cut: bool
+    num_asked: int
+    frame_interval_ms: int
+
+
+def ask(
+    data: Dataset,
+    text: str,
+    *,
+    chosen: I64 | None = None,
+    every: int = writing.EVERY,
+    max_rows: int = MAX_ROWS,
+    timeout_s: float = TIMEOUT_S,
+    memory_mib: int = MEMORY_MIB,
+    progress: Callable[[int, int], None] | None = None,
+) -> Answers:
+    """Ask a data set a question; each simulation is asked on its own.
+
+    Args:
+        data: The data set.
+        text: A condition in the words of facts, theory and law, in clingo's language.
+        chosen: Numbers of the simulations in order; all of them if left out.
+        every: Every how many frames positions are looked at, as in an export.
+        max_rows: How many answers to give at most.
+        timeout_s: How long the reasoner may take [s].
+        memory_mib: How much memory it may use [MiB]; the answers may take an eighth of it.
+        progress: Called with the number of simulations that are done, and of all.
+
+    Raises:
+        ConfigError: It is no question, or needs more time or memory than it may.
+        DatasetError: A file of the data set is damaged.
+        MissingExtraError: clingo is not installed.
+    """
+    check_every(every)
+    asked = question(text)
+    rows: list[tuple[Value, ...]] = []
+    num_asked, interval, room = 0, 0, None
+    with Reasoner(
+        asked.program,
+        ((ANSWER, len(asked.columns)),),
+        max_rows=max_rows,
+        timeout_s=timeout_s,
+        memory_mib=memory_mib,
+    ) as reasoner:
+        for group in groups(data, chosen):
+            interval = group.case.signals.frame_interval_ms
+            found = _answers(reasoner, group_text(group, asked.needed.demand, every))
+            room = room_after(room, found, "ask", memory_mib)
+            rows += found
+            num_asked += len(group.numbers)
+            if progress is not None:
+                progress(group.done, len(data))
+            if len(rows) > max_rows:
+                break
+    return Answers(
+        columns=asked.columns,
+        rows=rows[:max_rows],
+        is_cut=len(rows) > max_rows,
+        num_asked=num_asked,
+        frame_interval_ms=interval,
+    )
+
+
+def group_text(group: Group, demand: Demand, every: int) -> bytes:
+    """The facts of a group, those of the road included."""
+    recorded = group.case.trajectories
+    interval = recorded.scenario.frame_interval_ms
+    shared = writing.shared_facts(recorded.road, recorded.unknown, interval, demand)
+    own = writing.facts(group.case, group.numbers, demand, every=every, labels=group.labels)
+    return writing.pooled_text(shared) + writing.pooled_text(own)
+
+
+def _answers(reasoner: Reasoner, facts: bytes) -> list[tuple[Value, ...]]:
+    """The answers of one group, in order; numbers before names."""
+    try:
+        found = reasoner.rows(facts)
+    except ProgramError as error:
+        unsafe = re.findall(r"'(\w+)' is unsafe", str(error))
+        if unsafe:
+            got = f"{', '.join(dict.fromkeys(unsafe))}, which nothing gives a value to"
+            raise refused(got, "every variable in an atom that is not negated") from None
+        raise refused(" ".join(str(error).split())[:120], "one that clingo can answer") from None
+    rows = [tuple(row) for row in found]
+    return sorted(rows, key=lambda row: [(isinstance(one, str), one) for one in row])

@@ -1,0 +1,94 @@
+"""The law as a logic program: its verdicts on simulations, from measurements alone."""
+
+from __future__ import annotations
+
+import atexit
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from overtaking.analysis.logic.ask import group_text
+from overtaking.analysis.logic.clauses import needed, program
+from overtaking.analysis.logic.reasoning import MEMORY_MIB, TIMEOUT_S, Reasoner
+from overtaking.analysis.logic.vocabulary import MAX_FRAME, RULE, VERDICT
+from overtaking.labels.law import PORTUGAL
+from overtaking.model.events import NEVER
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from overtaking.analysis.logic.clauses import Needed
+    from overtaking.analysis.logic.source import Group
+
+CODES = ("L1", "L2", "L3", "L5", "L8", "L9", "L12", "L13", "L16", "L18", "L20", "L21")
+"""The rules that are there a second time."""
+
+NO_VERDICT = 255
+"""Where the program says nothing, or two things."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdicts:
+    """What the program says of some simulations; arrays have shape (simulation, rule of `CODES`).
+
+    Attributes:
+        verdict: `model.labels.Verdict`, or `NO_VERDICT`.
+        first: First frame of a breach, `NEVER` without one.
+    """
+
+    verdict: NDArray[np.uint8]
+    first: NDArray[np.int32]
+
+
+@cache
+def law() -> Needed:
+    """The program of law, with the facts that it reads."""
+    return needed(program("law.lp"), [("verdict", (None,) * 3), ("illegal", (None,) * 2)])
+
+
+atexit.register(law.cache_clear)  # Like the programs of `clauses`.
+
+
+def lawyer(*, timeout_s: float = TIMEOUT_S, memory_mib: int = MEMORY_MIB) -> Reasoner:
+    """A reasoner that knows the law; to be used as a context, and asked with `judged`.
+
+    Args:
+        timeout_s: How long it may reason, all groups together [s].
+        memory_mib: How much memory it may use [MiB].
+    """
+    asked = (("verdict", 3), ("breach", 3))
+    return Reasoner(law().text, asked, timeout_s=timeout_s, memory_mib=memory_mib)
+
+
+def judged(reasoner: Reasoner, group: Group) -> Verdicts:
+    """What the law says of a group.
+
+    Args:
+        reasoner: A `lawyer`.
+        group: The simulations.
+    """
+    rows = reasoner.rows(group_text(group, law().demand, MAX_FRAME))
+    place = {int(number): row for row, number in enumerate(group.numbers)}
+    column = {code.lower(): index for index, code in enumerate(CODES)}
+    shape = (len(group.numbers), len(CODES))
+    said: list[dict[tuple[int, int], set[Any]]] = [{}, {}]
+    for number, rule, what in rows:
+        is_breach = isinstance(what, int)
+        said[is_breach].setdefault((place[number], column[rule]), set()).add(what)
+    verdict = np.full(shape, NO_VERDICT, np.uint8)
+    first = np.full(shape, NEVER)
+    for where, found in said[0].items():
+        if len(found) == 1:
+            verdict[where] = VERDICT.names.index(next(iter(found)))
+    for where, found in said[1].items():
+        first[where] = min(found)
+    return Verdicts(verdict=verdict, first=first)
+
+
+def title_of(rule: str) -> str:
+    """Article and title of a rule by its name in the program."""
+    code = PORTUGAL.codes[RULE.names.index(rule)]
+    one = next(each for each in PORTUGAL.rules if each.code == code)
+    return f"{one.code}, {one.title} ({one.law})"

@@ -1,0 +1,287 @@
+"""A question in the words of the theory: read, checked, and refused where it is no question."""
+
+# clingo's syntax trees are typed as nodes of any kind.
+# pyright: reportAttributeAccessIssue=false
+
+from __future__ import annotations
+
+import difflib
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from overtaking.analysis.logic.bounds import overflows, range_of, ranges_of, within
+from overtaking.analysis.logic.clauses import (
+    Needed,
+    children,
+    clauses,
+    knowledge,
+    needed,
+    predicates,
+    reasoner,
+)
+from overtaking.analysis.logic.vocabulary import LARGEST, Type
+from overtaking.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+ANSWER = "answer__"
+"""The predicate of the answers."""
+
+MAX_CHARACTERS = 2000
+MAX_DEPTH = 40
+"""Of a question, in characters and in brackets within each other."""
+
+_AGGREGATES = ("count", "sum", "min", "max", "true", "false")
+_TEXT = re.compile(r'"(?:[^"\\\n]|\\.)*"')
+_DIRECTIVE = re.compile(r"#\s*(\w*)")
+_NUMBER = re.compile(r"\d+")
+_PLACE = re.compile(r":(\d+):(\d+)(?:-[\d:]+)?: error: (.*)", re.DOTALL)
+_SUMS = (1, 2)  # clingo.ast.AggregateFunction.Sum and SumPlus
+_MOST_SUMMED = 2000
+"""A sum over every frame of this much stays within 32 bits."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """A variable of a question.
+
+    Attributes:
+        name: Its name.
+        kind: Its type, None where it is worked out.
+    """
+
+    name: str
+    kind: Type | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """A question that can be answered.
+
+    Attributes:
+        columns: Its variables, in the order in which they occur.
+        needed: The rules that may have a part in the answer, and the facts that they read.
+        program: Those rules, and the question as one that concludes `ANSWER`.
+    """
+
+    columns: tuple[Column, ...]
+    needed: Needed
+    program: str
+
+
+def question(text: str) -> Question:
+    """Read a question: the body of a rule, in clingo's language.
+
+    Args:
+        text: Such as `overtakes(S,ego,P,F), collides(S,ego,_,_)`.
+
+    Raises:
+        ConfigError: It is none, or says what cannot be.
+        MissingExtraError: clingo is not installed.
+    """
+    asked = text.strip().removesuffix(".").strip()
+    _check_text(asked)
+    tree = _parsed(asked)
+    _check_atoms(tree)
+    types = _types(tree)
+    for one in overflows([tree.head, *tree.body]):
+        raise refused(f"{one.text}, which may be {max(one.high, -one.low):.3g}", _WITHIN)
+    _check_sums(tree)
+    names = list(variables_of(tree.body))
+    columns = tuple(Column(name=name, kind=types.get(name)) for name in names)
+    head = f"{ANSWER}({','.join(names)})" if names else ANSWER
+    rule = f"{head} :-\n{asked}\n."
+    (own,) = clauses(rule)
+    found = needed((*knowledge(), own), [(ANSWER, (None,) * len(names))])
+    rules = Needed(
+        clauses=tuple(one for one in found.clauses if one is not own), demand=found.demand
+    )
+    return Question(columns=columns, needed=rules, program=rules.text + rule + "\n")
+
+
+_WITHIN = f"numbers up to {LARGEST}, which is all that clingo's integers hold"
+
+
+def refused(got: str, expected: str, next_step: str = "correct the query") -> ConfigError:
+    """What to say of a question that is none."""
+    return ConfigError.of(
+        what="query", where="ask", expected=expected, got=got, next_step=next_step
+    )
+
+
+def _check_text(text: str) -> None:
+    """Refuse whatever could be more than a condition, before anything reads it."""
+    if not text:
+        raise refused("nothing", "a condition such as overtakes(S,A,B,F)")
+    if len(text) > MAX_CHARACTERS:
+        raise refused(f"{len(text)} characters", f"at most {MAX_CHARACTERS} characters")
+    bare = _TEXT.sub('""', text)
+    _check_depth(bare)
+    _check_numbers(bare)
+    for found in _DIRECTIVE.finditer(bare):
+        if found[1] not in _AGGREGATES:
+            raise refused(
+                f"#{found[1]} at column {found.start() + 1}", "no directive and no script"
+            )
+    for sign, what in (("@", "an external function"), ("%", "a comment"), ("&", "a theory atom")):
+        if sign in bare:
+            raise refused(f"{what} at column {bare.index(sign) + 1}", "a condition")
+
+
+def _check_numbers(text: str) -> None:
+    """Refuse numbers that clingo would read as others."""
+    for found in _NUMBER.finditer(text):
+        if len(found[0]) > len(str(LARGEST)) or int(found[0]) > LARGEST:
+            raise refused(found[0], _WITHIN)
+
+
+def _check_depth(text: str) -> None:
+    """Refuse brackets so deep that a reader of them could fail."""
+    depth = 0
+    for character in text:
+        depth += (character in "([{|") - (character in ")]}")
+        if depth > MAX_DEPTH:
+            raise refused("more", f"at most {MAX_DEPTH} brackets within each other")
+
+
+def _parsed(text: str) -> Any:
+    """The question as the body of one rule."""
+    ast, said, trees = reasoner().ast, list[str](), list[Any]()
+    try:
+        ast.parse_string(
+            f"{ANSWER} :-\n{text}\n.", trees.append, logger=lambda _, line: said.append(line)
+        )
+    except RuntimeError:
+        raise refused(located(said, text), "a condition in clingo's language") from None
+    rules = [tree for tree in trees if tree.ast_type != ast.ASTType.Program]
+    if len(rules) != 1 or rules[0].ast_type != ast.ASTType.Rule:
+        raise refused(f"{len(rules)} statements", "one condition")
+    return rules[0]
+
+
+def located(said: list[str], text: str) -> str:
+    """What clingo says, with the column in the question."""
+    for line in said:
+        found = _PLACE.search(line)
+        if found is None:
+            continue
+        what = " ".join(found[3].split())
+        lines = text.splitlines()
+        row, column = int(found[1]) - 2, int(found[2])
+        if row >= len(lines):
+            return f"{what} at its end"
+        where = f"column {column}" if len(lines) == 1 else f"line {row + 1}, column {column}"
+        return f"{what} at {where}"
+    return "an error"
+
+
+def _check_atoms(tree: Any) -> None:
+    """Refuse predicates that there are not, and constants that an argument cannot be."""
+    for function in _functions(tree.body):
+        name, arity = function.name, len(function.arguments)
+        found = predicates().get((name, arity))
+        if found is None:
+            raise _unknown(name, arity, function.location.begin.column)
+        for argument, (label, kind) in zip(function.arguments, found.arguments, strict=True):
+            _check_constant(argument, label, kind, found.head)
+
+
+def _check_constant(argument: Any, label: str, kind: Type, head: str) -> None:
+    clingo = reasoner()
+    if argument.ast_type != clingo.ast.ASTType.SymbolicTerm:
+        return
+    symbol = argument.symbol
+    if kind.names and str(symbol) not in kind.names:
+        expected = f"{label} in {head} to be one of {', '.join(kind.names)}"
+        raise refused(str(symbol), expected)
+    is_number = symbol.type == clingo.SymbolType.Number or str(symbol) == "ego"
+    if not kind.names and not is_number:
+        raise refused(str(symbol), f"{label} in {head} to be a number, {kind.about}")
+
+
+def _unknown(name: str, arity: int, column: int) -> ConfigError:
+    known = predicates()
+    of_name = [one.head for one in known.values() if one.name == name]
+    near = difflib.get_close_matches(name, [one.name for one in known.values()], n=3, cutoff=0.5)
+    guesses = of_name or [one.head for one in known.values() if one.name in near]
+    expected = " or ".join(guesses[:3]) or "a predicate of facts, theory or law"
+    return refused(
+        f"{name} with {arity} argument{'' if arity == 1 else 's'} at column {column}",
+        expected,
+        "see: overtaking ask --predicates",
+    )
+
+
+def _functions(trees: Any) -> Iterator[Any]:
+    """The atoms of a question."""
+    kind = reasoner().ast.ASTType
+    for tree in trees:
+        if tree.ast_type == kind.SymbolicAtom:
+            if tree.symbol.ast_type != kind.Function:
+                raise refused(str(tree), "plain atoms, without pools and without minus")
+            yield tree.symbol
+        else:
+            yield from _functions(children(tree))
+
+
+def _types(tree: Any) -> dict[str, Type]:
+    """The type of each variable.
+
+    Raises:
+        ConfigError: A variable is of two types.
+    """
+    kind, types, where = reasoner().ast.ASTType, dict[str, Type](), dict[str, str]()
+    for function in _functions(tree.body):
+        found = predicates()[function.name, len(function.arguments)]
+        for argument, (_, of) in zip(function.arguments, found.arguments, strict=True):
+            if argument.ast_type != kind.Variable or argument.name == "_":
+                continue
+            name = argument.name
+            old = types.setdefault(name, of)
+            if old.name != of.name:
+                got = f"{name}, a {old.name} in {where[name]}, and a {of.name} in {found.head}"
+                raise refused(got, "each variable to be one kind of thing")
+            where.setdefault(name, found.head)
+    return types
+
+
+def variables_of(trees: Any) -> Iterator[str]:
+    """The variables outside of aggregates and conditions, each once, in order.
+
+    Those that are only in what is negated are left out: nothing gives a value to them.
+    """
+    kind = reasoner().ast.ASTType
+    seen = {"_"}
+    for tree in trees:
+        is_negated = tree.ast_type == kind.Literal and tree.sign
+        for name in () if is_negated else _variables_in(tree):
+            if name not in seen:
+                seen.add(name)
+                yield name
+
+
+def _variables_in(tree: Any) -> Iterator[str]:
+    """The variables of a literal, those that are an aggregate's own left out."""
+    kind = reasoner().ast.ASTType
+    if tree.ast_type == kind.Variable:
+        yield tree.name
+    elif tree.ast_type == kind.BodyAggregate:
+        for guard in (tree.left_guard, tree.right_guard):
+            if guard is not None:
+                yield from _variables_in(guard.term)
+    elif tree.ast_type not in (kind.ConditionalLiteral, kind.Aggregate):
+        for part in children(tree):
+            yield from _variables_in(part)
+
+
+def _check_sums(tree: Any) -> None:
+    """Refuse sums of what may be large: over all frames they could wrap."""
+    ranges = ranges_of([tree.head, *tree.body])
+    for part in within(tree.body):
+        if part.ast_type == reasoner().ast.ASTType.BodyAggregate and part.function in _SUMS:
+            for element in part.elements:
+                low, high = range_of(element.terms[0], ranges) if element.terms else (0, 0)
+                if max(-low, high) > _MOST_SUMMED:
+                    raise refused(str(part), f"sums of numbers up to {_MOST_SUMMED}, as of #count")

@@ -1,0 +1,107 @@
+"""What is computed of each replicate to stand beside a number of the paper."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from overtaking.analysis.reproduction.replicates import SIZE, Replicates, members
+from overtaking.knowledge.paper import Measure, Statement
+
+F64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+POLICY = "paper"
+"""The policy whose classes are compared: it decides by what the paper's columns hold."""
+
+
+def measured(of: Replicates, statement: Statement) -> F64:
+    """The number that a statement is about, in each replicate.
+
+    Args:
+        of: The replicates.
+        statement: A statement that is not about a design.
+
+    Returns:
+        Shape (replicate,), in SI; NaN where a replicate has nothing to measure.
+    """
+    inside = members(of.classes[POLICY], statement.scope)
+    if statement.measure == Measure.COUNT:
+        return inside.sum(axis=1).astype(np.float64)
+    values = np.where(inside, of.columns[statement.of], np.nan)
+    if statement.measure == Measure.MEAN:
+        return _mean(values)
+    if statement.measure == Measure.SUM:
+        return np.nansum(values, axis=1)
+    if statement.measure == Measure.WITHIN:
+        return _within(values, statement).sum(axis=1).astype(np.float64)
+    other = np.where(inside, of.columns[statement.against], np.nan)
+    if statement.measure == Measure.RATIO:
+        return _mean(values) / _mean(other)
+    rho = spearman(values, other)
+    return rho if statement.measure == Measure.SPEARMAN else p_value(rho, SIZE)
+
+
+def _within(values: F64, statement: Statement) -> Mask:
+    """Which values lie in a range, ends included; a hair wider, as features are 32-bit numbers."""
+    hair = 1e-6 * max(abs(statement.low), abs(statement.high), 1.0)
+    return (values >= statement.low - hair) & (values <= statement.high + hair)
+
+
+def _mean(values: F64) -> F64:
+    """Mean of each row without its gaps; NaN for a row of gaps."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # A class may be empty: NaN says so.
+        return np.nanmean(values, axis=1)
+
+
+def spearman(one: F64, other: F64) -> F64:
+    """Spearman's correlation in each row, ties sharing their mean rank.
+
+    Args:
+        one: A variable, shape (replicate, simulation).
+        other: Another one.
+
+    Returns:
+        Shape (replicate,), NaN where a variable is constant. Simulations that lack one of the two
+        are left out.
+    """
+    gaps = np.isnan(one) | np.isnan(other)
+    ranks = [_centred_ranks(np.where(gaps, np.nan, values)) for values in (one, other)]
+    product, *squares = (
+        np.nansum(a * b, axis=1)
+        for a, b in ((ranks[0], ranks[1]), (ranks[0], ranks[0]), (ranks[1], ranks[1]))
+    )
+    scale = np.sqrt(squares[0] * squares[1])
+    return np.where(scale > 0.0, product / np.where(scale > 0.0, scale, 1.0), np.nan)
+
+
+def _centred_ranks(values: F64) -> F64:
+    ranks = pd.DataFrame(values).rank(axis=1).to_numpy()
+    return ranks - _mean(ranks)[:, None]
+
+
+def p_value(rho: F64, size: int) -> F64:
+    """Two-sided p of the t-test of a correlation.
+
+    Args:
+        rho: Correlations.
+        size: An even number of pairs that each is of.
+
+    Source:
+        M. Abramowitz, I. Stegun, Handbook of Mathematical Functions, 1964, 26.7.4: Student's
+        distribution for an even number of degrees of freedom.
+    """
+    freedom = size - 2
+    tangent = rho / np.sqrt(np.maximum(1.0 - rho**2, np.finfo(np.float64).tiny))
+    cosine_squared = 1.0 / (1.0 + tangent**2)
+    term = np.ones_like(rho)
+    total = np.ones_like(rho)
+    for k in range(1, freedom // 2):
+        term = term * cosine_squared * (2 * k - 1) / (2 * k)
+        total = total + term
+    inside = np.abs(tangent) * np.sqrt(cosine_squared) * total
+    return np.clip(1.0 - inside, 0.0, 1.0)

@@ -1,0 +1,145 @@
+"""Many sets as large as the paper's: one large run, cut into replicates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.analysis.validation.overtakes import flying
+from overtaking.data.ahead import in_order
+from overtaking.data.plan import CHUNK_SIZE, runs
+from overtaking.labels.label import Labelled, label
+from overtaking.labels.law import POLICIES
+from overtaking.model.labels import OvertakeClass
+from overtaking.scenarios import sample
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from overtaking.data.recipe import Simulator
+    from overtaking.model.events import Events
+    from overtaking.model.road import Road
+    from overtaking.model.trajectory import Trajectories
+    from overtaking.scenarios import Spec
+
+Array = NDArray[Any]
+
+SIZE = 276
+"""Simulations of a replicate: as many as the paper has."""
+
+FEATURES = {
+    "WT": "waiting_time",
+    "OT": "overtaking_time",
+    "NV": "num_vehicles",
+    "SE": "ego_speed",
+    "SP": "target_speed",
+    "DSEP": "speed_difference",
+    "D": "distance",
+    "OLR": "left_occupancy",
+    "PREC": "rain",
+    "WIND": "wind",
+    "FOG": "fog",
+    "NIGHT": "night",
+    "HORIZON": "horizon_line",
+}
+"""What is kept of each simulation, by the paper's names, in SI; weather is in percent there and
+here a share."""
+
+_PERCENT = ("PREC", "WIND", "FOG")
+_OF_TARGET = ("SP", "DSEP", "D")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replicates:
+    """Sets of simulations; every array has shape (replicate, simulation).
+
+    Attributes:
+        classes: `OvertakeClass` under each policy, by its name.
+        columns: `FEATURES` under the paper's reading, and FLYING: 1 for an overtake whose ego never
+            came down to the speed of its target, 0 for another, NaN for none; NaN where there is
+            nothing to measure.
+    """
+
+    classes: dict[str, Array]
+    columns: dict[str, Array]
+
+    @property
+    def num_replicates(self) -> int:
+        """How many sets there are."""
+        return len(self.columns["SE"])
+
+
+def replicates(
+    spec: Spec,
+    road: Road,
+    seed: int,
+    number: int,
+    simulator: Simulator,
+    progress: Callable[[int, int], None] | None = None,
+) -> Replicates:
+    """Simulate and label sets of `SIZE` simulations.
+
+    Args:
+        spec: What to sample.
+        road: Where.
+        seed: Seed of the random numbers.
+        number: How many sets.
+        simulator: What simulates.
+        progress: Called with the number of simulations that are done, and of all.
+    """
+    total = number * SIZE
+
+    def work(numbers: range) -> dict[str, Array]:
+        index = np.arange(numbers.start, numbers.stop, dtype=np.uint64)
+        return _kept(label(simulator.simulate(sample(spec, road, seed, index))))
+
+    size = min(CHUNK_SIZE, simulator.chunk_size)
+    parts: list[dict[str, Array]] = []
+    done = 0
+    for part in in_order(work, runs(0, total, size), simulator.threads):
+        parts.append(part)
+        done += len(part["SE"])
+        if progress is not None:
+            progress(done, total)
+    whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    shaped = {name: values.reshape(number, SIZE) for name, values in whole.items()}
+    names = [one.name for one in POLICIES]
+    return Replicates(
+        classes={name: shaped.pop(name) for name in names},
+        columns=shaped,
+    )
+
+
+def _kept(labelled: Labelled) -> dict[str, Array]:
+    """What is kept of a piece, by name: features, and classes by policy."""
+    found = labelled.paper
+    kept: dict[str, Array] = {
+        name: np.asarray(getattr(found, field), np.float64) for name, field in FEATURES.items()
+    }
+    for name in _PERCENT:
+        kept[name] = kept[name] / 100.0
+    for name in _OF_TARGET:
+        kept[name] = np.where(found.has_target, kept[name], np.nan)
+    kept["FLYING"] = _flying(labelled.trajectories, labelled.events)
+    for place, name in enumerate(labelled.labels.policies):
+        kept[name] = labelled.labels.classes[:, place]
+    return kept
+
+
+def _flying(runs: Trajectories, events: Events) -> Array:
+    """Whether each overtake was flying; NaN where there is none that came alongside."""
+    found = np.full(len(runs.num_frames), np.nan)
+    at, is_flying = flying(runs, events)
+    found[at] = is_flying
+    return found
+
+
+def members(classes: Array, scope: str) -> Array:
+    """Which simulations belong to a class by its title, or all."""
+    for one in OvertakeClass:
+        if one.title == scope:
+            return classes == one
+    return np.ones(classes.shape, bool)

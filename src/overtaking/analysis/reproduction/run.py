@@ -1,0 +1,312 @@
+"""Simulates many sets as large as the paper's, and puts its numbers among theirs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.analysis.reproduction import hidden
+from overtaking.analysis.reproduction.designs import designs
+from overtaking.analysis.reproduction.measures import POLICY, measured
+from overtaking.analysis.reproduction.replicates import SIZE, Replicates, members, replicates
+from overtaking.analysis.stats.columns import PAPER_CLASSES
+from overtaking.core.errors import ConfigError
+from overtaking.core.summary import Summarized
+from overtaking.knowledge.paper import COUNTS, Measure, Statement, calibration, statements
+from overtaking.knowledge.reader import load
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from overtaking.data.recipe import Simulator
+    from overtaking.model.road import Road
+    from overtaking.scenarios import Spec
+
+F64 = NDArray[np.float64]
+
+STUDIES = ("pinto2023",)
+"""What can be reproduced: studies that are profiles too."""
+
+MOST_REPLICATES = 100_000
+
+_OTHERS = 10
+"""One replicate with the other treatment of starts for so many with the profile's own."""
+
+_REACH = 0.025  # Share of the replicates beyond either end of the interval.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """A number of the paper beside ours; all in the unit of the paper.
+
+    Attributes:
+        name: Its name in `paper.toml`.
+        statement: The number and what it is to us.
+        replicates: Ours in each replicate, NaN where there was nothing to measure; a design has
+            one value.
+    """
+
+    name: str
+    statement: Statement
+    replicates: F64
+
+    @property
+    def known(self) -> F64:
+        """Replicates that have a value."""
+        return self.replicates[~np.isnan(self.replicates)]
+
+    @property
+    def is_design(self) -> bool:
+        """Whether it is an input, which does not vary."""
+        return self.statement.measure == Measure.DESIGN
+
+    @property
+    def is_count(self) -> bool:
+        """Whether it is a number of simulations of a replicate."""
+        return self.statement.measure in COUNTS
+
+    @property
+    def ours(self) -> float:
+        """Our value: the median of the replicates."""
+        return float(np.median(self.known)) if len(self.known) else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Where 95 % of the replicates lie."""
+        if not len(self.known):
+            return math.nan, math.nan
+        low, high = np.quantile(self.known, (_REACH, 1.0 - _REACH))
+        return float(low), float(high)
+
+    @property
+    def percentile(self) -> float:
+        """Share of the replicates below the paper's number [%]; those that equal it count half.
+
+        Equal is what rounds to it. NaN for a design.
+        """
+        if self.is_design or not len(self.known):
+            return math.nan
+        paper, near = self.statement.quoted, self.statement.resolution
+        below = (self.known < paper - near).mean()
+        equal = (np.abs(self.known - paper) <= near).mean()
+        return 100.0 * float(below + 0.5 * equal)
+
+    @property
+    def is_inside(self) -> bool | None:
+        """Whether our 95 % hold the paper's number, or our design is its own; None if unknown."""
+        if not len(self.known):
+            return None
+        low, high = self.interval
+        near = self.statement.resolution
+        return low - near <= self.statement.quoted <= high + near
+
+    def values(self) -> dict[str, Any]:
+        """The same for machines; NaN is null."""
+        one, (low, high) = self.statement, self.interval
+        return {
+            "name": self.name,
+            "about": one.about,
+            "text": one.text,
+            "scope": one.scope,
+            "standing": one.standing,
+            "unit": one.unit,
+            "paper": one.quoted,
+            "ours": _plain(self.ours),
+            "low": _plain(low),
+            "high": _plain(high),
+            "percentile": _plain(self.percentile),
+            "inside": self.is_inside,
+            "replicates": len(self.known),
+            "note": one.note,
+            "derived": one.stated.rationale,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Starts:
+    """What becomes of simulations by how their starts are treated.
+
+    Attributes:
+        allow_doomed: Whether starts are as drawn, also where no braking avoids a collision.
+        simulations: How many.
+        shares: Share of each class of the paper.
+    """
+
+    allow_doomed: bool
+    simulations: int
+    shares: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reproduction(Summarized):
+    """What was found.
+
+    Attributes:
+        study: The paper, by the name of its profile.
+        seed: Seed of the replicates.
+        num_replicates: How many sets of `SIZE` simulations.
+        simulator: Name and version of what simulated.
+        parameters_sha256: Hash over drivers and profile, as they are now.
+        is_frozen: Whether they are those that were fitted.
+        comparisons: Every number of the paper.
+        inferences: What its labels say of the weather.
+        lawful: Who is legal by day and by night here.
+        starts: Classes with the profile's starts, and with the other treatment of starts.
+    """
+
+    study: str
+    seed: int
+    num_replicates: int
+    simulator: str
+    parameters_sha256: str
+    is_frozen: bool
+    comparisons: tuple[Comparison, ...]
+    inferences: tuple[hidden.Inference, ...]
+    lawful: tuple[hidden.Lawful, ...]
+    starts: tuple[Starts, Starts]
+
+    def values(self) -> dict[str, Any]:
+        """The same for machines."""
+        return {
+            "study": self.study,
+            "policy": POLICY,
+            "seed": self.seed,
+            "calibration_seeds": [int(seed) for seed in calibration().seeds],
+            "replicates": self.num_replicates,
+            "simulations": self.num_replicates * SIZE,
+            "simulator": self.simulator,
+            "parameters_sha256": self.parameters_sha256,
+            "frozen": self.is_frozen,
+            "numbers": [one.values() for one in self.comparisons],
+            "inferences": [asdict(one) for one in self.inferences],
+            "lawful": [asdict(one) for one in self.lawful],
+            "starts": [asdict(one) for one in self.starts],
+        }
+
+
+def reproduce(
+    spec: Spec,
+    road: Road,
+    num_replicates: int,
+    seed: int,
+    simulator: Simulator,
+    progress: Callable[[int, int], None] | None = None,
+) -> Reproduction:
+    """Simulate replicates of the paper's data set, and put its numbers among theirs.
+
+    Args:
+        spec: The profile of the study.
+        road: Its road.
+        num_replicates: How many sets as large as the paper's.
+        seed: Seed of the random numbers; none that the drivers were fitted with.
+        simulator: What simulates.
+        progress: Called with the number of simulations that are done, and of all.
+
+    Raises:
+        ConfigError: The seed is one of the calibration, or a number is out of range.
+    """
+    _check(num_replicates, seed)
+    inputs = designs(spec, road)
+    other = _other_starts(spec)
+    num_others = -(-num_replicates // _OTHERS)
+    steps = _Steps((num_replicates + num_others) * SIZE, progress)
+    found = replicates(spec, road, seed, num_replicates, simulator, steps)
+    steps.begin_at(num_replicates * SIZE)
+    contrast = replicates(other, road, seed, num_others, simulator, steps)
+    digest = parameter_hash(spec)
+    return Reproduction(
+        study=spec.name,
+        seed=seed,
+        num_replicates=num_replicates,
+        simulator=f"{simulator.name} {simulator.version}",
+        parameters_sha256=digest,
+        is_frozen=digest == calibration().parameters_sha256,
+        comparisons=_compared(found, inputs),
+        inferences=hidden.inferences(),
+        lawful=hidden.lawful(found),
+        starts=(_starts(spec, found), _starts(other, contrast)),
+    )
+
+
+class _Steps:
+    """The progress of two runs as that of one."""
+
+    def __init__(self, total: int, progress: Callable[[int, int], None] | None) -> None:
+        """Begin with the first."""
+        self._total, self._progress, self._before = total, progress, 0
+
+    def begin_at(self, done: int) -> None:
+        """Begin with the other, after so many simulations."""
+        self._before = done
+
+    def __call__(self, done: int, _: int) -> None:
+        """Say how many of all are done."""
+        if self._progress is not None:
+            self._progress(self._before + done, self._total)
+
+
+def _compared(found: Replicates, inputs: dict[str, float]) -> tuple[Comparison, ...]:
+    """Every number of the paper beside ours."""
+    comparisons: list[Comparison] = []
+    for name, one in statements().items():
+        if one.measure == Measure.DESIGN:
+            ours = np.array([inputs[one.of]], np.float64)
+        else:
+            ours = measured(found, one)
+        comparisons.append(Comparison(name=name, statement=one, replicates=ours / one.factor))
+    return tuple(comparisons)
+
+
+def _other_starts(spec: Spec) -> Spec:
+    """The same specification with the other treatment of starts."""
+    starts = spec.starts.model_copy(update={"allow_doomed": not spec.starts.allow_doomed})
+    return spec.model_copy(update={"starts": starts})
+
+
+def _starts(spec: Spec, found: Replicates) -> Starts:
+    classes = found.classes[POLICY]
+    return Starts(
+        allow_doomed=spec.starts.allow_doomed,
+        simulations=classes.size,
+        shares={name: float(members(classes, name).mean()) for name in PAPER_CLASSES},
+    )
+
+
+def parameter_hash(spec: Spec) -> str:
+    """SHA-256 over the drivers and the profile of a specification, in hexadecimal."""
+    decided = {
+        "population": load("drivers.toml")[spec.drivers.population],
+        "profile": spec.resolved(),
+    }
+    text = json.dumps(decided, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _check(num_replicates: int, seed: int) -> None:
+    if not 1 <= num_replicates <= MOST_REPLICATES:
+        raise ConfigError.of(
+            what="replicates",
+            where="reproduce",
+            expected=f"1 to {MOST_REPLICATES:,}",
+            got=num_replicates,
+            next_step="choose a number in that range",
+        )
+    if seed in calibration().seeds:
+        used = ", ".join(f"{one:g}" for one in calibration().seeds)
+        raise ConfigError.of(
+            what="seed",
+            where="reproduce",
+            expected=f"none of {used}, with which the drivers were fitted",
+            got=seed,
+            next_step="choose another",
+        )
+
+
+def _plain(value: float) -> float | None:
+    return None if math.isnan(value) else value

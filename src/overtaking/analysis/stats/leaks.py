@@ -1,0 +1,120 @@
+"""Where a label says more than it should: classes that a stratum of the data cannot hold."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from overtaking.analysis.stats.columns import BY_NAME, CENSORED, NOMINAL, WEATHER
+from overtaking.analysis.stats.sample import Mask, Sample
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+MAX_CHANCE = 0.01
+"""A stratum without a class is reported if chance would leave it out less often than this."""
+
+MAX_VALUES = 12
+"""Numbers that take no more values than this are strata too: the weather of presets."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leak:
+    """A class that does not occur in a stratum, where it should by its frequency.
+
+    Attributes:
+        feature: The feature.
+        level: Its level or value.
+        name: The class that is missing.
+        size: Simulations in the stratum.
+        expected: How many of the class were to be expected there.
+        chance: Probability that none is there if class and feature were independent.
+    """
+
+    feature: str
+    level: str
+    name: str
+    size: int
+    expected: float
+    chance: float
+
+    @property
+    def sentence(self) -> str:
+        """The warning in words."""
+        return (
+            f"No {self.name} among the {self.size:,} simulations with {self.feature} = "
+            f"{self.level}, where {self.expected:,.1f} were to be expected if class and feature "
+            f"were independent (probability of none: {_small(self.chance)}). Either the world "
+            f"rules it out or the label does: whoever learns {self.name} from these data may "
+            f"learn {self.feature}."
+        )
+
+
+def leaks(sample: Sample) -> tuple[Leak, ...]:
+    """Find classes that are missing where they should occur; the least probable first.
+
+    Unweighted: what is asked is whether a combination was seen at all. Censored simulations are
+    left out.
+    """
+    rated = sample.is_rated
+    found: list[Leak] = []
+    for name, members in sample.groups():
+        number = int((members & rated).sum())
+        if name == CENSORED or not number:
+            continue
+        found += [
+            one
+            for feature, level, stratum in _strata(sample)
+            if (one := _leak(feature, level, name, stratum[rated], members[rated], number))
+            is not None
+        ]
+    return tuple(sorted(found, key=lambda one: (one.chance, one.feature, one.level)))
+
+
+def _leak(
+    feature: str, level: str, name: str, stratum: Mask, members: Mask, number: int
+) -> Leak | None:
+    """What is wrong with a class in a stratum, if anything is."""
+    size, total = int(stratum.sum()), len(stratum)
+    if not 0 < size < total or (stratum & members).any():
+        return None
+    # Fisher's exact probability: all members of the class fall outside the stratum.
+    chance = math.exp(_log_choose(total - size, number) - _log_choose(total, number))
+    if chance > MAX_CHANCE:
+        return None
+    return Leak(
+        feature=feature,
+        level=level,
+        name=name,
+        size=size,
+        expected=number * size / total,
+        chance=chance,
+    )
+
+
+def _strata(sample: Sample) -> list[tuple[str, str, Mask]]:
+    """Each level of what is a name, and each value of what takes few, with its simulations."""
+    strata: list[tuple[str, str, Mask]] = []
+    for feature in NOMINAL:
+        codes = sample.codes(feature.name)
+        strata += [(feature.name, level, codes == n) for n, level in enumerate(feature.levels)]
+    for name in WEATHER:
+        values = sample.values(name)
+        different: NDArray[np.float64] = np.unique(values[~np.isnan(values)])
+        if 1 < len(different) <= MAX_VALUES:
+            unit = BY_NAME[name].unit
+            strata += [(name, f"{value:g} {unit}", values == value) for value in different]
+    return strata
+
+
+def _log_choose(total: int, chosen: int) -> float:
+    """Logarithm of the number of ways to choose, minus infinity if there is none."""
+    if chosen > total:
+        return -math.inf
+    return math.lgamma(total + 1) - math.lgamma(chosen + 1) - math.lgamma(total - chosen + 1)
+
+
+def _small(chance: float) -> str:
+    """A small probability as a person reads it."""
+    return f"{chance:.2g}" if chance >= 1e-6 else "below one in a million"

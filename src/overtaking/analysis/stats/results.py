@@ -1,0 +1,142 @@
+"""What `overtaking stats` says: the paper's tables, the waiting time, and warnings."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from overtaking.analysis.stats.columns import CENSORED, NUMERIC
+from overtaking.analysis.stats.leaks import Leak, leaks
+from overtaking.analysis.stats.sample import Sample, prepare
+from overtaking.analysis.stats.survival import Survival, waiting_time
+from overtaking.analysis.stats.table import Table
+from overtaking.analysis.stats.tables import class_table, dynamic_table, static_table
+from overtaking.core.summary import Summarized
+
+_DECENT_SHARE = 0.3  # Below this share of effective simulations, weighted numbers are coarse.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Statistics(Summarized):
+    """The statistics of a labelled data set.
+
+    Attributes:
+        sample: What they are about.
+        classes: How often each class occurs.
+        static: The paper's table of static features.
+        dynamic: The paper's table of dynamic features.
+        waiting: How long drivers wait before they begin, None if that cannot be told.
+        leaks: Classes that are missing where they should occur.
+        notes: What a reader has to know before believing the numbers.
+    """
+
+    sample: Sample
+    classes: Table
+    static: Table
+    dynamic: Table
+    waiting: Survival | None
+    leaks: tuple[Leak, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def tables(self) -> tuple[Table, ...]:
+        """The tables in order."""
+        return self.classes, self.static, self.dynamic
+
+    def values(self) -> dict[str, Any]:
+        """Everything as plain values for JSON."""
+        return {
+            "policy": self.sample.policy,
+            "reading": self.sample.reading,
+            "weighted": self.sample.is_weighted,
+            "simulations": len(self.sample),
+            "effective_simulations": self.sample.num_effective,
+            **{table.name.replace("-", "_"): table.records() for table in self.tables},
+            "waiting_time": _waiting_values(self.waiting),
+            "warnings": [leak.sentence for leak in self.leaks],
+            "notes": list(self.notes),
+        }
+
+
+def statistics(
+    frame: pd.DataFrame,
+    *,
+    policy: str = "paper",
+    reading: str | None = None,
+    weighted: bool = False,
+) -> Statistics:
+    """Compute all of it.
+
+    Args:
+        frame: One row per simulation: the paper's features, CLASS, and `weight` if `weighted`.
+        policy: The policy that decided about the classes.
+        reading: How the features were measured; `paper` for the policy of that name, else
+            `matched`.
+        weighted: Whether to count each simulation by its importance weight.
+
+    Raises:
+        SchemaError: A column is missing or holds something that it must not.
+    """
+    sample = prepare(frame, policy=policy, reading=reading, weighted=weighted)
+    return Statistics(
+        sample=sample,
+        classes=class_table(sample),
+        static=static_table(sample),
+        dynamic=dynamic_table(sample),
+        waiting=waiting_time(sample),
+        leaks=leaks(sample),
+        notes=tuple(_notes(sample)),
+    )
+
+
+def _notes(sample: Sample) -> list[str]:
+    """What a reader has to know."""
+    notes: list[str] = []
+    empty = [name for name, of in sample.groups() if not of.any()]
+    if empty:
+        notes.append(f"No simulation is of class {', '.join(empty)}.")
+    constant = _constant(sample)
+    if constant:
+        notes.append(f"The same in all simulations, or missing in all: {', '.join(constant)}.")
+    censored = int(sample.members(CENSORED).sum())
+    if censored:
+        notes.append(
+            f"{censored:,} simulations were still open when they ended (censored); "
+            "they are left out of every rate."
+        )
+    if len(sample) < 2:
+        notes.append("With fewer than two simulations there is no spread and no association.")
+    if sample.is_weighted:
+        notes.append(_weight_note(sample))
+    if sample.reading != "paper":
+        notes.append(
+            f"In the {sample.reading} reading the waiting times of No_attempt are drawn, "
+            "so no curve of waiting times can be estimated from them."
+        )
+    return notes
+
+
+def _constant(sample: Sample) -> list[str]:
+    """Numeric features with one value or none."""
+    return [one.name for one in NUMERIC if sample.frame[one.name].nunique() < 2]
+
+
+def _weight_note(sample: Sample) -> str:
+    """How much the weights cost."""
+    size, number = sample.num_effective, len(sample)
+    coarse = " Expect coarse numbers." if size < _DECENT_SHARE * number else ""
+    return f"Weighted: {number:,} simulations say as much as {size:,.0f} unweighted ones.{coarse}"
+
+
+def _waiting_values(waiting: Survival | None) -> dict[str, Any] | None:
+    """The curve of waiting times as plain values."""
+    if waiting is None:
+        return None
+    median = waiting.median
+    return {
+        "events": waiting.num_events,
+        "censored": waiting.num_censored,
+        "median_s": None if math.isnan(median) else median,
+        "curve": waiting.rows().to_dict(orient="list"),
+    }

@@ -1,0 +1,158 @@
+"""The paper's two tables, and how often each class occurs.
+
+Of the paper's tables the captions are known and what its text says of them: counts for the static
+features that are names; minimum, mean, maximum and standard deviation for the others; absolute (af)
+and relative frequency (rf) beside the dynamic ones.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+
+from overtaking.analysis.stats.columns import BY_NAME, CENSORED, EGO_TYPES, FEATURES, Feature
+from overtaking.analysis.stats.moments import Moments, moments, wilson
+from overtaking.analysis.stats.sample import Mask, Sample, effective_size
+from overtaking.analysis.stats.table import Style, Table
+
+ALL = "All"
+"""Column of all simulations together."""
+
+_TEXTS = ("feature", "unit", "statistic")
+_FOUR = {"min": "minimum", "mean": "mean", "max": "maximum", "σ": "sigma"}
+
+Row = tuple[Style, tuple[str, str, str], list[float]]
+
+
+def class_table(sample: Sample) -> Table:
+    """How often each class occurs, with the limits of its share at 95 % confidence."""
+    rated, total = sample.is_rated, float(sample.weight[sample.is_rated].sum())
+    size = effective_size(sample.weight[rated])
+    rows: list[dict[str, object]] = []
+    for name, members in sample.groups():
+        share = float(sample.weight[members].sum()) / total if total else np.nan
+        if name == CENSORED:
+            share = np.nan
+        low, high = (np.nan, np.nan) if np.isnan(share) else wilson(share, size)
+        count = int(members.sum())
+        rows.append({"class": name, "count": count, "share": share, "from": low, "to": high})
+    weighted = "The shares are weighted, the counts are not. " if sample.is_weighted else ""
+    return Table(
+        name="classes",
+        title="Frequency of classes",
+        note=f"{weighted}The last two columns limit the share with 95 % confidence "
+        "(Wilson's interval).",
+        rows=pd.DataFrame(rows),
+        styles=(Style.TEXT, Style.COUNT, Style.SHARE, Style.SHARE, Style.SHARE),
+        num_texts=1,
+        by_column=True,
+    )
+
+
+def static_table(sample: Sample) -> Table:
+    """The paper's table of static features: counts of names, four numbers for the times."""
+    rows: list[Row] = []
+    for feature in FEATURES:
+        if feature.is_nominal:
+            rows += _level_rows(sample, feature)
+        elif feature.name == "NV":
+            rows += _number_rows(sample)
+        elif feature.is_static:
+            rows += _moment_rows(sample, feature)
+    return _table(
+        sample,
+        rows,
+        name="static-features",
+        title="Statistics of static features",
+        note="Counts for what is a name, and for the number of vehicles; σ is the standard "
+        "deviation of a sample (n − 1).",
+    )
+
+
+def dynamic_table(sample: Sample) -> Table:
+    """The paper's table of dynamic features: four numbers, absolute and relative frequency."""
+    rows: list[Row] = []
+    for feature in FEATURES:
+        if not feature.is_static:
+            rows += _moment_rows(sample, feature)
+            rows += _frequency_rows(sample, feature)
+    return _table(
+        sample,
+        rows,
+        name="dynamic-features",
+        title="Statistics of dynamic features",
+        note="Values at the start of the overtake. af is the number of simulations that have a "
+        "value, rf its share of all those that have one and are not censored.",
+    )
+
+
+def _table(sample: Sample, rows: list[Row], *, name: str, title: str, note: str) -> Table:
+    """Rows as a table with a column for each class, and one for all."""
+    header = [*_TEXTS, *sample.classes, ALL]
+    weights = " Weighted, with the mean weight scaled to 1." if sample.is_weighted else ""
+    return Table(
+        name=name,
+        title=title,
+        note=note + weights,
+        rows=pd.DataFrame([[*texts, *values] for _, texts, values in rows], columns=header),
+        styles=tuple(style for style, _, _ in rows),
+        num_texts=len(_TEXTS),
+    )
+
+
+def _columns(sample: Sample) -> Iterator[tuple[str, Mask]]:
+    """The columns of a table: each class, then all simulations."""
+    yield from sample.groups()
+    yield ALL, np.ones(len(sample), dtype=bool)
+
+
+def _level_rows(sample: Sample, feature: Feature) -> Iterator[Row]:
+    """A row for each level of a nominal feature, and one for what is not known."""
+    codes = sample.codes(feature.name)
+    levels = list(enumerate(feature.levels))
+    if (codes < 0).any():
+        levels.append((-1, "none"))
+    for code, level in levels:
+        counts = [float(sample.weight[of & (codes == code)].sum()) for _, of in _columns(sample)]
+        if counts[-1] or feature.name != "TE" or level in EGO_TYPES:
+            yield Style.COUNT, (feature.name, "", level), counts
+
+
+def _number_rows(sample: Sample) -> Iterator[Row]:
+    """A row for each number of vehicles, or four numbers where there are many."""
+    feature = BY_NAME["NV"]
+    values = sample.values("NV")
+    numbers = np.unique(values[~np.isnan(values)])
+    if len(numbers) > 10:
+        yield from _moment_rows(sample, feature)
+        return
+    for number in numbers:
+        counts = [float(sample.weight[of & (values == number)].sum()) for _, of in _columns(sample)]
+        yield Style.COUNT, ("NV", "", f"{number:g}"), counts
+
+
+def _moment_rows(sample: Sample, feature: Feature) -> Iterator[Row]:
+    """Minimum, mean, maximum and standard deviation of a numeric feature."""
+    described = _described(sample, feature)
+    for word, attribute in _FOUR.items():
+        values = [getattr(one, attribute) for one in described]
+        yield Style.NUMBER, (feature.name, feature.unit, word), values
+
+
+def _frequency_rows(sample: Sample, feature: Feature) -> Iterator[Row]:
+    """Absolute and relative frequency of the values of a numeric feature."""
+    weights = [one.weight for one in _described(sample, feature)]
+    shown = dict(zip((*sample.classes, ALL), weights, strict=True))
+    rated = shown[ALL] - shown.get(CENSORED, 0.0)
+    shares = [
+        np.nan if name == CENSORED or rated <= 0.0 else (rated if name == ALL else weight) / rated
+        for name, weight in shown.items()
+    ]
+    yield Style.COUNT, (feature.name, "", "af"), weights
+    yield Style.SHARE, (feature.name, "", "rf"), shares
+
+
+def _described(sample: Sample, feature: Feature) -> list[Moments]:
+    """What is said of a feature in each column."""
+    values = sample.values(feature.name)
+    return [moments(values[of], sample.weight[of]) for _, of in _columns(sample)]

@@ -1,0 +1,118 @@
+"""The traffic of a profile on a road that closes on itself, for the rate of lane changes.
+
+Between two open ends dense traffic does not stay dense, and the published rates are of traffic at
+15 to 25 vehicles on a kilometre of a lane. On a ring it stays as dense as it was put there. The
+vehicles and drivers are the profile's; it is dry and day, as where the rates were counted.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from overtaking import scenarios
+from overtaking.analysis.validation.traffic import Batch, count_changes
+from overtaking.model.vehicles import Role
+from overtaking.sim import engine
+from overtaking.world.parameters import Parameters, parameters, with_ring
+
+if TYPE_CHECKING:
+    from overtaking.analysis.validation.tally import Tally
+    from overtaking.core.elementary import F32
+    from overtaking.model.road import Road
+    from overtaking.model.scenario import Scenario
+    from overtaking.scenarios import Spec
+
+DENSITIES = (15.0, 25.0)
+"""Vehicles on a kilometre of a lane."""
+
+VEHICLES = (24, 32)
+"""Fewest and most vehicles on the ring."""
+
+WARM_UP_S, COUNTED_S = 40.0, 60.0
+"""Traffic settles first, then changes are counted [s]."""
+
+CHUNK = 48
+"""Simulations at a time."""
+
+_FIRST_S, _SLACK_M, _GAP_S = 50.0, 8.0, 1.8
+_NEVER_S = 1e4
+
+_DRY_DAY = {
+    "weather.rain_probability": 0.0,
+    "weather.fog_probability": 0.0,
+    "weather.puddles_percent": [0.0, 0.0],
+    "weather.wind_percent": [0.0, 30.0],
+    "weather.sun_altitude_deg": [30.0, 60.0],
+}
+
+
+def count(tally: Tally, spec: Spec, road: Road, seed: int, simulations: int) -> None:
+    """Add changes of lane and distances on rings to a tally.
+
+    Args:
+        tally: What is added to.
+        spec: A specification with a flow of traffic and independent weather.
+        road: Its road.
+        seed: Seed of the random numbers.
+        simulations: Number of rings.
+    """
+    settled = scenarios.spec(
+        spec,
+        _DRY_DAY
+        | {
+            "traffic.vehicles": list(VEHICLES),
+            "time.horizon_s": WARM_UP_S + COUNTED_S,
+            "time.attempt_deadline_s": WARM_UP_S + COUNTED_S,
+        },
+    )
+    buffers = engine.Buffers()
+    for first in range(0, simulations, CHUNK):
+        index = np.arange(first, min(first + CHUNK, simulations), dtype=np.uint64)
+        density = DENSITIES[0] + (DENSITIES[1] - DENSITIES[0]) * (index + 0.5) / simulations
+        drawn = scenarios.sample(settled, road, seed, index)
+        scenario, given = on_ring(drawn, density.astype(np.float32))
+        batch = Batch.of(engine.run(scenario, given, buffers=buffers))
+        counted = batch.sound.copy()
+        counted[:, Role.EGO] = False  # It is kept from overtaking.
+        counted[:, :, : round(WARM_UP_S / batch.interval_s)] = False
+        count_changes(tally, batch, counted)
+
+
+def on_ring(drawn: Scenario, density: F32) -> tuple[Scenario, Parameters]:
+    """A batch evenly spread over rings.
+
+    Args:
+        drawn: Any batch.
+        density: Vehicles on a kilometre of a lane, shape (simulation,).
+
+    Returns:
+        The batch, and its parameters; no simulation ends early.
+    """
+    lanes = drawn.road.num_lanes
+    length = (1e3 * drawn.num_vehicles / (lanes * density)).astype(np.float32)
+    valid = drawn.vehicles.valid
+    lane = np.where(valid, drawn.start_lane, lanes)
+    order = np.lexsort((drawn.start_s, lane), axis=1)
+    sorted_lane = np.take_along_axis(lane, order, axis=1)
+    begin = (sorted_lane[:, None, :] < np.arange(lanes + 1)[None, :, None]).sum(axis=2)
+    rank = np.argsort(order, axis=1) - np.take_along_axis(begin, lane.astype(np.intp), axis=1)
+    inside = (lane[:, :, None] == lane[:, None, :]).sum(axis=2)
+    spacing = length[:, None] / inside
+    place = _FIRST_S + (rank + lane / lanes) * spacing
+    pace = np.maximum((spacing - _SLACK_M) / _GAP_S, 1.0)
+    never = np.full_like(drawn.attempt_deadline, _NEVER_S)
+    scenario = drawn.replace(
+        start_s=np.where(valid, place, 0.0).astype(np.float32),
+        start_speed=np.minimum(drawn.start_speed, pace).astype(np.float32),
+        attempt_deadline=never,
+    )
+    return scenario, _endless(with_ring(parameters(scenario), length))
+
+
+def _endless(given: Parameters) -> Parameters:
+    """Neither an overtake nor a collision of the ego ends the others' drive."""
+    constants = given.constants.replace(after_overtake=_NEVER_S, after_collision=_NEVER_S)
+    return dataclasses.replace(given, constants=constants)

@@ -1,0 +1,144 @@
+"""What it is to balance a data set: its cells, their quotas, and the weights that undo it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import Mask
+from overtaking.core.errors import ConfigError
+from overtaking.labels.law import policy as known_policy
+from overtaking.model.checks import check
+from overtaking.model.labels import OvertakeClass
+from overtaking.model.values import within
+
+I64 = NDArray[np.int64]
+F64 = NDArray[np.float64]
+
+BY = (("class",), ("class", "day-night"))
+"""What the cells may be told apart by."""
+
+CLASSES = tuple(one for one in OvertakeClass if one <= OvertakeClass.UNSUCCESS_NCOL)
+"""The paper's five classes, those with a quota; `Success_U` and `censored` answer no question of
+its kind."""
+
+OUTSIDE = -1
+"""Cell of a simulation whose class has no quota."""
+
+CANDIDATES_PER_SIMULATION = 200
+"""Candidates for each simulation wanted, if nothing else is asked for: a class of 1 in 1,000 fills
+a fifth of the data set."""
+
+MIN_CANDIDATES = 10_000
+"""The same for small data sets, in which a rare class may be late by chance."""
+
+MAX_CANDIDATES = 10**12
+"""More than anyone has time for; a number beyond it is a slip."""
+
+_LIGHT = ("Day", "Night")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Balance:
+    """How a data set is balanced: equal shares for all cells, in the order of the candidates.
+
+    Candidates are the simulations that an ordinary data set of the same profile and seed has, one
+    after the other. A candidate is kept while its cell has room.
+
+    Attributes:
+        by: What the cells are told apart by, one of `BY`.
+        policy: Which rules decide about the class: `paper`, `default` or `strict`.
+        candidates: How many candidates to look at before giving up; None for 200 for each
+            simulation that is wanted, at least 10,000.
+        allows_missing: Whether to be content with fewer simulations if a cell is not full by then.
+
+    Raises:
+        ConfigError: One of them is none of that.
+    """
+
+    by: tuple[str, ...] = ("class",)
+    policy: str = "paper"
+    candidates: int | None = field(default=None, metadata=within(1, MAX_CANDIDATES))
+    allows_missing: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be carried out, before anything is made."""
+        check(self, "balance")
+        known_policy(self.policy)
+        if self.by not in BY:
+            choices = " or ".join(",".join(names) for names in BY)
+            raise _error("cells", choices, ",".join(self.by), "choose one of these")
+
+    def __str__(self) -> str:
+        """What is asked for, in a few words."""
+        end = "fewer simulations if that is not enough" if self.allows_missing else "no fewer"
+        return (
+            f"equal numbers by {','.join(self.by)} under policy {self.policy} "
+            f"from at most {self.candidates} candidates, {end}"
+        )
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Names of the cells, by number."""
+        if "day-night" not in self.by:
+            return tuple(one.title for one in CLASSES)
+        return tuple(f"{one.title}/{light}" for one in CLASSES for light in _LIGHT)
+
+    def limit(self, num_simulations: int) -> int:
+        """How many candidates are looked at, at most."""
+        usual = max(MIN_CANDIDATES, CANDIDATES_PER_SIMULATION * num_simulations)
+        return min(usual, MAX_CANDIDATES) if self.candidates is None else self.candidates
+
+    def quotas(self, num_simulations: int) -> I64:
+        """Simulations wanted of each cell: as many of each, and one more of the first ones.
+
+        Raises:
+            ConfigError: There are more cells than simulations.
+        """
+        cells = len(self.cells)
+        if num_simulations < cells:
+            next_step = "ask for more simulations or fewer cells"
+            raise _error("simulations", f"at least {cells}, one a cell", num_simulations, next_step)
+        each, left = divmod(num_simulations, cells)
+        return np.where(np.arange(cells) < left, each + 1, each).astype(np.int64)
+
+    def cell_of(self, classes: NDArray[np.uint8], night: Mask) -> I64:
+        """Number of the cell of each simulation, or `OUTSIDE`; every shape is (simulation,).
+
+        Args:
+            classes: Values of `OvertakeClass` under the policy.
+            night: Whether it is night.
+        """
+        cell = classes.astype(np.int64)
+        if "day-night" in self.by:
+            cell = cell * len(_LIGHT) + night
+        return np.where(classes < len(CLASSES), cell, OUTSIDE)
+
+
+def selection_weights(seen: I64, kept: I64) -> F64:
+    """For each cell, how many natural simulations one that was kept stands for, shape (cell,).
+
+    The first `kept` of `seen` exchangeable candidates were kept, each with the probability
+    kept / seen; its inverse is the weight. The weights of all that were kept have the mean 1, and
+    sum up, cell by cell, to the shares that the cells had among the candidates.
+
+    Args:
+        seen: Candidates of each cell.
+        kept: Those that were kept; not 0 unless `seen` is.
+
+    Returns:
+        seen / kept, times sum(kept) / sum(seen); 0 for cells without candidates.
+
+    Source: D. G. Horvitz and D. J. Thompson, A generalization of sampling without replacement from
+    a finite universe, Journal of the American Statistical Association 47, 1952, 663-685.
+    """
+    all_seen, all_kept = int(seen.sum()), int(kept.sum())
+    # Of integers, which are exact, so that the quotient is rounded once.
+    pairs = zip(seen.tolist(), kept.tolist(), strict=True)
+    return np.array([s * all_kept / (k * all_seen) if k else 0.0 for s, k in pairs])
+
+
+def _error(what: str, expected: str, got: object, next_step: str) -> ConfigError:
+    return ConfigError.of(
+        what=what, where="balance", expected=expected, got=got, next_step=next_step
+    )

@@ -1,0 +1,76 @@
+"""Which simulations of a data set are meant, by number and by class."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from overtaking.core.errors import ConfigError
+from overtaking.data.tables.files import read_table
+from overtaking.data.tables.label_schemas import CLASSES, POLICY_NAMES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from overtaking.data.load import Dataset
+
+    I64 = NDArray[np.int64]
+
+
+def chosen(
+    data: Dataset,
+    numbers: Iterable[int] | None = None,
+    label: str | None = None,
+    policy: str = POLICY_NAMES.names[0],
+) -> I64 | None:
+    """The numbers of the simulations that are meant.
+
+    Args:
+        data: The data set.
+        numbers: Numbers of simulations, None for all.
+        label: A class that they must have, in any case of letters, None for any.
+        policy: The policy that decides about the class.
+
+    Returns:
+        Their numbers in order, each once, shape (chosen,); None for all.
+
+    Raises:
+        ConfigError: There is no such simulation, class or policy.
+        DatasetError: A file of labels is damaged.
+    """
+    found = None if numbers is None else np.unique(np.fromiter(numbers, np.int64))
+    if found is not None and found.size and not 0 <= found[0] <= found[-1] < len(data):
+        wrong = int(found[0] if found[0] < 0 else found[-1])
+        raise _refused("simulation", f"0 to {len(data) - 1}", str(wrong))
+    if policy not in POLICY_NAMES.names:
+        raise _refused("policy", " or ".join(POLICY_NAMES.names), policy)
+    if label is None:
+        return found
+    names = {name.lower(): name for name in CLASSES.names}
+    if label.lower() not in names:
+        raise _refused("class", " or ".join(CLASSES.names), label)
+    members = _members(data, names[label.lower()], policy)
+    return members if found is None else np.intersect1d(found, members)
+
+
+def _members(data: Dataset, label: str, policy: str) -> I64:
+    """The simulations of a class."""
+    parts: list[I64] = []
+    for path in data.files("labels"):
+        rows = read_table(path, "labels").to_pandas()
+        is_meant = (rows["class"] == label) & (rows["policy"] == policy)
+        parts.append(rows["simulation"][is_meant].to_numpy(np.int64))
+    return np.concatenate(parts)
+
+
+def _refused(what: str, expected: str, got: str) -> ConfigError:
+    return ConfigError.of(
+        what=what,
+        where="choice of simulations",
+        expected=expected,
+        got=got,
+        next_step="choose one of these",
+    )

@@ -1,0 +1,224 @@
+"""`croissant.json`: what catalogues and loaders of machine learning read about a data set.
+
+Format: MLCommons Croissant 1.0 with the vocabulary RAI 1.0, which is JSON-LD, see
+https://docs.mlcommons.org/croissant/docs/croissant-spec.html. Licence, address, creators and date
+of publication are the publisher's to add: nothing here can know them.
+"""
+
+import json
+import re
+from typing import Any
+
+import pyarrow as pa
+
+from overtaking.data.datasheet import Answers, num_rows
+from overtaking.data.manifest import Identity, ShardRecord
+from overtaking.data.plan import Shard
+from overtaking.data.tables.columns import STEPS, flags_of, names_of, unit_of
+from overtaking.data.tables.schemas import KEYS, SCHEMAS
+from overtaking.data.tables.unknown import schema_of
+
+FILE_NAME = "croissant.json"
+
+Json = dict[str, Any]
+
+CONFORMS_TO = ("http://mlcommons.org/croissant/1.0", "http://mlcommons.org/croissant/RAI/1.0")
+
+_PARQUET = "application/x-parquet"
+
+_CROISSANT_TERMS = (
+    *("citeAs", "column", "equivalentProperty", "extract", "field", "fileProperty", "fileObject"),
+    *("fileSet", "format", "includes", "isLiveDataset", "jsonPath", "key", "md5", "parentField"),
+    *("path", "recordSet", "references", "regex", "repeated", "replace", "samplingRate"),
+    *("separator", "source", "subField", "transform"),
+)
+"""The terms of the vocabulary; readers expect all of them in the context, used or not."""
+
+_CONTEXT: Json = {
+    "@language": "en",
+    "@vocab": "https://schema.org/",
+    "cr": "http://mlcommons.org/croissant/",
+    "dct": "http://purl.org/dc/terms/",
+    "rai": "http://mlcommons.org/croissant/RAI/",
+    "sc": "https://schema.org/",
+    "conformsTo": "dct:conformsTo",
+    "data": {"@id": "cr:data", "@type": "@json"},
+    "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+    "examples": {"@id": "cr:examples", "@type": "@json"},
+    **{term: f"cr:{term}" for term in _CROISSANT_TERMS},
+}
+
+_RAI: dict[str, tuple[str, ...]] = {
+    "dataCollection": ("acquisition", "sampling"),
+    "dataCollectionMissingData": ("missing",),
+    "dataCollectionRawData": ("raw",),
+    "dataPreprocessingProtocol": ("preprocessing",),
+    "dataAnnotationProtocol": ("labels",),
+    "dataBiases": ("completeness",),
+    "dataLimitations": ("limits", "errors"),
+    "dataUseCases": ("uses", "splits"),
+    "personalSensitiveInformation": ("people", "consent"),
+    "dataReleaseMaintenancePlan": ("maintenance",),
+}
+"""For each property of the vocabulary RAI, the questions of the datasheet that answer it."""
+
+_CLASS = ("labels", "class")
+"""The column that most readers will want to predict."""
+
+
+def croissant(
+    identity: Identity, shards: tuple[ShardRecord, ...], content_hash: str, answers: Answers
+) -> str:
+    """The text of a data set's `croissant.json`.
+
+    Args:
+        identity: What decides the content.
+        shards: All shards.
+        content_hash: Hash over the values of all tables.
+        answers: Those of the datasheet.
+    """
+    tables = schemas_of(identity, shards)
+    content: Json = {
+        "@context": _CONTEXT,
+        "@type": "sc:Dataset",
+        "name": _name(identity),
+        "conformsTo": list(CONFORMS_TO),
+        "description": _description(answers, content_hash),
+        # The part after the plus sign tells apart what was made with other seeds or labels.
+        "version": f"{identity.table_version}.0.0+{content_hash[:12]}",
+        "keywords": keywords(identity),
+        "isLiveDataset": False,
+        **{f"rai:{name}": _joined(answers, keys) for name, keys in _RAI.items()},
+        "rai:dataCollectionType": "Secondary Data analysis" if identity.source else "Experiments",
+        "rai:machineAnnotationTools": "overtaking",
+        "distribution": [part for name in tables for part in _files(name, shards)],
+        "recordSet": [_record_set(*one, shards) for one in tables.items()],
+    }
+    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+
+
+def schemas_of(identity: Identity, shards: tuple[ShardRecord, ...]) -> dict[str, pa.Schema]:
+    """The schema of each table of a data set, with nulls where its source is silent."""
+    recorded = identity.source is not None
+    there = {name for shard in shards for name in shard.tables}
+    return {
+        name: schema_of(name, identity.unknown, recorded=recorded)
+        for name in SCHEMAS
+        if name in there
+    }
+
+
+def keywords(identity: Identity) -> list[str]:
+    """What somebody would search for who needs such a data set."""
+    kind = "trajectories" if identity.source else "simulation"
+    return ["overtaking", "autonomous driving", "traffic law", "driver behaviour", kind]
+
+
+def meaning_of(field: pa.Field) -> str:
+    """What a column means: its description, its names or bits, and whether it may be null."""
+    meaning = field.metadata[b"description"].decode()
+    if names := names_of(field):
+        meaning = f"{meaning}: {', '.join(names)}"
+    if flags := flags_of(field):
+        bits = ", ".join(f"{1 << place} {name}" for place, name in enumerate(flags))
+        meaning = f"{meaning}: {bits}"
+    return f"{meaning}; may be null" if field.nullable else meaning
+
+
+def unit_text(field: pa.Field) -> str:
+    """The unit of a column, with the SI unit where it counts steps; empty where it has none."""
+    unit = unit_of(field)
+    if unit in STEPS:
+        si, steps = STEPS[unit]
+        return f"{unit} = 1/{steps} {si}"
+    return "" if unit == "1" else unit
+
+
+def _name(identity: Identity) -> str:
+    """A name without anything that an address would have to escape."""
+    parts = [identity.profile, identity.source.recording if identity.source else identity.seed]
+    return "overtaking-" + "-".join(re.sub(r"[^A-Za-z0-9_.]+", "-", str(part)) for part in parts)
+
+
+def _description(answers: Answers, content_hash: str) -> str:
+    return (
+        f"{_joined(answers, ('instances', 'purpose'))} README.md has the data sheet, dataset.json "
+        f"the recipe. Content hash {content_hash}."
+    )
+
+
+def _joined(answers: Answers, keys: tuple[str, ...]) -> str:
+    """Some answers as plain text."""
+    return " ".join(answers[key] for key in keys).replace("`", "")
+
+
+def _files(table: str, shards: tuple[ShardRecord, ...]) -> list[Json]:
+    """The files of a table, one by one with their checksums, and all of them as a set."""
+    together = {
+        "@type": "cr:FileSet",
+        "@id": f"{table}-files",
+        "name": f"{table}-files",
+        "description": f"All files of the table {table}.",
+        "encodingFormat": _PARQUET,
+        "includes": f"{table}/*.parquet",
+    }
+    return [*(_file(table, shard) for shard in shards), together]
+
+
+def _file(table: str, shard: ShardRecord) -> Json:
+    """One file."""
+    facts = shard.tables[table]
+    path = f"{table}/{_file_name(shard)}"
+    return {
+        "@type": "cr:FileObject",
+        "@id": path,
+        "name": path,
+        "contentUrl": path,
+        "contentSize": f"{facts.size_bytes} B",
+        "encodingFormat": _PARQUET,
+        "sha256": facts.sha256,
+    }
+
+
+def _file_name(shard: ShardRecord) -> str:
+    stop = shard.first + shard.simulations
+    return Shard(number=shard.number, first=shard.first, stop=stop).file_name
+
+
+def _record_set(table: str, schema: pa.Schema, shards: tuple[ShardRecord, ...]) -> Json:
+    """A table and its columns."""
+    keys = ", ".join(KEYS[table])
+    return {
+        "@type": "cr:RecordSet",
+        "@id": table,
+        "name": table,
+        "description": f"{num_rows(table, shards)} rows, one for each {keys}.",
+        "key": [{"@id": f"{table}/{key}"} for key in KEYS[table]],
+        "field": [_field(table, field) for field in schema],
+    }
+
+
+def _field(table: str, field: pa.Field) -> Json:
+    """A column."""
+    unit = unit_text(field)
+    kind = _data_type(field)
+    return {
+        "@type": "cr:Field",
+        "@id": f"{table}/{field.name}",
+        "name": field.name,
+        "description": meaning_of(field) + (f" [{unit}]" if unit else ""),
+        "dataType": [kind, "cr:Label"] if (table, field.name) == _CLASS else kind,
+        "source": {
+            "fileSet": {"@id": f"{table}-files"},
+            "extract": {"column": field.name},
+        },
+    }
+
+
+def _data_type(field: pa.Field) -> str:
+    """The type of a column; Croissant 1.0 has none for bytes, and loaders give them for texts."""
+    if pa.types.is_boolean(field.type):
+        return "sc:Boolean"
+    if pa.types.is_integer(field.type):
+        return "sc:Integer"
+    return "sc:Float" if pa.types.is_floating(field.type) else "sc:Text"

@@ -1,0 +1,412 @@
+"""A data set as its user sees it: pandas and SI numbers, simulated again where nothing was kept."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow as pa
+
+from overtaking.core.errors import ConfigError, DatasetError, NoSuchSimulationError
+from overtaking.core.summary import Summarized
+from overtaking.data import plan
+from overtaking.data.contents import contents
+from overtaking.data.manifest import Manifest, read_manifest
+from overtaking.data.place import folder_of, place_of
+from overtaking.data.shard_files import ShardFiles
+from overtaking.data.tables.files import read_rows, read_table
+from overtaking.data.tables.label_schemas import POLICY_NAMES
+from overtaking.data.tables.restore import restore, restore_scenario
+from overtaking.data.tables.schemas import RECORDED_TABLES, SCHEMAS
+from overtaking.model.checks import checked
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    from overtaking.data.place import Place
+    from overtaking.data.recipe import Simulator
+    from overtaking.data.verdict import Verdict
+    from overtaking.model.road import Road
+    from overtaking.model.scenario import Scenario
+    from overtaking.model.trajectory import Trajectories
+
+
+_FAR = 64
+"""Simulations between two chosen ones from which on they are read apart."""
+
+
+def load(where: str | Path | Place, simulator: Simulator) -> Dataset:
+    """A complete data set.
+
+    Args:
+        where: Its folder, or its URL in a store.
+        simulator: Simulates again what was not kept.
+
+    Raises:
+        DatasetError: There is none, or it is not complete.
+        SchemaError: It is of a newer version.
+    """
+    place = place_of(where)
+    manifest = read_manifest(place)
+    if not manifest.complete:
+        raise DatasetError.of(
+            what="data set",
+            where=str(place),
+            expected="one that is complete",
+            got="one that is not finished",
+            next_step=f"run: overtaking generate --resume --out {place}",
+        )
+    return Dataset(place, manifest, simulator)
+
+
+class Dataset(Summarized):
+    """A complete data set in a folder or a store.
+
+    Simulations are numbered from 0. Every method that returns a table reads it anew; a file whose
+    bytes are not those that were written is an error, whatever it would have said.
+    """
+
+    def __init__(self, place: Place, manifest: Manifest, simulator: Simulator) -> None:
+        """Use `load`, which checks the place."""
+        self._place, self._manifest, self._simulator = place, manifest, simulator
+        self._files = ShardFiles(place, manifest)
+        self._shards = self._files.shards
+
+    def __len__(self) -> int:
+        """Number of simulations."""
+        return self._manifest.num_simulations
+
+    @checked
+    def __getitem__(self, simulation: int) -> Trajectories:
+        """One recorded simulation, as a batch of one; what was not kept is simulated again.
+
+        `batches` is the quick way through all of them.
+
+        Args:
+            simulation: Its number; -1 is the last one.
+
+        Raises:
+            DatasetError: Simulated again, it has another trace hash: the simulator has changed.
+            NoSuchSimulationError: There is no such number; it is an `IndexError` as well.
+        """
+        number = int(simulation)
+        return self.trajectory(number + len(self) if -len(self) <= number < 0 else number)
+
+    def summary(self) -> Mapping[str, object]:
+        """What it is and where."""
+        return {
+            "where": self.where,
+            "profile": self.profile,
+            "simulations": len(self),
+            "keep": str(self._manifest.identity.keep),
+        }
+
+    @property
+    def where(self) -> str:
+        """Its folder, or its URL."""
+        return str(self._place)
+
+    @property
+    def name(self) -> str:
+        """The name of its folder, or the last part of its URL."""
+        return self._place.name
+
+    @property
+    def path(self) -> Path:
+        """Its folder.
+
+        Raises:
+            ConfigError: It lies in a store.
+        """
+        return folder_of(self.where, "write beside the data")
+
+    @property
+    def manifest(self) -> Manifest:
+        """What `dataset.json` says."""
+        return self._manifest
+
+    @property
+    def profile(self) -> str:
+        """Name of the profile that it was drawn from."""
+        return self._manifest.identity.profile
+
+    @property
+    def road(self) -> Road:
+        """Its road."""
+        return self._manifest.identity.road
+
+    @property
+    def content_hash(self) -> str:
+        """Hash over the values of all tables, the same on every machine."""
+        return str(self._manifest.content_hash)
+
+    def simulations(self) -> pd.DataFrame:
+        """One row per simulation."""
+        return _decoded(self.table("simulations"))
+
+    def weather(self) -> pd.DataFrame:
+        """One row per weather; `simulations` names them."""
+        return _decoded(self.table("weather"))
+
+    def vehicles(self) -> pd.DataFrame:
+        """One row per simulation and vehicle: bodies, drivers, starts and contacts."""
+        return _decoded(self.table("vehicles"))
+
+    def percepts(self) -> pd.DataFrame:
+        """One row per simulation and decision: what the ego believed, and the truth beside it."""
+        return _decoded(self.table("percepts"))
+
+    def events(self) -> pd.DataFrame:
+        """One row per simulation and event that happened."""
+        return _decoded(self.table("events"))
+
+    def labels(self) -> pd.DataFrame:
+        """One row per simulation and policy: class, outcome, and how it came to that."""
+        return _decoded(self.table("labels"))
+
+    def findings(self) -> pd.DataFrame:
+        """One row per simulation and rule: verdict, margin and the frames that prove it."""
+        return _decoded(self.table("findings"))
+
+    def decisions(self) -> pd.DataFrame:
+        """One row per simulation: what there was to know when the overtake began, or might have.
+
+        Raises:
+            DatasetError: It was made before there was such a table.
+        """
+        return _decoded(self.table("decisions"))
+
+    def safety(self) -> pd.DataFrame:
+        """One row per simulation and moment: surrogate measures of safety.
+
+        Raises:
+            DatasetError: It was made before there was such a table.
+        """
+        return _decoded(self.table("safety"))
+
+    @checked
+    def features(
+        self, policy: str = "paper", *, reading: str | None = None, encoded: bool = False
+    ) -> pd.DataFrame:
+        """The paper's fifteen features and the class, one row per simulation.
+
+        Args:
+            policy: Which rules decide about the class: `paper`, `default` or `strict`.
+            reading: How features are measured, `paper` or `matched`; `paper` for the policy of that
+                name, else `matched`, if left out.
+            encoded: Whether names become the paper's numbers and what is missing becomes 0.
+
+        Returns:
+            Columns with the paper's names and units (km/h, m, s, %), and `weight`.
+
+        Raises:
+            ConfigError: There is no such policy or reading.
+        """
+        from overtaking.data.features import features_frame
+
+        chosen = reading or ("paper" if policy == "paper" else "matched")
+        tables = [_decoded(self.table(name)) for name in ("features", "labels")]
+        return features_frame(*tables, policy=policy, reading=chosen, encoded=encoded)
+
+    @checked
+    def verdict(self, simulation: int) -> Verdict:
+        """What is said of one simulation: class, phases, and every rule with its evidence."""
+        from overtaking.data.verdict import verdict_of
+
+        names = ("labels", "events", "findings")
+        return verdict_of(simulation, *(_decoded(self._part(name, simulation)) for name in names))
+
+    @checked
+    def frames(self, simulation: int) -> pd.DataFrame:
+        """The 22 variables of the source paper for one simulation, one row per frame.
+
+        What belongs to each vehicle is a tuple with one element per vehicle. `states` has the same
+        and more, one row per vehicle and frame.
+        """
+        rows = self._rows(simulation)
+        if "frames" not in rows:
+            rows = self._encoded(simulation)
+        from overtaking.data.wide import wide_frames
+
+        return wide_frames({name: _decoded(table) for name, table in rows.items()})
+
+    @checked
+    def states(self, simulation: int) -> pd.DataFrame:
+        """The states of one simulation, one row per vehicle and frame."""
+        if "states" in self._tables:
+            return _decoded(self._part("states", simulation))
+        return _decoded(self._encoded(simulation)["states"])
+
+    @checked
+    def scenario(self, simulation: int) -> Scenario:
+        """The scenario of one simulation, as a batch of one."""
+        rows = {
+            name: self._part(name, simulation) for name in ("simulations", "weather", "vehicles")
+        }
+        return restore_scenario(rows, self.road, self._manifest.identity.unknown)
+
+    @checked
+    def trajectory(self, simulation: int) -> Trajectories:
+        """One recorded simulation, as a batch of one; simulated again if it was not kept.
+
+        Raises:
+            DatasetError: Simulated again, it is another one: the simulator has changed since.
+        """
+        return self._recorded(self._rows(simulation))
+
+    def batches(
+        self, chosen: NDArray[np.int64] | None = None
+    ) -> Iterator[tuple[NDArray[np.int64], Trajectories]]:
+        """Simulations in order, as many at a time as memory is meant to hold.
+
+        Args:
+            chosen: Their numbers in order, each once, shape (chosen,); all by default.
+
+        Yields:
+            The numbers of some simulations, shape (simulation,), and what was recorded of them.
+
+        Raises:
+            DatasetError: A file is damaged, or the simulator has changed.
+        """
+        size = plan.chunk_size(self._manifest.identity.spec)
+        for shard in self._shards:
+            for chunk in plan.chunks(shard, size):
+                numbers = np.arange(chunk[0], chunk[-1] + 1)
+                for some in [numbers] if chosen is None else _runs(np.intersect1d(numbers, chosen)):
+                    first, last = int(some[0]), int(some[-1])
+                    rows = {
+                        name: read_rows(self._files.one(name, shard), name, first, last)
+                        for name in self._recorded_tables
+                    }
+                    recorded = self._recorded(rows)
+                    is_whole = len(some) == last - first + 1
+                    yield some, recorded if is_whole else recorded.select(some - first)
+
+    @checked
+    def class_weights(self, first: int, last: int) -> NDArray[np.float64]:
+        """Weights that give back the natural rates, shape (simulation,).
+
+        Args:
+            first: Number of a simulation.
+            last: Number of one in the same file, not before it.
+
+        Raises:
+            DatasetError: The file is damaged.
+        """
+        shard = self._shards[first // self._manifest.identity.shard_size]
+        rows = read_rows(self._files.one("labels", shard), "labels", first, last)
+        return rows["class_weight"].to_numpy()[:: len(POLICY_NAMES.names)]
+
+    @checked
+    def table(self, name: str) -> pa.Table:
+        """A whole table as it is in the files.
+
+        Raises:
+            DatasetError: It was not kept, or a file is damaged.
+        """
+        if name not in self._tables:
+            raise ConfigError.of(
+                what=f"table {name}",
+                where=self.where,
+                expected=f"one of {', '.join(self._tables)}",
+                got=f"a data set that keeps the {self._manifest.identity.keep}",
+                next_step="generate it with --keep frames",
+            )
+        parts = [read_table(self._files.one(name, shard), name) for shard in self._shards]
+        return pa.concat_tables(parts)
+
+    @property
+    def kept_tables(self) -> tuple[str, ...]:
+        """Names of the tables that have files."""
+        shards = self._manifest.shards
+        return tuple(name for name in self._tables if all(name in one.tables for one in shards))
+
+    @checked
+    def files(self, name: str, *, is_checked: bool = True) -> list[Path]:
+        """The files of a table, in the order of their simulations.
+
+        Args:
+            name: Name of a table that was kept.
+            is_checked: Whether their bytes are compared with what was written.
+
+        Raises:
+            DatasetError: A file is damaged.
+        """
+        return self._files.of(name, is_checked=is_checked)
+
+    def verify(self) -> None:
+        """Read every file and compare it with what was written.
+
+        Raises:
+            DatasetError: One of them is missing or damaged.
+        """
+        self._files.verify()
+
+    @property
+    def _tables(self) -> tuple[str, ...]:
+        return self._manifest.identity.keep.tables
+
+    @property
+    def _recorded_tables(self) -> tuple[str, ...]:
+        return tuple(name for name in self._tables if name in RECORDED_TABLES)
+
+    def _part(self, table: str, simulation: int) -> pa.Table:
+        """The rows of one simulation."""
+        if not 0 <= simulation < len(self):
+            raise NoSuchSimulationError.of(
+                what="simulation",
+                where=self.where,
+                expected=f"0 to {len(self) - 1}",
+                got=simulation,
+                next_step="choose a number in that range",
+            )
+        shard = self._shards[simulation // self._manifest.identity.shard_size]
+        return read_rows(self._files.one(table, shard), table, simulation, simulation)
+
+    def _rows(self, simulation: int) -> Mapping[str, pa.Table]:
+        """The rows of one simulation in every table of recordings that was kept."""
+        return {name: self._part(name, simulation) for name in self._recorded_tables}
+
+    def _recorded(self, rows: Mapping[str, pa.Table]) -> Trajectories:
+        """What was recorded of some simulations, from their rows or simulated again."""
+        if "states" in rows:
+            return restore(rows, self.road, self._manifest.identity.unknown)
+        again = self._simulator.simulate(restore_scenario(rows, self.road))
+        hashes = b"".join(rows["simulations"]["trace_hash"].to_pylist())
+        known = np.frombuffer(hashes, dtype="<u4").reshape(-1, 4)
+        changed = np.flatnonzero((again.trace_hash != known).any(axis=1))
+        if len(changed):
+            raise self._changed(rows["simulations"]["simulation"][int(changed[0])].as_py())
+        return again
+
+    def _encoded(self, simulation: int) -> Mapping[str, pa.Table]:
+        """Every table of one simulation that is simulated again."""
+        return contents(self.trajectory(simulation), np.array([simulation]), tuple(SCHEMAS))
+
+    def _changed(self, simulation: int) -> DatasetError:
+        identity = self._manifest.identity
+        return DatasetError.of(
+            what=f"simulation {simulation}, simulated again",
+            where=self.where,
+            expected="the recorded trace hash",
+            got=f"another from {self._simulator.name} {self._simulator.version}",
+            next_step=f"simulate with {identity.simulator} {identity.simulator_version}",
+        )
+
+
+def _runs(numbers: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Numbers in order, parted where so many lie between that it is not worth reading them."""
+    if not numbers.size:
+        return []
+    return np.split(numbers, np.flatnonzero(np.diff(numbers) > _FAR) + 1)
+
+
+def _decoded(table: pa.Table) -> pd.DataFrame:
+    """A table for people. Pandas is loaded here: writing a data set does not need it."""
+    from overtaking.data.tables.decode import decode
+
+    return decode(table)

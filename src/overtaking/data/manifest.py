@@ -1,0 +1,357 @@
+"""`dataset.json`: the recipe of a data set, how far it got, and what its files hold."""
+
+import dataclasses
+import hashlib
+import json
+from typing import Annotated, Literal, Self
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    JsonValue,
+    ValidationError,
+    model_validator,
+)
+
+from overtaking.core.errors import DatasetError, SchemaError
+from overtaking.core.files import whole
+from overtaking.data import plan
+from overtaking.data.balance import Balance
+from overtaking.data.place import Place
+from overtaking.data.recipe import Keep, Recipe, Simulator
+from overtaking.data.tables.files import FileFacts
+from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
+from overtaking.model.road import Road
+from overtaking.scenarios import spec as checked_spec
+
+FILE_NAME = "dataset.json"
+FORMAT = "overtaking.dataset"
+
+VERSION = 1
+"""Version of the manifest itself; the tables have versions of their own."""
+
+
+_MOST_BYTES = 1 << 26
+_MOST_VALUES = 2_000_000
+"""Twice what `MAX_SHARDS` shards take. A file of commas would take thirty times its size."""
+
+_Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+_Number = Annotated[int, Field(ge=0, le=plan.MAX_SIMULATIONS)]
+_Count = Annotated[int, Field(ge=1, le=plan.MAX_SIMULATIONS)]
+
+
+def _sampled(spec: dict[str, JsonValue]) -> dict[str, JsonValue]:
+    """Refuse what is no specification; recordings have an empty one."""
+    if spec:
+        checked_spec(spec)
+    return spec
+
+
+class _Record(BaseModel):
+    """What all parts share: nothing unknown, nothing changed."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class ShardRecord(_Record):
+    """One finished shard.
+
+    Attributes:
+        number: Number of the shard.
+        first: Number of its first simulation.
+        simulations: Number of simulations.
+        tables: Its file of each table.
+    """
+
+    number: _Number
+    first: _Number
+    simulations: _Count
+    tables: dict[str, FileFacts]
+
+
+class Source(_Record):
+    """Where an imported data set comes from.
+
+    Attributes:
+        format: Format of the recording.
+        files: SHA-256 of each file that was read, by its name.
+        recording: What the recording calls itself.
+        options: What was asked for.
+        counts: What was found in it, and what became of it.
+        notes: What the reader decided, left out or measured.
+    """
+
+    format: str
+    files: dict[str, _Hash]
+    recording: str
+    options: dict[str, JsonValue] = Field(default_factory=dict)
+    counts: dict[str, JsonValue] = Field(default_factory=dict)
+    notes: dict[str, JsonValue] = Field(default_factory=dict)
+
+
+class CellRecord(_Record):
+    """What became of one cell of a balanced data set.
+
+    Attributes:
+        quota: Simulations that were wanted.
+        seen: Candidates that were of it.
+        kept: Candidates that were kept.
+        weight: Factor of the weight of each of them; 0 if there are none.
+    """
+
+    quota: _Number
+    seen: _Number
+    kept: _Number
+    weight: Annotated[float, Field(ge=0.0)]
+
+
+class BalanceRecord(_Record):
+    """How a data set was balanced.
+
+    Attributes:
+        candidates: Candidates that were looked at.
+        outside: Those among them whose class has no quota.
+        missing: Simulations that are missing in all cells together.
+        cells: What became of each cell, by its name.
+    """
+
+    candidates: _Number
+    outside: _Number
+    missing: _Number
+    cells: dict[str, CellRecord]
+
+
+class Identity(_Record):
+    """What decides the content: two data sets that agree here agree in every value.
+
+    Attributes:
+        profile: Name of the profile.
+        spec: The specification, resolved.
+        spec_hash: Hash over it.
+        road: The road.
+        seed: Seed of the random numbers; null for recordings.
+        simulations: Number of simulations that were asked for.
+        shard_size: Simulations a shard.
+        keep: What was written down of each simulation.
+        table_version: Version of the tables' schemas.
+        simulator: Name of the simulator.
+        simulator_version: Version of the model that it computes.
+        unknown: What the simulations do not tell, names of `model.trajectory.UNKNOWNS`.
+        source: The recording that it was imported from; null for simulations.
+        balance: How it is balanced; null if it is not.
+    """
+
+    profile: str
+    spec: Annotated[dict[str, JsonValue], AfterValidator(_sampled)]
+    spec_hash: str
+    road: Road
+    seed: Annotated[int, Field(ge=0, lt=2**64)] | None
+    simulations: _Count
+    shard_size: _Count
+    keep: Keep
+    table_version: _Count
+    simulator: str
+    simulator_version: str
+    unknown: tuple[str, ...] = ()
+    source: Source | None = None
+    balance: Balance | None = None
+
+    @classmethod
+    def of(cls, recipe: Recipe, simulator: Simulator) -> "Identity":
+        """The identity of what a recipe and a simulator will give."""
+        return cls(
+            profile=recipe.spec.name,
+            spec=recipe.spec.resolved(),
+            spec_hash=recipe.spec.spec_hash,
+            road=recipe.road,
+            seed=recipe.seed,
+            simulations=recipe.num_simulations,
+            shard_size=recipe.shard_size,
+            keep=recipe.keep,
+            table_version=TABLE_VERSION,
+            simulator=simulator.name,
+            simulator_version=simulator.version,
+            unknown=tuple(sorted(simulator.unknown)),
+            balance=_with_limit(recipe),
+        )
+
+    def differences(self, other: "Identity") -> list[str]:
+        """The names of what is not the same, the telling ones first."""
+        names = [name for name in type(self).model_fields if name not in ("spec", "spec_hash")]
+        different = [name for name in names if getattr(self, name) != getattr(other, name)]
+        return [*different, *(["spec"] if self.spec_hash != other.spec_hash else [])]
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 over all of it, 64 hexadecimal digits."""
+        values = self.model_dump(mode="json")
+        # What is newer than version 1 counts where it says something: older ones stay as they are.
+        values = {name: one for name, one in values.items() if name not in _NEW or one}
+        text = json.dumps(values, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+_NEW = frozenset({"unknown", "source", "balance"})
+
+
+def _with_limit(recipe: Recipe) -> Balance | None:
+    """The balance of a recipe with the number of candidates that it amounts to."""
+    if recipe.balance is None:
+        return None
+    limit = recipe.balance.limit(recipe.num_simulations)
+    return dataclasses.replace(recipe.balance, candidates=limit)
+
+
+class Provenance(_Record):
+    """Where and when; changes no value and is part of no hash.
+
+    Attributes:
+        started: When it was begun, UTC.
+        finished: When it was completed, UTC.
+        package: Version of this package.
+        packages: Versions of the packages that decide the bytes of the files.
+        python: Version of Python.
+        machine: System and processor.
+        details: What the simulator says of itself on that machine.
+    """
+
+    started: str
+    finished: str | None = None
+    package: str
+    packages: dict[str, str]
+    python: str
+    machine: str
+    details: dict[str, str] = Field(default_factory=dict)
+
+
+class Manifest(_Record):
+    """The whole file.
+
+    Attributes:
+        format: Says what kind of file it is.
+        version: Version of the manifest's form.
+        complete: Whether every shard is there.
+        content_hash: Hash over the values of all tables; null until complete.
+        identity: What decides the content.
+        shards: The finished shards; empty until complete.
+        balance: What became of the cells; null until complete, and if there are none.
+        provenance: Where and when.
+    """
+
+    format: Literal["overtaking.dataset"] = FORMAT
+    version: int = VERSION
+    complete: bool = False
+    content_hash: _Hash | None = None
+    identity: Identity
+    shards: Annotated[tuple[ShardRecord, ...], Field(max_length=plan.MAX_SHARDS)] = ()
+    balance: BalanceRecord | None = None
+    provenance: Provenance
+
+    @model_validator(mode="after")
+    def _shards_follow_each_other(self) -> Self:
+        """Refuse shards that are not those of their number of simulations."""
+        total, size = self.num_simulations, self.identity.shard_size
+        known = [(one.number, one.first, one.first + one.simulations) for one in self.shards]
+        if len(known) != plan.num_shards(total, size) or known != [
+            (one.number, one.first, one.stop) for one in plan.shards(total, size)
+        ]:
+            raise ValueError("shards that do not follow each other")
+        if self.complete and not (self.shards and self.content_hash):
+            raise ValueError("complete, but without shards or hash")
+        return self
+
+    @property
+    def num_simulations(self) -> int:
+        """Simulations that are there; fewer than asked for where cells are short of some."""
+        return sum(shard.simulations for shard in self.shards)
+
+
+def content_hash(shards: tuple[ShardRecord, ...]) -> str:
+    """Hash over the values of all tables, trace hashes among them, 64 hexadecimal digits."""
+    total = hashlib.sha256()
+    for shard in shards:
+        for name in sorted(shard.tables):
+            table = shard.tables[name]
+            total.update(f"{shard.number} {name} {table.rows} {table.content}\n".encode())
+    return total.hexdigest()
+
+
+def write_manifest(place: Place, manifest: Manifest, *, is_first: bool = False) -> None:
+    """Put a manifest into its place, whole or not at all.
+
+    Args:
+        place: Where the data set lies.
+        manifest: What to write.
+        is_first: Whether there must be none yet.
+
+    Raises:
+        FileExistsError: Another writer of the same store was first.
+        OSError: It cannot be written.
+    """
+    text = manifest.model_dump_json(indent=2) + "\n"
+    place.put_text(FILE_NAME, text, is_first=is_first)
+
+
+def read_manifest(place: Place) -> Manifest:
+    """The manifest of a data set.
+
+    Args:
+        place: Where it lies.
+
+    Raises:
+        DatasetError: There is none, or it cannot be read.
+        SchemaError: It is of a newer version.
+    """
+    path = place.at(FILE_NAME)
+    try:
+        with place.open(FILE_NAME) as file:
+            data = whole(file, _MOST_BYTES)
+    except OSError as error:
+        got = error.strerror or str(error)
+        raise _unreadable(path, got, "check the path of the data set") from None
+    if sum(map(data.count, (b",", b"[", b"{"))) > _MOST_VALUES:
+        raise _unreadable(path, f"more than {_MOST_VALUES} values", "restore it from a copy")
+    try:
+        _check_version(path, _Head.model_validate_json(data))
+        return Manifest.model_validate_json(data, strict=True)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = "".join(f"{part}: " for part in [".".join(map(str, first["loc"]))] if part)
+        said = first["msg"].removeprefix("Value error, ")
+        raise _unreadable(path, f"{key}{said}", "restore it from a copy") from None
+
+
+class _Head(BaseModel):
+    """What says whether all else can be read."""
+
+    model_config = ConfigDict(strict=True)
+
+    format: JsonValue = None
+    version: JsonValue = None
+
+
+def _check_version(path: str, head: _Head) -> None:
+    """Refuse what is no manifest, or one of a version that is not known yet."""
+    version = head.version
+    if head.format != FORMAT or not isinstance(version, int) or isinstance(version, bool):
+        raise _unreadable(path, "another kind of file", "check the path of the data set")
+    if version > VERSION:
+        raise SchemaError.of(
+            what="version of the manifest",
+            where=path,
+            expected=f"at most {VERSION}",
+            got=version,
+            next_step="use the version of overtaking that wrote it, or a newer one",
+        )
+
+
+def _unreadable(path: str, got: str, next_step: str) -> DatasetError:
+    return DatasetError.of(
+        what="manifest",
+        where=path,
+        expected="that of a data set",
+        got=got,
+        next_step=next_step,
+    )

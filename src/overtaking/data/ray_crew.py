@@ -1,0 +1,273 @@
+"""Many processes, on this machine or on many, that Ray keeps together.
+
+A worker is given an order and a task, and puts the files of one shard into the place that all see.
+It has no state: one that dies is replaced, and its shard is made again from the beginning.
+"""
+
+import os
+import signal
+import socket
+import threading
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from typing import Any
+
+from overtaking.core.errors import ConfigError, DatasetError, MissingExtraError, OvertakingError
+from overtaking.data.elsewhere import absolute, seen, single
+from overtaking.data.manifest import ShardRecord
+from overtaking.data.orders import Order, Task, Told, carry_out
+from overtaking.data.place import Place
+from overtaking.sim.version import MODEL_VERSION
+
+MAX_RETRIES = 10
+"""How often a shard is begun again because its worker has died."""
+
+TASKS_AHEAD = 2
+"""Tasks given to Ray for each worker: the next one waits where it will be done."""
+
+_STORE_BYTES = 80 * 2**20
+"""Least that Ray takes for objects that processes share; only orders and records are."""
+
+_STARTS = 3
+"""How often it is tried to start a cluster."""
+
+_TALK = {"log_to_driver": False, "logging_level": "ERROR"}
+
+_LOOPBACK = ("127.0.0.1", "::1")
+
+_QUIET = {
+    "RAY_USAGE_STATS_ENABLED": "0",  # Else it tells its makers about every run.
+    "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",  # Else it warns about what it will change.
+}
+
+_ONLY_HERE = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
+"""Makes Ray bind to loopback on every system. It reads this when it is imported."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RayCrew:
+    """Carries out tasks on a Ray cluster; one worker has one core.
+
+    Attributes:
+        address: Of a cluster that runs, as `ray.init` understands it; None for one that lives on
+            this machine as long as the work does and that nobody else can reach.
+        workers: How many processes work at a time on this machine; None for one on each core.
+    """
+
+    address: str | None = None
+    workers: int | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be meant."""
+        if self.workers is None or (self.address is None and self.workers >= 1):
+            return
+        raise ConfigError.of(
+            what="workers",
+            where="generate",
+            expected="1 or more" if self.address is None else "none beside an address",
+            got=self.workers,
+            next_step="leave it out: a cluster knows how many cores it has",
+        )
+
+    def __call__(
+        self, order: Order, tasks: Iterable[Task], place: Place, on_done: Told
+    ) -> Generator[ShardRecord]:
+        """The record of each shard, in the order in which they are finished.
+
+        Args:
+            order: What is to be made.
+            tasks: The shards.
+            place: Where they belong; every worker must see it.
+            on_done: Told about every shard.
+
+        Raises:
+            ConfigError: There is no such cluster, or a worker has other versions of packages.
+            DatasetError: A worker does not see the place, or too many workers died.
+            MissingExtraError: Ray is not installed.
+            OSError: A shard cannot be written.
+        """
+        ray = _ray(is_only_here=self.address is None)
+        with _cluster(ray, self.address, self.workers) as is_left:
+            shared = ray.put((single(order), _packages()))
+            make = ray.remote(_make).options(num_cpus=1, max_retries=MAX_RETRIES)
+            most = TASKS_AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
+            given = (make.remote(shared, task, absolute(place)) for task in tasks)
+            for record in _finished(ray, given, most, place, is_left=is_left):
+                on_done(record.simulations)
+                yield record
+
+
+def _make(shared: tuple[Order, dict[str, str]], task: Task, where: str) -> ShardRecord:
+    """What a worker does."""
+    order, packages = shared
+    os.environ.setdefault("RAYON_NUM_THREADS", "1")  # The engine looks when it is first called.
+    place = seen(where, order.fingerprint)
+    _compare(packages)
+    return carry_out(order, task, place, lambda _: None)
+
+
+def _packages() -> dict[str, str]:
+    """The versions that decide the bytes of the files."""
+    names = ("overtaking", "numpy", "pyarrow")
+    return {**{name: version(name) for name in names}, "model": MODEL_VERSION}
+
+
+@cache
+def _own_packages() -> dict[str, str]:
+    return _packages()
+
+
+def _compare(packages: dict[str, str]) -> None:
+    """Refuse to work with other versions than the driver's: other bytes would come of it."""
+    for name, expected in packages.items():
+        if _own_packages()[name] != expected:
+            raise ConfigError.of(
+                what=f"version of {name}",
+                where=f"worker on {socket.gethostname()}",
+                expected=expected,
+                got=_own_packages()[name],
+                next_step="install the same versions on every machine of the cluster",
+            )
+
+
+def _finished(
+    ray: Any, given: Iterator[Any], most: int, place: Place, *, is_left: bool
+) -> Iterator[ShardRecord]:
+    """What workers return, with no more tasks given than are good for.
+
+    After an error nobody works on: the cluster ends the tasks of who leaves it, and where it is not
+    left they are waited for. `ray.cancel` may end this process if a task is done at that moment.
+    """
+    underway: list[Any] = []
+    try:
+        while True:
+            while len(underway) < most and (task := next(given, None)) is not None:
+                underway.append(task)
+            if not underway:
+                return
+            (done, *_), underway = ray.wait(underway, num_returns=1)
+            yield _record(ray, done, place)
+    finally:
+        if underway and not is_left:
+            ray.wait(underway, num_returns=len(underway))
+
+
+def _record(ray: Any, done: Any, place: Place) -> ShardRecord:
+    """What a worker returned, or what it raised, as if it had been raised here."""
+    try:
+        return ray.get(done)
+    except ray.exceptions.RayTaskError as error:
+        if isinstance(error.cause, OvertakingError | OSError):
+            raise error.cause from None
+        raise
+    except ray.exceptions.RayError as error:
+        raise DatasetError.of(
+            what="shard",
+            where=str(place),
+            expected="a worker that lives until it is finished",
+            got=f"{type(error).__name__} after {MAX_RETRIES} more tries",
+            next_step="see whether the workers have enough memory; --resume goes on",
+        ) from error
+
+
+@contextmanager
+def _cluster(ray: Any, address: str | None, workers: int | None) -> Generator[bool]:
+    """Be connected to a cluster, and know whether it will be left; not if it was there before."""
+    if ray.is_initialized() and address is None:
+        yield False
+        return
+    with _signals_as_they_are():
+        _connect(ray, address, workers)
+    try:
+        yield True
+    finally:
+        ray.shutdown()
+
+
+def _connect(ray: Any, address: str | None, workers: int | None) -> None:
+    """Start a cluster, or find the one of an address."""
+    if address is None:
+        if ray.util.get_node_ip_address() not in _LOOPBACK:  # Where it would listen.
+            raise _reachable()
+        _start(ray, workers)
+        return
+    try:
+        ray.init(address=address, **_TALK)
+    except (ConnectionError, ValueError, RuntimeError, TimeoutError) as error:
+        raise ConfigError.of(
+            what="address",
+            where="generate",
+            expected="that of a Ray cluster that runs",
+            got=f"{address}: {error}",
+            next_step="start one with `ray start --head`, or leave the address out",
+        ) from None
+
+
+def _start(ray: Any, workers: int | None) -> None:
+    """Start a cluster on this machine; a busy one may need longer than Ray waits for it."""
+    for left in reversed(range(_STARTS)):
+        try:
+            ray.init(
+                address="local",
+                num_cpus=workers,
+                num_gpus=0,
+                include_dashboard=False,
+                object_store_memory=_STORE_BYTES,
+                **_TALK,
+            )
+        except Exception as error:  # Ray raises nothing more special.
+            ray.shutdown()
+            if left == 0:
+                raise _not_started(error) from error
+        else:
+            return
+
+
+def _not_started(error: Exception) -> DatasetError:
+    return DatasetError.of(
+        what="Ray",
+        where="generate",
+        expected=f"a cluster on this machine after {_STARTS} tries",
+        got=str(error),
+        next_step="see that the machine is not too busy; the engine threads needs no cluster",
+    )
+
+
+def _reachable() -> ConfigError:
+    """What to say if Ray was imported before it could be told to stay on this machine."""
+    return ConfigError.of(
+        what="Ray",
+        where="generate",
+        expected="a cluster that only this machine can reach",
+        got="one that would listen to the network, since `ray` was imported before",
+        next_step="call `ray.init` yourself, or do not import ray before generating",
+    )
+
+
+@contextmanager
+def _signals_as_they_are() -> Generator[None]:
+    """Keep who hears SIGTERM: Ray would end the process without a word about what is finished."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    heard = signal.getsignal(signal.SIGTERM)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, heard)
+
+
+def _ray(*, is_only_here: bool) -> Any:
+    """The library, told to keep to itself."""
+    for name, value in {**_QUIET, **(_ONLY_HERE if is_only_here else {})}.items():
+        os.environ.setdefault(name, value)
+    try:
+        import ray
+    except ImportError:
+        raise MissingExtraError.lacking(
+            "ray", what="Ray, of the engine ray", where="generate"
+        ) from None
+    return ray

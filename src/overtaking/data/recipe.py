@@ -1,0 +1,78 @@
+"""What a data set is made of, before anything is made."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from overtaking.data.balance import Balance
+from overtaking.data.plan import CHUNK_SIZE, SHARD_SIZE
+from overtaking.data.tables.label_schemas import LABEL_TABLES
+from overtaking.model.road import Road
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import Trajectories
+from overtaking.scenarios.schema import Spec
+
+
+class Keep(StrEnum):
+    """What of each simulation is written down."""
+
+    FRAMES = "frames"
+    FEATURES = "features"
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """The tables that are written; `simulations` is always the last."""
+        whole = ("weather", "vehicles", "percepts", *LABEL_TABLES)
+        per_frame = ("frames", "states") if self is Keep.FRAMES else ()
+        return (*whole, *per_frame, "simulations")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Simulator:
+    """A function that simulates, and what identifies its results.
+
+    Attributes:
+        name: Name of the simulator.
+        version: Changes whenever a simulated number changes.
+        simulate: Scenarios in, recorded simulations out, in the same order.
+        details: What may differ between machines and changes no number, such as the SIMD level.
+        unknown: What it cannot tell of a simulation, names of `model.trajectory.UNKNOWNS`.
+        chunk_size: Simulations that it is given at a time; few where each of them takes long.
+        shard_size: Simulations a file, and at most that many to do again after an interruption.
+        threads: How many threads may simulate at a time; one where it has a world of its own.
+        shares_world: Whether all processes share one world, such as a server, so that only one of
+            them may simulate at a time.
+    """
+
+    name: str
+    version: str
+    simulate: Callable[[Scenario], Trajectories]
+    details: Mapping[str, str] = field(default_factory=dict[str, str])
+    unknown: frozenset[str] = frozenset()
+    chunk_size: int = CHUNK_SIZE
+    shard_size: int = SHARD_SIZE
+    threads: int = 1
+    shares_world: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe:
+    """Everything that decides what a data set says.
+
+    Attributes:
+        spec: What to sample.
+        road: Where.
+        seed: Seed of the random numbers, 0 <= seed < 2**64.
+        num_simulations: How many.
+        keep: What to write down of each.
+        shard_size: Simulations a shard.
+        balance: How the cells are filled; None for every simulation as it comes.
+    """
+
+    spec: Spec
+    road: Road
+    seed: int
+    num_simulations: int
+    keep: Keep
+    shard_size: int
+    balance: Balance | None = None

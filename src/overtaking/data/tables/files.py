@@ -1,0 +1,291 @@
+"""Parquet files of one table: written once, whole and durable, and read with suspicion."""
+
+import contextlib
+import hashlib
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self, TypeVar
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from overtaking.core.errors import SchemaError
+from overtaking.data.tables.arrow import column_to_numpy
+from overtaking.data.tables.digest import ContentDigest
+from overtaking.data.tables.schemas import FORMAT, KEYS, SCHEMAS, VERSION
+
+T = TypeVar("T")
+
+LEAST_GROUP_BYTES = 4_000_000
+"""Pieces wait for each other until a row group is this large: a column of a group costs the same
+time whether it holds a hundred rows or ten thousand."""
+
+_DENSE = frozenset({"states"})
+"""The large table: of integers, and of differences that leave little to compress."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileFacts:
+    """What is known of a file once it is written.
+
+    Attributes:
+        rows: Number of rows.
+        size_bytes: Length of the file.
+        sha256: Hash over the bytes, 64 hexadecimal digits.
+        content: Hash over the values, whatever the encoding, 64 hexadecimal digits.
+    """
+
+    rows: int
+    size_bytes: int
+    sha256: str
+    content: str
+
+
+class TableWriter:
+    """Writes one file piece by piece; pieces become row groups, small ones together.
+
+    Used as a context manager, it closes the file in any case; `finish` alone makes it complete.
+    """
+
+    def __init__(self, path: Path, table: str, schema: pa.Schema | None = None) -> None:
+        """Create the file.
+
+        Args:
+            path: Where; an existing file is replaced.
+            table: Name of one of the `SCHEMAS`.
+            schema: From `schema_of`, for recordings that do not tell everything.
+
+        Raises:
+            OSError: The file cannot be created.
+        """
+        self._path, self._digest = path, ContentDigest(schema or SCHEMAS[table])
+        self._waiting: list[pa.Table] = []
+        self._rows = _parquet_writer(path, table, schema or SCHEMAS[table])
+
+    def __enter__(self) -> Self:
+        """The writer itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the file; without `finish` it stays incomplete and is of no use."""
+        self._waiting.clear()
+        with contextlib.suppress(OSError):  # On a full disk the footer does not fit either.
+            self._rows.close()
+
+    def write(self, piece: pa.Table) -> None:
+        """Append a piece.
+
+        Raises:
+            OSError: The disk is full or the file cannot be written.
+        """
+        self._digest.update(piece)
+        self._waiting.append(piece)
+        if sum(each.nbytes for each in self._waiting) >= LEAST_GROUP_BYTES:
+            self._write_group()
+
+    def _write_group(self) -> None:
+        """Write the waiting pieces as one row group."""
+        group = pa.concat_tables(self._waiting)
+        self._waiting.clear()
+        if group.num_rows:
+            self._rows.write_table(group, row_group_size=group.num_rows)
+
+    @property
+    def content(self) -> str:
+        """Hash over the values so far, 64 hexadecimal digits."""
+        return self._digest.hexdigest()
+
+    def finish(self, notes: dict[str, str] | None = None) -> FileFacts:
+        """Complete the file and force it to the disk.
+
+        Args:
+            notes: Texts to keep in the file's metadata.
+
+        Raises:
+            OSError: The disk is full or the file cannot be written.
+        """
+        if self._waiting:
+            self._write_group()
+        self._rows.add_key_value_metadata(notes or {})
+        self._rows.close()
+        with self._path.open("rb") as file:
+            os.fsync(file.fileno())
+            return FileFacts(
+                rows=self._digest.num_rows,
+                size_bytes=os.fstat(file.fileno()).st_size,
+                sha256=hashlib.file_digest(file, "sha256").hexdigest(),
+                content=self.content,
+            )
+
+
+def _parquet_writer(path: Path, table: str, schema: pa.Schema) -> pq.ParquetWriter:
+    """A writer with the encodings that suit our columns.
+
+    Integers change little from row to row, so their differences take few bits. Names and texts
+    repeat. Floats rarely repeat: a dictionary of them costs time and saves nothing.
+    """
+    integers = [field.name for field in schema if pa.types.is_integer(field.type)]
+    repeated = [
+        field.name
+        for field in schema
+        if pa.types.is_dictionary(field.type) or pa.types.is_string(field.type)
+    ]
+    keys = [(name, "ascending") for name in KEYS[table]]
+    return pq.ParquetWriter(
+        path,
+        schema,
+        use_dictionary=repeated,
+        column_encoding=dict.fromkeys(integers, "DELTA_BINARY_PACKED"),
+        compression="none" if table in _DENSE else "zstd",
+        compression_level=None if table in _DENSE else 1,
+        write_statistics=KEYS[table],
+        sorting_columns=pq.SortingColumn.from_ordering(schema, keys),
+    )
+
+
+def sync_folder(folder: Path) -> None:
+    """Force the names in a folder to the disk, where the system knows how to."""
+    if os.name == "nt":  # Windows cannot open folders.
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def sha256_of(path: Path) -> str:
+    """Hash over the bytes of a file, 64 hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_table(path: Path, table: str) -> pa.Table:
+    """All rows of a file.
+
+    Args:
+        path: The file.
+        table: Name of one of the `SCHEMAS`.
+
+    Raises:
+        SchemaError: The file is missing, damaged, of another table or of a newer version.
+    """
+    return _read(path, lambda: _opened(path, table).read())
+
+
+def read_rows(path: Path, table: str, first: int, last: int) -> pa.Table:
+    """The rows whose first key lies between two numbers.
+
+    Args:
+        path: The file.
+        table: Name of one of the `SCHEMAS`.
+        first: Smallest number.
+        last: Largest number.
+
+    Raises:
+        SchemaError: The file is missing, damaged, of another table or of a newer version.
+    """
+
+    def read() -> pa.Table:
+        file = _opened(path, table)
+        groups = [
+            group for group in range(file.num_row_groups) if _overlaps(file, group, first, last)
+        ]
+        rows = file.read_row_groups(groups)
+        key = column_to_numpy(rows[KEYS[table][0]])
+        start, stop = key.searchsorted(first, "left"), key.searchsorted(last, "right")
+        return rows.slice(start, stop - start)
+
+    return _read(path, read)
+
+
+def read_notes(path: Path, table: str) -> dict[str, str]:
+    """The notes that a file was finished with, and whatever else its metadata holds.
+
+    Raises:
+        SchemaError: The file is missing, damaged, of another table or of a newer version.
+    """
+    metadata = _read(path, lambda: _opened(path, table).metadata.metadata)
+    return {key.decode(): value.decode(errors="replace") for key, value in metadata.items()}
+
+
+def _read(path: Path, action: Callable[[], T]) -> T:
+    """Do something with a file, and say in one line what is wrong with it if that fails."""
+    try:
+        return action()
+    except FileNotFoundError:
+        got = "no such file"
+    except (pa.ArrowException, OSError, UnicodeDecodeError, ValueError) as error:
+        if isinstance(error, SchemaError):
+            raise
+        got = str(error)
+    raise SchemaError.of(
+        what="file",
+        where=str(path),
+        expected="a readable Parquet file",
+        got=got,
+        next_step="restore it from a copy, or generate the data set again",
+    )
+
+
+def _opened(path: Path, table: str) -> pq.ParquetFile:
+    """A file whose schema can be read by this version."""
+    file = pq.ParquetFile(path)
+    _check_version(path, table, file.schema_arrow.metadata or {})
+    _check_columns(path, SCHEMAS[table], file.schema_arrow)
+    return file
+
+
+def _check_version(path: Path, table: str, metadata: dict[bytes, bytes]) -> None:
+    name = metadata.get(b"schema", b"none").decode(errors="replace")
+    if name != f"{FORMAT}.{table}":
+        raise SchemaError.of(
+            what="schema",
+            where=str(path),
+            expected=f"{FORMAT}.{table}",
+            got=name,
+            next_step="put the files of each table into the folder of its name",
+        )
+    version = int(metadata.get(b"version", b"0"))
+    if version > VERSION:
+        raise SchemaError.of(
+            what=f"version of schema {name}",
+            where=str(path),
+            expected=f"at most {VERSION}",
+            got=version,
+            next_step="use the version of overtaking that wrote it, or a newer one",
+        )
+
+
+def _check_columns(path: Path, expected: pa.Schema, got: pa.Schema) -> None:
+    for want, have in zip_fields(expected, got):
+        if have is None or have.type != want.type:
+            raise SchemaError.of(
+                what=f"column {want.name}",
+                where=str(path),
+                expected=f"type {want.type}",
+                got="no such column" if have is None else f"type {have.type}",
+                next_step="restore the file from a copy, or generate the data set again",
+            )
+
+
+def zip_fields(expected: pa.Schema, got: pa.Schema) -> list[tuple[pa.Field, pa.Field | None]]:
+    """Each expected field with the one of its name, or None."""
+    names: Sequence[str] = got.names
+    return [(field, got.field(field.name) if field.name in names else None) for field in expected]
+
+
+def _overlaps(file: pq.ParquetFile, group: int, first: int, last: int) -> bool:
+    """Whether a row group may hold keys between two numbers."""
+    statistics = file.metadata.row_group(group).column(0).statistics
+    if statistics is None or not statistics.has_min_max:
+        return True
+    return statistics.min <= last and statistics.max >= first

@@ -1,8 +1,0 @@
-"""Features of simulations: the paper's in two readings, of decisions, and of safety."""
-
-from overtaking.features.decision import decision_features
-from overtaking.features.matched import matched_features
-from overtaking.features.paper import paper_features
-from overtaking.features.safety import safety_measures
-
-__all__ = ["decision_features", "matched_features", "paper_features", "safety_measures"]

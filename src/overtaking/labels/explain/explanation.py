@@ -1,0 +1,112 @@
+"""Everything that explains the verdicts on one simulation, as numbers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from overtaking.labels.explain.breach import Breach, Scene
+from overtaking.labels.explain.remedies import remedies_of
+from overtaking.labels.explain.thoughts import Thought, thoughts
+from overtaking.labels.label import Labelled
+from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, Rule
+from overtaking.labels.signals.target import target_signals
+from overtaking.model.labels import Belief, Case, Severity, Verdict
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Doubt:
+    """A rule that cannot be decided.
+
+    Attributes:
+        rule: The rule.
+        policies: Names of the policies that require it.
+        missing: Names of what the recording does not tell and the rule needs.
+    """
+
+    rule: Rule
+    policies: tuple[str, ...]
+    missing: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Explanation:
+    """Why one simulation is judged as it is.
+
+    Attributes:
+        breaches: The rules that are broken.
+        doubts: The rules that apply and cannot be decided.
+        kept: The rules that apply and are kept.
+        inapplicable: The rules that say nothing of it.
+        thoughts: What the driver believed at each decision, held against the law.
+    """
+
+    breaches: tuple[Breach, ...]
+    doubts: tuple[Doubt, ...]
+    kept: tuple[Rule, ...]
+    inapplicable: tuple[Rule, ...]
+    thoughts: tuple[Thought, ...]
+
+
+def explain(
+    labelled: Labelled,
+    simulation: int = 0,
+    *,
+    pack: Pack = PORTUGAL,
+    policies: Sequence[Policy] = POLICIES,
+) -> Explanation:
+    """Why one simulation is judged as it is, and what would have kept each broken rule.
+
+    Args:
+        labelled: A batch with its findings.
+        simulation: Its place in the batch.
+        pack: The rules that the findings are of.
+        policies: Which of the rules count for which reading.
+    """
+    one = labelled.select(np.array([simulation]))
+    case = Case(
+        trajectories=one.trajectories,
+        signals=one.signals,
+        events=one.events,
+        target=target_signals(one.trajectories, one.signals, one.events),
+    )
+    verdicts = one.findings.verdict[0]
+    by_verdict = {
+        verdict: [rule for rule, of in zip(pack.rules, verdicts, strict=True) if of == verdict]
+        for verdict in Verdict
+    }
+    return Explanation(
+        breaches=tuple(_breach(one, case, rule, policies) for rule in by_verdict[Verdict.ILLEGAL]),
+        doubts=tuple(_doubt(one, rule, policies) for rule in by_verdict[Verdict.UNDECIDABLE]),
+        kept=tuple(by_verdict[Verdict.LEGAL]),
+        inapplicable=tuple(by_verdict[Verdict.NOT_APPLICABLE]),
+        thoughts=thoughts(case),
+    )
+
+
+def _breach(one: Labelled, case: Case, rule: Rule, policies: Sequence[Policy]) -> Breach:
+    findings = one.findings
+    place = (0, findings.rules.index(rule.code))
+    margin = float(findings.margin[place])
+    first, last = int(findings.first[place]), int(findings.last[place])
+    scene = Scene(case=case, margin=margin, first=first, last=last)
+    return Breach(
+        rule=rule,
+        policies=_asking(rule, policies),
+        margin=margin,
+        first=first,
+        last=last,
+        severity=Severity(int(findings.severity[place])),
+        belief=Belief(int(findings.belief[place])),
+        remedies=remedies_of(rule.code, scene),
+    )
+
+
+def _doubt(one: Labelled, rule: Rule, policies: Sequence[Policy]) -> Doubt:
+    missing = (rule.needs | rule.partly) & one.trajectories.unknown
+    return Doubt(rule=rule, policies=_asking(rule, policies), missing=tuple(sorted(missing)))
+
+
+def _asking(rule: Rule, policies: Sequence[Policy]) -> tuple[str, ...]:
+    """Names of the policies that require a rule."""
+    return tuple(policy.name for policy in policies if rule.code in policy.required)

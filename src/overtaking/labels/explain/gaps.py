@@ -1,0 +1,164 @@
+"""Remedies of rules about distances along the road: L3, L4, L5, L8, L23, L24."""
+
+import numpy as np
+
+from overtaking.core.elementary import F32, as_f32
+from overtaking.labels.explain.breach import Index, Scene
+from overtaking.labels.explain.change import Change, Quantity, Remedy
+from overtaking.labels.law.beliefs import Margin
+from overtaking.labels.law.distances import margin_behind, margin_of_gap, sure_decel
+from overtaking.labels.law.limits import speed_limits
+from overtaking.labels.law.others import others_at
+from overtaking.labels.law.reference import recapturing
+from overtaking.model.events import NEVER
+from overtaking.model.signals import Around
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.world.constants import known
+from overtaking.world.friction import stoppable_speed
+from overtaking.world.measures import drac
+
+_TWO = np.float32(2.0)
+_NONE = np.float32(-1.0)
+"""Where no speed is lawful [m/s]."""
+
+
+def safe_distance(scene: Scene) -> tuple[Remedy, ...]:
+    """L3: more distance throughout, or so much slower at the same distances."""
+    frames = scene.beside(Around.LEADER)
+    frames = frames[~np.isin(frames, recapturing(scene.case)[1])]
+    margins = _margins(scene, Around.LEADER, frames, margin_of_gap)
+    worst, broken = int(margins.argmin()), frames[margins < 0]
+    farther = _farther(scene, Around.LEADER, int(frames[worst]), float(margins[worst]))
+    return (farther,), *_slower(scene, broken, _followable(scene, broken))
+
+
+def room_ahead(scene: Scene) -> tuple[Remedy, ...]:
+    """L4: more distance to the one ahead on the left, or slower."""
+    place, frames = Around.LEFT_LEADER, np.array([scene.first])
+    gap, closing = _gaps(scene, place, frames)
+    ahead = scene.case.signals.speed[0, frames] - closing
+    in_time = ahead + gap / known("law.entry.ttc")
+    allowed = np.minimum(_lawful_speed(gap, ahead, _decel(scene, frames)), in_time)
+    farther = _farther(scene, place, scene.first, scene.margin)
+    return (farther,), *_slower(scene, frames, np.where(gap < 0, _NONE, allowed))
+
+
+def room_behind(scene: Scene) -> tuple[Remedy, ...]:
+    """L5: more distance to the one behind on the left, or faster where the limit allows it."""
+    place, frames = Around.LEFT_FOLLOWER, np.array([scene.first])
+    farther = _farther(scene, place, scene.first, scene.margin)
+    gap, closing = _gaps(scene, place, frames)
+    rear = scene.case.signals.speed[0, frames] + closing
+    slowest = _speed_before(np.maximum(gap, 0), rear, _decel(scene, frames))[0]
+    if gap[0] < 0 or slowest > speed_limits(scene.case)[1][0]:
+        return ((farther,),)
+    return (farther,), (_speed(scene, scene.first, slowest),)
+
+
+def safe_return(scene: Scene) -> tuple[Remedy, ...]:
+    """L8: more distance to those in the lane of the return, to both if both were too near."""
+    frame, changes = np.array([scene.first]), []
+    for place, margin in ((Around.FOLLOWER, margin_behind), (Around.LEADER, margin_of_gap)):
+        found = float(_margins(scene, place, frame, margin)[0])
+        if scene.case.signals.vehicle[0, place, scene.first] != NO_VEHICLE and found < 0:
+            changes.append(_farther(scene, place, scene.first, found))
+    return (tuple(changes),)
+
+
+def no_obstruction(scene: Scene) -> tuple[Remedy, ...]:
+    """L23: so much more distance to the one behind that it need not brake hard."""
+    place, limit = Around.FOLLOWER, known("law.obstruction.braking")
+    frames = scene.beside(place)
+    gap, closing = _gaps(scene, place, frames)
+    forced = np.minimum(drac(gap, closing), known("law.obstruction.most"))
+    needed = closing * closing / (_TWO * limit)
+    # Where the margin is cut off, several frames have it; the one that lacks most tells.
+    lacking = np.where(np.isclose(limit - forced, scene.margin), needed - gap, -np.inf)
+    worst = int(lacking.argmax())
+    frame = int(frames[worst])
+    return ((_farther(scene, place, frame, float(gap[worst] - needed[worst])),),)
+
+
+def oncoming(scene: Scene) -> tuple[Remedy, ...]:
+    """L24: more distance to the oncoming vehicle, which is to say, back earlier."""
+    events = scene.case.events
+    back = np.where(events.return_end != NEVER, events.return_end, events.back)
+    others = others_at(scene.case, back)
+    meets = (others.valid & others.oncoming & (others.lead < 0))[0]
+    slot = int(np.where(meets, others.gap[0], np.inf).argmin())
+    gap = float(others.gap[0, slot])
+    change = Change(
+        quantity=Quantity.GAP_ONCOMING,
+        unit="m",
+        actual=gap,
+        needed=gap - scene.margin,
+        frame=scene.first,
+        vehicle=slot,
+    )
+    return ((change,),)
+
+
+def _slower(scene: Scene, frames: Index, allowed: F32) -> tuple[Remedy, ...]:
+    """So much slower that every frame is lawful; no remedy where one of them never is."""
+    if (allowed < 0).any():
+        return ()
+    worst = int((scene.case.signals.speed[0, frames] - allowed).argmax())
+    return ((_speed(scene, int(frames[worst]), allowed[worst]),),)
+
+
+def _followable(scene: Scene, frames: Index) -> F32:
+    """Highest speed that each gap to the leader allows, negative where none does [m/s]."""
+    gap, closing = _gaps(scene, Around.LEADER, frames)
+    ahead = scene.case.signals.speed[0, frames] - closing
+    return np.where(gap < 0, _NONE, _lawful_speed(gap, ahead, _decel(scene, frames)))
+
+
+def _lawful_speed(gap: F32, ahead: F32, decel: F32) -> F32:
+    """Highest speed that a gap to a vehicle of speed `ahead` allows, as `lawful_gap` [m/s]."""
+    way = np.maximum(gap, np.float32(0.0)) + ahead * ahead / (_TWO * decel)
+    return stoppable_speed(way, as_f32(known("law.safe_distance.reaction_time")), decel)
+
+
+def _speed_before(gap: F32, rear: F32, decel: F32) -> F32:
+    """Lowest speed at a gap before a vehicle of speed `rear`, as `margin_behind` [m/s]."""
+    reaction = known("law.safe_distance.reaction_time")
+    square = rear * rear + _TWO * decel * (rear * reaction - gap)
+    calm = rear - np.sqrt(_TWO * known("law.entry.braking") * gap)
+    return np.maximum(np.sqrt(np.maximum(square, np.float32(0.0))), calm)
+
+
+def _speed(scene: Scene, frame: int, needed: np.floating) -> Change:
+    """The ego at another speed."""
+    actual = float(scene.case.signals.speed[0, frame])
+    return Change(
+        quantity=Quantity.SPEED, unit="m/s", actual=actual, needed=float(needed), frame=frame
+    )
+
+
+def _farther(scene: Scene, place: Around, frame: int, margin: float) -> Change:
+    """More distance to a neighbour, by what the margin lacks."""
+    gap = float(scene.case.signals.gap[0, place, frame])
+    ahead = place in (Around.LEADER, Around.LEFT_LEADER)
+    return Change(
+        quantity=Quantity.GAP_AHEAD if ahead else Quantity.GAP_BEHIND,
+        unit="m",
+        actual=gap,
+        needed=gap - margin,
+        frame=frame,
+        vehicle=int(scene.case.signals.vehicle[0, place, frame]),
+    )
+
+
+def _margins(scene: Scene, place: Around, frames: Index, margin: Margin) -> F32:
+    gap, closing = _gaps(scene, place, frames)
+    return margin(gap, scene.case.signals.speed[0, frames], closing, _decel(scene, frames))
+
+
+def _gaps(scene: Scene, place: Around, frames: Index) -> tuple[F32, F32]:
+    """Gap and closing speed of a neighbour, shape (frame,)."""
+    seen = scene.case.signals
+    return seen.gap[0, place, frames], seen.closing_speed[0, place, frames]
+
+
+def _decel(scene: Scene, frames: Index) -> F32:
+    return sure_decel(scene.case.signals.friction[0, frames])

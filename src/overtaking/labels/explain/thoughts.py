@@ -1,0 +1,97 @@
+"""What the driver believed at each decision, held against the law."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from overtaking.core.elementary import as_f32
+from overtaking.labels.law.beliefs import FRONT, LEADER, REAR, Decision, Margin, belief
+from overtaking.labels.law.distances import margin_ahead, margin_behind, margin_of_gap, sure_decel
+from overtaking.labels.signals.frames import at
+from overtaking.model.labels import Belief, Case
+from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
+
+_METRES = np.float32(1e-3)
+_LAW: dict[tuple[DecisionKind, int], tuple[str, Margin]] = {
+    (DecisionKind.PULL_OUT, LEADER): ("L3", margin_of_gap),
+    (DecisionKind.PULL_OUT, FRONT): ("L4", margin_ahead),
+    (DecisionKind.PULL_OUT, REAR): ("L5", margin_behind),
+    (DecisionKind.RETURN, FRONT): ("L8", margin_of_gap),
+    (DecisionKind.RETURN, REAR): ("L8", margin_behind),
+}
+"""Which rule a driver should think of, and the margin that it looks at."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thought:
+    """What the law says of one neighbour at one decision, in truth and as believed.
+
+    Attributes:
+        decision: Row of the percepts.
+        whom: `LEADER`, `FRONT` or `REAR` of `rules.beliefs`.
+        code: Of the rule.
+        margin: By the true gap and closing speed [m].
+        believed_margin: By those believed; None for a vehicle that was not noticed [m].
+        belief: What that makes of the driver.
+    """
+
+    decision: int
+    whom: int
+    code: str
+    margin: float
+    believed_margin: float | None
+    belief: Belief
+
+
+def thoughts(case: Case) -> tuple[Thought, ...]:
+    """What the law says of everybody whom the ego of one simulation considered.
+
+    Args:
+        case: One simulation.
+
+    Returns:
+        In the order of decisions; none about an abort, of which the law says nothing, and none
+        where a recording has no percepts.
+    """
+    percepts = case.trajectories.percepts
+    if "percepts" in case.trajectories.unknown:
+        return ()
+    found = []
+    for row in np.flatnonzero(percepts.valid[0]).tolist():
+        kind = DecisionKind(int(percepts.kind[0, row]))
+        for whom in (LEADER, FRONT, REAR):
+            there = percepts.vehicle[0, row, whom] != NO_VEHICLE
+            if there and (kind, whom) in _LAW:
+                found.append(_thought(case, row, whom, *_LAW[kind, whom]))
+    return tuple(found)
+
+
+def _thought(case: Case, row: int, whom: int, code: str, margin: Margin) -> Thought:
+    percepts, place = case.trajectories.percepts, (slice(0, 1), row, whom)
+    decision = _decision(case, row)
+
+    def by(gap_mm: np.ndarray, closing_mmps: np.ndarray) -> float:
+        gap, closing = as_f32(gap_mm[place]) * _METRES, as_f32(closing_mmps[place]) * _METRES
+        return float(margin(gap, decision.speed, closing, decision.decel)[0])
+
+    noticed = bool(percepts.detected[0, row, whom])
+    return Thought(
+        decision=row,
+        whom=whom,
+        code=code,
+        margin=by(percepts.true_gap, percepts.true_closing_speed),
+        believed_margin=by(percepts.gap, percepts.closing_speed) if noticed else None,
+        belief=Belief(int(belief(case, decision, {whom: margin})[0])),
+    )
+
+
+def _decision(case: Case, row: int) -> Decision:
+    """One row of percepts with the speed and friction of its frame."""
+    time = int(case.trajectories.percepts.time[0, row])
+    frame = np.minimum(np.array([time // case.signals.frame_interval_ms]), case.events.last)
+    return Decision(
+        row=np.array([row]),
+        exists=np.array([True]),
+        speed=at(case.signals.speed, frame),
+        decel=sure_decel(at(case.signals.friction, frame)),
+    )

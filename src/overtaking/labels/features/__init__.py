@@ -1,0 +1,8 @@
+"""Features of simulations: the paper's in two readings, of decisions, and of safety."""
+
+from overtaking.labels.features.decision import decision_features
+from overtaking.labels.features.matched import matched_features
+from overtaking.labels.features.paper import paper_features
+from overtaking.labels.features.safety import safety_measures
+
+__all__ = ["decision_features", "matched_features", "paper_features", "safety_measures"]

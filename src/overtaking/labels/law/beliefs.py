@@ -1,0 +1,115 @@
+"""What the ego believed when it decided, beside what was so."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.labels.law.distances import sure_decel
+from overtaking.labels.law.frames import frames_of
+from overtaking.labels.signals.frames import at
+from overtaking.model.events import NEVER
+from overtaking.model.labels import Belief, Case
+from overtaking.model.once import once
+from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
+
+I32 = NDArray[np.int32]
+U8 = NDArray[np.uint8]
+
+LEADER, FRONT, REAR = 0, 1, 2
+"""Whom percepts are about: the leader, and the two in the lane that is entered."""
+
+_METRES = np.float32(1e-3)
+_LATEST_PULL_OUT = 1.0
+"""A pull-out is decided before it can be seen, and gusts may be taken for its start [s]."""
+
+Margin = Callable[[F32, F32, F32, F32], F32]
+"""Margin from gap, speed of the ego, closing speed and sure deceleration."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decision:
+    """The decision that led to the judged manoeuvre, one for each simulation.
+
+    Attributes:
+        row: Index of its percepts, shape (simulation,).
+        exists: Whether there is one, same shape.
+        speed: Of the ego [m/s], same shape.
+        decel: `sure_decel` there [m/s^2], same shape.
+    """
+
+    row: NDArray[np.intp]
+    exists: Mask
+    speed: F32
+    decel: F32
+
+
+@once
+def pull_out(case: Case) -> Decision:
+    """The decision to pull out that led to the attempt."""
+    events = case.events
+    seen = events.attempt + frames_of(case, _LATEST_PULL_OUT)
+    until = np.where(events.line_crossed != NEVER, events.line_crossed, seen)
+    return _last(case, DecisionKind.PULL_OUT, np.where(events.attempted, until, NEVER))
+
+
+@once
+def going_back(case: Case) -> Decision:
+    """The decision to return that ended in the original lane."""
+    return _last(case, DecisionKind.RETURN, case.events.return_end)
+
+
+def belief(case: Case, decision: Decision, conditions: dict[int, Margin]) -> U8:
+    """`Belief` of each simulation.
+
+    Args:
+        case: The batch.
+        decision: Where to look.
+        conditions: For each vehicle that the rule is about, the margin that must not be negative.
+    """
+    percepts = case.trajectories.percepts
+    simulation = np.arange(len(decision.row))
+    if not decision.exists.any():
+        return np.full(len(simulation), Belief.NONE, np.uint8)
+    right = believed = np.ones(len(decision.row), np.bool_)
+    anybody = np.zeros(len(decision.row), np.bool_)
+    for whom, margin in conditions.items():
+        place = (simulation, decision.row, whom)
+        there = percepts.vehicle[place] != NO_VEHICLE
+        noticed = there & percepts.detected[place]
+        true = _margin(
+            decision, margin, percepts.true_gap[place], percepts.true_closing_speed[place]
+        )
+        thought = _margin(decision, margin, percepts.gap[place], percepts.closing_speed[place])
+        right = right & (~there | (true >= 0))
+        believed = believed & (~noticed | (thought >= 0))
+        anybody = anybody | there
+    wrong = np.where(believed, np.uint8(Belief.MISTAKEN), np.uint8(Belief.KNOWINGLY_ILLEGAL))
+    fine = np.where(believed, np.uint8(Belief.LEGAL), np.uint8(Belief.LUCKY))
+    known = decision.exists & anybody
+    return np.where(known, np.where(right, fine, wrong), np.uint8(Belief.NONE))
+
+
+def _margin(decision: Decision, margin: Margin, gap_mm: I32, closing_mmps: I32) -> F32:
+    gap, closing = as_f32(gap_mm) * _METRES, as_f32(closing_mmps) * _METRES
+    return margin(gap, decision.speed, closing, decision.decel)
+
+
+def _last(case: Case, kind: DecisionKind, until: I32) -> Decision:
+    """The last decision of a kind up to a frame; none where that is `NEVER`."""
+    percepts, interval = case.trajectories.percepts, case.signals.frame_interval_ms
+    limit = np.where(until != NEVER, until, -1)[:, None] * interval
+    fits = percepts.valid & (percepts.kind == kind) & (percepts.time <= limit)
+    if "percepts" in case.trajectories.unknown or not fits.shape[1]:
+        fits = np.zeros((len(until), 1), np.bool_)
+    row = fits.shape[1] - 1 - fits[:, ::-1].argmax(axis=1)
+    time = percepts.time[np.arange(len(row)), row] if percepts.time.shape[1] else until * 0
+    frame = np.minimum(np.maximum(time, 0) // interval, case.events.last)
+    return Decision(
+        row=row,
+        exists=np.asarray(fits.any(axis=1)),
+        speed=at(case.signals.speed, frame),
+        decel=sure_decel(at(case.signals.friction, frame)),
+    )

@@ -1,0 +1,64 @@
+"""The distances of the law, with its numbers."""
+
+import numpy as np
+
+from overtaking.core.elementary import F32, F32Like
+from overtaking.world.constants import known
+from overtaking.world.measures import safe_distance, usable_decel
+
+
+def sure_decel(friction: F32) -> F32:
+    """Deceleration that both vehicles are thought capable of on the ego's friction [m/s^2]."""
+    # Beyond the end of a recording there is no friction, and none of this counts.
+    return usable_decel(
+        np.maximum(friction, known("friction.table.floor")),
+        share=known("friction.table.usable_share"),
+        limit=known("law.safe_distance.decel_limit"),
+        gravity=known("model.nature.gravity"),
+    )
+
+
+def lawful_gap(rear_speed: F32Like, closing_speed: F32Like, decel: F32) -> F32:
+    """Gap that Article 18(1) asks of the vehicle behind [m].
+
+    Args:
+        rear_speed: Of the vehicle behind [m/s].
+        closing_speed: Its speed minus that of the one ahead [m/s].
+        decel: `sure_decel` [m/s^2].
+    """
+    return safe_distance(
+        rear_speed,
+        rear_speed - closing_speed,
+        reaction_time=known("law.safe_distance.reaction_time"),
+        rear_decel=decel,
+        lead_decel=decel,
+    )
+
+
+def margin_of_gap(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
+    """Margin of the ego's gap to the vehicle ahead: lawful [m]."""
+    return gap - lawful_gap(speed, closing_speed, decel)
+
+
+def margin_ahead(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
+    """Margin of a gap to the vehicle ahead: lawful, and no collision for 3 s [m].
+
+    The time to collision is at least 3 s where the gap is at least 3 s of closing speed.
+    """
+    soon = known("law.entry.ttc") * closing_speed
+    return gap - np.maximum(lawful_gap(speed, closing_speed, decel), soon)
+
+
+def margin_behind(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
+    """Margin of a gap to the vehicle behind: lawful for it, and no abrupt braking [m].
+
+    Args:
+        gap: [m].
+        speed: Of the ego [m/s].
+        closing_speed: Of the vehicle behind [m/s].
+        decel: `sure_decel` [m/s^2].
+    """
+    approach = np.maximum(closing_speed, np.float32(0.0))
+    # Braking of v^2 / (2 gap) is within the limit where the gap is at least v^2 / (2 limit).
+    braked = approach * approach / (np.float32(2.0) * known("law.entry.braking"))
+    return gap - np.maximum(lawful_gap(speed + closing_speed, closing_speed, decel), braked)

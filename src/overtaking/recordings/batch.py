@@ -1,0 +1,255 @@
+"""From windows of a recording to `Trajectories`: the ego in slot 0, who matters in the others."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import (
+    METRES_PER_SECOND_PER_STEP,
+    METRES_PER_SECOND_SQUARED_PER_STEP,
+    METRES_PER_STEP,
+    NO_VEHICLE,
+    RADIANS_PER_SECOND_PER_STEP,
+    RADIANS_PER_STEP,
+    Contacts,
+    Percepts,
+    Stage,
+    States,
+    Trajectories,
+)
+from overtaking.model.vehicles import Role
+from overtaking.recordings.neighbours import NOBODY, Surroundings
+from overtaking.scenarios.assumed import assumed_bodies, assumed_drivers, assumed_weather
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from overtaking.recordings.candidates import Window
+    from overtaking.recordings.recording import Recording
+
+I64 = NDArray[np.int64]
+
+NUM_SLOTS = 16
+"""Vehicles of a simulation that is made from a recording, the ego among them, unless said."""
+
+MAX_SLOTS = 64
+
+_STEPS = {
+    "x": METRES_PER_STEP,
+    "y": METRES_PER_STEP,
+    "s": METRES_PER_STEP,
+    "d": METRES_PER_STEP,
+    "speed": METRES_PER_SECOND_PER_STEP,
+    "heading": RADIANS_PER_STEP,
+    "wheel_angle": RADIANS_PER_STEP,
+    "accel_lon": METRES_PER_SECOND_SQUARED_PER_STEP,
+    "accel_lat": METRES_PER_SECOND_SQUARED_PER_STEP,
+    "yaw_rate": RADIANS_PER_SECOND_PER_STEP,
+}
+_WIDE = frozenset({"x", "y", "s", "d", "speed"})
+_LARGEST = {np.int16: 32767, np.int32: 2**31 - 1}
+
+
+def cast_of(
+    recording: Recording, around: Surroundings, window: Window, num_slots: int = NUM_SLOTS
+) -> tuple[int, ...]:
+    """The vehicles of a simulation by slot, as places among the tracks.
+
+    After the ego and its leader come those around it when its movement begins and when it is back,
+    then those that are around it in most frames, then those that are nearest to it at the
+    beginning. Of two that are equal the one with the smaller id is first, so nothing depends on
+    the order in the file.
+
+    Args:
+        recording: The recording.
+        around: Who drives around whom.
+        window: Which part of it.
+        num_slots: How many vehicles at most.
+    """
+    tracks, ego = recording.tracks, window.ego
+    low, high = tracks.row(ego, window.first), tracks.row(ego, window.last)
+    near = around.vehicles(low, high)
+    chosen: dict[int, None] = {ego: None, window.leader: None}
+    for frame in (window.moves, window.returns):
+        if frame is not None:
+            there = near[:, frame - window.first]
+            chosen |= dict.fromkeys(there[there != NOBODY].tolist())
+    counts = Counter(near[near != NOBODY].tolist())
+    by_time = sorted(counts, key=lambda one: (-counts[one], int(tracks.ids[one])))
+    chosen |= dict.fromkeys(by_time)
+    chosen |= dict.fromkeys(_nearest(recording, window))
+    return tuple(chosen)[:num_slots]
+
+
+def _nearest(recording: Recording, window: Window) -> list[int]:
+    """Everybody who is there in the first frame of a window, or later, the nearest first."""
+    tracks = recording.tracks
+    meets = (tracks.first <= window.last) & (tracks.last >= window.first)
+    there = np.flatnonzero(meets & (tracks.carriageway == tracks.carriageway[window.ego]))
+    frame = np.maximum(tracks.first[there], window.first)
+    own = tracks.s[tracks.start[window.ego] + frame - tracks.first[window.ego]]
+    apart = np.abs(tracks.s[tracks.start[there] + frame - tracks.first[there]] - own)
+    return there[np.lexsort((tracks.ids[there], np.round(apart, 3), frame))].tolist()
+
+
+def coverage(
+    recording: Recording,
+    around: Surroundings,
+    windows: Sequence[Window],
+    casts: Sequence[tuple[int, ...]],
+) -> float:
+    """Share of all neighbours of the egos, over frames and places, that have a slot."""
+    found = total = 0
+    for window, cast in zip(windows, casts, strict=True):
+        tracks = recording.tracks
+        rows = (tracks.row(window.ego, frame) for frame in (window.first, window.last))
+        near = around.vehicles(*rows)
+        near = near[near != NOBODY]
+        found += int(np.isin(near, cast).sum())
+        total += near.size
+    return found / total if total else 1.0
+
+
+def trajectories(
+    recording: Recording,
+    windows: Sequence[Window],
+    casts: Sequence[tuple[int, ...]],
+    *,
+    first_index: int = 0,
+) -> Trajectories:
+    """The simulations that some windows become.
+
+    Args:
+        recording: The recording.
+        windows: At least one.
+        casts: The vehicles of each by slot.
+        first_index: Index of the first simulation.
+
+    Returns:
+        A batch with as many slots as the largest cast needs and frames as the longest window.
+    """
+    slots, frames = max(map(len, casts)), max(one.last - one.first + 1 for one in windows)
+    rows = np.full((len(windows), slots, frames), NOBODY)
+    for place, (window, cast) in enumerate(zip(windows, casts, strict=True)):
+        for slot, vehicle in enumerate(cast):
+            _place(recording, window, vehicle, rows[place, slot])
+    present = rows != NOBODY
+    states = _states(recording, rows, present)
+    num_frames = np.array([one.last - one.first + 1 for one in windows], np.int32)
+    scenario = _scenario(recording, casts, slots, rows, num_frames, first_index)
+    shape = (len(windows), frames)
+    made = Trajectories(
+        scenario=scenario,
+        num_frames=num_frames,
+        states=states,
+        stage=np.full(shape, Stage.FOLLOW, np.uint8),
+        collided_with=np.full(shape, NO_VEHICLE),
+        contacts=_no_contacts((len(windows), slots)),
+        percepts=Percepts.nothing(len(windows), 0),
+        trace_hash=_hashes(states, present, num_frames),
+        unknown=recording.unknown,
+    )
+    whole = np.array_equal(present, made.state_valid)
+    return made if whole else made.replace(present=present)
+
+
+def _place(recording: Recording, window: Window, vehicle: int, into: I64) -> None:
+    """Write down which rows of a vehicle a window holds."""
+    tracks = recording.tracks
+    first = max(window.first, int(tracks.first[vehicle]))
+    last = min(window.last, int(tracks.last[vehicle]))
+    if first <= last:
+        row = tracks.row(vehicle, first)
+        into[first - window.first : last - window.first + 1] = np.arange(
+            row, row + last - first + 1
+        )
+
+
+def _states(recording: Recording, rows: I64, present: NDArray[np.bool_]) -> States:
+    """Recorded integers; zero where a vehicle is not there."""
+    tracks = recording.tracks
+    values: dict[str, Any] = {
+        "lane": np.where(present, tracks.lane[rows], np.uint8(0)),
+        "lights": np.zeros(rows.shape, np.uint8),
+    }
+    for name, step in _STEPS.items():
+        given = getattr(tracks, name)
+        if name in ("heading", "wheel_angle"):
+            given = given - np.round(given / (2.0 * np.pi)) * (2.0 * np.pi)
+        dtype = np.int32 if name in _WIDE else np.int16
+        # No vehicle brakes with more than the largest value; noise in a recording may.
+        steps = np.clip(np.rint(given / step), -_LARGEST[dtype], _LARGEST[dtype]).astype(dtype)
+        values[name] = np.where(present, steps[rows], dtype(0))
+    return States(**values)
+
+
+def _scenario(
+    recording: Recording,
+    casts: Sequence[tuple[int, ...]],
+    slots: int,
+    rows: I64,
+    num_frames: NDArray[np.int32],
+    first_index: int,
+) -> Scenario:
+    """What is known before the first frame, and what stands for the rest."""
+    tracks, count = recording.tracks, len(casts)
+    # An empty slot looks like the ego's, so that it can be computed with.
+    who = np.array([[*cast, *[cast[Role.EGO]] * (slots - len(cast))] for cast in casts])
+    valid = np.array([[slot < len(cast) for slot in range(slots)] for cast in casts])
+    present = rows != NOBODY
+    first = np.take_along_axis(rows, present.argmax(axis=2)[:, :, None], axis=2)[:, :, 0]
+    first = np.where(valid & (first != NOBODY), first, first[:, :1])
+    duration = num_frames * (recording.frame_interval_ms * 1e-3)
+    lane = tracks.lane[first].astype(np.int64)
+    lane = np.where(lane == NO_VEHICLE, 0, np.minimum(lane, recording.road.num_lanes - 1))
+    return Scenario(
+        profile=recording.file_format,
+        road=recording.road,
+        seed=0,
+        frame_interval_ms=recording.frame_interval_ms,
+        index=np.arange(first_index, first_index + count, dtype=np.uint64),
+        horizon=duration.astype(np.float32),
+        attempt_deadline=duration.astype(np.float32),
+        weight=np.ones(count),
+        vehicles=assumed_bodies(
+            valid,
+            tracks.kind[who],
+            tracks.length[who].astype(np.float32),
+            tracks.width[who].astype(np.float32),
+        ),
+        drivers=assumed_drivers((count, slots)),
+        weather=assumed_weather(count),
+        start_s=tracks.s[first].astype(np.float32),
+        start_lane=lane.astype(np.uint8),
+        start_speed=tracks.speed[first].astype(np.float32),
+    )
+
+
+def _no_contacts(shape: tuple[int, int]) -> Contacts:
+    """Recordings tell of no collision."""
+    nothing = np.zeros(shape, np.int32)
+    return Contacts(
+        partner=np.full(shape, NO_VEHICLE), time=nothing, impulse=nothing, closing_speed=nothing
+    )
+
+
+def _hashes(
+    states: States, present: NDArray[np.bool_], num_frames: NDArray[np.int32]
+) -> NDArray[np.uint32]:
+    """A 128-bit hash over the recorded integers of each simulation, shape (simulation, 4)."""
+    words = np.empty((len(num_frames), 4), np.uint32)
+    for place, count in enumerate(num_frames):
+        digest = hashlib.blake2b(digest_size=16)
+        there = present[place, :, :count]
+        digest.update(np.packbits(there).tobytes())
+        for name in (*_STEPS, "lane"):
+            values = getattr(states, name)[place, :, :count][there]
+            digest.update(values.astype(values.dtype.newbyteorder("<")).tobytes())
+        words[place] = np.frombuffer(digest.digest(), "<u4")
+    return words

@@ -1,0 +1,297 @@
+"""CommonRoad scenarios (XML, versions 2018b and 2020a) as recordings.
+
+What a scenario says about goals, predictions, signals and static obstacles is not read. Traffic is
+taken to keep to the right.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.errors import ImportFormatError
+from overtaking.recordings.commonroad_choice import chosen_road
+from overtaking.recordings.commonroad_lanes import Lanelet, lanelet, slices
+from overtaking.recordings.commonroad_obstacles import QUANTITIES, Obstacle, is_dynamic, obstacle
+from overtaking.recordings.commonroad_road import Network, Stretch, posted_limit
+from overtaking.recordings.recording import (
+    NEVER_RECORDED,
+    Recording,
+    Tracks,
+    kept,
+    kinds_by_length,
+    slope,
+    without_oncoming,
+)
+from overtaking.recordings.xml import elements
+from overtaking.recordings.xml_element import Element, shown
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
+
+    from overtaking.recordings.road import Projection
+
+F64 = NDArray[np.float64]
+
+FORMAT = "commonroad"
+VERSIONS = ("2018b", "2020a")
+
+_TRUCKS = ("truck", "bus")
+_MOTORWAYS = ("highway", "interstate")
+_MAX_STEP_S = 1.0
+_FAR = 1.0e6  # World coordinates beyond this are shifted: millimetres in int32 end at 2147 km.
+_UNREAD = frozenset(
+    {"occupancySet", "signalSeries", "initialSignalState", "planningProblem", "cycle", "stopLine"}
+)
+
+
+def read_commonroad(path: Path | str, *, lanelet_id: int | None = None) -> Recording:
+    """The traffic on one road of a CommonRoad scenario.
+
+    Args:
+        path: The XML file.
+        lanelet_id: A lanelet of the road; by default the road with most recorded states is taken,
+            where those of a road with a single lane count for a tenth.
+
+    Returns:
+        The recording, with what was left out and how far the straightened road is from the real
+        one in its notes.
+
+    Raises:
+        ImportFormatError: The file is no such scenario, or its road cannot be represented; the
+            message names line and element.
+        ConfigError: There is no such lanelet.
+    """
+    source = Path(path)
+    document = _Document()
+    for element in elements(source, root="commonRoad", keep=_is_read, skip=_UNREAD):
+        document.add(element)
+    document.check(source.name)
+    x, y = (
+        np.concatenate([one.states[:, k] for one in document.obstacles.values()]) for k in (0, 1)
+    )
+    network = Network(
+        name=document.name,
+        kind=document.road_kind,
+        lanelets=document.lanelets,
+        limits=document.limits,
+        rows={one.number: row for row in slices(document.lanelets) for one in row},
+    )
+    return _recording(document, chosen_road(network, lanelet_id, x, y))
+
+
+def _is_read(name: str, attributes: Mapping[str, str]) -> bool:
+    del attributes
+    return name in ("lanelet", "dynamicObstacle", "obstacle", "trafficSign", "scenarioTags")
+
+
+@dataclass(slots=True)
+class _Document:
+    """What was read so far.
+
+    Attributes:
+        name: Id of the benchmark.
+        step_ms: Time between states [ms].
+        lanelets: By id.
+        obstacles: The vehicles, by id.
+        limits: Speed limits that signs post, by the id of the sign [m/s].
+        tags: Tags of the scenario.
+        left_out: Number of obstacles without a recorded path, by type.
+    """
+
+    name: str = ""
+    step_ms: int = 0
+    lanelets: dict[int, Lanelet] = field(default_factory=dict[int, Lanelet])
+    obstacles: dict[int, Obstacle] = field(default_factory=dict[int, Obstacle])
+    limits: dict[int, float] = field(default_factory=dict[int, float])
+    tags: frozenset[str] = frozenset()
+    left_out: Counter[str] = field(default_factory=Counter[str])
+
+    @property
+    def road_kind(self) -> str | None:
+        """OpenDRIVE's type of road, as far as the tags tell."""
+        return "motorway" if self.tags & set(_MOTORWAYS) else None
+
+    def add(self, element: Element) -> None:
+        """Note one element."""
+        if element.name == "commonRoad":
+            self._begin(element)
+        elif element.name == "lanelet":
+            one = lanelet(element)
+            self._once(element, one.number, self.lanelets)
+            self.lanelets[one.number] = one
+            element.children.clear()  # Only its place is still needed: points take much memory.
+        elif element.name == "trafficSign":
+            limit = posted_limit(element)
+            if limit is not None:
+                self.limits[element.integer("id")] = limit
+        elif element.name == "scenarioTags":
+            self.tags = frozenset(child.name for child in element.children)
+        elif is_dynamic(element):
+            self._obstacle(element)
+
+    def check(self, file: str) -> None:
+        """Refuse a scenario without a road or without traffic."""
+        for what, found in (("lanelets", self.lanelets), ("vehicles with a path", self.obstacles)):
+            if not found:
+                raise ImportFormatError.of(
+                    where=file,
+                    what="scenario",
+                    expected=what,
+                    got="none",
+                    next_step="choose a scenario with recorded traffic",
+                )
+
+    def _begin(self, root: Element) -> None:
+        version = root.attribute("commonRoadVersion")
+        if version not in VERSIONS:
+            raise root.error(
+                what="has an unknown version",
+                expected=" or ".join(VERSIONS),
+                got=shown(version),
+                next_step="convert it with CommonRoad's own tools",
+            )
+        step = root.number("timeStepSize")
+        self.step_ms = round(step * 1000.0)
+        if not (0.01 <= step <= _MAX_STEP_S) or abs(self.step_ms - step * 1000.0) > 1e-6:
+            raise root.error(
+                what="attribute timeStepSize",
+                expected=f"whole milliseconds from 0.01 to {_MAX_STEP_S:g} s",
+                got=f"{step:g}",
+                next_step="repair the file",
+            )
+        self.name = shown(root.attribute("benchmarkID"), length=80)
+
+    def _obstacle(self, element: Element) -> None:
+        one = obstacle(element)
+        if one is None:
+            self.left_out[shown(element.required("type").text)] += 1
+            return
+        self._once(element, one.number, self.obstacles)
+        self.obstacles[one.number] = one
+
+    def _once(self, element: Element, number: int, known: Collection[int]) -> None:
+        if number in known:
+            raise element.error(
+                what="has an id that another has",
+                expected="different ids",
+                got=str(number),
+                next_step="repair the file",
+            )
+
+
+def _recording(document: _Document, road: Stretch) -> Recording:
+    """The vehicles of a document on one of its roads."""
+    obstacles = [one for _, one in sorted(document.obstacles.items())]
+    start = np.concatenate([[0], np.cumsum([len(one.states) for one in obstacles])])
+    columns = np.concatenate([one.states for one in obstacles])
+    given: dict[str, F64] = {name: columns[:, k] for k, name in enumerate(QUANTITIES)}
+    place = road.shape.project(given["x"], given["y"])
+    shift = np.round(road.shape.origin / 1000.0) * 1000.0
+    shift = shift if np.abs(road.shape.origin).max() > _FAR else np.zeros(2)
+    straight = road.moved(shift)
+    derived = [name for name, values in given.items() if np.isnan(values).any()]
+    values: dict[str, Any] = _bodies(obstacles)
+    values |= _motion(given, place, start, document.step_ms, straight.heading)
+    tracks = Tracks(
+        start=start.astype(np.int64),
+        x=given["x"] - shift[0],
+        y=given["y"] - shift[1],
+        s=place.s,
+        d=place.d,
+        lane=road.lane_codes(place.d),
+        wheel_angle=np.zeros(len(columns)),
+        **values,
+    )
+    on_road = (place.s >= 0.0) & (place.s <= road.shape.length) & road.is_near(place.offset)
+    tracks, num_oncoming = without_oncoming(kept(tracks, on_road), straight.heading)
+    _check_some(document.name, tracks, num_oncoming)
+    unknown = NEVER_RECORDED | {"weather"} | road.unknown
+    if "yawRate" in derived:
+        unknown |= {"yaw_rate"}
+    x, y = straight.world(place.s[on_road], place.d[on_road])
+    off = np.hypot(x - given["x"][on_road] + shift[0], y - given["y"][on_road] + shift[1])
+    return Recording(
+        name=document.name,
+        file_format=FORMAT,
+        road=straight,
+        frame_interval_ms=document.step_ms,
+        tracks=tracks,
+        unknown=unknown,
+        notes={
+            **road.notes,
+            "straightening_m": round(float(off.max()), 3),
+            "longest_way": round(float(np.abs(place.stretch[on_road] - 1.0).max()), 5),
+            "states": tracks.num_rows,
+            "states_off_the_road": len(columns) - int(on_road.sum()),
+            "oncoming_left_out": num_oncoming,
+            "obstacles_left_out": dict(sorted(document.left_out.items())),
+            "world_shift_m": [float(one) for one in shift],
+            "derived": derived,
+        },
+    )
+
+
+def _check_some(name: str, tracks: Tracks, num_oncoming: int) -> None:
+    """Refuse a road on which nobody drives along it."""
+    if not tracks.num_vehicles:
+        raise ImportFormatError.of(
+            where=name,
+            what="road",
+            expected="vehicles that drive along it",
+            got=f"{num_oncoming} oncoming ones" if num_oncoming else "none",
+            next_step="choose another road by one of its lanelets: --lanelet",
+        )
+
+
+def _bodies(obstacles: list[Obstacle]) -> dict[str, Any]:
+    """What does not change."""
+    names = np.array([one.kind for one in obstacles])
+    length = np.array([one.length for one in obstacles])
+    kind = kinds_by_length(
+        # Recordings of traffic are often "car" throughout, trucks of 20 m among them.
+        length,
+        is_truck=np.isin(names, _TRUCKS),
+        is_car=np.isin(names, ("taxi",)),
+    )
+    for name, code in (("motorcycle", 5), ("bicycle", 6)):
+        kind[names == name] = code
+    return {
+        "ids": np.array([one.number for one in obstacles]),
+        "kind": kind,
+        "length": length,
+        "width": np.array([one.width for one in obstacles]),
+        "carriageway": np.zeros(len(obstacles), np.int64),
+        "first": np.array([one.first for one in obstacles]),
+    }
+
+
+def _motion(
+    given: dict[str, F64], place: Projection, start: NDArray[np.int64], step_ms: int, heading: float
+) -> dict[str, F64]:
+    """Speeds, directions and accelerations, worked out from positions where they are not given."""
+
+    def rate(values: F64) -> F64:
+        return slope(values, start, step_ms)
+
+    def or_else(name: str, other: F64) -> F64:
+        return np.where(np.isnan(given[name]), other, given[name])
+
+    east, north = rate(given["x"]), rate(given["y"])
+    velocity = or_else("velocity", np.hypot(east, north))
+    # Who hardly moves has no direction of movement.
+    course = np.where(np.hypot(east, north) > 0.5, np.arctan2(north, east), place.tangent)
+    turned = or_else("orientation", course) - place.tangent
+    relative = turned - np.round(turned / (2.0 * np.pi)) * (2.0 * np.pi)
+    return {
+        "speed": np.abs(velocity),
+        "heading": heading + relative,
+        "accel_lon": or_else("acceleration", rate(velocity)),
+        "accel_lat": rate(rate(place.d)),
+        "yaw_rate": np.where(np.isnan(given["yawRate"]), 0.0, given["yawRate"]),
+    }

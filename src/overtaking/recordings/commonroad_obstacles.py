@@ -1,0 +1,161 @@
+"""CommonRoad's dynamic obstacles: the recorded vehicles of a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.recordings.commonroad_lanes import coordinate
+
+if TYPE_CHECKING:
+    from overtaking.recordings.xml_element import Element
+
+F64 = NDArray[np.float64]
+
+VEHICLES = frozenset(
+    {"car", "truck", "bus", "motorcycle", "bicycle", "priorityVehicle", "taxi", "unknown"}
+)
+"""Types of obstacles that are vehicles; pedestrians, trains and the like are left out."""
+
+QUANTITIES = ("x", "y", "orientation", "velocity", "acceleration", "yawRate")
+"""Columns of `Obstacle.states` after the time; NaN where the file does not say."""
+
+_LIMITS = {"velocity": 150.0, "acceleration": 100.0, "yawRate": 100.0, "orientation": 1000.0}
+_MAX_TIME = 1_000_000
+_MAX_SIZE = 50.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Obstacle:
+    """A recorded vehicle.
+
+    Attributes:
+        number: Its id.
+        kind: Its type.
+        length: [m].
+        width: [m].
+        first: Time step of its first state.
+        states: One row for each step from there on, columns as in `QUANTITIES`.
+    """
+
+    number: int
+    kind: str
+    length: float
+    width: float
+    first: int
+    states: F64
+
+
+def is_dynamic(element: Element) -> bool:
+    """Whether an element is an obstacle that moves, in the words of 2018b or 2020a."""
+    if element.name == "dynamicObstacle":
+        return True
+    role = element.optional("role") if element.name == "obstacle" else None
+    return role is not None and role.text == "dynamic"
+
+
+def obstacle(element: Element) -> Obstacle | None:
+    """A vehicle from its element; None for what is no vehicle or has no recorded path.
+
+    Raises:
+        ImportFormatError: Something is missing, no number, too large or twice; the message names
+            line and element.
+    """
+    kind = element.required("type").text
+    path = element.optional("trajectory")
+    if kind not in VEHICLES or path is None:
+        return None
+    number = element.integer("id")
+    element.belongs_to(f"obstacle {number}")
+    rows = [element.required("initialState"), *path.all("state")]
+    length, width = _size(element.required("shape"))
+    times = np.array([_time(row) for row in rows])
+    _check_times(rows, times)
+    states = np.array([[_quantity(row, name) for name in QUANTITIES] for row in rows])
+    return Obstacle(
+        number=number,
+        kind=kind,
+        length=length,
+        width=width,
+        first=int(times[0]),
+        states=states,
+    )
+
+
+def _size(shape: Element) -> tuple[float, float]:
+    """Length and width of a shape."""
+    circle, rectangle = shape.optional("circle"), shape.optional("rectangle")
+    if rectangle is not None:
+        sides = [rectangle.required(name) for name in ("length", "width")]
+        length, width = (side.parse_number(side.text, what="text") for side in sides)
+    elif circle is not None:
+        radius = circle.required("radius")
+        length = width = 2.0 * radius.parse_number(radius.text, what="text")
+    else:
+        raise shape.error(
+            what="is not known",
+            expected="a rectangle or a circle",
+            got=shape.children[0].name if shape.children else "nothing",
+            next_step="give the obstacle a rectangle",
+        )
+    if not 0.1 <= min(length, width) <= max(length, width) <= _MAX_SIZE:
+        raise shape.error(
+            what="has no size of a vehicle",
+            expected=f"0.1 to {_MAX_SIZE:g} m",
+            got=f"{length:g} by {width:g} m",
+            next_step="repair the file",
+        )
+    return length, width
+
+
+def _exact(element: Element) -> float:
+    """The value of a quantity that may also be given as an interval, which is refused."""
+    exact = element.required("exact")
+    return exact.parse_number(exact.text, what="text")
+
+
+def _time(state: Element) -> int:
+    given = state.required("time")
+    value = _exact(given)
+    if not (0.0 <= value <= _MAX_TIME and value == int(value)):
+        raise given.error(
+            what="is no time step",
+            expected=f"a whole number from 0 to {_MAX_TIME}",
+            got=f"{value:g}",
+            next_step="repair the file",
+        )
+    return int(value)
+
+
+def _check_times(rows: list[Element], times: NDArray[np.int64]) -> None:
+    """Refuse steps that are missing, twice or out of order."""
+    wrong = np.flatnonzero(np.diff(times) != 1)
+    if len(wrong):
+        place = int(wrong[0]) + 1
+        raise rows[place].error(
+            what="does not follow the state before it",
+            expected=f"time step {times[place - 1] + 1}",
+            got=str(times[place]),
+            next_step="repair the file",
+        )
+
+
+def _quantity(state: Element, name: str) -> float:
+    """One of `QUANTITIES`, NaN if it is not given."""
+    if name in ("x", "y"):
+        return coordinate(state.required("position").required("point"), name)
+    given = state.optional(name)
+    if given is None:
+        return float("nan")
+    value = _exact(given)
+    if abs(value) > _LIMITS[name]:
+        raise given.error(
+            what="is not that of a vehicle",
+            expected=f"a size of at most {_LIMITS[name]:g}",
+            got=f"{value:g}",
+            next_step="repair the file",
+        )
+    return value

@@ -1,0 +1,258 @@
+"""The road of a CommonRoad scenario: lanelets that run through, as one straight `Road`."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.errors import ConfigError
+from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
+from overtaking.recordings.commonroad_lanes import DRIVING, Lanelet, Slice, Strip, borders, strips
+from overtaking.recordings.recording import BEYOND_SLOW_EDGE
+from overtaking.recordings.road import RoadShape, RoadShapeError, shape_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from overtaking.recordings.xml_element import Element
+
+F64 = NDArray[np.float64]
+
+SPEED_SIGNS = frozenset({"274", "R2-1"})
+"""Signs that post a speed limit: CommonRoad's own and Germany's, and that of the USA."""
+
+UNKNOWN_LIMIT = 100.0
+"""Stands where no limit is known [m/s]; no vehicle reaches it."""
+
+_BESIDE = 6.0  # Vehicles farther than this from the outer lanes belong to another road [m].
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stretch:
+    """A stretch of road with the same lanes from its beginning to its end.
+
+    Attributes:
+        shape: Where it lies.
+        road: The straight road that stands for it.
+        unknown: What the file does not tell about it, names of `UNKNOWNS`.
+        notes: Which lanelets it is made of, and how constant its lanes are.
+    """
+
+    shape: RoadShape
+    road: Road
+    unknown: frozenset[str]
+    notes: dict[str, Any]
+
+    @property
+    def lanelets(self) -> frozenset[int]:
+        """Ids of its lanelets."""
+        return frozenset(one for lane in self.notes["lanelets_by_lane"] for one in lane)
+
+    def moved(self, shift: F64) -> Road:
+        """The road in a world whose origin lies at `shift` [m]."""
+        return dataclasses.replace(
+            self.road, x0=self.road.x0 - float(shift[0]), y0=self.road.y0 - float(shift[1])
+        )
+
+    def lane_codes(self, d: F64) -> NDArray[np.uint8]:
+        """Values of `States.lane` for positions across the road."""
+        lane = self.road.lane_index(d)
+        return np.where(lane < 0, BEYOND_SLOW_EDGE, lane).astype(np.uint8)
+
+    def is_near(self, offset: F64) -> NDArray[np.bool_]:
+        """Whether points are on the road or on what may lie right beside it."""
+        edges = self.shape.mean_borders
+        return (offset > edges[0] - _BESIDE) & (offset < edges[-1] + _BESIDE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Network:
+    """The lanelets of a scenario, and what is known of all of them.
+
+    Attributes:
+        name: Name of the scenario.
+        kind: OpenDRIVE's type of its roads, None if unknown.
+        lanelets: By id.
+        limits: Speed limits that signs post, by the id of the sign [m/s].
+        rows: The slice of each lanelet that is a lane, by id.
+    """
+
+    name: str
+    kind: str | None
+    lanelets: Mapping[int, Lanelet]
+    limits: Mapping[int, float]
+    rows: Mapping[int, Slice]
+
+    def stretch(self, home: Lanelet, *, is_part: bool) -> Stretch:
+        """The longest and widest stretch of road past a lanelet.
+
+        Args:
+            home: The lanelet.
+            is_part: Whether it must be part of a lane, and not only lie beside the road.
+
+        Raises:
+            ImportFormatError: The lanelet is no lane to drive on, or the road bends too much, its
+                lanes change their width, or are too many.
+        """
+        if home.number not in self.rows:
+            raise _refused(home, "kind of lanelet", "a lane to drive on", home.kind)
+        found = strips(self.rows[home.number], self.rows)
+        if is_part:
+            found = (strip for strip in found if any(home in lane for lane in strip))
+        best = max(found, key=_area, default=None)
+        if best is None:
+            raise _refused(home, "lanelets beside it", "2 m wide at both ends", "narrower ones")
+        try:
+            shape = shape_of(borders(best))
+            road, unknown = _road(best, shape, self)
+        except RoadShapeError as error:
+            raise _refused(home, error.what, error.expected, error.got) from None
+        except ConfigError as error:
+            raise _refused(home, "road", "one that the model is made for", str(error)) from None
+        notes = {
+            "lanelets_by_lane": [[piece.number for piece in lane] for lane in best],
+            "length_m": round(shape.length, 2),
+            "turn_rad": round(shape.turn, 4),
+            "widening": round(shape.widening, 4),
+        }
+        return Stretch(shape=shape, road=road, unknown=unknown, notes=notes)
+
+
+def _area(strip: Strip) -> float:
+    """Lane length that runs through; of two that are equal the shorter chain, then the first."""
+    return float(sum(one.length for lane in strip for one in lane))
+
+
+def _refused(home: Lanelet, what: str, expected: str, got: str) -> Exception:
+    return home.element.error(
+        what=f"{home.number} is part of a road that no straight road stands for: {what}",
+        expected=expected,
+        got=got,
+        next_step="choose another road by one of its lanelets",
+    )
+
+
+def _road(strip: Strip, shape: RoadShape, network: Network) -> tuple[Road, frozenset[str]]:
+    """The straight road, and what is not known of it."""
+    marks, marks_known = _marks(strip)
+    limit = _limit(strip, network.limits)
+    count, widths = len(strip), np.diff(shape.mean_borders)
+    x0, y0 = _world_at_start(shape)
+    types = {kind for lane in strip for piece in lane for kind in piece.types}
+    known_kind = "motorway" if types & {"highway", "interstate"} else network.kind
+    road = Road(
+        name=network.name,
+        kind=known_kind or "unknown",
+        driving_side=DrivingSide.RIGHT,
+        lanes=tuple(
+            Lane(
+                lane_id=k - count,
+                width=float(widths[k]),
+                right_mark=marks[k],
+                left_mark=marks[k + 1].reversed,
+            )
+            for k in range(count)
+        ),
+        edge_d=float(shape.mean_borders[0]),
+        length=shape.length,
+        x0=x0,
+        y0=y0,
+        heading=shape.chord,
+        speed_limit=UNKNOWN_LIMIT if limit is None else limit,
+        slow_side_neighbour=_beside_right(strip[0], network.lanelets, -count - 1),
+        fast_side_neighbour=_beside_left(strip[-1], network.lanelets),
+    )
+    missing = {"road_kind": not known_kind, "marks": not marks_known, "speed_limit": limit is None}
+    return road, frozenset(what for what, is_missing in missing.items() if is_missing)
+
+
+def _world_at_start(shape: RoadShape) -> tuple[float, float]:
+    """World position of the reference line at s = 0."""
+    u, v = (float(np.interp(0.0, shape.way, line)) for line in (shape.u, shape.v))
+    cosine, sine = np.cos(shape.chord), np.sin(shape.chord)
+    x, y = shape.origin
+    return float(x + u * cosine - v * sine), float(y + u * sine + v * cosine)
+
+
+def _marks(strip: Strip) -> tuple[list[RoadMark], bool]:
+    """The lines from right to left as the lane on their left sees them, and if all are known.
+
+    A line that changes along the stretch, or that two lanelets see differently, is not known; at
+    the outer edges the mark of the longest piece counts.
+    """
+    seen: list[Counter[RoadMark | None]] = [Counter() for _ in range(len(strip) + 1)]
+    for k, lane in enumerate(strip):
+        for piece in lane:
+            left = piece.left_mark.reversed if piece.left_mark else None
+            seen[k][piece.right_mark] += round(piece.length)
+            seen[k + 1][left] += round(piece.length)
+    inner = seen[1:-1]
+    is_known = all(len(one) == 1 and None not in one for one in inner)
+    is_known &= all(any(mark is not None for mark in one) for one in (seen[0], seen[-1]))
+    longest = [max(one, key=lambda mark: (mark is not None, one[mark])) for one in seen]
+    return [mark or RoadMark.NONE for mark in longest], is_known
+
+
+def _limit(strip: Strip, posted: Mapping[int, float]) -> float | None:
+    """The speed limit, if every lanelet has the same one [m/s]."""
+    limits = {_limit_of(one, posted) for lane in strip for one in lane}
+    return limits.pop() if len(limits) == 1 else None
+
+
+def _limit_of(one: Lanelet, posted: Mapping[int, float]) -> float | None:
+    """The limit that a lanelet states or that its signs post [m/s]."""
+    if one.speed_limit is not None:
+        return one.speed_limit
+    return next((posted[number] for number in one.signs if number in posted), None)
+
+
+def posted_limit(sign: Element) -> float | None:
+    """The speed limit that a traffic sign posts, None if it posts none [m/s].
+
+    Raises:
+        ImportFormatError: The sign has no id, or its limit is no number.
+    """
+    for one in sign.all("trafficSignElement"):
+        values = one.all("additionalValue")
+        if one.required("trafficSignID").text in SPEED_SIGNS and values:
+            return values[0].parse_number(values[0].text, what="text")
+    return None
+
+
+def _beside_right(
+    lane: tuple[Lanelet, ...], lanelets: Mapping[int, Lanelet], lane_id: int
+) -> Lane | None:
+    """A lane that runs beside the slow lane for a part of the way, such as an entry."""
+    found = [lanelets.get(piece.right_neighbour or -1) for piece in lane]
+    there = [one for one in found if one]
+    return _neighbour(there[0], lane_id, direction=1) if there else None
+
+
+def _beside_left(lane: tuple[Lanelet, ...], lanelets: Mapping[int, Lanelet]) -> Lane | None:
+    """A lane beside the fast lane: one more of the same direction, or an oncoming one."""
+    same = [lanelets.get(piece.left_neighbour or -1) for piece in lane]
+    other = [lanelets.get(piece.oncoming_left or -1) for piece in lane]
+    for found, direction in ((same, 1), (other, -1)):
+        there = [one for one in found if one]
+        if there:
+            return _neighbour(there[0], 1, direction=direction)
+    return None
+
+
+def _neighbour(one: Lanelet, lane_id: int, *, direction: int) -> Lane:
+    """A lanelet as a lane beside the driving lanes."""
+    width = float(np.hypot(*(one.left.mean(axis=0) - one.right.mean(axis=0))))
+    ends = one.kind == DRIVING and direction == 1  # Else it would be a lane of the road.
+    return Lane(
+        lane_id=lane_id,
+        width=max(width, 0.1),
+        kind="entry" if ends else one.kind,
+        direction=direction,
+        right_mark=one.right_mark or RoadMark.NONE,
+        left_mark=one.left_mark or RoadMark.NONE,
+    )

@@ -1,0 +1,127 @@
+"""The formats that recordings can be imported from, and what each of them can be asked."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.recordings.xml_element import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from overtaking.recordings.pinto2023_import import TableScenes
+    from overtaking.recordings.scenes import Scenes
+
+FORMATS: dict[str, frozenset[str]] = {
+    "commonroad": frozenset({"attempts_only", "vehicles", "lanelet"}),
+    "highd": frozenset({"attempts_only", "vehicles", "direction"}),
+    "pinto2023": frozenset({"road"}),
+}
+"""Each format with the options that its reader takes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Imported:
+    """A recording that has been read, and where from.
+
+    Attributes:
+        scenes: The simulations that wait to be made.
+        files: SHA-256 of each file that was read, by its name.
+        options: What was asked for.
+    """
+
+    scenes: Scenes | TableScenes
+    files: dict[str, str]
+    options: dict[str, Any]
+
+
+def read_recording(file_format: str, path: Path | str, options: Mapping[str, Any]) -> Imported:
+    """Read a recording of any format, whole, before anything is made of it.
+
+    Args:
+        file_format: One of `FORMATS`.
+        path: The file; of highD its `_tracks.csv`.
+        options: Options of that format by name: `attempts_only`, `vehicles` (of a simulation),
+            `lanelet` (an id), `direction` (1 or 2), `road` (a `Road`).
+
+    Raises:
+        ConfigError: There is no such format, or an option is not for it.
+        ImportFormatError: The file cannot be used; the message names line and element or column.
+    """
+    if file_format not in FORMATS:
+        raise _refused("format", " or ".join(FORMATS), file_format, "choose one of them")
+    for name in options:
+        if name not in FORMATS[file_format]:
+            allowed = ", ".join(sorted(FORMATS[file_format]))
+            raise _refused(f"option for {file_format}", allowed, name, "leave it out")
+    source = Path(path)
+    # Before reading, so that a file that changes meanwhile is not named by what it became.
+    files = {one.name: _sha256(one) for one in _files(file_format, source)}
+    shown_options = {name: getattr(value, "name", value) for name, value in options.items()}
+    return Imported(scenes=_read(file_format, source, options), files=files, options=shown_options)
+
+
+def _files(file_format: str, source: Path) -> Sequence[Path]:
+    """All files of a recording."""
+    if file_format != "highd":
+        return (source,)
+    from overtaking.recordings.highd import files_of
+
+    return files_of(source)
+
+
+def _read(file_format: str, source: Path, options: Mapping[str, Any]) -> Scenes | TableScenes:
+    """What the reader of a format finds."""
+    if file_format == "pinto2023":
+        from overtaking.recordings.pinto2023_import import read_pinto2023
+
+        return read_pinto2023(source, road=options.get("road"))
+    from overtaking.recordings.scenes import NUM_SLOTS, scenes
+
+    if file_format == "commonroad":
+        from overtaking.recordings.commonroad import read_commonroad
+
+        recording = read_commonroad(source, lanelet_id=options.get("lanelet"))
+    else:
+        from overtaking.recordings.highd import read_highd
+
+        recording = read_highd(source, direction=options.get("direction"))
+    return scenes(
+        recording,
+        attempts_only=options.get("attempts_only", False),
+        num_slots=options.get("vehicles", NUM_SLOTS),
+    )
+
+
+def _sha256(path: Path) -> str:
+    """Hash over the bytes of a plain file, 64 hexadecimal digits."""
+    try:
+        if not path.is_file():
+            reason = "no plain file" if path.exists() else "no such file"
+            raise _unreadable(path, reason)
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except (OSError, ValueError) as error:
+        if isinstance(error, ImportFormatError):
+            raise
+        raise _unreadable(path, getattr(error, "strerror", None) or "no path") from None
+
+
+def _unreadable(path: Path, got: str) -> ImportFormatError:
+    return ImportFormatError.of(
+        where=shown(str(path), length=120),
+        what="file",
+        expected="a readable file",
+        got=got,
+        next_step="check the path",
+    )
+
+
+def _refused(what: str, expected: str, got: object, next_step: str) -> ConfigError:
+    return ConfigError.of(
+        what=what, where="import", expected=expected, got=got, next_step=next_step
+    )

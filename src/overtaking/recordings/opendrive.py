@@ -1,0 +1,276 @@
+"""Straight same-direction stretches of road out of OpenDRIVE files.
+
+Read from ASAM OpenDRIVE 1.4 to 1.8: road header and rule, type and speed, plan view, elevation and
+lateral profile, lane offset, lane sections with widths, marks and speeds. A road that bends,
+slopes, belongs to a junction, or changes its lanes on the way is refused with the reason.
+
+The file's station runs along its reference line and its lateral coordinate t to the left of that.
+Where the chosen lanes run along the line, `s` and `d` are the file's. Where they run against it, as
+positive lane ids do in right-hand traffic, the road is turned about: it starts at the end of the
+reference line, s = length - station, d = -t and the heading is half a turn on. Lane ids stay the
+file's.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.model.road import MAX_LENGTH, MAX_SPEED_LIMIT, DrivingSide, Lane, Road
+from overtaking.recordings.opendrive_lanes import Carriageway, carriageway, driving_lanes
+from overtaking.recordings.opendrive_limits import kind_of, limit_of
+from overtaking.recordings.opendrive_shape import Line, check_flat, straight_line
+from overtaking.recordings.opendrive_strips import OTHER_SIDE, Side, Strip
+from overtaking.recordings.xml import elements
+from overtaking.recordings.xml_element import Element, shown
+
+_SKIPPED = frozenset(["objects", "signals", "surface", "railroad", "userData", "link", "include"])
+_RULES = {"RHT": DrivingSide.RIGHT, "LHT": DrivingSide.LEFT}
+_MAX_LISTED = 6
+
+
+def read_opendrive(
+    path: str | Path,
+    road_id: str | int | None = None,
+    *,
+    lanes: Side | None = None,
+    speed_limit: float | None = None,
+) -> Road:
+    """One road of an OpenDRIVE file.
+
+    Args:
+        path: The file, not compressed.
+        road_id: Id of the road in the file; may be left out if the file has only one.
+        lanes: Take the lanes right or left of the reference line. Without it those that run along
+            the line are taken, or the others where there are no such lanes.
+        speed_limit: Limit in place of the file's [m/s]. Where neither states one, the general
+            limit of Portuguese law for the kind of road holds.
+
+    Returns:
+        The road, named after file and id.
+
+    Raises:
+        ConfigError: `lanes` or `speed_limit` is out of range.
+        ImportFormatError: The file is no such OpenDRIVE, or the road is of a shape that is not
+            supported; the message names file, line, element, road and reason.
+    """
+    _check_choice(lanes, speed_limit)
+    file = Path(path)
+    wanted = None if road_id is None else str(road_id)
+    found: list[Element] = []
+    ids: list[str] = []
+    for road in _roads(file, wanted, ids):
+        found.append(road)
+        del found[2:]  # Two are enough to know that the choice is not clear.
+    try:
+        if len(found) != 1:
+            raise _unclear(file, wanted, ids)
+        return _road(file, found[0], lanes, speed_limit)
+    except ImportFormatError as error:
+        if len(ids) < 2:
+            raise
+        fit = _drivable(survey_opendrive(file, lanes=lanes, speed_limit=speed_limit))
+        raise ImportFormatError(f"{error}; {fit}") from None
+
+
+def survey_opendrive(
+    path: str | Path, *, lanes: Side | None = None, speed_limit: float | None = None
+) -> dict[str, Road | ImportFormatError]:
+    """Every road of an OpenDRIVE file, or the reason why it cannot be used, by id.
+
+    Args:
+        path: The file.
+        lanes: As for `read_opendrive`.
+        speed_limit: As for `read_opendrive` [m/s].
+
+    Raises:
+        ImportFormatError: The file as a whole cannot be read.
+    """
+    verdicts: dict[str, Road | ImportFormatError] = {}
+    for road in _roads(Path(path), None, []):
+        name = shown(road.attribute("id"))
+        try:
+            verdicts[name] = _road(Path(path), road, lanes, speed_limit)
+        except ImportFormatError as error:
+            verdicts[name] = error
+    return verdicts
+
+
+def _drivable(verdicts: Mapping[str, Road | ImportFormatError]) -> str:
+    """The roads of a file on which somebody can overtake, the longest first, for a message."""
+    roads = [
+        (name, one) for name, one in verdicts.items() if isinstance(one, Road) and one.num_lanes > 1
+    ]
+    if not roads:
+        return "no road of the file is straight with two or more lanes in one direction"
+    longest = sorted(roads, key=lambda each: -each[1].length)[:_MAX_LISTED]
+    named = ", ".join(
+        f"{name} ({one.num_lanes} lanes, {one.length:.0f} m)" for name, one in longest
+    )
+    return f"straight roads with two or more lanes in one direction: --road {named}"
+
+
+def _check_choice(lanes: str | None, speed_limit: float | None) -> None:
+    """Refuse what a caller cannot ask for."""
+    if lanes is not None and lanes not in OTHER_SIDE:
+        raise ConfigError.of(
+            what="lanes",
+            where="read_opendrive",
+            expected=" or ".join(OTHER_SIDE),
+            got=repr(lanes),
+            next_step="choose a side of the reference line",
+        )
+    if speed_limit is not None and not 0.0 < speed_limit <= MAX_SPEED_LIMIT:
+        raise ConfigError.of(
+            what="speed_limit",
+            where="read_opendrive",
+            expected=f"more than 0 and at most {MAX_SPEED_LIMIT:g} m/s",
+            got=f"{speed_limit:g} m/s",
+            next_step="pass a limit in m/s",
+        )
+
+
+def _roads(path: Path, wanted: str | None, ids: list[str]) -> Iterator[Element]:
+    """The roads of a file, or the wanted one; `ids` collects the ids of all of them."""
+
+    def keep(name: str, attributes: Mapping[str, str]) -> bool:
+        if name != "road":
+            return False
+        ids.append(attributes.get("id", ""))
+        return wanted is None or ids[-1] == wanted
+
+    document = elements(path, root="OpenDRIVE", keep=keep, skip=_SKIPPED)
+    next(document)
+    yield from document
+
+
+def _unclear(path: Path, wanted: str | None, ids: list[str]) -> ImportFormatError:
+    """The error for a file that has no such road, or several."""
+    listed = ", ".join(shown(road_id) for road_id in ids[:_MAX_LISTED])
+    more = f" and {len(ids) - _MAX_LISTED} more" if len(ids) > _MAX_LISTED else ""
+    return ImportFormatError.of(
+        where=shown(path.name, length=80),
+        what="road" if wanted is None else f"road {shown(wanted)}",
+        expected="exactly one",
+        got=f"the roads {listed}{more}" if ids else "no road at all",
+        next_step="choose one of them by its id",
+    )
+
+
+def _road(path: Path, road: Element, lanes: Side | None, speed_limit: float | None) -> Road:
+    """A road from its element."""
+    name = shown(road.attribute("id"))
+    road.belongs_to(f"road {name}")
+    if road.attribute("junction", default="-1") != "-1":
+        raise road.error(
+            what="belongs to a junction",
+            expected="a road outside junctions",
+            got=f'junction "{shown(road.attribute("junction"))}"',
+            next_step="choose another road",
+        )
+    length = _length(road)
+    kind = kind_of(road)
+    driving_side = _driving_side(road)
+    line = straight_line(road, length)
+    check_flat(road, length)
+    side = lanes or _default_side(road, driving_side, length)
+    section = carriageway(road, side=side, length=length)
+    if speed_limit is None:
+        speed_limit = limit_of(road, driving_lanes(road, side=side, length=length))
+    try:
+        return _build(
+            name=f"{shown(path.stem)} road {name}",
+            kind=kind,
+            driving_side=driving_side,
+            line=line,
+            section=section,
+            along=(side == "right") == (driving_side is DrivingSide.RIGHT),
+            speed_limit=speed_limit,
+        )
+    except ConfigError as error:
+        raise road.error(
+            what="is beyond the model",
+            expected="a road of ordinary size",
+            got=str(error),
+            next_step="choose another road",
+        ) from None
+
+
+def _build(
+    *,
+    name: str,
+    kind: str,
+    driving_side: DrivingSide,
+    line: Line,
+    section: Carriageway,
+    along: bool,
+    speed_limit: float,
+) -> Road:
+    """The road of a cross-section, turned about where its traffic runs against the file."""
+    right_hand = driving_side is DrivingSide.RIGHT
+    # Outward is away from the reference line: to the right of travel in right-hand traffic, both
+    # along the line and, on its other side, against it.
+    outward = -1.0 if right_hand else 1.0
+    outer_edge = section.inner_edge + sum(strip.width for strip in section.strips)
+    start = 0.0 if along else line.length
+
+    def lane(strip: Strip, direction: int = 1) -> Lane:
+        # A lane across the centre line has its own outside on the other hand.
+        inner_on_left = right_hand == (direction == 1)
+        left, right = strip.inner_mark, strip.outer_mark
+        return Lane(
+            lane_id=strip.lane_id,
+            width=strip.width,
+            kind=strip.kind,
+            direction=direction,
+            left_mark=left if inner_on_left else right,
+            right_mark=right if inner_on_left else left,
+        )
+
+    slow, fast = section.outer_neighbour, section.inner_neighbour
+    return Road(
+        name=name,
+        kind=kind,
+        driving_side=driving_side,
+        lanes=tuple(lane(strip) for strip in reversed(section.strips)),
+        edge_d=outward * outer_edge,
+        length=line.length,
+        x0=line.x + start * math.cos(line.heading),
+        y0=line.y + start * math.sin(line.heading),
+        heading=line.heading if along else math.remainder(line.heading + math.pi, math.tau),
+        speed_limit=speed_limit,
+        slow_side_neighbour=lane(slow) if slow else None,
+        fast_side_neighbour=lane(fast, -1 if section.across else 1) if fast else None,
+    )
+
+
+def _length(road: Element) -> float:
+    length = road.number("length")
+    if not 0.0 < length <= MAX_LENGTH:
+        raise road.error(
+            what="attribute length",
+            expected=f"more than 0 and at most {MAX_LENGTH:g} m",
+            got=f"{length:g}",
+            next_step="choose another road",
+        )
+    return length
+
+
+def _driving_side(road: Element) -> DrivingSide:
+    rule = road.attribute("rule", default="RHT")
+    if rule not in _RULES:
+        raise road.error(
+            what="attribute rule",
+            expected=" or ".join(_RULES),
+            got=f'"{shown(rule)}"',
+            next_step="repair the file",
+        )
+    return _RULES[rule]
+
+
+def _default_side(road: Element, driving_side: DrivingSide, length: float) -> Side:
+    """The side whose lanes run along the reference line, unless only the other has any."""
+    along: Side = "right" if driving_side is DrivingSide.RIGHT else "left"
+    against: Side = OTHER_SIDE[along]
+    has_along = bool(driving_lanes(road, side=along, length=length))
+    return along if has_along or not driving_lanes(road, side=against, length=length) else against

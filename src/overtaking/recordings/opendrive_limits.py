@@ -1,0 +1,120 @@
+"""Kind and speed limit of an OpenDRIVE road."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from overtaking.core.units import mps_from_kmh
+from overtaking.knowledge.roads import general_limit
+from overtaking.model.road import MAX_SPEED_LIMIT
+from overtaking.recordings.opendrive_shape import out_of_order
+from overtaking.recordings.xml_element import Element, shown
+
+UNKNOWN = "unknown"  # OpenDRIVE's word for a road without a type.
+
+_MPS_PER_MPH = 0.44704  # Exact: 1609.344 m in 3600 s, international yard and pound agreement, 1959.
+_UNDEFINED = "undefined"
+_NO_LIMIT = "no limit"
+
+
+def kind_of(road: Element) -> str:
+    """The type of a road; ImportFormatError if it changes along the road."""
+    types = road.all("type")
+    kinds = [entry.attribute("type") for entry in types]
+    for entry, kind in zip(types, kinds, strict=True):
+        if kind != kinds[0]:
+            raise entry.error(
+                what=f"changes at s = {entry.number('s'):.1f} m",
+                expected=f'"{shown(kinds[0])}" along the whole road',
+                got=f'"{shown(kind)}"',
+                next_step="choose another road",
+            )
+    return shown(kinds[0]) if kinds else UNKNOWN
+
+
+def limit_of(road: Element, lanes: Sequence[Element]) -> float:
+    """The speed limit of a road [m/s].
+
+    Args:
+        road: The `<road>`.
+        lanes: Its driving lanes of the chosen direction, section after section.
+
+    Returns:
+        The limit of the lanes; if they state none, of the road; if that states none, the general
+        limit of Portuguese law for its kind.
+
+    Raises:
+        ImportFormatError: The limit changes, is none that the model can use, or is lifted.
+    """
+    by_lane = [_only_limit(lane, lane.all("speed")) for lane in lanes]
+    if any(limit is not None for limit in by_lane):
+        return _common(road, by_lane)
+    types = road.all("type")
+    for before, after in pairwise(types):
+        if after.number("s") < before.number("s"):
+            raise out_of_order(after, "s")
+    by_type = [_only_limit(entry, entry.all("speed")) for entry in types]
+    if any(limit is not None for limit in by_type):
+        return _common(road, by_type)
+    return general_limit(kind_of(road))
+
+
+def _common(road: Element, limits: Sequence[float | None]) -> float:
+    """The value that all entries agree on."""
+    first = limits[0]
+    if first is None or any(limit != first for limit in limits):
+        stated = sorted({"none" if limit is None else f"{limit:.2f} m/s" for limit in limits})
+        raise road.error(
+            what="has several speed limits",
+            expected="one for all driving lanes and the whole road",
+            got=", ".join(stated[:8]),
+            next_step="pass a speed limit of your own",
+        )
+    return first
+
+
+def _only_limit(owner: Element, entries: Sequence[Element]) -> float | None:
+    """The limit that the `<speed>` elements of a lane or type agree on, or None without any."""
+    limits = [_limit(entry) for entry in entries]
+    if not limits:
+        return None
+    return _common(owner, limits) if any(limit is not None for limit in limits) else None
+
+
+def _limit(entry: Element) -> float | None:
+    """The limit of one `<speed>` [m/s], or None where it says that it is not known."""
+    text = entry.attribute("max").strip()
+    if text == _UNDEFINED:
+        return None
+    if text == _NO_LIMIT:
+        raise entry.error(
+            what="attribute max",
+            expected="a number",
+            got=f'"{_NO_LIMIT}"',
+            next_step="pass a speed limit of your own",
+        )
+    limit = _in_mps(entry, entry.number("max"))
+    if not 0.0 < limit <= MAX_SPEED_LIMIT:
+        raise entry.error(
+            what="attribute max",
+            expected=f"more than 0 and at most {MAX_SPEED_LIMIT:g} m/s",
+            got=f"{limit:g} m/s",
+            next_step="pass a speed limit of your own",
+        )
+    return limit
+
+
+def _in_mps(entry: Element, value: float) -> float:
+    """A number in the unit of its element [m/s]; OpenDRIVE's default is m/s."""
+    unit = entry.attribute("unit", default="m/s")
+    if unit == "m/s":
+        return value
+    if unit == "km/h":
+        return mps_from_kmh(value)
+    if unit == "mph":
+        return value * _MPS_PER_MPH
+    raise entry.error(
+        what="attribute unit",
+        expected="m/s, km/h or mph",
+        got=f'"{shown(unit)}"',
+        next_step="repair the file",
+    )

@@ -1,0 +1,240 @@
+"""The shape of an OpenDRIVE road, accepted only where it is straight, flat and constant."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Self
+
+from overtaking.recordings.xml_element import Element
+
+TOLERANCE = 0.005
+"""Half of the centimetre to which lane centres must be right [m]."""
+MAX_CURVATURE = 1.0e-9
+"""A smaller curvature moves the end of 3 km of road by less than `TOLERANCE` [1/m]."""
+MAX_GRADE = 0.01
+"""Slope that still counts as flat: its share of gravity is below 0.1 m/s^2 [1]."""
+MAX_STEP = 0.01
+"""Step between two pieces of the surface that still counts as a joint [m]."""
+MAX_BANKING = 0.03
+"""Roll that still counts as flat: carriageways fall 2 to 2.5 % sideways to drain [rad]."""
+
+_SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
+_CURVATURES = {"arc": ("curvature",), "spiral": ("curvStart", "curvEnd")}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """A straight reference line: pose of its start and length, in the file's frame."""
+
+    x: float
+    y: float
+    heading: float
+    length: float
+
+
+def straight_line(road: Element, length: float) -> Line:
+    """The reference line of a road; ImportFormatError where it is not one straight line."""
+    pieces = road.required("planView").all("geometry")
+    if not pieces:
+        raise road.error(
+            what="has no geometry",
+            expected="a <geometry> in <planView>",
+            got="none",
+            next_step="repair the file",
+        )
+    first = pieces[0]
+    heading = math.remainder(first.number("hdg"), math.tau)
+    line = Line(x=first.number("x"), y=first.number("y"), heading=heading, length=length)
+    covered = 0.0
+    for piece in pieces:
+        _check_straight(piece)
+        covered = _check_joint(piece, line, covered)
+    if abs(covered - length) > 2.0 * TOLERANCE:
+        raise pieces[-1].error(
+            what="does not end with the road",
+            expected=f"an end at s = {length:.3f} m",
+            got=f"{covered:.3f} m",
+            next_step="repair the file",
+        )
+    return line
+
+
+def _check_straight(piece: Element) -> None:
+    """Refuse a piece of the reference line that bends."""
+    found = [child for child in piece.children if child.name in _SHAPES]
+    shape = found[0].name if len(found) == 1 else f"{len(found)} shapes"
+    straight = shape == "line" or (
+        shape in _CURVATURES
+        and all(abs(found[0].number(name)) <= MAX_CURVATURE for name in _CURVATURES[shape])
+    )
+    if not straight:
+        raise piece.error(
+            what=f"is curved at s = {piece.number('s'):.1f} m",
+            expected="a straight line",
+            got=shape,
+            next_step="choose a straight road",
+        )
+
+
+def _check_joint(piece: Element, line: Line, covered: float) -> float:
+    """Refuse a piece that does not go on along the line; the station of its end [m]."""
+    start, length, heading = piece.number("s"), piece.number("length"), piece.number("hdg")
+    east, north = piece.number("x") - line.x, piece.number("y") - line.y
+    cosine, sine = math.cos(line.heading), math.sin(line.heading)
+    turn = heading - line.heading
+    ahead, left = east * cosine + north * sine, north * cosine - east * sine
+    bent = max(abs(left), abs(left + length * math.sin(turn)))
+    if length < 0.0 or abs(start - covered) > TOLERANCE or abs(ahead - start) > TOLERANCE:
+        raise piece.error(
+            what="does not join",
+            expected=f"a start at s = {covered:.3f} m on the reference line",
+            got=f"s = {start:.3f} m, {ahead:.3f} m along the line",
+            next_step="repair the file",
+        )
+    if bent > TOLERANCE or math.cos(turn) < 0.0:
+        raise piece.error(
+            what=f"bends at s = {start:.1f} m",
+            expected="a straight line",
+            got=f"{bent:.3f} m beside it",
+            next_step="choose a straight road",
+        )
+    return start + length
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cubic:
+    """One piece `a + b x + c x^2 + d x^3` of a profile along the road, x counted from `start`."""
+
+    element: Element
+    start: float
+    a: float
+    b: float
+    c: float
+    d: float
+
+    @classmethod
+    def of(cls, element: Element, start: float) -> Self:
+        """The piece that an element states."""
+        a, b, c, d = (element.number(name) for name in "abcd")
+        return cls(element=element, start=start, a=a, b=b, c=c, d=d)
+
+    def value(self, x: float) -> float:
+        """Height of the polynomial, `x` after its start."""
+        return self.a + x * (self.b + x * (self.c + x * self.d))
+
+    def slope(self, x: float) -> float:
+        """Derivative, `x` after its start."""
+        return self.b + x * (2.0 * self.c + x * 3.0 * self.d)
+
+    def turning_points(self, length: float) -> list[float]:
+        """Where the value is extreme between 0 and `length`, the ends included, ascending."""
+        return sorted({0.0, length, *_roots(self.b, 2.0 * self.c, 3.0 * self.d, length)})
+
+    def steepest_points(self, length: float) -> list[float]:
+        """Where the slope is extreme between 0 and `length`, the ends included, ascending."""
+        return sorted({0.0, length, *_roots(2.0 * self.c, 6.0 * self.d, 0.0, length)})
+
+
+def _roots(constant: float, linear: float, square: float, length: float) -> list[float]:
+    """Roots of a quadratic that lie between 0 and `length`."""
+    discriminant = linear * linear - 4.0 * square * constant
+    if discriminant < 0.0:
+        return []
+    # The form that loses no digits where the linear term dominates.
+    half = -0.5 * (linear + math.copysign(math.sqrt(discriminant), linear))
+    found = [half / square] if square != 0.0 else []
+    found += [constant / half] if half != 0.0 else []
+    return [root for root in found if 0.0 < root < length]
+
+
+def profile(entries: Sequence[Element], *, origin: float, station: str = "s") -> tuple[Cubic, ...]:
+    """The pieces of a profile, in the order of the road.
+
+    Args:
+        entries: The elements that state them.
+        origin: What their stations are counted from [m].
+        station: Attribute with the station: `s` or `sOffset`.
+
+    Raises:
+        ImportFormatError: They are not in ascending order.
+    """
+    pieces = tuple(Cubic.of(entry, origin + entry.number(station)) for entry in entries)
+    for before, after in pairwise(pieces):
+        if after.start < before.start:
+            raise out_of_order(after.element, station)
+    return pieces
+
+
+def out_of_order(element: Element, station: str) -> Exception:
+    """The error for an entry that starts before the one that stands above it."""
+    return element.error(
+        what=f"attribute {station}",
+        expected="ascending values",
+        got=element.attribute(station),
+        next_step="repair the file",
+    )
+
+
+def spans(pieces: Sequence[Cubic], end: float) -> list[tuple[Cubic, float]]:
+    """Each piece with the length over which it holds, until the next one or `end` [m]."""
+    ends = [*(min(piece.start, end) for piece in pieces[1:]), end]
+    return [
+        (piece, until - piece.start)
+        for piece, until in zip(pieces, ends, strict=False)  # No pieces: one end is left.
+        if until > piece.start
+    ]
+
+
+def change(pieces: Sequence[Cubic], *, end: float, value: float) -> tuple[Cubic, float] | None:
+    """The first piece of a profile that leaves a value by more than `TOLERANCE`, and how far."""
+    for piece, length in spans(pieces, end):
+        for x in piece.turning_points(length):
+            if abs(piece.value(x) - value) > TOLERANCE:
+                return piece, piece.value(x)
+    return None
+
+
+def check_flat(road: Element, length: float) -> None:
+    """Refuse hills and banked curves: the model's world is flat."""
+    elevation = road.optional("elevationProfile")
+    if elevation is not None:
+        _check_level(spans(profile(elevation.all("elevation"), origin=0.0), length))
+    lateral = road.optional("lateralProfile")
+    if lateral is not None:
+        _check_not_banked(lateral, length)
+
+
+def _check_level(heights: Sequence[tuple[Cubic, float]]) -> None:
+    """Refuse slopes, and steps between two pieces of the profile."""
+    for piece, span in heights:
+        steepest = max(abs(piece.slope(x)) for x in piece.steepest_points(span))
+        _check_small(piece, "slopes", steepest, MAX_GRADE)
+    for (before, span), (after, _) in pairwise(heights):
+        _check_small(after, "steps", abs(after.a - before.value(span)), MAX_STEP)
+
+
+def _check_not_banked(lateral: Element, length: float) -> None:
+    """Refuse a surface that leans more than it must to drain, or is bent."""
+    for name in ("superelevation", "crossfall"):
+        for piece, span in spans(profile(lateral.all(name), origin=0.0), length):
+            largest = max(abs(piece.value(x)) for x in piece.turning_points(span))
+            _check_small(piece, "is banked", largest, MAX_BANKING)
+    for shape in lateral.all("shape"):
+        if any(shape.number(name) != 0.0 for name in "abcd"):
+            raise shape.error(
+                what="bends the surface",
+                expected="a flat road",
+                got="a lateral shape",
+                next_step="choose a flat road",
+            )
+
+
+def _check_small(piece: Cubic, what: str, size: float, most: float) -> None:
+    if size > most:
+        raise piece.element.error(
+            what=f"{what} after s = {piece.start:.1f} m",
+            expected=f"a flat road, at most {most:g}",
+            got=f"{size:.4f}",
+            next_step="choose a flat road",
+        )

@@ -1,0 +1,280 @@
+"""The paper's table with its 22 columns, from any recorded simulations and back.
+
+`to_table` gives the values with their types, `write_table` the file with the cells as the paper
+prints them, `read_table` the values again. What a column means is in `pinto2023_schema`.
+
+Vehicle ids are the vehicle's slot plus one, so the ego is always 1, and 0 stays free for the
+paper's "no collision". The y axis and all angles are CARLA's: y to the right of x, clockwise.
+"""
+
+# pyarrow ships no types.
+# pyright: reportUnknownParameterType=false
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow as pa
+
+from overtaking.core.errors import ConfigError
+from overtaking.core.units import deg_from_rad, kmh_from_mps
+from overtaking.model.road import DrivingSide, Lane, Road
+from overtaking.model.trajectory import (
+    METRES_PER_SECOND_PER_STEP,
+    METRES_PER_SECOND_SQUARED_PER_STEP,
+    METRES_PER_STEP,
+    NO_VEHICLE,
+    RADIANS_PER_STEP,
+    Stage,
+    Trajectories,
+)
+from overtaking.model.vehicles import Role
+from overtaking.recordings.pinto2023_files import read_table, write_table
+from overtaking.recordings.pinto2023_schema import (
+    COLUMNS,
+    DECIMALS,
+    FORMAT,
+    SCHEMA,
+    VEHICLE_COLUMNS,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["COLUMNS", "FORMAT", "SCHEMA", "read_table", "to_table", "write_table"]
+
+_BEYOND_SLOW_EDGE = 255  # How `States.lane` says it.
+_MS_PER_S = 1000
+_NEEDED = frozenset({"weather", "speed_limit", "stage"})
+"""What no cell can leave open, of `model.trajectory.UNKNOWNS`."""
+_STEPS_PER_CENTIMETRE = round(0.01 / METRES_PER_STEP)
+
+
+def to_table(trajectories: Trajectories, numbers: NDArray[np.integer] | None = None) -> pa.Table:
+    """The paper's table of a batch of simulations, one row per simulation and recorded frame.
+
+    Args:
+        trajectories: Recorded simulations, on a road of any driving side.
+        numbers: Number of each simulation in its data set, shape (simulation,); by default the
+            index that its scenario was drawn from.
+
+    Returns:
+        A table of `SCHEMA`, sorted by simulation and frame, rounded as the paper rounds.
+
+    Raises:
+        ConfigError: The recording does not say what the table has to: it is from elsewhere.
+    """
+    if missing := sorted(_NEEDED & trajectories.unknown):
+        raise ConfigError.of(
+            what="the paper's table",
+            where="export",
+            expected="simulations, of which everything in it is known",
+            got=f"a recording that does not tell {', '.join(missing)}",
+            next_step="choose --format commonroad or highd",
+        )
+    simulation, frame = np.nonzero(trajectories.frame_valid)
+    numbered = trajectories.scenario.index if numbers is None else numbers
+    columns = {
+        "S": numbered[simulation],
+        **_frame_columns(trajectories, simulation, frame),
+        **_vehicle_columns(trajectories, simulation, frame),
+        **_road_columns(trajectories, simulation, frame),
+        **_weather_columns(trajectories, simulation),
+    }
+    arrays = [pa.array(columns[field.name], type=field.type) for field in SCHEMA]
+    return pa.Table.from_arrays(arrays, schema=SCHEMA)
+
+
+def _rounded(values: ArrayLike) -> NDArray[np.float64]:
+    """Values with the paper's decimals, as the doubles nearest to those decimal numbers."""
+    scale = 10.0**DECIMALS
+    return np.rint(np.asarray(values, dtype=np.float64) * scale) / scale
+
+
+def _metres(steps: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Recorded lengths rounded to centimetres, halves exactly to even [m]."""
+    return np.rint(steps / _STEPS_PER_CENTIMETRE) / 100.0
+
+
+def _degrees(steps: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Recorded angles, anticlockwise, as clockwise degrees."""
+    return _rounded(deg_from_rad(-steps.astype(np.float64) * RADIANS_PER_STEP)) + 0.0  # No -0.
+
+
+def _ids(slots: NDArray[np.integer]) -> NDArray[np.int32]:
+    """Ids of vehicle slots, shape as given."""
+    return slots.astype(np.int32) + 1
+
+
+def _frame_columns(
+    trajectories: Trajectories, simulation: NDArray[np.intp], frame: NDArray[np.intp]
+) -> dict[str, ArrayLike | pa.Array]:
+    """F, TS, IDego, C and OV of each row."""
+    partner = trajectories.collided_with[simulation, frame]
+    return {
+        "F": frame,
+        "TS": trajectories.time_ms[frame] / _MS_PER_S,
+        "IDego": np.full(len(frame), Role.EGO + 1),
+        "C": pa.array(_ids(partner), mask=partner == NO_VEHICLE),
+        "OV": (
+            _is_first(trajectories.stage, Stage.PULL_OUT)
+            | _is_first(trajectories.stage, Stage.RETURN)
+        )[simulation, frame].astype(np.int8),
+    }
+
+
+def _is_first(stages: NDArray[np.uint8], stage: Stage) -> NDArray[np.bool_]:
+    """Where a stage is seen for the first time, shape (simulation, time)."""
+    seen = np.logical_or.accumulate(stages == stage, axis=1)
+    before = np.zeros_like(seen)
+    before[:, 1:] = seen[:, :-1]
+    return seen & ~before
+
+
+def _vehicle_columns(
+    trajectories: Trajectories, simulation: NDArray[np.intp], frame: NDArray[np.intp]
+) -> dict[str, pa.Array]:
+    """Dim, L, V, D and A of each row: one tuple per vehicle, by id."""
+    present = trajectories.scenario.vehicles.valid[simulation]
+    row, slot = np.nonzero(present)
+    ends = np.cumsum(present.sum(axis=1))
+    offsets = pa.array(np.concatenate([[0], ends]), type=pa.int32())
+    values = _vehicle_values(trajectories, simulation[row], slot, frame[row])
+    ids = _ids(slot)
+    return {
+        column: pa.ListArray.from_arrays(
+            offsets,
+            pa.StructArray.from_arrays(
+                [pa.array(ids), *(pa.array(values[name], type=kind) for name, kind in fields)],
+                names=["id", *(name for name, _ in fields)],
+            ),
+        )
+        for column, fields in VEHICLE_COLUMNS.items()
+    }
+
+
+def _vehicle_values(
+    trajectories: Trajectories,
+    simulation: NDArray[np.intp],
+    slot: NDArray[np.intp],
+    frame: NDArray[np.intp],
+) -> dict[str, NDArray[np.generic]]:
+    """Values of the tuples by name, one array element per vehicle and row."""
+    bodies, states = trajectories.scenario.vehicles, trajectories.states
+    at = (simulation, slot, frame)
+    lon, lat = states.accel_lon[at].astype(np.float64), states.accel_lat[at].astype(np.float64)
+    speed = states.speed[at] * METRES_PER_SECOND_PER_STEP
+    return {
+        "length_m": _rounded(bodies.length[simulation, slot]),
+        "width_m": _rounded(bodies.width[simulation, slot]),
+        "height_m": _rounded(bodies.height[simulation, slot]),
+        "x_m": _metres(states.x[at]),
+        "y_m": _metres(-states.y[at]),
+        "lane_id": _Surroundings.of(trajectories.road).lane_id[states.lane[at]],
+        "speed_kmh": np.rint(kmh_from_mps(speed)).astype(np.int32),
+        "wheel_deg": _degrees(states.wheel_angle[at]),
+        "yaw_deg": _degrees(states.heading[at]),
+        "accel_mps2": _rounded(np.sqrt(lon * lon + lat * lat) * METRES_PER_SECOND_SQUARED_PER_STEP),
+    }
+
+
+def _road_columns(
+    trajectories: Trajectories, simulation: NDArray[np.intp], frame: NDArray[np.intp]
+) -> dict[str, ArrayLike | pa.Array]:
+    """MV and what lies around the ego's lane, of each row."""
+    around = _Surroundings.of(trajectories.road)
+    lane = trajectories.states.lane[simulation, Role.EGO, frame]
+    limit_kmh = _rounded(kmh_from_mps(trajectories.road.speed_limit))
+    widths = {
+        column: pa.array(_rounded(values), mask=np.isnan(values))
+        for column, values in (
+            ("LW", around.width[lane]),
+            ("LWR", around.right_width[lane]),
+            ("LWL", around.left_width[lane]),
+        )
+    }
+    return {
+        "MV": np.full(len(frame), limit_kmh),
+        "RT": around.right_mark[lane],
+        "LT": around.left_mark[lane],
+        **widths,
+    }
+
+
+def _weather_columns(
+    trajectories: Trajectories, simulation: NDArray[np.intp]
+) -> dict[str, ArrayLike]:
+    """Weather and light of each row."""
+    weather = trajectories.scenario.weather
+    return {
+        "Prec": _rounded(weather.rain)[simulation],
+        "Fog": _rounded(weather.fog)[simulation],
+        "Wind": _rounded(weather.wind)[simulation],
+        "DN": np.where(weather.night, "Night", "Day")[simulation],
+        "HL": np.where(weather.horizon_line, "Yes", "No")[simulation],
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Surroundings:
+    """What a table says about each value of `States.lane`; every array has shape (256,).
+
+    Off the driving lanes a vehicle is on the neighbour on that side, such as the shoulder; where
+    the road knows none, it counts as in the nearest lane, as CARLA projects it.
+
+    Attributes:
+        lane_id: OpenDRIVE's id.
+        width: Of the lane itself [m].
+        right_width: Of the lane on its right, NaN if there is none [m].
+        left_width: Of the lane on its left, NaN if there is none [m].
+        right_mark: Line on its right, as CARLA spells it.
+        left_mark: Line on its left, as CARLA spells it.
+    """
+
+    lane_id: NDArray[np.int32]
+    width: NDArray[np.float64]
+    right_width: NDArray[np.float64]
+    left_width: NDArray[np.float64]
+    right_mark: NDArray[np.str_]
+    left_mark: NDArray[np.str_]
+
+    @classmethod
+    def of(cls, road: Road) -> _Surroundings:
+        """The surroundings of every lane of a road."""
+        slow, fast = road.slow_side_neighbour, road.fast_side_neighbour
+        lanes = [*([slow] if slow else []), *road.lanes, *([fast] if fast else [])]
+        position = np.full(256, len(lanes) - 1)
+        first = 1 if slow else 0
+        position[: road.num_lanes] = np.arange(road.num_lanes) + first
+        position[_BEYOND_SLOW_EDGE] = 0
+        towards_fast, towards_slow = _widths(lanes, 1), _widths(lanes, -1)
+        is_right_hand = road.driving_side is DrivingSide.RIGHT
+        right, left = (
+            (towards_slow, towards_fast) if is_right_hand else (towards_fast, towards_slow)
+        )
+        return cls(
+            lane_id=np.array([lane.lane_id for lane in lanes], dtype=np.int32)[position],
+            width=np.array([lane.width for lane in lanes])[position],
+            right_width=right[position],
+            left_width=left[position],
+            right_mark=np.array([lane.right_mark.value for lane in lanes])[position],
+            left_mark=np.array([lane.left_mark.value for lane in lanes])[position],
+        )
+
+
+def _widths(lanes: list[Lane], towards: int) -> NDArray[np.float64]:
+    """Width of the lane next to each lane, NaN at the last one [m].
+
+    Args:
+        lanes: From the slow to the fast side.
+        towards: +1 for the neighbour on the fast side, -1 on the slow side.
+    """
+    widths = np.array([lane.width for lane in lanes])
+    shifted = np.full(len(lanes), np.nan)
+    if towards > 0:
+        shifted[:-1] = widths[1:]
+    else:
+        shifted[1:] = widths[:-1]
+    return shifted

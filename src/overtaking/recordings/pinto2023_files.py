@@ -1,0 +1,214 @@
+"""The paper's table in a CSV or Parquet file: written whole or not at all, every cell checked."""
+
+# pyarrow ships no types, and it makes its compute functions when it is imported.
+# pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import os
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Protocol
+from uuid import uuid4
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv as pacsv
+import pyarrow.parquet as pq
+
+from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.recordings.pinto2023_schema import COLUMNS, SCHEMA, VEHICLE_COLUMNS
+from overtaking.recordings.pinto2023_text import CellError, from_text, to_text
+
+if TYPE_CHECKING:
+    from collections.abc import Generator, Iterable
+
+_TEXT = pa.schema([(name, pa.string()) for name in COLUMNS], metadata=SCHEMA.metadata)
+_MAX_SHOWN = 60
+
+
+class _Writer(Protocol):
+    """What takes one table after the other."""
+
+    def write_table(self, table: pa.Table) -> None:
+        """Append the rows of a table of text."""
+        ...
+
+    def close(self) -> None:
+        """Finish the file."""
+        ...
+
+
+def write_table(tables: Iterable[pa.Table], path: Path | str) -> int:
+    """Write the paper's table, one part after the other.
+
+    The file appears under its name only when it is complete; a file of that name is replaced.
+
+    Args:
+        tables: The parts, each of `SCHEMA`; only one is held at a time.
+        path: The file; its ending, `.csv` or `.parquet`, chooses the format.
+
+    Returns:
+        Number of rows written.
+
+    Raises:
+        ConfigError: The ending is neither, or the path is a folder.
+        OSError: The file cannot be written.
+    """
+    target = Path(path)
+    writer_of = {".csv": _CsvWriter, ".parquet": _parquet_writer}.get(target.suffix)
+    if writer_of is None or target.is_dir():
+        raise ConfigError.of(
+            what="the paper's table",
+            where=str(target),
+            expected="a file name that ends in .csv or .parquet",
+            got="a folder" if target.is_dir() else repr(target.suffix),
+            next_step="choose such a name",
+        )
+    with _whole_or_nothing(target) as file, contextlib.closing(writer_of(file)) as writer:
+        return _write_all(writer, tables)
+
+
+def _write_all(writer: _Writer, tables: Iterable[pa.Table]) -> int:
+    """Write all parts; returns the number of rows."""
+    rows = 0
+    for table in tables:
+        writer.write_table(to_text(table))
+        rows += table.num_rows
+    return rows
+
+
+@contextlib.contextmanager
+def _whole_or_nothing(target: Path) -> Generator[IO[bytes]]:
+    """A file that takes its name, and its place on the disk, only if the block succeeds."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    partial = target.with_name(f".{target.name}.{uuid4().hex}.tmp")
+    try:
+        with partial.open("xb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        partial.replace(target)
+    except OSError as error:
+        if error.filename in (None, str(partial)):  # Not what the block had to read.
+            raise OSError(error.errno, error.strerror or str(error), str(target)) from error
+        raise
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _parquet_writer(file: IO[bytes]) -> pq.ParquetWriter:
+    """Parquet with the cells as text, as in the paper."""
+    return pq.ParquetWriter(file, _TEXT, compression="zstd")
+
+
+class _CsvWriter:
+    """CSV as RFC 4180 has it, with quotes only around the cells that hold commas."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        """Begin the file with the line of names."""
+        self._file = file
+        self._file.write((",".join(COLUMNS) + "\r\n").encode())
+
+    def write_table(self, table: pa.Table) -> None:
+        """Append the rows of a table of text."""
+        cells = [
+            pc.binary_join_element_wise('"', table[name], '"', "")
+            if name in VEHICLE_COLUMNS
+            else table[name]
+            for name in COLUMNS
+        ]
+        for chunk in pc.binary_join_element_wise(*cells, ",").chunks:
+            self._file.write("".join(line + "\r\n" for line in chunk.to_pylist()).encode())
+
+    def close(self) -> None:
+        """Nothing: the file belongs to whoever opened it."""
+
+
+def read_table(path: Path | str) -> pa.Table:
+    """Read the paper's table from a CSV or Parquet file.
+
+    Args:
+        path: A file that `write_table` wrote, or one of that form.
+
+    Returns:
+        The values, a table of `SCHEMA`; no collision, which the paper writes as 0, is null.
+
+    Raises:
+        ImportFormatError: The file is not such a table; the message names line and column.
+    """
+    source = Path(path)
+    is_parquet = source.suffix == ".parquet"
+    try:
+        text = _parquet_text(source) if is_parquet else _csv_text(source)
+        return from_text(text)
+    except CellError as error:
+        place = f"row {error.row + 1}" if is_parquet else f"line {error.row + 2}"
+        raise ImportFormatError.of(
+            what=f"{place}, column {error.column}",
+            where=str(source),
+            expected=error.expected,
+            got=error.got[:_MAX_SHOWN],
+            next_step="correct the cell",
+        ) from None
+
+
+def _parquet_text(source: Path) -> pa.Table:
+    """The cells of a Parquet file."""
+    with source.open("rb") as file:
+        try:
+            # One file, not a folder of partitions, and no columns guessed from the path.
+            table = pq.ParquetFile(file).read()
+            table.validate(full=True)  # Text that is no UTF-8, for one, is read without complaint.
+        except (pa.ArrowException, OSError) as error:  # Arrow raises both on damaged pages.
+            raise _unreadable(source, "a Parquet file", error) from None
+    _check_names(source, table.column_names)
+    for field in table.schema:
+        if not (pa.types.is_string(field.type) or pa.types.is_large_string(field.type)):
+            raise _unreadable(source, "columns of text", f"{field.name} of type {field.type}")
+    return table
+
+
+def _csv_text(source: Path) -> pa.Table:
+    """The cells of a CSV file."""
+    try:
+        with source.open(encoding="utf-8-sig", newline="") as file:
+            _check_names(source, next(csv.reader(file), []))
+        return pacsv.read_csv(
+            source,
+            # One thread, because only then Arrow knows the number of a bad row.
+            read_options=pacsv.ReadOptions(use_threads=False, column_names=COLUMNS, skip_rows=1),
+            parse_options=pacsv.ParseOptions(ignore_empty_lines=False),
+            convert_options=pacsv.ConvertOptions(
+                column_types=dict.fromkeys(COLUMNS, pa.string()), strings_can_be_null=False
+            ),
+        )
+    except (pa.ArrowException, UnicodeDecodeError, csv.Error) as error:
+        raise _unreadable(source, "22 cells of UTF-8 text in each line", error) from None
+
+
+def _check_names(source: Path, names: list[str]) -> None:
+    """Refuse a file whose columns are not the paper's, in the paper's order."""
+    for position, (expected, got) in enumerate(zip(COLUMNS, [*names, *[""] * 22], strict=False)):
+        if got != expected:
+            raise ImportFormatError.of(
+                what=f"line 1, column {position + 1}",
+                where=str(source),
+                expected=f"the name {expected}",
+                got=got[:_MAX_SHOWN],
+                next_step=f"give the file the columns {' '.join(COLUMNS)}",
+            )
+    if len(names) != len(COLUMNS):
+        raise _unreadable(source, f"{len(COLUMNS)} columns", f"{len(names)}")
+
+
+def _unreadable(source: Path, expected: str, got: object) -> ImportFormatError:
+    """The file as a whole is not what its name promises."""
+    return ImportFormatError.of(
+        what="the paper's table",
+        where=str(source),
+        expected=expected,
+        got=str(got),
+        next_step="export it again",
+    )

@@ -1,0 +1,235 @@
+"""The paper's table, ours or another's, as recorded simulations.
+
+The table says where every vehicle is, and little else. Lanes and lines come from the road that it
+was recorded on; the weather is a preset where the table's weather is exactly that of one. The
+column D is read as we write it: front wheels and body, clockwise. Accelerations are worked out from
+the positions, because A is a norm without a direction.
+"""
+
+# pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.units import mps_from_kmh
+from overtaking.model.trajectory import Stage, Trajectories
+from overtaking.model.vehicles import Role
+from overtaking.recordings.batch import MAX_SLOTS
+from overtaking.recordings.candidates import MAX_FRAMES, Window
+from overtaking.recordings.pinto2023_files import read_table
+from overtaking.recordings.pinto2023_schema import FORMAT
+from overtaking.recordings.pinto2023_tracks import (
+    Frames,
+    frames_of,
+    interval_ms_of,
+    limits_of,
+    refused,
+    road_of,
+    tracks_of,
+    vehicle_values,
+    weather_of,
+)
+from overtaking.recordings.recording import NEVER_RECORDED, Recording, slope
+from overtaking.recordings.scenes import Parts
+
+if TYPE_CHECKING:
+    from overtaking.model.road import Road
+    from overtaking.model.weather import Weather
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+SCALES = {"a third": 1.0 / 3.0, "three times": 3.0}
+"""Ratios of measured to recorded speed in a table whose time was scaled on one side only."""
+
+_NEAR_SCALE = 0.1  # How near a ratio must be to one of them, as a part of it.
+_SLOW_KMH = 10.0  # Below this a whole km/h is too coarse for a ratio.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableScenes(Parts):
+    """The simulations of the paper's table, in order of their number.
+
+    Each has a carriageway of its own in the recording; the ego comes first, the others by id.
+
+    Attributes:
+        numbers: The table's number of each simulation.
+        frames: What belongs to each simulation and frame.
+        weather: Of each simulation.
+    """
+
+    numbers: I64
+    frames: Frames
+    weather: Weather
+
+    @property
+    def counts(self) -> dict[str, Any]:
+        """What was found."""
+        return {
+            "vehicles": self.recording.tracks.num_vehicles,
+            "simulations": len(self),
+            "frames": len(self.frames.simulation),
+        }
+
+    def trajectories(self, numbers: range) -> Trajectories:
+        """Some of the simulations."""
+        made = Parts.trajectories(self, numbers)
+        part = slice(numbers.start, numbers.stop)
+        scenario = made.scenario.replace(weather=self.weather.select(part))
+        return self._with_frames(made.replace(scenario=scenario), numbers)
+
+    def sources(self, numbers: range) -> list[str]:
+        """Where in the table they come from: its number, and the vehicles' ids slot by slot."""
+        ids = self.recording.tracks.ids
+        return [
+            f"{self.name} simulation {self.numbers[k]} vehicles "
+            + " ".join(str(ids[vehicle]) for vehicle in self.casts[k])
+            for k in numbers
+        ]
+
+    def _with_frames(self, made: Trajectories, numbers: range) -> Trajectories:
+        """The batch with stages and collisions, as far as OV and C tell."""
+        given, ids = self.frames, self.recording.tracks.ids
+        stage, collided = made.stage.copy(), made.collided_with.copy()
+        contacts = made.contacts
+        partner, time = contacts.partner.copy(), contacts.time.copy()
+        for place, number in enumerate(numbers):
+            rows = given.simulation == number
+            begun = np.cumsum(given.overtaking[rows])
+            count = len(begun)
+            stage[place, :count] = np.select(
+                [begun == 0, begun == 1], [Stage.FOLLOW, Stage.PULL_OUT], Stage.RETURN
+            )
+            slots = {int(ids[one]): slot for slot, one in enumerate(self.casts[number])}
+            hit = given.partner[rows]
+            frames = np.flatnonzero(hit > 0)
+            if len(frames):
+                slot = slots[int(hit[frames[0]])]
+                at = frames[0] * self.recording.frame_interval_ms
+                collided[place, frames] = [slots[int(one)] for one in hit[frames]]
+                partner[place, [Role.EGO, slot]] = [slot, Role.EGO]
+                time[place, [Role.EGO, slot]] = at
+        return made.replace(
+            stage=stage,
+            collided_with=collided,
+            contacts=contacts.replace(partner=partner, time=time),
+        )
+
+
+def read_pinto2023(path: Path | str, *, road: Road | None = None) -> TableScenes:
+    """The simulations of a table.
+
+    Args:
+        path: A CSV or Parquet file with the paper's 22 columns.
+        road: The road that it was recorded on; by default one of the package on which its
+            vehicles are in the lanes that the table names.
+
+    Returns:
+        The simulations. `notes` has how measured speeds compare with recorded ones.
+
+    Raises:
+        ImportFormatError: The file is no such table, its frames are not evenly spaced, or its
+            road is none that is known; the message names line and column.
+    """
+    source = Path(path)
+    table = read_table(source)
+    if not table.num_rows:
+        raise refused(source, "table", "at least one row", "none")
+    numbers, frames = frames_of(source, table)
+    interval = interval_ms_of(source, table, frames)
+    values = vehicle_values(table, frames)
+    place, agreement = road_of(source, road, values)
+    tracks = tracks_of(source, values, place, interval)
+    limit = limits_of(table)
+    unknown = NEVER_RECORDED - {"stage", "wheel_angle"} | {"kinds", "yaw_rate"}
+    weather, is_known = weather_of(table, frames, len(numbers))
+    unknown |= set() if is_known else {"weather"}
+    unknown |= set() if len(limit) == 1 else {"speed_limit"}
+    place = place.extended(max(place.length, float(tracks.s.max()) + 1.0))
+    recording = Recording(
+        name=source.name,
+        file_format=FORMAT,
+        road=dataclasses.replace(place, speed_limit=float(limit[0])),
+        frame_interval_ms=interval,
+        tracks=tracks,
+        unknown=frozenset(unknown),
+        notes={"road": place.name, "lanes_as_named": round(agreement, 4)},
+    )
+    recording.notes.update(time_scaling(recording))
+    return _scenes(source, recording, numbers, frames, weather)
+
+
+def speed_ratios(recording: Recording) -> F64:
+    """Speed measured from positions and times over recorded speed, NaN for who hardly moves.
+
+    Returns:
+        The median over the frames of each vehicle, shape (vehicle,).
+    """
+    tracks, interval = recording.tracks, recording.frame_interval_ms
+    measured = np.hypot(
+        slope(tracks.x, tracks.start, interval), slope(tracks.y, tracks.start, interval)
+    )
+    moves = tracks.speed > mps_from_kmh(_SLOW_KMH)
+    ratio = np.where(moves, measured / np.where(moves, tracks.speed, 1.0), np.nan)
+    ratios = np.full(tracks.num_vehicles, np.nan)
+    for one in range(tracks.num_vehicles):
+        own = ratio[tracks.start[one] : tracks.start[one + 1]]
+        if len(own) > 1 and not np.isnan(own).all():
+            ratios[one] = np.nanmedian(own)
+    return ratios
+
+
+def time_scaling(recording: Recording) -> dict[str, Any]:
+    """What the ratios of measured to recorded speed say about a table's clock."""
+    ratios = speed_ratios(recording)
+    known = ratios[~np.isnan(ratios)]
+    if not len(known):
+        return {"speed_ratio_median": None, "time_scaling": None, "vehicles_at_other_speeds": 0}
+    near = {name: np.abs(known / scale - 1.0) <= _NEAR_SCALE for name, scale in SCALES.items()}
+    most = max(near, key=lambda name: int(near[name].sum()))
+    return {
+        "speed_ratio_median": round(float(np.median(known)), 4),
+        "speed_ratio_lowest": round(float(known.min()), 4),
+        "speed_ratio_highest": round(float(known.max()), 4),
+        "vehicles_at_other_speeds": int((np.abs(known - 1.0) > _NEAR_SCALE).sum()),
+        "time_scaling": most if near[most].mean() > 0.5 else None,
+    }
+
+
+def _scenes(
+    source: Path, recording: Recording, numbers: I64, frames: Frames, weather: Weather
+) -> TableScenes:
+    """A window and a cast for each simulation."""
+    tracks = recording.tracks
+    first = np.searchsorted(frames.simulation, np.arange(len(numbers)))
+    last = np.append(first[1:], len(frames.simulation)) - 1
+    windows: list[Window] = []
+    casts: list[tuple[int, ...]] = []
+    for k in range(len(numbers)):
+        there = np.flatnonzero(tracks.carriageway == k)
+        is_ego = tracks.ids[there] == frames.ego[first[k]]
+        ego = int(there[is_ego][0])
+        span = (int(frames.frame[first[k]]), int(frames.frame[last[k]]))
+        if len(there) > MAX_SLOTS or (int(tracks.first[ego]), int(tracks.last[ego])) != span:
+            expected = f"an ego in every frame and at most {MAX_SLOTS} vehicles"
+            raise refused(source, f"simulation {numbers[k]}", expected, "another")
+        if span[1] - span[0] >= MAX_FRAMES:
+            got = str(span[1] - span[0] + 1)
+            raise refused(source, f"simulation {numbers[k]}", f"at most {MAX_FRAMES} frames", got)
+        casts.append((ego, *there[~is_ego].tolist()))
+        windows.append(Window(ego=ego, leader=ego, first=span[0], last=span[1]))
+    return TableScenes(
+        recording=recording,
+        windows=windows,
+        casts=casts,
+        numbers=numbers,
+        frames=frames,
+        weather=weather,
+    )

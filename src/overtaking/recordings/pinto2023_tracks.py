@@ -1,0 +1,265 @@
+"""What stands in the paper's table, row by row, as tracks and weather.
+
+A row is one frame of one simulation, with a tuple for each vehicle in some of its cells.
+"""
+
+# pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.errors import ImportFormatError
+from overtaking.core.units import mps_from_kmh, rad_from_deg
+from overtaking.knowledge import presets
+from overtaking.knowledge.roads import ROAD_NAMES
+from overtaking.model.known_roads import known_road
+from overtaking.model.weather import NO_PRESET
+from overtaking.recordings.pinto2023_schema import VEHICLE_COLUMNS
+from overtaking.recordings.recording import BEYOND_SLOW_EDGE, Tracks, kinds_by_length, slope
+from overtaking.scenarios.assumed import assumed_weather
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pyarrow as pa
+
+    from overtaking.model.road import Road
+    from overtaking.model.weather import Weather
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+F32 = NDArray[np.float32]
+
+MIN_AGREEMENT = 0.95
+"""Share of the lane ids of a table that must be those of its road."""
+
+_GLARING = "ClearSunset"  # The only preset for which the paper says Yes in column HL.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frames:
+    """What the table says of each simulation and frame, in order; arrays of shape (frame,).
+
+    Attributes:
+        line: Where it stands in the table, from 0.
+        simulation: Place of the simulation.
+        frame: Its number in the simulation.
+        ego: Id of the ego.
+        partner: Id of the vehicle that the ego has collided with, 0 for none.
+        overtaking: 1 where the ego begins to pull out or to return.
+    """
+
+    line: I64
+    simulation: I64
+    frame: I64
+    ego: I64
+    partner: I64
+    overtaking: I64
+
+
+def refused(source: Path, what: str, expected: str, got: str, next_step: str = "") -> Exception:
+    """The error for a table that does not say what is needed."""
+    return ImportFormatError.of(
+        where=str(source),
+        what=what,
+        expected=expected,
+        got=got,
+        next_step=next_step or "export the table again",
+    )
+
+
+def _integers(table: pa.Table, name: str) -> I64:
+    """A column of whole numbers, 0 where it is null."""
+    return table[name].fill_null(0).to_numpy().astype(np.int64)
+
+
+def frames_of(source: Path, table: pa.Table) -> tuple[I64, Frames]:
+    """The simulations' numbers, and their frames in order."""
+    simulation, frame = _integers(table, "S"), _integers(table, "F")
+    order = np.lexsort((frame, simulation))
+    numbers, place = np.unique(simulation[order], return_inverse=True)
+    same = np.diff(place) == 0
+    for name, wrong in (
+        ("F", same & (np.diff(frame[order]) != 1)),
+        ("IDego", same & (np.diff(_integers(table, "IDego")[order]) != 0)),
+    ):
+        if wrong.any():
+            row = int(order[int(np.argmax(wrong)) + 1])
+            got = str(table[name][row].as_py())
+            expected = "the frame after the one before" if name == "F" else "the same ego"
+            raise refused(source, f"row {row + 1}, column {name}", expected, got)
+    return numbers, Frames(
+        line=order,
+        simulation=place.astype(np.int64),
+        frame=frame[order],
+        ego=_integers(table, "IDego")[order],
+        partner=_integers(table, "C")[order],
+        overtaking=_integers(table, "OV")[order],
+    )
+
+
+def interval_ms_of(source: Path, table: pa.Table, frames: Frames) -> int:
+    """Time between frames, which must be the same everywhere."""
+    time = table["TS"].to_numpy()[frames.line]
+    steps = np.diff(time)[np.diff(frames.simulation) == 0]
+    if not len(steps):
+        raise refused(source, "column TS", "two frames of a simulation", "one of each")
+    interval = round(float(np.mean(steps)) * 1000.0)
+    uneven = np.abs(steps * 1000.0 - interval) > 10.0 + 1e-6  # Two decimals of a second.
+    if uneven.any() or not 10 <= interval <= 1000:
+        got = f"{steps.min():g} to {steps.max():g} s"
+        raise refused(source, "column TS", "even steps of 0.01 to 1 s", got)
+    return interval
+
+
+def vehicle_values(table: pa.Table, frames: Frames) -> dict[str, NDArray[Any]]:
+    """The tuples of all rows, by vehicle and frame: one array for each of their values."""
+    dimensions = table["Dim"].combine_chunks()
+    lengths = np.diff(dimensions.offsets.to_numpy())
+    place = np.empty(len(lengths), np.int64)
+    place[frames.line] = np.arange(len(lengths))
+    row = np.repeat(place, lengths)
+    values: dict[str, NDArray[Any]] = {
+        "line": np.repeat(np.arange(len(lengths)), lengths),
+        "simulation": frames.simulation[row],
+        "frame": frames.frame[row],
+        "id": np.asarray(dimensions.flatten().field("id")).astype(np.int64),
+    }
+    for column, fields in VEHICLE_COLUMNS.items():
+        flat = table[column].combine_chunks().flatten()
+        values |= {name: np.asarray(flat.field(name)) for name, _ in fields}
+    order = np.lexsort((values["frame"], values["id"], values["simulation"]))
+    return {name: one[order] for name, one in values.items()}
+
+
+def road_of(
+    source: Path, given: Road | None, values: dict[str, NDArray[Any]]
+) -> tuple[Road, float]:
+    """The road on which the vehicles are in the lanes that the table names, and how often."""
+    roads = [given] if given else [known_road(name) for name in ROAD_NAMES]
+    shares = [_agreement(one, values) for one in roads]
+    best = int(np.argmax(shares))
+    if shares[best] < MIN_AGREEMENT:
+        raise refused(
+            source,
+            "column L",
+            f"lanes of {roads[best].name} in {MIN_AGREEMENT:.0%} of the positions",
+            f"{shares[best]:.0%}",
+            "name the road that it was recorded on",
+        )
+    return roads[best], shares[best]
+
+
+def _agreement(road: Road, values: dict[str, NDArray[Any]]) -> float:
+    """Share of the positions whose lane on a road is the one that the table names."""
+    _, d = road.road_coordinates(values["x_m"], -values["y_m"])
+    ids = np.array([lane.lane_id for lane in road.lanes])
+    lane = road.lane_index(d)
+    # The table names what lies beside the road where a vehicle has left it.
+    found = np.where(
+        (lane >= 0) & (lane < road.num_lanes),
+        ids[np.clip(lane, 0, road.num_lanes - 1)] == values["lane_id"],
+        ~np.isin(values["lane_id"], ids),
+    )
+    return float(found.mean())
+
+
+def tracks_of(
+    source: Path, values: dict[str, NDArray[Any]], road: Road, interval_ms: int
+) -> Tracks:
+    """All vehicles of all simulations, each simulation on a carriageway of its own."""
+    changes = (np.diff(values["simulation"]) != 0) | (np.diff(values["id"]) != 0)
+    gap = ~changes & (np.diff(values["frame"]) != 1)
+    if gap.any():
+        row = int(np.argmax(gap)) + 1
+        place = f"row {values['line'][row] + 1}, column Dim"
+        expected = f"vehicle {values['id'][row]} in every frame from its first to its last"
+        raise refused(source, place, expected, f"none before frame {values['frame'][row]}")
+    begins = np.flatnonzero(np.append(True, changes))
+    start = np.append(begins, len(values["id"]))
+    x, y = values["x_m"], -values["y_m"]
+    s, d = road.road_coordinates(x, y)
+    lane = road.lane_index(d)
+    length = values["length_m"][begins]
+    nobody = np.zeros(len(begins), np.bool_)
+    return Tracks(
+        ids=values["id"][begins],
+        kind=kinds_by_length(length, is_truck=nobody, is_car=nobody),
+        length=length,
+        width=values["width_m"][begins],
+        carriageway=values["simulation"][begins],
+        first=values["frame"][begins],
+        start=start,
+        x=x,
+        y=y,
+        s=s,
+        d=d,
+        speed=_float64(mps_from_kmh(values["speed_kmh"].astype(np.float64))),
+        heading=-_float64(rad_from_deg(values["yaw_deg"])),
+        accel_lon=slope(slope(s, start, interval_ms), start, interval_ms),
+        accel_lat=slope(slope(d, start, interval_ms), start, interval_ms),
+        yaw_rate=np.zeros_like(s),
+        wheel_angle=-_float64(rad_from_deg(values["wheel_deg"])),
+        lane=np.where(lane < 0, BEYOND_SLOW_EDGE, lane).astype(np.uint8),
+    )
+
+
+def _float64(values: NDArray[np.floating[Any]]) -> F64:
+    return values.astype(np.float64)
+
+
+def limits_of(table: pa.Table) -> F64:
+    """The speed limits that occur, the most frequent one first [m/s]."""
+    limits, count = np.unique(table["MV"].to_numpy(), return_counts=True)
+    ordered: F64 = limits[np.argsort(-count, kind="stable")]
+    return _float64(mps_from_kmh(ordered))
+
+
+def weather_of(table: pa.Table, frames: Frames, count: int) -> tuple[Weather, bool]:
+    """The weather of each simulation, and whether all of it is that of presets.
+
+    The paper's own presets go before others. Where several fit, as for nights that differ in their
+    clouds alone, none is named and the first gives what the table does not have.
+    """
+    first = frames.line[np.searchsorted(frames.simulation, np.arange(count))]
+    given = {name: table[name].to_numpy()[first] for name in ("Prec", "Fog", "Wind")}
+    night = np.asarray(table["DN"].to_pylist())[first] == "Night"
+    glare = np.asarray(table["HL"].to_pylist())[first] == "Yes"
+    known = tuple(presets().values())
+    fits = np.stack([
+        (given["Prec"] == one.precipitation_percent)
+        & (given["Fog"] == one.fog_density_percent)
+        & (given["Wind"] == one.wind_intensity_percent)
+        & (night == (one.sun_altitude_deg < 0.0))
+        & (glare == (one.name == _GLARING))
+        for one in known
+    ])  # fmt: skip
+    from_paper = np.array([one.in_pinto2023 for one in known])[:, None]
+    fits &= from_paper | ~(fits & from_paper).any(axis=0)
+    best, num_fitting = fits.argmax(axis=0), fits.sum(axis=0)
+
+    def of_best(name: str, otherwise: F32) -> F32:
+        values = np.array([getattr(one, name) for one in known], np.float32)[best]
+        return np.where(num_fitting > 0, values, otherwise)
+
+    assumed = assumed_weather(count)
+    sun = np.where(night, np.float32(-90.0), np.float32(45.0))  # As most presets have it.
+    weather = assumed.replace(
+        preset=np.where(num_fitting == 1, best, NO_PRESET).astype(np.uint8),
+        cloudiness=of_best("cloudiness_percent", assumed.cloudiness),
+        rain=given["Prec"].astype(np.float32),
+        puddles=of_best("precipitation_deposits_percent", assumed.puddles),
+        wind=given["Wind"].astype(np.float32),
+        fog=given["Fog"].astype(np.float32),
+        sun_altitude=of_best("sun_altitude_deg", sun) * np.float32(rad_from_deg(1.0)),
+        sun_azimuth=np.where(glare, np.float32(0.0), assumed.sun_azimuth),
+        night=night,
+        horizon_line=glare,
+    )
+    return weather, bool((num_fitting > 0).all())

@@ -1,0 +1,54 @@
+"""A road by what a user calls it: a name that comes with the package, or a file."""
+
+from pathlib import Path
+
+from overtaking.core.errors import ConfigError
+from overtaking.knowledge.roads import ROAD_NAMES
+from overtaking.model.known_roads import known_road
+from overtaking.model.road import Road
+from overtaking.recordings.opendrive import Side, read_opendrive
+from overtaking.scenarios.reading import is_there
+
+
+def load_road(
+    name_or_path: str | Path,
+    road_id: str | int | None = None,
+    *,
+    lanes: Side | None = None,
+    speed_limit: float | None = None,
+) -> Road:
+    """A road that comes with the package, or one of an OpenDRIVE file.
+
+    Args:
+        name_or_path: One of `overtaking.knowledge.roads.ROAD_NAMES`, or the path of a file.
+        road_id: Id of the road in the file; may be left out if the file has only one.
+        lanes: Lanes right or left of the file's reference line; see `read_opendrive`.
+        speed_limit: Limit in place of the file's [m/s].
+
+    Raises:
+        ConfigError: Neither a known name nor a file, or a choice for a road that leaves none.
+        ImportFormatError: The file or its road cannot be used; the message says why.
+    """
+    if name_or_path not in ROAD_NAMES:
+        if not Path(name_or_path).suffix and not is_there(str(name_or_path)):
+            raise _unknown(str(name_or_path))
+        return read_opendrive(name_or_path, road_id, lanes=lanes, speed_limit=speed_limit)
+    if not (road_id is None and lanes is None and speed_limit is None):
+        raise ConfigError.of(
+            what=f"road {name_or_path}",
+            where="load_road",
+            expected="its name alone",
+            got="a road id, side or speed limit beside it",
+            next_step="leave them out, or pass a map file",
+        )
+    return known_road(str(name_or_path))
+
+
+def _unknown(name: str) -> ConfigError:
+    return ConfigError.of(
+        what="road",
+        where="load_road",
+        expected=f"{', '.join(ROAD_NAMES)} or an OpenDRIVE file",
+        got=repr(name),
+        next_step="check the name or the path",
+    )

@@ -1,0 +1,176 @@
+"""What becomes of a recording: its candidate overtakes, and who is in each."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.model.vehicles import VehicleKind
+from overtaking.recordings.batch import (
+    MAX_SLOTS,
+    NUM_SLOTS,
+    cast_of,
+    coverage,
+    trajectories,
+)
+from overtaking.recordings.candidates import (
+    LaneChanges,
+    Window,
+    followers,
+    lane_changes,
+    num_passes,
+    overtakes,
+)
+from overtaking.recordings.neighbours import Surroundings
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from overtaking.model.road import Road
+    from overtaking.model.trajectory import Trajectories
+    from overtaking.recordings.recording import Recording
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parts:
+    """Simulations that are parts of a recording.
+
+    Attributes:
+        recording: The recording.
+        windows: Which frames of it each simulation is.
+        casts: The vehicles of each by slot, as places among the tracks.
+    """
+
+    recording: Recording
+    windows: Sequence[Window]
+    casts: Sequence[tuple[int, ...]]
+
+    def __len__(self) -> int:
+        """Number of simulations."""
+        return len(self.windows)
+
+    @property
+    def name(self) -> str:
+        """What the recording calls itself."""
+        return self.recording.name
+
+    @property
+    def road(self) -> Road:
+        """The road of all of them."""
+        return self.recording.road
+
+    @property
+    def unknown(self) -> frozenset[str]:
+        """What the recording does not tell, names of `UNKNOWNS`."""
+        return self.recording.unknown
+
+    @property
+    def notes(self) -> dict[str, Any]:
+        """What the reader decided, left out or measured."""
+        return self.recording.notes
+
+    def trajectories(self, numbers: range) -> Trajectories:
+        """Some of the simulations."""
+        part = slice(numbers.start, numbers.stop)
+        return trajectories(
+            self.recording, self.windows[part], self.casts[part], first_index=numbers.start
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenes(Parts):
+    """Simulations that wait to be made from a recording, in order.
+
+    Attributes:
+        counts: What was found.
+    """
+
+    counts: dict[str, Any]
+
+    def sources(self, numbers: range) -> list[str]:
+        """Where in the recording some of the simulations come from, one text for each.
+
+        It names the frames and, slot by slot, the vehicles as the recording does.
+        """
+        ids = self.recording.tracks.ids
+        return [
+            f"{self.name} frames {window.first} to {window.last} vehicles "
+            + " ".join(str(ids[vehicle]) for vehicle in cast)
+            for window, cast in zip(
+                self.windows[numbers.start : numbers.stop],
+                self.casts[numbers.start : numbers.stop],
+                strict=True,
+            )
+        ]
+
+
+def scenes(
+    recording: Recording, *, attempts_only: bool = False, num_slots: int = NUM_SLOTS
+) -> Scenes:
+    """Everything in a recording that may be an overtake, or could have been one.
+
+    Args:
+        recording: The recording.
+        attempts_only: Whether vehicles are left out that have a leader and never leave their lane
+            to the left.
+        num_slots: Vehicles of a simulation at most, the ego among them.
+
+    Raises:
+        ConfigError: That many vehicles are too few or too many.
+        ImportFormatError: There is nothing of the kind in the recording.
+    """
+    if not 2 <= num_slots <= MAX_SLOTS:
+        raise ConfigError.of(
+            what="vehicles of a simulation",
+            where="import",
+            expected=f"2 to {MAX_SLOTS}",
+            got=num_slots,
+            next_step="choose a number in that range",
+        )
+    changes, around = lane_changes(recording), Surroundings.of(recording)
+    moving = overtakes(recording, changes, around)
+    waiting = followers(recording, changes, around)
+    chosen = moving if attempts_only else [*moving, *waiting]
+    if not chosen:
+        raise _nothing(recording, len(waiting))
+    casts = [cast_of(recording, around, one, num_slots) for one in chosen]
+    counts = _counts(recording, changes, moving, waiting)
+    counts["neighbours_with_a_slot"] = round(coverage(recording, around, chosen, casts), 4)
+    return Scenes(recording=recording, windows=chosen, casts=casts, counts=counts)
+
+
+def _counts(
+    recording: Recording, changes: LaneChanges, moving: list[Window], waiting: list[Window]
+) -> dict[str, Any]:
+    """What was found, in numbers."""
+    to_left = int(changes.is_left.sum())
+    return {
+        "vehicles": recording.tracks.num_vehicles,
+        "lane_changes_left": to_left,
+        "lane_changes_right": len(changes.row) - to_left,
+        "passes": num_passes(recording.tracks),
+        "candidate_overtakes": len(moving),
+        "candidates_that_return": sum(one.returns is not None for one in moving),
+        "followers_without_attempt": len(waiting),
+        "types": dict(sorted(Counter(_types(recording)).items())),
+    }
+
+
+def _types(recording: Recording) -> list[str]:
+    """Type of each vehicle."""
+    return [VehicleKind(kind).name for kind in recording.tracks.kind]
+
+
+def _nothing(recording: Recording, num_waiting: int) -> ImportFormatError:
+    followed = f"and {num_waiting} vehicles that only follow" if num_waiting else "and no followers"
+    others = recording.notes.get("other_roads")
+    elsewhere = f"choose another road, --lanelet {others}" if others else "choose another recording"
+    return ImportFormatError.of(
+        where=recording.name,
+        what="recording",
+        expected="a vehicle that leaves its lane to the left behind a leader",
+        got=f"none {followed}",
+        next_step="import the followers too" if num_waiting else elsewhere,
+    )

@@ -1,0 +1,1 @@
+"""Pictures of numbers: figures, reports, films."""

@@ -1,0 +1,122 @@
+"""What was learned: confusion, calibration, and the factors in order."""
+
+import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.ticker import PercentFormatter
+
+from overtaking.analysis.learning.factors import FactorsFound
+from overtaking.analysis.learning.models import TREES
+from overtaking.show.plots.style import (
+    ACCENT,
+    GRID,
+    INK,
+    LINE,
+    QUIET,
+    new_figure,
+    set_margins,
+    styled,
+    words,
+)
+
+_SHADES = LinearSegmentedColormap.from_list("shares", ("#ffffff", "#8fbfdd", ACCENT))
+_DARK = 0.6  # Shares beyond this need white letters.
+
+
+@styled
+def draw_confusion(found: FactorsFound) -> Figure:
+    """What came, by what the trees foretold, as shares of what came.
+
+    Args:
+        found: `learning.factors.learn_factors`.
+    """
+    counts = next(one for one in found.models if one.name == TREES).confusion
+    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    names = [words(one) for one in found.outcomes]
+    figure = new_figure(0.6 + 0.5 * len(names), is_fixed=True)
+    set_margins(figure, left=1.35, right=0.1, top=0.1, bottom=0.5)
+    axes = figure.add_subplot()
+    axes.imshow(shares, cmap=_SHADES, vmin=0.0, vmax=1.0, aspect="auto")
+    for row, column in np.ndindex(*counts.shape):
+        share = float(shares[row, column])
+        axes.text(
+            column,
+            row,
+            f"{counts[row, column]:,}\n{100.0 * share:.0f} %",
+            ha="center",
+            va="center",
+            size=7.0,
+            color="white" if share > _DARK else INK,
+        )
+    axes.set_xticks(range(len(names)), names)
+    axes.set_yticks(range(len(names)), names)
+    axes.set_xlabel("foretold")
+    axes.set_ylabel("came")
+    axes.grid(visible=False)
+    axes.tick_params(length=0, labelcolor=INK)
+    axes.spines[:].set_visible(False)
+    return figure
+
+
+@styled
+def draw_reliability(found: FactorsFound) -> Figure:
+    """How often each model is right, by how sure it is, and how many examples that is about.
+
+    Args:
+        found: `learning.factors.learn_factors`.
+    """
+    figure = new_figure(2.6)
+    panels = np.atleast_1d(figure.subplots(1, len(found.models), sharey=True))
+    for axes, model in zip(panels, found.models, strict=True):
+        filled = model.counts > 0
+        axes.plot([0.0, 1.0], [0.0, 1.0], color=LINE, linewidth=0.9, zorder=1)
+        sizes = 6.0 + 90.0 * model.counts[filled] / model.counts.sum()
+        axes.plot(model.said[filled], model.was[filled], color=ACCENT, linewidth=0.9, zorder=2)
+        axes.scatter(
+            model.said[filled], model.was[filled], s=sizes, color=ACCENT, linewidth=0.0, zorder=3
+        )
+        axes.set_title(model.name)
+        axes.set_xlabel("confidence")
+        axes.set_xlim(0.0, 1.02)
+        axes.set_ylim(0.0, 1.02)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+        axes.grid(visible=True, axis="both")
+        axes.text(
+            0.97, 0.05, f"error {100.0 * model.error:.1f} %", ha="right", color=QUIET,
+            transform=axes.transAxes,
+        )  # fmt: skip
+    panels[0].set_ylabel("foretold rightly")
+    return figure
+
+
+@styled
+def draw_ranking(found: FactorsFound) -> Figure:
+    """Accuracy with the first factor, the first two, and so on, with its confidence.
+
+    Args:
+        found: `learning.factors.learn_factors`.
+    """
+    figure = new_figure(0.9 + 0.19 * len(found.ranking), is_fixed=True)
+    set_margins(figure, left=2.55, right=0.15, top=0.1, bottom=0.5)
+    axes = figure.add_subplot()
+    places = np.arange(len(found.ranking))
+    middle = np.array([one.accuracy for one in found.ranking])
+    low = np.array([one.low for one in found.ranking])
+    high = np.array([one.high for one in found.ranking])
+    axes.fill_betweenx(places, low, high, color=ACCENT, alpha=0.16, linewidth=0.0)
+    axes.plot(middle, places, color=ACCENT, linewidth=1.4, marker="o", markersize=3.6)
+    axes.axvline(found.most_frequent, color=LINE, linewidth=0.9, linestyle="--")
+    axes.text(
+        found.most_frequent, len(places) - 0.6, " always the most frequent", color=QUIET,
+        va="bottom",
+    )  # fmt: skip
+    names = [one.name if not n else f"+ {one.name}" for n, one in enumerate(found.ranking)]
+    axes.set_yticks(places, names)
+    axes.tick_params(axis="y", labelcolor=INK)
+    axes.set_ylim(len(places) - 0.4, -0.6)
+    axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+    axes.set_xlabel("accuracy with this factor and all above it")
+    axes.grid(visible=True, axis="x", color=GRID)
+    axes.grid(visible=False, axis="y")
+    return figure

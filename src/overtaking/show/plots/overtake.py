@@ -1,0 +1,158 @@
+"""One overtake in space and time, with its phases."""
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from overtaking.analysis.stats.columns import NO_ATTEMPT
+from overtaking.analysis.stats.diagrams import Diagram, Track
+from overtaking.core.units import kmh_from_mps
+from overtaking.show.plots.style import (
+    CLASS_COLOURS,
+    INK,
+    LINE,
+    PHASE_COLOURS,
+    QUIET,
+    new_figure,
+    styled,
+)
+
+_OTHERS = "#9aa1aa"
+_SKY = "#56b4e9"  # Of the same palette; the grey of No_attempt would be lost among the others.
+_LETTER = 0.0085  # Width of a letter, in lengths of the time axis.
+_NAME_HEIGHT = 0.05  # Height of a name, in heights of the upper panel.
+
+
+@styled
+def draw_overtake(one: Diagram, name: str) -> Figure:
+    """Position along the road above, position across it below, phases behind both.
+
+    Args:
+        one: `stats.diagrams.diagram`.
+        name: The class of the simulation, for the ego's colour.
+    """
+    figure = new_figure(4.6)
+    along, across = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
+    colour = CLASS_COLOURS[name] if name != NO_ATTEMPT else _SKY
+    for axes in (along, across):
+        axes.grid(visible=False)
+        _draw_phases(axes, one)
+        axes.set_xlim(one.time[0], max(one.time[-1], one.time[0] + 1e-3))
+    _draw_along(along, one, colour)
+    _draw_across(across, one, colour)
+    _name_phases(along, one)
+    _name_marks(across, one)
+    across.set_xlabel("time [s]", labelpad=14)
+    figure.align_ylabels([along, across])
+    return figure
+
+
+def _draw_phases(axes: Axes, one: Diagram) -> None:
+    """A band for each phase, a line for each event."""
+    for phase in one.phases:
+        axes.axvspan(
+            phase.begin, phase.end, facecolor=PHASE_COLOURS[phase.name], linewidth=0, zorder=0
+        )
+    for symbol, time in one.marks:
+        is_hit = symbol == "collision"
+        axes.axvline(
+            time,
+            color=CLASS_COLOURS["Unsuccess_col"] if is_hit else LINE,
+            linewidth=1.2 if is_hit else 0.7,
+            linestyle="-" if is_hit else (0, (3, 2)),
+            zorder=0.5,
+        )
+
+
+def _draw_along(axes: Axes, one: Diagram, colour: str) -> None:
+    """Where everybody is along the road, from rear to front bumper."""
+    for track in reversed(one.tracks):
+        half = track.length / 2.0
+        shade, strength = _colour(track, colour)
+        axes.fill_between(
+            one.time, track.ahead - half, track.ahead + half, color=shade, alpha=strength,
+            linewidth=0.0, zorder=2,
+        )  # fmt: skip
+        axes.plot(one.time, track.ahead, color=shade, linewidth=_thickness(track), zorder=3)
+    speed_kmh = kmh_from_mps(one.reference_speed)
+    axes.set_ylabel(f"along the road, from a mark\nthat moves at {speed_kmh:.0f} km/h [m]")
+    _name_tracks(axes, one, colour)
+
+
+def _draw_across(axes: Axes, one: Diagram, colour: str) -> None:
+    """Where ego and target are across the road, from side to side of their bodies."""
+    for place, is_solid in one.lines:
+        axes.axhline(
+            place, color=QUIET, linewidth=1.0 if is_solid else 0.8,
+            linestyle="-" if is_solid else (0, (6, 5)), zorder=1,
+        )  # fmt: skip
+    for track in reversed(one.tracks):
+        shade, strength = _colour(track, colour)
+        if track.is_ego or track.is_target:
+            half = track.width / 2.0
+            axes.fill_between(
+                one.time, track.lateral - half, track.lateral + half, color=shade, alpha=strength,
+                linewidth=0.0, zorder=2,
+            )  # fmt: skip
+        axes.plot(one.time, track.lateral, color=shade, linewidth=_thickness(track), zorder=3)
+    low, high = one.lines[0][0], one.lines[-1][0]
+    reach = [track.lateral for track in one.tracks if track.is_ego]
+    low = min([low, *(float(one.min()) for one in reach)])
+    high = max([high, *(float(one.max()) for one in reach)])
+    axes.set_ylim(low - 0.6, high + 0.6)
+    axes.set_ylabel("across it, fast side up [m]")
+
+
+def _colour(track: Track, colour: str) -> tuple[str, float]:
+    """Colour and strength of a vehicle's band."""
+    if track.is_ego:
+        return colour, 0.45
+    return (INK, 0.28) if track.is_target else (_OTHERS, 0.22)
+
+
+def _thickness(track: Track) -> float:
+    return 1.5 if track.is_ego else 1.1 if track.is_target else 0.6
+
+
+def _name_tracks(axes: Axes, one: Diagram, colour: str) -> None:
+    """The vehicles' names at the ends of their lines; who would hide a nearer one has none."""
+    low, high = axes.get_ylim()
+    taken: list[float] = []
+    for track in one.tracks:
+        place = float(track.ahead[-1])
+        if any(abs(place - other) < _NAME_HEIGHT * (high - low) for other in taken):
+            continue
+        taken.append(place)
+        text = "ego" if track.is_ego else "target" if track.is_target else str(track.slot)
+        axes.annotate(
+            text, (float(one.time[-1]), place), (4, 0), textcoords="offset points", va="center",
+            color=_colour(track, colour)[0], weight="bold" if track.is_ego else "normal", size=7,
+            annotation_clip=False,
+        )  # fmt: skip
+
+
+def _name_phases(axes: Axes, one: Diagram) -> None:
+    """The name of each phase above its band, where it has room."""
+    whole = float(one.time[-1] - one.time[0]) or 1.0
+    for phase in one.phases:
+        width = (phase.end - phase.begin) / whole
+        if width < _LETTER * len(phase.name):
+            continue
+        axes.text(
+            (phase.begin + phase.end) / 2.0, 1.02, phase.name, ha="center", va="bottom",
+            color=QUIET, size=7, transform=axes.get_xaxis_transform(),
+        )  # fmt: skip
+
+
+def _name_marks(axes: Axes, one: Diagram) -> None:
+    """The symbol of each event below the time axis; one that has no room goes a line down."""
+    whole = float(one.time[-1] - one.time[0]) or 1.0
+    end, is_down = -1.0, False
+    for symbol, time in sorted(one.marks, key=lambda mark: mark[1]):
+        half = 0.5 * _LETTER * (len(symbol) + 1) * whole
+        is_down = time - half < end and not is_down
+        end = time + half
+        axes.annotate(
+            symbol, (time, 0.0), (0, -21 if is_down else -13),
+            xycoords=axes.get_xaxis_transform(), textcoords="offset points", ha="center", va="top",
+            color=INK, size=7, style="italic", annotation_clip=False,
+        )  # fmt: skip

@@ -1,0 +1,111 @@
+"""The sections of a report about what was learned."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from overtaking.core.errors import DatasetError, MissingExtraError
+from overtaking.show.report.page import Section, paragraph
+
+if TYPE_CHECKING:
+    from overtaking.analysis.learning.factors import FactorsFound
+    from overtaking.analysis.learning.rules import RulesFound
+    from overtaking.data.load import Dataset
+    from overtaking.show.report.write import Writer
+
+_ABOUT_RULES = (
+    "Learned from what is known when an overtake begins, or might have begun; every number is "
+    "counted on simulations that were kept back. A rule is not a cause: it says where, in these "
+    "data, something is so. Shares count each simulation once, whatever its importance weight."
+)
+_ABOUT_FACTORS = (
+    "Three models foretell the class from the same. What is known only afterwards (the duration, "
+    "the collision partner, changes of lane, the largest acceleration, means over the run) is kept "
+    "from them, and simulations of one scenario or recording stay on one side of the split."
+)
+_ABOUT_RANKING = (
+    "From all factors the one is dropped without which the model loses least, then the next; the "
+    "last to go stands first. Where intervals overlap, the order says little; where factors tell "
+    "the same, one of them takes the credit for both."
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Learned:
+    """What a report says was learned.
+
+    Attributes:
+        rules: About each target that could be learned.
+        factors: What decides, None if that could not be found out.
+        remarks: What could not be learned, and why.
+    """
+
+    rules: tuple["RulesFound", ...]
+    factors: "FactorsFound | None"
+    remarks: tuple[str, ...]
+
+
+def learn(data: "Dataset", policy: str) -> Learned:
+    """Learn all that a report says.
+
+    Args:
+        data: The data set.
+        policy: Which rules decide about the class.
+
+    Raises:
+        ConfigError: There is no such policy.
+    """
+    rules: list[RulesFound] = []
+    remarks: list[str] = []
+    factors: FactorsFound | None = None
+    try:
+        from overtaking.analysis.learning.examples import examples_of
+        from overtaking.analysis.learning.factors import learn_factors
+        from overtaking.analysis.learning.leakage import chosen_factors
+        from overtaking.analysis.learning.rules import learn_rules
+        from overtaking.analysis.learning.targets import TARGETS
+
+        examples = examples_of(data, policy)
+        for target in TARGETS.values():
+            try:
+                rules.append(learn_rules(examples, target))
+            except DatasetError as error:
+                remarks.append(f"No rules about “{target.title}”: {error}")
+        factors = learn_factors(examples, chosen_factors(()))
+    except (DatasetError, MissingExtraError) as error:
+        remarks.append(f"Nothing is said about what decides: {error}")
+    return Learned(rules=tuple(rules), factors=factors, remarks=tuple(remarks))
+
+
+def sections(writer: "Writer", learned: Learned) -> Sequence[Section]:
+    """The sections about rules and factors."""
+    return (
+        Section(name="rules", title="Rules that were learned", blocks=_rules(writer, learned)),
+        Section(name="factors", title="What decides", blocks=_factors(writer, learned)),
+    )
+
+
+def _rules(writer: "Writer", learned: Learned) -> tuple[str, ...]:
+    blocks = [paragraph(_ABOUT_RULES)]
+    for found in learned.rules:
+        from overtaking.analysis.learning.tables_of_rules import comparison_table, rule_table
+
+        blocks += [writer.table(rule_table(found)), writer.table(comparison_table(found))]
+    blocks += [writer.lacking(one) for one in learned.remarks]
+    return tuple(blocks)
+
+
+def _factors(writer: "Writer", learned: Learned) -> tuple[str, ...]:
+    found = learned.factors
+    if found is None:
+        return (writer.lacking("Which factors decide could not be found out, see above."),)
+    from overtaking.analysis.learning.tables_of_factors import model_table, ranking_table
+
+    return (
+        paragraph(_ABOUT_FACTORS),
+        writer.table(model_table(found)),
+        writer.pictures("model_pictures", found),
+        paragraph(_ABOUT_RANKING),
+        writer.pictures("ranking_picture", found),
+        writer.table(ranking_table(found)),
+    )

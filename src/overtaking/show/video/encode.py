@@ -1,0 +1,152 @@
+"""From frames to an mp4 file that every player opens: H.264, 4:2:0, its index at the front."""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from overtaking import _core
+from overtaking.core.errors import DatasetError, MissingExtraError
+from overtaking.data.tables.files import sync_folder
+from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas
+from overtaking.show.video.scene import RATE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Generator
+    from pathlib import Path
+    from types import ModuleType
+
+    from av import VideoStream
+
+    from overtaking.show.video.film import Film
+
+PARTIAL = ".partial"
+"""Folder for files that are not finished; what is left there has no meaning."""
+
+# Flat areas that move as a whole need no search: the fastest preset finds them. A constant
+# quantiser lets the encoder do without looking ahead, which is half of its work here.
+_OPTIONS = {
+    "preset": "ultrafast",
+    "qp": "21",
+    "x264-params": "threads=1:lookahead-threads=1:rc-lookahead=0:sync-lookahead=0:"
+    "scenecut=0:weightp=0:aq-mode=0:keyint=100",
+}
+# x264 takes AVX-512 where there is any, which costs it a fifth more than AVX2 for pictures as small
+# and as still as these.
+_PARAMETERS_WITH_AVX512 = ":asm=avx2"
+_BT601, _BT709, _LIMITED = 6, 1, 1  # As ISO/IEC 23091-2 numbers them.
+
+
+class Interrupted(Exception):
+    """Somebody asked to end; nothing of the film was kept."""
+
+
+def write_film(
+    film: Film, path: Path, *, title: str = "", is_wanted: Callable[[], bool] = lambda: True
+) -> None:
+    """Write a film, or leave nothing.
+
+    Args:
+        film: What to write.
+        path: The file, replaced as a whole; its folder exists.
+        title: Title that players show.
+        is_wanted: Asked before each frame; the answer no ends the work.
+
+    Raises:
+        Interrupted: It was not wanted any more.
+        MissingExtraError: The encoder is not installed.
+        DatasetError: The encoder failed, such as on a full disk.
+        OSError: The file cannot be written.
+    """
+    av = require()
+    partial = path.parent / PARTIAL / path.name
+    partial.parent.mkdir(exist_ok=True)
+    try:
+        try:
+            _encode(av, film, partial, title, is_wanted)
+        except av.error.FFmpegError as error:
+            raise _failed(path, error) from error
+        _sync(partial)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    sync_folder(path.parent)
+
+
+def require() -> ModuleType:
+    """PyAV, with FFmpeg and x264 in its wheel.
+
+    Raises:
+        MissingExtraError: It or Pillow is not installed.
+    """
+    try:
+        import av
+        import PIL
+    except ImportError:
+        raise MissingExtraError.lacking(
+            "video", what="PyAV or Pillow, which encode films and write in them", where="video"
+        ) from None
+    del PIL
+    return av
+
+
+def _encode(
+    av: ModuleType, film: Film, path: Path, title: str, is_wanted: Callable[[], bool]
+) -> None:
+    with _opened(av, path, title) as (container, stream):
+        canvas = Canvas(WIDTH, HEIGHT, "#000000")
+        drawn = np.empty((HEIGHT * 3 // 2, WIDTH), np.uint8)
+        # The same memory: the encoder takes its own copy of each frame before the next is drawn.
+        target = av.VideoFrame.from_numpy_buffer(drawn, "yuv420p")
+        for number in range(film.num_frames):
+            if not is_wanted():
+                raise Interrupted
+            film.draw(number, canvas)
+            canvas.yuv(drawn)
+            target.pts = number
+            for packet in stream.encode(target):
+                container.mux(packet)
+        for packet in stream.encode():
+            container.mux(packet)
+
+
+@contextmanager
+def _opened(av: ModuleType, path: Path, title: str) -> Generator[tuple[Any, VideoStream]]:
+    """A file with one stream."""
+    with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
+        container.metadata["title"] = title
+        stream = container.add_stream("libx264", rate=RATE)
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        stream.thread_count = 1  # Films are made beside each other.
+        context = stream.codec_context
+        context.colorspace, context.color_range = _BT601, _LIMITED
+        context.color_primaries = context.color_trc = _BT709
+        stream.options = _options()
+        yield container, stream
+
+
+def _options() -> dict[str, str]:
+    """What the encoder is told on this processor; the film is the same on all."""
+    options = dict(_OPTIONS)
+    if dict(_core.simd_levels()).get("avx512"):
+        options["x264-params"] += _PARAMETERS_WITH_AVX512
+    return options
+
+
+def _sync(path: Path) -> None:
+    """Force a file to the disk."""
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())
+
+
+def _failed(path: Path, error: Exception) -> DatasetError:
+    return DatasetError.of(
+        what="film",
+        where=str(path),
+        expected="an encoder that writes it",
+        got=str(error),
+        next_step="look at the free space of the disk: overtaking doctor",
+    )

@@ -1,0 +1,144 @@
+"""A film of one simulation: a pure function from the number of a frame to its picture."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from overtaking.knowledge.terms import terms
+from overtaking.labels.law import POLICIES
+from overtaking.model.vehicles import Role
+from overtaking.show.video import notes, sky
+from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas
+from overtaking.show.video.palette import INK
+from overtaking.show.video.panel import Header, Timeline
+from overtaking.show.video.road import strip
+from overtaking.show.video.scene import scene
+from overtaking.show.video.text import line
+from overtaking.show.video.traffic import Traffic
+from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, view
+
+if TYPE_CHECKING:
+    from overtaking.labels.law import Policy
+    from overtaking.model.events import Events
+    from overtaking.model.labels import Findings, OvertakeClass
+    from overtaking.model.trajectory import Trajectories
+    from overtaking.show.video.traffic import Place
+
+_SIGN_EVERY = 100  # Metres between two distances beside the road.
+_SIGN = "#e4e8e6"
+
+
+class Film:
+    """The frames of a film.
+
+    Drawing depends on nothing but the simulation and the number of the frame: the same arrays every
+    time, in any order.
+
+    Args:
+        run: A batch of one simulation.
+        title: Its name in the film.
+        events: What happened in it, if it is known.
+        findings: What the rules say of it; breaches are shown as they happen.
+        policy: Which rules count; breaches of others are grey.
+        label: Class of the simulation under this policy.
+
+    Raises:
+        ConfigError: The batch holds another number of simulations than one.
+    """
+
+    def __init__(
+        self,
+        run: Trajectories,
+        *,
+        title: str = "Simulation",
+        events: Events | None = None,
+        findings: Findings | None = None,
+        policy: Policy = POLICIES[0],
+        label: OvertakeClass | None = None,
+    ) -> None:
+        """Prepare what is the same in many frames."""
+        self.scene = scene(run, events)
+        self.view = view(self.scene)
+        self._sky = seen = sky.sky(run)
+        self.traffic = Traffic(self.scene, self.view, seen.shade, seen.spray)
+        self.contact = notes.contact(self.scene)
+        told = notes.breaches(self.scene, findings, policy)
+        self._notes = [*notes.endings(self.scene, self.contact), *told]
+        subtitle = run.scenario.profile + ("" if label is None else f" · {label.title}")
+        meaning = "" if label is None else explained(label.title, policy.name)
+        self._header = Header(title, subtitle, meaning, seen.text)
+        self._timeline = Timeline(self.scene, told)
+        self._road = strip(self.scene.road, self.view.scale, self.view.middle_d, seen.tone)
+        self._fog, self._glare = sky.fog(seen, self.view.scale), sky.glare(seen)
+
+    @property
+    def num_frames(self) -> int:
+        """Number of frames, `RATE` of them a second."""
+        return self.scene.num_frames
+
+    def draw(self, frame: int, out: Canvas | None = None) -> Canvas:
+        """Draw a frame.
+
+        Args:
+            frame: Its number, 0 <= frame < num_frames.
+            out: What to draw on, of `WIDTH` and `HEIGHT`; made if missing.
+
+        Returns:
+            The picture; `rgb()` gives it as an array.
+        """
+        if not 0 <= frame < self.num_frames:
+            raise IndexError(f"frame: expected 0 to {self.num_frames - 1}, got {frame}")
+        canvas = Canvas(WIDTH, HEIGHT, "#000000") if out is None else out
+        places = self.traffic.at(frame)
+        first = int(self.view.left[frame]) % self._road.period
+        canvas.paste(self._road.canvas, 0, SCENE_TOP, (first, first + WIDTH))
+        self.traffic.draw_bodies(canvas, places)
+        self._hide(canvas, places, frame)
+        self.traffic.draw_lamps(canvas, places, frame)
+        self._rain(canvas, frame)
+        self._signs(canvas, frame)
+        self.traffic.draw_marks(canvas, places, frame)
+        notes.flash(canvas, self.contact, self.view, frame)
+        notes.tell(canvas, self._notes, frame)
+        self._header.draw(canvas, None if self.scene.stage is None else self.scene.stage[frame])
+        self._timeline.draw(canvas, frame)
+        return canvas
+
+    def _hide(self, canvas: Canvas, places: list[Place], frame: int) -> None:
+        """Night, low sun and fog; lamps are drawn later, as they are seen through all of them."""
+        rows = SCENE_TOP, SCENE_BOTTOM
+        if self._glare is not None:
+            canvas.veil(rows, *self._glare)
+        if self._sky.is_night:
+            lights = [
+                (light.power, round(0.5 * x) + light.left, round(0.5 * (y - SCENE_TOP)) + light.top)
+                for light, x, y in self.traffic.lights(places, frame)
+            ]
+            canvas.night(rows, sky.MOONLIGHT, lights)
+        if self._fog is not None:
+            first = min(max(WIDTH - round(float(self.traffic.x[Role.EGO, frame])), 0), WIDTH)
+            canvas.veil(rows, self._fog.hidden[first : first + WIDTH], self._fog.colour)
+
+    def _rain(self, canvas: Canvas, frame: int) -> None:
+        """Streaks of rain, in some pictures that take turns."""
+        if self._sky.rate > 0.0:
+            height, is_night = SCENE_BOTTOM - SCENE_TOP, self._sky.is_night
+            pictures = sky.rain(self._sky.rate, height, is_night=is_night)
+            canvas.draw_all([(pictures[2 * frame % len(pictures)], 0, SCENE_TOP, 0)], 1.0)
+
+    def _signs(self, canvas: Canvas, frame: int) -> None:
+        """Distances along the road, at the upper edge."""
+        shown = WIDTH / self.view.scale
+        left = int(self.view.left[frame]) / self.view.scale
+        first = math.ceil(left / _SIGN_EVERY) * _SIGN_EVERY
+        is_pale = not self._sky.is_night and self._sky.extinction * 0.5 * shown > math.log(2.0)
+        for s in range(first, int(left + shown) + 1, _SIGN_EVERY):
+            sign = line(f"{s} m", 11, INK if is_pale else _SIGN)
+            column = round((s - left) * self.view.scale) - sign.width // 2
+            canvas.draw(sign.drawing, column, SCENE_TOP + 2)
+
+
+def explained(label: str, policy: str) -> str:
+    """A class under a policy in a few words."""
+    return f"{terms('classes')[label].title} · policy {policy}: {terms('policies')[policy].title}"

@@ -1,0 +1,127 @@
+"""Which simulations become films, and what is known of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from overtaking.core.errors import ConfigError
+from overtaking.data.load import Dataset
+from overtaking.labels.label import Labelled, label
+from overtaking.labels.law import POLICIES, Policy, policy
+from overtaking.model.labels import OvertakeClass
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from overtaking.model.trajectory import Trajectories
+
+    Source = Dataset | Trajectories | Labelled
+    """A data set, or a batch in memory; labels are computed if they are missing."""
+
+ALL, ONE_PER_CLASS = "all", "one-per-class"
+"""Choices that name no numbers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A film to make.
+
+    Attributes:
+        number: Number of the simulation in the data set, or its place in the batch.
+        labelled: A batch of this one simulation, with its labels.
+        policy: Which rules count.
+        label: Its class under this policy.
+    """
+
+    number: int
+    labelled: Labelled
+    policy: Policy
+    label: OvertakeClass
+
+
+def jobs(
+    source: Source, chosen: Iterable[int] | str = ONE_PER_CLASS, policy_name: str = POLICIES[0].name
+) -> Iterator[Job]:
+    """Films to make, in the order of their numbers.
+
+    Args:
+        source: The simulations; what a data set did not keep is simulated again.
+        chosen: Numbers of simulations, `ALL`, or `ONE_PER_CLASS`: the first of each.
+        policy_name: Which rules decide about the class.
+
+    Raises:
+        ConfigError: There is no such simulation, choice or policy.
+        DatasetError: The data set is damaged, or the simulator has changed.
+    """
+    counted, shown = policy(policy_name), set[OvertakeClass]()
+    for numbers, batch in _batches(source, chosen):
+        labelled = batch if isinstance(batch, Labelled) else label(batch)
+        codes = labelled.labels.classes[:, labelled.labels.policies.index(counted.name)]
+        for place, number in enumerate(numbers):
+            found = OvertakeClass(int(codes[place]))
+            if chosen != ONE_PER_CLASS or found not in shown:
+                shown.add(found)
+                one = labelled.select(np.array([place]))
+                yield Job(number=number, labelled=one, policy=counted, label=found)
+
+
+def _batches(
+    source: Source, chosen: Iterable[int] | str
+) -> Iterator[tuple[list[int], Trajectories | Labelled]]:
+    """The simulations to look at, with their numbers."""
+    if isinstance(chosen, str) and chosen not in (ALL, ONE_PER_CLASS):
+        raise _refused(f"numbers, {ALL} or {ONE_PER_CLASS}", repr(chosen))
+    if not isinstance(source, Dataset):
+        size = num_simulations(source)
+        if isinstance(chosen, str):
+            yield list(range(size)), source
+        else:
+            numbers = checked(chosen, size)
+            yield numbers, source.select(np.array(numbers))
+    elif isinstance(chosen, str):
+        yield from ((numbers.tolist(), batch) for numbers, batch in source.batches())
+    else:
+        for number in checked(chosen, len(source)):
+            yield [number], source.trajectory(number)
+
+
+def num_simulations(source: Source) -> int:
+    """How many simulations there are."""
+    if isinstance(source, Dataset):
+        return len(source)
+    runs = source.trajectories if isinstance(source, Labelled) else source
+    return runs.scenario.num_simulations
+
+
+def num_films(source: Source, chosen: Iterable[int] | str) -> int | None:
+    """How many films a choice means, None if that is not known before."""
+    if chosen == ALL:
+        return num_simulations(source)
+    return None if isinstance(chosen, str) else len(set(chosen))
+
+
+def checked(numbers: Iterable[int], num_simulations: int) -> list[int]:
+    """Numbers of simulations in order, each once.
+
+    Raises:
+        ConfigError: There is no such simulation, or none is named.
+    """
+    chosen = sorted(set(numbers))
+    wrong = [number for number in chosen if not 0 <= number < num_simulations]
+    if wrong or not chosen:
+        expected = f"some of 0 to {num_simulations - 1}"
+        raise _refused(expected, str(wrong[0]) if wrong else "none")
+    return chosen
+
+
+def _refused(expected: str, got: str) -> ConfigError:
+    return ConfigError.of(
+        what="simulations",
+        where="video",
+        expected=expected,
+        got=got,
+        next_step="choose one of these",
+    )

@@ -1,0 +1,186 @@
+"""The road as a strip that is painted once and scrolls by."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+from overtaking.model.road import RoadMark
+from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
+from overtaking.show.video.palette import mixed, tinted
+from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, shown_width
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from overtaking.model.road import Road
+
+DASH, DASH_PERIOD = 4.0, 12.0
+"""Length of a painted dash, and of dash and gap [m]; a choice, as maps do not tell."""
+
+_DOT = 0.3  # Four dots to a period.
+_LINE = 0.2  # Width of a painted line; of two lines beside each other, also the gap [m].
+_POST_PERIODS = 5  # A post at the roadside after so many dashes.
+_KERB = 0.35
+_WHEEL_PATHS = (0.27, 0.73)  # Where wheels run, across a lane.
+
+_SOLID_PARTS = {
+    RoadMark.SOLID: ("solid",),
+    RoadMark.BROKEN: ("broken",),
+    RoadMark.SOLID_SOLID: ("solid", "solid"),
+    RoadMark.SOLID_BROKEN: ("solid", "broken"),
+    RoadMark.BROKEN_SOLID: ("broken", "solid"),
+    RoadMark.BROKEN_BROKEN: ("broken", "broken"),
+    RoadMark.BOTTS_DOTS: ("dots",),
+    RoadMark.CURB: ("kerb",),
+    RoadMark.OTHER: ("solid",),
+}
+
+
+class Tone(NamedTuple):
+    """The light that the road lies in, and whether it is wet.
+
+    Attributes:
+        light: Factors for red, green and blue.
+        wet: 0 dry to 1 under water.
+    """
+
+    light: tuple[float, float, float]
+    wet: float
+
+
+class Strip(NamedTuple):
+    """The road without anybody on it, a little longer than a picture is wide.
+
+    Attributes:
+        canvas: The picture of it.
+        period: Columns after which it repeats, even.
+    """
+
+    canvas: Canvas
+    period: int
+
+
+@lru_cache(maxsize=16)
+def strip(road: Road, scale: float, middle_d: float, tone: Tone) -> Strip:
+    """Paint a road.
+
+    Args:
+        road: The road.
+        scale: [px/m].
+        middle_d: `d` of the middle of the picture [m].
+        tone: Its light.
+    """
+    dash = 2 * round(0.5 * DASH_PERIOD * scale)
+    period = dash * _POST_PERIODS
+    size = (WIDTH + period, SCENE_BOTTOM - SCENE_TOP)
+    painter = _Painter(road, scale, middle_d, tone, size, dash)
+    painter.ground()
+    painter.lanes()
+    painter.marks()
+    painter.posts()
+    canvas = Canvas(*size, "#000000")
+    canvas.draw(painter.drawing)
+    return Strip(canvas, period)
+
+
+class _Painter:
+    """Paints a strip, in pixels."""
+
+    def __init__(
+        self,
+        road: Road,
+        scale: float,
+        middle_d: float,
+        tone: Tone,
+        size: tuple[int, int],
+        dash: int,
+    ) -> None:
+        self.drawing = Drawing()
+        self._road, self._scale, self._tone, self._dash = road, scale, tone, dash
+        self._size, self._middle_d = size, middle_d
+        self._whole = (-2.0, size[0] + 2.0)
+
+    def _y(self, d: float) -> float:
+        return 0.5 * self._size[1] - (d - self._middle_d) * self._scale
+
+    def _band(self, d: float, other: float) -> tuple[float, float]:
+        one, two = self._y(d), self._y(other)
+        return min(one, two), max(one, two)
+
+    def _colour(self, dry: str, wet: str | None = None) -> str:
+        return tinted(mixed(dry, wet or dry, self._tone.wet), self._tone.light)
+
+    def ground(self) -> None:
+        """Verges and what is paved."""
+        self.drawing.rect(
+            self._whole, (-2.0, self._size[1] + 2.0), self._colour("#71885c", "#55694a")
+        )
+        low, high = shown_width(self._road)
+        gravel = (self._y(high) - 0.35 * self._scale, self._y(low) + 0.35 * self._scale)
+        self.drawing.rect(self._whole, gravel, self._colour("#a39c88", "#7c776a"))
+        self.drawing.rect(
+            self._whole, (self._y(high), self._y(low)), self._colour("#666b70", "#51565c")
+        )
+
+    def lanes(self) -> None:
+        """The driving lanes, a little darker where the wheels run."""
+        borders = self._road.boundaries
+        self.drawing.rect(
+            self._whole,
+            self._band(float(borders[0]), float(borders[-1])),
+            self._colour("#5c6166", "#454a50"),
+        )
+        for slow, fast in pairwise(borders):
+            for share in _WHEEL_PATHS:
+                d = float(slow + share * (fast - slow))
+                track = self._band(d - 0.3, d + 0.3)
+                self.drawing.rect(
+                    self._whole, track, self._colour("#54595e", "#3d4248"), opacity=0.8
+                )
+
+    def marks(self) -> None:
+        """The painted lines."""
+        road = self._road
+        for index, border in enumerate(road.boundaries):
+            lane = road.lanes[max(index - 1, 0)]
+            is_left = (index > 0) == (road.side > 0)
+            mark = lane.left_mark if is_left else lane.right_mark
+            # Of two lines the first is nearer to the lane: nearer to its middle.
+            inwards = -1.0 if is_left else 1.0
+            parts = _SOLID_PARTS.get(mark, ())
+            middle = 0.5 * (len(parts) - 1)
+            for place, part in enumerate(parts):
+                self._line(float(border) + inwards * (middle - place) * 2.0 * _LINE, part)
+
+    def _line(self, d: float, kind: str) -> None:
+        if kind == "kerb":
+            self.drawing.rect(self._whole, self._band(d, d + _KERB), self._colour("#b9bcbd"))
+            return
+        rows = self._band(d - 0.5 * _LINE, d + 0.5 * _LINE)
+        for columns in self._stretches(kind):
+            self.drawing.rect(columns, rows, self._colour("#f1f2ee", "#dfe2e3"))
+
+    def _stretches(self, kind: str) -> Iterator[tuple[float, float]]:
+        """The painted columns of a line."""
+        if kind == "solid":
+            yield self._whole
+            return
+        length, period = (
+            (DASH, float(self._dash)) if kind == "broken" else (_DOT, 0.25 * self._dash)
+        )
+        for number in range(-1, math.ceil(self._size[0] / period)):
+            yield number * period, number * period + length * self._scale
+
+    def posts(self) -> None:
+        """Posts beside the road, so that speed is seen where all dashes look the same."""
+        low, high = shown_width(self._road)
+        for first in range(0, self._size[0] + 1, self._dash * _POST_PERIODS):
+            for d in (high + 0.85, low - 0.85):
+                y = self._y(d)
+                for x in (first, first - 0.01):
+                    self.drawing.rect(
+                        (x - 1.5, x + 2.5), (y - 2.0, y + 2.0), self._colour("#eceeec")
+                    )

@@ -1,0 +1,187 @@
+"""One recorded simulation in metres and seconds, at the instants of a film."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from overtaking.core.errors import ConfigError
+from overtaking.model.trajectory import (
+    METRES_PER_SECOND_PER_STEP,
+    METRES_PER_STEP,
+    NO_VEHICLE,
+    RADIANS_PER_STEP,
+    DecisionKind,
+)
+from overtaking.model.vehicles import Colour, Role, VehicleKind
+from overtaking.show.video.vehicles import Body
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from overtaking.model.events import Events
+    from overtaking.model.road import Road
+    from overtaking.model.trajectory import Trajectories
+
+    F64 = NDArray[np.float64]
+
+RATE = 20
+"""Frames of a film a second; films run in real time."""
+
+_MS_PER_S = 1000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """What is drawn; arrays have shape (frame,) or (vehicle, frame), counted in the film.
+
+    Attributes:
+        road: The road.
+        slots: Vehicles that are there, the ego first; the vehicle axis is in this order.
+        bodies: What each of them looks like.
+        target: Index into `slots` of the vehicle to overtake, None if there is none.
+        recorded: Recorded frame of each frame of the film.
+        frame_interval_ms: Time between recorded frames [ms].
+        is_there: Whether a vehicle was recorded in a frame.
+        time: Since the start of the recording [s].
+        s: Position along the road [m].
+        d: Position to the left [m].
+        angle: Of the body to the road, anticlockwise [rad].
+        speed: [m/s].
+        lights: `Lights` bits.
+        stage: `Stage` of the ego, or None if it is not known.
+        contact: First contact of the ego: time [s] and index into `slots`, or None.
+    """
+
+    road: Road
+    slots: tuple[int, ...]
+    bodies: tuple[Body, ...]
+    target: int | None
+    recorded: NDArray[np.int64]
+    frame_interval_ms: int
+    is_there: NDArray[np.bool_]
+    time: F64
+    s: F64
+    d: F64
+    angle: F64
+    speed: F64
+    lights: NDArray[np.uint8]
+    stage: NDArray[np.uint8] | None
+    contact: tuple[float, int | None] | None
+
+    @property
+    def num_frames(self) -> int:
+        """Frames of the film."""
+        return len(self.time)
+
+    @property
+    def lead(self) -> F64 | None:
+        """Distance of the bumpers of ego and target [m], or None without a target.
+
+        Positive while the target is ahead, 0 alongside, negative once it is behind.
+        """
+        if self.target is None:
+            return None
+        apart = self.s[self.target] - self.s[Role.EGO]
+        reach = 0.5 * (self.bodies[Role.EGO].length + self.bodies[self.target].length)
+        return np.sign(apart) * np.maximum(np.abs(apart) - reach, 0.0)
+
+    def film_time(self, recorded_frame: int) -> float:
+        """Time of a recorded frame [s]."""
+        return recorded_frame * self.frame_interval_ms / _MS_PER_S
+
+
+def scene(run: Trajectories, events: Events | None = None) -> Scene:
+    """A scene from a batch of one simulation.
+
+    Args:
+        run: The recording.
+        events: What happened in it, if it is known; else the target is the vehicle that the ego
+            decided to overtake, or the nearest one ahead in its lane at the start.
+
+    Raises:
+        ConfigError: The batch holds another number of simulations than one.
+    """
+    if run.scenario.num_simulations != 1:
+        raise ConfigError.of(
+            what="simulations",
+            where="video",
+            expected="a batch of one",
+            got=run.scenario.num_simulations,
+            next_step="select one, such as run.select(slice(0, 1))",
+        )
+    slots = tuple(int(slot) for slot in np.flatnonzero(run.scenario.vehicles.valid[0]))
+    recorded = _film_frames(int(run.num_frames[0]), run.scenario.frame_interval_ms)
+    kept = (np.array(slots)[:, None], recorded)
+    states = run.states
+    target = _target(run, events)
+    return Scene(
+        road=run.road,
+        slots=slots,
+        bodies=tuple(_body(run, slot) for slot in slots),
+        target=slots.index(target) if target in slots[1:] else None,
+        recorded=recorded,
+        frame_interval_ms=run.scenario.frame_interval_ms,
+        is_there=run.state_valid[0][kept],
+        time=recorded.astype(np.float64) * (run.scenario.frame_interval_ms / _MS_PER_S),
+        s=states.s[0][kept] * METRES_PER_STEP,
+        d=states.d[0][kept] * METRES_PER_STEP,
+        angle=states.heading[0][kept] * RADIANS_PER_STEP - run.road.heading,
+        speed=states.speed[0][kept] * METRES_PER_SECOND_PER_STEP,
+        lights=_lights(run)[kept],
+        stage=None if "stage" in run.unknown else run.stage[0, recorded],
+        contact=_contact(run, slots),
+    )
+
+
+def _film_frames(num_frames: int, interval_ms: int) -> NDArray[np.int64]:
+    """The recorded frame nearest to each frame of the film."""
+    last_ms = (num_frames - 1) * interval_ms
+    count = round(last_ms * RATE / _MS_PER_S) + 1
+    instants = np.arange(count) * (_MS_PER_S / RATE)
+    return np.minimum(np.rint(instants / interval_ms), num_frames - 1).astype(np.int64)
+
+
+def _lights(run: Trajectories) -> NDArray[np.uint8]:
+    """Lights of all vehicles; off where the source did not tell."""
+    is_known = {"indicators", "lamps"}.isdisjoint(run.unknown)
+    return run.states.lights[0] if is_known else np.zeros_like(run.states.lights[0])
+
+
+def _body(run: Trajectories, slot: int) -> Body:
+    specs = run.scenario.vehicles
+    return Body(
+        kind=VehicleKind(int(specs.kind[0, slot])),
+        colour=Colour(int(specs.colour[0, slot])),
+        length=float(specs.length[0, slot]),
+        width=float(specs.width[0, slot]),
+        height=float(specs.height[0, slot]),
+    )
+
+
+def _contact(run: Trajectories, slots: tuple[int, ...]) -> tuple[float, int | None] | None:
+    """When the ego first hit or left something, and whom."""
+    collided = np.flatnonzero(run.collided_with[0, : run.num_frames[0]] != NO_VEHICLE)
+    if not len(collided):
+        return None
+    partner = int(run.collided_with[0, collided[0]])
+    is_timed = run.contacts.partner[0, Role.EGO] == partner
+    first_ms = int(collided[0]) * run.scenario.frame_interval_ms
+    time_ms = int(run.contacts.time[0, Role.EGO]) if is_timed else first_ms
+    return time_ms / _MS_PER_S, slots.index(partner) if partner in slots else None
+
+
+def _target(run: Trajectories, events: Events | None) -> int:
+    """Slot of the vehicle to overtake, `NO_VEHICLE` if there is none."""
+    if events is not None:
+        return int(events.target[0])
+    percepts = run.percepts
+    decided = np.flatnonzero(percepts.valid[0] & (percepts.kind[0] == DecisionKind.PULL_OUT))
+    if "percepts" not in run.unknown and len(decided):
+        return int(percepts.vehicle[0, decided[-1], 0])
+    lane, s = run.states.lane[0, :, 0], run.states.s[0, :, 0]
+    ahead = run.scenario.vehicles.valid[0] & (lane == lane[Role.EGO]) & (s > s[Role.EGO])
+    distance = np.where(ahead, s - s[Role.EGO], np.iinfo(s.dtype).max)
+    return int(np.argmin(distance)) if ahead.any() else int(NO_VEHICLE)

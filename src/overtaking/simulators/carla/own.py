@@ -1,0 +1,265 @@
+"""Our drivers at the wheel of CARLA's vehicles, at true speed.
+
+Whoever moves the vehicles, the drivers of the model see, decide and steer as in a simulation: the
+same functions of `sim.reference`, 20 times a second, on what CARLA says. What they ask for goes out
+as throttle, brake and steering.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import F32
+from overtaking.core.errors import ConfigError
+from overtaking.core.units import kmh_from_mps
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import Trajectories
+from overtaking.model.vehicles import Role
+from overtaking.sim.reference import collisions, steering
+from overtaking.sim.reference.recording import Recorder
+from overtaking.sim.reference.run import decide
+from overtaking.sim.reference.state import Fields, State, initial_state, road_velocity
+from overtaking.simulators.carla.stage import TICK, CarlaStage, Contact, Reading
+from overtaking.world.clock import SUBSTEPS
+from overtaking.world.constants import Constants
+from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Parameters, parameters
+
+TICK_MS = 50
+SPEED_GAIN = 2.0
+"""How fast an error of the speed is corrected [1/s]."""
+
+MAX_PUSH = 3.0
+"""Sideways acceleration up to which a push from outside is answered [m/s^2]."""
+
+MAX_LAG = 1.0
+"""The speed aimed at stays this near to the one driven, so that nothing winds up [m/s]."""
+
+HARDEST = 15.0
+"""No tyre gives more; accelerations beyond it are contacts, which are recorded apart [m/s^2]."""
+
+_OUTLOOK = 40.0  # Before the road ends by this much the simulation does [m].
+
+F64 = NDArray[np.float64]
+Sign = Callable[[], None]
+"""Called after every tick, as a sign of life."""
+
+
+def run(stage: CarlaStage, sign: Sign) -> Trajectories:
+    """Drive a scenario to its end.
+
+    Args:
+        stage: The world, set up.
+        sign: Called after every tick.
+
+    Raises:
+        ConfigError: Frames are not whole ticks apart.
+    """
+    return _Drive(stage).run(sign)
+
+
+class _Drive:
+    """One simulation.
+
+    Args:
+        stage: The world, set up.
+    """
+
+    def __init__(self, stage: CarlaStage) -> None:
+        """Prepare the drivers."""
+        scenario = stage.scenario
+        check_interval(scenario)
+        self._stage = stage
+        self._given = _without_wind(parameters(scenario))
+        self._p = Fields(VEHICLE_FIELDS, self._given.vehicle)
+        self._q = Fields(SIMULATION_FIELDS, self._given.simulation)
+        self._state = initial_state(self._given)
+        self._recorder = Recorder(scenario, self._given)
+        self._lock = {slot: _Lock(actor) for slot, actor in stage.actors.items()}
+        self._pushed = np.zeros_like(self._state.s)
+        self._sideways = np.zeros_like(self._state.s)
+        self._aim = self._state.vx[:, 0].astype(np.float64)
+
+    def run(self, sign: Sign) -> Trajectories:
+        """See, decide, steer, tick."""
+        state, given, step = self._state, self._given, 0
+        while np.float32(step) <= state.end_step[0]:
+            reading = self._stage.tick()
+            take_over(state, reading, self._stage.scenario)
+            contacts = self._stage.contacts(reading.frame)
+            note_contacts(state, self._p, given.constants, contacts, step - SUBSTEPS)
+            decide(state, given, self._p, self._q, self._recorder, step)
+            if step % given.record_every == 0:
+                active = np.float32(step) <= state.end_step
+                self._recorder.frame(state, self._p, active, step // given.record_every)
+            self._act(step)
+            if float(state.s[Role.EGO, 0]) > self._stage.end - _OUTLOOK:
+                state.end_step[:] = np.float32(step)
+            sign()
+            step += SUBSTEPS
+        return self._recorder.finish(state)
+
+    def _act(self, step: int) -> None:
+        """Set pedals, steering and lamps of every vehicle."""
+        state, p, stage = self._state, self._p, self._stage
+        number = step // self._given.record_every
+        # Who leans does so with the lag of the vehicle, which is the server's.
+        c = self._given.constants.replace(step=TICK, two_wheeler_lag=TICK)
+        state.trim = self._trim(c)
+        steering.steer(state, c, p, self._q.side_accel)
+        forces = self._forces()
+        batch: list[Any] = []
+        for slot, actor in stage.actors.items():
+            control = self._control(slot, forces[slot])
+            batch.append(stage.carla.command.ApplyVehicleControl(actor.id, control))
+            stage.show(slot, int(self._recorder.states.lights[0, slot, number]))
+        stage.client.apply_batch_sync(batch, False)
+
+    def _trim(self, c: Constants) -> F32:
+        """Wheel angle, or lean, against what pushes all the time: wind, mostly [rad or m/s^2].
+
+        In a simulation a driver knows the wind. Here the sideways acceleration that wheels do not
+        explain is felt, with the same lag.
+        """
+        state, p = self._state, self._p
+        _, sideways = road_velocity(state)
+        curve = p.wheelbase / np.maximum(state.vx, c.slip_speed) ** 2 + p.understeer
+        steered = np.where(p.two_wheeler > 0, state.wheel, state.wheel / curve)
+        pushed = (sideways - self._sideways) / TICK - steered
+        self._sideways = sideways
+        sound = np.clip(np.where(state.crashed > 0, 0.0, pushed), -MAX_PUSH, MAX_PUSH)
+        self._pushed = self._pushed + (sound - self._pushed) * (TICK / float(c.wind_lag))
+        trim = -np.where(p.two_wheeler > 0, self._pushed, self._pushed * curve)
+        return trim.astype(np.float32)
+
+    def _forces(self) -> F64:
+        """Force that each vehicle needs for what its driver wants [N]."""
+        state, p = self._state, self._p
+        speed = state.vx[:, 0].astype(np.float64)
+        accel = state.accel[:, 0].astype(np.float64)
+        self._aim = np.clip(self._aim + accel * TICK, speed - MAX_LAG, speed + MAX_LAG)
+        wanted = accel + SPEED_GAIN * (self._aim - speed)
+        resistance = p.drag[:, 0] * speed * speed + p.rolling[:, 0]
+        return p.mass[:, 0] * wanted + resistance
+
+    def _control(self, slot: int, force: float) -> Any:
+        """`carla.VehicleControl` of one vehicle; a wreck has its wheels locked."""
+        carla, p, state = self._stage.carla, self._p, self._state
+        if state.crashed[slot, 0] > 0:
+            return carla.VehicleControl(brake=1.0)
+        speed = float(state.vx[slot, 0])
+        most = min(float(p.launch_force[slot, 0]), float(p.power[slot, 0]) / max(speed, 1.0))
+        angle = self._stage.scenario.road.side * self._wheel_angle(slot, speed)
+        return carla.VehicleControl(
+            throttle=min(max(force / most, 0.0), 1.0),
+            brake=min(max(-force / float(p.brake_force[slot, 0]), 0.0), 1.0),
+            steer=self._lock[slot].steer(angle, speed),
+        )
+
+    def _wheel_angle(self, slot: int, speed: float) -> float:
+        """Angle of the front wheels; who leans has one that goes with the curve [rad]."""
+        wanted = float(self._state.wheel[slot, 0])
+        if not self._p.two_wheeler[slot, 0]:
+            return wanted
+        return math.atan(wanted * float(self._p.wheelbase[slot, 0]) / max(speed, 3.0) ** 2)
+
+
+class _Lock:
+    """From wheel angle to steering, as the vehicle itself reports it.
+
+    Args:
+        actor: The vehicle.
+    """
+
+    def __init__(self, actor: Any) -> None:
+        """Ask for lock and curve."""
+        physics = actor.get_physics_control()
+        wheels = [wheel.max_steer_angle for wheel in physics.wheels]
+        self._most = math.radians(max(wheels, default=70.0) or 70.0)
+        self._speeds = [point.x for point in physics.steering_curve]
+        self._shares = [point.y for point in physics.steering_curve]
+
+    def steer(self, angle: float, speed: float) -> float:
+        """The control, -1 to 1 and positive to the right.
+
+        Args:
+            angle: Of the front wheels, left positive [rad].
+            speed: [m/s].
+        """
+        share = np.interp(kmh_from_mps(speed), self._speeds, self._shares) if self._speeds else 1.0
+        return min(max(-angle / (self._most * float(share)), -1.0), 1.0)
+
+
+def check_interval(scenario: Scenario) -> None:
+    """Refuse frames that do not fall on ticks."""
+    if scenario.frame_interval_ms % TICK_MS:
+        raise ConfigError.of(
+            what="frame_interval_ms",
+            where="the simulator CARLA",
+            expected=f"a multiple of {TICK_MS}, the length of its tick",
+            got=scenario.frame_interval_ms,
+            next_step=f"choose --frame-interval-ms {TICK_MS}",
+        )
+
+
+def take_over(state: State, reading: Reading, scenario: Scenario, *, faster: float = 1.0) -> None:
+    """Put what CARLA says into the state; the lateral axis there points to the fast side.
+
+    Args:
+        state: Of one simulation, changed in place.
+        reading: The vehicles.
+        scenario: A batch of one.
+        faster: Factor by which time is to run faster than it did on the server.
+    """
+    side, v, a = scenario.road.side, faster, faster * faster
+    filled = scenario.vehicles.valid[0]
+    values = {
+        "s": reading.s,
+        "d": side * reading.d,
+        "psi": side * reading.psi,
+        "vx": v * reading.along,
+        "vy": v * side * reading.left,
+        "r": v * side * reading.yaw_rate,
+        "a_lon": a * reading.accel,
+        "a_lat": a * side * reading.accel_left,
+    }
+    contact = np.hypot(reading.accel, reading.accel_left) > HARDEST
+    values["a_lon"], values["a_lat"] = (
+        np.where(contact, 0.0, values[name]) for name in ("a_lon", "a_lat")
+    )
+    for name, value in values.items():
+        column = getattr(state, name)
+        column[filled, 0] = value[filled].astype(np.float32)
+
+
+def note_contacts(
+    state: State, p: Fields, c: Constants, contacts: list[Contact], step: int, faster: float = 1.0
+) -> None:
+    """Write down the first contact of each vehicle, and make it a wreck.
+
+    The speed of approach is what the impulse took away, m dv = J on either side, so that
+    no velocity before the contact is needed: J (1/m1 + 1/m2) / (1 + e).
+    """
+    sound = state.crashed[Role.EGO].copy() == 0
+    for one in contacts:
+        if one.other < 0 or state.contact_partner[one.own, 0] >= 0:
+            continue
+        size = faster * math.hypot(*one.impulse)
+        softness = float(p.inverse_mass[one.own, 0] + p.inverse_mass[one.other, 0])
+        state.contact_partner[one.own, 0] = np.float32(one.other)
+        state.contact_time[one.own, 0] = np.float32(step) * c.step
+        state.contact_impulse[one.own, 0] = np.float32(size)
+        state.contact_speed[one.own, 0] = np.float32(size * softness / (1.0 + float(c.restitution)))
+        state.crashed[one.own, 0] = np.float32(1.0)
+    collisions.end_with_ego(state, c, sound & (state.crashed[Role.EGO] > 0), step)
+
+
+def _without_wind(given: Parameters) -> Parameters:
+    """The same parameters without wind: whether there is any, only the server knows."""
+    simulation = given.simulation.copy()
+    for name in ("wind_along", "wind_across"):
+        simulation[SIMULATION_FIELDS.index(name)] = 0.0
+    return dataclasses.replace(given, simulation=simulation)

@@ -1,0 +1,288 @@
+"""Requests to CARLA's client, which runs in a worker process, and the retries of lost ones."""
+
+import dataclasses
+import socket
+import time
+from typing import Any
+
+import numpy as np
+
+from overtaking.core.errors import ConfigError, OvertakingError
+from overtaking.core.worker import Worker
+from overtaking.model.batch import Batch, concatenate
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import NO_VEHICLE, States, Trajectories
+from overtaking.sim.version import MODEL_VERSION
+from overtaking.simulators.carla.library import (
+    HEADLESS,
+    VERSION,
+    Address,
+    chosen_server,
+    library,
+    parse_address,
+)
+from overtaking.simulators.carla.limits import Limits
+from overtaking.simulators.carla.messages import (
+    LOADING,
+    Alive,
+    Job,
+    LimitsJob,
+    Request,
+    Result,
+    lost,
+)
+from overtaking.simulators.carla.ports import free_port
+from overtaking.simulators.carla.replay import Replayed, ReplayJob, encoder
+from overtaking.simulators.carla.stage import SimulationLostError
+
+ATTEMPTS = 3
+"""How often a simulation is tried before it is given up."""
+
+_START_TIME = 30.0
+_GLANCE = 2.0  # Time between two checks that the server still listens [s].
+_ADAPTER = "1"
+"""Changes whenever this package asks CARLA for something else."""
+
+
+def version(driver: str) -> str:
+    """What identifies the results: who drives, which client, and which server."""
+    kind = HEADLESS if chosen_server() == HEADLESS else "server"
+    return f"{_ADAPTER}+{driver}+{MODEL_VERSION}+carla{VERSION}+{kind}"
+
+
+def simulate(scenario: Scenario, driver: str) -> Trajectories:
+    """Simulate a batch, one simulation after the other.
+
+    Args:
+        scenario: A batch of scenarios.
+        driver: `own` or `traffic-manager`.
+
+    Raises:
+        MissingExtraError: CARLA's client is not installed.
+        ConfigError: The server is not there, of another version, or has no such map.
+        SimulationLostError: Some could not be run; the message names them.
+    """
+    library()  # What is missing is said before any work.
+    done: list[Trajectories] = []
+    missing: list[tuple[int, str]] = []
+    for row in range(scenario.num_simulations):
+        one = scenario.select(slice(row, row + 1))
+        try:
+            job = Job(driver, one, (free_port(), free_port()))
+            done.append(_simulated(_with_patience(job, keep=driver == "own")))
+        except SimulationLostError as error:
+            missing.append((int(scenario.index[row]), str(error)))
+    if missing:
+        numbers = ", ".join(str(number) for number, _ in missing)
+        raise SimulationLostError.of(
+            what=f"simulations {numbers}",
+            where=f"CARLA server {chosen_server()}",
+            expected=f"a result within {ATTEMPTS} attempts each",
+            got=missing[0][1],
+            next_step="look at the server, then go on with --resume",
+        )
+    return joined(done, scenario)
+
+
+def limits() -> Limits:
+    """Measure the limits of the Traffic Manager; errors as in `simulate`."""
+    library()
+    found = _with_patience(LimitsJob(free_port()), keep=False)
+    assert isinstance(found, Limits)
+    return found
+
+
+def replay(job: ReplayJob) -> Replayed:
+    """Play and film a recorded simulation; errors as in `simulate`."""
+    library()
+    encoder()
+    found = _with_patience(job, keep=True)
+    assert isinstance(found, Replayed)
+    return found
+
+
+def _simulated(found: Result) -> Trajectories:
+    assert isinstance(found, Trajectories)
+    return found
+
+
+def _with_patience(job: Request, *, keep: bool) -> Result:
+    """One result, asked for again of a new worker where it is lost.
+
+    Args:
+        job: What is asked for.
+        keep: Whether the worker may be used again: a Traffic Manager that was shut down leaves some
+            of its state in the client.
+    """
+    for attempt in range(1, ATTEMPTS + 1):
+        try:
+            return _run(job)
+        except SimulationLostError:
+            dismiss()
+            if attempt == ATTEMPTS:
+                raise
+        except ConfigError as error:
+            if attempt == 1:
+                raise
+            raise lost(job, str(error)) from None  # It was there before.
+        except BaseException:
+            dismiss()  # Else its answer would be taken for that of the next job.
+            raise
+        finally:
+            if not keep:
+                _close(_WORKERS)
+    raise AssertionError("unreachable")
+
+
+def joined(parts: list[Trajectories], scenario: Scenario) -> Trajectories:
+    """Simulations of different lengths as one batch, padded with zeros.
+
+    Args:
+        parts: Batches of one.
+        scenario: What was asked for; road and bodies are those that CARLA had.
+    """
+    longest = max(int(part.num_frames[0]) for part in parts)
+    padded = [_padded(part, longest) for part in parts]
+    vehicles = concatenate([part.scenario.vehicles for part in parts])
+    whole = scenario.replace(vehicles=vehicles, road=parts[0].scenario.road)
+    every = [part.replace(scenario=parts[0].scenario) for part in padded]
+    fields = {
+        field.name: _joined([getattr(part, field.name) for part in every])
+        for field in dataclasses.fields(Trajectories)
+        if field.name not in ("scenario", "unknown", "present")
+    }
+    return Trajectories(scenario=whole, unknown=parts[0].unknown, **fields)
+
+
+def _joined(values: list[Any]) -> Any:
+    return concatenate(values) if isinstance(values[0], Batch) else np.concatenate(values)
+
+
+def _padded(part: Trajectories, frames: int) -> Trajectories:
+    """The same simulation with room for more frames."""
+    more = frames - part.stage.shape[1]
+
+    def pad(values: Any, fill: int = 0) -> Any:
+        widths = [(0, 0)] * (values.ndim - 1) + [(0, more)]
+        return np.pad(values, widths, constant_values=fill)
+
+    states = {name: pad(getattr(part.states, name)) for name in States.__slots__}
+    return part.replace(
+        states=States(**states),
+        stage=pad(part.stage),
+        collided_with=pad(part.collided_with, int(NO_VEHICLE)),
+    )
+
+
+# --- processes ---
+
+_WORKERS: dict[str, Worker] = {}
+_SERVERS: dict[str, Worker] = {}
+_ADDRESSES: dict[str, Address] = {}
+"""By chosen server: its client, the process of a headless one, and where it listens."""
+
+
+def workers() -> list[int]:
+    """Process ids of the clients that run now."""
+    return [worker.pid for worker in _WORKERS.values() if worker.is_running]
+
+
+def servers() -> list[int]:
+    """Process ids of the headless servers that run now."""
+    return [server.pid for server in _SERVERS.values() if server.is_running]
+
+
+def dismiss() -> None:
+    """End the client of the chosen server, and the server if it is our own."""
+    _close(_WORKERS)
+    _close(_SERVERS)
+
+
+def _close(processes: dict[str, Worker]) -> None:
+    worker = processes.pop(chosen_server(), None)
+    if worker is not None:
+        worker.close()
+
+
+def _client() -> tuple[Worker, Address]:
+    """The client of the chosen server, and where the server is; both are started if needed."""
+    chosen = chosen_server()
+    if chosen not in _WORKERS or not _WORKERS[chosen].is_running:
+        _close(_WORKERS)
+        address = _ADDRESSES[chosen] = _address(chosen)
+        words = address.host, str(address.port)
+        _WORKERS[chosen] = Worker("overtaking.simulators.carla.worker", *words)
+    return _WORKERS[chosen], _ADDRESSES[chosen]
+
+
+def _address(chosen: str) -> Address:
+    """Where the chosen server is."""
+    if chosen != HEADLESS:
+        return parse_address(chosen)
+    if chosen not in _SERVERS or not _SERVERS[chosen].is_running:
+        _close(_SERVERS)
+        return _start_headless()
+    return _ADDRESSES[chosen]
+
+
+def _start_headless() -> Address:
+    """Start a server of our own on free ports."""
+    server = _SERVERS[HEADLESS] = Worker("overtaking.simulators.carla_server.child")
+    try:
+        port = server.receive(_START_TIME)
+    except TimeoutError:
+        port = None
+    if isinstance(port, int):
+        return Address("127.0.0.1", port)
+    _close(_SERVERS)
+    raise SimulationLostError.of(
+        what="headless server",
+        where="this machine",
+        expected=f"to be ready within {_START_TIME:g} s",
+        got=server.ending(),
+        next_step="try overtaking carla serve by hand",
+    )
+
+
+def _run(job: Request) -> Result:
+    """The result of one job.
+
+    Raises:
+        ConfigError: The server is not there, of another version, or has no such map.
+        SimulationLostError: The client or the server ended, or fell silent.
+    """
+    worker, address = _client()
+    worker.send(job)
+    patience = LOADING
+    while True:
+        answer = _next_answer(worker, address, job, patience)
+        if isinstance(answer, Trajectories | Limits | Replayed):
+            return answer
+        if isinstance(answer, OvertakingError):
+            raise answer
+        if not isinstance(answer, Alive):
+            raise lost(job, f"the client ended {worker.ending()}")
+        patience = answer.patience
+
+
+def _next_answer(worker: Worker, address: Address, job: Request, patience: float) -> Any:
+    """The next message of a client, which does not notice a server that has ended."""
+    end = time.monotonic() + patience
+    while (left := end - time.monotonic()) > 0:
+        try:
+            return worker.receive(min(_GLANCE, left))
+        except TimeoutError:
+            if not _listens(address):
+                raise lost(job, "nobody listens there any more") from None
+    raise lost(job, f"no sign of life for {patience:g} s")
+
+
+def _listens(address: Address) -> bool:
+    """Whether a server accepts connections."""
+    try:
+        with socket.create_connection((address.host, address.port), timeout=_GLANCE):
+            return True
+    except TimeoutError:
+        return True  # It is busy.
+    except OSError:
+        return False

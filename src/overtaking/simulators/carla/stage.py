@@ -1,0 +1,345 @@
+"""One scenario on a CARLA server: a world is set up, ticked and read; nothing is assumed of it."""
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.errors import ConfigError, OvertakingError
+from overtaking.model.road import Lane, Road, RoadMark
+from overtaking.model.scenario import Scenario
+from overtaking.simulators.carla import cast
+from overtaking.simulators.carla.library import CALL_TIME, LOAD_TIME
+
+TICK = 0.05
+"""Length of a tick [s]: as far apart as the decisions of our drivers."""
+
+MAPS = {"town06": "Town06", "motorway": "motorway"}
+"""Name of the map that has a road of ours; the second only the headless server has."""
+
+SPAWN_HEIGHTS = (0.3, 0.6, 1.2)
+"""Heights at which a spawn is tried, one after the other [m]."""
+
+_OFF_LANE = 0.5  # A waypoint farther than this from where our lane is, is of another road [m].
+_LOOK = 10.0  # Distance of the points at which the road is looked at [m].
+
+F64 = NDArray[np.float64]
+
+
+class SimulationLostError(OvertakingError, RuntimeError):
+    """A simulation that the server could not run; another attempt may succeed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """One event of a collision sensor.
+
+    Attributes:
+        own, other: Slots; `other` is -1 for what is no vehicle.
+        frame: The tick.
+        impulse: On `own`, along the road and to its left [N s].
+    """
+
+    own: int
+    other: int
+    frame: int
+    impulse: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """All vehicles after a tick, on the road, lateral axis to the left; arrays of shape (slot,).
+
+    Attributes:
+        frame: The tick.
+        s, d: Centre of the bounding box [m].
+        psi: Heading against the road, anticlockwise [rad].
+        along, left: Velocity in the axes of the vehicle [m/s].
+        yaw_rate: Anticlockwise [rad/s].
+        accel, accel_left: Acceleration in the axes of the vehicle [m/s^2].
+    """
+
+    frame: int
+    s: F64
+    d: F64
+    psi: F64
+    along: F64
+    left: F64
+    yaw_rate: F64
+    accel: F64
+    accel_left: F64
+
+
+@dataclass(slots=True)
+class CarlaStage:
+    """A world with the vehicles of one scenario in it.
+
+    Attributes:
+        carla: The module.
+        client: A connected client.
+        scenario: A batch of one, with road and bodies as CARLA says they are.
+        world: The world.
+        actors: Vehicles by slot.
+        end: Station at which the straight road ends [m].
+    """
+
+    carla: Any
+    client: Any
+    scenario: Scenario
+    world: Any
+    actors: dict[int, Any]
+    end: float
+    _sensors: list[Any] = field(default_factory=list)
+    _events: list[Contact] = field(default_factory=list)
+    _offsets: dict[int, tuple[float, float]] = field(default_factory=dict)
+    _lit: dict[int, int] = field(default_factory=dict)
+
+    @classmethod
+    def set_up(
+        cls, carla: Any, client: Any, scenario: Scenario, *, slower: float = 1.0
+    ) -> "CarlaStage":
+        """A fresh world with map, weather and vehicles, which have their speeds.
+
+        Args:
+            carla: The module.
+            client: A connected client.
+            scenario: A batch of one.
+            slower: Factor by which all speeds are divided.
+
+        Raises:
+            ConfigError: The server has no map with this road.
+            SimulationLostError: A vehicle could not be put where it starts.
+        """
+        world = fresh_world(client, scenario.road)
+        synchronous(world)
+        world.set_weather(carla.WeatherParameters(**cast.weather_fields(scenario)))
+        road, end = _road_there(carla, world.get_map(), scenario.road)
+        stage = cls(carla, client, scenario.replace(road=road), world, {}, end)
+        speeds = scenario.start_speed[0] / slower
+        for slot in np.flatnonzero(scenario.vehicles.valid[0]).tolist():
+            stage._spawn(slot, float(speeds[slot]))
+        stage._measure_bodies()
+        stage._listen()
+        world.tick()
+        for slot, actor in stage.actors.items():
+            actor.set_target_velocity(stage.velocity(float(speeds[slot])))
+        return stage
+
+    def velocity(self, speed: float) -> Any:
+        """A velocity along the road [m/s]."""
+        heading = self.scenario.road.heading
+        return self.carla.Vector3D(speed * math.cos(heading), -speed * math.sin(heading), 0.0)
+
+    def tick(self) -> Reading:
+        """Let one tick pass, and see where everybody is."""
+        self.world.tick()
+        return self._read(self.world.get_snapshot())
+
+    def contacts(self, before: int) -> list[Contact]:
+        """What the collision sensors have said of the ticks before one, in order, once.
+
+        They speak in threads of their own: of a tick that is just over it is not yet sure that all
+        has been heard.
+        """
+        found = sorted((one for one in self._events if one.frame < before), key=_order)
+        self._events[:] = [one for one in self._events if one.frame >= before]
+        return found
+
+    def show(self, slot: int, lights: int) -> None:
+        """Switch the lamps of a vehicle to our `Lights` bits."""
+        if self._lit.get(slot) != lights:
+            self._lit[slot] = lights
+            self.actors[slot].set_light_state(cast.lamps(self.carla, lights))
+
+    def tear_down(self) -> None:
+        """Stop the sensors and let the server run freely, as it was found."""
+        for sensor in self._sensors:
+            sensor.stop()
+        for actor in [*self._sensors, *self.actors.values()]:
+            actor.destroy()
+        settings = self.world.get_settings()
+        settings.synchronous_mode, settings.fixed_delta_seconds = False, None
+        self.world.apply_settings(settings)
+
+    def _spawn(self, slot: int, speed: float) -> None:
+        """Put a vehicle one tick before where it starts."""
+        scenario, carla = self.scenario, self.carla
+        name = cast.blueprint_for(scenario, slot)
+        blueprint = self.world.get_blueprint_library().find(name)
+        if blueprint.has_attribute("color"):
+            blueprint.set_attribute("color", cast.paint(scenario, slot))
+        blueprint.set_attribute("role_name", "hero" if slot == 0 else "scenario")
+        road, lane = scenario.road, int(scenario.start_lane[0, slot])
+        s = float(scenario.start_s[0, slot]) - speed * TICK
+        x, y = (float(value) for value in road.world(s, road.centres[lane]))
+        turned = carla.Rotation(yaw=-math.degrees(road.heading))
+        for height in SPAWN_HEIGHTS:
+            place = carla.Transform(carla.Location(x, -y, height), turned)
+            actor = self.world.try_spawn_actor(blueprint, place)
+            if actor is not None:
+                self.actors[slot] = actor
+                return
+        raise SimulationLostError.of(
+            what=f"vehicle {slot} ({name})",
+            where=f"simulation {int(scenario.index[0])}",
+            expected=f"room at x = {x:.1f} m, y = {-y:.1f} m",
+            got="a refusal of the server",
+            next_step="try again",
+        )
+
+    def _measure_bodies(self) -> None:
+        """Take length, width and height from the bounding boxes."""
+        sizes = {
+            name: getattr(self.scenario.vehicles, name).copy()
+            for name in ("length", "width", "height")
+        }
+        for slot, actor in self.actors.items():
+            box = actor.bounding_box
+            self._offsets[slot] = (box.location.x, -box.location.y)
+            for name, half in zip(sizes, (box.extent.x, box.extent.y, box.extent.z), strict=True):
+                sizes[name][0, slot] = 2.0 * half
+        self.scenario = self.scenario.replace(vehicles=self.scenario.vehicles.replace(**sizes))
+
+    def _listen(self) -> None:
+        """Attach a collision sensor to every vehicle."""
+        blueprint = self.world.get_blueprint_library().find("sensor.other.collision")
+        blueprint.set_attribute("role_name", cast.nature(self.scenario))
+        slots = {actor.id: slot for slot, actor in self.actors.items()}
+        heading = self.scenario.road.heading
+        cosine, sine = math.cos(heading), math.sin(heading)
+
+        def note(event: Any) -> None:
+            x, y = event.normal_impulse.x, -event.normal_impulse.y
+            push = (x * cosine + y * sine, y * cosine - x * sine)
+            own, other = slots[event.actor.id], slots.get(event.other_actor.id, -1)
+            self._events.append(Contact(own, other, event.frame, push))
+
+        for slot in self.actors:
+            sensor = self.world.spawn_actor(
+                blueprint, self.carla.Transform(), attach_to=self.actors[slot]
+            )
+            sensor.listen(note)
+            self._sensors.append(sensor)
+
+    def _read(self, snapshot: Any) -> Reading:
+        """Every vehicle of a snapshot, in the road's frame."""
+        rows = np.zeros((self.scenario.num_slots, 8))
+        for slot, actor in self.actors.items():
+            seen = snapshot.find(actor.id)
+            if seen is None:
+                raise SimulationLostError.of(
+                    what=f"vehicle {slot}",
+                    where=f"simulation {int(self.scenario.index[0])}",
+                    expected="to be in the snapshot",
+                    got="gone",
+                    next_step="try again",
+                )
+            rows[slot] = self._row(seen, self._offsets.get(slot, (0.0, 0.0)))
+        return Reading(snapshot.frame, *rows.T)
+
+    def _row(self, seen: Any, offset: tuple[float, float]) -> list[float]:
+        """One vehicle: place of its centre, heading, and motion in its own axes."""
+        road, pose = self.scenario.road, seen.get_transform()
+        yaw = -math.radians(pose.rotation.yaw)
+        cosine, sine = math.cos(yaw), math.sin(yaw)
+        x = pose.location.x + cosine * offset[0] - sine * offset[1]
+        y = -pose.location.y + sine * offset[0] + cosine * offset[1]
+        s, d = (float(value) for value in road.road_coordinates(x, y))
+        row = [s, d, math.remainder(yaw - road.heading, math.tau)]
+        for vector in (seen.get_velocity(), seen.get_acceleration()):
+            ahead, aside = vector.x, -vector.y
+            row += [ahead * cosine + aside * sine, aside * cosine - ahead * sine]
+        turning = -math.radians(seen.get_angular_velocity().z)
+        return [*row[:5], turning, *row[5:]]
+
+
+def _order(contact: Contact) -> tuple[int, int, int]:
+    return contact.frame, contact.own, contact.other
+
+
+def fresh_world(client: Any, road: Road) -> Any:
+    """The world of the map that has this road, without anybody in it."""
+    client.set_timeout(LOAD_TIME)
+    world = _loaded_world(client, road)
+    client.set_timeout(CALL_TIME)
+    return world
+
+
+def _loaded_world(client: Any, road: Road) -> Any:
+    name = MAPS.get(road.name)
+    world = client.get_world()
+    here = world.get_map().name.rsplit("/", 1)[-1]
+    if name is None or here == name:
+        return client.reload_world()
+    every = [one.rsplit("/", 1)[-1] for one in client.get_available_maps()]
+    if name not in every:
+        raise ConfigError.of(
+            what=f"map {name}",
+            where="the CARLA server",
+            expected="to be there",
+            got=", ".join(every[:8]),
+            next_step="start a server that has it, or choose another road",
+        )
+    return client.load_world(name)
+
+
+def synchronous(world: Any, *, delta: float = TICK) -> None:
+    """Let time pass by ticks only, each `delta` long [s]."""
+    settings = world.get_settings()
+    settings.synchronous_mode, settings.fixed_delta_seconds = True, delta
+    # Real servers divide a tick into steps of their own; ours does so anyway.
+    settings.substepping, settings.max_substep_delta_time, settings.max_substeps = True, 0.01, 10
+    world.apply_settings(settings)
+
+
+def _road_there(carla: Any, place: Any, road: Road) -> tuple[Road, float]:
+    """The road with lanes as the map has them, and the station at which it ends.
+
+    Raises:
+        ConfigError: The map has no lane where ours is.
+    """
+    middle = 0.5 * min(road.length, 600.0)
+    lanes = tuple(
+        _lane_there(carla, place, road, lane, middle, float(d))
+        for lane, d in zip(road.lanes, road.centres, strict=True)
+    )
+    end, last = 0.0, float(road.centres[0])
+    while end + _LOOK <= road.length and _waypoint(carla, place, road, end + _LOOK, last):
+        end += _LOOK
+    return dataclasses.replace(road, lanes=lanes), end
+
+
+def _lane_there(carla: Any, place: Any, road: Road, lane: Lane, s: float, d: float) -> Lane:
+    """Width, id and marks of a lane as waypoints tell them."""
+    found = _waypoint(carla, place, road, s, d)
+    if found is None:
+        raise ConfigError.of(
+            what=f"lane {lane.lane_id} of road {road.name}",
+            where=f"map {place.name}",
+            expected=f"a lane at s = {s:.0f} m, d = {d:.2f} m",
+            got="none",
+            next_step="load the map that the scenario is meant for",
+        )
+    left, right = (
+        RoadMark(str(mark.type)) for mark in (found.left_lane_marking, found.right_lane_marking)
+    )
+    return dataclasses.replace(
+        lane,
+        lane_id=found.lane_id,
+        width=round(float(found.lane_width), 3),
+        left_mark=left,
+        right_mark=right,
+    )
+
+
+def _waypoint(carla: Any, place: Any, road: Road, s: float, d: float) -> Any:
+    """The waypoint at a point of our road, None if the map has no lane there."""
+    x, y = (float(value) for value in road.world(s, d))
+    found = place.get_waypoint(carla.Location(x, -y, 0.0), project_to_road=True)
+    if found is None:
+        return None
+    there = found.transform.location
+    return found if math.hypot(there.x - x, there.y + y) < _OFF_LANE else None

@@ -1,0 +1,38 @@
+"""Scenarios on CARLA 0.9.16 with its own Traffic Managers, as the study did (`carla_manager`)."""
+
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import Trajectories
+from overtaking.simulators.carla import processes
+from overtaking.simulators.carla.manager import UNKNOWN
+
+__all__ = ["CHUNK_SIZE", "SHARD_SIZE", "UNKNOWN", "simulate", "version"]
+
+CHUNK_SIZE = 4
+"""Simulations to ask for at a time; each takes many seconds."""
+
+SHARD_SIZE = 8
+"""Simulations that are lost when the work is interrupted, at most."""
+
+DRIVER = "traffic-manager"
+
+
+def version() -> str:
+    """What identifies the results."""
+    return processes.version(DRIVER)
+
+
+def simulate(scenario: Scenario) -> Trajectories:
+    """Simulate a batch on CARLA with two Traffic Managers at a third of the speed.
+
+    Args:
+        scenario: A batch of scenarios.
+
+    Returns:
+        The recorded simulations, converted to true speed; `unknown` names what is not said.
+
+    Raises:
+        MissingExtraError: CARLA's client is not installed.
+        ConfigError: The server is not there, of another version, or has no such map.
+        SimulationLostError: Some could not be run in several attempts; the message names them.
+    """
+    return processes.simulate(scenario, DRIVER)

@@ -1,0 +1,157 @@
+"""The actors of an episode: vehicles, sensors and the spectator."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+from overtaking.simulators.carla_server.ackermann import Ackermann
+from overtaking.simulators.carla_server.arguments import (
+    Control,
+    Description,
+    Gains,
+    Rotation,
+    Target,
+    Transform,
+    Vector,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from overtaking.simulators.carla_server.bodies import Body
+
+ORIGIN = Vector(0.0, 0.0, 0.0)
+UPRIGHT = Rotation(0.0, 0.0, 0.0)
+
+
+@dataclass(slots=True, kw_only=True)
+class Actor:
+    """Something with a pose.
+
+    Attributes:
+        actor_id: Its number in the episode.
+        description: What was asked for.
+        pose: Its pose, relative to the parent if it has one.
+        parent: Actor that it is attached to, 0 for none.
+        stream: Where its data go, None if it has none.
+    """
+
+    actor_id: int
+    description: Description
+    pose: Transform
+    parent: int = 0
+    stream: int | None = None
+
+    @property
+    def blueprint(self) -> str:
+        """Id of its blueprint."""
+        return self.description.blueprint
+
+    def attribute(self, name: str, default: str) -> str:
+        """The value chosen for an attribute."""
+        return next((a.value for a in self.description.attributes if a.name == name), default)
+
+
+@dataclass(slots=True, kw_only=True)
+class Vehicle(Actor):
+    """An actor that drives; its pose is kept up to date from the fleet.
+
+    Attributes:
+        body: Its numbers, as our model names them.
+        tag: CARLA's semantic tag.
+        control: Pedals and steering.
+        lights: `carla.VehicleLightState`.
+        velocity: In CARLA's frame [m/s].
+        acceleration: Over the last tick, contacts included [m/s^2].
+        turning: Yaw rate, clockwise seen from above [degrees/s].
+        ackermann: The controller that sets pedals and steering, None where the client does.
+        gains: Of that controller, kept while it is off.
+    """
+
+    body: Body
+    tag: int
+    control: Control = field(default_factory=Control)
+    lights: int = 0
+    velocity: Vector = ORIGIN
+    acceleration: Vector = ORIGIN
+    turning: float = 0.0
+    ackermann: Ackermann | None = None
+    gains: Gains = field(default_factory=Gains)
+
+    @property
+    def forward_speed(self) -> float:
+        """Speed along its axis, negative backwards [m/s]."""
+        yaw = math.radians(self.pose.rotation.yaw)
+        return self.velocity.x * math.cos(yaw) + self.velocity.y * math.sin(yaw)
+
+    def drive(self, control: Control) -> None:
+        """Set pedals and steering, until the client or its controller sets others."""
+        self.control, self.ackermann = control, None
+
+    def make_for(self, target: Target) -> None:
+        """Let the Ackermann controller make for a speed and a wheel angle."""
+        if self.ackermann is None:
+            self.ackermann = Ackermann(target)
+        self.ackermann.target = target
+
+    @property
+    def extent(self) -> Vector:
+        """Half sizes of its bounding box [m]."""
+        return Vector(*(0.5 * self.body[name] for name in ("length", "width", "height")))
+
+
+class Picture(NamedTuple):
+    """What the pictures of a camera are like.
+
+    Attributes:
+        width, height: Size [pixels].
+        fov_deg: Horizontal field of view [degrees].
+        interval: Least time between two of them [s].
+    """
+
+    width: int
+    height: int
+    fov_deg: float
+    interval: float
+
+
+@dataclass(slots=True, kw_only=True)
+class Camera(Actor):
+    """A camera.
+
+    Attributes:
+        picture: What its pictures are like.
+        due: Time of the next picture [s].
+    """
+
+    picture: Picture
+    due: float = 0.0
+
+
+def attached(parent: Transform, relative: Transform) -> Transform:
+    """The pose of what sits on something else; pitch and roll are added, as both are small."""
+    yaw = math.radians(parent.rotation.yaw)
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    x, y, z = relative.location
+    base = parent.location
+    place = Vector(base.x + cosine * x - sine * y, base.y + sine * x + cosine * y, base.z + z)
+    turned = Rotation(*(a + b for a, b in zip(parent.rotation, relative.rotation, strict=True)))
+    return Transform(place, turned)
+
+
+def world_pose(actor: Actor, actors: Mapping[int, Actor]) -> Transform:
+    """Where an actor is in the world."""
+    parent = actors.get(actor.parent)
+    return attached(world_pose(parent, actors), actor.pose) if parent else actor.pose
+
+
+EMPTY_BOX: list[object] = [ORIGIN, ORIGIN, UPRIGHT, 0]
+"""The box that CARLA gives for an actor that is gone."""
+
+
+def bounding_box(actor: Actor) -> list[object]:
+    """The box of an actor as clients want it: centre, half sizes, rotation, id."""
+    extent = actor.extent if isinstance(actor, Vehicle) else ORIGIN
+    return [Vector(0.0, 0.0, extent.z), extent, UPRIGHT, actor.actor_id]

@@ -1,0 +1,164 @@
+"""Vehicles as boxes with windows and lamps, for pictures."""
+
+from __future__ import annotations
+
+import math
+from enum import IntFlag
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.model.vehicles import VehicleKind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from overtaking.simulators.carla_server.actors import Vehicle
+
+Points = NDArray[np.float64]
+Colour = tuple[float, float, float]
+
+GLASS: Colour = (70.0, 58.0, 48.0)
+TYRE: Colour = (38.0, 36.0, 34.0)
+_RED: Colour = (40.0, 40.0, 235.0)
+_WHITE: Colour = (225.0, 245.0, 250.0)
+_AMBER: Colour = (30.0, 150.0, 250.0)
+_SHADES = {"top": 1.0, "front": 0.82, "rear": 0.74, "left": 0.62, "right": 0.68}
+_BONNET = 0.56  # Height of bonnet and boot over that of the body.
+_CABIN = (-0.62, 0.32)  # Where a car's cabin begins and ends, over half its length.
+_LAMP = 0.16  # Size of a lamp [m].
+
+
+class LightBit(IntFlag):
+    """Bits of `carla.VehicleLightState`."""
+
+    POSITION = 1
+    LOW_BEAM = 2
+    HIGH_BEAM = 4
+    BRAKE = 8
+    RIGHT_BLINKER = 16
+    LEFT_BLINKER = 32
+    REVERSE = 64
+    FOG = 128
+
+
+class Face(NamedTuple):
+    """A flat piece of a vehicle: corners in the world, shape (4, 3), and how it looks."""
+
+    corners: Points
+    colour: Colour
+    glows: bool = False
+
+
+def faces(vehicle: Vehicle, eye: Points) -> Iterator[Face]:
+    """The pieces of a vehicle that face the eye.
+
+    Args:
+        vehicle: The vehicle.
+        eye: Where it is looked at from, in CARLA's frame [m].
+    """
+    length, width, height = vehicle.extent
+    turned = _turned(vehicle)
+    seen_from = (eye - np.array(vehicle.pose.location)) @ turned
+    for box, colour in _parts(vehicle, length, width, 2.0 * height):
+        for name, corners in _sides(box, seen_from):
+            shade = _SHADES[name]
+            paint = (shade * colour[0], shade * colour[1], shade * colour[2])
+            yield _placed(vehicle, turned, corners, paint)
+    for corners, colour in _lamps(vehicle, length, width, 2.0 * height, seen_from):
+        yield _placed(vehicle, turned, corners, colour)._replace(glows=True)
+
+
+Box = tuple[float, float, float, float, float, float]
+"""Rear, front, left, right, bottom and top in the vehicle's axes [m]."""
+
+
+def _parts(
+    vehicle: Vehicle, length: float, width: float, height: float
+) -> Iterator[tuple[Box, Colour]]:
+    """The boxes that a vehicle is made of, and their colours."""
+    kind, paint = int(vehicle.body["kind"]), _paint(vehicle)
+    ground = 0.18
+    if kind in (VehicleKind.MC, VehicleKind.B):
+        yield (-length, length, -0.12, 0.12, 0.0, 0.5 * height), TYRE
+        yield (-0.4, 0.35, -0.5 * width, 0.5 * width, 0.4 * height, height), paint
+    elif kind in (VehicleKind.T, VehicleKind.V):
+        cab = length - min(0.5 * length, 2.0)
+        yield (-length, cab, -width, width, ground, height), paint
+        yield (cab, length, -width, width, ground, 0.9 * height), GLASS
+    else:
+        rear, front = (share * length for share in _CABIN)
+        yield (-length, length, -width, width, ground, _BONNET * height), paint
+        yield (rear, front, -0.9 * width, 0.9 * width, _BONNET * height, height), GLASS
+
+
+def _paint(vehicle: Vehicle) -> Colour:
+    try:
+        red, green, blue = (float(x) for x in vehicle.attribute("color", "").split(","))
+    except ValueError:
+        return (160.0, 160.0, 160.0)
+    return (blue, green, red)
+
+
+def _sides(box: Box, eye: Points) -> Iterator[tuple[str, Points]]:
+    """The sides of a box that face the eye, corners in the vehicle's axes."""
+    rear, front, left, right, low, high = box
+    if eye[2] > high:
+        yield "top", _flat((rear, left, high), (front, left, high), (front, right, high))
+    if eye[0] > front:
+        yield "front", _flat((front, left, low), (front, right, low), (front, right, high))
+    if eye[0] < rear:
+        yield "rear", _flat((rear, left, low), (rear, right, low), (rear, right, high))
+    if eye[1] > right:
+        yield "right", _flat((rear, right, low), (front, right, low), (front, right, high))
+    if eye[1] < left:
+        yield "left", _flat((rear, left, low), (front, left, low), (front, left, high))
+
+
+def _flat(*corners: tuple[float, float, float]) -> Points:
+    """A parallelogram from three of its corners."""
+    one, two, three = (np.array(corner) for corner in corners)
+    return np.array([one, two, three, one + three - two])
+
+
+def _lamps(
+    vehicle: Vehicle, length: float, width: float, height: float, eye: Points
+) -> Iterator[tuple[Points, Colour]]:
+    """The lamps that are on and face the eye."""
+    on, control = LightBit(vehicle.lights & 0xFF), vehicle.control
+    behind = eye[0] < 0.0
+    x = (-1.0 if behind else 1.0) * (length + 0.01)
+    high = min(0.42 * height, 0.8)
+    braking = control.brake > 0.0 or LightBit.BRAKE in on
+    lit = bool(on & (LightBit.POSITION | LightBit.LOW_BEAM | LightBit.HIGH_BEAM | LightBit.FOG))
+    size = _LAMP * (1.5 if braking and behind else 1.0)
+    inner = 0.85 * width
+    for side in (-1.0, 1.0):
+        if (braking and behind) or lit:
+            yield _square(x, side * inner, high, size), _RED if behind else _WHITE
+        blinker = LightBit.LEFT_BLINKER if side < 0 else LightBit.RIGHT_BLINKER
+        if blinker in on:
+            yield _square(x, side * inner, high + 2.0 * _LAMP, _LAMP), _AMBER
+
+
+def _square(x: float, y: float, z: float, size: float) -> Points:
+    return np.array(
+        [
+            (x, y - size, z - size),
+            (x, y + size, z - size),
+            (x, y + size, z + size),
+            (x, y - size, z + size),
+        ]
+    )
+
+
+def _turned(vehicle: Vehicle) -> Points:
+    """From the vehicle's axes to the world's; pitch and roll are left out."""
+    yaw = math.radians(vehicle.pose.rotation.yaw)
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    return np.array(((cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)))
+
+
+def _placed(vehicle: Vehicle, turned: Points, corners: Points, colour: Colour) -> Face:
+    return Face(corners @ turned.T + np.array(vehicle.pose.location), colour)

@@ -1,0 +1,111 @@
+"""Where vehicles are and what they stand on, as values."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from overtaking.sim.reference import collisions
+
+if TYPE_CHECKING:
+    from overtaking.model.road import Road
+    from overtaking.simulators.carla_server.bodies import Body
+
+
+LEVELS_APART = 3.0
+"""What differs by more in height is on another level: a bridge, or out of sight below [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """What vehicles stand on.
+
+    Attributes:
+        road: The road whose frame, lanes and limit hold.
+        shelters: Whether lorries shelter what drives beside them; only where traffic runs along s.
+    """
+
+    road: Road
+    shelters: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Where a vehicle is and how it moves, in the frame of the ground.
+
+    Attributes:
+        s, d: Position of its centre [m].
+        psi: Heading, anticlockwise [rad].
+        along, across: Velocity in the ground's frame [m/s].
+        yaw_rate: Anticlockwise [rad/s].
+    """
+
+    s: float
+    d: float
+    psi: float
+    along: float
+    across: float
+    yaw_rate: float
+
+
+class Driven(NamedTuple):
+    """What the model knows of a vehicle, in its axes: forwards and to the left.
+
+    Attributes:
+        vx, vy: Velocity [m/s].
+        yaw_rate: Anticlockwise [rad/s].
+        angle: Of the front wheels, anticlockwise [rad].
+        a_lon, a_lat: Acceleration by tyres and wind [m/s^2].
+        mu_left, mu_right: Friction under the wheels of either side.
+    """
+
+    vx: float
+    vy: float
+    yaw_rate: float
+    angle: float
+    a_lon: float
+    a_lat: float
+    mu_left: float
+    mu_right: float
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """A vehicle was pushed by another.
+
+    Attributes:
+        own, other: Ids of the two.
+        along, across: Impulse on `own` in the ground's frame [N s].
+    """
+
+    own: int
+    other: int
+    along: float
+    across: float
+
+
+def overlap(body: Body, motion: Motion, other: Body, at: Motion) -> bool:
+    """Whether two vehicles would stand in the same place."""
+    reach = 0.5 * math.hypot(body["length"], body["width"])
+    reach += 0.5 * math.hypot(other["length"], other["width"])
+    if math.hypot(at.s - motion.s, at.d - motion.d) > reach:
+        return False
+    apart: Any = (np.float32(at.s - motion.s), np.float32(at.d - motion.d))
+    enter, leave, _, _ = collisions.first_contact(_box(body, motion), _box(other, at), apart, apart)
+    return bool(enter <= 0.0 <= leave)
+
+
+def _box(body: Body, motion: Motion) -> collisions.Box:
+    """A vehicle as the box that contacts are found with."""
+    as_f32: Any = np.float32
+    return collisions.Box(
+        s=as_f32(motion.s),
+        d=as_f32(motion.d),
+        sine=as_f32(math.sin(motion.psi)),
+        cosine=as_f32(math.cos(motion.psi)),
+        half_length=as_f32(0.5 * body["length"]),
+        half_width=as_f32(0.5 * body["width"]),
+    )

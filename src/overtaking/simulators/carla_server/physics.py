@@ -1,0 +1,204 @@
+"""What clients do to the physics of a vehicle, and what the server says about it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from overtaking.simulators.carla_server.actors import UPRIGHT
+from overtaking.simulators.carla_server.answers import Refused
+from overtaking.simulators.carla_server.arguments import Physics, Transform, Vector, Wheel
+from overtaking.simulators.carla_server.steering import Steering
+
+if TYPE_CHECKING:
+    from overtaking.simulators.carla_server.actors import Vehicle
+    from overtaking.simulators.carla_server.world import World
+
+WHEEL_RADIUS = 0.35
+"""Radius of every wheel that the server tells of [m]."""
+
+_CM_PER_M = 100.0
+_LIGHTEST, _HEAVIEST = 50.0, 100_000.0
+
+_TURN = math.radians(1.0) / _CM_PER_M**2
+"""From CARLA's unit of angular momentum, kg cm^2 degrees/s, to kg m^2/s."""
+
+
+def set_turning(world: World, actor: int, turning: Vector) -> None:
+    """Give a vehicle a yaw rate, clockwise seen from above [degrees/s]."""
+    world.fleet.set_yaw_rate(world.vehicle(actor).actor_id, -math.radians(turning.z))
+
+
+def push(world: World, actor: int, impulse: Vector) -> None:
+    """Push a vehicle [N s]; what points upwards is lost."""
+    world.fleet.push(world.vehicle(actor).actor_id, *world.place.to_ground(impulse))
+
+
+def push_at(world: World, actor: int, impulse: Vector, location: Vector) -> None:
+    """Push a vehicle at a place of the world [N s]."""
+    push(world, actor, impulse)
+    world.fleet.spin(actor, _moment(world, actor, impulse, location))
+
+
+def force(world: World, actor: int, wanted: Vector) -> None:
+    """Let a force act on a vehicle during the next tick [N]."""
+    world.fleet.force(world.vehicle(actor).actor_id, *world.place.to_ground(wanted))
+
+
+def force_at(world: World, actor: int, wanted: Vector, location: Vector) -> None:
+    """Let a force act at a place of the world during the next tick [N]."""
+    force(world, actor, wanted)
+    world.fleet.twist(actor, _moment(world, actor, wanted, location))
+
+
+def spin(world: World, actor: int, impulse: Vector) -> None:
+    """Spin a vehicle about the vertical, clockwise seen from above [kg cm^2 degrees/s]."""
+    world.fleet.spin(world.vehicle(actor).actor_id, -_TURN * impulse.z)
+
+
+def twist(world: World, actor: int, torque: Vector) -> None:
+    """Let a torque act during the next tick, as `spin` [kg cm^2 degrees/s^2]."""
+    world.fleet.twist(world.vehicle(actor).actor_id, -_TURN * torque.z)
+
+
+def _moment(world: World, actor: int, wanted: Vector, location: Vector) -> float:
+    """Moment about the vertical of what acts at a place, anticlockwise."""
+    here, there = world.fleet.motion(actor), world.place.motion(Transform(location, UPRIGHT))
+    along, across = world.place.to_ground(wanted)
+    return (there.s - here.s) * across - (there.d - here.d) * along
+
+
+def hold_velocity(world: World, actor: int, velocity: Vector) -> None:
+    """Keep a velocity in the axes of a vehicle, whatever pedals and forces do [m/s]."""
+    # CARLA's y axis points to the right.
+    world.fleet.hold_velocity(world.vehicle(actor).actor_id, velocity.x, -velocity.y)
+
+
+def release_velocity(world: World, actor: int) -> None:
+    """Leave the velocity of a vehicle to pedals and forces again."""
+    world.fleet.release_velocity(world.vehicle(actor).actor_id)
+
+
+def set_gravity(world: World, actor: int, enabled: bool) -> None:
+    """Refuse to let a vehicle float."""
+    world.actor(actor)
+    if not enabled:
+        raise Refused("vehicles of this headless server stay on the ground")
+
+
+def physics_control(world: World, vehicle: Vehicle) -> Physics:
+    """`carla.VehiclePhysicsControl` of a body.
+
+    Mass, drag and steering are those that the server drives with. Engine, gears and wheels, which
+    our bodies do not have, are made up so that a client that looks at them finds a car.
+    """
+    body, steering = vehicle.body, world.fleet.steering(vehicle.actor_id)
+    return Physics(
+        torque_curve=((0.0, 500.0), (1890.0, 500.0), (5729.0, 400.0)),
+        max_rpm=5800.0,
+        moi=1.0,
+        damping_rate_full_throttle=0.15,
+        damping_rate_zero_throttle_clutch_engaged=2.0,
+        damping_rate_zero_throttle_clutch_disengaged=0.35,
+        use_gear_autobox=True,
+        gear_switch_time=0.5,
+        clutch_strength=10.0,
+        final_ratio=4.0,
+        forward_gears=((4.0, 0.5, 0.65), (2.0, 0.5, 0.65), (1.0, 0.5, 0.65)),
+        mass=body["mass"],
+        drag_coefficient=body["drag_area"] / _frontal_area(vehicle),
+        center_of_mass=Vector(0.0, 0.0, 0.0),
+        steering_curve=steering.curve,
+        wheels=tuple(_wheel(vehicle, k, math.degrees(steering.lock)) for k in range(4)),
+        use_sweep_wheel_collision=True,
+    )
+
+
+def apply_physics_control(world: World, actor: int, wanted: Physics) -> None:
+    """Change mass, drag and steering of a vehicle.
+
+    A heavier vehicle has the same engine and turns as slowly as its mass asks; its brakes stop it
+    as before, because grip decides that.
+
+    Raises:
+        Refused: A value cannot be, or something else was changed as well, which has no effect.
+    """
+    vehicle = world.vehicle(actor)
+    now = physics_control(world, vehicle)
+    steering = Steering(math.radians(_lock(wanted)), wanted.steering_curve)
+    if not (
+        _LIGHTEST <= wanted.mass <= _HEAVIEST
+        and wanted.drag_coefficient >= 0.0
+        and 0.0 < steering.lock < 0.5 * math.pi
+        and steering.is_sound()
+    ):
+        raise Refused("mass, drag, steering angle or steering curve is out of range")
+    heavier = wanted.mass / now.mass
+    body = vehicle.body | {
+        "mass": wanted.mass,
+        "yaw_inertia": vehicle.body["yaw_inertia"] * heavier,
+        "launch_accel": vehicle.body["launch_accel"] / heavier,
+        "drag_area": wanted.drag_coefficient * _frontal_area(vehicle),
+    }
+    vehicle.body = body
+    world.fleet.set_body(actor, body, steering)
+    if ignored := _ignored(now, wanted):
+        raise Refused(f"this headless server does not change {', '.join(ignored)} of a vehicle")
+
+
+_TAKEN = ("mass", "drag_coefficient", "steering_curve", "wheels")
+
+
+def _ignored(now: Physics, wanted: Physics) -> list[str]:
+    """What was changed without effect."""
+    names = [name for name in Physics._fields if name not in _TAKEN]
+    found = [name for name in names if not _same(getattr(now, name), getattr(wanted, name))]
+    if len(now.wheels) != len(wanted.wheels):
+        return [*found, "number of wheels"]
+    for a, b in zip(now.wheels, wanted.wheels, strict=True):
+        b = b._replace(max_steer_angle=a.max_steer_angle, position=a.position)
+        found += [name for name, x, y in zip(Wheel._fields, a, b, strict=True) if not _same(x, y)]
+    return sorted(set(found))
+
+
+def _same(one: object, other: object) -> bool:
+    """Whether two values are the same but for rounding to 32 bits."""
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(_same, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=1e-5, abs_tol=1e-9)
+    return one == other
+
+
+def _lock(wanted: Physics) -> float:
+    """Largest angle of the front wheels [degrees]."""
+    return max((one.max_steer_angle for one in wanted.wheels[:2]), default=0.0)
+
+
+def _frontal_area(vehicle: Vehicle) -> float:
+    """What CARLA's drag coefficient is multiplied with: width times height [m^2]."""
+    return vehicle.body["width"] * vehicle.body["height"]
+
+
+def _wheel(vehicle: Vehicle, k: int, lock_deg: float) -> Wheel:
+    """`carla.WheelPhysicsControl`: front left, front right, rear left, rear right."""
+    body, pose = vehicle.body, vehicle.pose
+    is_front = k < 2
+    ahead = body["cg_to_front"] if is_front else body["cg_to_front"] - body["wheelbase"]
+    aside = (0.5 if k % 2 else -0.5) * body["track_width"]
+    yaw = math.radians(pose.rotation.yaw)
+    x = pose.location.x + math.cos(yaw) * ahead - math.sin(yaw) * aside
+    y = pose.location.y + math.sin(yaw) * ahead + math.cos(yaw) * aside
+    place = Vector(*(_CM_PER_M * part for part in (x, y, pose.location.z + WHEEL_RADIUS)))
+    return Wheel(
+        tire_friction=3.5,
+        damping_rate=0.25,
+        max_steer_angle=lock_deg if is_front else 0.0,
+        radius=_CM_PER_M * WHEEL_RADIUS,
+        max_brake_torque=1500.0,
+        max_handbrake_torque=0.0 if is_front else 3000.0,
+        lat_stiff_max_load=2.0,
+        lat_stiff_value=17.0,
+        long_stiff_value=1000.0,
+        position=place,
+    )

@@ -1,0 +1,303 @@
+"""The maps of the headless server: a road of ours, or somebody's OpenDRIVE file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from overtaking.core.errors import ConfigError
+from overtaking.knowledge.roads import ROAD_NAMES
+from overtaking.model.known_roads import known_road
+from overtaking.recordings.opendrive_writer import write_opendrive
+from overtaking.simulators.carla_server.arguments import Rotation, Transform, Vector
+from overtaking.simulators.carla_server.motion import LEVELS_APART, Ground, Motion
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from overtaking.model.road import Road
+
+ROAD_LENGTH = 3000.0
+"""Length to which a road of ours is extended [m]: a minute and a half at motorway speed."""
+
+SPAWN_SPACING = 30.0
+"""Distance of the spawn points of a lane [m]."""
+
+SPAWN_HEIGHT = 0.3
+"""Spawn points float this high, as CARLA's do, so that nothing starts in the ground [m]."""
+
+LEARNED = "OpenDriveMap"
+"""Name that `carla.Client.generate_opendrive_world` loads."""
+
+_CARLA_NAMES = {"town06": ("Town06", "40")}
+"""Name that scripts know a road by, and its id in CARLA's own file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lanes:
+    """Samples of all lanes of a map, for heights, spawn points and pictures; shape (sample, ...).
+
+    Attributes:
+        place: x, y and z in CARLA's frame [m].
+        yaw: Heading in CARLA's frame [rad].
+        slope: Rise for each metre of travel.
+        width: Of the lane [m].
+        length: Of road that the sample stands for [m].
+        marks: Whether there is a left and a right line: 0 none, 1 solid, 2 broken.
+        station: Along the lane, for the dashes [m].
+        driving: Whether it is a lane to drive in.
+    """
+
+    place: NDArray[np.float64]
+    yaw: NDArray[np.float64]
+    slope: NDArray[np.float64]
+    width: NDArray[np.float64]
+    length: NDArray[np.float64]
+    marks: NDArray[np.int64]
+    station: NDArray[np.float64]
+    driving: NDArray[np.bool_]
+
+
+class Surface(NamedTuple):
+    """The ground at a point.
+
+    Attributes:
+        height: Of it [m].
+        rise_x, rise_y: Rise for each metre along CARLA's axes.
+    """
+
+    height: float = 0.0
+    rise_x: float = 0.0
+    rise_y: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """One map.
+
+    Attributes:
+        name: As `carla.Map.name` ends.
+        opendrive: Its OpenDRIVE text.
+        ground: What vehicles stand on, and whose frame they live in.
+        lanes: Samples of its lanes.
+        is_flat: Whether it lies at height zero.
+    """
+
+    name: str
+    opendrive: str
+    ground: Ground
+    lanes: Lanes
+    is_flat: bool = True
+    _cells: dict[tuple[int, int], list[int]] = field(default_factory=dict, repr=False)
+
+    def motion(self, pose: Transform) -> Motion:
+        """A pose of CARLA in the frame of the ground, at rest."""
+        road = self.ground.road
+        s, d = road.road_coordinates(pose.location.x, -pose.location.y)
+        psi = math.remainder(-math.radians(pose.rotation.yaw) - road.heading, math.tau)
+        return Motion(float(s), float(d), psi, 0.0, 0.0, 0.0)
+
+    def pose(self, motion: Motion, height: float) -> Transform:
+        """A motion's place as a pose of CARLA, on the ground.
+
+        Args:
+            motion: Where in the frame of the ground.
+            height: Where it was before, for roads above each other [m].
+        """
+        road = self.ground.road
+        x, y = (float(value) for value in road.world(motion.s, motion.d))
+        yaw = -math.remainder(motion.psi + road.heading, math.tau)
+        here = self.surface(x, -y, height)
+        rise = here.rise_x * math.cos(yaw) + here.rise_y * math.sin(yaw)
+        turned = Rotation(math.degrees(math.atan(rise)), math.degrees(yaw), 0.0)
+        return Transform(Vector(x, -y, here.height), turned)
+
+    def to_world(self, along: float, across: float) -> Vector:
+        """A vector of the ground's frame in CARLA's."""
+        cosine, sine = math.cos(self.ground.road.heading), math.sin(self.ground.road.heading)
+        return Vector(along * cosine - across * sine, -(along * sine + across * cosine), 0.0)
+
+    def to_ground(self, vector: Vector) -> tuple[float, float]:
+        """A vector of CARLA's frame along and across the ground."""
+        cosine, sine = math.cos(self.ground.road.heading), math.sin(self.ground.road.heading)
+        return vector.x * cosine - vector.y * sine, -vector.y * cosine - vector.x * sine
+
+    def surface(self, x: float, y: float, z: float) -> Surface:
+        """The ground at a point; the level nearest to height `z` where there are several.
+
+        Beside the lanes the ground is as high as the nearest of them, and 0 far from all.
+        """
+        found = self._sample(x, y, z)
+        if found is None:
+            return Surface()
+        k, apart = found
+        (x0, y0, z0), yaw = self.lanes.place[k].tolist(), float(self.lanes.yaw[k])
+        if apart > _ON_LANE:
+            return Surface(z0)
+        slope = float(self.lanes.slope[k])
+        rise_x, rise_y = slope * math.cos(yaw), slope * math.sin(yaw)
+        return Surface(z0 + rise_x * (x - x0) + rise_y * (y - y0), rise_x, rise_y)
+
+    def is_lane(self, x: float, y: float, z: float) -> bool:
+        """Whether the ground at a point belongs to a lane."""
+        if self.is_flat:
+            road = self.ground.road
+            s, d = road.road_coordinates(x, -y)
+            half = 0.5 * max(lane.width for lane in road.lanes)
+            return bool(0.0 <= s <= road.length and np.min(np.abs(road.centres - d)) <= half)
+        found = self._sample(x, y, z)
+        return found is not None and found[1] <= _ON_LANE
+
+    def _sample(self, x: float, y: float, z: float) -> tuple[int, float] | None:
+        """The sample that a point stands on, or the nearest, and how far from it [m]."""
+        near = self._cells.get((math.floor(x / _CELL), math.floor(y / _CELL)), [])
+        if not near:
+            return None
+        places = self.lanes.place[near]
+        apart = np.hypot(places[:, 0] - x, places[:, 1] - y)
+        heights = places[apart < max(_ON_LANE, float(apart.min()) + _LEVEL_REACH), 2]
+        level = heights[np.argmin(np.abs(heights - z))]
+        apart = np.where(np.abs(places[:, 2] - level) < LEVELS_APART, apart, np.inf)
+        best = int(np.argmin(apart))
+        return near[best], float(apart[best])
+
+    def spawn_points(self) -> list[Transform]:
+        """Where vehicles may be put, lane by lane."""
+        points: list[Transform] = []
+        lanes = self.lanes
+        last = -math.inf
+        for k in np.nonzero(lanes.driving)[0]:
+            station = float(lanes.station[k])
+            if 0.0 <= station - last < SPAWN_SPACING:
+                continue
+            last = station
+            x, y, z = (float(part) for part in lanes.place[k])
+            pitch = math.degrees(math.atan(float(lanes.slope[k])))
+            turned = Rotation(pitch, math.degrees(float(lanes.yaw[k])), 0.0)
+            points.append(Transform(Vector(x, y, z + SPAWN_HEIGHT), turned))
+        return points
+
+
+_CELL = 10.0
+_ON_LANE = 2.5
+"""Who is nearer than this to the centre of a lane stands on it [m]."""
+_LEVEL_REACH = 0.5
+"""How much farther than the nearest lane one of another level may be [m]."""
+
+
+def cells_of(lanes: Lanes) -> dict[tuple[int, int], list[int]]:
+    """Samples that are near each square of 10 m, for `Place.surface`."""
+    cells: dict[tuple[int, int], list[int]] = {}
+    for k, (x, y, _) in enumerate(lanes.place):
+        column, row = math.floor(x / _CELL), math.floor(y / _CELL)
+        for i in (-1, 0, 1):
+            for j in (-1, 0, 1):
+                cells.setdefault((column + i, row + j), []).append(k)
+    return cells
+
+
+def known_place(name: str) -> Place:
+    """A road of ours as a map, under CARLA's name for it where it has one.
+
+    Raises:
+        ConfigError: There is no such road.
+    """
+    key = name.lower()
+    if key not in ROAD_NAMES:
+        raise ConfigError.of(
+            what="map",
+            where="the headless server",
+            expected=" or ".join(ROAD_NAMES),
+            got=repr(name),
+            next_step="choose one of them, or start the server with an OpenDRIVE file",
+        )
+    road = known_road(key)
+    road = road.extended(max(road.length, ROAD_LENGTH))
+    carla_name, road_id = _CARLA_NAMES.get(key, (key, "1"))
+    return Place(
+        carla_name,
+        write_opendrive(road, road_id=road_id),
+        Ground(road, shelters=True),
+        _sampled(road),
+    )
+
+
+class Atlas:
+    """The maps that a server can load.
+
+    Args:
+        places: Those that it was started with; it begins with the first.
+        survey: Makes a map of a name and an OpenDRIVE text.
+    """
+
+    def __init__(self, places: Sequence[Place], survey: Callable[[str, str], Place]) -> None:
+        """Know these maps, and our roads."""
+        self.first = places[0]
+        self._survey = survey
+        self._learned = {place.name: place for place in places}
+
+    def names(self) -> list[str]:
+        """Names of all maps."""
+        ours = {_CARLA_NAMES.get(name, (name,))[0] for name in ROAD_NAMES}
+        return sorted(ours | set(self._learned))
+
+    def find(self, name: str) -> Place:
+        """The map of a name.
+
+        Raises:
+            ConfigError: There is none.
+        """
+        if name in self._learned:
+            return self._learned[name]
+        if name.lower() in ROAD_NAMES:
+            return known_place(name)
+        raise ConfigError.of(
+            what="map",
+            where="the headless server",
+            expected=" or ".join(self.names()),
+            got=repr(name),
+            next_step=f"choose one of them, or start the server with --map {name}.xodr as well",
+        )
+
+    def learn(self, opendrive: str) -> None:
+        """Take an OpenDRIVE text as the map that clients call `OpenDriveMap`.
+
+        Raises:
+            OvertakingError: It cannot be read, or nothing is installed that reads it.
+        """
+        self._learned[LEARNED] = self._survey(LEARNED, opendrive)
+
+
+_SAMPLE = 10.0
+_NO_MARK, _SOLID, _BROKEN = 0, 1, 2
+
+
+def _sampled(road: Road) -> Lanes:
+    """Samples of the driving lanes of a straight road."""
+    stations = np.arange(0.5 * _SAMPLE, road.length, _SAMPLE)
+    every = len(stations)
+    s = np.tile(stations, road.num_lanes)
+    x, y = road.world(s, np.repeat(road.centres, every))
+    marks = [[_kind(lane.left_mark.value), _kind(lane.right_mark.value)] for lane in road.lanes]
+    return Lanes(
+        place=np.stack([x, -y, np.zeros_like(x)], axis=1),
+        yaw=np.full(len(s), -road.heading),
+        slope=np.zeros(len(s)),
+        width=np.repeat([lane.width for lane in road.lanes], every),
+        length=np.full(len(s), _SAMPLE),
+        marks=np.repeat(np.array(marks), every, axis=0),
+        station=s,
+        driving=np.ones(len(s), np.bool_),
+    )
+
+
+def _kind(mark: str) -> int:
+    """How a mark, spelled as CARLA does, is drawn."""
+    if mark in ("NONE", "Other", "Curb", "Grass"):
+        return _NO_MARK
+    return _BROKEN if mark.startswith(("Broken", "Botts")) else _SOLID

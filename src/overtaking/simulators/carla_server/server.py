@@ -1,0 +1,240 @@
+"""The two sockets of the server: calls and answers, and streams."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from overtaking.core.errors import ConfigError, OvertakingError
+from overtaking.simulators.carla_server import actor_calls, answers, calls
+from overtaking.simulators.carla_server.answers import Refused
+from overtaking.simulators.carla_server.arguments import ArgumentError, check
+from overtaking.simulators.carla_server.connections import Connection, Connections, CrowdedError
+from overtaking.simulators.carla_server.protocol import CALLS, SLOW, Session, refuse_unknown
+from overtaking.simulators.carla_server.streams import Streams
+from overtaking.simulators.carla_server.wire import Budget, Decoder, ProtocolError, encode
+from overtaking.simulators.carla_server.world import World
+
+if TYPE_CHECKING:
+    from overtaking.simulators.carla_server.places import Atlas
+
+SILENCE = 10.0
+"""A synchronous client with Traffic Managers that is silent this long is reported [s]."""
+
+MAX_COMPLAINTS = 1000
+"""Bad messages that are told one by one; who sends many thousands shall not fill a disk."""
+
+MAX_TOLD, MAX_TOLD_CHARACTERS = 20, 200
+"""Calls without effect that are told for each client, and how long their names may be."""
+
+_READ_BYTES = 1 << 14
+_CALL, _ANSWER = 0, 1
+
+Log = Callable[[str], None]
+
+DECLARED = (calls, actor_calls)
+"""The modules whose calls are answered; importing them puts the calls into the table."""
+
+
+@dataclass(slots=True)
+class Server:
+    """A running server.
+
+    Attributes:
+        world: Its state.
+        log: Where it says what happens.
+    """
+
+    world: World
+    log: Log
+    managers: dict[int, str] = field(default_factory=dict)
+    connections: Connections = field(init=False)
+    _budget: Budget = field(default_factory=Budget)
+    _last_call: float = 0.0
+    _complaints: int = 0
+
+    def __post_init__(self) -> None:
+        """Nobody is connected."""
+        self.connections = Connections(self.log)
+
+    async def serve_calls(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Answer the calls of one connection until it ends or sends what no client sends.
+
+        What a client does not take is not produced: at most one answer is beyond the few kilobytes
+        that a connection buffers, and until it is taken no further call is answered.
+        """
+        session = Session(self.world, self.managers)
+        decoder = Decoder(self._budget)
+        try:
+            _at_once(writer)
+            with self.connections.enter(writer) as connection:
+                while data := await reader.read(_READ_BYTES):
+                    for message in decoder.feed(data):
+                        connection.hear()
+                        writer.write(await self._answer(session, connection, message))
+                        await writer.drain()
+                    if len(data) == _READ_BYTES:
+                        await asyncio.sleep(0)  # The others come to their turn.
+        except CrowdedError as error:
+            self._complain(f"a client was turned away: {error}")
+        except ProtocolError as error:
+            self._complain(f"a connection was dropped: it sent {error}")
+        except ConnectionError:
+            pass
+        finally:
+            decoder.close()
+            for port in session.own_managers:
+                self.managers.pop(port, None)
+            writer.close()
+
+    async def _answer(self, session: Session, connection: Connection, message: Any) -> bytes:
+        """The answer to one message."""
+        number, is_async, name, parameters = _opened(message)
+        self._last_call = asyncio.get_running_loop().time()
+        if name == "tick_cue":
+            await self.world.streams.settle()
+        if name in SLOW:
+            answer = await asyncio.to_thread(self._result, session, name, parameters)
+        else:
+            answer = self._result(session, name, parameters)
+        if is_async:
+            session.unseen += answers.errors(answer)
+        for error in session.unseen:
+            self._tell_unseen(connection, name, error)
+        session.unseen.clear()
+        return encode([_ANSWER, number, None, answer])
+
+    def _tell_unseen(self, connection: Connection, name: str, error: str) -> None:
+        """Say once for each client what it asked for in vain and cannot see.
+
+        The genuine client throws the answers to many of its calls away, so its user sees nothing.
+        """
+        text = (error if error.startswith(name) else f"{name}: {error}")[:MAX_TOLD_CHARACTERS]
+        if text not in connection.told and len(connection.told) < MAX_TOLD:
+            connection.told.add(text)
+            self._complain(f"client {connection.name} cannot see that a call had no effect: {text}")
+
+    def _complain(self, text: str) -> None:
+        """Tell of a bad message, unless there were too many."""
+        self._complaints += 1
+        if self._complaints <= MAX_COMPLAINTS:
+            self.log(text)
+        if self._complaints == MAX_COMPLAINTS:
+            self.log("there were many bad messages; no more are told")
+
+    def _result(self, session: Session, name: str, parameters: list[Any]) -> answers.Answer:
+        """What a call gives back."""
+        wanted = CALLS.get(name)
+        if wanted is None:
+            return refuse_unknown(name)
+        try:
+            return wanted.body(session, *check(wanted.arguments, parameters))
+        except ArgumentError as error:
+            return wanted.refuse(f"{name}: {error}")
+        except (Refused, OvertakingError) as error:
+            return wanted.refuse(str(error))
+
+    async def run_free(self) -> None:
+        """Let time pass, as fast as it does, while no client wants to say when."""
+        loop = asyncio.get_running_loop()
+        due = loop.time()
+        while True:
+            due = max(due + self.world.delta, loop.time() - self.world.delta)
+            await asyncio.sleep(max(due - loop.time(), 0.001))
+            if not self.world.settings.synchronous:
+                self.world.tick()
+
+    async def watch(self) -> None:
+        """Say it once when a client has fallen silent in the middle of its ticks."""
+        loop = asyncio.get_running_loop()
+        told = False
+        while True:
+            await asyncio.sleep(0.5 * SILENCE)
+            silent = loop.time() - self._last_call > SILENCE
+            waiting = silent and bool(self.managers) and self.world.settings.synchronous
+            if waiting and not told:
+                self.log(
+                    f"no call for {SILENCE:g} s after frame {self.world.frame} although a Traffic"
+                    " Manager runs: the client is busy, paused, or its Traffic Manager has missed"
+                    " a wake-up (a fault of the 0.9.16 client); in that case end the client"
+                )
+            told = waiting
+
+
+def _opened(message: Any) -> tuple[int, bool, str, list[Any]]:
+    """Number of a call, whether the client throws its answer away, its name and arguments."""
+    match message:
+        case [0, int(number), str(name), [[bool(is_async)], *parameters]] if number >= 0:
+            return number, is_async, name, parameters
+        case _:
+            raise ProtocolError("a message that is no call")
+
+
+def _at_once(writer: asyncio.StreamWriter) -> None:
+    """Send small answers without waiting for more, and notice when the other machine is gone."""
+    plug = writer.get_extra_info("socket")
+    if plug is not None:
+        plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        plug.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+
+
+async def serve(
+    atlas: Atlas,
+    *,
+    host: str,
+    port: int,
+    seed: int,
+    ready: Callable[[int, int], None],
+    log: Log,
+) -> None:
+    """Serve until cancelled.
+
+    Args:
+        atlas: The maps; the first one is loaded.
+        host: Address to listen on.
+        port: For calls; streams get the next one. 0 lets the system choose both.
+        seed: Seed of gusts and puddles.
+        ready: Called with both ports when clients may come.
+        log: Called with a line when something happens that a person may want to know.
+
+    Raises:
+        ConfigError: A port is taken, or the address is not one of this machine.
+    """
+    streams = Streams(log)
+    server = Server(World(atlas, streams, seed), log)
+
+    async def listen_to_stream(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        _at_once(writer)
+        await streams.serve(reader, writer)
+
+    answering = await _listen(server.serve_calls, host, port)
+    port = answering.sockets[0].getsockname()[1]
+    pushes = await _listen(listen_to_stream, host, 0 if port == 0 else port + 1, fallback=True)
+    streams.port = pushes.sockets[0].getsockname()[1]
+    async with answering, pushes:
+        ready(port, streams.port)
+        await asyncio.gather(server.run_free(), server.watch())
+
+
+async def _listen(
+    serve_one: Callable[..., Any], host: str, port: int, *, fallback: bool = False
+) -> asyncio.Server:
+    """A listening socket; with `fallback` on any port where this one is taken."""
+    if fallback:
+        with contextlib.suppress(OSError):
+            return await asyncio.start_server(serve_one, host, port)
+        port = 0
+    try:
+        return await asyncio.start_server(serve_one, host, port)
+    except (OSError, OverflowError) as error:
+        raise ConfigError.of(
+            what="address",
+            where=f"{host}:{port}",
+            expected="a free port of this machine",
+            got=str(error),
+            next_step="stop what uses it, or choose another with --port",
+        ) from None

@@ -1,0 +1,87 @@
+"""What the server pushes to clients: packed bytes behind a header, one layout for each sensor."""
+
+from __future__ import annotations
+
+import struct
+from enum import IntEnum
+from typing import TYPE_CHECKING, NamedTuple
+
+from overtaking.simulators.carla_server.arguments import Control, Transform, Vector
+from overtaking.simulators.carla_server.wire import encode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+_HEADER = struct.Struct("<QQd6f")
+_EPISODE = struct.Struct("<Qdf3iI")
+_ACTOR = struct.Struct("<IB15f")
+_VEHICLE = struct.Struct("<fff???ifB?IB")
+_ACTOR_STATE_BYTES = 54
+_IMAGE = struct.Struct("<IIf")
+_TOKEN = struct.Struct("<IHBB16s")
+_ACTIVE = 1
+_GREEN = 2
+_TCP = 1
+_USE_RPC_HOST = 0
+
+
+class SensorType(IntEnum):
+    """Places of the sensors in the client's registry."""
+
+    COLLISION = 0
+    CAMERA = 13
+    WORLD = 17
+
+
+class ActorState(NamedTuple):
+    """One actor in a snapshot, in CARLA's frame; angles in degrees."""
+
+    actor: int
+    pose: Transform
+    velocity: Vector = Vector(0.0, 0.0, 0.0)
+    angular_velocity: Vector = Vector(0.0, 0.0, 0.0)
+    acceleration: Vector = Vector(0.0, 0.0, 0.0)
+    control: Control | None = None
+    speed_limit_kmh: float = 0.0
+
+
+def token(stream: int, port: int) -> bytes:
+    """Where a client finds a stream: this port on the host that it knows already."""
+    return _TOKEN.pack(stream, port, _TCP, _USE_RPC_HOST, bytes(16))
+
+
+def header(kind: SensorType, frame: int, time: float, pose: Transform) -> bytes:
+    """What every message of a stream begins with; `time` is that of the simulation [s]."""
+    return _HEADER.pack(kind, frame, time, *pose.location, *pose.rotation)
+
+
+def world(episode: int, time: float, delta: float, actors: Iterable[ActorState]) -> bytes:
+    """The body of a snapshot.
+
+    Args:
+        episode: Its number; a new one tells clients that the map has changed.
+        time: Of the platform; the simulation's own, so that nothing depends on a clock [s].
+        delta: Length of the last tick [s].
+        actors: All of them.
+    """
+    parts = [_EPISODE.pack(episode, time, delta, 0, 0, 0, 0)]
+    for one in actors:
+        numbers = (*one.pose.location, *one.pose.rotation, *one.velocity)
+        numbers += (*one.angular_velocity, *one.acceleration)
+        parts.append(_ACTOR.pack(one.actor, _ACTIVE, *numbers))
+        state = b""
+        if one.control is not None:
+            lights = (_GREEN, False, 0, 0)
+            state = _VEHICLE.pack(*one.control, one.speed_limit_kmh, *lights)
+        parts.append(state.ljust(_ACTOR_STATE_BYTES, b"\0"))
+    return b"".join(parts)
+
+
+def collision(own: object, other: object, impulse: Vector) -> bytes:
+    """The body of a collision: both actors, and the impulse on the first [N s]."""
+    return encode([own, other, list(impulse)])
+
+
+def image(width: int, height: int, fov_deg: float, pixels: bytes) -> bytes:
+    """The body of a picture: four bytes a pixel, blue first."""
+    return _IMAGE.pack(width, height, fov_deg) + pixels

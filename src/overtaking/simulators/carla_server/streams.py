@@ -1,0 +1,143 @@
+"""Streams of sensor data: who listens to which, and what becomes of those who do not keep up."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import struct
+from typing import TYPE_CHECKING
+
+from overtaking.simulators.carla_server import snapshot
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+MAX_WAITING_BYTES = 64 << 20
+"""A listener for whom more than this has piled up is let go; a picture has up to 8 MB."""
+
+MAX_ALL_WAITING_BYTES = 4 * MAX_WAITING_BYTES
+"""Where more has piled up for all listeners together, the slowest is let go."""
+
+MAX_LISTENERS = 512
+"""Most listeners at a time; a genuine client has one for each sensor."""
+
+SETTLING_TIME = 0.5
+"""A listener that was announced and has not come by then is not waited for any more [s]."""
+
+HANDSHAKE_TIME = 10.0
+"""A connection that has not said by then which stream it wants is closed [s]."""
+
+_LENGTH = struct.Struct("<I")
+
+
+def _waiting(writer: asyncio.StreamWriter) -> int:
+    """Bytes that a listener has not taken yet."""
+    return writer.transport.get_write_buffer_size()
+
+
+class Streams:
+    """All streams of a server, by number."""
+
+    def __init__(self, log: Callable[[str], None]) -> None:
+        """Begin without streams."""
+        self._log = log
+        self._listeners: dict[int, set[asyncio.StreamWriter]] = {}
+        self._next = self._open = 0
+        self._told = False
+        self._announced: set[int] = set()
+        self._arrival = asyncio.Event()
+        self.port = 0
+
+    def open(self) -> int:
+        """A new stream."""
+        self._next += 1
+        self._listeners[self._next] = set()
+        return self._next
+
+    def close(self, stream: int) -> None:
+        """End a stream; who listens to it is let go."""
+        self._announced.discard(stream)
+        for writer in self._listeners.pop(stream, set()):
+            writer.close()
+
+    def token(self, stream: int) -> bytes:
+        """What a client needs to listen to a stream."""
+        return snapshot.token(stream, self.port)
+
+    def announce(self, stream: int) -> None:
+        """Somebody has asked where a stream is, and is about to listen to it."""
+        if stream in self._listeners:
+            self._announced.add(stream)
+
+    async def settle(self) -> None:
+        """Wait for those who are about to listen, so that they miss nothing of the next tick."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(SETTLING_TIME):
+                while self._announced:
+                    self._arrival.clear()
+                    await self._arrival.wait()
+        self._announced.clear()
+
+    def is_heard(self, stream: int) -> bool:
+        """Whether anybody listens."""
+        return bool(self._listeners.get(stream))
+
+    def send(self, stream: int, message: bytes) -> None:
+        """Send a message to all who listen."""
+        data = _LENGTH.pack(len(message)) + message
+        piled_up = False
+        for writer in self._listeners.get(stream, ()):
+            if not writer.is_closing():
+                piled_up |= _waiting(writer) > 0
+                writer.write(data)
+        if piled_up:
+            self._let_go_of_the_slow()
+
+    def _let_go_of_the_slow(self) -> None:
+        """End the listeners for whom too much has piled up, the slowest first."""
+        slow = [
+            (_waiting(writer), stream, writer)
+            for stream, listeners in self._listeners.items()
+            for writer in listeners
+            if _waiting(writer)
+        ]
+        total = sum(size for size, _, _ in slow)
+        for size, stream, writer in sorted(slow, key=lambda one: one[0], reverse=True):
+            if size <= MAX_WAITING_BYTES and total <= MAX_ALL_WAITING_BYTES:
+                return
+            total -= size
+            self._log(f"a listener of stream {stream} does not read; let go")
+            self._listeners[stream].discard(writer)
+            writer.transport.abort()
+
+    def _tell_of_unknown(self, stream: int) -> None:
+        """Say once that a stream never was; clients ask again for that of a destroyed sensor."""
+        if stream > self._next and not self._told:
+            self._told = True
+            self._log(f"somebody asked for stream {stream}, which never was; said once")
+
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Serve one connection: it names its stream and then only listens."""
+        stream = -1
+        self._open += 1
+        try:
+            if self._open > MAX_LISTENERS:
+                self._log(f"a listener was turned away: there are {MAX_LISTENERS} already")
+                return
+            head = await asyncio.wait_for(reader.readexactly(_LENGTH.size), HANDSHAKE_TIME)
+            (stream,) = _LENGTH.unpack(head)
+            if stream not in self._listeners:
+                self._tell_of_unknown(stream)
+                return
+            self._listeners[stream].add(writer)
+            self._announced.discard(stream)
+            self._arrival.set()
+            # Nothing more is expected; whatever comes is thrown away until the end.
+            while await reader.read(1024):
+                pass
+        except (asyncio.IncompleteReadError, TimeoutError, ConnectionError):
+            pass
+        finally:
+            self._open -= 1
+            self._listeners.get(stream, set()).discard(writer)
+            writer.close()

@@ -1,0 +1,357 @@
+"""The state of the server: one episode with its map, weather, actors and time."""
+
+from __future__ import annotations
+
+import math
+import re
+from time import monotonic, sleep
+from typing import TYPE_CHECKING
+
+from overtaking.core.units import kmh_from_mps
+from overtaking.knowledge import presets
+from overtaking.knowledge.blueprints import blueprints
+from overtaking.simulators.carla_server import snapshot
+from overtaking.simulators.carla_server.ackermann import Seen
+from overtaking.simulators.carla_server.actors import (
+    ORIGIN,
+    UPRIGHT,
+    Actor,
+    Camera,
+    Picture,
+    Vehicle,
+    bounding_box,
+    world_pose,
+)
+from overtaking.simulators.carla_server.answers import Refused
+from overtaking.simulators.carla_server.arguments import Description, Settings, Transform, Vector
+from overtaking.simulators.carla_server.bodies import Nature, body_of
+from overtaking.simulators.carla_server.camera import Scene
+from overtaking.simulators.carla_server.catalogue import (
+    CAMERA,
+    COLLISION,
+    MAX_FOV_DEG,
+    MAX_PIXELS,
+    MIN_FOV_DEG,
+    SEMANTIC_TAGS,
+    SPECTATOR,
+    WALKER,
+    WALKER_CONTROLLER,
+    catalogue,
+)
+from overtaking.simulators.carla_server.fleet import Fleet
+from overtaking.simulators.carla_server.snapshot import ActorState, SensorType
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from overtaking.simulators.carla_server.motion import Touch
+    from overtaking.simulators.carla_server.places import Atlas
+    from overtaking.simulators.carla_server.streams import Streams
+
+FREE_RUNNING_DELTA = 0.05
+"""Length of a tick that nobody has fixed [s]."""
+
+SCENARIO_NAME = re.compile(r"overtaking\.scenario (\d{1,20}) (\d{1,20}) (-?\d\.\d{1,12})")
+"""Role name of an actor that says what CARLA's weather leaves open."""
+
+MAX_ACTORS = 500
+_FIRST_ID = 20
+
+
+class World:
+    """One server's state.
+
+    Args:
+        atlas: The maps; the first one is loaded.
+        streams: Where sensors send to.
+        seed: Seed of gusts and puddles.
+    """
+
+    def __init__(self, atlas: Atlas, streams: Streams, seed: int) -> None:
+        """Begin the first episode."""
+        self.atlas, self.place, self._seed = atlas, atlas.first, seed
+        self.streams = streams
+        self.world_stream = streams.open()
+        self.settings = Settings()
+        self.episode = 0
+        self.frame = 0
+        self._begin()
+
+    @property
+    def delta(self) -> float:
+        """Length of the next tick [s]."""
+        return self.settings.fixed_delta or FREE_RUNNING_DELTA
+
+    @property
+    def vehicles(self) -> Iterator[Vehicle]:
+        """All vehicles."""
+        return (actor for actor in self.actors.values() if isinstance(actor, Vehicle))
+
+    def load(self, name: str, *, reset_settings: bool) -> None:
+        """Begin a new episode.
+
+        Args:
+            name: Of the map, with or without folders; empty for the one that is there.
+            reset_settings: Whether clients find the settings of a new server.
+
+        Raises:
+            ConfigError: There is no such map.
+        """
+        short = name.rsplit("/", 1)[-1]
+        if short and short != self.place.name:
+            self.place = self.atlas.find(short)
+        for actor in list(self.actors.values()):
+            if actor.stream is not None:
+                self.streams.close(actor.stream)
+        if reset_settings:
+            self.settings = Settings()
+        self._begin()
+
+    def _begin(self) -> None:
+        """Empty the world; gusts begin anew, so that an episode can be repeated."""
+        self.episode += 1
+        self.time = 0.0
+        self.weather: Sequence[float] = tuple(presets()["ClearNoon"].carla_fields().values())
+        self.fleet = Fleet(self.place.ground, self.weather, Nature(self._seed))
+        self.actors: dict[int, Actor] = {}
+        self._next_id = _FIRST_ID
+        self._scene: Scene | None = None
+        above = Transform(Vector(0.0, 0.0, 50.0), UPRIGHT)
+        self.spectator = self._enter(
+            Actor(actor_id=self._take_id(), description=Description(0, SPECTATOR, ()), pose=above)
+        )
+
+    def _take_id(self) -> int:
+        self._next_id += 1
+        return self._next_id
+
+    def _enter(self, actor: Actor) -> Actor:
+        self.actors[actor.actor_id] = actor
+        return actor
+
+    # --- actors ---
+
+    def actor(self, actor_id: int) -> Actor:
+        """An actor by id; `Refused` if there is none."""
+        if actor_id not in self.actors:
+            raise Refused(f"there is no actor {actor_id}")
+        return self.actors[actor_id]
+
+    def vehicle(self, actor_id: int) -> Vehicle:
+        """A vehicle by id; `Refused` if there is none."""
+        actor = self.actor(actor_id)
+        if not isinstance(actor, Vehicle):
+            raise Refused(f"actor {actor_id} is no vehicle")
+        return actor
+
+    def spawn(self, wanted: Description, pose: Transform, parent: int = 0) -> Actor:
+        """Put a new actor into the world.
+
+        Raises:
+            Refused: There is no such blueprint or parent, no room, or no more actors are taken.
+        """
+        if wanted.blueprint not in catalogue():
+            raise Refused(f"this headless server has no blueprint {wanted.blueprint}")
+        if wanted.blueprint in (WALKER, WALKER_CONTROLLER):
+            raise Refused("this headless server has no walkers")
+        if len(self.actors) >= MAX_ACTORS:
+            raise Refused(f"this headless server takes at most {MAX_ACTORS} actors")
+        if parent:
+            self.actor(parent)
+        for attribute in wanted.attributes:
+            self._take_nature(attribute.value if attribute.name == "role_name" else "")
+        if wanted.blueprint in blueprints():
+            return self._enter(self._new_vehicle(wanted, pose))
+        return self._enter(self._new_sensor(wanted, pose, parent))
+
+    def _new_vehicle(self, wanted: Description, pose: Transform) -> Vehicle:
+        body, motion = body_of(wanted.blueprint), self.place.motion(pose)
+        if self.fleet.overlapped(body, motion, pose.location.z) is not None:
+            raise Refused("Spawn failed because of collision at spawn position")
+        actor_id = self._take_id()
+        self.fleet.add(actor_id, body, motion)
+        self.fleet.heights[actor_id] = pose.location.z
+        tag = SEMANTIC_TAGS[blueprints()[wanted.blueprint].base_type]
+        return Vehicle(actor_id=actor_id, description=wanted, pose=pose, body=body, tag=tag)
+
+    def _new_sensor(self, wanted: Description, pose: Transform, parent: int) -> Actor:
+        actor_id = self._take_id()
+        sensor = Actor(actor_id=actor_id, description=wanted, pose=pose, parent=parent)
+        if wanted.blueprint == CAMERA:
+            picture = _picture(sensor)
+            sensor = Camera(
+                actor_id=actor_id, description=wanted, pose=pose, parent=parent, picture=picture
+            )
+        sensor.stream = self.streams.open()
+        return sensor
+
+    def destroy(self, actor_id: int) -> bool:
+        """Take an actor away with all that is attached to it; whether it was there."""
+        actor = self.actors.get(actor_id)
+        if actor is None or actor is self.spectator:
+            return False
+        for child in [one for one in self.actors.values() if one.parent == actor_id]:
+            self.destroy(child.actor_id)
+        del self.actors[actor_id]
+        if actor.stream is not None:
+            self.streams.close(actor.stream)
+        if actor_id in self.fleet:
+            self.fleet.remove(actor_id)
+        return True
+
+    def place_actor(self, actor_id: int, pose: Transform) -> None:
+        """Put an actor elsewhere."""
+        actor = self.actor(actor_id)
+        actor.pose = pose
+        if actor_id in self.fleet:
+            self.fleet.place(actor_id, self.place.motion(pose))
+            self.fleet.heights[actor_id] = pose.location.z
+
+    def set_velocity(self, actor_id: int, velocity: Vector) -> None:
+        """Give a vehicle a velocity [m/s]."""
+        vehicle = self.vehicle(actor_id)
+        self.fleet.set_velocity(actor_id, *self.place.to_ground(velocity))
+        vehicle.velocity = velocity
+
+    def set_weather(self, values: Sequence[float]) -> None:
+        """Change the weather."""
+        self.weather = values
+        self.fleet.set_weather(values)
+
+    def _take_nature(self, name: str) -> None:
+        """Take what CARLA's weather leaves open from the role name of an actor.
+
+        `overtaking.scenario SEED NUMBER WIND_DIRECTION` says which gusts and puddles there are, and
+        where the wind blows to, anticlockwise from the direction of travel [rad]. To a real server
+        it is a role name like any other.
+        """
+        match = SCENARIO_NAME.fullmatch(name)
+        if match is None:
+            return
+        seed, number, direction = int(match[1]), int(match[2]), float(match[3])
+        if seed < 2**64 and number < 2**64 and abs(direction) <= math.tau:
+            self.fleet.set_nature(Nature(seed, number, direction))
+
+    def layout(self, actor: Actor) -> list[object]:
+        """An actor as clients want it."""
+        tags = bytes((actor.tag,)) if isinstance(actor, Vehicle) else b""
+        stream = b"" if actor.stream is None else self.streams.token(actor.stream)
+        box = bounding_box(actor)
+        return [actor.actor_id, actor.parent, actor.description, box, tags, stream]
+
+    # --- time ---
+
+    def tick(self, *, pace: float = 0.0) -> None:
+        """Let one tick pass, and tell all who listen.
+
+        Args:
+            pace: They are not told before this time has passed since now [s].
+        """
+        begin, delta = monotonic(), self.delta
+        self.frame += 1
+        self.time += delta
+        self._steer_by_controllers(delta)
+        controls = {one.actor_id: one.control for one in self.vehicles}
+        touches = self.fleet.advance(delta, controls)
+        self._follow_fleet(delta)
+        # Two milliseconds at most, which an event loop cannot wait for as exactly.
+        sleep(max(begin + pace - monotonic(), 0.0))
+        self._tell_contacts(touches)
+        self._tell_world(delta)
+        self._take_pictures()
+
+    def _steer_by_controllers(self, delta: float) -> None:
+        """Let Ackermann controllers set pedals and steering."""
+        for one in self.vehicles:
+            if one.ackermann is not None:
+                lock = self.fleet.steering(one.actor_id).lock
+                seen = Seen(one.forward_speed, one.control.steer, lock)
+                one.control = one.ackermann.control(seen, one.gains, delta)
+
+    def _follow_fleet(self, delta: float) -> None:
+        """Bring the poses of all vehicles up to date."""
+        for actor_id, motion in self.fleet.motions().items():
+            vehicle = self.vehicle(actor_id)
+            if not self.fleet.moves(actor_id):
+                vehicle.acceleration = ORIGIN
+                continue
+            new = self.place.to_world(motion.along, motion.across)
+            old = vehicle.velocity
+            vehicle.acceleration = Vector(*((b - a) / delta for a, b in zip(old, new, strict=True)))
+            vehicle.velocity = new
+            vehicle.turning = -math.degrees(motion.yaw_rate)
+            vehicle.pose = self.place.pose(motion, vehicle.pose.location.z)
+            self.fleet.heights[actor_id] = vehicle.pose.location.z
+
+    def _tell_contacts(self, touches: Sequence[Touch]) -> None:
+        """One event a tick for each pair, with the sum of its impulses."""
+        totals: dict[tuple[int, int], Vector] = {}
+        for touch in touches:
+            pair = (touch.own, touch.other)
+            gain = self.place.to_world(touch.along, touch.across)
+            old = totals.get(pair, ORIGIN)
+            totals[pair] = Vector(*(a + b for a, b in zip(old, gain, strict=True)))
+        for (own, other), impulse in totals.items():
+            for sensor in list(self.actors.values()):
+                if sensor.blueprint == COLLISION and sensor.parent == own:
+                    pair = (self.layout(self.actors[own]), self.layout(self.actors[other]))
+                    body = snapshot.collision(*pair, impulse)
+                    self._send(sensor, SensorType.COLLISION, body)
+
+    def _tell_world(self, delta: float) -> None:
+        body = snapshot.world(self.episode, self.time, delta, self.states())
+        at = Transform(ORIGIN, UPRIGHT)
+        head = snapshot.header(SensorType.WORLD, self.frame, self.time, at)
+        self.streams.send(self.world_stream, head + body)
+
+    def states(self) -> Iterator[ActorState]:
+        """Every actor as a snapshot has it."""
+        limit = kmh_from_mps(self.place.ground.road.speed_limit)
+        for actor in self.actors.values():
+            pose = world_pose(actor, self.actors)
+            if not isinstance(actor, Vehicle):
+                yield ActorState(actor.actor_id, pose)
+                continue
+            turning = Vector(0.0, 0.0, actor.turning)
+            rates = (actor.velocity, turning, actor.acceleration)
+            yield ActorState(actor.actor_id, pose, *rates, actor.control, limit)
+
+    def _send(self, sensor: Actor, kind: SensorType, body: bytes) -> None:
+        pose = world_pose(sensor, self.actors)
+        head = snapshot.header(kind, self.frame, self.time, pose)
+        if sensor.stream is not None:
+            self.streams.send(sensor.stream, head + body)
+
+    def _take_pictures(self) -> None:
+        """Draw for every camera that somebody looks at."""
+        if self.settings.no_rendering:
+            return
+        for camera in list(self.actors.values()):
+            if not isinstance(camera, Camera) or camera.stream is None:
+                continue
+            if self.time < camera.due - 1e-6 or not self.streams.is_heard(camera.stream):
+                continue
+            picture = camera.picture
+            camera.due = self.time + picture.interval
+            self._scene = self._scene or Scene(self.place)
+            pose = world_pose(camera, self.actors)
+            size = (picture.width, picture.height)
+            pixels = self._scene.draw(pose, size, picture.fov_deg, self.vehicles, self.weather)
+            body = snapshot.image(*size, picture.fov_deg, pixels.tobytes())
+            self._send(camera, SensorType.CAMERA, body)
+
+
+def _picture(sensor: Actor) -> Picture:
+    """Size, field of view and interval of a camera; `Refused` if one cannot be."""
+    try:
+        width = int(sensor.attribute("image_size_x", "800"))
+        height = int(sensor.attribute("image_size_y", "600"))
+        fov = float(sensor.attribute("fov", "90"))
+        interval = float(sensor.attribute("sensor_tick", "0"))
+    except ValueError:
+        raise Refused("an attribute of the camera is no number") from None
+    if not (width > 0 and height > 0 and width * height <= MAX_PIXELS):
+        raise Refused(f"the picture has no pixels, or more than {MAX_PIXELS}")
+    if not MIN_FOV_DEG <= fov <= MAX_FOV_DEG or not 0.0 <= interval < math.inf:
+        raise Refused("the field of view or the interval of the camera is out of range")
+    return Picture(width, height, fov, interval)

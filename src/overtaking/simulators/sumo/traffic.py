@@ -1,0 +1,215 @@
+"""From bodies and people to vehicle types of SUMO: what each of our parameters is called there.
+
+Every vehicle has a type of its own. Following is the EIDM, lane changing SL2015; the page
+`docs/how-to/run-on-sumo.md` has the table and the reasons.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from overtaking.core.elementary import F32
+from overtaking.model.scenario import Scenario
+from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.simulators.sumo.network import BEHIND, EDGE
+from overtaking.simulators.sumo.weather import distance_error, is_wet, lane_friction
+from overtaking.world.constants import constants, known
+
+Attributes = dict[str, Any]
+"""Numbers or words of a vehicle type, by SUMO's names."""
+
+CLASSES = {
+    VehicleKind.S: "passenger",
+    VehicleKind.M: "passenger",
+    VehicleKind.L: "passenger",
+    VehicleKind.V: "delivery",
+    VehicleKind.T: "truck",
+    VehicleKind.MC: "motorcycle",
+    VehicleKind.B: "bicycle",
+}
+"""SUMO's `vClass` of each type of vehicle."""
+
+_SPEED_GAIN_THRESHOLD = 0.2
+"""Advantage over time that makes SL2015 change to the left, over `lcSpeedGain` [s]."""
+
+_KEEP_RIGHT_TIME = 5.0
+"""Time after which SL2015 keeps right where nothing is in the way, over `lcKeepRight` [s]."""
+
+_DECISION_TIME = 1.0
+"""In which a driver decides to overtake who would gain exactly `passing_gain` [s]; our choice."""
+
+_LEAST_SIGNAL_TIME = 0.5
+"""Keeps `lcKeepRight` within ten times its default where nobody signals [s]; our choice."""
+
+_DEPARTURE_FACTOR = 20.0
+"""Speed limits over which vehicles may start: SUMO refuses who is faster than it wants to be."""
+
+_LEAST = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Traffic:
+    """What of a batch is worked out once for all its simulations.
+
+    Attributes:
+        scenario: The batch.
+        desired_speed: Wanted on a free road, (simulation, vehicle) [m/s].
+        friction: Of each lane, (simulation, lane).
+        is_wet: Whether the road is wet, (simulation,).
+        distance_error: Coefficient of variation of judged distances, (simulation,).
+    """
+
+    scenario: Scenario
+    desired_speed: F32
+    friction: F32
+    is_wet: Any
+    distance_error: F32
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> "Traffic":
+        """Work it out."""
+        p, limit = scenario.drivers, np.float32(scenario.road.speed_limit)
+        above = np.maximum(p.desired_speed - limit, np.float32(0.0))
+        return cls(
+            scenario=scenario,
+            desired_speed=p.desired_speed - p.limit_respect * above,
+            friction=lane_friction(scenario),
+            is_wet=is_wet(scenario),
+            distance_error=distance_error(scenario),
+        )
+
+
+def routes(traffic: Traffic, row: int) -> str:
+    """The content of a `.rou.xml` file: the vehicles of one simulation.
+
+    Args:
+        traffic: The batch.
+        row: Which simulation of it.
+    """
+    slots = np.flatnonzero(traffic.scenario.vehicles.valid[row]).tolist()
+    types = "".join(_type(traffic, row, slot) for slot in slots)
+    vehicles = "".join(_vehicle(traffic.scenario, row, slot) for slot in slots)
+    return f'<routes>{types}<route id="r" edges="{EDGE}"/>{vehicles}</routes>'
+
+
+def _vehicle(scenario: Scenario, row: int, slot: int) -> str:
+    front = float(scenario.start_s[row, slot]) + 0.5 * float(scenario.vehicles.length[row, slot])
+    # SUMO would move or refuse what stands closer than it likes; a scenario is as it is.
+    return (
+        f'<vehicle id="{slot}" type="{slot}" route="r" depart="0" departPosLat="center"'
+        f' departLane="{int(scenario.start_lane[row, slot])}" departPos="{front + BEHIND!r}"'
+        f' departSpeed="{float(scenario.start_speed[row, slot])!r}" insertionChecks="none"/>'
+    )
+
+
+def _type(traffic: Traffic, row: int, slot: int) -> str:
+    given = (
+        _body(traffic, row, slot) | _following(traffic, row, slot) | _changing(traffic, row, slot)
+    )
+    attributes = " ".join(f'{name}="{_text(value)}"' for name, value in given.items())
+    return f'<vType id="{slot}" {attributes}/>'
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else repr(float(value))
+
+
+def _body(traffic: Traffic, row: int, slot: int) -> Attributes:
+    scenario = traffic.scenario
+    v = scenario.vehicles
+    top = max(float(v.max_speed[row, slot]), float(scenario.start_speed[row, slot]))
+    return {
+        "vClass": CLASSES[VehicleKind(int(v.kind[row, slot]))],
+        "length": v.length[row, slot],
+        "width": v.width[row, slot],
+        "height": v.height[row, slot],
+        "mass": v.mass[row, slot],
+        "maxSpeed": top,  # SUMO refuses who starts faster than this.
+        "desiredMaxSpeed": top,  # Else that of the class: 20 km/h for bicycles.
+    }
+
+
+def _following(traffic: Traffic, row: int, slot: int) -> Attributes:
+    """Parameters of the EIDM.
+
+    Its drivers misjudge gaps by a slowly varying factor, as ours do. SUMO's devices for the state
+    of drivers and for friction exist as well, but this model does not ask them.
+    """
+    scenario, p = traffic.scenario, traffic.scenario.drivers
+    decel = float(p.decel[row, slot])
+    grip = float(traffic.friction[row].mean() * constants().gravity)
+    hardest = min(float(scenario.vehicles.peak_decel[row, slot]), grip)
+    return {
+        "carFollowModel": "EIDM",
+        "speedFactor": _DEPARTURE_FACTOR,  # Until `speed_factor` takes its place.
+        "speedDev": 0.0,
+        "tau": p.time_gap[row, slot],
+        "minGap": p.min_gap[row, slot],
+        "accel": p.accel[row, slot],
+        "decel": decel,
+        "emergencyDecel": max(hardest, decel),
+        "collisionMinGapFactor": 0.0,  # A collision is a contact of bodies.
+        "treaction": p.reaction_time[row, slot],
+        "tPersEstimate": constants().error_time,
+        **_errors(traffic, row),
+    }
+
+
+def _errors(traffic: Traffic, row: int) -> Attributes:
+    """How wrongly gaps are judged; the errors of speeds and of the pedals are SUMO's defaults."""
+    return {"sigmagap": traffic.distance_error[row]}
+
+
+def speed_factor(traffic: Traffic, row: int, slot: int, lane: int) -> float:
+    """Speed wanted in a lane over the speed limit [1].
+
+    On a wet road it is lower by the share of SUMO's device for friction, which the EIDM ignores.
+
+    Source:
+        Eclipse SUMO user documentation: Simulation/Friction.
+    """
+    factor = float(traffic.desired_speed[row, slot]) / traffic.scenario.road.speed_limit
+    if not traffic.is_wet[row]:
+        return factor
+    friction = float(traffic.friction[row, lane])
+    return factor * (-0.3491 * friction * friction + 0.8922 * friction + 0.4493)
+
+
+def _changing(traffic: Traffic, row: int, slot: int) -> Attributes:
+    """Parameters of SL2015."""
+    p = traffic.scenario.drivers
+    speed, accel = lateral_limits(traffic.scenario, row, slot)
+    gain = max(float(p.passing_gain[row, slot]), _LEAST)
+    wanted = _SPEED_GAIN_THRESHOLD * float(traffic.desired_speed[row, slot])
+    return {
+        "laneChangeModel": "SL2015",
+        "latAlignment": "center",
+        "maxSpeedLat": speed,
+        "lcAccelLat": accel,
+        "lcSpeedGain": wanted / (gain * _DECISION_TIME),
+        "lcSpeedGainLookahead": p.pull_out_time[row, slot],
+        "lcKeepRight": _keep_right(float(p.signal_time[row, slot])) if slot == Role.EGO else 1.0,
+        "lcKeepRightAcceptanceTime": known("model.overtaking.stay_time"),
+        "lcAssertive": 1.0 / max(float(p.gap_acceptance[row, slot]), _LEAST),
+        "lcTimeToImpatience": p.patience[row, slot],
+        "lcCooperative": min(max(float(p.politeness[row, slot]), 0.0), 1.0),
+    }
+
+
+def _keep_right(signal_time: float) -> float:
+    """With an empty lane beside it, the ego returns after the time for which it signals."""
+    return _KEEP_RIGHT_TIME / max(signal_time, _LEAST_SIGNAL_TIME)
+
+
+def lateral_limits(scenario: Scenario, row: int, slot: int) -> tuple[float, float]:
+    """Lateral speed [m/s] and acceleration [m/s^2] with which a lane change takes as long as ours.
+
+    SUMO accelerates, moves at constant speed and slows down again. With a third of the duration T
+    for each, over a width D, that is 3 D / (2 T) and 9 D / (2 T^2), about as fast and hard as our
+    quintic path (1.9 D / T and 5.8 D / T^2).
+    """
+    widths = [lane.width for lane in scenario.road.lanes]
+    width = sum(widths) / len(widths)
+    duration = max(float(scenario.drivers.lane_change_duration[row, slot]), _LEAST)
+    return 1.5 * width / duration, 4.5 * width / (duration * duration)

@@ -1,0 +1,170 @@
+"""From a vehicle's body to the parameters of the step: forces per unit, levers, lamps."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import F32, log, maximum
+from overtaking.model.road import MAX_LANES
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import Lights
+from overtaking.model.vehicles import VehicleKind, VehicleSpecs
+from overtaking.model.weather import Weather
+from overtaking.world import visibility
+from overtaking.world.conditions import World
+from overtaking.world.constants import Constants, known
+from overtaking.world.effects import Effects
+from overtaking.world.lanes import road_parameters
+
+Rows = dict[str, NDArray[Any]]
+"""Parameters by their names in `parameters.VEHICLE_FIELDS`, each (simulation, vehicle)."""
+
+_ONE = np.float32(1.0)
+_HALF = np.float32(0.5)
+
+_DARK = np.float32(1e9)
+"""One over the intensity of a lamp that is off [1/cd]."""
+
+
+def body_parameters(scenario: Scenario, c: Constants, world: World, effects: Effects) -> Rows:
+    """The parameters of the step that bodies decide.
+
+    Args:
+        scenario: A batch of scenarios.
+        c: Constants.
+        world: Its weather and light.
+        effects: Ablations.
+    """
+    v = scenario.vehicles
+    return (
+        _shape(v, effects)
+        | _inertia(v)
+        | _drive(scenario, c)
+        | _tyres(v, c)
+        | _wind_surface(v, c)
+        | _lamps(v, scenario.weather, world)
+        | _start(scenario)
+    )
+
+
+def _shape(v: VehicleSpecs, effects: Effects) -> Rows:
+    high = (v.kind == VehicleKind.T) | (v.kind == VehicleKind.V)
+    return {
+        "valid": v.valid,
+        "half_length": _HALF * v.length,
+        "half_width": _HALF * v.width,
+        "half_track": _HALF * v.track_width,
+        "tall": high & effects.occlusion,
+        "shelters": high,
+        "spray": v.spray_factor,
+        "two_wheeler": v.two_wheeler,
+    }
+
+
+def _cg_to_rear(v: VehicleSpecs) -> F32:
+    return v.wheelbase - v.cg_to_front
+
+
+def _inertia(v: VehicleSpecs) -> Rows:
+    return {
+        "mass": v.mass,
+        "inverse_mass": _ONE / v.mass,
+        "inverse_inertia": _ONE / v.yaw_inertia,
+        "cg_front": v.cg_to_front,
+        "cg_rear": _cg_to_rear(v),
+        "cg_height": v.cg_height,
+        "wheelbase": v.wheelbase,
+        "inverse_wheelbase": _ONE / v.wheelbase,
+    }
+
+
+def _drive(scenario: Scenario, c: Constants) -> Rows:
+    v = scenario.vehicles
+    # The study's bicycles drive at 50 km/h and more: let them hold the speed that they start with.
+    lifted = maximum(v.max_speed, scenario.start_speed)
+    return {
+        "launch_force": v.mass * v.launch_accel,
+        "power": known("model.dynamics.power_share") * v.power,
+        "drag": c.half_air_density * v.drag_area,
+        "rolling": v.rolling_resistance * v.mass * c.gravity,
+        "max_speed": np.where(v.unlawful_presence, lifted, v.max_speed),
+        "brake_force": v.mass * v.peak_decel,
+        "front_drive": v.front_drive_share,
+    }
+
+
+def _tyres(v: VehicleSpecs, c: Constants) -> Rows:
+    return {
+        "front_stiffness": v.front_stiffness,
+        "rear_stiffness": v.rear_stiffness,
+        "understeer": understeer_gradient(v, c),
+        "moment_angle": moment_angle(v, c),
+        "wear": v.tyre_wear,
+        "truck": (v.kind == VehicleKind.T).astype(np.float32),
+    }
+
+
+def understeer_gradient(v: VehicleSpecs, c: Constants) -> F32:
+    """Wheel angle per lateral acceleration beyond that of the curve itself [rad s^2/m].
+
+    K = (1 / C_f - 1 / C_r) / g, with the cornering stiffness per axle load.
+
+    Source:
+        Gillespie, Fundamentals of Vehicle Dynamics (1992), chapter 6.
+    """
+    return (_ONE / v.front_stiffness - _ONE / v.rear_stiffness) / c.gravity
+
+
+def moment_angle(v: VehicleSpecs, c: Constants) -> F32:
+    """Wheel angle that balances a yaw moment on a straight course [rad/(N m)].
+
+    (1 / C_f + 1 / C_r) / l with the axles' cornering stiffness in N/rad, from the steady
+    single-track equations without yaw rate.
+    """
+    front = v.front_stiffness * v.mass * c.gravity * _cg_to_rear(v) / v.wheelbase
+    rear = v.rear_stiffness * v.mass * c.gravity * v.cg_to_front / v.wheelbase
+    return (_ONE / front + _ONE / rear) / v.wheelbase
+
+
+def _wind_surface(v: VehicleSpecs, c: Constants) -> Rows:
+    return {
+        "side_wind": c.half_air_density * v.side_area * v.wind_side_coefficient,
+        "wind_centre": v.wind_centre_ratio * v.wheelbase,
+        "wind_arm": _HALF * (v.cg_to_front - _cg_to_rear(v)),
+    }
+
+
+def _lamps(v: VehicleSpecs, weather: Weather, world: World) -> Rows:
+    """Lamps and looks: low beam at night, in rain and in thick fog, fog lamps in that alone."""
+    has_lamps = v.kind != VehicleKind.B
+    night = weather.night[:, None]
+    thick = world.sight.fog_extinction > visibility.extinction_of_range(
+        known("model.lights.fog_lamp_range")
+    )
+    foggy = has_lamps & thick[:, None]
+    lit = has_lamps & (night | (world.rain_rate > 0)[:, None] | thick[:, None])
+    tail = np.where(foggy, known("weather.lamps.rear_fog"), known("weather.lamps.rear_position"))
+    return {
+        "lights": _bit(lit, Lights.LOW_BEAM) + _bit(foggy, Lights.REAR_FOG),
+        "inverse_tail_lamp": np.where(lit, _ONE / tail, _DARK),
+        "inverse_head_lamp": np.where(lit, _ONE / known("model.lights.headlamp"), _DARK),
+        "loom_width": np.where(night, v.lamp_separation, v.width),
+        "contrast": log(v.contrast),
+    }
+
+
+def _bit(on: NDArray[np.bool_], light: Lights) -> F32:
+    return np.where(on, np.float32(light.value), np.float32(0.0))
+
+
+def _start(scenario: Scenario) -> Rows:
+    borders = road_parameters(scenario.road).boundaries
+    # An empty slot may name any lane.
+    lane = np.minimum(scenario.start_lane, MAX_LANES - 1).astype(np.int64)
+    return {
+        "start_s": scenario.start_s,
+        "start_d": _HALF * (borders[lane] + borders[lane + 1]),
+        "start_speed": scenario.start_speed,
+        "start_lane": scenario.start_lane,
+    }

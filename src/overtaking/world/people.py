@@ -1,0 +1,172 @@
+"""From a driver to the parameters of the step, and the speed that each thinks right."""
+
+import numpy as np
+
+from overtaking.core.elementary import F32, clamp, exp, maximum, minimum
+from overtaking.model.drivers import Drivers
+from overtaking.model.scenario import Scenario
+from overtaking.world import friction, visibility
+from overtaking.world.bodies import Rows
+from overtaking.world.clock import DECISIONS_PER_SECOND
+from overtaking.world.conditions import World
+from overtaking.world.constants import Constants, known
+from overtaking.world.effects import Effects
+from overtaking.world.film import PERCENT
+from overtaking.world.lanes import road_parameters
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+
+_NEVER = np.float32(1e9)
+"""A threshold that no incentive to change lanes reaches [m/s^2]."""
+
+_ANY_SPEED = np.float32(1e3)
+"""Where nothing limits the speed [m/s]."""
+
+_FAINTEST = np.float32(1e-12)
+"""Keeps the range of lamps finite where light has no limit [lx]."""
+
+_QUINTIC_PEAK = np.float32(5.77)
+"""Largest acceleration of a quintic path from rest to rest, 10 / sqrt(3), in D / T^2."""
+
+
+def driver_parameters(scenario: Scenario, c: Constants, world: World, effects: Effects) -> Rows:
+    """The parameters of the step that people decide.
+
+    Args:
+        scenario: A batch of scenarios.
+        c: Constants.
+        world: Its weather and light.
+        effects: Ablations.
+    """
+    return (
+        _speeds(scenario, c, world)
+        | _following(scenario, c, world)
+        | _reaction(scenario, world, effects)
+        | _lane_changes(scenario, world, effects)
+        | _overtaking(scenario.drivers)
+    )
+
+
+def _speeds(scenario: Scenario, c: Constants, world: World) -> Rows:
+    top = scenario.vehicles.max_speed
+    desired = minimum(adapted_speed(scenario, c, world), top)
+    faster = known("model.overtaking.pass_speed_factor")
+    return {"desired_speed": desired, "pass_speed": minimum(desired * faster, top)}
+
+
+def _following(scenario: Scenario, c: Constants, world: World) -> Rows:
+    """Parameters of the intelligent driver model.
+
+    Source:
+        Treiber and Kesting, Traffic Flow Dynamics (2013), chapter 11: the factor of v dv in s* is
+        1 / (2 sqrt(a b)), the exponent above the desired speed 4 a / b.
+    """
+    p = scenario.drivers
+    usable = known("model.following.grip_share") * c.gravity * world.grip[:, None]
+    return {
+        "time_gap": p.time_gap,
+        "min_gap": p.min_gap,
+        "accel": p.accel,
+        "decel": p.decel,
+        "interaction": np.float32(0.5) / np.sqrt(p.accel * p.decel),
+        "overspeed_exponent": known("model.following.free_exponent") * p.accel / p.decel,
+        "hardest_decel": minimum(scenario.vehicles.peak_decel, usable),
+    }
+
+
+def _reaction(scenario: Scenario, world: World, effects: Effects) -> Rows:
+    """Reaction time in whole decisions: longer at night, in fog and in heavy rain."""
+    night = known("model.perception.reaction_night_factor")
+    haze = known("model.perception.reaction_haze_factor")
+    fog = visibility.extinction_of_range(known("model.perception.fog_range"))
+    hazy = (world.sight.fog_extinction > fog) | (
+        world.rain_rate > known("model.perception.heavy_rain_mmph")
+    )
+    slower = np.where(scenario.weather.night, night, _ONE)[:, None]
+    reaction = scenario.drivers.reaction_time * slower * np.where(hazy, haze, _ONE)[:, None]
+    decisions = np.rint(reaction * DECISIONS_PER_SECOND)
+    ticks = minimum(decisions, known("model.perception.history"))
+    return {"reaction_ticks": ticks if effects.delay else np.zeros_like(ticks)}
+
+
+def _lane_changes(scenario: Scenario, world: World, effects: Effects) -> Rows:
+    p = scenario.drivers
+    threshold = p.lane_change_threshold
+    quickest = _quickest_change(scenario, world)[:, None]
+    return {
+        "politeness": p.politeness,
+        "threshold": threshold if effects.mobil else np.full_like(threshold, _NEVER),
+        "bias": p.right_bias,
+        "safe_decel": p.safe_decel,
+        "lane_change_duration": maximum(p.lane_change_duration, quickest),
+    }
+
+
+def _quickest_change(scenario: Scenario, world: World) -> F32:
+    """Shortest lane change that the believed grip allows, shape (simulation,) [s]."""
+    borders = road_parameters(scenario.road).boundaries
+    width = borders[1] - borders[0]
+    share = known("model.lane_change.accel_share")
+    return np.sqrt(_QUINTIC_PEAK * width / (share * world.side_accel))
+
+
+def _overtaking(p: Drivers) -> Rows:
+    return {
+        "passing_gain": p.passing_gain,
+        "inverse_patience": _ONE / p.patience,
+        "pull_out_time": p.pull_out_time,
+        "gap_acceptance": p.gap_acceptance,
+        "return_time_gap": p.return_time_gap,
+        "signal_time": p.signal_time,
+        "uses_indicator": p.uses_indicator,
+        "checks_blind_spot": p.checks_blind_spot,
+    }
+
+
+def adapted_speed(scenario: Scenario, c: Constants, world: World) -> F32:
+    """Speed that each driver wants in this weather and light, (simulation, vehicle) [m/s].
+
+    A cautious driver slows for heavy rain as measured on motorways, for strong wind to the speed
+    that exposed bridges ask for, and to a speed from which the vehicle stops within sight of a lit
+    one; a careless one does not.
+    """
+    p = scenario.drivers
+    limit = np.float32(scenario.road.speed_limit)
+    wanted = p.desired_speed - p.limit_respect * maximum(p.desired_speed - limit, _ZERO)
+    slowing = _rain_slowing(world)[:, None]
+    safe = minimum(_stoppable_speed(scenario, c, world), _calm_speed(scenario))[:, None]
+    excess = maximum(wanted - slowing - safe, _ZERO)
+    return wanted - p.caution * (slowing + excess)
+
+
+def _rain_slowing(world: World) -> F32:
+    """By how much a fully cautious driver slows for rain, shape (simulation,) [m/s]."""
+    heavy = known("model.speed_choice.rain_from_mmph")
+    beyond = (world.rain_rate - heavy) / known("model.speed_choice.rain_span_mmph")
+    least = known("model.speed_choice.rain_least_slowing")
+    more = known("model.speed_choice.rain_more_slowing") * clamp(beyond, _ZERO, _ONE)
+    return np.where(world.rain_rate > heavy, least + more, _ZERO)
+
+
+def _stoppable_speed(scenario: Scenario, c: Constants, world: World) -> F32:
+    """Speed from which one stops within sight of a lit vehicle, shape (simulation,) [m/s]."""
+    sight = world.sight
+    rain_factor = known("model.speed_choice.rain_sight_factor")
+    extinction = sight.fog_extinction + rain_factor * sight.rain_extinction
+    contrast = exp(sight.sight_front) * known("model.speed_choice.contrast")
+    by_contrast = visibility.contrast_range(extinction, contrast, np.ones_like(extinction))
+    tail = np.full_like(extinction, known("weather.lamps.rear_position"))
+    by_lamp = visibility.lamp_range(extinction, tail, maximum(sight.lamp_threshold, _FAINTEST))
+    seen = np.where(scenario.weather.night, by_lamp, maximum(by_contrast, by_lamp))
+    reaction = np.full_like(seen, known("model.speed_choice.reaction_time"))
+    decel = known("model.speed_choice.grip_share") * c.gravity * world.grip
+    return friction.stoppable_speed(seen, reaction, decel)
+
+
+def _calm_speed(scenario: Scenario) -> F32:
+    """Speed that a fully cautious driver keeps in strong wind, shape (simulation,) [m/s]."""
+    strongest = known("weather.wind.peak_factor") * known("weather.wind.full_speed")
+    gust = strongest * (scenario.weather.wind * PERCENT)
+    limited = gust > known("weather.wind.restricted_gust")
+    return np.where(limited, known("weather.wind.restricted_speed"), _ANY_SPEED)

@@ -1,0 +1,117 @@
+"""How far one sees: extinction, contrast, lamps, glare."""
+
+from functools import cache
+
+import numpy as np
+
+from overtaking.core.elementary import F32, F32Like, Mask, as_f32, exp, log, maximum, minimum, power
+from overtaking.core.units import deg_from_rad
+from overtaking.world.constants import known
+from overtaking.world.film import PERCENT
+
+LEAST_EXTINCTION = np.float32(1e-7)
+"""Keeps ranges finite in perfectly clear air [1/m]."""
+
+_NEWTON_STEPS = 8
+"""More than convergence to the last bit takes, for any lamp and any fog."""
+
+
+def meteorological_range(fog: F32) -> F32:
+    """Meteorological optical range of CARLA's fog density [m].
+
+    Args:
+        fog: 0 to 100 [%], any shape.
+    """
+    share = np.asarray(fog, np.float32) * PERCENT
+    return known("weather.fog.clear_range") * exp(share * _thickening())
+
+
+@cache
+def _thickening() -> F32:
+    """Logarithm of the range in the thickest fog over that in clear air."""
+    return log(known("weather.fog.thick_range") / known("weather.fog.clear_range"))
+
+
+def fog_extinction(fog: F32) -> F32:
+    """Extinction coefficient of CARLA's fog density [1/m]."""
+    return extinction_of_range(meteorological_range(fog))
+
+
+def extinction_of_range(optical_range: F32Like) -> F32:
+    """Extinction coefficient of air with a meteorological optical range [1/m] (Koschmieder)."""
+    return known("weather.fog.transmission_depth") / as_f32(optical_range)
+
+
+def rain_extinction(rate: F32) -> F32:
+    """Extinction coefficient of falling rain at rest [1/m] (Marshall and Palmer)."""
+    scaled = power(np.asarray(rate, np.float32), known("weather.rain_sight.exponent"))
+    return np.where(rate > 0, known("weather.rain_sight.coefficient") * scaled, np.float32(0.0))
+
+
+def glare_factor(sun_altitude: F32, angle: F32, cloudiness: F32) -> F32:
+    """Share of contrast left when looking within `angle` of a low sun, 1 without glare.
+
+    Args:
+        sun_altitude: [rad].
+        angle: Horizontal angle between line of sight and sun, 0 to pi [rad].
+        cloudiness: [%].
+
+    Source:
+        Veiling luminance of Stiles and Holladay.
+    """
+    theta = np.sqrt(sun_altitude * sun_altitude + angle * angle) * np.float32(deg_from_rad(1.0))
+    theta = maximum(theta, known("weather.glare.smallest_angle_deg"))
+    veil = (
+        known("weather.glare.coefficient")
+        * known("weather.glare.sun_illuminance")
+        / (theta * theta)
+    )
+    luminance = known("weather.glare.road_luminance")
+    low = (sun_altitude >= known("weather.glare.lowest_sun")) & (
+        sun_altitude <= known("weather.glare.highest_sun")
+    )
+    dazzled = (
+        low
+        & (angle < known("weather.glare.half_width"))
+        & (cloudiness < known("weather.glare.most_cloud_percent"))
+    )
+    return np.where(dazzled, luminance / (luminance + veil), np.float32(1.0))
+
+
+def contrast_threshold(night: Mask, dusk: Mask, rate: F32) -> F32:
+    """Smallest contrast that is seen through a wet windscreen [1]."""
+    dark = np.where(
+        dusk, known("weather.contrast.threshold_dusk"), known("weather.contrast.threshold_day")
+    )
+    threshold = np.where(night, known("weather.contrast.threshold_night"), dark)
+    return threshold * (np.float32(1.0) + rate / known("weather.rain_sight.screen_rate_mmph"))
+
+
+def lamp_threshold(night: Mask, dusk: Mask) -> F32:
+    """Smallest illuminance at the eye at which a lamp is seen [lx] (Allard)."""
+    dark = np.where(
+        dusk, known("weather.lamps.threshold_dusk"), known("weather.lamps.threshold_day")
+    )
+    return np.where(night, known("weather.lamps.threshold_night"), dark)
+
+
+def lamp_range(extinction: F32, intensity: F32, threshold: F32) -> F32:
+    """Distance at which a lamp of `intensity` [cd] falls to `threshold` [lx] [m] (Allard).
+
+    Solves I exp(-beta r) / r^2 = E for r by Newton's method on its logarithm.
+    """
+    target = log(intensity / threshold)
+    clear = np.sqrt(intensity / threshold)
+    # No lamp is seen farther than in clear air, nor through more than a few optical depths.
+    r = minimum(clear, np.float32(4.0) / maximum(extinction, np.float32(1e-6)))
+    for _ in range(_NEWTON_STEPS):
+        excess = np.float32(2.0) * log(r) + extinction * r - target
+        r = r - r * excess / (np.float32(2.0) + extinction * r)
+        r = maximum(r, np.float32(0.5))
+    return r
+
+
+def contrast_range(extinction: F32, contrast: F32, threshold: F32) -> F32:
+    """Distance at which `contrast` falls to `threshold` [m] (Koschmieder)."""
+    depth = maximum(log(contrast / threshold), np.float32(0.0))
+    return depth / maximum(extinction, LEAST_EXTINCTION)

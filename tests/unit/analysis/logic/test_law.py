@@ -1,0 +1,120 @@
+"""The law in Python and the law as a logic program say the same."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from tests.support.law_fixtures import FIXTURES
+from tests.support.logic import program_of, solved
+
+from overtaking import sample, simulate
+from overtaking.analysis.logic.export import PROGRAMS
+from overtaking.analysis.logic.facts import Classes
+from overtaking.analysis.logic.law import CODES, judged, law, lawyer
+from overtaking.analysis.logic.source import Group, case_of
+from overtaking.labels.law import PORTUGAL, check
+from overtaking.model.labels import Case, Verdict
+
+LAW = (PROGRAMS / "law.lp").read_text(encoding="utf-8")
+
+
+@cache
+def known(place: int) -> tuple[str, dict[str, str], dict[str, int]]:
+    """The facts of a fixture, and what Python says of it."""
+    case = FIXTURES[place][3]()
+    return program_of(case, every=10**6), *in_python(case)
+
+
+def in_logic(facts: str, law_text: str = LAW) -> tuple[dict[str, str], dict[str, int]]:
+    """Verdicts of one simulation, and first frames of breaches, by the code of the rule."""
+    found = solved(facts + law_text)
+    verdicts: dict[str, str] = {}
+    for _, rule, verdict in found["verdict"]:
+        assert rule not in verdicts, f"two verdicts of {rule}"
+        verdicts[rule.upper()] = verdict
+    breaches = sorted(found.get("breach", set()), key=lambda row: -row[2])
+    return verdicts, {rule.upper(): frame for _, rule, frame in breaches}
+
+
+def in_python(case: Case) -> tuple[dict[str, str], dict[str, int]]:
+    findings = check(PORTUGAL, case)
+    verdicts: dict[str, str] = {}
+    first: dict[str, int] = {}
+    for code in CODES:
+        place = (0, findings.rules.index(code))
+        verdicts[code] = Verdict(int(findings.verdict[place])).name.lower()
+        if verdicts[code] == "illegal":
+            first[code] = int(findings.first[place])
+    return verdicts, first
+
+
+@pytest.mark.parametrize(
+    "place", [pytest.param(n, id=f"{f[0]}: {f[2]}") for n, f in enumerate(FIXTURES)]
+)
+def test_both_say_the_same_of_every_fixture(place: int):
+    facts, expected, expected_first = known(place)
+    verdicts, first = in_logic(facts)
+    assert verdicts == expected
+    assert {code: first[code] for code in expected_first} == expected_first
+
+
+@pytest.mark.parametrize(("profile", "number"), [("pinto2023", 176), ("motorway-risk", 24)])
+def test_both_say_the_same_of_simulations(profile: str, number: int):
+    case = case_of(simulate(sample(profile, number, seed=23)))
+    nothing = np.zeros(number, np.uint8)
+    labels = Classes(classes=np.stack([nothing] * 3, axis=1), outcome=nothing)
+    group = Group(numbers=np.arange(number), case=case, labels=labels, done=number)
+    with lawyer() as reasoner:
+        said = judged(reasoner, group)
+    findings = check(PORTUGAL, case)
+    place = [findings.rules.index(code) for code in CODES]
+    verdict = findings.verdict[:, place]
+    np.testing.assert_array_equal(said.verdict, verdict)
+    is_illegal = verdict == Verdict.ILLEGAL
+    np.testing.assert_array_equal(said.first[is_illegal], findings.first[:, place][is_illegal])
+    assert is_illegal.sum() > number / 4
+
+
+@pytest.mark.parametrize(
+    ("code", "old", "new"),
+    [
+        ("L1", "L <= K.", "L < K-5."),
+        ("L2", "D-R > 50, A <= F", "D-R > 90, A <= F"),
+        ("L3", "C <= F, F <= C+N", "C <= F, F <= C"),
+        ("L5", "left_follower,F,G,_,R), G < R.", "left_follower,F,G,_,R), G > R."),
+        ("L8", "follower,F,G,_,R), G < R.", "follower,F,G,_,R), G < -R."),
+        ("L9", "N > 8000/M", "N > 12000/M"),
+        ("L12", "(10000*L+18)/36", "(10000*L+18)/30"),
+        ("L13", "36*V < 500000", "36*V < 300000"),
+        ("L16", "W-M < 400", "W-M < 0"),
+        ("L18", "frames_in(2000,P)", "frames_in(1000,P)"),
+        ("L20", "N >= 3, conduct", "N >= 6, conduct"),
+        ("L21", "at_first(S,F), not taken(S,F)", "at_first(S,F), taken(S,F)"),
+    ],
+)
+def test_a_condition_that_is_changed_is_noticed(code: str, old: str, new: str):
+    assert old in LAW
+    spoiled = LAW.replace(old, new)
+    places = [n for n, fixture in enumerate(FIXTURES) if fixture[0] == code]
+    assert any(in_logic(known(n)[0], spoiled)[0] != known(n)[1] for n in places)
+
+
+def test_the_law_reads_measurements_and_no_label():
+    read = set(law().demand.patterns)
+    assert read.isdisjoint({"class", "outcome"})
+    assert {"spacing", "reach", "ego_speed", "event", "lane"} <= read
+
+
+def test_every_rule_is_headed_by_its_article_and_its_gloss():
+    rules = {rule.code: rule for rule in PORTUGAL.rules}
+    lines = LAW.splitlines()
+    heads = {line.split(": ")[0]: n for n, line in enumerate(lines) if line.startswith("% --- L")}
+    assert set(heads) == {f"% --- {code}" for code in CODES}
+    for code in CODES:
+        begin = heads[f"% --- {code}"]
+        end = lines.index("", begin)
+        assert lines[begin].split(": ", 1)[1].rstrip("- ") == rules[code].law
+        said = " ".join(line.removeprefix("% ") for line in lines[begin + 1 : end])
+        assert said == rules[code].gloss

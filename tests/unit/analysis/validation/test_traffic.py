@@ -1,0 +1,105 @@
+"""What is counted in recordings that are known by construction."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from tests.support.worlds import Vehicle, scenario, wide_road
+
+from overtaking.analysis.validation import traffic
+from overtaking.analysis.validation.figures import figures
+from overtaking.analysis.validation.tally import Tally, quantile
+from overtaking.analysis.validation.traffic import Batch
+from overtaking.sim import engine
+from overtaking.world.parameters import parameters
+
+
+def counted(*vehicles: Vehicle, horizon: float = 20.0, changes: dict | None = None) -> Tally:
+    world = scenario(list(vehicles), road=wide_road(), horizon=horizon)
+    runs = engine.run(world, parameters(world))
+    if changes:
+        runs = runs.replace(
+            states=runs.states.replace(
+                **{name: change(getattr(runs.states, name)) for name, change in changes.items()}
+            )
+        )
+    tally = Tally()
+    traffic.count(tally, Batch.of(runs))
+    return tally
+
+
+def follower(gap: float, speed: float, ahead: float) -> tuple[Vehicle, Vehicle]:
+    lead = Vehicle(s=500.0, lane=0, speed=ahead, driver={"desired_speed": ahead})
+    length = 4.4
+    return Vehicle(
+        s=500.0 - gap - length, lane=0, speed=speed, driver={"desired_speed": speed}
+    ), lead
+
+
+def frozen(values: np.ndarray) -> np.ndarray:
+    """The first frame over and over."""
+    return np.repeat(values[:, :, :1], values.shape[2], axis=2)
+
+
+def test_the_time_gap_is_bumper_to_bumper_over_the_speed():
+    stand = dict.fromkeys(("s", "speed"), frozen)
+    tally = counted(*follower(45.0, 30.0, 30.0), changes=stand)
+    assert quantile(tally.total("gap_times"), 0.5, traffic.GAP_WIDTH) == pytest.approx(
+        1.5, abs=0.02
+    )
+    assert tally.total("critical")[0] == 0.0
+    assert tally.total("behind")[0] > 0.0
+
+
+@pytest.mark.parametrize(("gap", "is_critical"), [(29.0, True), (31.0, False)])
+def test_a_time_to_collision_below_three_seconds_is_critical(gap, is_critical):
+    stand = dict.fromkeys(("s", "speed"), frozen)
+    tally = counted(*follower(gap, 30.0, 20.0), changes=stand)
+    share = tally.total("critical")[0] / tally.total("behind")[0]
+    assert share == float(is_critical)
+
+
+def test_a_way_is_the_speed_over_the_time():
+    tally = counted(*follower(200.0, 25.0, 25.0), horizon=10.0)
+    assert tally.total("metres")[0] == pytest.approx(2 * 25.0 * 10.0, rel=0.05)
+
+
+@pytest.mark.parametrize("duration", [4.0, 6.0, 9.0])
+def test_a_lane_change_lasts_as_long_as_it_moves_visibly(duration):
+    def moves(d: np.ndarray) -> np.ndarray:
+        t = np.clip((np.arange(d.shape[2]) * 0.05 - 5.0) / duration, 0.0, 1.0)
+        quintic = t**3 * (10.0 - 15.0 * t + 6.0 * t * t)
+        moved = d.copy()
+        moved[:, 0] = d[:, 0, :1] + (3500.0 * quintic).astype(np.int32)
+        return moved
+
+    def lane(lanes: np.ndarray) -> np.ndarray:
+        changed = lanes.copy()
+        changed[:, 0] = np.arange(lanes.shape[2]) * 0.05 >= 5.0 + 0.5 * duration
+        return changed
+
+    tally = counted(*follower(200.0, 25.0, 25.0), changes={"d": moves, "lane": lane})
+    assert tally.total("changes")[0] == 1.0
+    # The quintic's speed 30 D/T u^2 (1 - u)^2 is above 0.15 m/s between u and 1 - u.
+    root = np.sqrt(0.15 * duration / (30.0 * 3.5))
+    u = 0.5 - np.sqrt(0.25 - root)
+    found = np.flatnonzero(tally.total("durations")) * traffic.CHANGE_WIDTH
+    assert found == pytest.approx((1.0 - 2.0 * u) * duration, abs=0.25)
+
+
+def test_a_figure_is_judged_by_both_of_its_limits():
+    tally = counted(*follower(45.0, 30.0, 30.0))
+    by_name = {figure.name: figure for figure in figures(tally, None)}
+    assert by_name["lane_changes_per_km"].met is False  # Nobody changed lanes.
+    assert by_name["short_ttc"].met is True
+    assert by_name["impossible_accel"].value == 0.0
+    assert by_name["contacts"].met is None
+    assert by_name["passing_speed"].values()["value"] is None
+
+
+def test_figures_are_plain_numbers_for_machines():
+    tally = counted(*follower(45.0, 30.0, 30.0))
+    rows = [figure.values() for figure in figures(tally, None)]
+    assert json.loads(json.dumps(rows, allow_nan=False)) == rows

@@ -1,0 +1,113 @@
+"""What is said of simulations comes back from its tables as it was said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from overtaking.data.tables.decode import decode
+from overtaking.data.tables.encode_labels import encode_labels
+from overtaking.data.tables.label_schemas import EVENTS_IN_ORDER, LABEL_TABLES
+from overtaking.data.tables.schemas import KEYS, SCHEMAS
+from overtaking.labels.label import Labelled, label
+from overtaking.model.events import NEVER, Detail, Outcome
+from overtaking.model.labels import OvertakeClass, Severity, Verdict
+from overtaking.recordings.roads import load_road
+from overtaking.scenarios import sample, spec
+from overtaking.sim import engine
+
+SIZE, FIRST = 60, 1000
+
+
+@pytest.fixture(scope="module")
+def labelled() -> Labelled:
+    given = spec("pinto2023")
+    index = np.arange(SIZE, dtype=np.uint64)
+    return label(engine.simulate(sample(given, load_road(given.road), 4, index)))
+
+
+@pytest.fixture(scope="module")
+def tables(labelled):
+    return encode_labels(labelled, np.arange(FIRST, FIRST + SIZE))
+
+
+@pytest.fixture(scope="module")
+def frames(tables):
+    return {name: decode(table) for name, table in tables.items()}
+
+
+@pytest.mark.parametrize("name", LABEL_TABLES)
+def test_a_table_is_sorted_by_its_key_and_has_its_schema(name, tables, frames):
+    assert tables[name].schema.equals(SCHEMAS[name], check_metadata=True)
+    key = list(KEYS[name])
+    assert not frames[name].duplicated(key).any()
+    assert frames[name].equals(frames[name].sort_values(key, kind="stable"))
+
+
+def test_every_event_that_happened_has_a_row_and_no_other(labelled, frames):
+    rows = frames["events"].set_index(["simulation", "event"])["frame"]
+    for name in EVENTS_IN_ORDER:
+        happened = getattr(labelled.events, name)
+        for k in range(SIZE):
+            key = (FIRST + k, name)
+            assert (key in rows.index) == (happened[k] != NEVER)
+            assert happened[k] == NEVER or rows[key] == happened[k]
+
+
+def test_times_of_events_are_those_of_their_frames(frames):
+    rows = frames["events"]
+    assert np.allclose(rows["time_s"], rows["frame"] * 0.05)
+
+
+def test_a_collision_names_the_partner_and_the_change_of_speed(labelled, frames):
+    hits = frames["events"].query("event == 'collision'").set_index("simulation")
+    assert len(hits)
+    for simulation, row in hits.iterrows():
+        assert row["vehicle"] == labelled.events.partner[simulation - FIRST]
+        assert row["speed_change_mps"] >= 0.0
+    others = frames["events"].query("event != 'collision'")
+    assert others["speed_change_mps"].isna().all()
+
+
+def test_classes_and_outcomes_have_the_names_of_the_model(labelled, frames):
+    rows = frames["labels"]
+    said = labelled.labels
+    names = [OvertakeClass(code).title for code in said.classes.reshape(-1)]
+    assert rows["class"].tolist() == names
+    first = rows.drop_duplicates("simulation")
+    assert first["outcome"].tolist() == [Outcome(code).name.lower() for code in said.outcome]
+    assert first["detail"].tolist() == [Detail(code).name.lower() for code in said.detail]
+
+
+def test_findings_are_those_of_the_rules(labelled, frames):
+    rows, found = frames["findings"], labelled.findings
+    assert rows["rule"].tolist() == list(found.rules) * SIZE
+    verdict = [Verdict(code).name.lower() for code in found.verdict.reshape(-1)]
+    assert rows["verdict"].tolist() == verdict
+    judged = rows["verdict"].isin(["legal", "illegal"])
+    assert (rows["margin"].notna() == judged).all()
+    broken = rows["verdict"] == "illegal"
+    assert (rows["first_frame"].notna() == broken).all()
+    severity = [Severity(code).name.lower() for code in found.severity.reshape(-1)]
+    assert rows["severity"].tolist() == severity
+    assert set(rows.loc[broken, "severity"]) <= {"light", "serious", "very_serious"}
+
+
+def test_features_of_both_readings_alternate(labelled, frames):
+    rows = frames["features"]
+    assert rows["policy"].tolist() == ["paper", "matched"] * SIZE
+    for reading in (labelled.paper, labelled.matched):
+        mine = rows[rows["policy"] == reading.policy]
+        assert np.array_equal(mine["WT_s"].to_numpy(), reading.waiting_time)
+        assert np.array_equal(mine["SE_mps"].to_numpy(), reading.ego_speed)
+        assert (mine["TP"].notna().to_numpy() == reading.has_target).all()
+        occupancy = mine["OLR_percent"].to_numpy()
+        assert np.allclose(occupancy, reading.left_occupancy * 100.0)
+
+
+def test_weather_that_nobody_knows_is_null(labelled):
+    run = labelled.trajectories.replace(unknown=frozenset({"weather"}))
+    rows = decode(encode_labels(label(run), np.arange(SIZE))["features"])
+    weather = ["DN", "HL", "PREC_percent", "WIND_percent", "FOG_percent"]
+    assert rows[weather].isna().all().all()
+    assert rows[["TE", "SE_mps", "NV"]].notna().all().all()

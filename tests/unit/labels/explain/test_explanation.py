@@ -1,0 +1,170 @@
+"""Explanations agree with the findings that they explain, and know what the driver believed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.support.cases import Belief as Believed
+from tests.support.cases import Track
+from tests.support.overtakes import crossing
+
+from overtaking import api
+from overtaking.labels.explain import explain
+from overtaking.labels.explain.thoughts import thoughts
+from overtaking.labels.label import Labelled, label
+from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, policy
+from overtaking.labels.law.beliefs import FRONT, LEADER, REAR
+from overtaking.model.labels import Belief, Verdict
+from overtaking.model.trajectory import DecisionKind
+
+NUM_SIMULATIONS = 48
+FAR, NEAR = 60.0, 10.0
+"""Gaps behind a leader of one's own speed, 30 m/s: lawful and not [m]."""
+
+
+@pytest.fixture(scope="module")
+def labelled() -> Labelled:
+    """Enough simulations for most rules to be broken in some."""
+    return api.label(api.simulate(api.sample("pinto2023", NUM_SIMULATIONS, 1)))
+
+
+def test_each_rule_is_broken_or_doubtful_or_kept_or_inapplicable_as_found(labelled):
+    codes = np.array(labelled.findings.rules)
+    for simulation in range(NUM_SIMULATIONS):
+        told = explain(labelled, simulation)
+        verdict = labelled.findings.verdict[simulation]
+        parts = {
+            Verdict.ILLEGAL: [each.rule.code for each in told.breaches],
+            Verdict.UNDECIDABLE: [each.rule.code for each in told.doubts],
+            Verdict.LEGAL: [rule.code for rule in told.kept],
+            Verdict.NOT_APPLICABLE: [rule.code for rule in told.inapplicable],
+        }
+        for kind, of_kind in parts.items():
+            assert of_kind == codes[verdict == kind].tolist()
+
+
+def test_breaches_repeat_margin_frames_severity_and_belief_of_the_findings(labelled):
+    seen = set()
+    for simulation in range(NUM_SIMULATIONS):
+        findings = labelled.findings.select(np.array([simulation]))
+        for each in explain(labelled, simulation).breaches:
+            place = (0, findings.rules.index(each.rule.code))
+            assert each.margin == findings.margin[place] < 0
+            assert (each.first, each.last) == (findings.first[place], findings.last[place])
+            assert each.severity == findings.severity[place]
+            assert each.belief == findings.belief[place]
+            assert each.remedies
+            seen.add(each.rule.code)
+    assert len(seen) >= 12
+
+
+def test_the_policies_of_a_breach_are_those_that_count_it(labelled):
+    for simulation in range(NUM_SIMULATIONS):
+        told = explain(labelled, simulation).breaches
+        for place, one in enumerate(POLICIES):
+            counted = sum(one.name in each.policies for each in told)
+            assert counted == labelled.labels.num_broken[simulation, place]
+
+
+def test_without_weather_the_rules_that_need_it_are_named_with_what_is_missing(labelled):
+    runs = labelled.trajectories.replace(unknown=frozenset(["weather", "lamps"]))
+    told = explain(label(runs), 0)
+    doubts = {each.rule.code: each for each in told.doubts}
+    assert "weather" in doubts["L14"].missing
+    assert doubts["L14s"].missing == ("lamps", "weather")
+    assert doubts["L14s"].policies == ("strict",)
+    assert all(each.missing for each in told.doubts)
+    assert "L14" in policy("default").required
+
+
+def test_the_thought_of_the_deciding_decision_is_the_belief_of_the_finding(labelled):
+    compared = 0
+    for simulation in range(NUM_SIMULATIONS):
+        told = explain(labelled, simulation)
+        one = labelled.select(np.array([simulation]))
+        pulls = [
+            each for each in told.thoughts
+            if one.trajectories.percepts.kind[0, each.decision] == DecisionKind.PULL_OUT
+        ]  # fmt: skip
+        if len({each.decision for each in pulls}) != 1 or one.events.attempt[0] < 0:
+            continue
+        for each in pulls:
+            finding = Belief(int(one.findings.belief[0, one.findings.rules.index(each.code)]))
+            if finding is not Belief.NONE:
+                assert each.belief is finding
+                compared += 1
+    assert compared >= 10
+
+
+def leader(gap: float, true_gap: float, **changes) -> Believed:
+    return Believed(frame=50, gap=gap, true_gap=true_gap, **changes)
+
+
+@pytest.mark.parametrize(
+    ("believed", "belief"),
+    [
+        (leader(FAR, FAR), Belief.LEGAL),
+        (leader(FAR, NEAR), Belief.MISTAKEN),
+        (leader(NEAR, NEAR), Belief.KNOWINGLY_ILLEGAL),
+        (leader(NEAR, FAR), Belief.LUCKY),
+        (leader(0.0, NEAR, detected=False), Belief.MISTAKEN),
+    ],
+)
+def test_a_driver_is_right_or_mistaken_or_knows_or_is_lucky(believed, belief):
+    (thought,) = thoughts(crossing(beliefs=(believed,)))
+    assert (thought.whom, thought.code, thought.belief) == (LEADER, "L3", belief)
+    # At equal speeds a second of way is asked for: 30 m.
+    assert thought.margin == pytest.approx(believed.true_gap - 30.0, abs=1e-3)
+    if believed.detected:
+        assert thought.believed_margin == pytest.approx(believed.gap - 30.0, abs=1e-3)
+    else:
+        assert thought.believed_margin is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "whom", "code"),
+    [
+        (DecisionKind.PULL_OUT, FRONT, "L4"),
+        (DecisionKind.PULL_OUT, REAR, "L5"),
+        (DecisionKind.RETURN, FRONT, "L8"),
+        (DecisionKind.RETURN, REAR, "L8"),
+    ],
+)
+def test_each_neighbour_at_each_decision_has_its_rule(kind, whom, code):
+    one = crossing(Track(s=40.0, lane=1), beliefs=(leader(FAR, NEAR, kind=kind, whom=whom),))
+    (thought,) = thoughts(one)
+    assert (thought.whom, thought.code, thought.belief) == (whom, code, Belief.MISTAKEN)
+
+
+@pytest.mark.parametrize(
+    ("kind", "whom", "rear", "lead"),
+    [
+        (DecisionKind.PULL_OUT, LEADER, 30.0, 20.0),
+        (DecisionKind.PULL_OUT, FRONT, 30.0, 20.0),
+        (DecisionKind.PULL_OUT, REAR, 40.0, 30.0),
+        (DecisionKind.RETURN, FRONT, 30.0, 20.0),
+        (DecisionKind.RETURN, REAR, 40.0, 30.0),
+    ],
+)
+def test_the_margin_is_that_of_who_drives_behind(kind, whom, rear, lead):
+    seen = leader(FAR, FAR, kind=kind, whom=whom, closing_speed=10.0, true_closing_speed=10.0)
+    one = crossing(Track(s=40.0, lane=1), beliefs=(seen,))
+    (thought,) = thoughts(one)
+    b = min(8.0, 0.9 * float(one.signals.friction[0, 50]) * 9.81)
+    needed = rear + (rear * rear - lead * lead) / (2.0 * b)
+    assert thought.margin == pytest.approx(FAR - needed, abs=0.01)
+
+
+def test_of_an_abort_and_without_percepts_the_law_says_nothing():
+    believed = (leader(FAR, NEAR, kind=DecisionKind.ABORT),)
+    assert thoughts(crossing(beliefs=believed)) == ()
+    assert thoughts(crossing(beliefs=(leader(FAR, NEAR),), unknown=("percepts",))) == ()
+
+
+def test_another_pack_and_policy_are_explained_too(labelled):
+    pack = Pack(name="short", version="short-1", rules=PORTUGAL.rules[11:13])
+    only = Policy(name="slow", required=("L12",), allows_undecided=True, censors_open=False)
+    one = label(labelled.trajectories, pack=pack, policies=(only,))
+    told = [explain(one, n, pack=pack, policies=(only,)) for n in range(NUM_SIMULATIONS)]
+    asked = {each.rule.code: each.policies for of_one in told for each in of_one.breaches}
+    assert asked == {"L12": ("slow",), "L13": ()}

@@ -1,0 +1,256 @@
+"""A remedy keeps the rule when it is put into the recording, and a smaller one does not."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from tests.support.cases import Track, case, ramp, two_way_road
+from tests.support.law_fixtures import FIXTURES
+from tests.support.overtakes import BESIDE, CROSSED, against, alone, crossing, overtake, passing
+
+from overtaking.labels.explain.breach import Scene
+from overtaking.labels.explain.change import Change, Quantity, Remedy
+from overtaking.labels.explain.remedies import REMEDIES, remedies_of
+from overtaking.labels.law import PORTUGAL, judge
+from overtaking.model.labels import Verdict
+from overtaking.model.signals import Around
+from overtaking.model.trajectory import NO_VEHICLE
+
+if TYPE_CHECKING:
+    from overtaking.labels.law import Check
+    from overtaking.model.labels import Case
+
+RULES = {rule.code: rule for rule in PORTUGAL.rules}
+BREACHES = [
+    pytest.param(code, make, id=f"{code} {what}")
+    for code, verdict, what, make in FIXTURES
+    if verdict is Verdict.ILLEGAL
+]
+LEADERS = [Around.LEADER, Around.LEFT_LEADER, Around.RIGHT_LEADER]
+FOLLOWERS = [Around.FOLLOWER, Around.LEFT_FOLLOWER, Around.RIGHT_FOLLOWER]
+GAPS = (Quantity.GAP_AHEAD, Quantity.GAP_BEHIND)
+IN_UNIT_OF_THE_MARGIN = {
+    *GAPS,
+    Quantity.GAP_ONCOMING,
+    Quantity.CLEARANCE,
+    Quantity.SIGHT,
+    Quantity.WIDTH,
+    Quantity.ARRIVAL,
+}
+
+
+def found(code: str, one: Case) -> Check:
+    return judge(RULES[code], one)
+
+
+def remedies(code: str, one: Case) -> tuple[Remedy, ...]:
+    check = found(code, one)
+    assert check.verdict[0] == Verdict.ILLEGAL
+    margin, first, last = float(check.margin[0]), int(check.first[0]), int(check.last[0])
+    return remedies_of(code, Scene(case=one, margin=margin, first=first, last=last))
+
+
+def put_in(one: Case, change: Change, by: float) -> Case:
+    """The case with one quantity of its signals changed, everything else being as it was."""
+    seen, target = one.signals, one.target
+    if change.quantity in GAPS:
+        gap = seen.gap.copy()
+        gap[seen.vehicle == change.vehicle] += np.float32(by)
+        return one.replace(signals=seen.replace(gap=gap))
+    if change.quantity is Quantity.SPEED:
+        closing = seen.closing_speed.copy()
+        closing[:, LEADERS] += np.float32(by)
+        closing[:, FOLLOWERS] -= np.float32(by)
+        speed = seen.speed + np.float32(by)
+        return one.replace(signals=seen.replace(speed=speed, closing_speed=closing))
+    if change.quantity is Quantity.LATERAL_GAP:
+        apart = target.lateral_gap + np.float32(by)
+        return one.replace(target=target.replace(lateral_gap=apart))
+    if change.quantity is Quantity.TARGET_ACCEL:
+        return one.replace(target=target.replace(accel=target.accel + np.float32(by)))
+    assert change.quantity in (Quantity.LANE, Quantity.LANES_LEFT)
+    lane = (seen.lane.view(np.int8) + round(by)).astype(np.int8).view(np.uint8)
+    return one.replace(signals=seen.replace(lane=lane))
+
+
+def all_put_in(one: Case, remedy: Remedy, share: float) -> Case:
+    for change in remedy:
+        one = put_in(one, change, change.by * share)
+    return one
+
+
+@pytest.mark.parametrize(("code", "make"), BREACHES)
+def test_every_breach_has_a_remedy_and_the_first_is_as_large_as_the_margin(code, make):
+    one = make()
+    found_remedies = remedies(code, one)
+    assert found_remedies
+    for change in (change for remedy in found_remedies for change in remedy):
+        assert change.by != 0
+        assert np.isfinite([change.actual, change.needed]).all()
+        assert change.frame is None or 0 <= change.frame < one.signals.num_frames
+        assert change.vehicle is None or change.vehicle != NO_VEHICLE
+    first = found_remedies[0]
+    if first[0].quantity in IN_UNIT_OF_THE_MARGIN and code != "L23":
+        largest = max(change.by for change in first)
+        assert largest == pytest.approx(-found(code, one).margin[0], rel=1e-5)
+
+
+@pytest.mark.parametrize("code", ["L3", "L4", "L5", "L8", "L10", "L12", "L13", "L14", "L14s"])
+def test_what_is_needed_is_enough_and_nine_tenths_of_it_are_not(code):
+    makers = [make for of, verdict, _, make in FIXTURES if of == code and verdict == 1]
+    for one in (make() for make in makers):
+        for remedy in remedies(code, one):
+            assert found(code, all_put_in(one, remedy, 1.001)).verdict[0] != Verdict.ILLEGAL
+            assert found(code, all_put_in(one, remedy, 0.9)).verdict[0] == Verdict.ILLEGAL
+
+
+@pytest.mark.parametrize("code", ["L20", "L21", "L22", "L23"])
+def test_what_is_needed_is_enough_where_there_are_whole_lanes_or_shared_limits(code):
+    makers = [make for of, verdict, _, make in FIXTURES if of == code and verdict == 1]
+    for one in (make() for make in makers):
+        for remedy in remedies(code, one):
+            kept = found(code, all_put_in(one, remedy, 1.001)).verdict[0]
+            assert kept in (Verdict.LEGAL, Verdict.NOT_APPLICABLE)
+
+
+def test_every_rule_of_the_pack_has_a_remedy_and_an_unknown_one_has_none():
+    assert set(REMEDIES) == {rule.code for rule in PORTUGAL.rules}
+    scene = Scene(case=overtake(), margin=-1.0, first=0, last=0)
+    assert remedies_of("another country's", scene) == ()
+
+
+def test_one_second_behind_at_equal_speeds_is_five_metres_more_than_25():
+    one = case(Track(speed=30.0), Track(s=29.4, speed=30.0), events={})
+    (farther,), (slower,) = remedies("L3", one)
+    gap = one.signals.gap[0, Around.LEADER, -1]
+    assert (farther.actual, farther.needed) == pytest.approx((gap, 30.0), abs=1e-3)
+    assert farther.vehicle == 1
+    # The positive root of v + v^2 / (2 b) = gap + 30^2 / (2 b).
+    b = min(8.0, 0.9 * float(one.signals.friction[0, -1]) * 9.81)
+    root = -b + np.sqrt(b * b + 2.0 * b * gap + 900.0)
+    assert slower.needed == pytest.approx(root, rel=1e-4)
+
+
+def test_beside_a_slower_one_no_speed_is_lawful():
+    one = crossing(Track(s=3.0, lane=1, speed=30.0))
+    (changes,) = remedies("L4", one)
+    assert [change.quantity for change in changes] == [Quantity.GAP_AHEAD]
+
+
+def test_nobody_is_told_to_break_the_speed_limit_to_keep_another_rule():
+    slow, fast = (
+        crossing(Track(s=-gap - 4.5 - 5.0 * (speed - 30.0), lane=1, speed=speed))
+        for gap, speed in ((28.0, 32.0), (60.0, 50.0))
+    )
+    assert [change.quantity for (change,) in remedies("L5", slow)] == [
+        Quantity.GAP_BEHIND,
+        Quantity.SPEED,
+    ]
+    assert [change.quantity for (change,) in remedies("L5", fast)] == [Quantity.GAP_BEHIND]
+
+
+def test_the_speed_limit_is_exceeded_by_so_much():
+    one = alone(ego={"speed": 130 / 3.6})
+    ((change,),) = remedies("L12", one)
+    assert change.by == pytest.approx(-10 / 3.6, abs=1e-3)
+    assert change.needed == pytest.approx(120 / 3.6, rel=1e-6)
+
+
+def test_three_seconds_before_a_standing_vehicle_are_a_third_of_its_gap_per_second():
+    # 5 s at 30 m/s until the line is crossed; a lawful gap alone would allow 22 m/s.
+    one = crossing(Track(s=150.0 + 4.4 + 60.0, lane=1, speed=0.0))
+    _, (slower,) = remedies("L4", one)
+    assert slower.needed == pytest.approx(60.0 / 3.0, abs=0.05)
+
+
+def test_before_a_much_faster_one_its_braking_decides():
+    # Far enough to be lawful, but (50 - 20)^2 / (2 205) is more than 2 m/s^2.
+    one = crossing(Track(s=-205.0 - 4.4 - 5.0 * 30.0, lane=1, speed=50.0), ego={"speed": 20.0})
+    _, (faster,) = remedies("L5", one)
+    assert faster.needed == pytest.approx(50.0 - np.sqrt(2.0 * 2.0 * 205.0), abs=0.02)
+
+
+def test_who_has_just_cut_in_nearer_still_does_not_count():
+    frames = np.arange(200)
+    one = case(
+        Track(speed=30.0),
+        Track(s=29.4, speed=30.0),
+        Track(s=14.4, speed=np.where(frames < 100, 30.0, 34.0), lane=np.where(frames < 90, 1, 0)),
+        events={},
+    )
+    gap = one.signals.gap[0, Around.LEADER]
+    assert gap[95] < 15.0 < gap[199] < 27.0
+    (farther,), _ = remedies("L3", one)
+    assert farther.by == pytest.approx(-found("L3", one).margin[0], rel=1e-5)
+    assert farther.frame is not None
+    assert not 90 <= farther.frame <= 150
+
+
+def test_in_fog_the_fastest_instant_asks_for_most():
+    faster = ramp((0, 20), (10, 40), frames=200)
+    one = alone(ego={"speed": faster}, weather={"fog": 100.0, "rain": 100.0})
+    ((change,),) = remedies("L14", one)
+    assert change.frame == 199
+    assert change.actual == pytest.approx(faster[-1], abs=1e-3)
+
+
+def test_on_a_two_way_road_sight_is_needed_for_the_whole_time_on_the_left():
+    road = two_way_road()
+    one = overtake(road=road, events=CROSSED | {"return_end": 300})
+    ((change,),) = remedies("L15", one)
+    seconds = (300 - CROSSED["line_crossed"]) * 0.05
+    assert change.needed == pytest.approx((30.0 + road.speed_limit) * (seconds + 1.0), rel=1e-5)
+    assert change.actual == pytest.approx(one.signals.sight_lit[0, 60], rel=1e-4)
+
+
+@pytest.mark.parametrize("gap", [5.0, 20.0, 30.0])
+def test_the_oncoming_vehicle_would_have_had_to_be_farther_by_so_much(gap):
+    ((change,),) = remedies("L24", against(gap))
+    assert change.vehicle == 2
+    assert change.actual == pytest.approx(gap, abs=0.01)
+    assert found("L24", against(gap + change.by + 0.01)).verdict[0] == Verdict.LEGAL
+    assert found("L24", against(gap + 0.9 * change.by)).verdict[0] == Verdict.ILLEGAL
+
+
+@pytest.mark.parametrize(("lane", "by"), [(0, 2.0), (1, 1.0)])
+def test_past_on_the_right_is_as_many_lanes_from_lawful_as_it_takes(lane, by):
+    one = passing(lane, target={"lane": 1})
+    ((change,),) = remedies("L1", one)
+    assert (change.quantity, change.by) == (Quantity.LANES_LEFT, by)
+    assert found("L1", passing(lane + by, target={"lane": 1})).verdict[0] == Verdict.LEGAL
+
+
+def test_past_two_lanes_away_is_one_too_many():
+    one = passing(2, events=BESIDE | {"original_lane": 0})
+    ((change,),) = remedies("L1", one)
+    assert (change.actual, change.needed) == (2.0, 1.0)
+
+
+def test_a_target_that_made_room_does_not_count_as_another_lane():
+    events = BESIDE | {"original_lane": 1}
+    made_room = {"lane": ramp((0, 1), (2, 0), frames=200)}
+    ((change,),) = remedies("L1", passing(3, target=made_room, events=events))
+    assert (change.actual, change.needed) == (2.0, 1.0)
+
+
+def test_of_a_bicycle_overtaken_too_near_and_too_fast_both_are_told():
+    speed = np.full(200, 10.0)
+    speed[61:] = 12.0
+    both = passing(
+        2.4 / 3.75, ego={"speed": speed}, target={"kind": "B", "s": 22.0, "speed": 5.0},
+        events={"attempt": 60, "overlap_begin": 0, "overlap_end": 199},
+    )  # fmt: skip
+    ((room, slower),) = remedies("L11", both)
+    assert (room.quantity, room.needed) == (Quantity.LATERAL_GAP, 1.5)
+    assert (slower.actual, slower.needed) == pytest.approx((12.0, 10.0), abs=1e-3)
+
+
+def test_where_there_is_no_lane_on_the_left_its_width_is_nil():
+    road = dataclasses.replace(two_way_road(), fast_side_neighbour=None)
+    ((change,),) = remedies("L16", crossing(road=road))
+    width = overtake().trajectories.scenario.vehicles.width[0, 0]
+    assert change.actual == 0.0
+    assert change.needed == pytest.approx(width + 0.4, rel=1e-6)

@@ -1,0 +1,98 @@
+"""What is measured of recordings in which vehicles come and go."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.support.recordings import OVERTAKE, commonroad
+
+from overtaking.data.tables.encode_labels import encode_labels
+from overtaking.labels.events import engine, reference
+from overtaking.labels.label import label
+from overtaking.labels.signals.engine import signals
+from overtaking.model.events import NEVER
+from overtaking.recordings.commonroad import read_commonroad
+from overtaking.recordings.scenes import scenes
+
+EGO, TARGET, BEHIND, FAR = OVERTAKE
+
+
+@pytest.fixture
+def judged(tmp_path):
+    """The first simulation of a made-up recording."""
+
+    def _judged(*movers):
+        path = tmp_path / "scene.xml"
+        path.write_text(commonroad(movers), encoding="utf-8")
+        found = scenes(read_commonroad(path))
+        return label(found.trajectories(range(1)))
+
+    return _judged
+
+
+def row(labelled, table: str, policy: str) -> dict:
+    rows = encode_labels(labelled, np.arange(1))[table].to_pylist()
+    return next(one for one in rows if one["policy"] == policy)
+
+
+@pytest.mark.parametrize("policy", ["paper", "matched"])
+def test_a_track_that_begins_within_a_change_has_no_waiting_time_and_no_gap(judged, policy):
+    found = judged(replace(EGO, first=36), TARGET, BEHIND, FAR)
+    assert found.events.attempt[0] == found.events.under_way[0] == 0
+    said = row(found, "features", policy)
+    assert said["WT_s"] is said["OT_s"] is said["D_m"] is None
+    assert said["SP_mps"] == pytest.approx(24.0, abs=0.1)
+    assert encode_labels(found, np.arange(1))["decisions"]["waiting_time_s"].to_pylist() == [None]
+    events = encode_labels(found, np.arange(1))["events"]["event"].to_pylist()
+    assert {"attempt", "under_way"} <= set(events)
+
+
+def test_a_track_that_begins_before_has_them(judged):
+    found = judged(*OVERTAKE)
+    assert found.events.under_way[0] == NEVER
+    said = row(found, "features", "paper")
+    assert said["WT_s"] > 1.0
+    assert said["D_m"] > 40.0
+
+
+def test_without_anybody_ahead_the_gap_is_zero(judged):
+    found = judged(*OVERTAKE)
+    alone = found.events.replace(
+        target=np.array([255], np.uint8), attempt=np.array([NEVER]), follow=np.zeros(1, np.int32)
+    )
+    nobody = features_of(found, alone)
+    assert nobody.distance[0] == nobody.target_speed[0] == nobody.speed_difference[0] == 0.0
+
+
+def test_the_gap_to_somebody_who_is_no_longer_there_is_unknown(judged):
+    found = judged(*OVERTAKE)
+    present = found.trajectories.state_valid.copy()
+    present[:, 1] = False
+    run = found.trajectories.replace(present=present)
+    waiting = found.events.replace(attempt=np.array([NEVER]))
+    gone = features_of(found, waiting, run)
+    assert np.isnan([gone.distance[0], gone.target_speed[0], gone.speed_difference[0]]).all()
+
+
+def test_a_leader_that_is_no_longer_recorded_is_not_overtaken(judged):
+    run = judged(*OVERTAKE).trajectories
+    present = run.state_valid.copy()
+    present[0, 1:, 20:] = False
+    seen = signals(run.replace(present=present))
+    for finder in (reference, engine):
+        found = finder.find_events(run.replace(present=present), seen)
+        assert found.attempt[0] == NEVER
+
+
+def features_of(found, events, run=None):
+    """The matched features if these were the events."""
+    from overtaking.labels.features import matched_features
+    from overtaking.labels.signals.target import target_signals
+    from overtaking.model.labels import Case
+
+    run = run or found.trajectories
+    target = target_signals(run, found.signals, events)
+    case = Case(trajectories=run, signals=found.signals, events=events, target=target)
+    return matched_features(case)

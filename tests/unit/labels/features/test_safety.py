@@ -1,0 +1,175 @@
+"""Surrogate measures of safety: of overtakes drawn by hand, and in each frame of simulated ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.support.cases import Track, case, ramp
+from tests.support.worlds import wide_road
+
+from overtaking import api
+from overtaking.data.tables.encode_labels import safety as safety_table
+from overtaking.labels.features import safety_measures
+from overtaking.labels.features.encounters import Side, encounter
+from overtaking.labels.label import label
+from overtaking.labels.law.frames import conduct
+from overtaking.labels.signals.target import target_signals
+from overtaking.model.events import NEVER
+from overtaking.model.labels import Case
+from overtaking.model.safety import MOMENTS
+from overtaking.model.signals import Around
+from overtaking.world.measures import looming
+
+FRAMES = 500
+ROAD = wide_road(lanes=3)
+WAY = ramp((3, 0), (6, 1), (14, 1), (17, 0), frames=FRAMES)
+BODY = {"length": 4.0, "width": 1.8}
+
+
+def overtake(*others: Track) -> Case:
+    ego = Track(speed=28.0, lane=WAY, body=BODY)
+    target = Track(s=60.0, speed=20.0, body=BODY)
+    return case(ego, target, *others, frames=FRAMES, road=ROAD)
+
+
+def at(values: np.ndarray, moment: str) -> float:
+    return float(values[0, MOMENTS.index(moment)])
+
+
+def gap_at(one: Case, event: str) -> float:
+    """Gap of ego and target, from bumper to bumper."""
+    frame = int(getattr(one.events, event)[0])
+    return abs(60.0 - 8.0 * frame * 0.05) - 4.0
+
+
+def test_measures_at_the_attempt_are_those_of_the_vehicle_ahead():
+    one = overtake()
+    found, gap = safety_measures(one), gap_at(one, "attempt")
+    assert at(found.front.gap, "attempt") == pytest.approx(gap, abs=2e-3)
+    assert at(found.front.time_gap, "attempt") == pytest.approx(gap / 28.0, rel=1e-3)
+    assert at(found.headway, "attempt") == pytest.approx((gap + 4.0) / 28.0, rel=1e-3)
+    assert at(found.front.ttc, "attempt") == pytest.approx(gap / 8.0, rel=1e-3)
+    assert at(found.front.mttc, "attempt") == pytest.approx(gap / 8.0, rel=1e-3)
+    assert at(found.front.drac, "attempt") == pytest.approx(64.0 / (2.0 * gap), rel=1e-3)
+    picud = gap - 28.0 - (28.0**2 - 20.0**2) / 6.6
+    assert at(found.picud, "attempt") == pytest.approx(picud, rel=1e-3)
+
+
+def test_accelerations_count_in_the_time_to_collision_that_has_them():
+    ego = Track(speed=28.0, accel=1.0, body=BODY)
+    ahead = Track(s=60.0, speed=20.0, accel=-0.5, body=BODY)
+    behind = Track(s=-40.0, speed=30.0, accel=1.5, body=BODY)
+    one = case(ego, ahead, behind, frames=60, road=ROAD, events={"attempt": 0})
+    found = safety_measures(one)
+    # The first t with a t^2 / 2 + v t = gap, for 1.5 and for 0.5 m/s^2.
+    assert at(found.front.mttc, "attempt") == pytest.approx(
+        (np.sqrt(8.0**2 + 2 * 1.5 * 56.0) - 8.0) / 1.5, rel=1e-3
+    )
+    assert at(found.rear.mttc, "attempt") == pytest.approx(
+        (np.sqrt(2.0**2 + 2 * 0.5 * 36.0) - 2.0) / 0.5, rel=1e-3
+    )
+
+
+def test_the_overtaken_vehicle_is_behind_in_the_lane_entered_at_the_return():
+    one = overtake()
+    found, gap = safety_measures(one), gap_at(one, "return_begin")
+    assert at(found.entered_rear.gap, "return_begin") == pytest.approx(gap, abs=2e-3)
+    assert at(found.entered_rear.time_gap, "return_begin") == pytest.approx(gap / 20.0, rel=1e-3)
+    assert np.isinf(at(found.entered_rear.ttc, "return_begin"))
+    assert not at(found.rear.valid, "return_begin")
+    assert at(found.rear.valid, "return_end")
+
+
+def test_the_vehicle_behind_on_the_left_counts_when_its_lane_is_entered():
+    one = overtake(Track(s=-30.0, lane=1, speed=31.0, body=BODY))
+    found = safety_measures(one)
+    time = int(one.events.line_crossed[0]) * 0.05
+    gap = 30.0 - 3.0 * time - 4.0
+    assert at(found.entered_rear.gap, "line_crossed") == pytest.approx(gap, abs=2e-3)
+    assert at(found.entered_rear.ttc, "line_crossed") == pytest.approx(gap / 3.0, rel=1e-3)
+    assert at(found.entered_rear.drac, "line_crossed") == pytest.approx(4.5 / gap, rel=1e-3)
+    assert not at(found.entered_rear.valid, "overlap_begin")
+
+
+def test_critical_times_add_up_to_their_integrals():
+    # 56 m at 8 m/s: the time to collision is 7 s minus the time, and 3 s after 4 s.
+    ego, target = Track(speed=28.0, body=BODY), Track(s=60.0, speed=20.0, body=BODY)
+    found = safety_measures(case(ego, target, frames=120, road=ROAD))
+    assert found.time_exposed[0] == pytest.approx(1.95, abs=0.051)
+    assert found.time_integrated[0] == pytest.approx(0.5 * 1.95**2, abs=0.06)
+    assert at(found.front.ttc, "manoeuvre") == pytest.approx(7.0 - 119 * 0.05, rel=1e-3)
+
+
+def test_too_close_is_a_share_of_the_frames():
+    # 30 m at 28 m/s behind another: lawful is 28 m. Then the gap closes at 1 m/s.
+    ego, target = Track(speed=28.0, body=BODY), Track(s=44.0, speed=27.0, body=BODY)
+    one = case(ego, target, frames=401, road=ROAD)
+    found = safety_measures(one)
+    margin = one.signals.gap[0, Around.LEADER]
+    assert 0.0 < found.close_share[0] < 1.0
+    # The safe distance grows by (28^2 - 27^2) / (2 b) only, so it is between these two.
+    assert (margin < 28.0).mean() <= found.close_share[0] <= (margin < 33.0).mean()
+
+
+def test_the_overtaken_vehicle_arrives_where_the_ego_returned():
+    one = overtake()
+    found = safety_measures(one)
+    gap = gap_at(one, "return_end")
+    assert found.return_encroachment[0] == pytest.approx(gap / 20.0, rel=1e-3)
+    assert np.isinf(found.entry_encroachment[0])
+
+
+@pytest.mark.parametrize("leaves", [False, True])
+def test_the_vehicle_behind_arrives_where_the_ego_entered_if_it_stays(leaves: bool):
+    one = overtake(Track(s=-60.0, lane=1, speed=30.0, body=BODY))
+    time = int(one.events.line_crossed[0]) * 0.05
+    lane = ramp((time + 0.2, 1), (time + 1.0, 2), frames=FRAMES) if leaves else 1
+    one = overtake(Track(s=-60.0, lane=lane, speed=30.0, body=BODY))
+    gap = 60.0 - 2.0 * time - 4.0
+    expected = np.inf if leaves else gap / 30.0
+    assert safety_measures(one).entry_encroachment[0] == pytest.approx(expected, rel=1e-3)
+
+
+def test_looming_is_the_growth_of_the_angle():
+    gap, closing, width, step = 25.0, 6.0, 1.8, 1e-3
+    angles = [2.0 * np.arctan(width / (2.0 * (gap - closing * t))) for t in (-step, step)]
+    measured = looming(np.float32(gap), np.float32(closing), np.float32(width))
+    assert float(measured) == pytest.approx((angles[1] - angles[0]) / (2 * step), rel=1e-4)
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    return label(api.simulate(api.sample("pinto2023", 64, 11)))
+
+
+def test_the_worst_is_the_worst_of_every_frame(simulated):
+    run, seen, events = simulated.trajectories, simulated.signals, simulated.events
+    one = Case(
+        trajectories=run, signals=seen, events=events, target=target_signals(run, seen, events)
+    )
+    span = conduct(one)
+    for k in range(0, 64, 5):
+        frames = np.arange(span.start[k], span.stop[k] + 1)
+        rows = np.full(len(frames), k)
+        for name, place, side in (
+            ("front", Around.LEADER, Side.AHEAD),
+            ("rear", Around.FOLLOWER, Side.BEHIND),
+        ):
+            each = encounter(one, place, side, rows, frames)
+            worst = getattr(simulated.safety, name)
+            assert worst.valid[k, 0] == each.valid.any()
+            if not each.valid.any():
+                continue
+            for field in ("gap", "time_gap", "ttc", "mttc"):
+                lowest = getattr(each, field)[each.valid].min()
+                assert getattr(worst, field)[k, 0] == lowest
+            assert worst.drac[k, 0] == each.drac[each.valid].max()
+
+
+def test_a_row_is_there_for_every_moment_that_came(simulated):
+    table = safety_table(simulated, np.arange(64)).arrow()
+    events = simulated.events
+    came = sum(int((getattr(events, name) != NEVER).sum()) for name in MOMENTS[1:])
+    assert table.num_rows == came + int((simulated.safety.frame[:, 0] != NEVER).sum())
+    times = table["front_ttc_s"].drop_null().to_numpy()
+    assert np.isfinite(times).all()

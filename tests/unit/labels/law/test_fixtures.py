@@ -1,0 +1,83 @@
+"""Each rule on overtakes written by hand: lawful, unlawful, none of its business, unknown."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from tests.support.law_fixtures import FIXTURES
+from tests.support.overtakes import crossing, overtake
+
+from overtaking.labels.law import PORTUGAL, check, judge
+from overtaking.model.events import NEVER
+from overtaking.model.labels import Severity, Verdict
+from overtaking.model.trajectory import UNKNOWNS
+
+if TYPE_CHECKING:
+    from overtaking.labels.law import Check, Rule
+
+RULES = {rule.code: rule for rule in PORTUGAL.rules}
+
+
+def judged(rule: Rule, make) -> Check:
+    return judge(rule, make())
+
+
+@pytest.mark.parametrize(
+    ("code", "verdict", "make"),
+    [
+        pytest.param(code, verdict, make, id=f"{code} {verdict.name.lower()}: {what}")
+        for code, verdict, what, make in FIXTURES
+    ],
+)
+def test_a_rule_says_what_it_should_of(code, verdict, make):
+    found = judged(RULES[code], make)
+    assert Verdict(int(found.verdict[0])) is verdict
+    broken = verdict is Verdict.ILLEGAL
+    assert (found.margin[0] < 0) == broken
+    assert (found.severity[0] != Severity.NONE) == broken
+    assert (found.first[0] != NEVER) == broken
+    assert (found.last[0] != NEVER) == broken
+    assert found.last[0] >= found.first[0]
+    if verdict in (Verdict.NOT_APPLICABLE, Verdict.UNDECIDABLE):
+        assert found.margin[0] == 0.0
+
+
+@pytest.mark.parametrize("rule", PORTUGAL.rules, ids=lambda rule: rule.code)
+def test_every_rule_has_a_fixture_for_each_verdict_that_it_can_give(rule):
+    has = {verdict for code, verdict, _, _ in FIXTURES if code == rule.code}
+    possible = set(Verdict)
+    if not rule.needs | rule.partly:
+        possible -= {Verdict.UNDECIDABLE}
+    assert has == possible
+
+
+@pytest.mark.parametrize("name", UNKNOWNS)
+def test_what_a_rule_does_not_name_it_does_not_need(name):
+    named = {rule.code for rule in PORTUGAL.rules if name in rule.needs | rule.partly}
+    for make in (overtake, crossing):
+        known, unknown = check(PORTUGAL, make()), check(PORTUGAL, make(unknown=(name,)))
+        changed = (known.verdict != unknown.verdict)[0]
+        assert {code for code, is_it in zip(known.rules, changed, strict=True) if is_it} <= named
+
+
+@pytest.mark.parametrize("rule", [r for r in PORTUGAL.rules if r.needs], ids=lambda r: r.code)
+def test_without_what_it_needs_a_rule_decides_nothing(rule):
+    for code, verdict, _, make in FIXTURES:
+        if code != rule.code or verdict is Verdict.UNDECIDABLE:
+            continue
+        one = make()
+        blind = one.replace(trajectories=one.trajectories.replace(unknown=rule.needs))
+        found = judge(rule, blind)
+        assert found.verdict[0] in (Verdict.UNDECIDABLE, Verdict.NOT_APPLICABLE)
+        assert found.margin[0] == 0.0
+        if verdict is not Verdict.NOT_APPLICABLE:
+            assert found.verdict[0] == Verdict.UNDECIDABLE
+
+
+def test_checks_are_of_the_types_that_tables_have():
+    found = judge(RULES["L3"], overtake())
+    assert [found.verdict.dtype, found.severity.dtype, found.belief.dtype] == [np.uint8] * 3
+    assert [found.first.dtype, found.last.dtype] == [np.int32] * 2
+    assert found.margin.dtype == np.float32

@@ -1,0 +1,113 @@
+"""Three readings of the law, and what each makes of findings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.support.overtakes import overtake
+
+from overtaking.core.errors import ConfigError
+from overtaking.labels.law import POLICIES, PORTUGAL, Pack, check, legality, policy
+from overtaking.model.labels import Findings, Verdict
+
+
+def findings(**verdicts: Verdict) -> Findings:
+    """One simulation of which all rules say that it is legal, but for some."""
+    found = check(PORTUGAL, overtake())
+    said = np.full((1, len(found.rules)), Verdict.LEGAL, np.uint8)
+    for code, verdict in verdicts.items():
+        said[0, found.rules.index(code)] = verdict
+    return found.replace(verdict=said)
+
+
+def test_rules_and_policies_have_names_of_their_own():
+    assert len(set(PORTUGAL.codes)) == len(PORTUGAL.rules)
+    assert len({rule.id for rule in PORTUGAL.rules}) == len(PORTUGAL.rules)
+    assert [each.name for each in POLICIES] == ["paper", "default", "strict"]
+
+
+@pytest.mark.parametrize("name", ["paper", "default", "strict"])
+def test_a_policy_asks_for_rules_of_the_ego_that_exist(name):
+    rules = {rule.code: rule for rule in PORTUGAL.rules}
+    assert len(set(policy(name).required)) == len(policy(name).required)
+    assert all(rules[code].of_ego for code in policy(name).required)
+
+
+def test_the_paper_policy_asks_only_for_what_its_columns_can_tell():
+    # The study has positions, sizes, speeds, lines, limits and weather; no lamps, no indicators.
+    has = {"weather", "kinds", "marks", "speed_limit", "road_kind"}
+    for rule in PORTUGAL.rules:
+        if rule.code in policy("paper").required:
+            assert rule.needs | rule.partly <= has, rule.code
+
+
+def test_each_policy_is_stricter_than_the_one_before():
+    paper, default, strict = (set(each.required) for each in POLICIES)
+    assert paper < default
+    assert default - strict == {"L14", "L15"}
+    assert strict - default == {"L14s", "L15s", "L6", "L7", "L18", "L19", "L21", "L23"}
+
+
+def test_a_lawful_overtake_is_lawful_under_the_policies_for_which_it_was_written():
+    found = check(PORTUGAL, overtake())
+    for each in POLICIES:
+        said = legality(found, each)
+        assert said.is_legal[0]
+        assert said.num_broken[0] == said.num_undecidable[0] == 0
+
+
+def test_what_another_breaks_is_no_fault_of_the_ego():
+    found = findings(L22=Verdict.ILLEGAL)
+    assert all(legality(found, each).is_legal[0] for each in POLICIES)
+
+
+def test_broken_and_undecidable_rules_are_counted_apart():
+    found = findings(
+        L1=Verdict.ILLEGAL,
+        L3=Verdict.ILLEGAL,
+        L9=Verdict.UNDECIDABLE,
+        L14=Verdict.UNDECIDABLE,
+        L6=Verdict.UNDECIDABLE,
+        L24=Verdict.NOT_APPLICABLE,
+    )
+    counts = {
+        each.name: (int(said.num_broken[0]), int(said.num_undecidable[0]))
+        for each in POLICIES
+        for said in [legality(found, each)]
+    }
+    assert counts == {"paper": (2, 1), "default": (2, 2), "strict": (2, 2)}
+
+
+def test_an_undecidable_rule_breaks_nothing():
+    said = legality(findings(L3=Verdict.UNDECIDABLE), policy("default"))
+    assert said.is_legal[0]
+    assert said.num_undecidable[0] == 1
+
+
+def test_only_the_paper_lets_doubts_and_open_ends_pass():
+    assert [each.allows_undecided for each in POLICIES] == [True, False, False]
+    assert [each.censors_open for each in POLICIES] == [False, True, True]
+
+
+def test_a_pack_without_a_required_rule_is_refused():
+    short = Pack(name="short", version="1", rules=PORTUGAL.rules[:3])
+    with pytest.raises(ConfigError, match=r"none called L4, L5, .*; check a pack that has them"):
+        legality(check(short, overtake()), policy("paper"))
+
+
+def test_an_unknown_policy_is_refused_with_those_there_are():
+    with pytest.raises(ConfigError, match="expected one of paper, default, strict, got lenient"):
+        policy("lenient")
+
+
+def test_findings_name_their_rules_and_version():
+    found = check(PORTUGAL, overtake())
+    assert found.rules == PORTUGAL.codes
+    assert found.version == PORTUGAL.version
+    assert found.verdict.shape == (1, len(PORTUGAL.rules))
+
+
+def test_of_no_simulation_there_are_no_findings():
+    found = check(PORTUGAL, overtake().select(np.array([], np.intp)))
+    assert found.verdict.shape == (0, len(PORTUGAL.rules))
+    assert legality(found, policy("default")).is_legal.shape == (0,)

@@ -1,0 +1,96 @@
+"""What the rules say where vehicles come and go, and where positions are noisy."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from tests.support.cases import Track, ramp, seen_case
+from tests.support.overtakes import crossing
+
+from overtaking.labels.law import PORTUGAL
+from overtaking.labels.law.rule import judge
+from overtaking.labels.law.steady import steady_speed_at
+from overtaking.labels.signals.reference import lateral_speed_at
+from overtaking.labels.signals.target import signals_of
+from overtaking.model.labels import Verdict
+from overtaking.recordings.recording import NEVER_RECORDED
+
+ATTEMPT = 60
+L7 = next(rule for rule in PORTUGAL.rules if rule.code == "L7")
+TWO_HUNDRED = np.float32(0.2)
+
+
+def recorded(target_d: np.ndarray, first: int = 0):
+    """A crossing with a target that is recorded from a frame on, at these places [m]."""
+    one = crossing(target={"lane": 0.0})
+    run = one.trajectories
+    d = run.states.d.copy()
+    d[0, 1] = np.rint(d[0, 1] + target_d * 1000.0)
+    d[0, 1, :first] = 0
+    present = run.state_valid.copy()
+    present[0, 1, :first] = False
+    states = dataclasses.replace(run.states, d=d)
+    unknown = NEVER_RECORDED - {"indicators"}
+    run = run.replace(states=states, present=present, unknown=unknown)
+    return seen_case(run, {"attempt": ATTEMPT, "line_crossed": 100})
+
+
+@pytest.mark.parametrize("first", [ATTEMPT - 1, ATTEMPT])
+def test_a_target_whose_track_begins_at_the_attempt_does_not_jump(first):
+    case = recorded(np.zeros(200), first)
+    assert abs(case.trajectories.states.d[0, 1, ATTEMPT]) > 1000  # 0 would be a metre away.
+    found = judge(L7, case)
+    assert found.verdict[0] == Verdict.LEGAL
+    assert found.margin[0] == pytest.approx(0.2)
+
+
+def test_speeds_beside_a_gap_are_one_sided_for_single_frames_and_for_all():
+    case = recorded(np.arange(200) * 0.01, ATTEMPT)
+    run = case.trajectories
+    rows, slot = np.zeros(1, np.intp), np.ones(1, np.intp)
+    expected = signals_of(run, case.signals, np.array([1], np.uint8)).lateral_speed[0]
+    for frame in range(ATTEMPT, 200):
+        speed = lateral_speed_at(run, rows, slot, np.array([frame]))
+        assert speed[0] == pytest.approx(0.2, abs=1e-3)
+        assert speed[0] == expected[frame]
+
+
+def test_somebody_who_is_there_for_one_frame_has_no_speed():
+    case = recorded(np.zeros(200), ATTEMPT)
+    present = case.trajectories.present.copy()
+    present[0, 1, ATTEMPT + 1 :] = False
+    run = case.trajectories.replace(present=present)
+    where = (np.zeros(1, np.intp), np.ones(1, np.intp), np.array([ATTEMPT]))
+    assert lateral_speed_at(run, *where)[0] == 0.0
+    assert steady_speed_at(run, *where, 0.2)[0] == 0.0
+
+
+def test_noise_is_no_movement():
+    draw = np.random.default_rng(3)
+    broken = {"steady": 0, "short": 0}
+    for _ in range(50):
+        case = recorded(draw.normal(0.0, 0.03, 200))
+        where = (np.zeros(1, np.intp), np.ones(1, np.intp), np.array([ATTEMPT]))
+        broken["short"] += int(lateral_speed_at(case.trajectories, *where)[0] > TWO_HUNDRED)
+        broken["steady"] += int(judge(L7, case).verdict[0] == Verdict.ILLEGAL)
+    assert broken["short"] >= 5
+    assert broken["steady"] == 0
+
+
+def test_movement_is_seen_through_noise():
+    draw = np.random.default_rng(4)
+    moving = ramp((0, 0), (10, 5), frames=200)  # 0.5 m/s.
+    case = recorded(moving + draw.normal(0.0, 0.03, 200))
+    found = judge(L7, case)
+    assert found.verdict[0] == Verdict.ILLEGAL
+    assert found.margin[0] == pytest.approx(-0.3, abs=0.1)
+
+
+def test_a_simulation_is_recorded_without_noise():
+    case = crossing(Track(s=40.0))
+    where = (np.zeros(1, np.intp), np.ones(1, np.intp), np.array([ATTEMPT]))
+    assert steady_speed_at(case.trajectories, *where, 0.2) == lateral_speed_at(
+        case.trajectories, *where
+    )

@@ -1,0 +1,262 @@
+"""What an OpenDRIVE file may hold and the model does not: each refused with the reason."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from overtaking.core.errors import ImportFormatError
+from overtaking.recordings.opendrive import read_opendrive
+
+from .opendrive_text import FLAT, LEFT, LINE, ONE_LANE, RIGHT, TYPE, document, lane, road, section
+
+BENT = (
+    '<geometry s="0" x="0" y="0" hdg="0" length="250"><line/></geometry>'
+    '<geometry s="250" x="250" y="0" hdg="0.001" length="250"><line/></geometry>'
+)
+GAP = BENT.replace('x="250"', 'x="251"').replace("0.001", "0")
+BACK = (
+    '<geometry s="0" x="0" y="0" hdg="0" length="250"><line/></geometry>'
+    f'<geometry s="250" x="250" y="0" hdg="{math.pi}" length="250"><line/></geometry>'
+)
+SHORT = LINE.replace("500", "400")
+ARC = '<arc curvature="0.001"/>'
+HILL = (
+    '<elevation s="0" a="0" b="0" c="0" d="0"/><elevation s="50" a="0" b="0" c="0.001" d="-1e-5"/>'
+)
+CREST = '<elevation s="0" a="0" b="0" c="1.2e-4" d="-1.6e-7"/>'  # 10 m up, level at both ends.
+STEP = FLAT + FLAT.replace('s="0" a="3"', 's="50" a="3.2"')
+ROLL = '<superelevation s="0" a="0" b="0.001" c="0" d="0"/>'
+OFFSET = (
+    '<laneOffset s="0" a="0" b="0" c="0" d="0"/><laneOffset s="100" a="0" b="0" c="0.01" d="0"/>'
+)
+BULGE = '<laneOffset s="0" a="0" b="0.1" c="-0.0002" d="0"/>'  # 0 at both ends, 12.5 m between.
+LATE_OFFSET = '<laneOffset s="100" a="1" b="0" c="0" d="0"/>'
+WIDTH = '<width sOffset="0" a="3.5" b="0" c="0" d="0"/>'
+TAPER = WIDTH + '<width sOffset="60" a="3.5" b="0" c="0.001" d="0"/>'
+INNER = lane(-2, kind="shoulder", width=0.5, mark="solid")
+SHOULDERS = [lane(-1, kind="border", width=1.0), INNER, lane(-3)]
+WIDER_SHOULDERS = [lane(-1, kind="border", width=1.2), INNER, lane(-3)]
+SLOWER = '<speed sOffset="40" max="20"/>'
+TWO_MARKS = '<roadMark sOffset="30" type="solid"/>'
+TYPES = TYPE + '<type s="80" type="motorway"><speed max="100" unit="km/h"/></type>'
+
+
+@pytest.mark.parametrize(
+    ("text", "element", "reason"),
+    [
+        (
+            road(header='junction="12"'),
+            "road",
+            'a junction: expected a road outside junctions, got junction "12"',
+        ),
+        (road(header='rule="XYZ"'), "road", 'attribute rule: expected RHT or LHT, got "XYZ"'),
+        (road(length="0"), "road", "attribute length: expected more than 0"),
+        (road(length="1e6"), "road", "attribute length: expected more than 0 and at most 100000"),
+        (road(length="nan"), "road", "attribute length: expected a finite number"),
+        (road(plan=""), "road", "has no geometry"),
+        (road(plan=LINE.replace("<line/>", ARC)), "geometry", "is curved at s = 0.0 m"),
+        (
+            road(plan=LINE.replace("<line/>", "")),
+            "geometry",
+            "is curved at s = 0.0 m: expected a straight line, got 0 shapes",
+        ),
+        (road(plan=LINE.replace("<line/>", '<paramPoly3 aU="0"/>')), "geometry", "got paramPoly3"),
+        (road(plan=LINE.replace("<line/>", '<poly3 a="0"/>')), "geometry", "got poly3"),
+        (
+            road(plan=LINE.replace("<line/>", '<spiral curvStart="0" curvEnd="0.01"/>')),
+            "geometry",
+            "got spiral",
+        ),
+        (road(plan=BENT), "geometry", "bends at s = 250.0 m"),
+        (road(plan=BACK), "geometry", "bends at s = 250.0 m"),
+        (road(plan=GAP), "geometry", "does not join: expected a start at s = 250.000 m"),
+        (
+            road(plan=SHORT),
+            "geometry",
+            "does not end with the road: expected an end at s = 500.000 m, got 400",
+        ),
+        (
+            road(plan=LINE.replace("0.5", "NaN")),
+            "geometry",
+            'attribute hdg: expected a finite number, got "NaN"',
+        ),
+        (
+            road(plan=LINE.replace('x="10"', 'x="1e999"')),
+            "geometry",
+            "attribute x: expected a number of size",
+        ),
+        (road(plan=LINE.replace('x="10" ', "")), "geometry", "expected an attribute x, got none"),
+        (road(elevation=HILL), "elevation", "slopes after s = 50.0 m: expected a flat road"),
+        (road(elevation=CREST), "elevation", "slopes after s = 0.0 m: expected a flat road"),
+        (road(elevation=STEP), "elevation", "steps after s = 50.0 m: expected a flat road"),
+        (road(lateral=ROLL), "superelevation", "is banked after s = 0.0 m: expected a flat road"),
+        (
+            road(lateral='<shape s="0" t="0" a="1" b="0" c="0" d="0"/>'),
+            "shape",
+            "bends the surface",
+        ),
+        (road(offset=BULGE), "laneOffset", "varies after s = 0.0 m"),
+        (
+            road(offset=OFFSET),
+            "laneOffset",
+            "varies after s = 100.0 m: expected a constant lane offset of 0.000 m, got 1600.000 m",
+        ),
+        (
+            road(offset=LATE_OFFSET),
+            "laneOffset",
+            "varies after s = 100.0 m: expected a constant lane offset of 0.000 m, got 1.000 m",
+        ),
+        (road(sections=" "), "lanes", "expected a <laneSection> from s = 0 on, got 0 sections"),
+        (
+            road(sections=section(s=5, right=ONE_LANE)),
+            "lanes",
+            "expected a <laneSection> from s = 0 on",
+        ),
+        (
+            road(
+                sections=section(right=ONE_LANE)
+                + section(s=9, right=ONE_LANE)
+                + section(s=8, right=ONE_LANE)
+            ),
+            "laneSection",
+            "attribute s: expected ascending values, got 8",
+        ),
+        (
+            road(sections=section()),
+            "laneSection",
+            "at s = 0.0 m, right side: expected 1 to 8 driving lanes, got 0",
+        ),
+        (
+            road(sections=section(right=[lane(-n) for n in range(1, 10)])),
+            "laneSection",
+            "expected 1 to 8 driving lanes, got 9",
+        ),
+        (
+            road(sections=section(right=[lane(-1), lane(-2, kind="median"), lane(-3)])),
+            "lane",
+            '-2 at s = 0.0 m: expected driving lanes side by side, got "median"',
+        ),
+        (
+            road(sections=section(right=[lane(-1), lane(-3)])),
+            "lane",
+            "attribute id: expected ids -1, -2, ... without gaps",
+        ),
+        (
+            road(sections=section(right=[lane(-1, width=1.5)])),
+            "lane",
+            "-1 has a width: expected 2 to 6 m, got 1.500 m",
+        ),
+        (
+            road(sections=section(right=[lane(-1, width=6.5)])),
+            "lane",
+            "-1 has a width: expected 2 to 6 m",
+        ),
+        (
+            road(sections=section(right=[lane(-1, width=-3.0)])),
+            "width",
+            "of lane -1: expected a width of at least 0",
+        ),
+        (
+            road(sections=section(right=[lane(-1, width=TAPER)])),
+            "width",
+            "of lane -1 changes after s = 60.0 m: expected a constant 3.500 m",
+        ),
+        (
+            road(sections=section(right=[lane(-1, width='<border sOffset="0" a="-3"/>')])),
+            "lane",
+            "-1 has no width: expected a <width> from sOffset = 0 on, got <border>",
+        ),
+        (
+            road(sections=section(right=[lane(-1, attributes='direction="reversed"')])),
+            "lane",
+            '-1 has a direction: expected "standard", got "reversed"',
+        ),
+        (
+            road(sections=section(right=[lane(-1, more=TWO_MARKS)])),
+            "roadMark",
+            "of lane -1 changes at s = 30.0 m: expected Broken along the whole road, got Solid",
+        ),
+        (
+            road(sections=section(right=[lane(-1, kind="border", more=TWO_MARKS), lane(-2)])),
+            "roadMark",
+            "of lane -1 changes at s = 30.0 m",
+        ),
+        (
+            road(sections=section(right=ONE_LANE) + section(s=90, right=[lane(-1), lane(-2)])),
+            "laneSection",
+            "changes the lanes at s = 90.0 m",
+        ),
+        (
+            road(
+                sections=section(right=ONE_LANE)
+                + section(s=90, right=[lane(-1, width=3.6, mark="solid")])
+            ),
+            "laneSection",
+            "changes the lanes at s = 90.0 m",
+        ),
+        (
+            road(sections=section(right=ONE_LANE) + section(s=90, right=[lane(-1)])),
+            "laneSection",
+            "changes the lanes at s = 90.0 m",
+        ),
+        (
+            road(sections=section(right=RIGHT[:3]) + section(s=90, right=RIGHT)),
+            "laneSection",
+            "changes the lanes at s = 90.0 m",
+        ),
+        (
+            road(sections=section(right=SHOULDERS) + section(s=90, right=WIDER_SHOULDERS)),
+            "laneSection",
+            "changes the lanes at s = 90.0 m: expected from 1.50 m: -2 shoulder 0.50 Solid",
+        ),
+        (road(kind=TYPES), "road", "has several speed limits: expected one for all driving lanes"),
+        (
+            road(kind=TYPE + '<type s="80" type="rural"/>'),
+            "type",
+            'changes at s = 80.0 m: expected "motorway"',
+        ),
+        (
+            road(kind='<type s="0" type="motorway"><speed max="no limit"/></type>'),
+            "speed",
+            'attribute max: expected a number, got "no limit"',
+        ),
+        (
+            road(kind='<type s="0" type="motorway"><speed max="-5"/></type>'),
+            "speed",
+            "attribute max: expected more than 0",
+        ),
+        (
+            road(kind='<type s="0" type="motorway"><speed max="5" unit="knots"/></type>'),
+            "speed",
+            'attribute unit: expected m/s, km/h or mph, got "knots"',
+        ),
+        (
+            road(sections=section(right=[lane(-1, more=SLOWER), lane(-2)])),
+            "road",
+            "has several speed limits",
+        ),
+        (
+            road(plan=LINE.replace('x="10"', 'x="1e8"'), sections=section(left=LEFT)),
+            "road",
+            "is beyond the model",
+        ),
+        (
+            road(sections=section(right=[lane(-1), lane(-2, kind="border", width=200)])),
+            "road",
+            "is beyond the model",
+        ),
+    ],
+)
+def test_what_is_not_supported_is_refused_by_road_line_element_and_reason(
+    tmp_path: Path, text: str, element: str, reason: str
+):
+    path = tmp_path / "map.xodr"
+    path.write_text(document(text), encoding="utf-8")
+    lanes = "right" if "right side" in reason else None
+    with pytest.raises(ImportFormatError) as caught:
+        read_opendrive(path, 7, lanes=lanes)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.startswith(f"map.xodr: road 7: line 3: <{element}> ")
+    assert reason in message

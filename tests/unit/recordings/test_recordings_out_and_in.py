@@ -1,0 +1,264 @@
+"""Simulations written as recordings and read again are the simulations that they were."""
+
+from __future__ import annotations
+
+import dataclasses
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pacsv
+import pytest
+from tests.support.recordings import whole
+
+import overtaking as ot
+from overtaking.core.errors import ConfigError
+from overtaking.recordings import pinto2023
+from overtaking.recordings.commonroad import read_commonroad
+from overtaking.recordings.commonroad_write import FIRST_OBSTACLE, scenario_id, write_commonroad
+from overtaking.recordings.export import write_folder
+from overtaking.recordings.highd import read_highd
+from overtaking.recordings.highd_files import RECORDING_META, TRACKS, TRACKS_META
+from overtaking.recordings.highd_write import write_highd
+from overtaking.recordings.pinto2023_import import read_pinto2023, speed_ratios
+
+COUNT = 4
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """At highD's rate, so that nothing is interpolated."""
+    scenario = ot.sample("pinto2023", COUNT, seed=5, overrides={"profile.frame_interval_ms": 40})
+    return ot.simulate(scenario)
+
+
+def same(run, again, name, *, shift=False, tolerance=1):
+    """Whether a field came back, up to a constant where the origin of the road is another."""
+    count, slots = int(run.num_frames[0]), int(run.scenario.num_vehicles[0])
+    before = getattr(run.states, name)[0, :slots, :count].astype(np.int64)
+    after = getattr(again.states, name)[0, :slots, :count].astype(np.int64)
+    off = after - before
+    if shift:
+        off = off - np.rint(np.median(off)).astype(np.int64)
+    assert np.abs(off).max() <= tolerance, f"{name}: {np.abs(off).max()}"
+
+
+def same_lane(run, again, *, within_mm):
+    """Whether lanes came back, but where a centre lies on a line as nearly as the format tells."""
+    count, slots = int(run.num_frames[0]), int(run.scenario.num_vehicles[0])
+    before, after = (each.states.lane[0, :slots, :count] for each in (run, again))
+    across = run.states.d[0, :slots, :count, None] * 1e-3
+    off_line = np.abs(across - np.asarray(run.road.boundaries)).min(axis=-1)
+    assert off_line[before != after].max(initial=0.0) <= within_mm * 1e-3
+    assert (before != after).mean() < 0.01
+
+
+@pytest.mark.parametrize("place", range(COUNT))
+def test_a_commonroad_scenario_comes_back_to_the_last_digit(runs, tmp_path, place):
+    one = runs.select(slice(place, place + 1))
+    rows = write_commonroad(one, np.array([place]), tmp_path)
+    assert rows == one.state_valid.sum()
+    recording = read_commonroad(tmp_path / f"{scenario_id(place)}.xml")
+    again = whole(recording, FIRST_OBSTACLE)
+    assert again.num_frames[0] == one.num_frames[0]
+    for name in ("speed", "accel_lon", "yaw_rate", "heading"):
+        same(one, again, name, tolerance=0)
+    for name in ("s", "d"):  # The reader counts from the middle of the road.
+        same(one, again, name, shift=True, tolerance=0)
+    for name in ("x", "y"):  # Worked out from s and d, so rounded once more.
+        same(one, again, name)
+    same_lane(one, again, within_mm=0.5)  # It is told before d is rounded to millimetres.
+    assert again.road.num_lanes == one.road.num_lanes
+    assert again.road.speed_limit == pytest.approx(one.road.speed_limit)
+    assert [lane.left_mark for lane in again.road.lanes] == [
+        lane.left_mark for lane in one.road.lanes
+    ]
+    valid = one.scenario.vehicles.valid[0]
+    assert np.allclose(
+        again.scenario.vehicles.length[0, : valid.sum()],
+        one.scenario.vehicles.length[0][valid],
+        atol=1e-4,
+    )
+
+
+@pytest.mark.parametrize("place", range(COUNT))
+def test_a_highd_recording_comes_back_within_its_decimals(runs, tmp_path, place):
+    one = runs.select(slice(place, place + 1))
+    rows = write_highd(one, np.array([place]), tmp_path)
+    assert rows == one.state_valid.sum()
+    again = whole(read_highd(tmp_path / f"{place + 1:02d}_tracks.csv"), 1)
+    assert again.num_frames[0] == one.num_frames[0]
+    for name in ("s", "d", "heading"):
+        same(one, again, name, shift=True, tolerance=1)
+    for name in ("speed", "accel_lon", "accel_lat"):
+        same(one, again, name)
+    same_lane(one, again, within_mm=10.0)
+
+
+def test_twenty_frames_a_second_become_twenty_five_between_the_recorded_ones(tmp_path):
+    run = ot.simulate(ot.sample("pinto2023", 1, seed=5))
+    assert run.scenario.frame_interval_ms == 50
+    write_highd(run, np.array([0]), tmp_path)
+    tracks = read_highd(tmp_path / "01_tracks.csv").tracks
+    count, time = int(run.num_frames[0]), np.arange(tracks.start[1]) * 0.04
+    known = np.arange(count) * 0.05
+    expected = np.interp(time, known, run.states.s[0, 0, :count] * 1e-3)
+    off = tracks.s[: tracks.start[1]] - expected
+    assert np.ptp(off) < 1e-3
+    assert time[-1] <= known[-1]
+    assert known[-1] - time[-1] < 0.04
+
+
+def test_highd_files_have_exactly_its_columns_and_agree_with_each_other(runs, tmp_path):
+    one = runs.select(slice(0, 1))
+    write_highd(one, np.array([0]), tmp_path)
+    table, meta, whole_one = (
+        pacsv.read_csv(tmp_path / f"01_{name}.csv")
+        for name in ("tracks", "tracksMeta", "recordingMeta")
+    )
+    assert tuple(table.column_names) == TRACKS
+    assert tuple(meta.column_names) == TRACKS_META
+    assert tuple(whole_one.column_names) == RECORDING_META
+    rows = table.to_pandas()
+    assert whole_one["numVehicles"][0].as_py() == rows["id"].nunique() == meta.num_rows
+    by_key = rows.set_index(["frame", "id"])
+    follows = rows[rows["precedingId"] > 0]
+    assert len(follows)
+    leader = by_key.loc[list(zip(follows["frame"], follows["precedingId"], strict=True))]
+    gap = leader["x"].to_numpy() - follows["x"].to_numpy() - follows["width"].to_numpy()
+    assert np.allclose(gap, follows["dhw"], atol=2e-4)
+    assert np.array_equal(leader["laneId"], follows["laneId"])
+    assert np.array_equal(leader["followingId"], follows["id"])
+    assert np.allclose(leader["xVelocity"], follows["precedingXVelocity"], atol=2e-4)
+    thw = follows["dhw"] / follows["xVelocity"]
+    assert np.allclose(thw, follows["thw"], atol=1e-3)
+    lines = [float(one) for one in whole_one["lowerLaneMarkings"][0].as_py().split(";")]
+    middle = rows["y"] + rows["height"] / 2
+    lane = np.searchsorted(lines, middle) - 1  # From the fast lane on.
+    assert np.array_equal(lane + 3, rows["laneId"])
+
+
+def test_a_commonroad_file_has_the_parts_that_its_schema_wants(runs, tmp_path):
+    one = runs.select(slice(1, 2))
+    write_commonroad(one, np.array([1]), tmp_path)
+    (path,) = tmp_path.iterdir()
+    root = ET.parse(path).getroot()
+    assert path.stem == root.attrib["benchmarkID"] == "ZAM_Overtaking-1_2_T-1"
+    assert {"author", "affiliation", "source", "date", "timeStepSize"} <= set(root.attrib)
+    assert [child.tag for child in root][:2] == ["location", "scenarioTags"]
+    ids = [child.attrib["id"] for child in root if "id" in child.attrib]
+    assert len(set(ids)) == len(ids)
+    lanelets = root.findall("lanelet")
+    assert len(lanelets) == one.road.num_lanes
+    order = [child.tag for child in lanelets[1]]
+    assert order == [
+        *("leftBound", "rightBound", "adjacentLeft", "adjacentRight"),
+        *("laneletType", "userOneWay", "trafficSignRef"),
+    ]
+    for obstacle in root.findall("dynamicObstacle"):
+        times = [int(t.text or "") for t in obstacle.findall(".//time/exact")]
+        assert times == list(range(len(times)))
+
+
+def test_a_folder_appears_whole_or_not_at_all(runs, tmp_path):
+    out = tmp_path / "out"
+
+    def batches():
+        yield np.arange(2), runs.select(slice(0, 2))
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(OSError, match="No space left"):
+        write_folder(batches(), out, file_format="commonroad", total=4, road=runs.road)
+    assert list(tmp_path.iterdir()) == []
+    pairs = [(np.arange(COUNT), runs)]
+    write_folder(pairs, out, file_format="highd", total=COUNT, road=runs.road)
+    assert len(list(out.iterdir())) == 3 * COUNT
+    with pytest.raises(ConfigError, match="expected a name that is free"):
+        write_folder(pairs, out, file_format="highd", total=COUNT, road=runs.road)
+    with pytest.raises(ConfigError, match="left-hand"):
+        write_folder(pairs, tmp_path / "b", file_format="highd", total=4, road=runs.road.mirrored())
+
+
+# --- the paper's table ---
+
+
+@pytest.fixture(scope="module")
+def table_runs():
+    return ot.simulate(ot.sample("pinto2023", 12, seed=9))
+
+
+@pytest.fixture(scope="module")
+def table(table_runs):
+    return pinto2023.to_table(table_runs)
+
+
+def write(table: pa.Table, path):
+    pinto2023.write_table([table], path)
+    return path
+
+
+def test_the_papers_table_comes_back_within_its_two_decimals(table_runs, table, tmp_path):
+    scenes = read_pinto2023(write(table, tmp_path / "t.parquet"))
+    again = scenes.trajectories(range(len(scenes)))
+    assert np.array_equal(again.num_frames, table_runs.num_frames)
+    slots = again.states.x.shape[1]
+    there = again.state_valid
+    assert np.array_equal(there, table_runs.state_valid[:, :slots])
+    for name, tolerance in (("x", 5), ("y", 5), ("s", 8), ("d", 8), ("heading", 1), ("speed", 140)):
+        off = getattr(again.states, name) - getattr(table_runs.states, name)[:, :slots]
+        assert np.abs(off[there]).max() <= tolerance, name
+    assert np.array_equal(again.collided_with, table_runs.collided_with)
+    assert np.array_equal(
+        again.contacts.partner[:, 0] != 255, (table_runs.collided_with != 255).any(axis=1)
+    )
+    for name in ("rain", "fog", "wind", "night", "horizon_line", "sun_altitude", "puddles"):
+        ours, theirs = (getattr(run.scenario.weather, name) for run in (again, table_runs))
+        assert np.array_equal(ours, theirs), name
+    assert "weather" not in again.unknown
+    assert {"drivers", "bodies", "percepts", "kinds"} <= again.unknown
+
+
+def test_a_true_clock_is_not_suspected(table, tmp_path):
+    scenes = read_pinto2023(write(table, tmp_path / "t.parquet"))
+    assert scenes.notes["speed_ratio_median"] == pytest.approx(1.0, abs=0.01)
+    assert scenes.notes["time_scaling"] is None
+    ratios = speed_ratios(scenes.recording)
+    assert np.nanmax(np.abs(ratios - 1.0)) < 0.05
+
+
+@pytest.mark.parametrize(("factor", "name"), [(3.0, "a third"), (1.0 / 3.0, "three times")])
+def test_a_scaled_clock_is_named(table, tmp_path, factor, name):
+    times = np.round(table["TS"].to_numpy() * factor, 2)
+    scaled = table.set_column(2, table.schema.field(2), pa.array(times))
+    scenes = read_pinto2023(write(scaled, tmp_path / "t.parquet"))
+    assert scenes.notes["time_scaling"] == name
+
+
+def test_a_table_from_another_road_is_refused_unless_the_road_is_named(table, tmp_path):
+    from overtaking.core.errors import ImportFormatError
+    from overtaking.model.known_roads import known_road
+
+    values = table.to_pylist()
+    for row in values:
+        for one in row["L"]:
+            one["y_m"] += 40.0
+    moved = pa.Table.from_pylist(values, schema=table.schema)
+    path = write(moved, tmp_path / "t.parquet")
+    with pytest.raises(ImportFormatError, match="column L: expected lanes of"):
+        read_pinto2023(path)
+    road = known_road("town06")
+    named = dataclasses.replace(road, y0=road.y0 - 40.0)
+    assert len(read_pinto2023(path, road=named)) == 12
+
+
+def test_frames_that_are_missing_or_uneven_are_refused(table, tmp_path):
+    from overtaking.core.errors import ImportFormatError
+
+    gap = pa.concat_tables([table.slice(0, 5), table.slice(6)])
+    with pytest.raises(ImportFormatError, match=r"row 6, column F"):
+        read_pinto2023(write(gap, tmp_path / "gap.parquet"))
+    times = table["TS"].to_numpy().copy()
+    times[3] += 0.04
+    uneven = table.set_column(2, table.schema.field(2), pa.array(times))
+    with pytest.raises(ImportFormatError, match="column TS: expected even steps"):
+        read_pinto2023(write(uneven, tmp_path / "uneven.parquet"))

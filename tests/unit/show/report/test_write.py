@@ -1,0 +1,266 @@
+"""The report: whole, offline, and honest about what it lacks."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from html import escape
+from html.parser import HTMLParser
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from tests.support.features import synthetic_features
+
+from overtaking.analysis.stats.table import Style, Table
+from overtaking.core.errors import DatasetError, SchemaError
+from overtaking.knowledge.terms import GROUPS, terms
+from overtaking.show.report import files
+from overtaking.show.report.page import page, paragraph, remarks, table_block
+from overtaking.show.report.write import Report, write_report
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+FIGURES = {
+    "classes",
+    "waiting-time",
+    "histograms",
+    "boxes",
+    "speed-by-class",
+    "pairs",
+    "pair-details",
+    "associations",
+    "p-values",
+}
+TABLES = {
+    "classes",
+    "static-features",
+    "dynamic-features",
+    "associations-with-class",
+    "strongest-associations",
+}
+VOID = {"meta", "img", "source", "br", "link", "input", "hr"}
+
+
+class Page(HTMLParser):
+    """What a page holds, and whether every tag is closed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.faults: list[str] = []
+        self.links: list[str] = []
+        self.ids: list[str] = []
+        self.images: list[dict[str, str | None]] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        found = dict(attrs)
+        self.links += [found[name] or "" for name in ("href", "src") if name in found]
+        self.ids += [found["id"] or ""] if "id" in found else []
+        self.images += [found] if tag == "img" else []
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if not self.open or self.open.pop() != tag:
+            self.faults.append(tag)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Report:
+    out = tmp_path_factory.mktemp("report")
+    return write_report(synthetic_features(), out, title="A <title> & more", facts=[("seed", "1")])
+
+
+def read(made: Report) -> Page:
+    return Page(made.path.read_text(encoding="utf-8"))
+
+
+def test_every_figure_and_table_is_there_as_files(made: Report):
+    folder = made.path.parent
+    assert set(made.figures) == FIGURES
+    assert set(made.tables) == TABLES
+    assert {path.name for path in (folder / "figures").iterdir()} == {
+        f"{name}.{kind}" for name in FIGURES for kind in ("svg", "png")
+    }
+    assert {path.name for path in (folder / "tables").iterdir()} == {
+        f"{name}.{kind}" for name in TABLES for kind in ("tex", "csv")
+    }
+
+
+def test_the_page_needs_nothing_from_elsewhere(made: Report):
+    found = read(made)
+    outside = [one for one in found.links if not one.startswith(("#", "data:"))]
+    assert outside
+    assert all((made.path.parent / one).is_file() for one in outside)
+    inside = {one[1:] for one in found.links if one.startswith("#")}
+    assert inside <= set(found.ids)
+    text = made.path.read_text(encoding="utf-8")
+    assert "http://" not in text
+    assert "https://" not in text
+    assert "<script" not in text
+
+
+def test_every_figure_is_drawn_for_a_phone_too(made: Report):
+    text = made.path.read_text(encoding="utf-8")
+    source = '<source media="(max-width: 44rem)" srcset="data:image/svg+xml;base64,'
+    assert text.count(source) == len(FIGURES)
+    assert "@media screen and (max-width: 44rem)" in text
+
+
+def test_the_page_explains_its_classes_features_and_policies(made: Report):
+    text = made.path.read_text(encoding="utf-8")
+    for group in GROUPS:
+        for name, term in terms(group).items():
+            is_shown = group != "classes" or name in made.statistics.sample.classes
+            assert (escape(term.meaning) in text) == is_shown, name
+
+
+def test_the_page_is_well_formed_and_its_pictures_have_words(made: Report):
+    found = read(made)
+    assert found.faults == []
+    assert found.open == []
+    assert len(found.ids) == len(set(found.ids))
+    assert len(found.images) == len(FIGURES)
+    assert all(len(one["alt"] or "") > 30 for one in found.images)
+
+
+def test_what_comes_from_outside_is_escaped(made: Report):
+    text = made.path.read_text(encoding="utf-8")
+    assert "A &lt;title&gt; &amp; more" in text
+    assert "<title> &" not in text
+    bad = '<img src=x onerror="x">'
+    everything = page(bad, bad, [(bad, bad)], [], bad) + paragraph(bad) + remarks([bad], [bad])
+    assert "<img" not in everything
+    table = Table(
+        name="t",
+        title=bad,
+        note=bad,
+        rows=pd.DataFrame({bad: [bad], "n": [1.0]}),
+        styles=(Style.TEXT, Style.COUNT),
+        num_texts=1,
+        by_column=True,
+    )
+    assert "<img" not in table_block(table, {})
+
+
+def test_the_page_warns_of_leaks_and_reads_p_values_with_care(made: Report):
+    text = made.path.read_text(encoding="utf-8")
+    assert "No Success_L among the" in text
+    assert "not the probability that there is none" in text
+    assert "Benjamini" in text
+
+
+def test_without_simulations_it_says_so(made: Report):
+    assert made.remarks == ("These data have no simulations to draw, only features.",)
+    assert made.remarks[0] in made.path.read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if Matplotlib were not installed, where figures would only take time."""
+    for name in [
+        one for one in sys.modules if one.startswith(("overtaking.show.plots", "matplotlib"))
+    ]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+
+
+def test_the_same_features_make_the_same_report(undrawn: None, tmp_path: Path):
+    made = [
+        write_report(synthetic_features(30), tmp_path / name, title="x") for name in ("one", "two")
+    ]
+    assert made[0].path.read_bytes() == made[1].path.read_bytes()
+
+
+def test_an_earlier_report_leaves_nothing_behind(tmp_path: Path):
+    files.make_folders(tmp_path)
+    stale = [tmp_path / "figures" / "example-success-l.svg", tmp_path / "tables" / "old.tex"]
+    foreign = tmp_path / "figures" / "mine.txt"
+    for path in (*stale, foreign):
+        path.write_text("x", encoding="utf-8")
+    files.remove_stale(tmp_path, {"classes"}, set())
+    assert not any(path.exists() for path in stale)
+    assert foreign.exists()
+
+
+def test_a_file_that_cannot_be_finished_leaves_the_old_one(tmp_path: Path):
+    target = tmp_path / "index.html"
+    files.put(target, b"old")
+    with pytest.raises(TypeError):
+        files.put(target, None)  # type: ignore[arg-type]
+    assert target.read_bytes() == b"old"
+    assert [path.name for path in tmp_path.iterdir()] == ["index.html"]
+
+
+def test_a_simulation_that_cannot_be_had_is_named(undrawn: None, tmp_path: Path):
+    def example(simulation: int) -> Any:
+        raise DatasetError("the simulator has changed")
+
+    frame = synthetic_features(12)
+    made = write_report(frame, tmp_path, title="x", example=example)
+    assert any("the simulator has changed" in one for one in made.remarks)
+    assert not any(name.startswith("example") for name in made.figures)
+
+
+def test_progress_ends_at_its_end(undrawn: None, tmp_path: Path):
+    seen: list[tuple[int, int]] = []
+    write_report(synthetic_features(5), tmp_path, title="x", progress=lambda *one: seen.append(one))
+    assert seen[-1][0] == seen[-1][1]
+    assert [done for done, _ in seen] == sorted(done for done, _ in seen)
+
+
+@pytest.mark.parametrize("kind", ["one", "constant", "drawn"])
+def test_a_poor_data_set_has_a_report_that_says_so(undrawn: None, tmp_path: Path, kind: str):
+    frames = {
+        "one": synthetic_features(1),
+        "constant": synthetic_features(9).assign(CLASS="No_attempt", FOG=2.0, SP=np.nan, HL="No"),
+        "drawn": synthetic_features(9),
+    }
+    reading = "matched" if kind == "drawn" else None
+    made = write_report(frames[kind], tmp_path, title="x", reading=reading)
+    text = made.path.read_text(encoding="utf-8")
+    said = {
+        "one": "fewer than two simulations",
+        "constant": "The same in all simulations, or missing in all: SP",
+        "drawn": "no curve of waiting times can be estimated",
+    }
+    assert said[kind] in text
+    assert ("1 simulation, classified" if kind == "one" else "9 simulations, classified") in text
+
+
+def test_features_that_cannot_be_used_leave_no_folder(tmp_path: Path):
+    with pytest.raises(SchemaError):
+        write_report(synthetic_features().drop(columns="SE"), tmp_path / "new", title="x")
+    assert not (tmp_path / "new").exists()
+
+
+WITHOUT = """
+import sys
+from importlib import util
+from pathlib import Path
+sys.modules["scipy"] = sys.modules["scipy.stats"] = None
+found = util.find_spec
+util.find_spec = lambda name, *rest: None if name == "matplotlib" else found(name, *rest)
+from overtaking.show.report.write import write_report
+from tests.support.features import synthetic_features
+made = write_report(synthetic_features(30), Path(sys.argv[1]), title="x")
+print(len(made.figures), len(made.tables), *made.remarks, sep="|")
+"""
+
+
+def test_without_the_extras_the_tables_are_there_and_it_says_what_to_install(
+    tmp_path: Path, repository: Path
+):
+    command = [sys.executable, "-c", WITHOUT, str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=repository)
+    figures, tables, *told = done.stdout.strip().split("|")
+    assert (int(figures), int(tables)) == (0, 3)
+    text = (tmp_path / "index.html").read_text(encoding="utf-8")
+    for extra, package in (("plots", "matplotlib"), ("stats", "scipy")):
+        hint = f"expected the extra [{extra}], got none; run: "
+        assert any(hint in one and f"pip install '{package}>=" in one for one in told)
+        assert f"pip install &#x27;{package}&gt;=" in text

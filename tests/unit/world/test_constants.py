@@ -1,0 +1,87 @@
+"""The constants of the step: gathered once, in float32, and changed only by name."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import overtaking
+from overtaking.knowledge import Quantity, friction_table, quantities
+from overtaking.world.constants import constants
+
+
+def number(file: str, name: str) -> float:
+    entry = quantities(f"{file}.toml")[name]
+    assert isinstance(entry, Quantity)
+    return float(entry.number)
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "entry"),
+    [
+        ("step", "model", "time.step"),
+        ("restitution", "model", "collision.restitution"),
+        ("spray_reach", "weather", "spray.reach"),
+        ("sliding_ratio", "friction", "table.sliding_ratio"),
+        ("truck_loss_factor", "friction", "table.truck_loss_factor"),
+    ],
+)
+def test_a_constant_is_the_entry_of_the_knowledge_base(name: str, file: str, entry: str):
+    value = getattr(constants(), name)
+    assert value == np.float32(number(file, entry))
+
+
+def test_every_constant_is_a_finite_float32():
+    for name, value in constants().values.items():
+        assert isinstance(value, np.float32), name
+        assert np.isfinite(value), name
+
+
+def test_a_decision_is_a_whole_number_of_steps():
+    c = constants()
+    assert float(c.decision) / float(c.step) == pytest.approx(5.0, rel=1e-6)
+
+
+def test_derived_constants_are_what_their_names_say():
+    c = constants()
+    assert float(c.half_air_density) == pytest.approx(0.5 * 1.2)
+    assert float(c.inverse_puddle_wave_1) == pytest.approx(
+        1.0 / number("weather", "puddles.first_wave")
+    )
+    assert float(c.inverse_stop_lamp) == pytest.approx(1.0 / number("weather", "lamps.stop"))
+
+
+def test_the_friction_table_is_kept_whole():
+    c, table = constants(), friction_table()
+    np.testing.assert_allclose(c.friction_new, table.new, rtol=1e-7)
+    np.testing.assert_allclose(c.friction_worn, table.worn, rtol=1e-7)
+    assert (len(c.friction_speeds), len(c.friction_films)) == (3, 4)
+
+
+def test_a_change_touches_only_what_is_named():
+    changed = constants().replace(restitution=0.5)
+    assert changed.restitution == np.float32(0.5)
+    assert constants().restitution == np.float32(0.1)
+    same = {k: v for k, v in changed.values.items() if k != "restitution"}
+    assert same == {k: v for k, v in constants().values.items() if k != "restitution"}
+
+
+def test_a_name_that_does_not_exist_is_refused():
+    with pytest.raises(KeyError, match="bounce"):
+        constants().replace(bounce=1.0)
+    with pytest.raises(AttributeError):
+        _ = constants().bounce
+
+
+def test_every_entry_of_the_model_is_read_somewhere():
+    package = Path(overtaking.__file__).parent
+    text = "".join(path.read_text(encoding="utf-8") for path in package.rglob("*.py"))
+    # Some are read in a row, as in f"model.perception.detection_time_{light}".
+    places = [re.sub(r"{\w+}", r"\\w+", each) for each in re.findall(r'"model\.([\w.{}]+)"', text)]
+    names = list(quantities("model.toml"))
+    unread = [name for name in names if not any(re.fullmatch(each, name) for each in places)]
+    assert len(names) > 50
+    assert unread == []
