@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.memory import Buffers
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind, Trajectories
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
@@ -201,7 +202,7 @@ ABLATIONS = (
 def arms(ablation: Ablation, simulations: int, seed: int) -> tuple[Values, Values]:
     """The statistic of every simulation, in the full model and without the effect."""
     given = spec("pinto2023", overrides=dict(ablation.overrides))
-    road, buffers = load_road("town06"), engine.Buffers()
+    road, buffers = load_road("town06"), Buffers()
     full, without = list[Values](), list[Values]()
     for begin in range(0, simulations, PIECE):
         index = np.arange(begin, min(begin + PIECE, simulations), dtype=np.uint64)

@@ -23,6 +23,7 @@ import numpy as np
 
 from measure import ROOT, Measure, parser, report
 from overtaking import _core
+from overtaking.core.memory import Buffers
 from overtaking.model.scenario import SLOTS, Scenario
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
@@ -83,7 +84,7 @@ def engine_batch(level: str | None = None) -> Callable[[], int]:
     Raises:
         RuntimeError: A simulation ended early.
     """
-    scenario, buffers = scenarios(), engine.Buffers()
+    scenario, buffers = scenarios(), Buffers()
     given = endless(scenario)
 
     def batch() -> int:
@@ -98,7 +99,7 @@ def engine_batch(level: str | None = None) -> Callable[[], int]:
 
 def whole_batch() -> Callable[[], int]:
     """Draws the scenarios and prepares them as well."""
-    buffers = engine.Buffers()
+    buffers = Buffers()
 
     def batch() -> int:
         scenario = scenarios()
@@ -154,7 +155,7 @@ def crowd(vehicles: int) -> Callable[[], int]:
     scenario = sample(drawn, load_road("motorway"), 1, np.arange(count, dtype=np.uint64))
     horizon = np.full(count, (FRAMES - 1) * 0.05, np.float32)
     scenario = scenario.replace(horizon=horizon, attempt_deadline=horizon + np.float32(NEVER))
-    given, buffers = endless(scenario), engine.Buffers()
+    given, buffers = endless(scenario), Buffers()
 
     def batch() -> int:
         return int(engine.run(scenario, given, buffers=buffers).num_frames.sum()) * vehicles

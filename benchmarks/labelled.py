@@ -22,6 +22,7 @@ import pyarrow as pa
 from measure import Measure, parser, report
 from memory import Watch
 from overtaking import api
+from overtaking.core.memory import Buffers
 from overtaking.data.contents import contents
 from overtaking.data.load import Dataset
 from overtaking.data.place import Folder
@@ -107,7 +108,7 @@ def stages() -> list[Measure]:
     given = spec("pinto2023")
     road, index = load_road(given.road), np.arange(PIECE, dtype=np.uint64)
     scenario = sample(given, road, 9, index)
-    prepared, buffers = parameters(scenario), engine.Buffers()
+    prepared, buffers = parameters(scenario), Buffers()
     runs = engine.run(scenario, prepared, buffers=buffers)
     seen = signals(runs)
     events = find_events(runs, seen)

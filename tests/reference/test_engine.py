@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from overtaking import _core
+from overtaking.core.memory import Buffers
 from overtaking.model.scenario import SLOTS
 from overtaking.model.trajectory import DecisionKind, Stage
 from overtaking.model.vehicles import VehicleKind
@@ -132,7 +133,7 @@ def test_a_simulation_is_the_same_in_any_batch(situation):
 
 
 def test_memory_that_is_used_again_leaves_no_trace():
-    buffers = engine.Buffers()
+    buffers = Buffers()
     for situation in sorted(SITUATIONS, key=lambda one: -simulated(one).states.x.size):
         expected = simulated(situation)
         run = lambda *given: engine.run(*given, buffers=buffers)  # noqa: E731
@@ -140,7 +141,7 @@ def test_memory_that_is_used_again_leaves_no_trace():
 
 
 def test_behind_the_end_of_a_simulation_there_is_nothing_whatever_was_in_the_memory():
-    given, buffers = spec("pinto2023"), engine.Buffers()
+    given, buffers = spec("pinto2023"), Buffers()
     road, lengths = load_road(given.road), []
     for first in range(0, 192, 48):
         index = np.arange(first, first + 48, dtype=np.uint64)

@@ -11,6 +11,7 @@ import pytest
 from tests.support.recordings import with_gaps
 
 from overtaking import _core
+from overtaking.core.memory import Buffers
 from overtaking.labels.signals import engine, reference, target
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
@@ -64,7 +65,7 @@ def test_vehicles_that_come_and_go_are_seen_alike(level):
 
 
 def test_what_is_not_recorded_is_zero_although_memory_is_used_again():
-    buffers = simulator.Buffers()
+    buffers = Buffers()
     first = engine.signals(recorded(), buffers=buffers)
     assert first.speed[first.valid].all() or (first.speed[first.valid] > 0).any()
     short = recorded().select(np.arange(5))

@@ -7,10 +7,12 @@ the CPU remembers.
 """
 
 import contextlib
+import math
 import mmap
 import os
 import weakref
 from collections.abc import Hashable
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -25,6 +27,12 @@ KEPT_BYTES = 256 << 20
 """At most so much is kept while nobody uses it: a large batch, and what is worked out from it."""
 
 _PAGE_BYTES = 2 << 20  # What Linux calls a huge page, on x86 and on ARM.
+
+_LINE_BYTES = 64
+"""Arrays begin where a line of the CPU's cache does."""
+
+Layout = tuple[tuple[str, tuple[int, ...], type[np.generic]], ...]
+"""Names, shapes and types of some arrays."""
 
 _Use = tuple[Hashable, int]
 """What memory is for, None for anything, and its size."""
@@ -113,3 +121,40 @@ def _give_back(memory: mmap.mmap, use: _Use) -> None:
     kept = sum(room * len(free) for (_, room), free in tuple(_free.items()))
     if kept + use[1] <= KEPT_BYTES:
         _free.setdefault(use, []).append(memory)
+
+
+class Buffers:
+    """Output arrays that are used again as long as they are large enough.
+
+    Without one, memory is used again too, but only when nobody looks at the last batch any more.
+    """
+
+    def __init__(self) -> None:
+        """Start without memory."""
+        self._memory: dict[str, NDArray[Any]] = {}
+        self._layouts: dict[str, Layout] = {}
+
+    def array(self, name: str, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+        """An array of this shape whose content means nothing; valid until asked for again."""
+        size = int(np.prod(shape, dtype=np.int64))
+        memory = self._memory.get(name)
+        if memory is None or memory.size < size:
+            memory = self._memory[name] = empty(size, dtype)
+        return memory[:size].reshape(shape)
+
+    def together(self, name: str, layout: Layout) -> dict[str, NDArray[Any]]:
+        """Arrays that are zero, or what was left in arrays of the same layout; valid as above.
+
+        Args:
+            name: Of all of them together.
+            layout: Name, shape and type of each.
+        """
+        sizes = [math.prod(shape) * np.dtype(kind).itemsize for _, shape, kind in layout]
+        ends = list(accumulate(-(-size // _LINE_BYTES) * _LINE_BYTES for size in sizes))
+        if self._layouts.get(name) != layout:
+            self._layouts[name], self._memory[name] = layout, as_left(layout, ends[-1])
+        memory, begins = self._memory[name], [0, *ends]
+        return {
+            field: memory[begin : begin + size].view(kind).reshape(shape)
+            for (field, shape, kind), begin, size in zip(layout, begins, sizes, strict=False)
+        }

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
-from overtaking.sim.engine import chosen_level, constant_values, road_values
+from overtaking.sim.engine import road_values
 from overtaking.sim.reference import driven as reference
 from overtaking.sim.reference.driven import MOVING, WHEEL_RATE, Controls
 from overtaking.sim.reference.state import Fields, State
+from overtaking.world.compiled import chosen_level, constant_values
 from overtaking.world.constants import Constants
 from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Parameters
 

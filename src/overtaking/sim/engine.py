@@ -1,23 +1,16 @@
 """The Rust engine: the same model as `sim.reference`, sixteen simulations at a time."""
 
-import math
-import os
-from itertools import accumulate
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
-from overtaking.core.errors import ConfigError
-from overtaking.core.memory import as_left, empty
+from overtaking.core.memory import Buffers, Layout
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Contacts, Percepts, States, Trajectories
-from overtaking.world.constants import Constants
+from overtaking.world.compiled import chosen_level, constant_values
 from overtaking.world.parameters import Parameters, parameters
-
-SIMD_VARIABLE = "OVERTAKING_SIMD"
-"""Environment variable that forces a SIMD level: avx512, avx2, sse2, neon or portable."""
 
 _WIDE, _HALF, _BYTE = np.int32, np.int16, np.uint8
 _STATE_TYPES = {
@@ -44,50 +37,6 @@ _PERCEPT_TYPES = {
 }
 
 
-_LINE_BYTES = 64
-"""Arrays begin where a line of the CPU's cache does."""
-
-Layout = tuple[tuple[str, tuple[int, ...], type[np.generic]], ...]
-"""Names, shapes and types of some arrays."""
-
-
-class Buffers:
-    """Output arrays that are used again as long as they are large enough.
-
-    Without one, memory is used again too, but only when nobody looks at the last batch any more.
-    """
-
-    def __init__(self) -> None:
-        """Start without memory."""
-        self._memory: dict[str, NDArray[Any]] = {}
-        self._layouts: dict[str, Layout] = {}
-
-    def array(self, name: str, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-        """An array of this shape whose content means nothing; valid until asked for again."""
-        size = int(np.prod(shape, dtype=np.int64))
-        memory = self._memory.get(name)
-        if memory is None or memory.size < size:
-            memory = self._memory[name] = empty(size, dtype)
-        return memory[:size].reshape(shape)
-
-    def together(self, name: str, layout: "Layout") -> dict[str, NDArray[Any]]:
-        """Arrays that are zero, or what was left in arrays of the same layout; valid as above.
-
-        Args:
-            name: Of all of them together.
-            layout: Name, shape and type of each.
-        """
-        sizes = [math.prod(shape) * np.dtype(kind).itemsize for _, shape, kind in layout]
-        ends = list(accumulate(-(-size // _LINE_BYTES) * _LINE_BYTES for size in sizes))
-        if self._layouts.get(name) != layout:
-            self._layouts[name], self._memory[name] = layout, as_left(layout, ends[-1])
-        memory, begins = self._memory[name], [0, *ends]
-        return {
-            field: memory[begin : begin + size].view(kind).reshape(shape)
-            for (field, shape, kind), begin, size in zip(layout, begins, sizes, strict=False)
-        }
-
-
 def simulate(
     scenario: Scenario, *, level: str | None = None, buffers: Buffers | None = None
 ) -> Trajectories:
@@ -103,25 +52,6 @@ def simulate(
         ConfigError: The SIMD level is unknown or this CPU lacks it.
     """
     return run(scenario, parameters(scenario), level=level, buffers=buffers)
-
-
-def chosen_level(level: str | None = None) -> str | None:
-    """The SIMD level to ask the engine for: this one, that of `OVERTAKING_SIMD`, or None.
-
-    Raises:
-        ConfigError: It is unknown, or this CPU lacks it.
-    """
-    forced = level or os.environ.get(SIMD_VARIABLE) or None
-    known = [name for name, is_available in _core.simd_levels() if is_available]
-    if forced is not None and forced not in known:
-        raise ConfigError.of(
-            what="SIMD level",
-            where=SIMD_VARIABLE,
-            expected=", ".join(known),
-            got=forced,
-            next_step="unset it or choose another level",
-        )
-    return forced
 
 
 def run(
@@ -168,17 +98,6 @@ def road_values(given: Parameters) -> dict[str, Any]:
         "film_path": road.film_path.tolist(),
         "side": float(road.side),
         "pose": [float(number) for number in pose],
-    }
-
-
-def constant_values(c: Constants) -> dict[str, Any]:
-    """The constants as the compiled engine takes them."""
-    return {
-        "values": [float(c.values[name]) for name in _core.constant_fields()],
-        "friction_new": [[float(x) for x in row] for row in c.friction_new],
-        "friction_worn": [[float(x) for x in row] for row in c.friction_worn],
-        "friction_speeds": [float(x) for x in c.friction_speeds],
-        "friction_films": [float(x) for x in c.friction_films],
     }
 
 

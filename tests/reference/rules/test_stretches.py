@@ -24,7 +24,7 @@ from overtaking.model.trajectory import Lights
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine as simulator
-from overtaking.sim.engine import SIMD_VARIABLE
+from overtaking.world.compiled import SIMD_VARIABLE
 
 LEVELS = [name for name, available in _core.simd_levels() if available]
 

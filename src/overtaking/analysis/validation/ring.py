@@ -14,6 +14,7 @@ import numpy as np
 
 from overtaking import scenarios
 from overtaking.analysis.validation.traffic import Batch, count_changes
+from overtaking.core.memory import Buffers
 from overtaking.model.vehicles import Role
 from overtaking.sim import engine
 from overtaking.world.parameters import Parameters, parameters, with_ring
@@ -68,7 +69,7 @@ def count(tally: Tally, spec: Spec, road: Road, seed: int, simulations: int) -> 
             "time.attempt_deadline_s": WARM_UP_S + COUNTED_S,
         },
     )
-    buffers = engine.Buffers()
+    buffers = Buffers()
     for first in range(0, simulations, CHUNK):
         index = np.arange(first, min(first + CHUNK, simulations), dtype=np.uint64)
         density = DENSITIES[0] + (DENSITIES[1] - DENSITIES[0]) * (index + 0.5) / simulations

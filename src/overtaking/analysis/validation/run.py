@@ -14,6 +14,7 @@ from overtaking.analysis.validation.figures import Figure, figures
 from overtaking.analysis.validation.tally import Tally
 from overtaking.analysis.validation.traffic import Batch
 from overtaking.core.summary import Summarized
+from overtaking.core.memory import Buffers
 from overtaking.model.labels import OvertakeClass
 from overtaking.scenarios import sample
 from overtaking.scenarios.schema_flow import Flow
@@ -160,7 +161,7 @@ def _counted(
     spec: Spec, road: Road, simulations: int, seed: int, tell: Callable[[int], None]
 ) -> Tally:
     """What was counted in the simulations of a specification."""
-    tally, buffers = Tally(), engine.Buffers()
+    tally, buffers = Tally(), Buffers()
     for first in range(0, simulations, CHUNK):
         last = min(first + CHUNK, simulations)
         index = np.arange(first, last, dtype=np.uint64)

@@ -11,7 +11,7 @@ from overtaking.core.elementary import F32
 from overtaking.labels.features import encounters, reference
 from overtaking.labels.features.encounters import Index, Side
 from overtaking.labels.features.past import halves
-from overtaking.labels.law.engine import around, law_numbers, level, of_signals, recorded_span
+from overtaking.labels.law.engine import around, law_numbers, of_signals, recorded_span
 from overtaking.labels.law.frames import Span
 from overtaking.labels.signals.arrays import adjacent, flat
 from overtaking.model.labels import Case
@@ -19,6 +19,7 @@ from overtaking.model.safety import Encounter
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.model.vehicles import Role
+from overtaking.world.compiled import chosen_level
 from overtaking.world.constants import known
 
 I64 = NDArray[np.int64]
@@ -53,7 +54,7 @@ def encounter(
         is_ahead=side is Side.AHEAD,
         vehicle=vehicle,
         out=out,
-        level=level(),
+        level=chosen_level(),
     )
     return Encounter(valid=vehicle != NO_VEHICLE, **dict(zip(names, out, strict=True)))
 

@@ -4,7 +4,6 @@ The engine looks at recorded states. Where somebody has put other signals in the
 recording, to see what would be, `reference` looks at them.
 """
 
-import os
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from overtaking.labels.signals import engine as signals
 from overtaking.labels.signals.arrays import adjacent, flat
 from overtaking.model.labels import Case
 from overtaking.model.vehicles import Role
-from overtaking.sim.engine import SIMD_VARIABLE
+from overtaking.world.compiled import chosen_level
 from overtaking.world.constants import known
 
 I32 = NDArray[np.int32]
@@ -209,13 +208,8 @@ def _taken(start: I32, stop: I32, num_frames: int) -> dict[str, Any]:
         "start": np.ascontiguousarray(start, np.int32),
         "stop": np.ascontiguousarray(stop, np.int32),
         "frames": num_frames,
-        "level": level(),
+        "level": chosen_level(),
     }
-
-
-def level() -> str | None:
-    """The SIMD level that is asked for, None for the best one."""
-    return os.environ.get(SIMD_VARIABLE) or None
 
 
 def of_signals(case: Case, *names: str) -> dict[str, NDArray[Any]]:

@@ -1,6 +1,5 @@
 """The signals by the compiled engine: those of `reference` and `target`, bit for bit."""
 
-import os
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from overtaking import _core
 from overtaking.core.elementary import as_f32, log, maximum
+from overtaking.core.memory import Buffers
 from overtaking.labels.signals import reference
 from overtaking.labels.signals.arrays import flat, states, vehicles
 from overtaking.labels.signals.conditions import conditions
@@ -18,7 +18,7 @@ from overtaking.model.events import Events
 from overtaking.model.signals import Around, Signals, TargetSignals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
 from overtaking.model.vehicles import Role
-from overtaking.sim.engine import SIMD_VARIABLE, Buffers, constant_values
+from overtaking.world.compiled import chosen_level, constant_values
 from overtaking.world.constants import constants, known
 
 _SIGNALS = {
@@ -61,11 +61,11 @@ def signals(
 
     Args:
         trajectories: The batch, of any origin and rate; what it holds must not change.
-        level: SIMD level, as in `sim.engine.simulate`; the result is the same.
+        level: SIMD level, as in `world.compiled.chosen_level`; the result is the same.
         buffers: Memory to use again; the returned batch is then valid until the next call with it.
 
     Raises:
-        ValueError: The SIMD level is unknown or this CPU lacks it.
+        ConfigError: The SIMD level is unknown or this CPU lacks it.
     """
     buffers = buffers or Buffers()
     outputs = _outputs(trajectories, _SIGNALS, buffers)
@@ -76,7 +76,7 @@ def signals(
         around=_around(trajectories),
         constants=constant_values(constants()),
         outputs=outputs | {"vehicle": vehicle},
-        level=_level(level),
+        level=chosen_level(level),
     )
     gaps = partial(_gaps, trajectories, vehicle, level)
     left = partial(_left, trajectories, level)
@@ -177,7 +177,7 @@ def alongside(
         start=start,
         stop=stop,
         out=found,
-        level=_level(None),
+        level=chosen_level(),
     )
     return found
 
@@ -194,7 +194,7 @@ def _gaps(trajectories: Trajectories, vehicle: NDArray[np.uint8], level: str | N
         vehicles=vehicles(trajectories),
         vehicle=flat(vehicle),
         outputs=outputs,
-        level=_level(level),
+        level=chosen_level(level),
     )
     return outputs
 
@@ -206,7 +206,7 @@ def _left(trajectories: Trajectories, level: str | None) -> Arrays:
         vehicles=vehicles(trajectories),
         num_lanes=trajectories.road.num_lanes,
         outputs=outputs,
-        level=_level(level),
+        level=chosen_level(level),
     )
     return outputs
 
@@ -220,7 +220,7 @@ def _target(
         vehicles=vehicles(trajectories),
         own=_own(seen, vehicle),
         outputs=outputs,
-        level=_level(level),
+        level=chosen_level(level),
     )
     return outputs
 
@@ -230,10 +230,6 @@ def _own(seen: Signals, vehicle: NDArray[np.uint8]) -> Arrays:
     reaches = ("lateral", "right_reach", "left_reach")
     place = {name: flat(getattr(seen, name)) for name in reaches}
     return {"target": np.ascontiguousarray(vehicle, np.uint8)} | place
-
-
-def _level(level: str | None) -> str | None:
-    return level or os.environ.get(SIMD_VARIABLE) or None
 
 
 def _around(trajectories: Trajectories) -> dict[str, Any]:

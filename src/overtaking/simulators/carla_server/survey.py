@@ -1,8 +1,8 @@
 """Looks at an OpenDRIVE file of somebody else with CARLA's own reader, in a process of its own.
 
 The reader is C++ that was not made for hostile files; where it falls over, the server stays up.
-Run as `python -m overtaking.simulators.carla_server.survey`, it reads the text from its standard input and
-writes the samples of all lanes to its standard output, as NumPy's .npz.
+Run as `python -m overtaking.simulators.carla_server.survey`, it reads the text from its standard
+input and writes the samples of all lanes to its standard output, as NumPy's .npz.
 """
 
 from __future__ import annotations

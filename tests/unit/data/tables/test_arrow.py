@@ -81,7 +81,8 @@ def test_numbers_are_not_copied():
 @pytest.mark.parametrize("module", ["overtaking.data.generate", "overtaking.data.tables.encode"])
 def test_writing_a_data_set_does_not_load_pandas(module: str):
     code = (
-        f"import sys, {module}, numpy as np; from overtaking.data.tables import arrow, digest, columns\n"
+        f"import sys, {module}, numpy as np\n"
+        "from overtaking.data.tables import arrow, digest, columns\n"
         "import pyarrow as pa\n"
         "table = pa.table({'a': arrow.to_arrow(np.arange(3, dtype=np.int32))})\n"
         "field = columns.column('a', pa.int32(), '1', 'A')\n"

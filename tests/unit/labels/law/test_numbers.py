@@ -21,8 +21,8 @@ from tests.support.overtakes import (
     passing,
 )
 
-from overtaking import rules
 from overtaking.knowledge import quantities
+from overtaking.labels import law
 from overtaking.labels.law import PORTUGAL, judge
 from overtaking.labels.law.frames import conduct, driving_end, manoeuvre
 from overtaking.labels.law.reference import longest_run
@@ -32,7 +32,7 @@ from overtaking.model.road import RoadMark
 from overtaking.model.trajectory import DecisionKind
 
 RULES = {rule.code: rule for rule in PORTUGAL.rules}
-RULE_FILES = sorted(Path(rules.__file__).parent.glob("*.py"))
+RULE_FILES = sorted(Path(law.__file__).parent.glob("*.py"))
 GRAVITY, DRY = 9.81, 0.9 * 9.81
 
 
