@@ -1,0 +1,78 @@
+"""Import paths of version 0.1 before its packages were joined. They work in 0.1, with a warning."""
+
+import sys
+import warnings
+from importlib import import_module
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
+from types import ModuleType
+
+_PACKAGES = {
+    "carla_server": "simulators.carla_server",
+    "database": "analysis.database",
+    "datasets": "data",
+    "exchange": "recordings",
+    "explain": "labels.explain",
+    "features": "labels.features",
+    "learning": "analysis.learning",
+    "literature": "analysis.literature",
+    "logic": "analysis.logic",
+    "physics": "world",
+    "plots": "show.plots",
+    "report": "show.report",
+    "reproduction": "analysis.reproduction",
+    "rules": "labels.law",
+    "signals": "labels.signals",
+    "stats": "analysis.stats",
+    "tables": "data.tables",
+    "validation": "analysis.validation",
+    "video": "show.video",
+}
+_MODULES = {"sim.decision": "model.decision", "sim.effects": "world.effects"}
+
+
+def _home(old: str) -> str | None:
+    """The present name of a module, without `overtaking.`; None for one that never was."""
+    package, _, rest = old.partition(".")
+    if old in _MODULES or package not in _PACKAGES:
+        return _MODULES.get(old)
+    return f"{_PACKAGES[package]}.{rest}" if rest else _PACKAGES[package]
+
+
+class _Finder:
+    """Finds a module under its old name; asked only if there is none of that name."""
+
+    @staticmethod
+    def find_spec(name: str, *_: object) -> ModuleSpec | None:
+        """The specification of an old name."""
+        root, _, old = name.partition(".")
+        home = _home(old) if root == __package__ else None
+        if home is None or find_spec(f"{root}.{home}") is None:
+            return None
+        return ModuleSpec(name, _Loader(), is_package=old in _PACKAGES)  # pyright: ignore[reportArgumentType]
+
+
+class _Loader:
+    """Makes a module that passes every name on to the present one."""
+
+    @staticmethod
+    def create_module(spec: ModuleSpec) -> None:
+        """An empty module."""
+
+    @staticmethod
+    def exec_module(module: ModuleType) -> None:
+        """Pass names on, and warn whoever asks for one."""
+        old = module.__name__
+        new = f"{__package__}.{_home(old.partition('.')[2])}"
+
+        def passed_on(name: str) -> object:
+            if name.startswith("__"):  # Python asks for these by itself.
+                raise AttributeError(name)
+            message = f"{old} is {new} now; the old name is gone in overtaking 0.2"
+            warnings.warn(message, DeprecationWarning, stacklevel=2)
+            return getattr(import_module(new), name)
+
+        module.__dict__["__getattr__"] = passed_on
+
+
+sys.meta_path.append(_Finder())  # pyright: ignore[reportArgumentType]
