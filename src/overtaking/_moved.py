@@ -45,7 +45,7 @@ class _Finder:
     @staticmethod
     def find_spec(name: str, *_: object) -> ModuleSpec | None:
         """The specification of an old name."""
-        root, _, old = name.partition(".")
+        root, old = name.partition(".")[::2]
         home = _home(old) if root == __package__ else None
         if home is None or find_spec(f"{root}.{home}") is None:
             return None
