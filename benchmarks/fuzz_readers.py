@@ -125,10 +125,12 @@ def _read_map(given: tuple[str, bytes], folder: Path) -> None:
     read_opendrive(path, 7)
 
 
-READERS: tuple[dict[str, Any], ...] = (
-    {"name": "commonroad", "corpus": _scenes, "call": _reads("commonroad")},
-    {"name": "highd", "corpus": _highd, "call": _reads("highd")},
-    {"name": "opendrive", "corpus": _maps, "call": _read_map},
-    {"name": "pinto2023", "corpus": _tables, "call": _reads("pinto2023")},
+READERS: tuple[dict[str, Any], ...] = tuple(
+    {"name": name, "corpus": corpus, "damaged": _damaged, "call": call}
+    for name, corpus, call in (
+        ("commonroad", _scenes, _reads("commonroad")),
+        ("highd", _highd, _reads("highd")),
+        ("opendrive", _maps, _read_map),
+        ("pinto2023", _tables, _reads("pinto2023")),
+    )
 )
-READERS = tuple({**one, "damaged": _damaged} for one in READERS)

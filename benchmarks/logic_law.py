@@ -24,7 +24,7 @@ from overtaking import api
 from overtaking.analysis.logic.facts import Classes
 from overtaking.analysis.logic.law import CODES, judged, lawyer
 from overtaking.analysis.logic.reasoning import Reasoner
-from overtaking.analysis.logic.source import Choice, Group, case_of, groups
+from overtaking.analysis.logic.source import Group, case_of, groups
 from overtaking.labels.law import PORTUGAL, check
 from overtaking.model.labels import Verdict
 from overtaking.recordings.roads import load_road
@@ -97,7 +97,7 @@ def main() -> int:
     given = parser.parse_args()
     begin, tally = time.perf_counter(), Tally()
     if given.data:
-        sources = {given.data: groups(api.load(given.data), Choice(), PIECE)}
+        sources = {given.data: groups(api.load(given.data), PIECE)}
     else:
         sources = {
             profile: drawn(profile, round(given.simulations * share), given.seed)

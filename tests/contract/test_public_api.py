@@ -50,7 +50,7 @@ def test_a_public_name_is_explained(name: str):
 
 
 def test_help_lists_every_public_name():
-    text = pydoc.render_doc(overtaking, renderer=pydoc.plaintext)
+    text = pydoc.render_doc(overtaking, renderer=pydoc.plaintext)  # pyright: ignore[reportAttributeAccessIssue]
     overview, listed = text.split("PACKAGE CONTENTS")
     for name in NAMES:
         assert re.search(rf"\b{name}\b", overview), "missing in the docstring of the package"

@@ -57,7 +57,7 @@ def test_each_attempt_is_a_crossing_or_a_swing_that_comes_back(path):
         line = road.side * road.boundaries[lane + 1] + float(known("labels.attempt.over_line"))
         assert begin == 0 or corner[begin - 1] <= line + ROUNDING, number
         way = across[begin:stop]
-        kind = VehicleKind(found.recording.tracks.kind[found.windows[number].ego])
+        kind = VehicleKind(found.recording.tracks.kind[found.windows[int(number)].ego])
         least = float(known(f"labels.attempt.advance.{kind.name}"))
         if corner[begin:stop].max() > line - ROUNDING:
             kinds["crossing"] += 1

@@ -11,7 +11,7 @@ from overtaking.model.checks import checked
 
 if TYPE_CHECKING:
     from overtaking.simulators.carla.limits import Limits
-    from overtaking.simulators.replay import Replayed
+    from overtaking.simulators.carla.replay import Replayed
 
 
 def carla_limits() -> "Limits":

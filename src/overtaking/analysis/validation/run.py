@@ -13,8 +13,8 @@ from overtaking.analysis.validation.comparison import Rate, compare
 from overtaking.analysis.validation.figures import Figure, figures
 from overtaking.analysis.validation.tally import Tally
 from overtaking.analysis.validation.traffic import Batch
-from overtaking.core.summary import Summarized
 from overtaking.core.memory import Buffers
+from overtaking.core.summary import Summarized
 from overtaking.model.labels import OvertakeClass
 from overtaking.scenarios import sample
 from overtaking.scenarios.schema_flow import Flow

@@ -22,7 +22,7 @@ from overtaking.simulators.carla.messages import (
     lost,
 )
 from overtaking.simulators.carla.stage import CarlaStage
-from overtaking.simulators.replay import ReplayJob
+from overtaking.simulators.carla.replay import ReplayJob
 
 SIGN_INTERVAL = 1.0
 """Time between two signs of life [s]."""

@@ -59,7 +59,7 @@ def test_speeds_beside_a_gap_are_one_sided_for_single_frames_and_for_all():
 
 def test_somebody_who_is_there_for_one_frame_has_no_speed():
     case = recorded(np.zeros(200), ATTEMPT)
-    present = case.trajectories.present.copy()
+    present = case.trajectories.state_valid.copy()
     present[0, 1, ATTEMPT + 1 :] = False
     run = case.trajectories.replace(present=present)
     where = (np.zeros(1, np.intp), np.ones(1, np.intp), np.array([ATTEMPT]))
