@@ -28,7 +28,7 @@ from overtaking.data.tables.files import TableWriter, read_table
 from overtaking.model.trajectory import Trajectories
 
 PIECE = 512
-"""Simulations in memory at a time, as in `datasets.plan`."""
+"""Simulations in memory at a time, as in `data.plan`."""
 
 
 def ours(pieces: list[Trajectories], path: Path) -> None:

@@ -33,7 +33,7 @@ LINK = re.compile(r"\[[^]]*\]\(([^)\s]+)\)|(?:src|srcset)=\"([^\"]+)\"")
 PACKAGES = {path.stem for path in (ROOT / "src" / "overtaking").glob("[a-z]*")}
 CLASSES = {
     "Contacts": "model.trajectory",
-    "Dataset": "datasets.load",
+    "Dataset": "data.load",
     "Drivers": "model.drivers",
     "Lane": "model.road",
     "Percepts": "model.trajectory",
@@ -342,7 +342,7 @@ def test_the_readme_explains_the_five_classes_as_the_terms_do():
 def test_the_map_names_every_package_and_both_halves_of_the_model():
     text = read("ARCHITECTURE.md")
     source = ROOT / "src" / "overtaking"
-    layers = text[text.index("## Layers") : text.index("## The model")]
+    layers = text[text.index("## Packages") : text.index("## The model")]
     assert [name for name in sorted(PACKAGES) if name != "py" and f"`{name}`" not in layers] == []
     for folder, ending in (
         (source / "sim" / "reference", ".py"),

@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 COMPILED = "overtaking._core"
 BINDINGS = (
     "overtaking.core.compiled",
-    "overtaking.labels.features.engine",
-    "overtaking.labels.events.engine",
-    "overtaking.labels.law.engine",
-    "overtaking.sim",
-    "overtaking.labels.signals.engine",
     "overtaking.data.tables.digest",
-    "overtaking.data.tables.encode",
-    "overtaking.data.tables.packed",
+    "overtaking.labels.events.engine",
+    "overtaking.labels.features.engine",
+    "overtaking.labels.law.engine",
+    "overtaking.labels.signals.engine",
     "overtaking.show.video.canvas",
+    "overtaking.show.video.drawing",
     "overtaking.show.video.encode",
+    "overtaking.sim",
+    "overtaking.world.compiled",
 )
 REFERENCES = ("overtaking.sim.reference", "overtaking.labels.signals.reference")
 
@@ -130,12 +130,13 @@ def test_dependencies_point_down(repository: Path, copy: Path):
     ("module", "line", "contract"),
     [
         ("core/spoiled.py", "import overtaking.cli", "dependencies point down"),
-        ("tables/spoiled.py", "import overtaking.recordings", "dependencies point down"),
+        ("labels/spoiled.py", "import overtaking.sim", "dependencies point down"),
+        ("labels/signals/spoiled.py", "import overtaking.labels.law", "dependencies of labels"),
         ("utils/__init__.py", "", "dependencies point down"),
-        ("model/spoiled.py", "import pyarrow", "no table library below the tables"),
-        ("sim/spoiled.py", "from pandas import DataFrame", "no table library below the tables"),
+        ("model/spoiled.py", "import pyarrow", "no table library below the data sets"),
+        ("sim/spoiled.py", "from pandas import DataFrame", "no table library below the data sets"),
         ("knowledge/spoiled.py", "import pydantic", "no pydantic below the scenarios"),
-        ("datasets/spoiled.py", "import rich.progress", "no terminal library outside"),
+        ("data/spoiled.py", "import rich.progress", "no terminal library outside"),
     ],
 )
 def test_the_linter_catches(module: str, line: str, contract: str, repository: Path, copy: Path):
@@ -163,7 +164,7 @@ def test_only_the_binding_loads_compiled_code(copy: Path):
     ],
 )
 def test_every_way_to_load_compiled_code_is_seen(line: str, copy: Path):
-    add(copy, "physics/spoiled.py", line)
+    add(copy, "world/spoiled.py", line)
     assert "overtaking.world.spoiled" in loaders_of_compiled_code(copy)
 
 

@@ -14,7 +14,6 @@ import pytest
         ("overtaking.plots.classes", "draw_classes", "overtaking.show.plots.classes"),
         ("overtaking.plots.style", "to_svg", "overtaking.show.plots.style"),
         ("overtaking.rules", "PORTUGAL", "overtaking.labels.law"),
-        ("overtaking.video.canvas", "rgb", "overtaking.show.video.canvas"),
         ("overtaking.video.film", "Film", "overtaking.show.video.film"),
     ],
 )

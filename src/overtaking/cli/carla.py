@@ -29,8 +29,7 @@ Maps = Annotated[
     typer.Option(
         "--map",
         metavar="FILE|NAME",
-        help="Road of the package (town06 if none is named), or an OpenDRIVE file. Again for each"
-        " further one that clients may load.",
+        help=f"{options.MAP} Again for each further one that clients may load.  [default: town06]",
     ),
 ]
 

@@ -1,6 +1,6 @@
 """The source paper's 22 variables of one simulation, in SI and with our names.
 
-The paper's own table, in its units and its frame, is an export; see `exchange.pinto2023`.
+The paper's own table, in its units and its frame, is an export; see `recordings.pinto2023`.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The events by the compiled engine: those of `labels.reference`, number for number."""
+"""The events by the compiled engine: those of `labels.events.reference`, number for number."""
 
 from typing import Any
 

@@ -28,7 +28,7 @@ class Thought:
 
     Attributes:
         decision: Row of the percepts.
-        whom: `LEADER`, `FRONT` or `REAR` of `rules.beliefs`.
+        whom: `LEADER`, `FRONT` or `REAR` of `labels.law.beliefs`.
         code: Of the rule.
         margin: By the true gap and closing speed [m].
         believed_margin: By those believed; None for a vehicle that was not noticed [m].

@@ -1,6 +1,6 @@
 """Measures and sums over frames by the compiled engine: those of `reference`, bit for bit.
 
-As in `rules.engine`, `reference` looks at signals that somebody has changed.
+As in `labels.law.engine`, `reference` looks at signals that somebody has changed.
 """
 
 import numpy as np

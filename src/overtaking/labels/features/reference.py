@@ -1,6 +1,6 @@
 """Measures and sums over frames as a person reads them.
 
-`crates/overtaking-core/src/stretches.rs` is the fast twin, and `features.engine` its Python.
+`crates/overtaking-core/src/stretches.rs` is the fast twin, and `labels.features.engine` its Python.
 """
 
 from dataclasses import fields
@@ -27,7 +27,7 @@ _LARGEST = frozenset(["closing_speed", "drac"])
 
 
 def worst(case: Case, span: Span) -> dict[str, F32]:
-    """The worst of each measure over a span; see `features.engine.worst`."""
+    """The worst of each measure over a span; see `labels.features.engine.worst`."""
     within = span.mask(np.arange(case.signals.num_simulations), case.signals.num_frames)
     led = Instants.of(within & case.signals.has(Around.LEADER))
     chased = Instants.of(within & case.signals.has(Around.FOLLOWER))
@@ -57,7 +57,7 @@ def _extremes(found: Encounter, instants: Instants, side: str) -> dict[str, F32]
 
 
 def sums(case: Case, last: NDArray[np.int32]) -> dict[str, I64]:
-    """Sums of recorded integers over the frames up to one; see `features.engine.sums`."""
+    """Sums of recorded integers over the frames up to one; see `labels.features.engine.sums`."""
     states, seen = case.trajectories.states, case.signals
     counted = seen.valid & (np.arange(seen.num_frames) <= last[:, None])
     led = counted & seen.has(Around.LEADER)

@@ -187,7 +187,7 @@ def around(case: Case) -> dict[str, NDArray[Any]]:
 
 
 def law_numbers() -> dict[str, float]:
-    """The numbers of `rules.distances`."""
+    """The numbers of `labels.law.distances`."""
     usable = known("friction.table.usable_share") * known("model.nature.gravity")
     return {
         "floor": float(known("friction.table.floor")),

@@ -1,6 +1,6 @@
 """Margins over stretches of frames as a person reads them.
 
-`crates/overtaking-core/src/stretches.rs` is the fast twin, and `rules.engine` its Python.
+`crates/overtaking-core/src/stretches.rs` is the fast twin, and `labels.law.engine` its Python.
 """
 
 from typing import Any
@@ -104,7 +104,7 @@ def duty_to_return(case: Case, span: Span) -> tuple[I32, I32]:
 
 
 def of_target(case: Case, span: Span) -> dict[str, NDArray[Any]]:
-    """Some signals of the target in the frames of a span; see `rules.engine.of_target`."""
+    """Some signals of the target in the frames of a span; see `labels.law.engine.of_target`."""
     names, at = ("overlaps", "lane", "lateral_gap", "accel"), span.frames()
     return {name: getattr(case.target, name)[at] for name in names}
 

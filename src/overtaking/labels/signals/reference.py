@@ -93,7 +93,7 @@ def neighbours_at(
     rows: NDArray[np.intp],
     frames: NDArray[np.intp],
 ) -> Neighbours:
-    """The neighbours of single frames; arguments as in `signals.engine.neighbours_at`."""
+    """The neighbours of single frames; arguments as in `labels.signals.engine.neighbours_at`."""
     at = (rows, place, frames)
     return Neighbours(
         vehicle=seen.vehicle[at], gap=seen.gap[at], closing_speed=seen.closing_speed[at]

@@ -38,7 +38,7 @@ def draw_scaled_boxes(boxes: Mapping[str, Box]) -> Figure:
     """A box for each numeric feature, each range scaled to 0 to 1.
 
     Args:
-        boxes: `stats.distributions.scaled_boxes`.
+        boxes: `analysis.stats.distributions.scaled_boxes`.
     """
     figure = new_figure(2.9)
     axes = figure.add_subplot()
@@ -58,8 +58,8 @@ def draw_boxes_and_swarm(
     Args:
         sample: The features.
         feature: A numeric feature.
-        boxes: `stats.distributions.boxes_by_class` of it.
-        points: `stats.distributions.swarm_points` of it.
+        boxes: `analysis.stats.distributions.boxes_by_class` of it.
+        points: `analysis.stats.distributions.swarm_points` of it.
     """
     figure = new_figure(5.8 if is_narrow() else 3.3)
     rows, columns = (2, 1) if is_narrow() else (1, 2)

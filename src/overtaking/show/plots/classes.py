@@ -20,7 +20,7 @@ def draw_classes(table: Table) -> Figure:
     """Bars with count and share of each class.
 
     Args:
-        table: `stats.tables.class_table`.
+        table: `analysis.stats.tables.class_table`.
     """
     rows = list(table.rows.itertuples(index=False, name=None))
     figure = new_figure(0.45 + 0.36 * len(rows))

@@ -34,7 +34,7 @@ def draw_histograms(
     """A panel for each feature.
 
     Args:
-        histograms: `stats.distributions.histogram` of each feature to draw.
+        histograms: `analysis.stats.distributions.histogram` of each feature to draw.
         classes: The classes of their counts.
         is_weighted: Whether simulations were counted by weight.
     """

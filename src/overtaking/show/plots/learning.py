@@ -28,7 +28,7 @@ def draw_confusion(found: FactorsFound) -> Figure:
     """What came, by what the trees foretold, as shares of what came.
 
     Args:
-        found: `learning.factors.learn_factors`.
+        found: `analysis.learning.factors.learn_factors`.
     """
     counts = next(one for one in found.models if one.name == TREES).confusion
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
@@ -63,7 +63,7 @@ def draw_reliability(found: FactorsFound) -> Figure:
     """How often each model is right, by how sure it is, and how many examples that is about.
 
     Args:
-        found: `learning.factors.learn_factors`.
+        found: `analysis.learning.factors.learn_factors`.
     """
     figure = new_figure(2.6)
     panels = np.atleast_1d(figure.subplots(1, len(found.models), sharey=True))
@@ -95,7 +95,7 @@ def draw_ranking(found: FactorsFound) -> Figure:
     """Accuracy with the first factor, the first two, and so on, with its confidence.
 
     Args:
-        found: `learning.factors.learn_factors`.
+        found: `analysis.learning.factors.learn_factors`.
     """
     figure = new_figure(0.9 + 0.19 * len(found.ranking), is_fixed=True)
     set_margins(figure, left=2.55, right=0.15, top=0.1, bottom=0.5)

@@ -24,7 +24,7 @@ def draw_associations(found: Associations) -> Figure:
     """The associations as a matrix, what goes together beside each other.
 
     Args:
-        found: `stats.associations.associations`.
+        found: `analysis.stats.associations.associations`.
     """
     figure = new_figure(4.1 if is_narrow() else 6.0)
     axes = figure.add_subplot()
@@ -55,7 +55,7 @@ def draw_p_values(found: Associations) -> Figure:
     """The p-values as a matrix; bold where the adjusted one stays below the level, too.
 
     Args:
-        found: `stats.associations.associations`.
+        found: `analysis.stats.associations.associations`.
     """
     figure = new_figure(4.1 if is_narrow() else 6.0)
     axes = figure.add_subplot()

@@ -27,7 +27,7 @@ def draw_overtake(one: Diagram, name: str) -> Figure:
     """Position along the road above, position across it below, phases behind both.
 
     Args:
-        one: `stats.diagrams.diagram`.
+        one: `analysis.stats.diagrams.diagram`.
         name: The class of the simulation, for the ego's colour.
     """
     figure = new_figure(4.6)

@@ -35,8 +35,8 @@ def draw_pairs(sample: Sample, histograms: Sequence[Histogram], points: Points) 
 
     Args:
         sample: The features.
-        histograms: `stats.distributions.histogram` of each feature, in order.
-        points: `stats.distributions.pair_points`.
+        histograms: `analysis.stats.distributions.histogram` of each feature, in order.
+        points: `analysis.stats.distributions.pair_points`.
     """
     names = [one.feature.name for one in histograms]
     number = len(names)
@@ -63,7 +63,7 @@ def draw_details(sample: Sample, points: Points) -> Figure:
 
     Args:
         sample: The features.
-        points: `stats.distributions.pair_points`.
+        points: `analysis.stats.distributions.pair_points`.
     """
     figure = new_figure(6.0 if is_narrow() else 3.2)
     members = {name: of[points.simulations] for name, of in sample.groups()}

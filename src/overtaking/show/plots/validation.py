@@ -20,7 +20,7 @@ def draw_validation(found: Validation) -> Drawing:
     """One strip for each figure that has a target: the target as a band, the figure as a mark.
 
     Args:
-        found: What `validation.run.validate` returned.
+        found: What `analysis.validation.run.validate` returned.
     """
     judged = [one for one in found.figures if one.met is not None]
     drawing = new_figure(0.3 + 0.46 * len(judged))

@@ -15,7 +15,7 @@ def draw_waiting(curve: Survival, last: float) -> Figure:
     """The curve of Kaplan and Meier with its limits and its median.
 
     Args:
-        curve: `stats.survival.waiting_time`.
+        curve: `analysis.stats.survival.waiting_time`.
         last: Where the time axis ends: the longest waiting time of all [s].
     """
     figure = new_figure(2.7)

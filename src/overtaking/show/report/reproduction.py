@@ -55,7 +55,7 @@ def write_reproduction(found: Reproduction, out: Path) -> Written:
     """Write a reproduction as one page that needs no network.
 
     Args:
-        found: What `reproduction.run.reproduce` returned.
+        found: What `analysis.reproduction.run.reproduce` returned.
         out: Folder of the page; made if missing, files of an earlier one are replaced.
 
     Raises:

@@ -21,8 +21,8 @@ from overtaking.simulators.carla.messages import (
     Result,
     lost,
 )
-from overtaking.simulators.carla.stage import CarlaStage
 from overtaking.simulators.carla.replay import ReplayJob
+from overtaking.simulators.carla.stage import CarlaStage
 
 SIGN_INTERVAL = 1.0
 """Time between two signs of life [s]."""

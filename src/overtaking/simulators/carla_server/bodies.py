@@ -85,7 +85,7 @@ def body_of(blueprint: str) -> Body:
 def scenario_of(
     road: Road, bodies: Sequence[Body], weather: Sequence[float], nature: Nature
 ) -> Scenario:
-    """A scenario of one simulation, from which `sim.parameters` works out forces and friction.
+    """A scenario of one simulation, from which `world.parameters` works out forces and friction.
 
     Args:
         road: The road under the vehicles.
