@@ -326,8 +326,8 @@ def test_speed_changes_as_fast_as_the_acceleration_says(seed: int, index: list[i
     change = np.abs(np.diff(speed, axis=2)) / 0.05
     size = np.hypot(ran.states.accel_lon.astype(float), ran.states.accel_lat)
     most = np.maximum(size[:, :, 1:], size[:, :, :-1])
-    # What is recorded is the last of five steps; within a frame the emergency jerk adds half a m/s^2
-    # on average. Who creeps stands at once.
+    # What is recorded is the last of five steps; within a frame the emergency jerk adds
+    # 0.5 m/s^2 on average. A vehicle that creeps stands at once.
     stops = float(constants().standstill) * 1000.0 / 0.05 * (speed[:, :, 1:] == 0)
     assert (change - most - stops)[valid].max() <= 500.0
 
