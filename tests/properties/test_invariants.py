@@ -23,6 +23,7 @@ from overtaking.model.known_roads import known_road
 from overtaking.model.trajectory import NO_VEHICLE, Stage, States, Trajectories
 from overtaking.recordings.roads import load_road
 from overtaking.sim import branch, engine, reference
+from overtaking.world.constants import constants
 from overtaking.world.parameters import VEHICLE_FIELDS, Effects, Parameters, parameters
 
 if TYPE_CHECKING:
@@ -251,15 +252,6 @@ def test_speeds_are_never_negative_and_accelerations_stay_physical(seed: int, in
     assert most <= 1.0
 
 
-def test_accelerations_stay_physical_in_a_gale_against_bicycles():
-    """A head wind of 20 m/s and gusts slow a rider at 94 km/h by more than the tyres can."""
-    ran = simulated(1136812, [795287715])
-    assert np.abs(ran.states.accel_lon[present(ran)]).max() > 10_000
-    least, most = acceleration_shares(ran, parameters(ran.scenario))
-    assert least >= 0.0
-    assert most <= 1.0
-
-
 @pytest.mark.parametrize(
     ("name", "factor"),
     [("brake_force", 0.9), ("launch_force", 0.9), ("power", 0.9), ("drag", 1.1), ("rolling", 1.1)],
@@ -330,9 +322,24 @@ def test_places_change_as_fast_as_the_speed_says(seed: int, index: list[int]):
 def test_speed_changes_as_fast_as_the_acceleration_says(seed: int, index: list[int]):
     ran = simulated(seed, index)
     valid = sound(ran)[:, :, 1:] & sound(ran)[:, :, :-1]
-    change = np.abs(np.diff(ran.states.speed.astype(float), axis=2)) / 0.05
-    # What is recorded is the last of five steps: within a frame it moves by the emergency jerk.
-    assert change[valid].max() <= 12_000.0
+    speed = ran.states.speed.astype(float)
+    change = np.abs(np.diff(speed, axis=2)) / 0.05
+    size = np.hypot(ran.states.accel_lon.astype(float), ran.states.accel_lat)
+    most = np.maximum(size[:, :, 1:], size[:, :, :-1])
+    # What is recorded is the last of five steps; within a frame the emergency jerk adds
+    # 0.5 m/s^2 on average. A vehicle that creeps stands at once.
+    stops = float(constants().standstill) * 1000.0 / 0.05 * (speed[:, :, 1:] == 0)
+    assert (change - most - stops)[valid].max() <= 500.0
+
+
+@pytest.mark.parametrize(("seed", "index"), [(219, 239), (1136812, 795287715)])
+def test_a_gust_of_a_gale_stops_bicycles_as_fast_as_its_drag_says(seed: int, index: int):
+    """At 114 km/h in gusts of 43 m/s drag alone slows a rider by 17 m/s^2."""
+    ran = simulated(seed, [index])
+    assert np.abs(ran.states.accel_lon[present(ran)]).max() > 10_000
+    least, most = acceleration_shares(ran, parameters(ran.scenario))
+    assert least >= 0.0
+    assert most <= 1.0
 
 
 @given(seed=seeds, index=indices)
