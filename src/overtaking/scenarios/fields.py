@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from overtaking.knowledge import COLOUR_ORDER, VEHICLE_CLASS_ORDER, presets
 from overtaking.knowledge.roads import ROAD_NAMES
-from overtaking.model.road import MAX_LANES
+from overtaking.model.road import MAX_COORDINATE, MAX_LANES, MAX_LENGTH
 from overtaking.model.scenario import MAX_VEHICLES
 from overtaking.scenarios.complaints import complaint, known_name
 from overtaking.scenarios.populations import population_names
@@ -71,13 +71,22 @@ def multiple(interval_ms: int) -> int:
 
 
 Percent = Annotated[float, Field(ge=0.0, le=100.0)]
+Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE)]
+Position = Annotated[float, Field(ge=0.0, le=MAX_LENGTH)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
+Duration = Annotated[float, Field(ge=0.01, le=MAX_HORIZON_S)]
+Wait = Annotated[float, Field(ge=0.0, le=MAX_HORIZON_S)]
+Acceleration = Annotated[float, Field(ge=0.1, le=20.0)]
+Incentive = Annotated[float, Field(ge=0.0, le=20.0)]
+SpeedGain = Annotated[float, Field(ge=0.0, le=100.0)]
+Distance = Annotated[float, Field(ge=0.1, le=100.0)]
+Factor = Annotated[float, Field(ge=0.01, le=100.0)]
+Density = Annotated[float, Field(ge=0.1, le=250.0)]
 SpeedKmh = Annotated[float, Field(gt=0.0, le=MAX_SPEED_KMH)]
 Count = Annotated[int, Field(ge=MIN_VEHICLES, le=MAX_VEHICLES)]
 LaneNumber = Annotated[int, Field(ge=0, lt=MAX_LANES)]
-Range = Annotated[tuple[float, float], AfterValidator(ordered)]
+WorldRange = Annotated[tuple[Coordinate, Coordinate], AfterValidator(ordered)]
+RoadRange = Annotated[tuple[Position, Position], AfterValidator(ordered)]
 SpeedRange = Annotated[tuple[SpeedKmh, SpeedKmh], AfterValidator(ordered)]
 PercentRange = Annotated[tuple[Percent, Percent], AfterValidator(ordered)]
 AltitudeDeg = Annotated[float, Field(ge=-90.0, le=90.0)]

@@ -14,24 +14,29 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from overtaking.scenarios.complaints import advice, complaint
 from overtaking.scenarios.fields import (
-    MAX_HORIZON_S,
     MIN_GAP_M,
     STEP_MS,
+    Acceleration,
     AltitudeDeg,
     Colours,
     Count,
+    Distance,
+    Duration,
+    Factor,
+    Incentive,
     LaneNumber,
-    NotNegative,
     PercentRange,
     PopulationName,
-    Positive,
     Presets,
-    Range,
     RoadName,
+    RoadRange,
     Section,
     Share,
+    SpeedGain,
     SpeedRange,
     Types,
+    Wait,
+    WorldRange,
     different,
     ego_type,
     multiple,
@@ -74,8 +79,8 @@ class Time(Section):
         attempt_deadline_s: A simulation without an attempt ends here.
     """
 
-    horizon_s: Annotated[float, Field(gt=0.0, le=MAX_HORIZON_S)]
-    attempt_deadline_s: Positive
+    horizon_s: Duration
+    attempt_deadline_s: Duration
 
     @model_validator(mode="after")
     def _deadline_inside(self) -> Self:
@@ -112,8 +117,8 @@ class Traffic(Section):
     speed_kmh: SpeedRange
     lead_speed_kmh: SpeedRange
     lead_speed_exponent: Annotated[float, Field(gt=0.0, le=20.0)] = 1.0
-    spawn_x_m: Range | None = None
-    spawn_s_m: Range | None = None
+    spawn_x_m: WorldRange | None = None
+    spawn_s_m: RoadRange | None = None
     ego_lanes: (
         Annotated[tuple[LaneNumber, ...], Field(min_length=1), AfterValidator(different)] | None
     ) = None
@@ -208,26 +213,26 @@ class FixedTraits(Section):
     """Section `[drivers.fixed]`: parameters that are the same for every driver.
 
     The attributes are those of `model.drivers.Drivers` with their units; None leaves them to the
-    population.
+    population. The ranges are wider than any driver needs, and keep out what is a slip.
     """
 
-    time_gap_s: NotNegative | None = None
-    min_gap_m: Positive | None = None
-    accel_mps2: Positive | None = None
-    decel_mps2: Positive | None = None
-    reaction_time_s: NotNegative | None = None
+    time_gap_s: Wait | None = None
+    min_gap_m: Distance | None = None
+    accel_mps2: Acceleration | None = None
+    decel_mps2: Acceleration | None = None
+    reaction_time_s: Wait | None = None
     caution: Share | None = None
     politeness: Share | None = None
-    lane_change_threshold_mps2: NotNegative | None = None
-    right_bias_mps2: NotNegative | None = None
-    safe_decel_mps2: Positive | None = None
-    lane_change_duration_s: Positive | None = None
-    passing_gain_mps: NotNegative | None = None
-    patience_s: Positive | None = None
-    pull_out_time_s: NotNegative | None = None
-    gap_acceptance: NotNegative | None = None
-    return_time_gap_s: NotNegative | None = None
-    signal_time_s: NotNegative | None = None
+    lane_change_threshold_mps2: Incentive | None = None
+    right_bias_mps2: Incentive | None = None
+    safe_decel_mps2: Acceleration | None = None
+    lane_change_duration_s: Duration | None = None
+    passing_gain_mps: SpeedGain | None = None
+    patience_s: Duration | None = None
+    pull_out_time_s: Wait | None = None
+    gap_acceptance: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
+    return_time_gap_s: Wait | None = None
+    signal_time_s: Wait | None = None
     limit_respect: Share | None = None
 
     def values(self) -> dict[str, float]:
@@ -268,7 +273,7 @@ class People(Section):
     population: PopulationName
     temper: Annotated[tuple[Share, Share], AfterValidator(ordered)] = (0.0, 1.0)
     fixed: FixedTraits = FixedTraits()
-    scale: Annotated[dict[str, Positive], AfterValidator(_scalable)] | None = None
+    scale: Annotated[dict[str, Factor], AfterValidator(_scalable)] | None = None
 
 
 class Starts(Section):

@@ -10,9 +10,10 @@ from overtaking.scenarios.complaints import advice, complaint
 from overtaking.scenarios.fields import (
     Colours,
     Count,
+    Density,
+    Factor,
     LaneNumber,
-    Positive,
-    Range,
+    RoadRange,
     Section,
     Share,
     SpeedKmh,
@@ -59,16 +60,20 @@ SHIFTED = tuple(
 """Traits of the ego that a proposal may draw differently, all of them normal or lognormal."""
 
 
+_LEAST_PART = 0.001
+
+
 def _rising(part: tuple[float, float]) -> tuple[float, float]:
-    if not part[0] < part[1]:
-        raise complaint("a lower end below the upper one", "swap them", got=list(part))
+    if part[1] - part[0] < _LEAST_PART:
+        expected = f"a lower end below the upper one, by {_LEAST_PART:g} or more"
+        raise complaint(expected, "swap them or move them apart", got=list(part))
     return part
 
 
-_Power = Annotated[float, Field(gt=0.0, le=20.0)]
+_Power = Annotated[float, Field(ge=0.01, le=20.0)]
 _Part = Annotated[tuple[Share, Share], AfterValidator(_rising)]
 _Shift = Annotated[float, Field(ge=-3.0, le=3.0)]
-DensityRange = Annotated[tuple[Positive, Positive], AfterValidator(ordered)]
+DensityRange = Annotated[tuple[Density, Density], AfterValidator(ordered)]
 
 
 class FlowLane(Section):
@@ -82,7 +87,7 @@ class FlowLane(Section):
         wish: Factor on the speed that its drivers want, over that of all drivers of their type.
     """
 
-    density: Positive
+    density: Factor
     types: Types
     speed_kmh: SpeedKmh
     wish: Annotated[float, Field(gt=0.5, lt=2.0)] = 1.0
@@ -112,7 +117,7 @@ class Flow(Section):
     spacing_sigma: Annotated[float, Field(gt=0.0, le=2.0)]
     colours: Colours
     ego_lanes: Annotated[tuple[LaneNumber, ...], Field(min_length=1), AfterValidator(different)]
-    sight_m: Range
+    sight_m: RoadRange
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

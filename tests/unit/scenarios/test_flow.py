@@ -112,7 +112,7 @@ def test_a_flow_that_does_not_fit_the_road_is_refused():
     [
         ("traffic.ego_lanes", "[2]", "leave out the fastest lane"),
         ("traffic.free_speed_kmh", "{ S = 100.0 }", "add L"),
-        ("traffic.density_per_km_lane", "0..5", "greater than 0"),
+        ("traffic.density_per_km_lane", "0..5", "greater than or equal to 0.1"),
         ("traffic.spawn_s_m", "[0, 1]", "did you mean"),
         ("drivers.scale", "{ time_gab = 1.0 }", "did you mean time_gap?"),
     ],

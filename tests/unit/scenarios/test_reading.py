@@ -1,4 +1,6 @@
+import copy
 import json
+import re
 import tomllib
 
 import pytest
@@ -6,7 +8,7 @@ import pytest
 from overtaking.core.errors import ConfigError
 from overtaking.scenarios import Spec, profile_names, spec
 from overtaking.scenarios.reading import PROFILES
-from overtaking.scenarios.schema import Starts, Traffic
+from overtaking.scenarios.schema import FixedTraits, Starts, Traffic
 
 PINTO = "pinto2023"
 
@@ -153,7 +155,7 @@ MISTAKES = {
     "weight that is a text": ("traffic.types.S", "many", "a number"),
     "NaN": ("traffic.speed_kmh", "[nan, 100]", "a finite number"),
     "infinity": ("time.horizon_s", "inf", "got inf"),
-    "negative time": ("time.horizon_s", "-1", "greater than 0"),
+    "negative time": ("time.horizon_s", "-1", "greater than or equal to 0.01"),
     "endless": ("time.horizon_s", "1e9", "less than or equal to 600"),
     "negative speed": ("traffic.speed_kmh", "-50..50", "greater than 0"),
     "negative exponent": ("traffic.lead_speed_exponent", "-1", "greater than 0"),
@@ -165,7 +167,7 @@ MISTAKES = {
     "text for a number": ("starts.min_gap_m", "far", "a number"),
     "gap too small": ("starts.min_gap_m", "0.1", "greater than or equal to 3"),
     "temper beyond reckless": ("drivers.temper", "0.5..1.5", "less than or equal to 1"),
-    "no brakes": ("drivers.fixed.decel_mps2", "0", "greater than 0"),
+    "no brakes": ("drivers.fixed.decel_mps2", "0", "greater than or equal to 0.1"),
     "lane twice": ("traffic.ego_lanes", "[1, 1]", "each lane once"),
     "no lane": ("traffic.ego_lanes", "[]", "1 values"),
     "lane below zero": ("traffic.ego_lanes", "[-1]", "greater than or equal to 0"),
@@ -183,6 +185,36 @@ def test_a_mistake_is_one_line_with_place_and_remedy(key, value, says):
     assert "expected" in message
     assert "got" in message
     assert message.rpartition("; ")[2]
+
+
+@pytest.mark.parametrize("profile", profile_names())
+@pytest.mark.parametrize("value", [1e308, -1e308, 10**30])
+def test_every_number_has_a_range(profile, value):
+    given = spec(profile).resolved()
+    given["drivers"] |= PEOPLE
+    for *way, last in numbers_in(given):
+        table = part = copy.deepcopy(given)
+        for key in way:
+            part = part[key]
+        part[last] = value
+        with pytest.raises(ConfigError, match=f"got .*{re.escape(str(value))}"):
+            spec(table)
+
+
+PEOPLE = {
+    "fixed": dict.fromkeys(FixedTraits.model_fields, 0.5),
+    "scale": {"patience": 1.0},
+}
+
+
+def numbers_in(table, way=()):
+    """The path of each number in nested tables and lists."""
+    items = table.items() if isinstance(table, dict) else enumerate(table)
+    for key, value in items:
+        if isinstance(value, dict | list):
+            yield from numbers_in(value, (*way, key))
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            yield (*way, key)
 
 
 def test_a_mistake_in_the_other_weather_is_found():
