@@ -76,13 +76,17 @@ def road_of(road: str | Path | Road) -> Road:
     return road if isinstance(road, Road) else load_road(road)
 
 
+MAX_SIMULATIONS = 1_000_000
+"""Most simulations of what is not written down."""
+
+
 def at_least_one(simulations: int, where: str) -> int:
-    """A number of simulations, refused if it is none."""
-    if simulations < 1:
+    """A number of simulations, refused if it is none, or more than anyone waits for."""
+    if not 1 <= simulations <= MAX_SIMULATIONS:
         raise ConfigError.of(
             what="simulations",
             where=where,
-            expected="1 or more",
+            expected=f"1 to {MAX_SIMULATIONS}",
             got=simulations,
             next_step="choose a number in that range",
         )

@@ -13,6 +13,7 @@ from overtaking.datasets import generate as writing
 from overtaking.datasets import load as reading
 from overtaking.datasets.balance import Balance
 from overtaking.datasets.crews import ENGINES, crew_of
+from overtaking.datasets.estimate import Allowed
 from overtaking.datasets.generate import Progress
 from overtaking.datasets.load import Dataset
 from overtaking.datasets.manifest import read_manifest
@@ -45,6 +46,7 @@ def generate(
     engine: str = ENGINES[0],
     address: str | None = None,
     workers: int | None = None,
+    allow_large: Allowed = False,
     progress: Progress | None = None,
     on_candidates: Progress | None = None,
 ) -> Dataset:
@@ -70,6 +72,9 @@ def generate(
             folder. The files are the same.
         address: Of a Ray cluster; None for one on this machine, as long as the work lasts.
         workers: Processes on this machine; one on each core if left out.
+        allow_large: Whether more than 10 GB or 1,000,000 simulations may be made. Or a function
+            that is given the `Estimate` of every data set that takes a while, before anything is
+            written, and says so.
         progress: Called with the number of simulations that are done, and of all.
         on_candidates: Called with the number of candidates of a balanced data set that have been
             looked at, and about how many there will be; all that comes before the simulations.
@@ -78,10 +83,12 @@ def generate(
         The complete data set.
 
     Raises:
-        ConfigError: The specification, a number, the engine or the cluster cannot be used.
+        ConfigError: The specification, a number, the engine or the cluster cannot be used, or the
+            data set would be large and `allow_large` is not given.
         MissingExtraError: Ray, or what reaches the store, is not installed.
-        DatasetError: The folder holds something else or cannot be written, another process writes
-            it, or the process was asked to end. Finished shards are kept, and `resume` goes on.
+        DatasetError: It does not fit on the disk, the folder holds something else or cannot be
+            written, another process writes it, or the process was asked to end. Finished shards are
+            kept, and `resume` goes on.
         KeyboardInterrupt: Ctrl-C; the same holds.
     """
     spec = scenarios.spec(profile, overrides)
@@ -102,6 +109,7 @@ def generate(
         chosen,
         crew=crew_of(engine, recipe, chosen, place, address=address, workers=workers),
         resume=resume,
+        allow_large=allow_large,
         progress=progress,
         on_candidates=on_candidates,
     )

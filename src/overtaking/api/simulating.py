@@ -42,7 +42,7 @@ def sample(
 
     Args:
         profile: What to sample.
-        simulations: How many.
+        simulations: How many, 1 to 1,000,000.
         seed: Seed of all random numbers, 0 <= seed < 2**64.
         first: Number of the first one; each is the same in any batch.
         overrides: Dotted keys of the specification with other values.
@@ -53,7 +53,8 @@ def sample(
         InfeasibleError: No such scenario fits on the road.
     """
     spec = scenarios.spec(profile, overrides)
-    index = np.arange(first, first + simulations, dtype=np.uint64)
+    number = at_least_one(simulations, "sample")
+    index = np.arange(first, first + number, dtype=np.uint64)
     return scenarios.sample(spec, road_of(road or spec.road), seed, index)
 
 

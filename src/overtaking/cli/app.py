@@ -83,6 +83,7 @@ def generate(
     road: options.Road = None,
     keep: options.Keep = None,
     resume: options.Resume = False,
+    yes: options.Yes = False,
     threads: options.Threads = None,
     engine: options.Engine = "auto",
     address: options.Address = None,
@@ -117,7 +118,7 @@ def generate(
         ),
     )
     crew = {"engine": engine, "address": address, "workers": workers}
-    making.make(output, out, recipe, resume=resume, crew=crew)
+    making.make(output, out, recipe, resume=resume, yes=yes, crew=crew)
 
 
 def show(output: Output, data: options.Data, simulation: options.Number) -> None:

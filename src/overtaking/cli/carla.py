@@ -71,6 +71,7 @@ def run(
     road: options.Road = None,
     keep: options.Keep = None,
     resume: options.Resume = False,
+    yes: options.Yes = False,
     changes: options.Changes = None,
     frame_interval_ms: options.FrameInterval = None,
 ) -> None:
@@ -86,7 +87,9 @@ def run(
         road=arguments.road(None, road),
         overrides=arguments.overrides(changes or [], frame_interval_ms),
     )
-    making.make(output, out, recipe, resume=resume, simulator=arguments.carla_simulator(driver))
+    making.make(
+        output, out, recipe, resume=resume, yes=yes, simulator=arguments.carla_simulator(driver)
+    )
 
 
 def limits(output: Output, server: Server = "headless") -> None:

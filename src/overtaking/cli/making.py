@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from typing import TYPE_CHECKING, Any
+
+import typer
 
 from overtaking.core.errors import ConfigError
 
@@ -15,6 +18,7 @@ if TYPE_CHECKING:
 
     from overtaking.cli.output import Meter, Output
     from overtaking.datasets.balance import Balance
+    from overtaking.datasets.estimate import Estimate
 
 
 def make(
@@ -23,6 +27,7 @@ def make(
     recipe: dict[str, Any],
     *,
     resume: bool,
+    yes: bool,
     simulator: str = "engine",
     crew: dict[str, Any] | None = None,
 ) -> None:
@@ -33,6 +38,7 @@ def make(
         out: Its folder, or its URL.
         recipe: What was asked for; nothing is enough to complete what was begun.
         resume: Whether to complete what was begun.
+        yes: Whether a large data set may be made without a question.
         simulator: What simulates.
         crew: Who makes the shards: `engine`, `address` and `workers` of `api.generate`.
     """
@@ -50,9 +56,23 @@ def make(
             data = api.resume(out, **talk)
         else:
             complete = arguments.DEFAULTS | recipe
-            data = api.generate(out=out, resume=resume, simulator=simulator, **talk, **complete)
+            talk |= {"resume": resume, "simulator": simulator, "allow_large": _asked(output, yes)}
+            data = api.generate(out=out, **talk, **complete)
     values = summary.of_dataset(data, time.monotonic() - begin)
     output.result(values, lambda _: summary.render_generated(values))
+
+
+def _asked(output: Output, yes: bool) -> Callable[[Estimate], bool]:
+    """What says how large a data set will be, and asks a person whether a large one is meant."""
+
+    def is_allowed(found: Estimate) -> bool:
+        is_watched = sys.stdin.isatty() and sys.stderr.isatty() and not output.quiet
+        is_sure = yes or not found.is_large
+        if found.is_long and (is_sure or is_watched):
+            output.say(str(found))
+        return is_sure or (is_watched and typer.confirm("Go on?", err=True))
+
+    return is_allowed
 
 
 def balance(*, is_wanted: bool, **asked: Any) -> Balance | None:

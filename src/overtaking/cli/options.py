@@ -84,6 +84,10 @@ Keep = Annotated[
 Resume = Annotated[
     bool, typer.Option("--resume", help="Complete what was begun; --out alone is enough.")
 ]
+Yes = Annotated[
+    bool,
+    typer.Option("--yes", help="Make more than 10 GB or 1000000 simulations without a question."),
+]
 Threads = Annotated[
     int | None,
     typer.Option("--threads", min=1, metavar="N", help="Threads to compute with.  [default: all]"),

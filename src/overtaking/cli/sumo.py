@@ -14,6 +14,7 @@ def run(
     road: options.Road = None,
     keep: options.Keep = None,
     resume: options.Resume = False,
+    yes: options.Yes = False,
     changes: options.Changes = None,
     frame_interval_ms: options.FrameInterval = None,
 ) -> None:
@@ -28,7 +29,7 @@ def run(
         road=arguments.road(map_file, road),
         overrides=arguments.overrides(changes or [], frame_interval_ms),
     )
-    making.make(output, out, recipe, resume=resume, simulator="sumo")
+    making.make(output, out, recipe, resume=resume, yes=yes, simulator="sumo")
 
 
 COMMANDS: dict[options.Body, str] = {

@@ -10,6 +10,7 @@ from importlib.metadata import version
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.datasets import card, lock, manifest, plan
 from overtaking.datasets.balance_scan import Chosen, Scan
+from overtaking.datasets.estimate import Allowed, refuse_too_large
 from overtaking.datasets.interruption import Terminated, termination_raises
 from overtaking.datasets.load import Dataset, load
 from overtaking.datasets.manifest import Identity, Manifest, Provenance, ShardRecord
@@ -20,9 +21,6 @@ from overtaking.datasets.refusals import no_room
 
 Progress = Callable[[int, int], None]
 """Called with the number of simulations that are done, and of all."""
-
-MAX_SIMULATIONS = 10**12
-"""More than anyone has disks for; a number beyond it is a slip."""
 
 _MORE_ROOM = "make room or choose another folder; --resume goes on with what is finished"
 
@@ -37,6 +35,7 @@ def generate(
     *,
     crew: Crew = here,
     resume: bool = False,
+    allow_large: Allowed = False,
     progress: Progress | None = None,
     on_candidates: Progress | None = None,
 ) -> Dataset:
@@ -48,6 +47,8 @@ def generate(
         simulator: What simulates.
         crew: Who makes the shards.
         resume: Whether to complete what an earlier call has begun in this place.
+        allow_large: Whether to make one that is large, or what is asked about the estimate of one
+            that takes a while; what is resumed was allowed before.
         progress: Told about simulations that are done.
         on_candidates: Told about every few hundred candidates of a balanced data set, and about how
             many there will be; this comes before all simulations.
@@ -56,9 +57,9 @@ def generate(
         The complete data set.
 
     Raises:
-        ConfigError: The recipe cannot be carried out.
-        DatasetError: The place holds something else, cannot be written, or another process
-            writes it, or the process was asked to end; finished shards are kept.
+        ConfigError: The recipe cannot be carried out, or it is large and that is not allowed.
+        DatasetError: The place holds something else, is too small or cannot be written, another
+            process writes it, or the process was asked to end; finished shards are kept.
         KeyboardInterrupt: Ctrl-C; finished shards are kept.
     """
     _check(recipe)
@@ -70,6 +71,8 @@ def generate(
     work = _Work(order, identity, place, progresses)
     try:
         _refuse_strangers(place)
+        if not place.has(manifest.FILE_NAME):
+            refuse_too_large(recipe, place, simulator, allow_large)
         with termination_raises(), place.locked():
             work.run(crew)
     except OSError as error:
@@ -183,19 +186,21 @@ class _Work:
 
 def _check(recipe: Recipe) -> None:
     """Refuse numbers that no data set can have."""
+    most = min(plan.MAX_SHARDS * max(recipe.shard_size, 1), plan.MAX_SIMULATIONS)
+    several = "make several data sets, each with a seed of its own"
     limits = (
-        ("simulations", recipe.num_simulations, 1, MAX_SIMULATIONS),
-        ("seed", recipe.seed, 0, 2**64 - 1),
-        ("shard_size", recipe.shard_size, 1, MAX_SIMULATIONS),
+        ("shard_size", recipe.shard_size, 1, plan.MAX_SIMULATIONS, None),
+        ("simulations", recipe.num_simulations, 1, most, several),
+        ("seed", recipe.seed, 0, 2**64 - 1, None),
     )
-    for what, value, low, high in limits:
+    for what, value, low, high, remedy in limits:
         if not low <= value <= high:
             raise ConfigError.of(
                 what=what,
                 where="generate",
                 expected=f"{low} to {high}",
                 got=value,
-                next_step="choose a number in that range",
+                next_step=remedy if remedy and value > high else "choose a number in that range",
             )
 
 

@@ -117,7 +117,7 @@ def test_a_comparison_is_a_page_for_people(capsys):
         (["compare", "--with", "carma"], "got carma"),
         (["compare", "--with", "sumo,sumo"], "two or more different ones, got engine, sumo, sumo"),
         (["compare", "--with", "engine"], "two or more different ones, got engine, engine"),
-        (["compare", "-n", "0"], "simulations: expected 1 or more, got 0"),
+        (["compare", "-n", "0"], "simulations: expected 1 to 1000000, got 0"),
         (["compare", "nothing-like-it"], "nothing-like-it"),
         (["sumo"], "missing command"),
         (["sumo", "fly"], "fly"),

@@ -1,0 +1,164 @@
+"""How large a data set will be, from a few of its simulations, before anything of it is written."""
+
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from overtaking.core import processors
+from overtaking.core.errors import ConfigError, DatasetError
+from overtaking.datasets.contents import content_rows
+from overtaking.datasets.place import Folder, Place
+from overtaking.datasets.recipe import Recipe, Simulator
+from overtaking.scenarios import sample
+from overtaking.tables.files import TableWriter
+from overtaking.tables.unknown import schema_of
+
+SAMPLE = 64
+"""Simulations that are made to learn what one takes, or fewer where each takes long."""
+
+LEAST_SAMPLES = 64
+"""Work of fewer such samples is just begun: the estimate would be a good part of it."""
+
+LARGE_BYTES = 10_000_000_000
+LARGE_SIMULATIONS = 1_000_000
+"""Beyond one of these it has to be said that so much is meant."""
+
+LONG_S = 60.0
+_GB = 1e9
+_S_PER_H = 3600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """What a data set will take, to about a fifth.
+
+    Attributes:
+        simulations: How many.
+        rows: Rows of all tables.
+        size_bytes: Size of all files [bytes].
+        free_bytes: Room where they belong; None in a store [bytes].
+        seconds: Time on the processors of this machine, without that to look for the candidates of
+            a balanced data set [s].
+    """
+
+    simulations: int
+    rows: int
+    size_bytes: int
+    free_bytes: int | None
+    seconds: float
+
+    @property
+    def is_large(self) -> bool:
+        """Whether it has to be said that so much is meant."""
+        return self.size_bytes > LARGE_BYTES or self.simulations > LARGE_SIMULATIONS
+
+    @property
+    def is_long(self) -> bool:
+        """Whether a person wants to know before the work begins."""
+        return self.is_large or self.seconds > LONG_S
+
+    def __str__(self) -> str:
+        """The same in a few words."""
+        free = "" if self.free_bytes is None else f" ({self.free_bytes / _GB:.3g} GB are free)"
+        return (
+            f"{self.simulations:,} simulations: about {self.rows:,} rows, "
+            f"{self.size_bytes / _GB:.2g} GB{free}, {self.seconds / _S_PER_H:.2g} h "
+            f"on {processors.wanted()} processors"
+        )
+
+
+Allowed = bool | Callable[[Estimate], bool]
+"""Whether a large data set may be made, or what is asked about every estimate."""
+
+
+def refuse_too_large(recipe: Recipe, place: Place, simulator: Simulator, allowed: Allowed) -> None:
+    """Refuse a data set that does not fit, or that is large although nobody said so.
+
+    Args:
+        recipe: What to make.
+        place: Where.
+        simulator: What simulates.
+        allowed: Whether a large one may be made; asked about every one that is estimated.
+
+    Raises:
+        ConfigError: It is large, and nobody said so.
+        DatasetError: It does not fit on the disk.
+    """
+    count = min(SAMPLE, simulator.chunk_size)
+    if recipe.num_simulations < LEAST_SAMPLES * count:
+        return
+    found = estimate(recipe, place, simulator, count)
+    if found.free_bytes is not None and found.size_bytes > found.free_bytes:
+        raise DatasetError.of(
+            what="disk",
+            where=str(place),
+            expected=f"room for about {found.size_bytes / _GB:.3g} GB",
+            got=f"{found.free_bytes / _GB:.3g} GB",
+            next_step="ask for fewer simulations, leave out the frames (--keep features) or choose "
+            "another folder",
+        )
+    is_allowed = allowed(found) if callable(allowed) else allowed or not found.is_large
+    if not is_allowed:
+        raise ConfigError.of(
+            what="size",
+            where="generate",
+            expected=f"at most {LARGE_BYTES / _GB:g} GB and {LARGE_SIMULATIONS:,} simulations, or "
+            "that more is allowed",
+            got=str(found),
+            next_step="add --yes (allow_large=True in Python)",
+        )
+
+
+def estimate(recipe: Recipe, place: Place, simulator: Simulator, count: int = SAMPLE) -> Estimate:
+    """What a data set will take, from its first simulations.
+
+    Args:
+        recipe: What to make.
+        place: Where; nothing is written there.
+        simulator: What simulates.
+        count: How many simulations are made to learn it, 2 or more.
+    """
+    begin = time.process_time()
+    rows, size = _made(recipe, simulator, count)
+    seconds = time.process_time() - begin
+    least_rows, least = _made(recipe, simulator, 1)  # Nearly all of it is the frame of the files.
+    factor = (recipe.num_simulations - 1) / (count - 1)
+    return Estimate(
+        simulations=recipe.num_simulations,
+        rows=round(least_rows + (rows - least_rows) * factor),
+        size_bytes=round(least + (size - least) * factor),
+        free_bytes=_free(place),
+        seconds=seconds * recipe.num_simulations / count / processors.wanted(),
+    )
+
+
+def _made(recipe: Recipe, simulator: Simulator, count: int) -> tuple[int, int]:
+    """Rows and bytes of the first simulations."""
+    numbers = np.arange(count)
+    index = numbers.astype(np.uint64)
+    run = simulator.simulate(sample(recipe.spec, recipe.road, recipe.seed, index))
+    tables = content_rows(run, numbers, recipe.keep.tables)
+    rows = size = 0
+    with tempfile.TemporaryDirectory(prefix="overtaking-") as folder:
+        for name, table in tables.items():
+            path = Path(folder, name)
+            with TableWriter(path, name, schema_of(name, simulator.unknown)) as writer:
+                writer.write(table)
+                facts = writer.finish()
+            rows, size = rows + facts.rows, size + facts.size_bytes
+    return rows, size
+
+
+def _free(place: Place) -> int | None:
+    """Room where a data set belongs [bytes]; None in a store."""
+    if not isinstance(place, Folder):
+        return None
+    there = place.path.absolute()
+    while not there.exists() and there != there.parent:
+        there = there.parent
+    return shutil.disk_usage(there).free
