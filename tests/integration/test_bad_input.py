@@ -84,7 +84,7 @@ def content(folder: Path) -> dict[str, bytes]:
 
 def refused(tmp_path: Path, *arguments: object, says: str) -> str:
     """Run a command that has to refuse; returns the line that it says."""
-    before = content(tmp_path)
+    before, names = content(tmp_path), sorted(tmp_path.rglob("*"))
     process = run(*arguments)
     assert process.returncode == 2, process.stderr
     assert process.stdout == ""
@@ -93,6 +93,7 @@ def refused(tmp_path: Path, *arguments: object, says: str) -> str:
     assert line.startswith("error: ")
     assert says in line
     assert content(tmp_path) == before
+    assert sorted(tmp_path.rglob("*")) == names
     return line
 
 
@@ -260,6 +261,62 @@ def test_out_holds_a_data_set_of_another_recipe(data, tmp_path):
     refused(tmp_path, *recipe, "--seed", 2, "--resume", says="seed")
     refused(tmp_path, *recipe, "--set", "traffic.vehicles=2..3", "--resume", says="spec")
     refused(tmp_path, *recipe, says="complete")
+
+
+NO_ROOM = ("--set", "traffic.spawn_s_m=0..20", "--set", "traffic.vehicles=6..6")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["generate", "-n", "5", *NO_ROOM], "spawn_s_m"),
+        (["generate", "-n", "5", *NO_ROOM, "--balance"], "spawn_s_m"),
+        (["generate", "-n", "5", *NO_ROOM, "--engine", "processes"], "spawn_s_m"),
+        (["generate", "-n", "5", "--engine", "ray", "--workers", "0"], "workers"),
+        (["generate", "-n", "3", "--balance"], "at least 5"),
+        (["generate", "-n", str(10**12)], "make several data sets"),
+        (["generate", "-n", "2000000", "--keep", "features"], "add --yes"),
+        (["sumo", "run", "-n", "2", *NO_ROOM], "spawn_s_m"),
+        (["carla", "run", "-n", "2", "--server", "here:99999"], "here:99999"),
+        (["import", "commonroad", "/dev/zero"], "/dev/zero"),
+        (["import", "pinto2023", "/dev/null"], "/dev/null"),
+        (["export", "{data}", "--format", "asp", "--simulations", "99"], "99"),
+        (["export", "{data}", "--format", "popper", "--about", "x"], "about"),
+        (["report", "{data}", "--policy", "none"], "policy"),
+        (["video", "{data}", "--simulations", "1,99"], "99"),
+    ],
+    ids=lambda value: " ".join(value)[:40] if isinstance(value, list) else value,
+)
+def test_a_refusal_leaves_nothing_behind(made, tmp_path, arguments, says):
+    given = [one.format(data=made) for one in arguments]
+    refused(tmp_path, *given, "--out", tmp_path / "some" / "folder", says=says)
+
+
+def test_a_refused_call_does_not_keep_the_right_one_out(tmp_path):
+    out = tmp_path / "data"
+    refused(tmp_path, "generate", "-n", 2, *NO_ROOM, "--out", out, says="spawn_s_m")
+    assert run("generate", "-n", 2, "--out", out, "--quiet").returncode == 0
+    out = tmp_path / "mine"
+    out.mkdir()
+    refused(tmp_path, "generate", "-n", 2, *NO_ROOM, "--out", out, says="spawn_s_m")
+    assert run("generate", "-n", 2, "--out", out, "--quiet").returncode == 0
+
+
+def test_a_figure_that_cannot_be_written_is_refused_before_the_work(tmp_path):
+    validate = ("validate", "motorway", "-n", 1_000_000, "--plot")
+    refused(tmp_path, *validate, tmp_path / "no" / "figure.png", says="no such folder")
+    refused(tmp_path, *validate, tmp_path / "figure.gif", says=".gif")
+
+
+@pytest.mark.parametrize("command", ["validate motorway", "compare pinto2023"])
+def test_a_number_of_simulations_that_nobody_waits_for(tmp_path, command):
+    refused(tmp_path, *command.split(), "-n", 10**12, says="expected 1 to 1000000")
+
+
+def test_ranges_that_are_endless_together(data, tmp_path):
+    many = ",".join(["0-999999"] * 10_000)
+    video = ("video", data, "--simulations", many, "--out", tmp_path / "out")
+    refused(tmp_path, *video, says="more than 1000000 numbers")
 
 
 def test_resume_where_nothing_was_begun(tmp_path):

@@ -141,7 +141,10 @@ def numbers(text: str | None, where: str) -> list[int] | None:
     """
     if text is None:
         return None
-    return [number for part in text.split(",") for number in _numbers(part.strip(), where)]
+    parts = [_numbers(part.strip(), where) for part in text.split(",")]
+    if sum(map(len, parts)) > MOST_NUMBERS:
+        raise _no_numbers(f"more than {MOST_NUMBERS} numbers", where)
+    return [number for part in parts for number in part]
 
 
 def _numbers(part: str, where: str) -> range:
@@ -150,14 +153,18 @@ def _numbers(part: str, where: str) -> range:
     is_number = first.isdecimal() and (last.isdecimal() if dash else True)
     found = range(int(first), int(last or first) + 1) if is_number else range(0)
     if not found or len(found) > MOST_NUMBERS:
-        raise ConfigError.of(
-            what="--simulations",
-            where=where,
-            expected="numbers and ranges such as 1,7,20-29",
-            got=repr(part),
-            next_step="write them with commas and without spaces",
-        )
+        raise _no_numbers(repr(part), where)
     return found
+
+
+def _no_numbers(got: str, where: str) -> ConfigError:
+    return ConfigError.of(
+        what="--simulations",
+        where=where,
+        expected="numbers and ranges such as 1,7,20-29",
+        got=got,
+        next_step="write them with commas and without spaces",
+    )
 
 
 def export_target(out: Path, file_format: str, *, is_csv: bool | None) -> Path:
@@ -182,6 +189,23 @@ def export_target(out: Path, file_format: str, *, is_csv: bool | None) -> Path:
             next_step="leave the option out",
         )
     return out
+
+
+def figure_file(out: Path | None) -> Path | None:
+    """The file of a figure, refused before there is one if it cannot be written.
+
+    Raises:
+        ConfigError: Its folder is missing, or its ending is of no figure.
+    """
+    if out is None or (out.suffix in (".png", ".svg") and out.parent.is_dir()):
+        return out
+    raise ConfigError.of(
+        what="figure",
+        where=str(out),
+        expected="a file that ends in .png or .svg, in a folder that exists",
+        got=f"the ending {out.suffix or '(none)'}" if out.parent.is_dir() else "no such folder",
+        next_step="choose another name, or make the folder",
+    )
 
 
 def table_file(out: Path, *, is_csv: bool | None) -> Path:

@@ -38,6 +38,7 @@ def validate(
     from overtaking.cli import arguments, validation_page
 
     arguments.limit_threads(threads)
+    figure = arguments.figure_file(plot)
     with output.progress("simulations") as meter:
         found = api.validate(
             profile,
@@ -47,8 +48,8 @@ def validate(
             road=arguments.road(map_file, road),
             progress=meter,
         )
-    if plot is not None:
-        api.plot_validation(found, plot)
+    if figure is not None:
+        api.plot_validation(found, figure)
     values = found.values()
     output.result(values, lambda _: validation_page.render(values))
     return 0 if found.is_met else 1

@@ -7,7 +7,7 @@ from contextlib import closing
 from datetime import UTC, datetime
 from importlib.metadata import version
 
-from overtaking.core.errors import ConfigError, DatasetError
+from overtaking.core.errors import ConfigError, DatasetError, InfeasibleError, MissingExtraError
 from overtaking.datasets import card, lock, manifest, plan
 from overtaking.datasets.balance_scan import Chosen, Scan
 from overtaking.datasets.estimate import Allowed, refuse_too_large
@@ -23,6 +23,9 @@ Progress = Callable[[int, int], None]
 """Called with the number of simulations that are done, and of all."""
 
 _MORE_ROOM = "make room or choose another folder; --resume goes on with what is finished"
+
+_REFUSALS = (ConfigError, InfeasibleError, MissingExtraError)
+"""What is wrong with what was asked for: the same call can never succeed."""
 
 _OWN = frozenset({lock.FILE_NAME, PARTIAL})
 """What may lie in a folder in which nothing was begun."""
@@ -117,6 +120,10 @@ class _Work:
                 for record in records:
                     self._records[record.number] = record
             self._complete(current)
+        except _REFUSALS:
+            if begun is None and not self._records:
+                self._place.remove(manifest.FILE_NAME)  # It would keep the right call out.
+            raise
         finally:
             self._place.sweep()
 

@@ -8,7 +8,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Generator, Iterable
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from io import BufferedIOBase
 from pathlib import Path
 from typing import Protocol
@@ -84,12 +84,19 @@ class Place(Protocol):
         """
         ...
 
+    def remove(self, name: str) -> None:
+        """Remove a file, if it is there."""
+        ...
+
     def sweep(self) -> None:
         """Remove what is not finished; it cannot be used by anyone."""
         ...
 
     def locked(self) -> AbstractContextManager[None]:
-        """Hold it for writing, where that can be done; afterwards it is prepared."""
+        """Hold it for writing, where that can be done; it is prepared before.
+
+        If what is done with it fails, the folders that hold nothing are removed.
+        """
         ...
 
 
@@ -225,6 +232,10 @@ class Folder:
                 os.fsync(file.fileno())
             self.put(unfinished, name)
 
+    def remove(self, name: str) -> None:
+        """Delete a file."""
+        (self.path / name).unlink(missing_ok=True)
+
     def sweep(self) -> None:
         """Remove what writers left behind."""
         shutil.rmtree(self.path / PARTIAL, ignore_errors=True)
@@ -232,6 +243,28 @@ class Folder:
     @contextmanager
     def locked(self) -> Generator[None]:
         """Hold it by a lock of the operating system."""
-        self.prepare([])
-        with lock.locked(self.path):
-            yield
+        made = [one for one in (self.path, *self.path.parents) if not one.exists()]
+        try:
+            self.prepare([])
+            with lock.locked(self.path):
+                try:
+                    yield
+                except BaseException:
+                    self._withdraw()
+                    raise
+        finally:
+            _remove_empty(made)
+
+    def _withdraw(self) -> None:
+        """Remove the folders of tables that hold nothing, and the lock if nothing else is left."""
+        with suppress(OSError):
+            _remove_empty(one for one in self.path.iterdir() if one.is_dir())
+            if self.names() == {lock.FILE_NAME}:
+                (self.path / lock.FILE_NAME).unlink()
+
+
+def _remove_empty(folders: Iterable[Path]) -> None:
+    """Remove those of some folders that hold nothing."""
+    for folder in folders:
+        with suppress(OSError):
+            folder.rmdir()

@@ -112,6 +112,13 @@ class Store:
             self._files.pipe_file(self._key(name), text.encode(), mode=mode)
         self._forget(name)
 
+    def remove(self, name: str) -> None:
+        """Delete an object."""
+        with _asking():
+            if self.has(name):
+                self._files.rm_file(self._key(name))
+        self._forget(name)
+
     def sweep(self) -> None:
         """Do nothing: what is not finished is not in the store."""
 

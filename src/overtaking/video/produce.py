@@ -84,7 +84,6 @@ def produce(
         OSError: A file cannot be written. Films that were finished are kept.
     """
     require()
-    folder.mkdir(parents=True, exist_ok=True)
     workers = threads or os.cpu_count() or 1
     stop = threading.Event()
     made: list[Future[Video]] = []
@@ -92,6 +91,7 @@ def produce(
         try:
             pending: set[Future[Video]] = set()
             for job in jobs:
+                folder.mkdir(parents=True, exist_ok=True)  # What is refused leaves none behind.
                 made.append(pool.submit(_make, job, folder, stop))
                 pending.add(made[-1])
                 pending = _settled(
