@@ -60,13 +60,17 @@ SHIFTED = tuple(
 """Traits of the ego that a proposal may draw differently, all of them normal or lognormal."""
 
 
+_LEAST_PART = 0.001
+
+
 def _rising(part: tuple[float, float]) -> tuple[float, float]:
-    if not part[0] < part[1]:
-        raise complaint("a lower end below the upper one", "swap them", got=list(part))
+    if part[1] - part[0] < _LEAST_PART:
+        expected = f"a lower end below the upper one, by {_LEAST_PART:g} or more"
+        raise complaint(expected, "swap them or move them apart", got=list(part))
     return part
 
 
-_Power = Annotated[float, Field(gt=0.0, le=20.0)]
+_Power = Annotated[float, Field(ge=0.01, le=20.0)]
 _Part = Annotated[tuple[Share, Share], AfterValidator(_rising)]
 _Shift = Annotated[float, Field(ge=-3.0, le=3.0)]
 DensityRange = Annotated[tuple[Density, Density], AfterValidator(ordered)]

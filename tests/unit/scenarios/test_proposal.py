@@ -123,6 +123,8 @@ def test_scenarios_carry_their_weights():
         ({"share": 0.5, "shifts": {"ego_time_gaps": 1.0}}, "did you mean ego_time_gap"),
         ({"share": 1.0}, "less than 1"),
         ({"share": 0.5, "parts": {"sun": [0.7, 0.6]}}, "a lower end below the upper one"),
+        ({"share": 0.5, "parts": {"sun": [0.5, 0.5 + 1e-12]}}, "by 0.001 or more"),
+        ({"share": 0.5, "powers": {"sun": 1e-320}}, "greater than or equal to 0.01"),
         ({"share": 0.5, "parts": {"sun": [0, 1]}, "powers": {"sun": 2}}, "a power or a part"),
         ({"share": 0.5, "power": {"wind": 2.0}}, "did you mean powers"),
     ],
