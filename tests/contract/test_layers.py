@@ -28,7 +28,6 @@ BINDINGS = (
     "overtaking.labels.law.engine",
     "overtaking.labels.signals.engine",
     "overtaking.show.video.canvas",
-    "overtaking.show.video.drawing",
     "overtaking.show.video.encode",
     "overtaking.sim",
     "overtaking.world.compiled",
