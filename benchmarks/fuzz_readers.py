@@ -49,7 +49,7 @@ def _highd(folder: Path) -> list[Named]:
 
 def _maps(_folder: Path) -> list[Named]:
     """A map with a road in a junction, and one with a lane offset, a roll and two sections."""
-    made: Any = importlib.import_module("tests.unit.exchange.opendrive_text")
+    made: Any = importlib.import_module("tests.unit.recordings.opendrive_text")
     sections = "".join(made.section(s=s, left=made.LEFT, right=made.RIGHT) for s in (0, 250))
     roll = '<superelevation s="0" a="0.01" b="0" c="0" d="0"/>'
     offset = '<laneOffset s="0" a="0.5" b="0" c="0" d="0"/>'

@@ -268,8 +268,10 @@ try:
     api.query(sys.argv[1], sys.argv[2], memory_mib=128, max_rows=10**9)
 except ConfigError as error:
     print(error)
-for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN):
-    print(resource.getrusage(who).ru_maxrss // 1024)
+# Not ru_maxrss, which counts the memory of the parent before the start.
+lines = open("/proc/self/status").read().splitlines()
+print(*(int(line.split()[1]) // 1024 for line in lines if line.startswith("VmHWM:")))
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)
 """
 
 

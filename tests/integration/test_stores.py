@@ -54,7 +54,7 @@ def assert_same(stored: api.Dataset, folder: api.Dataset) -> None:
 def test_a_store_holds_the_bytes_of_a_folder(url, folder):
     stored = generate(url)
     assert repr(stored) == (
-        f"Dataset(where='{url}', profile='pinto2023', simulations=20, keep='frames')"
+        f"Dataset(where='{url}', profile='pinto2023', simulations=20, keep='features')"
     )
     assert_same(stored, folder)
 

@@ -335,7 +335,7 @@ def _export_facts(
     data: Dataset,
     out: Path,
     language: str,
-    numbers: NDArray[np.int64] | None,
+    numbers: Any,
     progress: Progress | None,
     *,
     every: int = 10,
@@ -359,7 +359,7 @@ def _export_facts(
 def _export_popper(
     data: Dataset,
     out: Path,
-    numbers: NDArray[np.int64] | None,
+    numbers: Any,
     policy: str,
     *,
     about: str = "legal",

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from overtaking.labels.events import Judgement, classify, find_events
 from overtaking.labels.features import (
@@ -37,6 +38,8 @@ class Labelled(Batch):
         decisions: What there was to know when the overtake began, or might have.
         safety: How near it came to a collision.
     """
+
+    IS_DERIVED: ClassVar = True
 
     trajectories: Trajectories
     signals: Signals

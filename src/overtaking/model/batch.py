@@ -40,6 +40,9 @@ class Batch(Summarized):
 
     __slots__ = ()
 
+    IS_DERIVED: ClassVar[bool] = False
+    """Whether only functions of ours make it, of what they have checked."""
+
     AXES: ClassVar[tuple[str | int, ...]] = ("simulation",)
     """Axes of the fields that do not name their own."""
 

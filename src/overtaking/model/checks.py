@@ -87,7 +87,7 @@ def argument(value: Any, hint: Any, where: str, name: str) -> Any:
         ConfigError: It is something else.
     """
     taken = _Door(where).plain(value, hint, name)
-    if isinstance(taken, Batch):
+    if isinstance(taken, Batch) and not taken.IS_DERIVED:
         check(taken, where, name)
     return taken
 

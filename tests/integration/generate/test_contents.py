@@ -16,6 +16,7 @@ import pytest
 from tests.support.small import HORIZON, NUM_SIMULATIONS, generate
 
 from overtaking import api
+from overtaking.core.errors import ConfigError
 from overtaking.data.tables.columns import names_of
 from overtaking.data.tables.schemas import SCHEMAS
 
@@ -100,7 +101,7 @@ def test_a_data_set_is_a_sequence_of_simulations_whatever_it_kept(data, summary,
         for number in (len(source), -len(source) - 1):
             with pytest.raises(IndexError, match="expected 0 to 19"):
                 source[number]
-        with pytest.raises(TypeError):
+        with pytest.raises(ConfigError, match="expected a whole number, got '4'"):
             source["4"]
 
 

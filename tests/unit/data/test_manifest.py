@@ -58,7 +58,7 @@ def change(folder: Path, **values: object) -> None:
 def test_a_newer_version_says_to_upgrade(written: Path):
     change(written, version=VERSION + 1, something="new")
     with pytest.raises(
-        SchemaError, match=f"at most {VERSION}, got {VERSION + 1}; upgrade"
+        SchemaError, match=f"at most {VERSION}, got {VERSION + 1}; use the version"
     ) as caught:
         read_manifest(Folder(written))
     assert "\n" not in str(caught.value)

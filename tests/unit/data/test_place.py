@@ -130,7 +130,7 @@ def test_a_url_that_nobody_knows_is_refused_in_one_line(url):
 
 def test_a_store_whose_package_is_missing_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "fsspec.core", None)
-    with pytest.raises(MissingExtraError, match=r"s3://b/data: store: .*overtaking\[cloud\]"):
+    with pytest.raises(MissingExtraError, match=r"s3://b/data: fsspec, .* the extra \[cloud\]"):
         place_of("s3://b/data")
 
 

@@ -181,7 +181,7 @@ def test_what_a_recording_does_not_tell_is_null():
     ego, target = Track(speed=20.0, body=BODY), Track(s=34.0, speed=18.0, body=BODY)
     unknown = ("weather", "drivers", "bodies", "percepts", "indicators")
     one = case(ego, target, frames=101, road=ROAD, unknown=unknown)
-    table = decision_table(label(one.trajectories), np.arange(1)).arrow()
+    table = decision_table(label(one.trajectories), np.arange(1))
     silent = ("friction", "ego_desired_speed_mps", "overtaking_time_s", "law_follow_m")
     assert all(table[name].null_count for name in silent)
     told = ("ahead_gap_m", "ego_speed_mps", "left_exists", "lane", "law_speed_mps")

@@ -167,7 +167,7 @@ def test_the_worst_is_the_worst_of_every_frame(simulated):
 
 
 def test_a_row_is_there_for_every_moment_that_came(simulated):
-    table = safety_table(simulated, np.arange(64)).arrow()
+    table = safety_table(simulated, np.arange(64))
     events = simulated.events
     came = sum(int((getattr(events, name) != NEVER).sum()) for name in MOMENTS[1:])
     assert table.num_rows == came + int((simulated.safety.frame[:, 0] != NEVER).sum())
