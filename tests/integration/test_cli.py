@@ -239,10 +239,11 @@ def files(folder: Path) -> list[str]:
 
 @pytest.mark.ci
 def test_ctrl_c_leaves_a_data_set_that_resume_completes_to_the_same_content(tmp_path):
-    simulations = 3 * 4096  # Three shards.
-    recipe = ("-n", simulations, "--keep", "features", "--out")
+    simulations = 8 * 4096  # Eight shards.
+    recipe = ("-n", simulations, "--keep", "features", "--engine", "threads", "--out")
     process = subprocess.Popen(
-        [*COMMAND, "generate", *map(str, recipe), str(tmp_path / "stopped")],
+        # Nice: on a busy machine the work must not be done before this process sees a shard.
+        ["nice", "-n", "19", *COMMAND, "generate", *map(str, recipe), str(tmp_path / "stopped")],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
