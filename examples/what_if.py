@@ -10,7 +10,6 @@ it was, to the last bit.
 import numpy as np
 
 import overtaking as ot
-from overtaking.model.decision import Decision
 from overtaking.model.trajectory import NO_VEHICLE, Stage
 
 FOG_LEAD = 40  # Frames between the fog and the decision, 2 s.
@@ -47,7 +46,7 @@ def main() -> None:
         only = slice(number, number + 1)
         scene, run = scenarios.select(only), runs.select(only)
         pull_out = int(np.flatnonzero(run.stage[0] == Stage.PULL_OUT)[0])
-        stayed = ot.branch(scene, pull_out, decision=Decision.STAY)
+        stayed = ot.branch(scene, pull_out, decision=ot.Decision.STAY)
         assert (stayed.states.s[:, :, :pull_out] == run.states.s[:, :, :pull_out]).all()
 
         fog = scene.weather.replace(fog=np.full_like(scene.weather.fog, 100.0))
