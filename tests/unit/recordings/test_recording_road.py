@@ -85,7 +85,8 @@ def test_scaling_keeps_lanes_and_what_is_beyond_them_and_can_be_undone(offset, w
     local = np.concatenate([[-4.0], -4.0 + np.cumsum(widths)])
     mean = np.concatenate([[-3.5], -3.5 + np.cumsum([3.5] * len(widths))])
     there = scaled(np.array([offset]), local[None, :], mean)
-    assert np.searchsorted(mean, there, "right") == np.searchsorted(local, [offset], "right")
+    if np.abs(local - offset).min() > 1e-9:  # Nearer to a border, rounding decides the side.
+        assert np.searchsorted(mean, there, "right") == np.searchsorted(local, [offset], "right")
     back = scaled(there, mean[None, :], local)
     assert back == pytest.approx([offset], abs=1e-9)
     if offset < local[0]:
