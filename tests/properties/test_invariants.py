@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from tests.support.forces import bounds
 
@@ -197,6 +197,8 @@ def shifted_by(one: Trajectories, other: Trajectories, shift: float) -> np.ndarr
 
 
 @given(seed=seeds, index=indices, order=st.permutations(range(1, 6)))
+# Two that have crashed into each other are hit by the ego, both within one step of 10 ms.
+@example(seed=551, index=[*range(11), 1637903], order=[1, 2, 4, 3, 5])
 @settings(max_examples=10)
 def test_the_order_of_the_other_vehicles_is_irrelevant(
     seed: int, index: list[int], order: list[int]
@@ -214,7 +216,8 @@ def test_the_order_of_the_other_vehicles_is_irrelevant(
     )
     one, two = (engine.run(each, without_errors(each)) for each in (world, other))
     # Which of two vehicles comes first decides the rounding of the impulse between them, so the
-    # equality of bits ends with the first contact in a simulation.
+    # equality of bits ends with the first contact in a simulation. Of two contacts of a vehicle in
+    # one step that with the lower slot is recorded: only partners at the first contact are equal.
     until = np.where(two.contacts.partner != NO_VEHICLE, two.contacts.time, 10**9).min(axis=1)
     untouched = present(two) & (two.time_ms < until[:, None])[:, None, :]
     for name in STATE_NAMES:
@@ -226,7 +229,10 @@ def test_the_order_of_the_other_vehicles_is_irrelevant(
     partners = np.append(np.argsort(shuffle), np.full(256 - len(shuffle), NO_VEHICLE)).astype(
         np.uint8
     )
-    np.testing.assert_array_equal(partners[one.contacts.partner[:, shuffle]], two.contacts.partner)
+    renamed = partners[one.contacts.partner[:, shuffle]]
+    np.testing.assert_array_equal(renamed == NO_VEHICLE, two.contacts.partner == NO_VEHICLE)
+    first = two.contacts.time == until[:, None]
+    np.testing.assert_array_equal(renamed[first], two.contacts.partner[first])
 
 
 def permuted(batch, order: np.ndarray):
