@@ -253,12 +253,18 @@ async def _listen(
     serve_one: Callable[..., Any], host: str, port: int, *, fallback: bool = False
 ) -> asyncio.Server:
     """A listening socket; with `fallback` on any port where this one is taken."""
+
+    async def until_ended(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        # When the server ends, Python 3.11 prints a traceback of each connection that is cancelled.
+        with contextlib.suppress(asyncio.CancelledError):
+            await serve_one(reader, writer)
+
     if fallback:
         with contextlib.suppress(OSError):
-            return await asyncio.start_server(serve_one, host, port)
+            return await asyncio.start_server(until_ended, host, port)
         port = 0
     try:
-        return await asyncio.start_server(serve_one, host, port)
+        return await asyncio.start_server(until_ended, host, port)
     except (OSError, OverflowError) as error:
         raise ConfigError.of(
             what="address",
