@@ -1,10 +1,10 @@
 """People: how each vehicle is driven, without the body around them."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 from overtaking.core.elementary import F32, Mask
 from overtaking.model.batch import Batch
-from overtaking.model.values import within
+from overtaking.model.values import Range, within
 
 _NEVER = 1e9
 """Largest threshold, of a driver who never does what it is about."""
@@ -64,3 +64,9 @@ class Drivers(Batch):
     uses_indicator: Mask
     checks_blind_spot: Mask
     limit_respect: F32 = field(metadata=within(0.0, 1.0))
+
+
+DRIVER_RANGES: dict[str, Range] = {
+    one.name: one.metadata["range"] for one in fields(Drivers) if "range" in one.metadata
+}
+"""What each number may be, for those who make drivers."""

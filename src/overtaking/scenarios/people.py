@@ -113,6 +113,19 @@ def most_cruise(people: People) -> float:
     return max(who.careful.cruise_factor.high, who.reckless.cruise_factor.high)
 
 
+def drawn_range(name: str, trait: str) -> tuple[float, float]:
+    """Least and largest number that a population has for a trait, whatever its drivers drive."""
+    who = population(name)
+    ends = [getattr(end, trait) for end in (who.careful, who.reckless)]
+    factors = np.ones(1, np.float32)
+    if trait in _FACTORS:
+        factors = _factors(name, _FACTORS[trait])
+    elif trait == "decel":
+        factors = _comfort()
+    low, high = min(end.low for end in ends), max(end.high for end in ends)
+    return low * float(factors.min()), high * float(factors.max())
+
+
 def _trait(name: str, who: Population, temper: F32, noise: Noise, bend: Bend) -> F32:
     """One parameter of each driver, drawn from the distribution of its temper."""
     ends = (getattr(who.careful, name), getattr(who.reckless, name))

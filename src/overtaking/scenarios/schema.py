@@ -12,18 +12,16 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
+from overtaking.model.drivers import DRIVER_RANGES
 from overtaking.scenarios.complaints import advice, complaint
 from overtaking.scenarios.fields import (
     MIN_GAP_M,
     STEP_MS,
-    Acceleration,
     AltitudeDeg,
     Colours,
     Count,
-    Distance,
     Duration,
     Factor,
-    Incentive,
     LaneNumber,
     PercentRange,
     PopulationName,
@@ -32,16 +30,15 @@ from overtaking.scenarios.fields import (
     RoadRange,
     Section,
     Share,
-    SpeedGain,
     SpeedRange,
     Types,
-    Wait,
     WorldRange,
     different,
     ego_type,
     multiple,
     ordered,
 )
+from overtaking.scenarios.people import drawn_range
 from overtaking.scenarios.schema_flow import Component, Flow, FlowLane, Proposal
 
 Exponent = Annotated[float, Field(gt=0.0, le=20.0)] | None
@@ -209,31 +206,37 @@ class IndependentWeather(Section):
         return self
 
 
+def _range(name: str) -> Any:
+    """The range that the model declares for a parameter of its drivers."""
+    declared = DRIVER_RANGES[name]
+    return Field(ge=declared.low, le=declared.high)
+
+
 class FixedTraits(Section):
     """Section `[drivers.fixed]`: parameters that are the same for every driver.
 
-    The attributes are those of `model.drivers.Drivers` with their units; None leaves them to the
-    population. The ranges are wider than any driver needs, and keep out what is a slip.
+    The attributes are those of `model.drivers.Drivers` with their units and ranges; None leaves
+    them to the population.
     """
 
-    time_gap_s: Wait | None = None
-    min_gap_m: Distance | None = None
-    accel_mps2: Acceleration | None = None
-    decel_mps2: Acceleration | None = None
-    reaction_time_s: Wait | None = None
-    caution: Share | None = None
-    politeness: Share | None = None
-    lane_change_threshold_mps2: Incentive | None = None
-    right_bias_mps2: Incentive | None = None
-    safe_decel_mps2: Acceleration | None = None
-    lane_change_duration_s: Duration | None = None
-    passing_gain_mps: SpeedGain | None = None
-    patience_s: Duration | None = None
-    pull_out_time_s: Wait | None = None
-    gap_acceptance: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
-    return_time_gap_s: Wait | None = None
-    signal_time_s: Wait | None = None
-    limit_respect: Share | None = None
+    time_gap_s: Annotated[float, _range("time_gap")] | None = None
+    min_gap_m: Annotated[float, _range("min_gap")] | None = None
+    accel_mps2: Annotated[float, _range("accel")] | None = None
+    decel_mps2: Annotated[float, _range("decel")] | None = None
+    reaction_time_s: Annotated[float, _range("reaction_time")] | None = None
+    caution: Annotated[float, _range("caution")] | None = None
+    politeness: Annotated[float, _range("politeness")] | None = None
+    lane_change_threshold_mps2: Annotated[float, _range("lane_change_threshold")] | None = None
+    right_bias_mps2: Annotated[float, _range("right_bias")] | None = None
+    safe_decel_mps2: Annotated[float, _range("safe_decel")] | None = None
+    lane_change_duration_s: Annotated[float, _range("lane_change_duration")] | None = None
+    passing_gain_mps: Annotated[float, _range("passing_gain")] | None = None
+    patience_s: Annotated[float, _range("patience")] | None = None
+    pull_out_time_s: Annotated[float, _range("pull_out_time")] | None = None
+    gap_acceptance: Annotated[float, _range("gap_acceptance")] | None = None
+    return_time_gap_s: Annotated[float, _range("return_time_gap")] | None = None
+    signal_time_s: Annotated[float, _range("signal_time")] | None = None
+    limit_respect: Annotated[float, _range("limit_respect")] | None = None
 
     def values(self) -> dict[str, float]:
         """What is fixed, by the names of `model.drivers.Drivers`."""
@@ -274,6 +277,22 @@ class People(Section):
     temper: Annotated[tuple[Share, Share], AfterValidator(ordered)] = (0.0, 1.0)
     fixed: FixedTraits = FixedTraits()
     scale: Annotated[dict[str, Factor], AfterValidator(_scalable)] | None = None
+
+    @model_validator(mode="after")
+    def _scaled_inside(self) -> Self:
+        fixed = self.fixed.values()
+        for name, factor in (self.scale or {}).items():
+            value, allowed = fixed.get(name), DRIVER_RANGES[name]
+            low, high = drawn_range(self.population, name) if value is None else (value, value)
+            if factor * low < allowed.low or factor * high > float(allowed.high):
+                raise complaint(
+                    f"a factor that keeps {low:g} to {high:g} within {allowed.low:g} to"
+                    f" {allowed.high:g} {allowed.unit}".rstrip(),
+                    "choose one nearer to 1",
+                    key=f"scale.{name}",
+                    got=factor,
+                )
+        return self
 
 
 class Starts(Section):
