@@ -218,7 +218,7 @@ def target_signals(one: One, seen: dict[str, Row], target: int) -> dict[str, Row
     }
 
 
-def encounter(one: One, slot: int, frame: int, *, ahead: bool) -> dict[str, np.float32]:
+def encounter(one: One, slot: int, frame: int, *, ahead: bool) -> dict[str, Any]:
     """What the gap between the ego and a neighbour means for whoever is behind."""
     gap, closing = one.gap(slot, frame), one.closing(slot, frame, ahead=ahead)
     own, other = (one.metres("accel_lon", each)[frame] for each in (0, slot))

@@ -147,7 +147,7 @@ def _is_behind(one: One, seen: dict[str, Row], target: int, t: int) -> bool:
     return bool(lead > 0 and np.abs(lead) - one.halves(target) >= wanted)
 
 
-def _room(one: One, seen: dict[str, Row], t: int) -> np.float32:
+def _room(one: One, seen: dict[str, Row], t: int) -> Any:
     """The smallest margin to the lawful gaps in the lane to the right, and to 10 s ahead [m]."""
     speed, decel, room = (
         seen["speed"][t],
@@ -171,15 +171,15 @@ def arrival(one: One, slot: int, begin: int) -> int:
 
     def is_past(t: int) -> bool:
         way = np.float32(one.s[slot][t] - one.s[0][begin]) * np.float32(1e-3)
-        return one.recorded[slot][t] and way + one.halves(slot) >= 0
+        return bool(one.recorded[slot][t] and way + one.halves(slot) >= 0)
 
     frame = first(range(begin, one.frames), is_past)
     return -1 if frame is None else frame
 
 
-def worst(one: One, seen: dict[str, Row], span: range) -> dict[str, np.float32]:
+def worst(one: One, seen: dict[str, Row], span: range) -> dict[str, Any]:
     """The worst of each measure of the vehicles ahead and behind; 0 where nobody is there."""
-    found: dict[str, np.float32] = {}
+    found: dict[str, Any] = {}
     for side, place in (("front", Around.LEADER), ("rear", Around.FOLLOWER)):
         there = [(t, slot) for t in span if (slot := who(seen, place, t)) is not None]
         ahead = place is Around.LEADER
@@ -197,8 +197,8 @@ def _ahead(
     one: One,
     seen: dict[str, Row],
     there: list[tuple[int, int]],
-    met: list[dict[str, np.float32]],
-) -> dict[str, np.float32]:
+    met: list[dict[str, Any]],
+) -> dict[str, Any]:
     """What else there is to say of the vehicle ahead."""
     margins = [
         _margins(one, seen, t, slot, each) for (t, slot), each in zip(there, met, strict=True)
@@ -214,8 +214,8 @@ def _ahead(
 
 
 def _margins(
-    one: One, seen: dict[str, Row], t: int, slot: int, front: dict[str, np.float32]
-) -> dict[str, np.float32]:
+    one: One, seen: dict[str, Row], t: int, slot: int, front: dict[str, Any]
+) -> dict[str, Any]:
     gap, closing, speed = front["gap"], front["closing_speed"], seen["speed"][t]
     decel = known("labels.safety.picud_decel")
     safe = rss_longitudinal(
