@@ -67,9 +67,10 @@ def encounter(case: Case, place: Any, rows: Any, at: Any) -> Encounter:
         valid[k] = slot is not None
         measures: Mapping[str, Any] = nobody
         if slot is not None:
-            measures = readable_signals.encounter(ones[row], slot, int(frame), ahead=where % 2 == 0)
+            met = [(int(frame), slot)]
+            measures = readable_signals.encounter(ones[row], met, ahead=where % 2 == 0)
         for name, value in measures.items():
-            found[name][k] = value
+            found[name][k] = np.ravel(value)[0]
     return Encounter(valid=valid, **found)
 
 

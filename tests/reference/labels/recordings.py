@@ -40,9 +40,20 @@ def nowhere() -> Trajectories:
 
 
 def excerpt() -> Trajectories:
-    """Recordings that begin within the traffic, with vehicles that come and go."""
-    run = simulated("motorway-risk", 64)
-    return with_gaps(run.replace(unknown=frozenset(["stage", "percepts", "indicators"])))
+    """Recordings that begin in the midst of a movement, with vehicles that come and go."""
+    run, begin = simulated("pinto2023", 96), 150
+    later = {
+        field.name: getattr(run.states, field.name)[..., begin:]
+        for field in dataclasses.fields(run.states)
+    }
+    run = run.replace(
+        states=run.states.replace(**later),
+        num_frames=np.maximum(run.num_frames - np.int32(begin), np.int32(1)),
+        stage=run.stage[:, begin:],
+        collided_with=run.collided_with[:, begin:],
+        unknown=frozenset(["stage", "percepts", "indicators"]),
+    )
+    return with_gaps(run)
 
 
 RECORDINGS = {

@@ -218,11 +218,23 @@ def target_signals(one: One, seen: dict[str, Row], target: int) -> dict[str, Row
     }
 
 
-def encounter(one: One, slot: int, frame: int, *, ahead: bool) -> dict[str, Any]:
-    """What the gap between the ego and a neighbour means for whoever is behind."""
-    gap, closing = one.gap(slot, frame), one.closing(slot, frame, ahead=ahead)
-    own, other = (one.metres("accel_lon", each)[frame] for each in (0, slot))
-    speed = np.float32(one.speed[0][frame]) * METRES
+def encounter(one: One, met: list[tuple[int, int]], *, ahead: bool) -> dict[str, Row]:
+    """What the gap between the ego and a neighbour means for whoever is behind.
+
+    Args:
+        one: The simulation.
+        met: Frames, and the slot of the neighbour in each.
+        ahead: Whether the neighbours are ahead of the ego.
+
+    Returns:
+        Arrays by the names of `Encounter`, shape (instant,).
+    """
+    gap = np.array([one.gap(slot, t) for t, slot in met], np.float32)
+    closing = np.array([one.closing(slot, t, ahead=ahead) for t, slot in met], np.float32)
+    speed = as_f32(np.array([one.speed[0][t] for t, _ in met], np.int32)) * METRES
+    accels = one.state("accel_lon")
+    own = as_f32(np.array([accels[0, t] for t, _ in met], np.int16)) * METRES
+    other = as_f32(np.array([accels[slot, t] for t, slot in met], np.int16)) * METRES
     return {
         "gap": gap,
         "closing_speed": closing,

@@ -87,7 +87,8 @@ def stop_margin(seen: dict[str, Row], sight: str, span: range) -> Lowest:
 
 def follow_margin(one: One, seen: dict[str, Row], span: range, regain: int) -> Lowest:
     """Gap to the leader minus the lawful gap, but for the time after it cut in [m]."""
-    decel, margins, cut_in = sure_decel(seen["friction"]), [], {}
+    counted: list[tuple[int, int]] = []
+    cut_in: dict[int, int] = {}
     for t in range(span.stop):
         slot = who(seen, Around.LEADER, t)
         if slot is None:
@@ -96,11 +97,12 @@ def follow_margin(one: One, seen: dict[str, Row], span: range, regain: int) -> L
             cut_in[slot] = t
         is_recent = t - cut_in.get(slot, -regain - 1) <= regain
         if t in span and not is_recent:
-            closing = one.closing(slot, t, ahead=True)
-            margins.append(
-                (t, margin_of_gap(one.gap(slot, t), seen["speed"][t], closing, decel[t]))
-            )
-    return lowest(margins)
+            counted.append((t, slot))
+    frames = [t for t, _ in counted]
+    front = encounter(one, counted, ahead=True)
+    decel = sure_decel(seen["friction"][frames])
+    margins = margin_of_gap(front["gap"], seen["speed"][frames], front["closing_speed"], decel)
+    return lowest(zip(frames, margins, strict=True))
 
 
 def _cuts_in(one: One, seen: dict[str, Row], slot: int, t: int) -> bool:
@@ -181,43 +183,24 @@ def worst(one: One, seen: dict[str, Row], span: range) -> dict[str, Any]:
     """The worst of each measure of the vehicles ahead and behind; 0 where nobody is there."""
     found: dict[str, Any] = {}
     for side, place in (("front", Around.LEADER), ("rear", Around.FOLLOWER)):
-        there = [(t, slot) for t in span if (slot := who(seen, place, t)) is not None]
-        ahead = place is Around.LEADER
-        met = [encounter(one, slot, t, ahead=ahead) for t, slot in there]
-        found[f"{side}.valid"] = np.float32(len(met) > 0)
-        for name in ("gap", "time_gap", "ttc", "mttc", "closing_speed", "drac"):
+        met = [(t, slot) for t in span if (slot := who(seen, place, t)) is not None]
+        each = encounter(one, met, ahead=place is Around.LEADER)
+        found[f"{side}.valid"] = float(len(met) > 0)
+        for name, values in each.items():
             by = max if name in ("closing_speed", "drac") else min
-            found[f"{side}.{name}"] = by((each[name] for each in met), default=np.float32(0.0))
-        if ahead:
-            found |= _ahead(one, seen, there, met)
+            found[f"{side}.{name}"] = by(values, default=0.0)
+        if place is Around.LEADER:
+            found |= _ahead(one, seen, met, each)
     return found
 
 
 def _ahead(
-    one: One,
-    seen: dict[str, Row],
-    there: list[tuple[int, int]],
-    met: list[dict[str, Any]],
+    one: One, seen: dict[str, Row], met: list[tuple[int, int]], front: dict[str, Row]
 ) -> dict[str, Any]:
     """What else there is to say of the vehicle ahead."""
-    margins = [
-        _margins(one, seen, t, slot, each) for (t, slot), each in zip(there, met, strict=True)
-    ]
-    limit = known("labels.safety.critical_ttc")
-    names = ("headway", "picud", "rss_margin", "lawful_margin")
-    low = {name: min((one[name] for one in margins), default=np.float32(0.0)) for name in names}
-    return low | {
-        "num_close": np.float32(sum(one["lawful_margin"] < 0 for one in margins)),
-        "num_critical": np.float32(sum(bool(is_critical(one["ttc"], limit)) for one in met)),
-        "shortfall": np.float32(sum(float(shortfall(one["ttc"], limit)) for one in met)),
-    }
-
-
-def _margins(
-    one: One, seen: dict[str, Row], t: int, slot: int, front: dict[str, Any]
-) -> dict[str, Any]:
-    gap, closing, speed = front["gap"], front["closing_speed"], seen["speed"][t]
-    decel = known("labels.safety.picud_decel")
+    frames, slots = [t for t, _ in met], [slot for _, slot in met]
+    gap, closing, speed = front["gap"], front["closing_speed"], seen["speed"][frames]
+    decel, limit = known("labels.safety.picud_decel"), known("labels.safety.critical_ttc")
     safe = rss_longitudinal(
         speed,
         speed - closing,
@@ -234,11 +217,16 @@ def _margins(
         rear_decel=decel,
         lead_decel=decel,
     )
+    lawful = margin_of_gap(gap, speed, closing, sure_decel(seen["friction"][frames]))
     return {
-        "headway": headway(gap, one.length[slot], speed),
-        "picud": left,
-        "rss_margin": gap - safe,
-        "lawful_margin": margin_of_gap(gap, speed, closing, sure_decel(seen["friction"][t])),
+        "headway": min(headway(gap, one.length[slots], speed), default=0.0),
+        "picud": min(left, default=0.0),
+        "rss_margin": min(gap - safe, default=0.0),
+        "lawful_margin": min(lawful, default=0.0),
+        "num_close": (lawful < 0).sum(),
+        "num_critical": is_critical(front["ttc"], limit).sum(),
+        # In doubles, one after the other.
+        "shortfall": sum(shortfall(front["ttc"], limit).tolist()),
     }
 
 

@@ -78,9 +78,9 @@ def test_encounters_at_single_frames_are_the_same(name):
         slot = one.neighbour(Around(place), int(frame))
         assert found.valid[k] == (slot is not None)
         if slot is not None:
-            expected = encounter(one, slot, int(frame), ahead=place % 2 == 0)
+            expected = encounter(one, [(int(frame), slot)], ahead=place % 2 == 0)
             for measure, value in expected.items():
-                assert getattr(found, measure)[k].tobytes() == np.float32(value).tobytes()
+                assert same(getattr(found, measure)[k : k + 1], value)
 
 
 @every_recording

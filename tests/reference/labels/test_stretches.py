@@ -74,16 +74,21 @@ def test_answers_about_overtakes_written_by_hand_are_the_same():
 
 
 def test_what_they_agree_on_has_something_of_everything():
-    given = case("pinto2023")
-    found = answers(given, dict.fromkeys(SPANS, whole(given)))
-    for margin in (found.stop_unlit, found.follow, found.braking):
-        assert (margin.first >= 0).any()
-        assert (margin.first < 0).any()
-    assert (found.due[1] > 0).any()
-    for arrival in (found.entry_arrival, found.return_arrival):
-        assert (arrival >= 0).any()
-    assert found.worst["num_close"].any()
-    assert found.worst["num_critical"].any()
+    batches = [case(name) for name in ("pinto2023", "motorway-risk")]
+    batches += [case_of(run) for run in written()]
+    found = [answers(given, dict.fromkeys(SPANS, whole(given))) for given in batches]
+    for name in ("stop_lit", "stop_unlit", "follow", "braking"):
+        breach = np.concatenate([getattr(each, name).first for each in found])
+        assert (breach >= 0).any(), name
+        assert (breach < 0).any(), name
+    for arrivals in (
+        [each.entry_arrival for each in found],
+        [each.return_arrival for each in found],
+    ):
+        assert (np.concatenate(arrivals) >= 0).any()
+    assert any((each.due[1] > 0).any() for each in found)
+    assert any(each.worst["num_close"].any() for each in found)
+    assert any(each.worst["num_critical"].any() for each in found)
 
 
 def test_frames_that_do_not_exist_are_refused():
