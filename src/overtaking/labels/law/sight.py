@@ -6,6 +6,7 @@ from overtaking.core.elementary import F32
 from overtaking.labels.instants import at, seconds_of
 from overtaking.labels.law.frames import (
     Span,
+    Stretch,
     always,
     conduct,
     is_two_way,
@@ -79,8 +80,12 @@ L14s = Rule(
 
 def _sees_through_air(case: Case) -> Check:
     """From the start until the target is passed, the air lets one see the carriageway."""
-    frames = (case.signals.num_simulations, case.signals.num_frames)
-    return _sees(case, np.broadcast_to(optical_range(case)[:, None], frames))
+    sight, span = optical_range(case), _until_passed(case)
+    if is_two_way(case.trajectories.road):
+        return _sees(case, np.broadcast_to(sight[:, None], case.signals.lane.shape))
+    # The air is the same in all frames.
+    found = Stretch(low=sight - known("law.sight.least"), first=span.start, last=span.stop)
+    return never_negative(found, span)
 
 
 def _sees_unlit(case: Case) -> Check:
@@ -88,18 +93,22 @@ def _sees_unlit(case: Case) -> Check:
     return _sees(case, case.signals.sight_unlit)
 
 
-def _sees(case: Case, sight: F32) -> Check:
-    """A sight (simulation, time) that is enough from the attempt until the target is passed."""
+def _until_passed(case: Case) -> Span:
+    """From the attempt until the target is passed, or to the end; empty without an attempt."""
     events, stop = case.events, manoeuvre(case).stop
-    over = np.where(events.overlap_end != NEVER, np.minimum(events.overlap_end, stop), stop)
-    span = Span(start=np.where(events.attempted, events.attempt, over + 1), stop=over)
+    passed = np.where(events.overlap_end != NEVER, np.minimum(events.overlap_end, stop), stop)
+    return Span(start=np.where(events.attempted, events.attempt, passed + 1), stop=passed)
+
+
+def _sees(case: Case, sight: F32) -> Check:
+    """A sight (simulation, time) that is enough, at the attempt also against oncoming traffic."""
     margin = sight - known("law.sight.least")
     if is_two_way(case.trajectories.road):
-        row = np.flatnonzero(events.attempted)
-        first = events.attempt[row]
+        row = np.flatnonzero(case.events.attempted)
+        first = case.events.attempt[row]
         clear = case.signals.sight_lit[row, first] - passing_sight(case)[row]
         margin[row, first] = np.minimum(margin[row, first], clear)
-    return always(margin, span)
+    return always(margin, _until_passed(case))
 
 
 def passing_sight(case: Case) -> F32:
