@@ -11,16 +11,13 @@ from numpy.typing import NDArray
 from overtaking.analysis.logic.facts import Classes
 from overtaking.analysis.logic.vocabulary import CLASS, OUTCOME, POLICY
 from overtaking.data.tables.files import read_rows
-from overtaking.labels.events import find_events
-from overtaking.labels.signals.engine import signals
-from overtaking.labels.signals.target import target_signals
-from overtaking.model.labels import Case
+from overtaking.labels.events import case_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from overtaking.data.load import Dataset
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.labels import Case
 
 I64 = NDArray[np.int64]
 
@@ -66,14 +63,6 @@ def groups(data: Dataset, chosen: I64 | None = None, size: int = GROUP_SIZE) -> 
                 labels=Classes(classes=labels.classes[some], outcome=labels.outcome[some]),
                 done=int(numbers[some[-1]]) + 1,
             )
-
-
-def case_of(trajectories: Trajectories) -> Case:
-    """All that facts are made of, from recordings of any origin."""
-    seen = signals(trajectories)
-    events = find_events(trajectories, seen)
-    target = target_signals(trajectories, seen, events)
-    return Case(trajectories=trajectories, signals=seen, events=events, target=target)
 
 
 def labels_of(data: Dataset, first: int, last: int, numbers: I64) -> Classes:
