@@ -19,6 +19,7 @@ FILES = {
     "model.toml": "Drivers, steering, perception, collisions",
     "weather.toml": "Weather, sight and wind",
     "friction.toml": "Tyres and road",
+    "starts.toml": "Starts, traffic around the ego, weather that goes together",
 }
 
 

@@ -1,4 +1,4 @@
-"""Conversions at the edges, and the two constants of nature that every layer shares.
+"""Conversions at the edges, and how units are written in names.
 
 Inside the package every name without a suffix is SI. Kilometres per hour and degrees appear only
 where a file, a person or another program uses them, in names that end in `_kmh` and `_deg`.
@@ -14,15 +14,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Number = TypeVar("Number", float, "NDArray[np.floating[Any]]")
-
-# Road-vehicle practice rounds the standard acceleration of free fall, 9.80665 m/s^2
-# (3rd CGPM, 1901), to two decimals.
-GRAVITY = 9.81
-"""Acceleration of free fall [m/s^2]."""
-
-# Dry air at 20 degrees Celsius and 101 325 Pa has 1.204 kg/m^3 (ideal gas, R = 287.05 J/(kg K)).
-AIR_DENSITY = 1.20
-"""Density of air near the ground [kg/m^3]."""
 
 SUFFIXES = {
     "1": "",

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from overtaking import knowledge
 from overtaking.core.compiled import exp, maximum, minimum
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import mps_from_kmh
@@ -29,20 +30,20 @@ if TYPE_CHECKING:
 
 T = TypeVar("T", bound=np.generic)
 
-UNCERTAINTY = 1.0
+UNCERTAINTY = knowledge.number("starts.toml", "flow.uncertainty")
 """By how much an end of the traffic may approach faster than is thought [m/s]."""
 
-OWN_SHARE = 0.7
+OWN_SHARE = knowledge.number("starts.toml", "flow.own_share")
 """What the ego drives at is between the speed of its lane and what it wants, at this part."""
 
-BODY = 6.0
+BODY = knowledge.number("starts.toml", "flow.body")
 """Least part of a distance of centres that is vehicles [m]; with `LEAST_TIME_GAP` it is what no
 spacing goes below."""
 
-LEAST_TIME_GAP = 0.5
+LEAST_TIME_GAP = knowledge.number("starts.toml", "flow.least_time_gap")
 """Least part of a distance of centres that is time at the lane's speed [s]."""
 
-RELAXING_DECEL = 1.5
+RELAXING_DECEL = knowledge.number("starts.toml", "flow.relaxing_decel")
 """Who is farther behind than they want may be as much faster as braking this softly makes up for
 [m/s^2]: the comfortable braking of the calm."""
 

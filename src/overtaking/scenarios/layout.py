@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from overtaking import knowledge
 from overtaking.core.compiled import maximum, minimum, power
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import mps_from_kmh
@@ -28,13 +29,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T", bound=np.generic)
 
-REACTION_MARGIN = 1.32
+REACTION_MARGIN = knowledge.number("starts.toml", "safety.reaction_margin")
 """Starts allow for a reaction this much longer than the driver's own: at night, in haze."""
 
-CLEARANCE = 2.0
+CLEARANCE = knowledge.number("starts.toml", "safety.clearance")
 """What braking must leave between two vehicles at least [m]."""
 
-MOST_KEPT = 0.5
+MOST_KEPT = knowledge.number("starts.toml", "safety.most_kept")
 """Who has to move back gives up at least half of the room behind; the rest is drawn, so that the
 starts do not pile up at the end of the zone."""
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from overtaking.core.compiled import minimum
 from overtaking.core.units import mps_from_kmh
+from overtaking.knowledge import number
 from overtaking.model.vehicles import Role
 from overtaking.scenarios import flow as layout
 from overtaking.scenarios.bodies import first_uniform, sample_bodies, top_speeds
@@ -29,14 +30,14 @@ if TYPE_CHECKING:
     from overtaking.scenarios.schema import Spec
     from overtaking.scenarios.schema_flow import Flow
 
-PASSING_MARGIN = 1.25
+PASSING_MARGIN = number("starts.toml", "flow.passing_margin")
 """Who overtakes may drive this much faster than wished for a while."""
 
-RETURN_TIME = 20.0
+RETURN_TIME = number("starts.toml", "flow.return_time")
 """How much longer than until the last attempt the traffic lasts where there are vehicles enough: a
 common overtake [s]."""
 
-MARGIN = 50.0
+MARGIN = number("starts.toml", "flow.margin")
 """Road behind the rearmost vehicle [m]."""
 
 

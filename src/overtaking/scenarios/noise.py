@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.compiled import Draws, clamp, normal_pair
+from overtaking.knowledge import number
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 U8: TypeAlias = NDArray[np.uint8]
 Number: TypeAlias = float | np.floating[Any] | NDArray[np.float32]
 
-REACH = np.float32(2.5)
+REACH = np.float32(number("starts.toml", "noise.reach"))
 """Normal numbers are cut off at this many standard deviations."""
 
 

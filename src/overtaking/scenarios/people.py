@@ -15,7 +15,7 @@ from overtaking.knowledge import Distribution, vehicle_classes
 from overtaking.model.drivers import Drivers
 from overtaking.model.vehicles import Role
 from overtaking.scenarios.noise import U8, Noise, cut_off, spread
-from overtaking.scenarios.populations import KEPT_TRAITS, TRAITS, Population, population
+from overtaking.scenarios.populations import KEPT_TRAITS, Population, population
 from overtaking.scenarios.proposal import Bend, as_met
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def sample_traits(
         bend: Draws tempers and the ego's traits from where more happens (see `proposal`).
 
     Returns:
-        `TRAITS` by name, each of the shape of `kind`; yes or no is 1 or 0.
+        `populations.TRAITS` by name, each of the shape of `kind`; yes or no is 1 or 0.
     """
     slots = np.uint32(Stream.DRIVER) + np.arange(kind.shape[1], dtype=np.uint32)
     noise = Noise(seed, index[:, None], slots)
@@ -48,7 +48,7 @@ def sample_traits(
     for slot in range(Role.EGO + 1, temper.shape[1]):
         temper[:, slot] = bend("others_temper", temper[:, slot])
     temper = spread(temper, *people.temper)
-    traits = {name: _trait(name, who, temper, noise, bend) for name in TRAITS}
+    traits = {name: _trait(name, who, temper, noise, bend) for name in who.careful}
     for name, factors in who.factors.items():
         traits[name] = traits[name] * as_f32(factors)[kind]
     traits["decel"] = traits["decel"] * _comfort()[kind]

@@ -36,7 +36,7 @@ KEPT_TRAITS = {
 """The traits that are fields of `Drivers`."""
 
 TRAITS = KEPT_TRAITS | SPEED_TRAITS
-"""Every trait that is drawn, in the order of the draws."""
+"""Every trait that is drawn."""
 
 CLASS_FACTORS = {
     "time_gap_factor": "time_gap",
@@ -51,7 +51,8 @@ class Population:
     """Drivers between two extremes.
 
     Attributes:
-        careful: Distribution of each of `TRAITS` among drivers of temper 0.
+        careful: Distribution of each of `TRAITS` among drivers of temper 0, in the order in which
+            they are drawn, which is that of the file.
         reckless: The same among drivers of temper 1.
         factors: For each trait of `CLASS_FACTORS` the factor of each vehicle class on what a driver
             would do in a car, in the order of `VEHICLE_CLASS_ORDER`.
@@ -62,8 +63,10 @@ class Population:
     factors: Mapping[str, tuple[float, ...]]
 
     def __post_init__(self) -> None:
-        """Refuse a trait whose two distributions are of different kinds."""
+        """Refuse a missing trait, and one whose two distributions are of different kinds."""
         for name in TRAITS:
+            if name not in self.careful or list(self.careful) != list(self.reckless):
+                raise _wrong(name, "each trait in both extremes, in one order", "another list")
             kinds = (self.careful[name].kind, self.reckless[name].kind)
             if kinds[0] != kinds[1] or kinds[0] == "choice":
                 expected = "one kind of distribution from careful to reckless, not a choice"
@@ -88,21 +91,23 @@ def population(name: str) -> Population:
         )
         for key, trait in CLASS_FACTORS.items()
     }
-    careful, reckless = (
-        {trait: _distribution(found.pop(f"{name}.{end}.{trait}", None), trait) for trait in TRAITS}
-        for end in ("careful", "reckless")
-    )
+    ends: dict[str, dict[str, Distribution]] = {"careful": {}, "reckless": {}}
     for key, entry in found.items():
-        raise _wrong(f"unknown key {key}", "a trait of an extreme or a factor of a class", entry)
-    return Population(careful=careful, reckless=reckless, factors=factors)
+        _, end, trait = key.split(".", 2)
+        if end not in ends or trait not in TRAITS:
+            raise _wrong(
+                f"unknown key {key}", "a trait of an extreme or a factor of a class", entry
+            )
+        ends[end][trait] = _distribution(entry, trait)
+    return Population(**ends, factors=factors)
 
 
-def _distribution(entry: Distribution | Quantity | None, trait: str) -> Distribution:
+def _distribution(entry: Distribution | Quantity, trait: str) -> Distribution:
     """The distribution of a trait, which must have its unit."""
     unit = TRAITS[trait].unit
     if isinstance(entry, Distribution) and entry.unit == unit:
         return entry
-    raise _wrong(trait, f"a distribution in {unit}", entry or "none")
+    raise _wrong(trait, f"a distribution in {unit}", entry)
 
 
 def _factor(entry: Distribution | Quantity | None, key: str) -> float:

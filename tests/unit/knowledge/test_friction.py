@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from overtaking.core.units import GRAVITY, mps_from_kmh
-from overtaking.knowledge import friction_table, hydroplaning, weather_maps
+from overtaking.core.units import mps_from_kmh
+from overtaking.knowledge import friction_table, hydroplaning, number, weather_maps
+
+GRAVITY = number("model.toml", "nature.gravity")
 
 
 def film_mm(precipitation_percent: float, path: float) -> float:

@@ -9,8 +9,10 @@ from typing import cast
 import pytest
 from scipy.optimize import brentq
 
-from overtaking.core.units import AIR_DENSITY, deg_from_rad, kmh_from_mps, mps_from_kmh
-from overtaking.knowledge import Quantity, quantities, vehicle_classes, weather_maps
+from overtaking.core.units import deg_from_rad, kmh_from_mps, mps_from_kmh
+from overtaking.knowledge import Quantity, number, quantities, vehicle_classes, weather_maps
+
+AIR_DENSITY = number("model.toml", "nature.air_density")
 
 
 def mor(fog_percent: float) -> float:
