@@ -1,13 +1,13 @@
 """Draws the vehicles themselves: type, colour, size, mass and what follows from them."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Mapping
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.core.compiled import clamp, maximum
+from overtaking.core.elementary import F32
 from overtaking.core.philox import U64, Stream
 from overtaking.knowledge import (
     COLOUR_ORDER,
@@ -18,15 +18,8 @@ from overtaking.knowledge import (
 )
 from overtaking.model.vehicles import Role, VehicleKind, VehicleSpecs
 from overtaking.scenarios.noise import U8, Noise, choose, weights_of
+from overtaking.scenarios.schema import Traffic
 from overtaking.world.constants import constants
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from numpy.typing import NDArray
-
-    from overtaking.core.elementary import F32
-    from overtaking.scenarios.schema import Traffic
 
 POWER_RESERVE = number("starts.toml", "bodies.power_reserve")
 """A bicycle that may not be on the road has this much more power than its speed costs."""

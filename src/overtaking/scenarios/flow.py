@@ -6,27 +6,21 @@ come into the ego's sight first: slow vehicles far ahead in the slow lane, fast 
 the fast lane. The simulation ends before the ego sees the nearest end (ADR 16).
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking import knowledge
 from overtaking.core.compiled import exp, maximum, minimum
+from overtaking.core.elementary import F32, Mask
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge import VEHICLE_CLASS_ORDER
 from overtaking.scenarios.noise import U8, Noise, choose, spread, weights_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from overtaking.core.elementary import F32, Mask
-    from overtaking.scenarios.schema_flow import Flow
+from overtaking.scenarios.schema_flow import Flow
 
 T = TypeVar("T", bound=np.generic)
 

@@ -1,22 +1,16 @@
 """How hard each vehicle can brake at its start, on its lane and in its weather."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from overtaking.core.compiled import minimum
+from overtaking.core.elementary import F32
 from overtaking.knowledge import number
+from overtaking.model.road import Road
 from overtaking.model.vehicles import VehicleKind, VehicleSpecs
+from overtaking.model.weather import Weather
+from overtaking.scenarios.noise import U8
 from overtaking.world import film, friction
 from overtaking.world.constants import constants, known
-
-if TYPE_CHECKING:
-    from overtaking.core.elementary import F32
-    from overtaking.model.road import Road
-    from overtaking.model.weather import Weather
-    from overtaking.scenarios.noise import U8
 
 USABLE_SHARE = number("starts.toml", "safety.usable_grip_share")
 """The part of the peak friction that a driver who is surprised gets out of the tyres."""

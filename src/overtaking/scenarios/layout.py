@@ -5,27 +5,22 @@ fixed number of passes over the vehicles, never a new draw, so a start is a func
 simulation's number alone.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking import knowledge
 from overtaking.core.compiled import maximum, minimum, power
+from overtaking.core.elementary import F32, Mask
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.vehicles import Role
 from overtaking.scenarios.bodies import top_speeds
 from overtaking.scenarios.noise import U8, Noise, spread
 from overtaking.scenarios.people import LEAD_SLOT
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from overtaking.core.elementary import F32, Mask
-    from overtaking.scenarios.schema import Starts, Traffic
+from overtaking.scenarios.schema import Starts, Traffic
 
 T = TypeVar("T", bound=np.generic)
 

@@ -1,34 +1,28 @@
 """Puts people and bodies into the traffic around the ego."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from overtaking.core.compiled import minimum
+from overtaking.core.elementary import F32
+from overtaking.core.philox import U64
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge import number
-from overtaking.model.vehicles import Role
+from overtaking.model.drivers import Drivers
+from overtaking.model.road import Road
+from overtaking.model.vehicles import Role, VehicleSpecs
+from overtaking.model.weather import Weather
 from overtaking.scenarios import flow as layout
 from overtaking.scenarios.bodies import first_uniform, sample_bodies, top_speeds
 from overtaking.scenarios.grip import usable_decel
 from overtaking.scenarios.layout import Draft, Followers, Zone, settle
 from overtaking.scenarios.noise import REACH, U8
 from overtaking.scenarios.people import drivers_with, most_cruise, sample_traits
-
-if TYPE_CHECKING:
-    from overtaking.core.elementary import F32
-    from overtaking.core.philox import U64
-    from overtaking.model.drivers import Drivers
-    from overtaking.model.road import Road
-    from overtaking.model.vehicles import VehicleSpecs
-    from overtaking.model.weather import Weather
-    from overtaking.scenarios.proposal import Bend
-    from overtaking.scenarios.schema import Spec
-    from overtaking.scenarios.schema_flow import Flow
+from overtaking.scenarios.proposal import Bend
+from overtaking.scenarios.schema import Spec
+from overtaking.scenarios.schema_flow import Flow
 
 PASSING_MARGIN = number("starts.toml", "flow.passing_margin")
 """Who overtakes may drive this much faster than wished for a while."""

@@ -1,9 +1,7 @@
 """Draws the drivers: a hidden temper for each, and traits that depend on it."""
 
-from __future__ import annotations
-
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +15,7 @@ from overtaking.model.vehicles import Role
 from overtaking.scenarios.noise import U8, Noise, cut_off, spread
 from overtaking.scenarios.populations import KEPT_TRAITS, Population, population
 from overtaking.scenarios.proposal import Bend, as_met
-
-if TYPE_CHECKING:
-    from overtaking.scenarios.schema import People, Traffic
+from overtaking.scenarios.schema import People, Traffic
 
 LEAD_SLOT = 1
 """The slot of the vehicle that the ego follows at the start."""

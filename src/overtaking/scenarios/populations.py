@@ -1,19 +1,14 @@
 """Driver populations, as read from the knowledge base."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
 
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge import VEHICLE_CLASS_ORDER, Distribution, Quantity, quantities
 from overtaking.knowledge.reader import load
 from overtaking.model.drivers import Drivers
 from overtaking.model.values import Declaration, declarations
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 _FILE = "drivers.toml"
 

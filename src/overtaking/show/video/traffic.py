@@ -1,31 +1,24 @@
 """The vehicles of a film: bodies, lamps and their light on the road, rings and names."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.trajectory import Lights
 from overtaking.model.vehicles import Role
 from overtaking.show.video import palette, sky
-from overtaking.show.video.canvas import WIDTH, Drawing
+from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
+from overtaking.show.video.scene import F64, Scene
+from overtaking.show.video.sky import Light
 from overtaking.show.video.text import Picture, lettering
 from overtaking.show.video.vehicles import lamps, mark, painted
-from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP
+from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, View
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from overtaking.show.video.canvas import Canvas
-    from overtaking.show.video.scene import F64, Scene
-    from overtaking.show.video.sky import Light
-    from overtaking.show.video.view import View
-
-    Bools = NDArray[np.bool_]
+Bools = NDArray[np.bool_]
 
 _BLINK = 14  # Frames from one flash of an indicator to the next: 86 a minute (UN R6: 60 to 120).
 _INDICATORS = np.uint8(Lights.INDICATOR_LEFT | Lights.INDICATOR_RIGHT)

@@ -1,20 +1,15 @@
 """Where things are on the screen: a camera along the road, and one scale for both axes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from overtaking.model.road import Road
 from overtaking.model.vehicles import Role
 from overtaking.show.video.canvas import WIDTH
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from overtaking.model.road import Road
-    from overtaking.show.video.scene import Scene
+from overtaking.show.video.scene import Scene
 
 Place = TypeVar("Place", float, "NDArray[np.float64]")
 """One place, or many."""
