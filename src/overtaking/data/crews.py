@@ -38,14 +38,16 @@ def crew_of(
         workers: How many processes; with `auto` it asks for processes.
 
     Raises:
-        ConfigError: One of them cannot be used, or they do not go together.
+        ConfigError: One of them cannot be used, they do not go together, or there is no cluster.
     """
     if engine not in ENGINES:
         raise _refused("engine", " or ".join(ENGINES), engine, "choose one of them")
     if engine == "ray":
         from overtaking.data.ray_crew import RayCrew
 
-        return RayCrew(address=address, workers=workers)
+        crew = RayCrew(address=address, workers=workers)
+        crew.refuse_unreachable()
+        return crew
     _refuse_beside(engine, {"address": address})
     if engine == "threads":
         _refuse_beside(engine, {"workers": workers})

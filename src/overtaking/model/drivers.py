@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from overtaking.core.elementary import F32, Mask
 from overtaking.model.batch import Batch
-from overtaking.model.values import documented, meant, within
+from overtaking.model.values import Range, declarations, documented, meant, within
 
 _NEVER = 1e9
 """Largest threshold, of a driver who never does what it is about."""
@@ -86,3 +86,9 @@ class Drivers(Batch):
     limit_respect: F32 = field(
         metadata=within(0.0, 1.0, "", "Share of the speed above the limit that is given up")
     )
+
+
+DRIVER_RANGES: dict[str, Range] = {
+    name: one.range for name, one in declarations(Drivers).items() if one.range is not None
+}
+"""What each number may be, for those who make drivers."""

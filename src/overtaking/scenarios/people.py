@@ -1,6 +1,5 @@
 """Draws the drivers: a hidden temper for each, and traits that depend on it."""
 
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,7 @@ from overtaking.core.compiled import clamp, exp, log, maximum, minimum
 from overtaking.core.elementary import F32, as_f32
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import mps_from_kmh
-from overtaking.knowledge import Distribution, vehicle_classes
+from overtaking.knowledge import Distribution
 from overtaking.model.drivers import Drivers
 from overtaking.model.vehicles import Role
 from overtaking.scenarios.noise import U8, Noise, cut_off, spread
@@ -47,7 +46,6 @@ def sample_traits(
     traits = {name: _trait(name, who, temper, noise, bend) for name in who.careful}
     for name, factors in who.factors.items():
         traits[name] = traits[name] * as_f32(factors)[kind]
-    traits["decel"] = traits["decel"] * _comfort()[kind]
     for name, value in people.fixed.values().items():
         traits[name] = np.full(kind.shape, value, np.float32)
     for name, factor in (people.scale or {}).items():
@@ -133,11 +131,3 @@ def _between(temper: F32, careful: float, reckless: float) -> F32:
     """What lies between two ends in proportion to the temper."""
     start, end = np.float32(careful), np.float32(reckless)
     return start + (end - start) * temper
-
-
-@cache
-def _comfort() -> F32:
-    """Comfortable deceleration of every vehicle type over that of a medium car, shape (type,)."""
-    classes = vehicle_classes()
-    car = classes["M"].comfort_decel.number
-    return np.array([one.comfort_decel.number / car for one in classes.values()], np.float32)

@@ -4,8 +4,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
+from overtaking.core.elementary import as_f32
 from overtaking.core.errors import KnowledgeError
-from overtaking.knowledge import VEHICLE_CLASS_ORDER, Distribution, Quantity, quantities
+from overtaking.knowledge import (
+    VEHICLE_CLASS_ORDER,
+    Distribution,
+    Quantity,
+    quantities,
+    vehicle_classes,
+)
 from overtaking.knowledge.reader import load
 from overtaking.model.drivers import Drivers
 from overtaking.model.values import Declaration, declarations
@@ -49,8 +56,9 @@ class Population:
         careful: Distribution of each of `TRAITS` among drivers of temper 0, in the order in which
             they are drawn, which is that of the file.
         reckless: The same among drivers of temper 1.
-        factors: For each trait of `CLASS_FACTORS` the factor of each vehicle class on what a driver
-            would do in a car, in the order of `VEHICLE_CLASS_ORDER`.
+        factors: By trait, the factor of each vehicle class on what a driver would do in a car, in
+            the order of `VEHICLE_CLASS_ORDER`: those of `CLASS_FACTORS`, and the comfortable
+            braking of the class.
     """
 
     careful: Mapping[str, Distribution]
@@ -86,6 +94,9 @@ def population(name: str) -> Population:
         )
         for key, trait in CLASS_FACTORS.items()
     }
+    comfort = [one.comfort_decel.number for one in vehicle_classes().values()]
+    car = vehicle_classes()["M"].comfort_decel.number
+    factors["decel"] = tuple(one / car for one in comfort)
     ends: dict[str, dict[str, Distribution]] = {"careful": {}, "reckless": {}}
     for key, entry in found.items():
         _, end, trait = key.split(".", 2)
@@ -95,6 +106,15 @@ def population(name: str) -> Population:
             )
         ends[end][trait] = _distribution(entry, trait)
     return Population(**ends, factors=factors)
+
+
+def drawn_range(name: str, trait: str) -> tuple[float, float]:
+    """Least and largest number that a population has for a trait, whatever its drivers drive."""
+    who = population(name)
+    ends = (who.careful[trait], who.reckless[trait])
+    factors = as_f32(who.factors.get(trait, (1.0,)))
+    low, high = min(end.low for end in ends), max(end.high for end in ends)
+    return low * float(factors.min()), high * float(factors.max())
 
 
 def _distribution(entry: Distribution | Quantity, trait: str) -> Distribution:

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, Discriminator, Field, Tag, create_model, model_validator
 
 from overtaking.core.units import SUFFIXES
+from overtaking.model.drivers import DRIVER_RANGES
 from overtaking.scenarios.complaints import advice, complaint
 from overtaking.scenarios.fields import (
     MIN_GAP_M,
@@ -38,7 +39,7 @@ from overtaking.scenarios.fields import (
     multiple,
     ordered,
 )
-from overtaking.scenarios.populations import KEPT_TRAITS
+from overtaking.scenarios.populations import KEPT_TRAITS, drawn_range
 from overtaking.scenarios.schema_flow import Component, Flow, FlowLane, Proposal
 
 Exponent = Annotated[float, Field(gt=0.0, le=20.0)] | None
@@ -254,6 +255,22 @@ class People(Section):
     temper: Annotated[tuple[Share, Share], AfterValidator(ordered)] = (0.0, 1.0)
     fixed: FixedTraits = FixedTraits()
     scale: Annotated[dict[str, Factor], AfterValidator(_scalable)] | None = None
+
+    @model_validator(mode="after")
+    def _scaled_inside(self) -> Self:
+        fixed = self.fixed.values()
+        for name, factor in (self.scale or {}).items():
+            value, allowed = fixed.get(name), DRIVER_RANGES[name]
+            low, high = drawn_range(self.population, name) if value is None else (value, value)
+            if factor * low < allowed.low or factor * high > float(allowed.high):
+                raise complaint(
+                    f"a factor that keeps {low:g} to {high:g} within {allowed.low:g} to"
+                    f" {allowed.high:g} {allowed.unit}".rstrip(),
+                    "choose one nearer to 1",
+                    key=f"scale.{name}",
+                    got=factor,
+                )
+        return self
 
 
 class Starts(Section):
