@@ -45,7 +45,7 @@ _FREE = np.float32(1e6)  # Where nobody is [m], and how fast [m/s].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Around:
+class FlowLayout:
     """Who is where around the ego, slot 0, and how long it stays among them.
 
     Attributes:
@@ -76,7 +76,7 @@ def surround(
     wish: F32,
     horizon: float,
     bend: Callable[[str, F32], F32],
-) -> Around:
+) -> FlowLayout:
     """Place vehicles around the ego until the traffic is long enough or all slots are taken.
 
     Args:
@@ -100,7 +100,7 @@ def surround(
         chosen, place = ends.add(noise.normal(), valid[-1])
         lanes.append(chosen)
         places.append(place)
-    return Around(
+    return FlowLayout(
         valid=np.stack(valid, axis=1),
         lane=np.stack(lanes, axis=1),
         s=np.stack(places, axis=1),
@@ -135,7 +135,7 @@ def wishes(flow: Flow, cruise_factor: F32, kind: U8, lane: U8) -> F32:
     return np.array(free, np.float32)[kind] * cruise_factor * np.array(lanes, np.float32)[lane]
 
 
-def equilibrium(around: Around, half: F32, wish: F32, time_gap: F32, min_gap: F32) -> F32:
+def equilibrium(around: FlowLayout, half: F32, wish: F32, time_gap: F32, min_gap: F32) -> F32:
     """Speeds at which everyone follows whom they follow, (simulation, vehicle) [m/s].
 
     Nobody is faster than they want. Who is nearer than they like drives as the leader does; who is

@@ -141,7 +141,7 @@ def _own_wish(
     return minimum(wish, top_speeds()[kind])[:, 0], remembered
 
 
-def _on_road(around: layout.Around) -> F32:
+def _on_road(around: layout.FlowLayout) -> F32:
     """Positions along the road with the rearmost vehicle near its begin [m]."""
     rearmost = around.s[:, 0]
     for slot in range(1, around.s.shape[1]):

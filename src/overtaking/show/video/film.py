@@ -15,7 +15,7 @@ from overtaking.show.video.panel import Header, Timeline
 from overtaking.show.video.road import strip
 from overtaking.show.video.scene import scene
 from overtaking.show.video.text import line
-from overtaking.show.video.traffic import Place, Traffic
+from overtaking.show.video.traffic import OnScreen, Traffic
 from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, view
 
 _SIGN_EVERY = 100  # Metres between two distances beside the road.
@@ -98,7 +98,7 @@ class Film:
         self._timeline.draw(canvas, frame)
         return canvas
 
-    def _hide(self, canvas: Canvas, places: list[Place], frame: int) -> None:
+    def _hide(self, canvas: Canvas, places: list[OnScreen], frame: int) -> None:
         """Night, low sun and fog; lamps are drawn later, as they are seen through all of them."""
         rows = SCENE_TOP, SCENE_BOTTOM
         if self._glare is not None:

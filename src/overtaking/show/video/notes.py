@@ -15,7 +15,7 @@ from overtaking.show.video import palette
 from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
 from overtaking.show.video.scene import RATE, Scene
 from overtaking.show.video.text import Picture, lettering
-from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, View
+from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, Camera
 
 Contact = tuple[int, float, float]
 """First frame after a contact, and its place along and across the road."""
@@ -54,14 +54,14 @@ def tell(canvas: Canvas, notes: Sequence[Note], frame: int) -> None:
             column += picture.width + _NOTE_GAP
 
 
-def flash(canvas: Canvas, contact: Contact | None, view: View, frame: int) -> None:
+def flash(canvas: Canvas, contact: Contact | None, camera: Camera, frame: int) -> None:
     """Draw the flash of a collision, which fades."""
     if contact is None:
         return
     first, s, d = contact
     if first <= frame < first + _FLASH_FRAMES:
-        place = view.x(frame, s), SCENE_TOP + view.y(d)
-        canvas.draw_all([(_burst(frame - first), *place, 0.0)], view.scale)
+        place = camera.x(frame, s), SCENE_TOP + camera.y(d)
+        canvas.draw_all([(_burst(frame - first), *place, 0.0)], camera.scale)
 
 
 def endings(scene: Scene, contact: Contact | None) -> Iterator[Note]:
