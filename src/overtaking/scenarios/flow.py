@@ -38,7 +38,7 @@ LEAST_TIME_GAP = knowledge.number("starts.toml", "flow.least_time_gap")
 """Least part of a distance of centres that is time at the lane's speed [s]."""
 
 RELAXING_DECEL = knowledge.number("starts.toml", "flow.relaxing_decel")
-"""Who is farther behind than they want may be as much faster as braking this softly makes up for
+"""A vehicle farther behind than it wants may be faster by what braking this softly makes up for
 [m/s^2]: the comfortable braking of the calm."""
 
 _FREE = np.float32(1e6)  # Where nobody is [m], and how fast [m/s].
@@ -46,7 +46,7 @@ _FREE = np.float32(1e6)  # Where nobody is [m], and how fast [m/s].
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlowLayout:
-    """Who is where around the ego, slot 0, and how long it stays among them.
+    """Lanes and positions of the vehicles around the ego, slot 0, and how long it stays among them.
 
     Attributes:
         valid: Whether the slot holds a vehicle, (simulation, vehicle).
@@ -142,7 +142,7 @@ def equilibrium(around: FlowLayout, half: F32, wish: F32, time_gap: F32, min_gap
     farther behind may be closing in, as fast as comfortable braking makes up for.
 
     Args:
-        around: Who is where.
+        around: Lanes and positions.
         half: Half of the lengths [m].
         wish: Speeds wanted [m/s].
         time_gap: Time gaps wanted [s].

@@ -1,4 +1,4 @@
-"""Puts people and bodies into the traffic around the ego."""
+"""Adds drivers and vehicle bodies to the traffic around the ego."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -25,7 +25,7 @@ from overtaking.scenarios.schema import Spec
 from overtaking.scenarios.schema_flow import Flow
 
 PASSING_MARGIN = number("starts.toml", "flow.passing_margin")
-"""Who overtakes may drive this much faster than wished for a while."""
+"""Largest speed while overtaking, over the desired speed."""
 
 RETURN_TIME = number("starts.toml", "flow.return_time")
 """How much longer than until the last attempt the traffic lasts where there are vehicles enough: a

@@ -1,4 +1,4 @@
-"""What a specification file may say: one frozen model for each of its sections.
+"""The sections of a specification file: one frozen model for each.
 
 Units are in the names of the keys, as everywhere where numbers leave memory. The checks here need
 nothing but the file; what needs the road is checked when a batch is sampled.
@@ -50,7 +50,7 @@ Weibull = (
 
 
 def _kind_of_traffic(given: Any) -> str:
-    """Traffic that says nothing has its vehicles placed on their own, as in the study."""
+    """The mode of the traffic; without one, vehicles are placed independently, as in the study."""
     mode = given.get("mode") if isinstance(given, dict) else getattr(given, "mode", None)
     return "flow" if mode == "flow" else "placed"
 

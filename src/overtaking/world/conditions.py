@@ -1,4 +1,4 @@
-"""What weather and light mean in each simulation: water, wind and sight, worked out once.
+"""Physical conditions of each simulation from weather and light: water, wind and sight.
 
 Attributes that are parameters of the step have the names of `parameters.SimulationParameters`.
 """
@@ -64,7 +64,7 @@ class Wind:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sight:
-    """What the eye makes of the weather; every array has shape (simulation,).
+    """Visibility in the weather; every array has shape (simulation,).
 
     Attributes:
         fog_extinction: Of fog [1/m].

@@ -1,4 +1,4 @@
-"""From a driver to the parameters of the step, and the speed that each thinks right."""
+"""Parameters of the step that depend on the driver, and the speed adapted to the conditions."""
 
 import numpy as np
 
