@@ -28,7 +28,17 @@ _PACKAGES = {
     "validation": "analysis.validation",
     "video": "show.video",
 }
-_MODULES = {"sim.decision": "model.decision", "sim.effects": "world.effects"}
+_MODULES = {
+    "sim.decision": "model.decision",
+    "sim.effects": "world.effects",
+    "plots.boxes": "show.plots.distributions",
+    "plots.classes": "show.plots.distributions",
+    "plots.histograms": "show.plots.distributions",
+    "plots.matrices": "show.plots.pairs",
+    "plots.reproduction": "show.plots.comparison",
+    "plots.validation": "show.plots.comparison",
+    "plots.waiting": "show.plots.distributions",
+}
 
 
 def _home(old: str) -> str | None:

@@ -16,7 +16,7 @@ from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.sim.reference import environment
 from overtaking.sim.reference.state import Fields, initial_state
-from overtaking.world.parameters import SIMULATION_FIELDS, Parameters, parameters
+from overtaking.world.parameters import Parameters, parameters
 
 DECISION = 0.05
 NAMES = ("gust", "distance_error", "speed_error", "wander")
@@ -50,7 +50,7 @@ def started(index: list[int], seed: int = 5) -> tuple[Parameters, Fields]:
         weather={"wind": 5.0 * WIND, "wind_direction": math.pi / 2.0},
     )  # fmt: skip
     given = parameters(world)
-    return given, Fields(SIMULATION_FIELDS, given.simulation)
+    return given, given.of_simulations
 
 
 @pytest.fixture(scope="module")

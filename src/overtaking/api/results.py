@@ -185,8 +185,8 @@ def plot_validation(found: "Validation", out: str | Path) -> None:
         OSError: The file cannot be written.
     """
     from overtaking.analysis.validation.run import Validation
+    from overtaking.show.plots.comparison import draw_validation
     from overtaking.show.plots.style import to_png, to_svg
-    from overtaking.show.plots.validation import draw_validation
     from overtaking.show.report.files import put
 
     argument(found, Validation, "plot_validation", "found")

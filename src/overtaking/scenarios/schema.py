@@ -1,4 +1,4 @@
-"""What a specification file may say: one frozen model for each of its sections.
+"""The sections of a specification file: one frozen model for each.
 
 Units are in the names of the keys, as everywhere where numbers leave memory. The checks here need
 nothing but the file; what needs the road is checked when a batch is sampled.
@@ -10,8 +10,9 @@ import hashlib
 import json
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, create_model, model_validator
 
+from overtaking.core.units import SUFFIXES
 from overtaking.model.drivers import DRIVER_RANGES
 from overtaking.scenarios.complaints import advice, complaint
 from overtaking.scenarios.fields import (
@@ -38,7 +39,7 @@ from overtaking.scenarios.fields import (
     multiple,
     ordered,
 )
-from overtaking.scenarios.people import drawn_range
+from overtaking.scenarios.populations import KEPT_TRAITS, drawn_range
 from overtaking.scenarios.schema_flow import Component, Flow, FlowLane, Proposal
 
 Exponent = Annotated[float, Field(gt=0.0, le=20.0)] | None
@@ -49,7 +50,7 @@ Weibull = (
 
 
 def _kind_of_traffic(given: Any) -> str:
-    """Traffic that says nothing has its vehicles placed on their own, as in the study."""
+    """The mode of the traffic; without one, vehicles are placed independently, as in the study."""
     mode = given.get("mode") if isinstance(given, dict) else getattr(given, "mode", None)
     return "flow" if mode == "flow" else "placed"
 
@@ -206,54 +207,31 @@ class IndependentWeather(Section):
         return self
 
 
-def _range(name: str) -> Any:
-    """The range that the model declares for a parameter of its drivers."""
-    declared = DRIVER_RANGES[name]
-    return Field(ge=declared.low, le=declared.high)
+def _fixable() -> dict[str, Any]:
+    """A key for each number of `Drivers` that is drawn, with the range of the field."""
+    keys: dict[str, Any] = {}
+    for name, declared in KEPT_TRAITS.items():
+        if (allowed := declared.range) is not None:
+            limits = Field(ge=allowed.low, le=float(allowed.high))
+            keys[name + SUFFIXES[declared.unit]] = (Annotated[float | None, limits], None)
+    return keys
 
 
-class FixedTraits(Section):
-    """Section `[drivers.fixed]`: parameters that are the same for every driver.
+class FixedTraits(create_model("_FixedTraits", __base__=Section, **_fixable())):
+    """Section `[drivers.fixed]`: traits that are the same for every driver.
 
-    The attributes are those of `model.drivers.Drivers` with their units and ranges; None leaves
-    them to the population.
+    The keys are the numbers of `model.drivers.Drivers` with their units and ranges; a trait without
+    a value is left to the population.
     """
-
-    time_gap_s: Annotated[float, _range("time_gap")] | None = None
-    min_gap_m: Annotated[float, _range("min_gap")] | None = None
-    accel_mps2: Annotated[float, _range("accel")] | None = None
-    decel_mps2: Annotated[float, _range("decel")] | None = None
-    reaction_time_s: Annotated[float, _range("reaction_time")] | None = None
-    caution: Annotated[float, _range("caution")] | None = None
-    politeness: Annotated[float, _range("politeness")] | None = None
-    lane_change_threshold_mps2: Annotated[float, _range("lane_change_threshold")] | None = None
-    right_bias_mps2: Annotated[float, _range("right_bias")] | None = None
-    safe_decel_mps2: Annotated[float, _range("safe_decel")] | None = None
-    lane_change_duration_s: Annotated[float, _range("lane_change_duration")] | None = None
-    passing_gain_mps: Annotated[float, _range("passing_gain")] | None = None
-    patience_s: Annotated[float, _range("patience")] | None = None
-    pull_out_time_s: Annotated[float, _range("pull_out_time")] | None = None
-    gap_acceptance: Annotated[float, _range("gap_acceptance")] | None = None
-    return_time_gap_s: Annotated[float, _range("return_time_gap")] | None = None
-    signal_time_s: Annotated[float, _range("signal_time")] | None = None
-    limit_respect: Annotated[float, _range("limit_respect")] | None = None
 
     def values(self) -> dict[str, float]:
         """What is fixed, by the names of `model.drivers.Drivers`."""
         given = self.model_dump(exclude_none=True)
-        return {name.removesuffix("_" + _unit(name)): value for name, value in given.items()}
+        keys = {name + SUFFIXES[declared.unit]: name for name, declared in KEPT_TRAITS.items()}
+        return {keys[key]: value for key, value in given.items()}
 
 
-def _unit(name: str) -> str:
-    """The unit that a key ends in, or nothing."""
-    return next((unit for unit in ("mps2", "mps", "m", "s") if name.endswith(f"_{unit}")), "")
-
-
-_SCALABLE = tuple(
-    name.removesuffix("_" + _unit(name))
-    for name in FixedTraits.model_fields
-    if name != "limit_respect"
-)
+_SCALABLE = tuple(name for name, declared in KEPT_TRAITS.items() if not declared.is_flag)
 
 
 def _scalable(factors: dict[str, float]) -> dict[str, float]:

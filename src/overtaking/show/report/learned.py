@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from overtaking.core.errors import DatasetError, MissingExtraError
+from overtaking.show.report import gallery
 from overtaking.show.report.page import Section, paragraph
 
 if TYPE_CHECKING:
@@ -80,8 +81,8 @@ def learn(data: "Dataset", policy: str) -> Learned:
 def sections(writer: "Writer", learned: Learned) -> Sequence[Section]:
     """The sections about rules and factors."""
     return (
-        Section(name="rules", title="Rules that were learned", blocks=_rules(writer, learned)),
-        Section(name="factors", title="What decides", blocks=_factors(writer, learned)),
+        Section("rules", "Rules that were learned", _rules(writer, learned)),
+        Section("factors", "What decides", _factors(writer, learned)),
     )
 
 
@@ -104,8 +105,8 @@ def _factors(writer: "Writer", learned: Learned) -> tuple[str, ...]:
     return (
         paragraph(_ABOUT_FACTORS),
         writer.table(model_table(found)),
-        writer.pictures("model_pictures", found),
+        writer.pictures(lambda: gallery.model_pictures(found)),
         paragraph(_ABOUT_RANKING),
-        writer.pictures("ranking_picture", found),
+        writer.pictures(lambda: [gallery.ranking_picture(found)]),
         writer.table(ranking_table(found)),
     )

@@ -21,12 +21,12 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Stage, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.recording import Recorder
-from overtaking.sim.reference.state import Fields, initial_state
+from overtaking.sim.reference.state import initial_state
 from overtaking.simulators.carla.own import Sign, check_interval, note_contacts, take_over
 from overtaking.simulators.carla.stage import TICK, CarlaStage
 from overtaking.simulators.sumo.stage import Sight, Watch
 from overtaking.world.clock import SUBSTEPS
-from overtaking.world.parameters import VEHICLE_FIELDS, parameters
+from overtaking.world.parameters import parameters
 
 SLOWER = 3
 """By what speeds are divided: 120 km/h become 40 km/h."""
@@ -88,7 +88,7 @@ class _Drive:
         self._stage, self._manager = stage, managers[0]
         scenario = stage.scenario
         self._given = parameters(scenario)
-        self._p = Fields(VEHICLE_FIELDS, self._given.vehicle)
+        self._p = self._given.of_vehicles
         self._state = initial_state(self._given)
         self._recorder = Recorder(scenario, self._given)
         self._watch = Watch(settled=float(self._given.constants.settled_offset))

@@ -26,7 +26,7 @@ from overtaking.sim.reference.state import Fields, State, initial_state, road_ve
 from overtaking.simulators.carla.stage import TICK, CarlaStage, Contact, Reading
 from overtaking.world.clock import SUBSTEPS
 from overtaking.world.constants import Constants
-from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Parameters, parameters
+from overtaking.world.parameters import SIMULATION_FIELDS, Parameters, parameters
 
 TICK_MS = 50
 SPEED_GAIN = 2.0
@@ -74,8 +74,8 @@ class _Drive:
         check_interval(scenario)
         self._stage = stage
         self._given = _without_wind(parameters(scenario))
-        self._p = Fields(VEHICLE_FIELDS, self._given.vehicle)
-        self._q = Fields(SIMULATION_FIELDS, self._given.simulation)
+        self._p = self._given.of_vehicles
+        self._q = self._given.of_simulations
         self._state = initial_state(self._given)
         self._recorder = Recorder(scenario, self._given)
         self._lock = {slot: _Lock(actor) for slot, actor in stage.actors.items()}

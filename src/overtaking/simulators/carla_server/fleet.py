@@ -18,7 +18,7 @@ from overtaking.core.units import kmh_from_mps
 from overtaking.sim.driven import Mover, mover
 from overtaking.sim.reference import collisions
 from overtaking.sim.reference.driven import MOVING, Controls
-from overtaking.sim.reference.state import NOBODY, Fields, State, initial_state
+from overtaking.sim.reference.state import NOBODY, State, initial_state
 from overtaking.simulators.carla_server.arguments import Control
 from overtaking.simulators.carla_server.bodies import Body, Nature, scenario_of
 from overtaking.simulators.carla_server.motion import (
@@ -30,7 +30,7 @@ from overtaking.simulators.carla_server.motion import (
     overlap,
 )
 from overtaking.simulators.carla_server.steering import Steering
-from overtaking.world.parameters import VEHICLE_FIELDS, Parameters, parameters
+from overtaking.world.parameters import Parameters, parameters
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -264,7 +264,7 @@ class Fleet:
             scenario_of(self._ground.road, self._bodies, self._weather, self._nature)
         )
         self._given: Parameters = given
-        self._fields = Fields(VEHICLE_FIELDS, given.vehicle)
+        self._fields = given.of_vehicles
         if not self._ground.shelters:
             self._fields.shelters[:] = _ZERO
         self._movers.clear()
