@@ -9,12 +9,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from overtaking.core.errors import ConfigError, OvertakingError
-from overtaking.simulators.carla_server import actor_calls, answers, calls
-from overtaking.simulators.carla_server.answers import Refused
-from overtaking.simulators.carla_server.arguments import ArgumentError, check
+from overtaking.core.errors import ConfigError
+from overtaking.simulators.carla_server import protocol
+from overtaking.simulators.carla_server.calls import CALLS
 from overtaking.simulators.carla_server.connections import Connection, Connections, CrowdedError
-from overtaking.simulators.carla_server.protocol import CALLS, SLOW, Session, refuse_unknown
+from overtaking.simulators.carla_server.protocol import Session
 from overtaking.simulators.carla_server.streams import Streams
 from overtaking.simulators.carla_server.wire import Budget, Decoder, ProtocolError, encode
 from overtaking.simulators.carla_server.world import World
@@ -35,9 +34,6 @@ _READ_BYTES = 1 << 14
 _CALL, _ANSWER = 0, 1
 
 Log = Callable[[str], None]
-
-DECLARED = (calls, actor_calls)
-"""The modules whose calls are answered; importing them puts the calls into the table."""
 
 
 @dataclass(slots=True)
@@ -97,12 +93,15 @@ class Server:
         self._last_call = asyncio.get_running_loop().time()
         if name == "tick_cue":
             await self.world.streams.settle()
-        if name in SLOW:
-            answer = await asyncio.to_thread(self._result, session, name, parameters)
+        wanted = CALLS.get(name)
+        if wanted is None:
+            answer = protocol.refuse_unknown(name)
+        elif name in protocol.SLOW:
+            answer = await asyncio.to_thread(wanted.answer, session, name, parameters)
         else:
-            answer = self._result(session, name, parameters)
+            answer = wanted.answer(session, name, parameters)
         if is_async:
-            session.unseen += answers.errors(answer)
+            session.unseen += protocol.errors(answer)
         for error in session.unseen:
             self._tell_unseen(connection, name, error)
         session.unseen.clear()
@@ -125,18 +124,6 @@ class Server:
             self.log(text)
         if self._complaints == MAX_COMPLAINTS:
             self.log("there were many bad messages; no more are told")
-
-    def _result(self, session: Session, name: str, parameters: list[Any]) -> answers.Answer:
-        """What a call gives back."""
-        wanted = CALLS.get(name)
-        if wanted is None:
-            return refuse_unknown(name)
-        try:
-            return wanted.body(session, *check(wanted.arguments, parameters))
-        except ArgumentError as error:
-            return wanted.refuse(f"{name}: {error}")
-        except (Refused, OvertakingError) as error:
-            return wanted.refuse(str(error))
 
     async def run_free(self) -> None:
         """Let time pass, as fast as it does, while no client wants to say when."""

@@ -22,7 +22,6 @@ from overtaking.simulators.carla_server.actors import (
     bounding_box,
     world_pose,
 )
-from overtaking.simulators.carla_server.answers import Refused
 from overtaking.simulators.carla_server.arguments import Description, Settings, Transform, Vector
 from overtaking.simulators.carla_server.bodies import Nature, body_of
 from overtaking.simulators.carla_server.camera import Scene
@@ -39,6 +38,7 @@ from overtaking.simulators.carla_server.catalogue import (
     catalogue,
 )
 from overtaking.simulators.carla_server.fleet import Fleet
+from overtaking.simulators.carla_server.protocol import Refused
 from overtaking.simulators.carla_server.snapshot import ActorState, SensorType
 
 if TYPE_CHECKING:
