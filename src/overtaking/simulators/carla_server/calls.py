@@ -55,10 +55,10 @@ def get_episode_info(world: World) -> Rows:
 
 
 @call()
-def get_sensor_token(world: World, stream: Id) -> bytes:
+def get_sensor_token(world: World, stream: Id) -> Rows:
     """Address of a stream, for a client that is about to listen."""
     world.streams.announce(stream)
-    return world.streams.token(stream)
+    return [world.streams.token(stream)]
 
 
 @call()
