@@ -160,12 +160,7 @@ def _points(border: Element) -> F64:
     """The points of a border."""
     points = border.all("point")
     if not 2 <= len(points) <= MAX_POINTS:
-        raise border.error(
-            what="has a wrong number of points",
-            expected=f"2 to {MAX_POINTS}",
-            got=str(len(points)),
-            next_step="repair the file",
-        )
+        raise border.error("has a wrong number of points", f"2 to {MAX_POINTS}", str(len(points)))
     return np.array([[coordinate(point, axis) for axis in ("x", "y")] for point in points])
 
 
@@ -218,12 +213,7 @@ def _leftwards(one: Lanelet, lanelets: Mapping[int, Lanelet]) -> Iterator[Lanele
 
 
 def _broken(one: Lanelet, got: str) -> Exception:
-    return one.element.error(
-        what="has neighbours that do not fit",
-        expected="lanelets that name each other",
-        got=got,
-        next_step="repair the file",
-    )
+    return one.element.error("has neighbours that do not fit", "lanelets that name each other", got)
 
 
 Lane = tuple[Lanelet, ...]

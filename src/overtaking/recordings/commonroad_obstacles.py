@@ -96,17 +96,14 @@ def _size(shape: Element) -> tuple[float, float]:
         length = width = 2.0 * radius.parse_number(radius.text, what="text")
     else:
         raise shape.error(
-            what="is not known",
-            expected="a rectangle or a circle",
-            got=shape.children[0].name if shape.children else "nothing",
-            next_step="give the obstacle a rectangle",
+            "is not known",
+            "a rectangle or a circle",
+            shape.children[0].name if shape.children else "nothing",
+            "give the obstacle a rectangle",
         )
     if not 0.1 <= min(length, width) <= max(length, width) <= _MAX_SIZE:
         raise shape.error(
-            what="has no size of a vehicle",
-            expected=f"0.1 to {_MAX_SIZE:g} m",
-            got=f"{length:g} by {width:g} m",
-            next_step="repair the file",
+            "has no size of a vehicle", f"0.1 to {_MAX_SIZE:g} m", f"{length:g} by {width:g} m"
         )
     return length, width
 
@@ -121,12 +118,7 @@ def _time(state: Element) -> int:
     given = state.required("time")
     value = _exact(given)
     if not (0.0 <= value <= _MAX_TIME and value == int(value)):
-        raise given.error(
-            what="is no time step",
-            expected=f"a whole number from 0 to {_MAX_TIME}",
-            got=f"{value:g}",
-            next_step="repair the file",
-        )
+        raise given.error("is no time step", f"a whole number from 0 to {_MAX_TIME}", f"{value:g}")
     return int(value)
 
 
@@ -136,10 +128,9 @@ def _check_times(rows: list[Element], times: NDArray[np.int64]) -> None:
     if len(wrong):
         place = int(wrong[0]) + 1
         raise rows[place].error(
-            what="does not follow the state before it",
-            expected=f"time step {times[place - 1] + 1}",
-            got=str(times[place]),
-            next_step="repair the file",
+            "does not follow the state before it",
+            f"time step {times[place - 1] + 1}",
+            str(times[place]),
         )
 
 
@@ -153,9 +144,6 @@ def _quantity(state: Element, name: str) -> float:
     value = _exact(given)
     if abs(value) > _LIMITS[name]:
         raise given.error(
-            what="is not that of a vehicle",
-            expected=f"a size of at most {_LIMITS[name]:g}",
-            got=f"{value:g}",
-            next_step="repair the file",
+            "is not that of a vehicle", f"a size of at most {_LIMITS[name]:g}", f"{value:g}"
         )
     return value

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from overtaking.core.errors import ConfigError
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.recordings.commonroad_lanes import DRIVING, Lanelet, Slice, Strip, borders, strips
-from overtaking.recordings.recording import BEYOND_SLOW_EDGE
 from overtaking.recordings.road import RoadShape, RoadShapeError, shape_of
 
 if TYPE_CHECKING:
@@ -58,11 +57,6 @@ class Stretch:
         return dataclasses.replace(
             self.road, x0=self.road.x0 - float(shift[0]), y0=self.road.y0 - float(shift[1])
         )
-
-    def lane_codes(self, d: F64) -> NDArray[np.uint8]:
-        """Values of `States.lane` for positions across the road."""
-        lane = self.road.lane_index(d)
-        return np.where(lane < 0, BEYOND_SLOW_EDGE, lane).astype(np.uint8)
 
     def is_near(self, offset: F64) -> NDArray[np.bool_]:
         """Whether points are on the road or on what may lie right beside it."""
@@ -130,10 +124,10 @@ def _area(strip: Strip) -> float:
 
 def _refused(home: Lanelet, what: str, expected: str, got: str) -> Exception:
     return home.element.error(
-        what=f"{home.number} is part of a road that no straight road stands for: {what}",
-        expected=expected,
-        got=got,
-        next_step="choose another road by one of its lanelets",
+        f"{home.number} is part of a road that no straight road stands for: {what}",
+        expected,
+        got,
+        "choose another road by one of its lanelets",
     )
 
 

@@ -207,6 +207,12 @@ def slope(values: F64, start: I64, frame_interval_ms: int) -> F64:
     return (values[later] - values[earlier]) / elapsed
 
 
+def lane_codes(road: Road, d: F64) -> U8:
+    """Values of `States.lane` for positions across the road [m]."""
+    lane = road.lane_index(d)
+    return np.where(lane < 0, BEYOND_SLOW_EDGE, lane).astype(np.uint8)
+
+
 def kinds_by_length(length: F64, *, is_truck: NDArray[np.bool_], is_car: NDArray[np.bool_]) -> U8:
     """Vehicle types where a source knows at most cars and trucks.
 

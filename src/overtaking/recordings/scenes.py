@@ -23,6 +23,7 @@ from overtaking.recordings.candidates import (
     num_passes,
     overtakes,
 )
+from overtaking.recordings.messages import refused
 from overtaking.recordings.neighbours import Surroundings
 
 if TYPE_CHECKING:
@@ -167,10 +168,10 @@ def _nothing(recording: Recording, num_waiting: int) -> ImportFormatError:
     followed = f"and {num_waiting} vehicles that only follow" if num_waiting else "and no followers"
     others = recording.notes.get("other_roads")
     elsewhere = f"choose another road, --lanelet {others}" if others else "choose another recording"
-    return ImportFormatError.of(
-        where=recording.name,
-        what="recording",
-        expected="a vehicle that leaves its lane to the left behind a leader",
-        got=f"none {followed}",
-        next_step="import the followers too" if num_waiting else elsewhere,
+    return refused(
+        recording.name,
+        "recording",
+        "a vehicle that leaves its lane to the left behind a leader",
+        f"none {followed}",
+        "import the followers too" if num_waiting else elsewhere,
     )
