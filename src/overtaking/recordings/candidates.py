@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.recordings.recording import BEYOND_SLOW_EDGE, slope
+from overtaking.model.trajectory import BEYOND_SLOW_EDGE
+from overtaking.recordings.recording import slope
 
 if TYPE_CHECKING:
     from overtaking.recordings.neighbours import Surroundings
@@ -50,6 +51,7 @@ class Window:
         last: Last frame.
         moves: Frame in which the movement to the left begins, None if there is none.
         returns: Frame in which the ego is back in its lane, None if it is not.
+        vehicles: The vehicles of the simulation by slot, as places among the tracks.
     """
 
     ego: int
@@ -58,6 +60,12 @@ class Window:
     last: int
     moves: int | None = None
     returns: int | None = None
+    vehicles: tuple[int, ...] = ()
+
+    @property
+    def num_frames(self) -> int:
+        """Number of frames."""
+        return self.last - self.first + 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,7 +1,4 @@
-"""The three CSV files of a highD recording: bounded in size, every cell checked.
-
-The columns are those that the owners' own reader names (`read_csv.py` of the highD-dataset tools).
-"""
+"""The three CSV files of a highD recording: bounded in size, every cell checked."""
 
 # pyarrow ships no types, and it makes its compute functions when it is imported.
 # pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
@@ -24,23 +21,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from overtaking.core.errors import ImportFormatError
-
-RECORDING_META = (
-    *("id", "frameRate", "locationId", "speedLimit", "month", "weekDay", "startTime", "duration"),
-    *("totalDrivenDistance", "totalDrivenTime", "numVehicles", "numCars", "numTrucks"),
-    *("upperLaneMarkings", "lowerLaneMarkings"),
-)
-TRACKS_META = (
-    *("id", "width", "height", "initialFrame", "finalFrame", "numFrames", "class"),
-    *("drivingDirection", "traveledDistance", "minXVelocity", "maxXVelocity", "meanXVelocity"),
-    *("minDHW", "minTHW", "minTTC", "numLaneChanges"),
-)
-TRACKS = (
-    *("frame", "id", "x", "y", "width", "height", "xVelocity", "yVelocity", "xAcceleration"),
-    *("yAcceleration", "frontSightDistance", "backSightDistance", "dhw", "thw", "ttc"),
-    *("precedingXVelocity", "precedingId", "followingId", "leftPrecedingId", "leftAlongsideId"),
-    *("leftFollowingId", "rightPrecedingId", "rightAlongsideId", "rightFollowingId", "laneId"),
-)
 
 MAX_BYTES = 1 << 31
 """Larger files are refused; the largest of the data set has some 200 MB."""

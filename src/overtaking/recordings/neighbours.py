@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.recordings.recording import BEYOND_SLOW_EDGE, Recording, Tracks
+from overtaking.model.trajectory import BEYOND_SLOW_EDGE
+
+if TYPE_CHECKING:
+    from overtaking.recordings.recording import Recording, Tracks
 
 I64 = NDArray[np.int64]
 

@@ -21,6 +21,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.core.units import deg_from_rad, kmh_from_mps
 from overtaking.model.road import DrivingSide
 from overtaking.model.trajectory import (
+    BEYOND_SLOW_EDGE,
     METRES_PER_SECOND_PER_STEP,
     METRES_PER_SECOND_SQUARED_PER_STEP,
     METRES_PER_STEP,
@@ -38,7 +39,6 @@ from overtaking.recordings.pinto2023_schema import (
     SCHEMA,
     VEHICLE_COLUMNS,
 )
-from overtaking.recordings.recording import BEYOND_SLOW_EDGE
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.knowledge import vehicle_classes
+from overtaking.model.trajectory import BEYOND_SLOW_EDGE
 from overtaking.model.vehicles import VehicleKind
 
 if TYPE_CHECKING:
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
-
-BEYOND_SLOW_EDGE = 255
-"""How `States.lane` says it."""
 
 NEVER_RECORDED = frozenset(
     {"drivers", "bodies", "indicators", "lamps", "wheel_angle", "impulse", "stage", "percepts"}
