@@ -12,7 +12,7 @@ from typing import Any
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import Road
-from overtaking.simulators.carla.stage import TICK, fresh_world, synchronous
+from overtaking.simulators.carla.world import TICK, fresh_world, leave
 
 SPEEDS_KMH = (20.0, 30.0, 34.0, 36.0, 38.0, 40.0, 42.0, 50.0)
 """Speeds at which a lane change is asked for."""
@@ -48,6 +48,25 @@ class Limits:
     again_after: float | None
 
 
+@dataclass(frozen=True, slots=True)
+class LimitsJob:
+    """Measure the limits of the Traffic Manager.
+
+    Attributes:
+        port: A free port for it.
+    """
+
+    port: int
+
+    def do(self, carla: Any, client: Any, sign: Callable[[], None]) -> Limits:
+        """Measure them, see `measure`."""
+        return measure(carla, client, self.port, sign)
+
+    def __str__(self) -> str:
+        """Its name in messages."""
+        return "limits"
+
+
 def measure(carla: Any, client: Any, port: int, sign: Callable[[], None]) -> Limits:
     """Measure both limits.
 
@@ -59,7 +78,6 @@ def measure(carla: Any, client: Any, port: int, sign: Callable[[], None]) -> Lim
     """
     road = known_road("town06")
     world = fresh_world(client, road)
-    synchronous(world)
     manager = client.get_trafficmanager(port)
     manager.set_synchronous_mode(True)
     manager.set_random_device_seed(1)
@@ -69,9 +87,7 @@ def measure(carla: Any, client: Any, port: int, sign: Callable[[], None]) -> Lim
         again = track.again_after(AGAIN_AT_KMH)
     finally:
         manager.shut_down()
-        settings = world.get_settings()
-        settings.synchronous_mode, settings.fixed_delta_seconds = False, None
-        world.apply_settings(settings)
+        leave(world, [], [])
     return Limits(speeds_kmh=SPEEDS_KMH, changed=changed, trials=TRIALS, again_after=again)
 
 

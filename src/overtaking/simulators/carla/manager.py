@@ -23,7 +23,8 @@ from overtaking.model.vehicles import Role
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import Fields, initial_state
 from overtaking.simulators.carla.own import Sign, check_interval, note_contacts, take_over
-from overtaking.simulators.carla.stage import TICK, CarlaStage
+from overtaking.simulators.carla.stage import CarlaStage
+from overtaking.simulators.carla.world import TICK
 from overtaking.simulators.sumo.stage import Sight, Watch
 from overtaking.world.clock import SUBSTEPS
 from overtaking.world.parameters import VEHICLE_FIELDS, parameters

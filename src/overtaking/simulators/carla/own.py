@@ -23,7 +23,8 @@ from overtaking.sim.reference import collisions, steering
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.run import decide
 from overtaking.sim.reference.state import Fields, State, initial_state, road_velocity
-from overtaking.simulators.carla.stage import TICK, CarlaStage, Contact, Reading
+from overtaking.simulators.carla.stage import CarlaStage, Contact, Reading
+from overtaking.simulators.carla.world import TICK
 from overtaking.world.clock import SUBSTEPS
 from overtaking.world.constants import Constants
 from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Parameters, parameters
