@@ -13,7 +13,7 @@ Side = Literal["right", "left"]
 
 OTHER_SIDE: dict[Side, Side] = {"right": "left", "left": "right"}
 
-_MARKS = {
+MARKS = {
     "none": RoadMark.NONE,
     "solid": RoadMark.SOLID,
     "broken": RoadMark.BROKEN,
@@ -25,6 +25,7 @@ _MARKS = {
     "curb": RoadMark.CURB,
     "grass": RoadMark.GRASS,
 }
+"""OpenDRIVE's road marks; any other is `OTHER`."""
 
 
 class Section(NamedTuple):
@@ -153,7 +154,7 @@ def _mark(lane: Element) -> RoadMark:
 
 def _named(entry: Element) -> RoadMark:
     """The mark that an element names; whatever a file invents is `OTHER`."""
-    return _MARKS.get(entry.attribute("type"), RoadMark.OTHER)
+    return MARKS.get(entry.attribute("type"), RoadMark.OTHER)
 
 
 def _width(lane: Element, section: Section) -> float:

@@ -19,6 +19,8 @@ from overtaking.model.weather import NO_PRESET, Weather
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from overtaking.model.road import Road
 
 
@@ -119,25 +121,25 @@ def scenario_of(
 def weather_of(values: Sequence[float], wind_direction: float) -> Weather:
     """Our weather from `carla.WeatherParameters`, percentages cut to 0 to 100."""
     cloudiness, rain, puddles, wind, azimuth, altitude, fog, *_ = values
-    angles = {
-        "wind_direction": wind_direction,
-        "sun_altitude": math.radians(altitude),
-        "sun_azimuth": math.remainder(math.radians(azimuth), math.tau),
-    }
-    percent = {
-        "cloudiness": cloudiness,
-        "rain": rain,
-        "puddles": puddles,
-        "wind": wind,
-        "fog": fog,
-    }
-    cut = {name: min(max(value, 0.0), 100.0) for name, value in percent.items()}
-    numbers = {name: np.array([value], np.float32) for name, value in (angles | cut).items()}
+
+    def number(value: float) -> NDArray[np.float32]:
+        return np.array([value], np.float32)
+
+    def percent(value: float) -> NDArray[np.float32]:
+        return number(min(max(value, 0.0), 100.0))
+
     return Weather(
         preset=np.array([NO_PRESET]),
+        cloudiness=percent(cloudiness),
+        rain=percent(rain),
+        puddles=percent(puddles),
+        wind=percent(wind),
+        fog=percent(fog),
+        wind_direction=number(wind_direction),
+        sun_altitude=number(math.radians(altitude)),
+        sun_azimuth=number(math.remainder(math.radians(azimuth), math.tau)),
         night=np.array([altitude < 0.0]),
         horizon_line=np.array([False]),
-        **numbers,
     )
 
 

@@ -144,14 +144,8 @@ def _lamps(
 
 
 def _square(x: float, y: float, z: float, size: float) -> Points:
-    return np.array(
-        [
-            (x, y - size, z - size),
-            (x, y + size, z - size),
-            (x, y + size, z + size),
-            (x, y - size, z + size),
-        ]
-    )
+    low, high = z - size, z + size
+    return _flat((x, y - size, low), (x, y + size, low), (x, y + size, high))
 
 
 def _turned(vehicle: Vehicle) -> Points:

@@ -283,7 +283,8 @@ def _sampled(road: Road) -> Lanes:
     every = len(stations)
     s = np.tile(stations, road.num_lanes)
     x, y = road.world(s, np.repeat(road.centres, every))
-    marks = [[_kind(lane.left_mark.value), _kind(lane.right_mark.value)] for lane in road.lanes]
+    pairs = [(lane.left_mark.value, lane.right_mark.value) for lane in road.lanes]
+    marks = [[drawn_mark(left), drawn_mark(right)] for left, right in pairs]
     return Lanes(
         place=np.stack([x, -y, np.zeros_like(x)], axis=1),
         yaw=np.full(len(s), -road.heading),
@@ -296,8 +297,8 @@ def _sampled(road: Road) -> Lanes:
     )
 
 
-def _kind(mark: str) -> int:
-    """How a mark, spelled as CARLA does, is drawn."""
+def drawn_mark(mark: str) -> int:
+    """How a line is drawn whose mark is spelled as CARLA does."""
     if mark in ("NONE", "Other", "Curb", "Grass"):
         return _NO_MARK
     return _BROKEN if mark.startswith(("Broken", "Botts")) else _SOLID

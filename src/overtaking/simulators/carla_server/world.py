@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge import presets
 from overtaking.knowledge.blueprints import blueprints
-from overtaking.simulators.carla_server import snapshot
+from overtaking.simulators.carla_server import catalogue, snapshot
 from overtaking.simulators.carla_server.ackermann import Seen
 from overtaking.simulators.carla_server.actors import (
     ORIGIN,
@@ -25,18 +25,6 @@ from overtaking.simulators.carla_server.actors import (
 from overtaking.simulators.carla_server.arguments import Description, Settings, Transform, Vector
 from overtaking.simulators.carla_server.bodies import Nature, body_of
 from overtaking.simulators.carla_server.camera import Scene
-from overtaking.simulators.carla_server.catalogue import (
-    CAMERA,
-    COLLISION,
-    MAX_FOV_DEG,
-    MAX_PIXELS,
-    MIN_FOV_DEG,
-    SEMANTIC_TAGS,
-    SPECTATOR,
-    WALKER,
-    WALKER_CONTROLLER,
-    catalogue,
-)
 from overtaking.simulators.carla_server.fleet import Fleet
 from overtaking.simulators.carla_server.protocol import Refused
 from overtaking.simulators.carla_server.snapshot import ActorState, SensorType
@@ -118,7 +106,11 @@ class World:
         self._scene: Scene | None = None
         above = Transform(Vector(0.0, 0.0, 50.0), UPRIGHT)
         self.spectator = self._enter(
-            Actor(actor_id=self._take_id(), description=Description(0, SPECTATOR, ()), pose=above)
+            Actor(
+                actor_id=self._take_id(),
+                description=Description(0, catalogue.SPECTATOR, ()),
+                pose=above,
+            )
         )
 
     def _take_id(self) -> int:
@@ -150,9 +142,9 @@ class World:
         Raises:
             Refused: There is no such blueprint or parent, no room, or no more actors are taken.
         """
-        if wanted.blueprint not in catalogue():
+        if wanted.blueprint not in catalogue.catalogue():
             raise Refused(f"this headless server has no blueprint {wanted.blueprint}")
-        if wanted.blueprint in (WALKER, WALKER_CONTROLLER):
+        if wanted.blueprint in (catalogue.WALKER, catalogue.WALKER_CONTROLLER):
             raise Refused("this headless server has no walkers")
         if len(self.actors) >= MAX_ACTORS:
             raise Refused(f"this headless server takes at most {MAX_ACTORS} actors")
@@ -171,13 +163,13 @@ class World:
         actor_id = self._take_id()
         self.fleet.add(actor_id, body, motion)
         self.fleet.heights[actor_id] = pose.location.z
-        tag = SEMANTIC_TAGS[blueprints()[wanted.blueprint].base_type]
+        tag = catalogue.SEMANTIC_TAGS[blueprints()[wanted.blueprint].base_type]
         return Vehicle(actor_id=actor_id, description=wanted, pose=pose, body=body, tag=tag)
 
     def _new_sensor(self, wanted: Description, pose: Transform, parent: int) -> Actor:
         actor_id = self._take_id()
         sensor = Actor(actor_id=actor_id, description=wanted, pose=pose, parent=parent)
-        if wanted.blueprint == CAMERA:
+        if wanted.blueprint == catalogue.CAMERA:
             picture = _picture(sensor)
             sensor = Camera(
                 actor_id=actor_id, description=wanted, pose=pose, parent=parent, picture=picture
@@ -293,7 +285,7 @@ class World:
             totals[pair] = Vector(*(a + b for a, b in zip(old, gain, strict=True)))
         for (own, other), impulse in totals.items():
             for sensor in list(self.actors.values()):
-                if sensor.blueprint == COLLISION and sensor.parent == own:
+                if sensor.blueprint == catalogue.COLLISION and sensor.parent == own:
                     pair = (self.layout(self.actors[own]), self.layout(self.actors[other]))
                     body = snapshot.collision(*pair, impulse)
                     self._send(sensor, SensorType.COLLISION, body)
@@ -350,8 +342,8 @@ def _picture(sensor: Actor) -> Picture:
         interval = float(sensor.attribute("sensor_tick", "0"))
     except ValueError:
         raise Refused("an attribute of the camera is no number") from None
-    if not (width > 0 and height > 0 and width * height <= MAX_PIXELS):
-        raise Refused(f"the picture has no pixels, or more than {MAX_PIXELS}")
-    if not MIN_FOV_DEG <= fov <= MAX_FOV_DEG or not 0.0 <= interval < math.inf:
+    if not (width > 0 and height > 0 and width * height <= catalogue.MAX_PIXELS):
+        raise Refused(f"the picture has no pixels, or more than {catalogue.MAX_PIXELS}")
+    if not catalogue.MIN_FOV_DEG <= fov <= catalogue.MAX_FOV_DEG or not 0.0 <= interval < math.inf:
         raise Refused("the field of view or the interval of the camera is out of range")
     return Picture(width, height, fov, interval)

@@ -7,7 +7,6 @@ depends on nothing but its scenario: not on the batch, nor on what ran before.
 import bisect
 import math
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +86,7 @@ def _run(traffic: Traffic, row: int, last_frame: int, folder: Path) -> Run:
     net.write_text(network(scenario.road, ahead, traffic.friction[row].tolist()), encoding="utf-8")
     demand.write_text(routes(traffic, row), encoding="utf-8")
     with running(_options(scenario, row, net, demand)) as sumo:
-        return _Simulation.of(traffic, row, sumo).run(last_frame)
+        return _Simulation(traffic, row, sumo).run(last_frame)
 
 
 def _options(scenario: Scenario, row: int, net: Path, demand: Path) -> list[str]:
@@ -110,54 +109,28 @@ def _options(scenario: Scenario, row: int, net: Path, demand: Path) -> list[str]
     return [word for name, value in given.items() for word in (f"--{name}", str(value))]
 
 
-@dataclass(slots=True, kw_only=True)
 class _Simulation:
     """A simulation that SUMO has loaded.
 
-    Attributes:
+    Args:
         traffic: The batch.
-        row: Which simulation of it.
+        row: Row of the simulation in it.
         sumo: The module `libsumo`.
-        names: SUMO's name of each vehicle, by slot.
-        length: Of each vehicle, by slot [m].
-        borders: Lane borders, lateral axis towards the fast side [m].
-        centres: Lane centres [m].
-        lanes: Lane of each vehicle, by slot.
-        reach: How far ahead a leader is looked for [m].
-        watch: What the ego is doing.
-        contacts: First contact of each vehicle: partner, time [ms], speed of approach [m/s].
     """
 
-    traffic: Traffic
-    row: int
-    sumo: Any
-    names: dict[int, str]
-    length: dict[int, float]
-    borders: list[float]
-    centres: list[float]
-    lanes: dict[int, int]
-    reach: float
-    watch: Watch
-    contacts: dict[int, tuple[int, int, float]]
-
-    @classmethod
-    def of(cls, traffic: Traffic, row: int, sumo: Any) -> "_Simulation":
+    def __init__(self, traffic: Traffic, row: int, sumo: Any) -> None:
         """Begin."""
         road, vehicles = traffic.scenario.road, traffic.scenario.vehicles
         slots = np.flatnonzero(vehicles.valid[row]).tolist()
-        return cls(
-            traffic=traffic,
-            row=row,
-            sumo=sumo,
-            names={slot: str(slot) for slot in slots},
-            length={slot: float(vehicles.length[row, slot]) for slot in slots},
-            borders=(road.side * road.boundaries).tolist(),
-            centres=(road.side * road.centres).tolist(),
-            lanes={},
-            reach=float(constants().sight_range),
-            watch=Watch(settled=float(constants().settled_offset)),
-            contacts={},
-        )
+        self.traffic, self.row, self.sumo = traffic, row, sumo
+        self.names = {slot: str(slot) for slot in slots}  # SUMO's.
+        self.length = {slot: float(vehicles.length[row, slot]) for slot in slots}
+        # Lateral axis towards the fast side.
+        self.borders: list[float] = (road.side * road.boundaries).tolist()
+        self.centres: list[float] = (road.side * road.centres).tolist()
+        self.lanes: dict[int, int] = {}
+        self.watch = Watch(settled=float(constants().settled_offset))
+        self.contacts: dict[int, tuple[int, int, float]] = {}
 
     @property
     def scenario(self) -> Scenario:
@@ -235,7 +208,7 @@ class _Simulation:
         """What the stage of the ego is told from."""
         front, d, _, drift, *_ = seen[Role.EGO]
         lane, rear = self._lane(d), front - self.length[Role.EGO]
-        reach = front + self.reach
+        reach = front + float(constants().sight_range)
         ahead = [
             (other[0] - self.length[slot], slot)
             for slot, other in seen.items()
