@@ -183,8 +183,8 @@ def _recording(document: _Document, road: Stretch) -> Recording:
     columns = np.concatenate([one.states for one in obstacles])
     given: dict[str, F64] = {name: columns[:, k] for k, name in enumerate(QUANTITIES)}
     place = road.shape.project(given["x"], given["y"])
-    shift = np.round(road.shape.origin / 1000.0) * 1000.0
-    shift = shift if np.abs(road.shape.origin).max() > _FAR else np.zeros(2)
+    shift = np.round(road.shape.line.origin / 1000.0) * 1000.0
+    shift = shift if np.abs(road.shape.line.origin).max() > _FAR else np.zeros(2)
     straight = road.moved(shift)
     derived = [name for name, values in given.items() if np.isnan(values).any()]
     values: dict[str, Any] = _bodies(obstacles)
@@ -199,7 +199,7 @@ def _recording(document: _Document, road: Stretch) -> Recording:
         wheel_angle=np.zeros(len(columns)),
         **values,
     )
-    on_road = (place.s >= 0.0) & (place.s <= road.shape.length) & road.is_near(place.offset)
+    on_road = (place.s >= 0.0) & (place.s <= road.shape.line.length) & road.is_near(place.offset)
     tracks, num_oncoming = without_oncoming(kept(tracks, on_road), straight.heading)
     _check_some(document.name, tracks, num_oncoming)
     unknown = NEVER_RECORDED | {"weather"} | road.unknown
