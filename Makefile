@@ -30,7 +30,7 @@ CRATES := $(shell find crates -type f)
 LOCK   := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes \
           --no-header --no-emit-index-url --no-emit-find-links --quiet $(LOCK_FLAGS)
 
-.PHONY: help demo test test-ci test-all check check-python check-rust test-rust test-python bench docs \
+.PHONY: help demo test test-ci test-all check check-python check-rust test-rust test-python bench docs site \
         lock build dev format clean
 
 help:  ## List what can be made
@@ -60,7 +60,7 @@ test-all: test test-ci  ## All of that, then random properties, hostile sizes, s
 	$(BIN)/python benchmarks/mutations.py
 	$(BIN)/python benchmarks/flips.py
 
-check: check-python check-rust  ## Format, lint, types, layers and spelling; changes nothing
+check: check-python check-rust  ## Format, lint, types, layers, spelling, links; changes nothing
 
 check-python: dev
 	$(BIN)/ruff format --check .
@@ -68,6 +68,7 @@ check-python: dev
 	$(BIN)/pyright
 	$(BIN)/lint-imports --no-cache --no-logo
 	$(BIN)/typos
+	$(BIN)/python docs/site.py
 
 check-rust: dev
 	cargo fmt --all --check
@@ -96,6 +97,9 @@ format: dev  ## Format all code, and fix what the linter can fix
 	$(BIN)/ruff format .
 	cargo fmt --all
 
+site: dev  ## Build the documentation as a site, target/docs/site; fails if a link leads nowhere
+	$(BIN)/python docs/site.py
+
 lock:  ## Write requirements/*.txt anew (needs uv)
 	$(LOCK) -o requirements/runtime.txt
 	$(LOCK) -c requirements/runtime.txt --extra all --group tools -o requirements/dev.txt
@@ -108,26 +112,24 @@ clean:  ## Remove what was built, except the caches of pip and cargo and the dat
 	find src tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
 
 # Each stamp is touched last, so an interrupted step is done again.
-$(VENV)/.demo: requirements/demo.txt
+$(VENV)/.python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and \
 	  "$(PYTHON) is Python %d.%d, overtaking needs 3.11 or newer: make PYTHON=python3.11" % v[:2])'
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
+	@touch $@
+
+$(VENV)/.dev: requirements/dev.txt | $(VENV)/.build
 	@echo "installing the packages of $< into $(VENV)"
 	@$(INSTALL) -r $<
 	@touch $@
 
-$(VENV)/.dev: requirements/dev.txt | $(VENV)/.demo
-	@echo "installing the packages of $< into $(VENV)"
-	@$(INSTALL) -r $<
-	@touch $@
-
-# Cargo shows its progress; maturin, which pip starts, then finds the engine built. Only the compiled
-# module has to be built again when Rust code changes.
-$(VENV)/.build: $(VENV)/.demo $(CRATES) Cargo.toml Cargo.lock pyproject.toml
+# Packages arrive while the engine is built. Maturin, which pip starts last, finds it built. Only the
+# compiled module has to be built again when Rust code changes.
+$(VENV)/.build: requirements/demo.txt $(CRATES) Cargo.toml Cargo.lock pyproject.toml | $(VENV)/.python
 	@command -v cargo >/dev/null || { \
 	  echo "cargo is not on PATH, overtaking needs Rust 1.89 or newer: install it with rustup" >&2; exit 1; }
-	@echo "building the engine"
-	@$(ENGINE)
+	@echo "building the engine, and installing the packages of $< into $(VENV)"
+	@$(INSTALL) -r $< & packages=$$!; $(ENGINE); engine=$$?; wait $$packages && exit $$engine
 	@PATH="$(CURDIR)/$(BIN):$$PATH" \
 	  $(BIN)/python -m pip install --quiet --no-build-isolation --no-deps --editable .
 	@touch $@
