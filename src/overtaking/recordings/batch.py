@@ -1,4 +1,4 @@
-"""From windows of a recording to `Trajectories`: the ego in slot 0, who matters in the others."""
+"""From windows of a recording to `Trajectories`: the ego in slot 0, others in the next."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 I64 = NDArray[np.int64]
 
 NUM_SLOTS = 16
-"""Vehicles of a simulation that is made from a recording, the ego among them, unless said."""
+"""Default number of vehicles of a simulation from a recording, the ego among them."""
 
 MAX_SLOTS = 64
 
@@ -51,7 +51,7 @@ def vehicles_of(
 
     Args:
         recording: The recording.
-        around: Who drives around whom.
+        around: The neighbours of all vehicles.
         window: Which part of it.
         num_slots: How many vehicles at most.
     """
@@ -71,7 +71,7 @@ def vehicles_of(
 
 
 def _nearest(recording: Recording, window: Window) -> list[int]:
-    """Everybody who is there in the first frame of a window, or later, the nearest first."""
+    """All vehicles of a window by the frame in which they appear, then by distance."""
     tracks = recording.tracks
     meets = (tracks.first <= window.last) & (tracks.last >= window.first)
     there = np.flatnonzero(meets & (tracks.carriageway == tracks.carriageway[window.ego]))

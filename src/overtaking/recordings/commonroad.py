@@ -1,6 +1,6 @@
 """CommonRoad scenarios (XML, versions 2018b and 2020a) as recordings.
 
-What a scenario says about goals, predictions, signals and static obstacles is not read. Traffic is
+Goals, predictions, signals and static obstacles of a scenario are not read. Traffic is
 taken to keep to the right.
 """
 
@@ -229,7 +229,7 @@ def _recording(document: _Document, road: Stretch) -> Recording:
 
 
 def _check_some(name: str, tracks: Tracks, num_oncoming: int) -> None:
-    """Refuse a road on which nobody drives along it."""
+    """Refuse a road without vehicles that drive along it."""
     if not tracks.num_vehicles:
         raise refused(
             name,
@@ -275,7 +275,7 @@ def _motion(
 
     east, north = rate(given["x"]), rate(given["y"])
     velocity = or_else("velocity", np.hypot(east, north))
-    # Who hardly moves has no direction of movement.
+    # A vehicle that hardly moves has no direction of movement.
     course = np.where(np.hypot(east, north) > 0.5, np.arctan2(north, east), place.tangent)
     turned = or_else("orientation", course) - place.tangent
     relative = turned - np.round(turned / (2.0 * np.pi)) * (2.0 * np.pi)

@@ -24,7 +24,7 @@ MAX_ROADS = 48
 """Roads that are tried, the busiest lanelets first."""
 
 SINGLE_LANE = 0.1
-"""Weight of traffic on a road with one lane, on which nobody overtakes."""
+"""Weight of traffic on a road with one lane, on which no overtake is possible."""
 
 _MAX_NAMED = 3  # Other roads that are named.
 _MAX_SAMPLE = 2_000  # Points that decide how busy lanelets are.

@@ -147,7 +147,7 @@ def _sign(limit: float) -> str:
 
 
 def _obstacle(trajectories: Trajectories, place: int, slot: int) -> Iterator[str]:
-    """One vehicle with its states, in whatever frames it is there."""
+    """One vehicle with its states in the frames in which it is present."""
     bodies, there = trajectories.scenario.vehicles, trajectories.state_valid[place, slot]
     frames = np.flatnonzero(there)
     if not len(frames):
@@ -168,7 +168,7 @@ def _obstacle(trajectories: Trajectories, place: int, slot: int) -> Iterator[str
 def _states(
     trajectories: Trajectories, place: int, slot: int, frames: NDArray[np.intp]
 ) -> Iterator[str]:
-    """The inside of each state; a vehicle that is there for one frame stands there for another."""
+    """The content of each state; a single state is repeated, as a trajectory needs one."""
     recorded = trajectories.states
 
     def column(name: str) -> NDArray[np.float64]:

@@ -98,7 +98,7 @@ def survey_opendrive(
 
 
 def _drivable(verdicts: Mapping[str, Road | ImportFormatError]) -> str:
-    """The roads of a file on which somebody can overtake, the longest first, for a message."""
+    """The roads of a file with room to overtake, the longest first, for a message."""
     roads = [
         (name, one) for name, one in verdicts.items() if isinstance(one, Road) and one.num_lanes > 1
     ]

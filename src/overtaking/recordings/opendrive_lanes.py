@@ -119,7 +119,7 @@ def _cross_section(section: Section, side: Side, outward: float) -> Carriageway:
 def _first_wide(
     section: Section, lanes: Sequence[Element], indices: range, side: Side
 ) -> Strip | None:
-    """The first of some lanes that is there at all: files carry lanes of no width."""
+    """The first of some lanes with a width: files contain lanes of no width."""
     for index in indices:
         found = strip(section, lanes, index, side)
         if found.width > TOLERANCE:

@@ -82,7 +82,7 @@ def _only_limit(owner: Element, entries: Sequence[Element]) -> float | None:
 
 
 def _limit(entry: Element) -> float | None:
-    """The limit of one `<speed>` [m/s], or None where it says that it is not known."""
+    """The limit of one `<speed>` [m/s], or None where it is stated as unknown."""
     text = entry.attribute("max").strip()
     if text == _UNDEFINED:
         return None

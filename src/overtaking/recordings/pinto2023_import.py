@@ -1,9 +1,9 @@
 """The paper's table, ours or another's, as recorded simulations.
 
-The table says where every vehicle is, and little else. Lanes and lines come from the road that it
-was recorded on; the weather is a preset where the table's weather is exactly that of one. The
-column D is read as we write it: front wheels and body, clockwise. Accelerations are worked out from
-the positions, because A is a norm without a direction.
+The table holds the positions of all vehicles, and little else. Lanes and lines come from its road;
+the weather is a preset where it equals that of one exactly. Column D is read as we write it: front
+wheels and body, clockwise. Accelerations are computed from positions, because A is a norm without a
+direction.
 """
 
 # pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
@@ -169,7 +169,7 @@ def read_pinto2023(path: Path | str, *, road: Road | None = None) -> TableScenes
 
 
 def speed_ratios(recording: Recording) -> F64:
-    """Speed measured from positions and times over recorded speed, NaN for who hardly moves.
+    """Speed measured from positions and times over recorded speed, NaN for slow vehicles.
 
     Returns:
         The median over the frames of each vehicle, shape (vehicle,).

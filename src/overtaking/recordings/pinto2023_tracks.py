@@ -1,4 +1,4 @@
-"""What stands in the paper's table, row by row, as tracks and weather.
+"""From the rows of the paper's table to tracks and weather.
 
 A row is one frame of one simulation, with a tuple for each vehicle in some of its cells.
 """
@@ -44,7 +44,7 @@ _GLARING = "ClearSunset"  # The only preset for which the paper says Yes in colu
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frames:
-    """What the table says of each simulation and frame, in order; arrays of shape (frame,).
+    """The table's values for each simulation and frame, in order; arrays of shape (frame,).
 
     Attributes:
         line: Where it stands in the table, from 0.

@@ -27,7 +27,7 @@ U8 = NDArray[np.uint8]
 NEVER_RECORDED = frozenset(
     {"drivers", "bodies", "indicators", "lamps", "wheel_angle", "impulse", "stage", "percepts"}
 )
-"""What no recording from outside tells; see `model.trajectory.UNKNOWNS`."""
+"""What no recording of others contains; see `model.trajectory.UNKNOWNS`."""
 
 _OF_A_VEHICLE = ("ids", "kind", "length", "width", "carriageway")
 _HALF_SMOOTHING_MS = 100  # As the signals have it: a central difference over 0.2 s.
@@ -43,7 +43,7 @@ class Tracks:
         length: Same shape [m].
         width: Same shape [m].
         carriageway: Number of the carriageway that it drives on; those on different ones have
-            nothing to do with each other, same shape.
+            no influence on each other, same shape.
         first: Frame in which each vehicle is first seen, counted as the source does, same shape.
         start: Row at which each vehicle begins, and after the last the number of rows,
             shape (vehicle + 1,).
@@ -107,7 +107,7 @@ class Tracks:
         )
 
     def row(self, vehicle: int, frame: int) -> int:
-        """The row of a vehicle in a frame in which it is there."""
+        """The row of a vehicle in a frame in which it is present."""
         return int(self.start[vehicle] + frame - self.first[vehicle])
 
 
@@ -215,8 +215,8 @@ def kinds_by_length(length: F64, *, is_truck: NDArray[np.bool_], is_car: NDArray
     """Vehicle types where a source knows at most cars and trucks.
 
     Small, medium and large are parted half-way between the typical lengths of the three classes. A
-    vehicle of which the source says nothing reliable is a truck from half-way between van and
-    truck on. Vans are never told apart.
+    vehicle without a reliable type is a truck from half-way between van and truck on. Vans are not
+    distinguished.
 
     Args:
         length: Shape (vehicle,) [m].

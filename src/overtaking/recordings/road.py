@@ -3,7 +3,7 @@
 The road of a recording is given by the borders of its lanes as lines of points. A smooth line in
 their middle is the reference: `s` runs along it, and offsets from it are measured square to it. The
 model's lanes have constant widths, so an offset is scaled piecewise, from the borders where they
-are at that `s` to the mean borders of the stretch: who touches a line still touches it, and who is
+are at that `s` to the mean borders of the stretch: a vehicle on a line stays on it, and one
 in the middle of a lane still is. A decision in `docs/adr` has the reasons, and what this costs.
 """
 
@@ -182,7 +182,7 @@ def scaled(offset: F64, local: F64, mean: F64) -> F64:
     low = np.take_along_axis(local, lane[..., None], -1)[..., 0]
     high = np.take_along_axis(local, lane[..., None] + 1, -1)[..., 0]
     factor = (mean[lane + 1] - mean[lane]) / (high - low)
-    # Beyond the edges nothing tells how wide anything is: distances stay as they are.
+    # Beyond the edges no widths are known: distances stay as they are.
     inside = mean[lane] + (offset - low) * factor
     beyond = np.where(offset < low, mean[lane] + offset - low, mean[lane + 1] + offset - high)
     return np.where((offset < low) | (offset > high), beyond, inside)

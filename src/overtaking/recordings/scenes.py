@@ -1,4 +1,4 @@
-"""What becomes of a recording: its candidate overtakes, and who is in each."""
+"""The simulations of a recording: its candidate overtakes and their vehicles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One element of an XML document, with typed access that says where it fails."""
+"""One element of an XML document, with typed access whose errors name the line."""
 
 import math
 import re

@@ -28,7 +28,7 @@ _START, _SPACING = 30.0, 41.25  # Waypoints of the Traffic Manager lie 5 m apart
 _LANE = 2
 _SETTLING, _WATCHING = 2.0, 5.0  # Before lane changes are asked for, and after [s].
 _LONGEST_WAIT = 25.0
-_SIDEWAYS = 0.25  # Lateral speed from which somebody is changing lanes [m/s].
+_SIDEWAYS = 0.25  # Lateral speed from which a vehicle is changing lanes [m/s].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +102,7 @@ class _Track:
     sign: Callable[[], None]
 
     def changes_at(self, speed_kmh: float) -> int:
-        """How many of several vehicles change lanes when they are told to."""
+        """The number of vehicles that change lanes on command."""
         cars = [self._car(_START + k * _SPACING, speed_kmh) for k in range(TRIALS)]
         self._pass(_SETTLING)
         for car in cars:
@@ -123,7 +123,7 @@ class _Track:
         for tick in range(round((_LONGEST_WAIT - _WATCHING) / TICK)):
             self.manager.force_lane_change(car, False)
             self._pass(TICK)
-            # CARLA's y points to the right: who goes back to the left has a negative speed.
+            # CARLA's y points to the right: a return to the left has a negative speed.
             velocity = car.get_velocity()
             heading = self.road.heading
             leftwards = -velocity.y * math.cos(heading) - velocity.x * math.sin(heading)

@@ -38,7 +38,7 @@ _ADAPTER = "1"
 
 
 def version(driver: str) -> str:
-    """What identifies the results: who drives, which client, and which server."""
+    """The identity of the results: driver, client and server."""
     kind = HEADLESS if chosen_server() == HEADLESS else "server"
     return f"{_ADAPTER}+{driver}+{MODEL_VERSION}+carla{VERSION}+{kind}"
 
@@ -55,7 +55,7 @@ def simulate(scenario: Scenario, driver: str) -> Trajectories:
         ConfigError: The server is not there, of another version, or has no such map.
         SimulationLostError: Some could not be run; the message names them.
     """
-    library()  # What is missing is said before any work.
+    library()  # A missing package is reported before any work.
     done: list[Trajectories] = []
     missing: list[tuple[int, str]] = []
     for row in range(scenario.num_simulations):
@@ -164,7 +164,7 @@ def _padded(part: Trajectories, frames: int) -> Trajectories:
     )
 
 
-# --- ports for Traffic Managers, which the client opens and shares with nobody ---
+# --- ports for Traffic Managers, which the client opens and does not share ---
 
 _PORTS = range(8000, 20_000)
 _HANDED_OUT: list[int] = []

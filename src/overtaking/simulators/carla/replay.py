@@ -1,7 +1,7 @@
 """Plays a recorded simulation in CARLA, pose by pose, and films it with CARLA's cameras.
 
-Nothing is simulated: physics is off, every vehicle stands in each frame where it was recorded. On a
-real server the films, and whatever other sensors see, are photorealistic with our physics.
+Physics is off: in each frame every vehicle has its recorded pose. On a real server the films, and
+the data of other sensors, are photorealistic.
 """
 
 import contextlib
@@ -200,7 +200,7 @@ class _Scene:
         return round(1000 / self.run.scenario.frame_interval_ms)
 
     def show(self, frame: int) -> int:
-        """Put everybody where they were recorded; the number of the tick."""
+        """Move all vehicles to their recorded poses; the number of the tick."""
         for slot, actor in self._actors.items():
             actor.set_transform(self._pose(slot, frame))
             self._lamps.switch(slot, int(self.run.states.lights[0, slot, frame]))
@@ -228,11 +228,11 @@ class _Scene:
         return pictures
 
     def tear_down(self) -> None:
-        """Remove everybody and let the server run freely, as it was found."""
+        """Remove all actors and let the server run freely, as before."""
         leave(self.world, self._cameras, list(self._actors.values()))
 
     def _spawn(self, slot: int) -> None:
-        """Bring a vehicle in, high up where nobody is in the way, and switch its physics off."""
+        """Spawn a vehicle above the traffic and switch its physics off."""
         blueprint = blueprint_of(self.world, self.run.scenario, slot)
         pose = self._pose(slot, 0)
         pose.location.z += 2.0

@@ -1,4 +1,4 @@
-"""One scenario on a CARLA server: a world is set up, ticked and read; nothing is assumed of it."""
+"""One scenario on a CARLA server: the world is set up, ticked and read."""
 
 import dataclasses
 import math
@@ -78,7 +78,7 @@ class CarlaStage:
     Attributes:
         carla: The module.
         client: A connected client.
-        scenario: A batch of one, with road and bodies as CARLA says they are.
+        scenario: A batch of one, with road and bodies as CARLA reports them.
         world: The world.
         actors: Vehicles by slot.
         end: Station at which the straight road ends [m].
@@ -139,15 +139,14 @@ class CarlaStage:
         return self.carla.Vector3D(speed * math.cos(heading), -speed * math.sin(heading), 0.0)
 
     def tick(self) -> Reading:
-        """Let one tick pass, and see where everybody is."""
+        """Simulate one tick and read all vehicles."""
         self.world.tick()
         return self._read(self.world.get_snapshot())
 
     def contacts(self, before: int) -> list[Contact]:
-        """What the collision sensors have said of the ticks before one, in order, once.
+        """The events of the collision sensors before a tick, in order; each is returned once.
 
-        They speak in threads of their own: of a tick that is just over it is not yet sure that all
-        has been heard.
+        Sensors report from threads of their own, so the events of the last tick may be incomplete.
         """
         found = sorted(
             (one for one in self._events if one.frame < before),
@@ -161,7 +160,7 @@ class CarlaStage:
         self._lamps.switch(slot, lights)
 
     def tear_down(self) -> None:
-        """Remove everybody and let the server run freely, as it was found."""
+        """Remove all actors and let the server run freely, as before."""
         leave(self.world, self._sensors, list(self.actors.values()))
 
     def _spawn(self, slot: int, speed: float) -> None:

@@ -1,7 +1,7 @@
-"""The picture of a camera: lanes, lines and boxes in plain colours, with a line that says so.
+"""The picture of a camera: lanes, lines and boxes in plain colours, with a note.
 
-It shows where things are and what the weather is, so that code which looks at pictures can be run.
-It is no substitute for CARLA's own camera, and every picture says that.
+It shows positions and weather, so that code which reads pictures can run. It is no substitute for
+CARLA's own camera, and the note in each picture says that.
 """
 
 from __future__ import annotations

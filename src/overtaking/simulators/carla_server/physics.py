@@ -11,7 +11,7 @@ from overtaking.simulators.carla_server.steering import Steering
 from overtaking.simulators.carla_server.world import World
 
 WHEEL_RADIUS = 0.35
-"""Radius of every wheel that the server tells of [m]."""
+"""Radius of every wheel that the server reports [m]."""
 
 _CM_PER_M = 100.0
 _LIGHTEST, _HEAVIEST = 50.0, 100_000.0

@@ -1,4 +1,4 @@
-"""The maps of the headless server: a road of ours, or somebody's OpenDRIVE file."""
+"""The maps of the headless server: roads of the package and OpenDRIVE files."""
 
 from __future__ import annotations
 
@@ -185,7 +185,7 @@ class Place:
 
 _CELL = 10.0
 _ON_LANE = 2.5
-"""Who is nearer than this to the centre of a lane stands on it [m]."""
+"""A point nearer than this to the centre of a lane is on the lane [m]."""
 _LEVEL_REACH = 0.5
 """How much farther than the nearest lane one of another level may be [m]."""
 

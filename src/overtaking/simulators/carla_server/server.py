@@ -25,10 +25,10 @@ SILENCE = 10.0
 """A synchronous client with Traffic Managers that is silent this long is reported [s]."""
 
 MAX_COMPLAINTS = 1000
-"""Bad messages that are told one by one; who sends many thousands shall not fill a disk."""
+"""Bad messages that are logged one by one, so that a client cannot fill a disk."""
 
 MAX_TOLD, MAX_TOLD_CHARACTERS = 20, 200
-"""Calls without effect that are told for each client, and how long their names may be."""
+"""Logged calls without effect of each client, and longest log line."""
 
 _READ_BYTES = 1 << 14
 _CALL, _ANSWER = 0, 1
@@ -42,7 +42,7 @@ class Server:
 
     Attributes:
         world: Its state.
-        log: Where it says what happens.
+        log: Receives lines about what happens.
     """
 
     world: World
@@ -54,14 +54,14 @@ class Server:
     _complaints: int = 0
 
     def __post_init__(self) -> None:
-        """Nobody is connected."""
+        """Start without connections."""
         self.connections = Connections(self.log)
 
     async def serve_calls(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Answer the calls of one connection until it ends or sends what no client sends.
 
-        What a client does not take is not produced: at most one answer is beyond the few kilobytes
-        that a connection buffers, and until it is taken no further call is answered.
+        At most one answer is produced beyond the few kilobytes that a connection buffers. Until the
+        client reads it no further call is answered.
         """
         session = Session(self.world, self.managers)
         decoder = Decoder(self._budget)
@@ -74,7 +74,7 @@ class Server:
                         writer.write(await self._answer(session, connection, message))
                         await writer.drain()
                     if len(data) == _READ_BYTES:
-                        await asyncio.sleep(0)  # The others come to their turn.
+                        await asyncio.sleep(0)  # Other connections get their turn.
         except CrowdedError as error:
             self._complain(f"a client was turned away: {error}")
         except ProtocolError as error:
@@ -108,9 +108,9 @@ class Server:
         return encode([_ANSWER, number, None, answer])
 
     def _tell_unseen(self, connection: Connection, name: str, error: str) -> None:
-        """Say once for each client what it asked for in vain and cannot see.
+        """Log once for each client a call whose error it cannot see.
 
-        The genuine client throws the answers to many of its calls away, so its user sees nothing.
+        The genuine client discards the answers to many of its calls, so its user sees nothing.
         """
         text = (error if error.startswith(name) else f"{name}: {error}")[:MAX_TOLD_CHARACTERS]
         if text not in connection.told and len(connection.told) < MAX_TOLD:
@@ -118,7 +118,7 @@ class Server:
             self._complain(f"client {connection.name} cannot see that a call had no effect: {text}")
 
     def _complain(self, text: str) -> None:
-        """Tell of a bad message, unless there were too many."""
+        """Log a bad message, unless there were too many."""
         self._complaints += 1
         if self._complaints <= MAX_COMPLAINTS:
             self.log(text)
@@ -126,7 +126,7 @@ class Server:
             self.log("there were many bad messages; no more are told")
 
     async def run_free(self) -> None:
-        """Let time pass, as fast as it does, while no client wants to say when."""
+        """Tick in real time while no client ticks."""
         loop = asyncio.get_running_loop()
         due = loop.time()
         while True:
@@ -136,7 +136,7 @@ class Server:
                 self.world.tick()
 
     async def watch(self) -> None:
-        """Say it once when a client has fallen silent in the middle of its ticks."""
+        """Log once that a client has fallen silent in the middle of its ticks."""
         loop = asyncio.get_running_loop()
         told = False
         while True:

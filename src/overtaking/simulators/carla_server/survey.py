@@ -1,6 +1,6 @@
-"""Looks at an OpenDRIVE file of somebody else with CARLA's own reader, in a process of its own.
+"""Reads an OpenDRIVE file of unknown origin with CARLA's own reader, in a separate process.
 
-The reader is C++ that was not made for hostile files; where it falls over, the server stays up.
+The reader is C++ that was not made for hostile files; the server survives its crashes.
 Run as `python -m overtaking.simulators.carla_server.survey`, it reads the text from its standard
 input and writes the samples of all lanes to its standard output, as NumPy's .npz.
 """

@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     from overtaking.simulators.carla_server.streams import Streams
 
 FREE_RUNNING_DELTA = 0.05
-"""Length of a tick that nobody has fixed [s]."""
+"""Length of a tick without a fixed one [s]."""
 
 SCENARIO_NAME = re.compile(r"overtaking\.scenario (\d{1,20}) (\d{1,20}) (-?\d\.\d{1,12})")
-"""Role name of an actor that says what CARLA's weather leaves open."""
+"""Role name of an actor with what CARLA's weather has no field for."""
 
 MAX_ACTORS = 500
 _FIRST_ID = 20
@@ -79,7 +79,7 @@ class World:
         """Begin a new episode.
 
         Args:
-            name: Of the map, with or without folders; empty for the one that is there.
+            name: Of the map, with or without folders; empty for the loaded one.
             reset_settings: Whether clients find the settings of a new server.
 
         Raises:
@@ -213,9 +213,9 @@ class World:
     def _take_nature(self, name: str) -> None:
         """Take what CARLA's weather leaves open from the role name of an actor.
 
-        `overtaking.scenario SEED NUMBER WIND_DIRECTION` says which gusts and puddles there are, and
-        where the wind blows to, anticlockwise from the direction of travel [rad]. To a real server
-        it is a role name like any other.
+        `overtaking.scenario SEED NUMBER WIND_DIRECTION` sets the seed of gusts and puddles, and the
+        direction of the wind, anticlockwise from the direction of travel [rad]. A real server takes
+        it for a role name like any other.
         """
         match = SCENARIO_NAME.fullmatch(name)
         if match is None:
@@ -234,10 +234,10 @@ class World:
     # --- time ---
 
     def tick(self, *, pace: float = 0.0) -> None:
-        """Let one tick pass, and tell all who listen.
+        """Simulate one tick and send its data to all listeners.
 
         Args:
-            pace: They are not told before this time has passed since now [s].
+            pace: Shortest time from now until the data are sent [s].
         """
         begin, delta = monotonic(), self.delta
         self.frame += 1
@@ -315,7 +315,7 @@ class World:
             self.streams.send(sensor.stream, head + body)
 
     def _take_pictures(self) -> None:
-        """Draw for every camera that somebody looks at."""
+        """Draw for every camera with a listener."""
         if self.settings.no_rendering:
             return
         for camera in list(self.actors.values()):

@@ -1,4 +1,4 @@
-"""From what SUMO says of its vehicles to the recorded integers, rounded once."""
+"""From SUMO's states of vehicles to the recorded integers, rounded once."""
 
 import hashlib
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from overtaking.model.trajectory import (
 )
 
 UNKNOWN = frozenset({"lamps", "wheel_angle", "yaw_rate", "impulse", "percepts"})
-"""What SUMO cannot say: it has no wheels, no headlamps, no masses that meet and no beliefs."""
+"""Quantities that SUMO lacks: it has no wheels, headlamps, colliding masses or beliefs."""
 
 RAW = ("front", "d", "speed", "drift", "accel", "angle", "signals")
 """What is read of a vehicle in each frame, lateral axis towards the fast side, angle in degrees."""

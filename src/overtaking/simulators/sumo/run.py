@@ -30,7 +30,7 @@ CHUNK_SIZE = 32
 """Simulations to ask for at a time, so that a second or so passes between two signs of life."""
 
 SHARD_SIZE = 256
-"""Simulations that are lost at most when somebody ends the work: some ten seconds of it."""
+"""Largest number of simulations lost by an interruption: about ten seconds of work."""
 
 LARGEST_STEP_MS = 50
 """The EIDM is made for steps of 0.05 to 0.5 s; our own drivers decide as often [ms]."""
@@ -54,13 +54,13 @@ def simulate(scenario: Scenario) -> Trajectories:
         scenario: A batch of scenarios.
 
     Returns:
-        The recorded simulations; `unknown` names what SUMO cannot say.
+        The recorded simulations; `unknown` names what SUMO lacks.
 
     Raises:
         MissingExtraError: libsumo is not installed.
         ConfigError: libsumo is in use by others in this process, or refuses the scenario.
     """
-    library()  # What is missing is said before any work.
+    library()  # A missing package is reported before any work.
     interval = scenario.frame_interval_ms
     ends = np.floor(scenario.horizon.astype(np.float64) * 1000.0 / interval + 1e-6)
     frames = int(ends.max()) + 1 if scenario.num_simulations else 0
@@ -97,7 +97,7 @@ def _options(scenario: Scenario, row: int, net: Path, demand: Path) -> list[str]
         "step-length": step_ms(scenario.frame_interval_ms) / 1000.0,
         "lateral-resolution": LATERAL_RESOLUTION,
         "seed": word >> 1,  # SUMO takes 31 bits.
-        "collision.action": "warn",  # Noticed, and nobody vanishes.
+        "collision.action": "warn",  # Reported, and no vehicle is removed.
         "collision.mingap-factor": 0,
         "time-to-teleport": -1,
         "xml-validation": "never",
@@ -138,7 +138,7 @@ class _Simulation:
         return self.traffic.scenario
 
     def run(self, last_frame: int) -> Run:
-        """Step to the end; frame 0 is what SUMO says after the step that inserts the vehicles."""
+        """Step to the end; frame 0 is SUMO's state after the step that inserts the vehicles."""
         interval = self.scenario.frame_interval_ms
         step = step_ms(interval)
         raw = np.zeros((len(RAW), self.scenario.num_slots, last_frame + 1))
@@ -174,7 +174,7 @@ class _Simulation:
         return {slot: _state(vehicle, name) for slot, name in self.names.items()}
 
     def _adapt(self, seen: dict[int, tuple[float, ...]]) -> None:
-        """Everybody wants their own speed, from the first frame on and in each new lane."""
+        """Set the desired speed of each vehicle at the first frame and in each new lane."""
         for slot, (_, d, *_) in seen.items():
             lane = self._lane(d)
             if self.lanes.get(slot) != lane:
@@ -190,7 +190,7 @@ class _Simulation:
             self.contacts.setdefault(other, (one, time_ms, closing))
 
     def _end(self, seen: dict[int, tuple[float, ...]], time_ms: int) -> int:
-        """When the simulation is over, as far as can be told now [ms]."""
+        """End of the simulation as known now [ms]."""
         before = self.watch.stage
         if before is Stage.CRASHED:
             return time_ms + _EVER
@@ -205,7 +205,7 @@ class _Simulation:
         return time_ms if idle and late else time_ms + _EVER
 
     def _sight(self, seen: dict[int, tuple[float, ...]]) -> Sight:
-        """What the stage of the ego is told from."""
+        """The state of the traffic from which the stage of the ego follows."""
         front, d, _, drift, *_ = seen[Role.EGO]
         lane, rear = self._lane(d), front - self.length[Role.EGO]
         reach = front + float(constants().sight_range)
