@@ -164,13 +164,3 @@ class _Track:
             car.set_autopilot(False, self.manager.get_port())
             car.destroy()
         self._pass(2.0 * TICK)
-
-
-def highest_working(limits: Limits) -> float | None:
-    """The highest speed up to which every vehicle changed lanes at every speed [km/h]."""
-    best: float | None = None
-    for speed, changed in zip(limits.speeds_kmh, limits.changed, strict=True):
-        if changed < limits.trials:
-            break
-        best = speed
-    return best

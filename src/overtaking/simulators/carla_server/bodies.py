@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from overtaking.core.errors import ConfigError
 from overtaking.knowledge import COLOUR_ORDER, VEHICLE_CLASS_ORDER, colours, vehicle_classes
 from overtaking.knowledge.blueprints import blueprints
 from overtaking.model.drivers import Drivers
@@ -152,19 +151,3 @@ def _specs(bodies: Sequence[Body]) -> VehicleSpecs:
         else:
             columns[field.name] = values.astype(_WHOLE.get(field.name, np.float32))
     return VehicleSpecs(**columns)
-
-
-def check_blueprint(blueprint: str) -> None:
-    """Refuse the name of a vehicle that does not exist.
-
-    Raises:
-        ConfigError: CARLA 0.9.16 has no such vehicle.
-    """
-    if blueprint not in blueprints():
-        raise ConfigError.of(
-            what="blueprint",
-            where="carla_server",
-            expected=f"one of {len(blueprints())} vehicles, such as {next(iter(blueprints()))}",
-            got=repr(blueprint),
-            next_step="choose one from the blueprint library",
-        )

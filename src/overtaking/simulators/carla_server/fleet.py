@@ -214,13 +214,13 @@ class Fleet:
             found[vehicle] = Motion(s, d, math.remainder(psi, math.tau), along, across, r)
         return found
 
-    def overlapped(self, body: Body, motion: Motion, height: float = 0.0) -> int | None:
-        """A vehicle that stands where another would be put, or None."""
-        for row, (vehicle, at) in enumerate(self.motions().items()):
-            on_level = abs(self.heights.get(vehicle, 0.0) - height) < LEVELS_APART
-            if on_level and overlap(body, motion, self._bodies[row], at):
-                return vehicle
-        return None
+    def is_free(self, body: Body, motion: Motion, height: float) -> bool:
+        """Whether no vehicle is in the place of a new one at some height [m]."""
+        return not any(
+            abs(self.heights.get(vehicle, 0.0) - height) < LEVELS_APART
+            and overlap(body, motion, self.body(vehicle), at)
+            for vehicle, at in self.motions().items()
+        )
 
     def advance(self, duration: float, controls: Mapping[int, Control]) -> list[Touch]:
         """Move every vehicle.

@@ -16,7 +16,7 @@ from overtaking.simulators.carla_server.arguments import Rotation, Transform, Ve
 from overtaking.simulators.carla_server.motion import LEVELS_APART, Ground, Motion
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -209,13 +209,7 @@ def known_place(name: str) -> Place:
     """
     key = name.lower()
     if key not in ROAD_NAMES:
-        raise ConfigError.of(
-            what="map",
-            where="the headless server",
-            expected=" or ".join(ROAD_NAMES),
-            got=repr(name),
-            next_step="choose one of them, or start the server with an OpenDRIVE file",
-        )
+        raise _no_map(name, ROAD_NAMES, "an OpenDRIVE file")
     road = known_road(key)
     road = road.extended(max(road.length, ROAD_LENGTH))
     carla_name, road_id = _CARLA_NAMES.get(key, (key, "1"))
@@ -224,6 +218,16 @@ def known_place(name: str) -> Place:
         write_opendrive(road, road_id=road_id),
         Ground(road, shelters=True),
         _sampled(road),
+    )
+
+
+def _no_map(name: str, names: Iterable[str], otherwise: str) -> ConfigError:
+    return ConfigError.of(
+        what="map",
+        where="the headless server",
+        expected=" or ".join(names),
+        got=repr(name),
+        next_step=f"choose one of them, or start the server with {otherwise}",
     )
 
 
@@ -256,13 +260,7 @@ class Atlas:
             return self._learned[name]
         if name.lower() in ROAD_NAMES:
             return known_place(name)
-        raise ConfigError.of(
-            what="map",
-            where="the headless server",
-            expected=" or ".join(self.names()),
-            got=repr(name),
-            next_step=f"choose one of them, or start the server with --map {name}.xodr as well",
-        )
+        raise _no_map(name, self.names(), f"--map {name}.xodr as well")
 
     def learn(self, opendrive: str) -> None:
         """Take an OpenDRIVE text as the map that clients call `OpenDriveMap`.

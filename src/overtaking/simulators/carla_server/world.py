@@ -158,7 +158,7 @@ class World:
 
     def _new_vehicle(self, wanted: Description, pose: Transform) -> Vehicle:
         body, motion = body_of(wanted.blueprint), self.place.motion(pose)
-        if self.fleet.overlapped(body, motion, pose.location.z) is not None:
+        if not self.fleet.is_free(body, motion, pose.location.z):
             raise Refused("Spawn failed because of collision at spawn position")
         actor_id = self._take_id()
         self.fleet.add(actor_id, body, motion)

@@ -67,7 +67,7 @@ class Watch:
         returns = self.stage in (Stage.RETURN, Stage.ABORT) or (self.stage is Stage.PASS and back)
         if not returns:
             return self.stage
-        # In SUMO the target may fall back, and the ego return before it is past: the last order counts.
+        # In SUMO the target may fall back, and the ego return before it is past.
         if self.target in sight.passed:
             return Stage.DONE if settled else Stage.RETURN
         return Stage.FOLLOW if settled else Stage.ABORT
