@@ -143,7 +143,7 @@ def lanelet(element: Element) -> Lanelet:
         types=types,
         kind=_kind(element, types),
         signs=tuple(one.integer("ref") for one in element.all("trafficSignRef")),
-        speed_limit=stated.parse_number(stated.text, what="text") if stated else None,
+        speed_limit=stated.value() if stated else None,
     )
 
 
@@ -161,13 +161,7 @@ def _points(border: Element) -> F64:
     points = border.all("point")
     if not 2 <= len(points) <= MAX_POINTS:
         raise border.error("has a wrong number of points", f"2 to {MAX_POINTS}", str(len(points)))
-    return np.array([[coordinate(point, axis) for axis in ("x", "y")] for point in points])
-
-
-def coordinate(point: Element, axis: str) -> float:
-    """One coordinate of a point [m]."""
-    one = point.required(axis)
-    return one.parse_number(one.text, what="text")
+    return np.array([[point.required(axis).value() for axis in ("x", "y")] for point in points])
 
 
 def _mark(border: Element) -> RoadMark | None:

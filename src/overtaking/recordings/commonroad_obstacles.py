@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.recordings.commonroad_lanes import coordinate
-
 if TYPE_CHECKING:
     from overtaking.recordings.xml_element import Element
 
@@ -90,10 +88,9 @@ def _size(shape: Element) -> tuple[float, float]:
     circle, rectangle = shape.optional("circle"), shape.optional("rectangle")
     if rectangle is not None:
         sides = [rectangle.required(name) for name in ("length", "width")]
-        length, width = (side.parse_number(side.text, what="text") for side in sides)
+        length, width = (side.value() for side in sides)
     elif circle is not None:
-        radius = circle.required("radius")
-        length = width = 2.0 * radius.parse_number(radius.text, what="text")
+        length = width = 2.0 * circle.required("radius").value()
     else:
         raise shape.error(
             "is not known",
@@ -110,8 +107,7 @@ def _size(shape: Element) -> tuple[float, float]:
 
 def _exact(element: Element) -> float:
     """The value of a quantity that may also be given as an interval, which is refused."""
-    exact = element.required("exact")
-    return exact.parse_number(exact.text, what="text")
+    return element.required("exact").value()
 
 
 def _time(state: Element) -> int:
@@ -137,7 +133,7 @@ def _check_times(rows: list[Element], times: NDArray[np.int64]) -> None:
 def _quantity(state: Element, name: str) -> float:
     """One of `QUANTITIES`, NaN if it is not given."""
     if name in ("x", "y"):
-        return coordinate(state.required("position").required("point"), name)
+        return state.required("position").required("point").required(name).value()
     given = state.optional(name)
     if given is None:
         return float("nan")

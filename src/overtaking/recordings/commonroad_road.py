@@ -206,7 +206,7 @@ def posted_limit(sign: Element) -> float | None:
     for one in sign.all("trafficSignElement"):
         values = one.all("additionalValue")
         if one.required("trafficSignID").text in SPEED_SIGNS and values:
-            return values[0].parse_number(values[0].text, what="text")
+            return values[0].value()
     return None
 
 

@@ -92,6 +92,10 @@ class Element:
             raise self._no_number(f"attribute {name}", "an integer", text)
         return int(text)
 
+    def value(self) -> float:
+        """The text of this element as a finite number; ImportFormatError if it is none."""
+        return self.parse_number(self.text, what="text")
+
     def parse_number(self, text: str, *, what: str) -> float:
         """A text of this element as a finite number; ImportFormatError if it is none."""
         stripped = text.strip(WHITE_SPACE)
