@@ -30,6 +30,7 @@ BINDINGS = (
     "overtaking.show.video.canvas",
     "overtaking.show.video.encode",
     "overtaking.sim",
+    "overtaking.simulators.carla_server.camera",
     "overtaking.world.compiled",
 )
 REFERENCES = ("overtaking.sim.reference", "overtaking.labels.signals.reference")

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from overtaking._core import Drawing
+    from overtaking.simulators.carla_server.camera import Drawing
 
 _ROWS = 7
 _COLUMNS = 5
