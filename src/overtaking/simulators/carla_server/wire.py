@@ -27,6 +27,9 @@ MAX_BUFFERED_BYTES: Final = 64 << 20
 """Most bytes of unfinished messages on all connections together."""
 
 
+_LONG = b"\xc6\xdb\xdd"  # Heads of bytes, text and arrays with a length of 32 bits.
+
+
 class ProtocolError(Exception):
     """Bytes that no CARLA client sends; the server closes their connection."""
 
@@ -78,7 +81,7 @@ class Decoder:
             messages.append(_decoded(self._buffer[:length]))
             self._num_decoded += length
             self._release(length)
-        if len(self._buffer) > MAX_MESSAGE_BYTES:
+        if max(len(self._buffer), _declared(self._buffer)) > MAX_MESSAGE_BYTES:
             raise ProtocolError(f"a message of more than {MAX_MESSAGE_BYTES} bytes")
         return messages
 
@@ -99,6 +102,12 @@ class Decoder:
         except ValueError as error:  # A reserved type, or nesting beyond 1,024 levels.
             raise ProtocolError(f"no MessagePack: {str(error) or type(error).__name__}") from None
         return True
+
+
+def _declared(message: bytearray) -> int:
+    """Length that the head of an unfinished message states in 32 bits; it is a lower bound."""
+    has_length = len(message) >= 5 and message[0] in _LONG
+    return int.from_bytes(message[1:5], "big") if has_length else 0
 
 
 def _decoded(message: bytearray) -> Any:

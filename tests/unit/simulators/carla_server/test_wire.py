@@ -64,6 +64,8 @@ def test_no_bytes_do_more_than_end_a_connection(data: bytes):
         b"\xd4\x01\x02",  # an extension,
         b"\xc1",  # what nobody may use,
         b"\xa2\xff\xfe",  # no UTF-8,
+        b"\xdd\xff\xff\xff\xff",  # an array that would not fit,
+        b"\xc6\x7f\xff\xff\xff",  # bytes that would not fit,
         b"\x91" * 2000,  # and nesting without end.
     ],
 )
@@ -75,9 +77,9 @@ def test_what_the_protocol_does_not_have_is_refused(data: bytes):
 @pytest.mark.parametrize(
     "head",
     [
-        b"\xdd\xff\xff\xff\xff",  # An array that would not fit,
+        b"\x91\xdd\xff\xff\xff\xff",  # An array that would not fit in another,
         b"\xdd\x00\x10\x00\x00" * 1000,  # many in each other,
-        b"\xc6\x7f\xff\xff\xff",  # and bytes that would not fit.
+        b"\x91\xc6\x7f\xff\xff\xff",  # and bytes that would not fit.
     ],
 )
 def test_what_is_declared_and_not_sent_takes_no_memory(head: bytes):
