@@ -28,6 +28,7 @@ BINDINGS = (
     "overtaking.show.video.canvas",
     "overtaking.show.video.encode",
     "overtaking.sim",
+    "overtaking.simulators.carla_server.camera",
     "overtaking.world.compiled",
 )
 REFERENCE = "overtaking.sim.reference"
