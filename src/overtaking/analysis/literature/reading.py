@@ -76,7 +76,7 @@ def _corrected(row: dict[str, Any], corrections: dict[str, dict[str, Any]]) -> d
     """A row with its corrections applied and kept."""
     if not corrections:
         return row
-    kept = [
+    kept: list[dict[str, Any]] = [
         {"column": column, "printed": row.get(column), **one}
         | ({"value": None} if one.get("value") == UNKNOWN else {})
         for column, one in corrections.items()
@@ -87,7 +87,7 @@ def _corrected(row: dict[str, Any], corrections: dict[str, dict[str, Any]]) -> d
 def _checked(cls: type[Record], file: str, rows: dict[str, Any]) -> dict[str, Record]:
     """Rows as records. JSON, because pydantic is strict there and yet takes lists as tuples."""
     try:
-        return TypeAdapter(dict[str, cls]).validate_json(json.dumps(rows))
+        return TypeAdapter(dict[str, cls]).validate_json(json.dumps(rows))  # pyright: ignore[reportInvalidTypeForm]
     except ValidationError as error:
         first = error.errors()[0]
         raise KnowledgeError.of(

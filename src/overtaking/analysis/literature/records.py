@@ -3,8 +3,6 @@
 Pydantic checks them when they are read: types, names, and that every source is on record.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 from typing import Annotated, Literal, get_args
 
