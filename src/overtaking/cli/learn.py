@@ -120,14 +120,14 @@ def _drawn_factors(found: "FactorsFound") -> "Group":
     """Models, confusion, the factors in order, and leaks."""
     from rich.console import Group
 
-    from overtaking.analysis.learning import tables_of_factors as tables
+    from overtaking.analysis.learning import tables
 
     parts = [
         tables.model_table(found),
         tables.confusion_table(found),
         tables.ranking_table(found),
     ]
-    if found.faked:
+    if found.leakage:
         parts.append(tables.leakage_table(found))
     return Group(*(drawn(one) for one in parts))
 
@@ -137,7 +137,7 @@ def _drawn_rules(found: "RulesFound") -> "Group":
     from rich.console import Group
     from rich.text import Text
 
-    from overtaking.analysis.learning.tables_of_rules import comparison_table, rule_table
+    from overtaking.analysis.learning.tables import comparison_table, rule_table
 
     lines = [
         f"learned from {found.num_learned_from:,} simulations; "

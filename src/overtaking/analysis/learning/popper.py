@@ -22,7 +22,6 @@ from overtaking.analysis.learning.examples import Examples, refuse_too_few
 from overtaking.analysis.learning.targets import Target
 from overtaking.core.folders import put_file, whole_folder
 
-F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 MAX_PREDICATES = 60
@@ -61,7 +60,7 @@ def write_popper(examples: Examples, target: Target, out: Path) -> int:
     ]
     with whole_folder(out) as folder:
         put_file(folder / "bias.pl", _lines(_bias(head, found)))
-        put_file(folder / "bk.pl", _lines([_about(target), *background]))
+        put_file(folder / "bk.pl", _lines([f"% {target.question}", *background]))
         # Popper reads examples of one kind after those of the other.
         put_file(folder / "exs.pl", _lines(sorted(said, key=lambda line: line.startswith("neg"))))
     return sum(1 for line in background if not line.startswith("%")) + len(said)
@@ -125,10 +124,6 @@ def _facts(condition: Condition, examples: Examples) -> Iterator[str]:
     name = predicate(condition)
     for number in examples.simulations[condition.holds(examples)]:
         yield f"{name}({constant(number)})."
-
-
-def _about(target: Target) -> str:
-    return f"% {target.question}"
 
 
 def _lines(lines: Iterator[str] | list[str]) -> str:
