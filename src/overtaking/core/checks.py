@@ -1,6 +1,7 @@
 """Refuse a name or a number that cannot be used."""
 
 from collections.abc import Iterable
+from math import inf
 
 from overtaking.core.errors import ConfigError
 
@@ -28,24 +29,28 @@ def check_name(got: str, known: Iterable[str], *, what: str, where: str) -> None
         )
 
 
-def check_least(got: float, least: float, *, what: str, where: str, unit: str = "") -> None:
-    """Refuse a number that is too small.
+def check_least(
+    got: float, least: float, most: float = inf, *, what: str, where: str, unit: str = ""
+) -> None:
+    """Refuse a number that is too small, or too large.
 
     Args:
         got: The number.
         least: The smallest that can be used.
+        most: The largest.
         what: The option or argument.
         where: The command or function.
         unit: What it counts, for the message.
 
     Raises:
-        ConfigError: It is smaller, or NaN.
+        ConfigError: It is smaller or larger, or NaN.
     """
-    if not got >= least:
+    if not least <= got <= most:
+        bounds = f"{least:g} {unit}".strip() + " or more"
         raise ConfigError.of(
             what=what,
             where=where,
-            expected=f"{least:g} {unit}".strip() + " or more",
+            expected=bounds if most == inf else f"{least:,} to {most:,} {unit}".strip(),
             got=got,
             next_step="choose a number in that range",
         )

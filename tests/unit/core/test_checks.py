@@ -11,7 +11,7 @@ from overtaking.core.steps import Steps
 
 def test_an_unknown_name_is_refused_with_the_known_ones() -> None:
     check_name("svg", ("svg", "png"), what="--format", where="draw")
-    with pytest.raises(ConfigError, match="^draw: --format: expected svg or png, got gif; choose"):
+    with pytest.raises(ConfigError, match=r"^draw: --format: expected svg or png, got gif; choose"):
         check_name("gif", ("svg", "png"), what="--format", where="draw")
 
 
