@@ -125,7 +125,11 @@ def studies(output: Output) -> None:
     output.result(found, lambda _: _drawn(header, rows, found))
 
 
-_NOTHING = {"name": "names no single factor", "accuracy_percent": None, "columns": ()}
+_NOTHING: dict[str, Any] = {
+    "name": "names no single factor",
+    "accuracy_percent": None,
+    "columns": (),
+}
 
 
 def _dataset(row: Mapping[str, Any]) -> tuple[str, ...]:

@@ -57,9 +57,9 @@ def ask(
     _check_one(query, why, predicates)
     if predicates:
         words = list(_words())
-        rows = [(one["predicate"], one["from"], one["about"]) for one in words]
+        cells = [(one["predicate"], one["from"], one["about"]) for one in words]
         header = ("predicate", "from", "says")
-        output.result({"predicates": words}, lambda _: drawn_rows(header, rows))
+        output.result({"predicates": words}, lambda _: drawn_rows(header, cells))
     elif why is not None:
         proofs = api.prove(data, why)
         found = {"simulation": why, "proofs": [_proof(one) for one in proofs]}

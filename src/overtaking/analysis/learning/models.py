@@ -204,10 +204,9 @@ def fit_calibrated(model: "BaseEstimator", values: F64, outcomes: Outcomes, grou
     """
     from sklearn.calibration import CalibratedClassifierCV
 
-    cv: Any = folds(groups, NUM_FOLDS)
-    return fit(
-        CalibratedClassifierCV(model, method="sigmoid", cv=cv, ensemble=False), values, outcomes
-    )
+    settings: dict[str, Any] = {"cv": folds(groups, NUM_FOLDS), "ensemble": False}
+    calibrated = CalibratedClassifierCV(model, method="sigmoid", **settings)
+    return fit(calibrated, values, outcomes)
 
 
 def probabilities(model: Model, values: F64) -> F64:

@@ -111,7 +111,7 @@ def draw_ranking(found: FactorsFound) -> Figure:
         found.most_frequent_accuracy, len(places) - 0.6, " always the most frequent", color=QUIET,
         va="bottom",
     )  # fmt: skip
-    names = [one.name if not n else f"+ {one.name}" for n, one in enumerate(found.ranking)]
+    names = [one.factor if not n else f"+ {one.factor}" for n, one in enumerate(found.ranking)]
     axes.set_yticks(places, names)
     axes.tick_params(axis="y", labelcolor=INK)
     axes.set_ylim(len(places) - 0.4, -0.6)
