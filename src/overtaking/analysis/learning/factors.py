@@ -6,23 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from overtaking.analysis.learning import models as ml
 from overtaking.analysis.learning.attributes import Attribute
 from overtaking.analysis.learning.elimination import Factors, Ranked, Ranking, num_fits
 from overtaking.analysis.learning.examples import Examples, refuse_too_few
-from overtaking.analysis.learning.models import (
-    F64,
-    I64,
-    MODELS,
-    Model,
-    Outcomes,
-    Split,
-    fit,
-    fit_calibrated,
-    model_of,
-    predicted_right,
-    probabilities,
-    split,
-)
+from overtaking.analysis.learning.models import F64, I64, MODELS, Model, Outcomes, Split
 from overtaking.analysis.learning.scores import grouped_interval
 from overtaking.analysis.learning.targets import Target, is_ended
 from overtaking.analysis.stats.columns import ALL_CLASSES
@@ -163,7 +151,7 @@ def learn_factors(
     """
     asked, outcomes, chosen = _asked(examples, target)
     seen = asked.with_attributes(tuple(name for names in factors.values() for name in names))
-    parts = known, kept = split(seen.groups, seed)
+    parts = known, kept = ml.split(seen.groups, seed)
     step = Steps(len(MODELS) + num_fits(len(factors), repeats) + len(leaks or {}), progress)
     models = tuple(_tested(name, seen, outcomes, parts, seed, step) for name in MODELS)
     ranking = Ranking(
@@ -215,11 +203,11 @@ def _tested(
 ) -> ModelFound:
     """A model before and after calibration, on held-out examples."""
     known, kept = parts
-    model, order = model_of(name, seen.attributes, seed), _ordered(outcomes)
+    model, order = ml.model_of(name, seen.attributes, seed), _ordered(outcomes)
     values, was = seen.values[known], outcomes[known]
     models = (
-        fit(model, values, was),
-        fit_calibrated(model, values, was, seen.groups[known]),
+        ml.fit(model, values, was),
+        ml.fit_calibrated(model, values, was, seen.groups[known]),
     )
     before, after = (_in_order(one, seen.values[kept], order) for one in models)
     truth = np.array([order.index(one) for one in outcomes[kept]])
@@ -286,7 +274,7 @@ def _ordered(outcomes: Outcomes) -> list[str]:
 def _in_order(model: Model, values: F64, order: list[str]) -> F64:
     """Probabilities with a column for each outcome, 0 for those that the model never saw."""
     found = np.zeros((len(values), len(order)))
-    found[:, [order.index(str(name)) for name in model.classes_]] = probabilities(model, values)
+    found[:, [order.index(str(name)) for name in model.classes_]] = ml.probabilities(model, values)
     return found
 
 
@@ -306,7 +294,7 @@ def _leakage(
         columns = tuple(Attribute(f"leak {n}", "", "") for n in range(more.shape[1]))
         values = np.column_stack([seen.values, more])
         attributes = (*seen.attributes, *columns)
-        right = predicted_right(attributes, values, outcomes, parts, seed=seed, rounds=100)
+        right = ml.predicted_right(attributes, values, outcomes, parts, seed=seed, rounds=100)
         return float(right.mean())
 
     without = accuracy(np.zeros((len(seen), 0)))

@@ -5,20 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from overtaking.analysis.learning import models as ml
 from overtaking.analysis.learning.conditions import Rule, RuleSet, conditions_of
 from overtaking.analysis.learning.covering import MAX_CONDITIONS, MAX_RULES, cover
 from overtaking.analysis.learning.examples import Examples, refuse_too_few
-from overtaking.analysis.learning.models import (
-    F64,
-    TREES,
-    Mask,
-    Split,
-    fit,
-    folds,
-    model_of,
-    probabilities,
-    split,
-)
+from overtaking.analysis.learning.models import F64, TREES, Mask, Split
 from overtaking.analysis.learning.scores import Score, best_threshold, score
 from overtaking.analysis.learning.targets import Target
 from overtaking.core.steps import Progress
@@ -143,7 +134,7 @@ def learn_rules(
     refuse_too_few(
         positive, asked.groups, where="learn rules", what=f'"{target.title}"', least=LEAST
     )
-    parts = split(asked.groups, seed)
+    parts = ml.split(asked.groups, seed)
     known, kept = (asked.where(part) for part in parts)
     was, is_so = (positive[part] for part in parts)
     made = cover(
@@ -205,13 +196,13 @@ def _black_box(known: Examples, was: Mask, kept: Examples, is_so: Mask, seed: in
     """The prediction of gradient boosting, with a threshold chosen by cross-validation."""
     from sklearn.metrics import roc_auc_score
 
-    model = model_of(TREES, known.attributes, seed)
+    model = ml.model_of(TREES, known.attributes, seed)
     guessed = np.zeros(len(known))
-    for learned, left in folds(known.groups, 3):
-        part = fit(model, known.values[learned], was[learned])
+    for learned, left in ml.folds(known.groups, 3):
+        part = ml.fit(model, known.values[learned], was[learned])
         guessed[left] = _positive(part, known.values[left])
     threshold = best_threshold(guessed, was)
-    chance = _positive(fit(model, known.values, was), kept.values)
+    chance = _positive(ml.fit(model, known.values, was), kept.values)
     area = float(roc_auc_score(is_so, chance)) if 0 < is_so.sum() < len(is_so) else float("nan")
     return score(f"{TREES} (black box)", chance >= threshold, is_so, area)
 
@@ -219,5 +210,5 @@ def _black_box(known: Examples, was: Mask, kept: Examples, is_so: Mask, seed: in
 def _positive(model: Any, values: F64) -> F64:
     """Probability that the target is true; 0 where the model has never seen it."""
     classes = list(model.classes_)
-    found = probabilities(model, values)
+    found = ml.probabilities(model, values)
     return found[:, classes.index(True)] if True in classes else np.zeros(len(values))

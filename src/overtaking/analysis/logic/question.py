@@ -10,16 +10,9 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from overtaking.analysis.logic import clauses as programs
 from overtaking.analysis.logic.bounds import overflows, range_of, ranges_of
-from overtaking.analysis.logic.clauses import (
-    children,
-    clauses,
-    kind,
-    knowledge,
-    needed,
-    reasoner,
-    within,
-)
+from overtaking.analysis.logic.clauses import kind, reasoner, within
 from overtaking.analysis.logic.vocabulary import LARGEST, PREDICATES, Type
 from overtaking.core.errors import ConfigError
 
@@ -94,7 +87,8 @@ def question(text: str) -> Question:
     columns = tuple(Column(name, types.get(name)) for name in names)
     head = f"{ANSWER}({','.join(names)})" if names else ANSWER
     rule = f"{head} :-\n{asked}\n."
-    found = needed((*knowledge(), *clauses(rule)), [(ANSWER, (None,) * len(names))])
+    rules = (*programs.knowledge(), *programs.clauses(rule))
+    found = programs.needed(rules, [(ANSWER, (None,) * len(names))])
     return Question(columns=columns, demand=found.demand, program=found.text)
 
 
@@ -254,7 +248,7 @@ def _variables_in(tree: Any) -> Iterator[str]:
             if guard is not None:
                 yield from _variables_in(guard.term)
     elif kind(tree) not in ("ConditionalLiteral", "Aggregate"):
-        for part in children(tree):
+        for part in programs.children(tree):
             yield from _variables_in(part)
 
 
