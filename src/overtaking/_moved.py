@@ -28,7 +28,20 @@ _PACKAGES = {
     "validation": "analysis.validation",
     "video": "show.video",
 }
-_MODULES = {"sim.decision": "model.decision", "sim.effects": "world.effects"}
+_MODULES = {
+    "learning.derived": "analysis.learning.attributes",
+    "learning.extra": "analysis.learning.models",
+    "learning.splits": "analysis.learning.models",
+    "learning.tables_of_factors": "analysis.learning.tables",
+    "learning.tables_of_rules": "analysis.learning.tables",
+    "literature.selection": "analysis.literature.answers",
+    "logic.header": "analysis.logic.facts",
+    "logic.rounding": "analysis.logic.integers",
+    "logic.runs": "analysis.logic.integers",
+    "sim.decision": "model.decision",
+    "sim.effects": "world.effects",
+    "stats.association_tables": "analysis.stats.associations",
+}
 
 
 def _home(old: str) -> str | None:
