@@ -1,4 +1,4 @@
-"""Examples as the three files that the learner Popper reads: bias, background and examples.
+"""Examples as the three input files of the learner Popper: bias, background and examples.
 
 Each simulation is a constant, each condition at a supervised cut point a predicate of one argument,
 and the target the predicate of the head. All of it is Datalog, without types, which the files of
@@ -36,11 +36,11 @@ def write_popper(examples: Examples, target: Target, out: Path) -> int:
 
     Args:
         examples: The examples of a data set.
-        target: What the head is about.
+        target: The target, which is the head.
         out: Folder for the files; it must not exist, or be empty. It appears when it is complete.
 
     Returns:
-        Number of facts of the background and of examples.
+        Number of facts in background and examples.
 
     Raises:
         ConfigError: The folder is taken.
@@ -94,7 +94,7 @@ def predicate(condition: Condition) -> str:
 def _most_telling(
     conditions: list[Condition], examples: Examples, positive: Mask
 ) -> list[Condition]:
-    """The conditions that stand out most, in the order of the attributes."""
+    """The conditions that deviate most from the mean, in the order of the attributes."""
     share = float(positive.mean())
 
     def unusual(place: int) -> float:
@@ -109,7 +109,7 @@ def _most_telling(
 
 
 def _bias(head: str, conditions: list[Condition]) -> Iterator[str]:
-    """What rules may look like."""
+    """The form of the rules."""
     yield f"max_clauses({MAX_RULES})."
     yield f"max_body({MAX_CONDITIONS})."
     yield "max_vars(1)."
