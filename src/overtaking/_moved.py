@@ -29,8 +29,15 @@ _PACKAGES = {
     "video": "show.video",
 }
 _MODULES = {
-    "sim.decision": "model.decision",
-    "sim.effects": "world.effects",
+    "learning.derived": "analysis.learning.attributes",
+    "learning.extra": "analysis.learning.models",
+    "learning.splits": "analysis.learning.models",
+    "learning.tables_of_factors": "analysis.learning.tables",
+    "learning.tables_of_rules": "analysis.learning.tables",
+    "literature.selection": "analysis.literature.answers",
+    "logic.header": "analysis.logic.facts",
+    "logic.rounding": "analysis.logic.integers",
+    "logic.runs": "analysis.logic.integers",
     "plots.boxes": "show.plots.distributions",
     "plots.classes": "show.plots.distributions",
     "plots.histograms": "show.plots.distributions",
@@ -38,6 +45,9 @@ _MODULES = {
     "plots.reproduction": "show.plots.comparison",
     "plots.validation": "show.plots.comparison",
     "plots.waiting": "show.plots.distributions",
+    "sim.decision": "model.decision",
+    "sim.effects": "world.effects",
+    "stats.association_tables": "analysis.stats.associations",
 }
 
 

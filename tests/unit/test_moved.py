@@ -14,6 +14,7 @@ import pytest
         ("overtaking.plots.classes", "draw_classes", "overtaking.show.plots.distributions"),
         ("overtaking.plots.style", "to_svg", "overtaking.show.plots.style"),
         ("overtaking.rules", "PORTUGAL", "overtaking.labels.law"),
+        ("overtaking.learning.splits", "split", "overtaking.analysis.learning.models"),
         ("overtaking.video.film", "Film", "overtaking.show.video.film"),
     ],
 )

@@ -91,7 +91,7 @@ class Output:
             values: The result for machines, with units in the names.
             render: Draws the result for people; called only if they want it.
         """
-        self._print(_json_of(values) if self._json else _drawn(render))
+        self._print(json_of(values) if self._json else _drawn(render))
 
     def text(self, values: Mapping[str, Any], text: str) -> None:
         """Print a result that is text as it is: no line is broken, nothing is coloured.
@@ -100,7 +100,7 @@ class Output:
             values: The result for machines, with units in the names.
             text: The result for people.
         """
-        self._print(_json_of(values) if self._json else text)
+        self._print(json_of(values) if self._json else text)
 
     def wrote(self, values: Mapping[str, Any], render: Callable[[Console], RenderableType]) -> None:
         """Sum up what the command wrote to files, unless it is to be quiet; see `result`."""
@@ -189,7 +189,8 @@ def _bar(what: str, total: int) -> Progress:
     return bar
 
 
-def _json_of(values: Mapping[str, Any]) -> str:
+def json_of(values: Mapping[str, Any]) -> str:
+    """Values as JSON."""
     return json_format.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 

@@ -89,7 +89,7 @@ def sections(writer: "Writer", learned: Learned) -> Sequence[Section]:
 def _rules(writer: "Writer", learned: Learned) -> tuple[str, ...]:
     blocks = [paragraph(_ABOUT_RULES)]
     for found in learned.rules:
-        from overtaking.analysis.learning.tables_of_rules import comparison_table, rule_table
+        from overtaking.analysis.learning.tables import comparison_table, rule_table
 
         blocks += [writer.table(rule_table(found)), writer.table(comparison_table(found))]
     blocks += [writer.lacking(one) for one in learned.remarks]
@@ -100,7 +100,7 @@ def _factors(writer: "Writer", learned: Learned) -> tuple[str, ...]:
     found = learned.factors
     if found is None:
         return (writer.lacking("Which factors decide could not be found out, see above."),)
-    from overtaking.analysis.learning.tables_of_factors import model_table, ranking_table
+    from overtaking.analysis.learning.tables import model_table, ranking_table
 
     return (
         paragraph(_ABOUT_FACTORS),

@@ -6,8 +6,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from overtaking.analysis.stats.association_tables import class_associations, strongest_pairs
-from overtaking.analysis.stats.associations import associations
+from overtaking.analysis.stats.associations import (
+    associations,
+    class_associations,
+    strongest_pairs,
+)
 from overtaking.analysis.stats.diagrams import diagram
 from overtaking.analysis.stats.distributions import typical
 from overtaking.analysis.stats.results import Statistics, statistics
