@@ -28,7 +28,18 @@ _PACKAGES = {
     "validation": "analysis.validation",
     "video": "show.video",
 }
-_MODULES = {"sim.decision": "model.decision", "sim.effects": "world.effects"}
+_MODULES = {
+    "datasets.crews": "data.executors",
+    "datasets.elsewhere": "data.work",
+    "datasets.orders": "data.work",
+    "datasets.process_crew": "data.processes",
+    "datasets.process_worker": "data.processes",
+    "datasets.ray_crew": "data.ray_executor",
+    "datasets.shard_files": "data.shards",
+    "datasets.write": "data.shards",
+    "sim.decision": "model.decision",
+    "sim.effects": "world.effects",
+}
 
 
 def _home(old: str) -> str | None:

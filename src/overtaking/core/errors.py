@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from typing import Self
 
 MAX_SHOWN_CHARACTERS = 160
@@ -46,6 +47,19 @@ class OvertakingError(Exception):
         head = f"{_one_line(where)}: {_one_line(what)}"
         body = f"expected {_one_line(expected)}, got {_one_line(got)}"
         return cls(f"{head}: {body}; {_one_line(next_step)}")
+
+    @classmethod
+    def not_among(cls, what: str, where: str, known: Iterable[str], got: object) -> Self:
+        """An error for a name that is none of those that are known.
+
+        Args:
+            what: What is named, such as `policy`.
+            where: The call or option that was given the name.
+            known: The names to choose from.
+            got: The name that was given.
+        """
+        step = "choose one of them"
+        return cls.of(what=what, where=where, expected=" or ".join(known), got=got, next_step=step)
 
 
 class ConfigError(OvertakingError, ValueError):

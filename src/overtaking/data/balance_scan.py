@@ -6,7 +6,6 @@ again: one that is missing, damaged or of another recipe is as good as none.
 
 import hashlib
 import json
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Annotated
@@ -22,6 +21,7 @@ from overtaking.data.ahead import in_order
 from overtaking.data.balance import MAX_CANDIDATES, OUTSIDE, Balance, selection_weights
 from overtaking.data.manifest import BalanceRecord, CellRecord, Identity
 from overtaking.data.place import Place
+from overtaking.data.progress import Progress
 from overtaking.data.recipe import Recipe, Simulator
 from overtaking.labels.label import label
 from overtaking.labels.law import PORTUGAL, policy
@@ -183,16 +183,17 @@ class Scan:
         self._step = identity.shard_size
         self.selection = Selection(self._balance.quotas(recipe.num_simulations))
 
-    def run(self, progress: Callable[[int, int], None]) -> Chosen:
+    def run(self, report: Progress | None = None) -> Chosen:
         """Go on until every quota is full or there are no more candidates.
 
         Args:
-            progress: Told how many candidates have been seen, and about how many there will be.
+            report: Called with the number of candidates so far, and about how many there will be.
 
         Raises:
             DatasetError: A cell is too rare.
             OSError: The folder cannot be written.
         """
+        progress = report or _silent
         _read(self._place, self._key, self._limit, self.selection)
         progress(self.selection.candidates, self.selection.expected(self._limit))
         if not self.selection.is_full:
@@ -201,7 +202,7 @@ class Scan:
         self._refuse_too_rare()
         return self.selection.chosen(self._balance.cells)
 
-    def _look(self, progress: Callable[[int, int], None]) -> None:
+    def _look(self, progress: Progress) -> None:
         """Look at one candidate after the other, and remember what is found now and then."""
         found = self.selection
         saved = found.candidates
@@ -253,6 +254,10 @@ class Scan:
             next_step="repeat the command with --resume and a larger --balance-candidates, "
             "or with --allow-missing to do with fewer",
         )
+
+
+def _silent(_done: int, _total: int) -> None:
+    """Report to nobody."""
 
 
 _Count = Annotated[int, Field(ge=0, le=MAX_CANDIDATES)]

@@ -8,7 +8,15 @@ import pyarrow as pa
 from overtaking.data import croissant, datasheet
 from overtaking.data.card_header import card_header
 from overtaking.data.datasheet import num_rows, plain
-from overtaking.data.manifest import BalanceRecord, Identity, ShardRecord
+from overtaking.data.manifest import (
+    BalanceRecord,
+    Identity,
+    Manifest,
+    ShardRecord,
+    content_hash,
+    now,
+    write_manifest,
+)
 from overtaking.data.place import Place
 from overtaking.data.tables.columns import names_of
 from overtaking.data.tables.schemas import KEYS
@@ -102,6 +110,38 @@ One row for each {keys}.
 | column | type | unit | meaning |
 |---|---|---|---|
 """
+
+
+def complete(
+    place: Place,
+    manifest: Manifest,
+    shards: tuple[ShardRecord, ...],
+    balance: BalanceRecord | None = None,
+) -> None:
+    """Write the data card, then the manifest, which makes the data set complete.
+
+    Args:
+        place: Where it lies.
+        manifest: What the manifest says so far.
+        shards: All shards.
+        balance: What became of the cells of a balanced data set.
+
+    Raises:
+        OSError: They cannot be written.
+    """
+    content = content_hash(shards)
+    write_cards(place, manifest.identity, shards, content, balance)
+    if manifest.complete and manifest.shards == shards:
+        return
+    finished = manifest.provenance.finished or now()
+    changes = {
+        "complete": True,
+        "content_hash": content,
+        "shards": shards,
+        "balance": balance,
+        "provenance": manifest.provenance.model_copy(update={"finished": finished}),
+    }
+    write_manifest(place, manifest.model_copy(update=changes))
 
 
 def write_cards(

@@ -13,7 +13,7 @@ from overtaking.data import plan
 from overtaking.data.contents import contents
 from overtaking.data.manifest import Manifest, read_manifest
 from overtaking.data.place import folder_of, place_of
-from overtaking.data.shard_files import ShardFiles
+from overtaking.data.shards import ShardFiles
 from overtaking.data.tables.files import read_rows, read_table
 from overtaking.data.tables.label_schemas import POLICY_NAMES
 from overtaking.data.tables.restore import restore, restore_scenario

@@ -3,6 +3,10 @@
 import dataclasses
 import hashlib
 import json
+import platform
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from importlib import metadata
 from typing import Annotated, Literal, Self
 
 from pydantic import (
@@ -224,6 +228,27 @@ class Provenance(_Record):
     python: str
     machine: str
     details: dict[str, str] = Field(default_factory=dict)
+
+    @classmethod
+    def of_this_run(cls, details: Mapping[str, str]) -> "Provenance":
+        """What is true of this process now.
+
+        Args:
+            details: What the simulator says of itself.
+        """
+        return cls(
+            started=now(),
+            package=metadata.version("overtaking"),
+            packages={name: metadata.version(name) for name in ("numpy", "pyarrow")},
+            python=platform.python_version(),
+            machine=f"{platform.system()} {platform.machine()}",
+            details=dict(details),
+        )
+
+
+def now() -> str:
+    """The time of the clock, UTC, to the second."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 class Manifest(_Record):
