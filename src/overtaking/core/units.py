@@ -24,6 +24,32 @@ GRAVITY = 9.81
 AIR_DENSITY = 1.20
 """Density of air near the ground [kg/m^3]."""
 
+SUFFIXES = {
+    "1": "",
+    "%": "_percent",
+    "m": "_m",
+    "m^2": "_m2",
+    "mm": "_mm",
+    "mm/h": "_mmph",
+    "s": "_s",
+    "s^2": "_s2",
+    "ms": "_ms",
+    "m/s": "_mps",
+    "mm/s": "_mmps",
+    "m/s^2": "_mps2",
+    "mm/s^2": "_mmps2",
+    "rad": "_rad",
+    "0.1 mrad": "_100urad",
+    "rad/s": "_radps",
+    "0.1 mrad/s": "_100uradps",
+    "1/rad": "_per_rad",
+    "kg": "_kg",
+    "kg m^2": "_kgm2",
+    "N s": "_newton_s",
+    "W": "_w",
+}
+"""The ending of a name for each unit, wherever numbers leave memory: columns, keys of files."""
+
 _KMH_PER_MPS = 3.6
 _RAD_PER_DEG = math.pi / 180.0
 _DEG_PER_RAD = 180.0 / math.pi

@@ -10,20 +10,18 @@ import hashlib
 import json
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, create_model, model_validator
 
+from overtaking.core.units import SUFFIXES
 from overtaking.scenarios.complaints import advice, complaint
 from overtaking.scenarios.fields import (
     MIN_GAP_M,
     STEP_MS,
-    Acceleration,
     AltitudeDeg,
     Colours,
     Count,
-    Distance,
     Duration,
     Factor,
-    Incentive,
     LaneNumber,
     PercentRange,
     PopulationName,
@@ -32,16 +30,15 @@ from overtaking.scenarios.fields import (
     RoadRange,
     Section,
     Share,
-    SpeedGain,
     SpeedRange,
     Types,
-    Wait,
     WorldRange,
     different,
     ego_type,
     multiple,
     ordered,
 )
+from overtaking.scenarios.populations import KEPT_TRAITS
 from overtaking.scenarios.schema_flow import Component, Flow, FlowLane, Proposal
 
 Exponent = Annotated[float, Field(gt=0.0, le=20.0)] | None
@@ -209,48 +206,31 @@ class IndependentWeather(Section):
         return self
 
 
-class FixedTraits(Section):
-    """Section `[drivers.fixed]`: parameters that are the same for every driver.
+def _fixable() -> dict[str, Any]:
+    """A key for each number of `Drivers` that is drawn, with the range of the field."""
+    keys: dict[str, Any] = {}
+    for name, declared in KEPT_TRAITS.items():
+        if (allowed := declared.range) is not None:
+            limits = Field(ge=allowed.low, le=float(allowed.high))
+            keys[name + SUFFIXES[declared.unit]] = (Annotated[float | None, limits], None)
+    return keys
 
-    The attributes are those of `model.drivers.Drivers` with their units; None leaves them to the
-    population. The ranges are wider than any driver needs, and keep out what is a slip.
+
+class FixedTraits(create_model("_FixedTraits", __base__=Section, **_fixable())):
+    """Section `[drivers.fixed]`: traits that are the same for every driver.
+
+    The keys are the numbers of `model.drivers.Drivers` with their units and ranges; a trait without
+    a value is left to the population.
     """
-
-    time_gap_s: Wait | None = None
-    min_gap_m: Distance | None = None
-    accel_mps2: Acceleration | None = None
-    decel_mps2: Acceleration | None = None
-    reaction_time_s: Wait | None = None
-    caution: Share | None = None
-    politeness: Share | None = None
-    lane_change_threshold_mps2: Incentive | None = None
-    right_bias_mps2: Incentive | None = None
-    safe_decel_mps2: Acceleration | None = None
-    lane_change_duration_s: Duration | None = None
-    passing_gain_mps: SpeedGain | None = None
-    patience_s: Duration | None = None
-    pull_out_time_s: Wait | None = None
-    gap_acceptance: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
-    return_time_gap_s: Wait | None = None
-    signal_time_s: Wait | None = None
-    limit_respect: Share | None = None
 
     def values(self) -> dict[str, float]:
         """What is fixed, by the names of `model.drivers.Drivers`."""
         given = self.model_dump(exclude_none=True)
-        return {name.removesuffix("_" + _unit(name)): value for name, value in given.items()}
+        keys = {name + SUFFIXES[declared.unit]: name for name, declared in KEPT_TRAITS.items()}
+        return {keys[key]: value for key, value in given.items()}
 
 
-def _unit(name: str) -> str:
-    """The unit that a key ends in, or nothing."""
-    return next((unit for unit in ("mps2", "mps", "m", "s") if name.endswith(f"_{unit}")), "")
-
-
-_SCALABLE = tuple(
-    name.removesuffix("_" + _unit(name))
-    for name in FixedTraits.model_fields
-    if name != "limit_respect"
-)
+_SCALABLE = tuple(name for name, declared in KEPT_TRAITS.items() if not declared.is_flag)
 
 
 def _scalable(factors: dict[str, float]) -> dict[str, float]:
