@@ -23,15 +23,13 @@ from measure import Measure, parser, report
 from memory import Watch
 from overtaking import api
 from overtaking.core.memory import Buffers
-from overtaking.data.contents import contents
 from overtaking.data.load import Dataset
 from overtaking.data.place import Folder
 from overtaking.data.plan import LARGE_CHUNK_SIZE, SHARD_SIZE, shards
 from overtaking.data.recipe import Keep
 from overtaking.data.shards import write_shard
-from overtaking.data.tables.encode_labels import encode_labels
-from overtaking.data.tables.label_schemas import LABEL_TABLES
-from overtaking.data.tables.schemas import SCHEMAS
+from overtaking.data.tables.encode_labels import contents, encode_labels
+from overtaking.data.tables.schemas import LABEL_TABLES, SCHEMAS
 from overtaking.labels.events import find_events
 from overtaking.labels.features import (
     decision_features,

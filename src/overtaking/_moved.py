@@ -29,16 +29,24 @@ _PACKAGES = {
     "video": "show.video",
 }
 _MODULES = {
+    "datasets.contents": "data.tables.encode_labels",
     "datasets.crews": "data.executors",
     "datasets.elsewhere": "data.work",
     "datasets.orders": "data.work",
     "datasets.process_crew": "data.processes",
     "datasets.process_worker": "data.processes",
     "datasets.ray_crew": "data.ray_executor",
+    "datasets.refusals": "data.interruption",
     "datasets.shard_files": "data.shards",
     "datasets.write": "data.shards",
     "sim.decision": "model.decision",
     "sim.effects": "world.effects",
+    "tables.decision_columns": "data.tables.schemas",
+    "tables.label_schemas": "data.tables.schemas",
+    "tables.measured": "data.tables.columns",
+    "tables.safety_columns": "data.tables.schemas",
+    "tables.surroundings": "data.tables.lanes",
+    "tables.unknown": "data.tables.schemas",
 }
 
 

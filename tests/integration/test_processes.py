@@ -126,7 +126,7 @@ def test_two_workers_killed_in_the_middle_change_not_one_byte(tmp_path, undistur
             progress=lambda done, _: told.append(done),
         )
     assert len(killer.killed) == 2
-    assert all("process_worker" in name for name in killer.killed.values())
+    assert all("overtaking.data.processes" in name for name in killer.killed.values())
     assert contents(tmp_path / "data") == undisturbed
     assert told == sorted(told)
     assert told[-1] == NUM_SIMULATIONS

@@ -8,7 +8,7 @@ import numpy as np
 
 from overtaking.core.errors import ConfigError
 from overtaking.data.tables.files import read_table
-from overtaking.data.tables.label_schemas import CLASSES, POLICY_NAMES
+from overtaking.data.tables.names import CLASSES, POLICY_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -24,7 +24,7 @@ def chosen(
     data: Dataset,
     numbers: Iterable[int] | None = None,
     label: str | None = None,
-    policy: str = POLICY_NAMES.names[0],
+    policy: str = POLICY_NAMES[0],
 ) -> I64 | None:
     """The numbers of the simulations that are meant.
 
@@ -45,13 +45,13 @@ def chosen(
     if found is not None and found.size and not 0 <= found[0] <= found[-1] < len(data):
         wrong = int(found[0] if found[0] < 0 else found[-1])
         raise _refused("simulation", f"0 to {len(data) - 1}", str(wrong))
-    if policy not in POLICY_NAMES.names:
-        raise _refused("policy", " or ".join(POLICY_NAMES.names), policy)
+    if policy not in POLICY_NAMES:
+        raise _refused("policy", " or ".join(POLICY_NAMES), policy)
     if label is None:
         return found
-    names = {name.lower(): name for name in CLASSES.names}
+    names = {name.lower(): name for name in CLASSES}
     if label.lower() not in names:
-        raise _refused("class", " or ".join(CLASSES.names), label)
+        raise _refused("class", " or ".join(CLASSES), label)
     members = _members(data, names[label.lower()], policy)
     return members if found is None else np.intersect1d(found, members)
 

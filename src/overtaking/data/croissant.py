@@ -15,8 +15,7 @@ from overtaking.data.datasheet import Answers, num_rows
 from overtaking.data.manifest import Identity, ShardRecord
 from overtaking.data.plan import Shard
 from overtaking.data.tables.columns import STEPS, flags_of, names_of, unit_of
-from overtaking.data.tables.schemas import KEYS, SCHEMAS
-from overtaking.data.tables.unknown import schema_of
+from overtaking.data.tables.schemas import KEYS, SCHEMAS, schema_of
 
 FILE_NAME = "croissant.json"
 

@@ -11,11 +11,11 @@ import numpy as np
 
 from overtaking.core import processors
 from overtaking.core.errors import ConfigError, DatasetError
-from overtaking.data.contents import contents
 from overtaking.data.place import Folder, Place
 from overtaking.data.recipe import Recipe, Simulator
+from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.files import TableWriter
-from overtaking.data.tables.unknown import schema_of
+from overtaking.data.tables.schemas import schema_of
 from overtaking.scenarios import sample
 
 SAMPLE = 64

@@ -4,7 +4,7 @@ import pandas as pd
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import kmh_from_mps
-from overtaking.data.tables.label_schemas import KINDS, POLICY_NAMES, READINGS
+from overtaking.data.tables.names import KINDS, POLICY_NAMES, READINGS
 
 KMH_PER_MPS = kmh_from_mps(1.0)
 
@@ -31,8 +31,8 @@ _PLAIN = {
 _CODES = {
     "DN": ("Day", "Night"),
     "HL": ("No", "Yes"),
-    "TE": KINDS.names,
-    "TP": KINDS.names,
+    "TE": KINDS,
+    "TP": KINDS,
 }
 """The paper's numbers for names: their places here."""
 
@@ -52,8 +52,8 @@ def features_frame(
     Raises:
         ConfigError: There is no such policy or reading.
     """
-    _check("policy", policy, POLICY_NAMES.names)
-    _check("reading", reading, READINGS.names)
+    _check("policy", policy, POLICY_NAMES)
+    _check("reading", reading, READINGS)
     measured = features[features["policy"] == reading].set_index("simulation")
     said = labels[labels["policy"] == policy].set_index("simulation")
     frame = pd.DataFrame({name: _column(measured, name) for name in _PLAIN})

@@ -13,15 +13,15 @@ import pyarrow as pa
 
 from overtaking.core.folders import refuse_strangers, whole_folder
 from overtaking.data import card, plan, shards
-from overtaking.data.contents import contents
 from overtaking.data.interruption import all_or_nothing
 from overtaking.data.manifest import Identity, Manifest, Provenance, Source
 from overtaking.data.place import Folder
 from overtaking.data.plan import SHARD_SIZE
 from overtaking.data.progress import Counter, Progress
 from overtaking.data.recipe import Keep
+from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
-from overtaking.data.tables.unknown import schema_of
+from overtaking.data.tables.schemas import schema_of
 
 if TYPE_CHECKING:
     from overtaking.recordings.formats import Imported

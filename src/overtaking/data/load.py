@@ -10,12 +10,12 @@ import pyarrow as pa
 from overtaking.core.errors import ConfigError, DatasetError, NoSuchSimulationError
 from overtaking.core.summary import Summarized
 from overtaking.data import plan
-from overtaking.data.contents import contents
 from overtaking.data.manifest import Manifest, read_manifest
 from overtaking.data.place import folder_of, place_of
 from overtaking.data.shards import ShardFiles
+from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.files import read_rows, read_table
-from overtaking.data.tables.label_schemas import POLICY_NAMES
+from overtaking.data.tables.names import POLICY_NAMES
 from overtaking.data.tables.restore import restore, restore_scenario
 from overtaking.data.tables.schemas import RECORDED_TABLES, SCHEMAS
 from overtaking.model.checks import checked
@@ -299,7 +299,7 @@ class Dataset(Summarized):
         """
         shard = self._shards[first // self._manifest.identity.shard_size]
         rows = read_rows(self._files.one("labels", shard), "labels", first, last)
-        return rows["class_weight"].to_numpy()[:: len(POLICY_NAMES.names)]
+        return rows["class_weight"].to_numpy()[:: len(POLICY_NAMES)]
 
     @checked
     def table(self, name: str) -> pa.Table:

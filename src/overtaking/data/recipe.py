@@ -6,7 +6,7 @@ from enum import StrEnum
 
 from overtaking.data.balance import Balance
 from overtaking.data.plan import CHUNK_SIZE, SHARD_SIZE
-from overtaking.data.tables.label_schemas import LABEL_TABLES
+from overtaking.data.tables.schemas import LABEL_TABLES
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories

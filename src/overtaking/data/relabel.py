@@ -13,7 +13,7 @@ from overtaking.data.recipe import Simulator
 from overtaking.data.tables.encode import Numbers
 from overtaking.data.tables.encode_labels import encode_labels
 from overtaking.data.tables.files import FileFacts, TableWriter
-from overtaking.data.tables.label_schemas import LABEL_TABLES
+from overtaking.data.tables.schemas import LABEL_TABLES
 from overtaking.labels.label import label
 from overtaking.model.trajectory import Trajectories
 

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from overtaking.core.errors import DatasetError
 from overtaking.data import plan, shards
 from overtaking.data.ahead import in_order
-from overtaking.data.contents import contents
 from overtaking.data.manifest import ShardRecord, read_manifest
 from overtaking.data.place import Place, place_of
 from overtaking.data.plan import Shard
 from overtaking.data.recipe import Keep, Recipe, Simulator
-from overtaking.data.tables.unknown import schema_of
+from overtaking.data.tables.encode_labels import contents
+from overtaking.data.tables.schemas import schema_of
 from overtaking.scenarios import sample
 
 OnDone = Callable[[int], None]

@@ -13,11 +13,11 @@ from overtaking.api.choices import simulator_of
 from overtaking.core import processors
 from overtaking.core.errors import ConfigError
 from overtaking.data.executors import MIN_PIECES, executor_of
-from overtaking.data.work import in_this_process
 from overtaking.data.place import Folder, Place
 from overtaking.data.processes import ProcessExecutor
 from overtaking.data.recipe import Keep, Recipe
 from overtaking.data.store import Store
+from overtaking.data.work import in_this_process
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import spec
 

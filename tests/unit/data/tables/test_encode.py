@@ -7,11 +7,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
 
-from overtaking.data.contents import contents
 from overtaking.data.tables.columns import codes, names_of
 from overtaking.data.tables.encode import encode, overtaking
+from overtaking.data.tables.encode_labels import contents
+from overtaking.data.tables.lanes import lane_columns
 from overtaking.data.tables.schemas import KEYS, SCHEMAS
-from overtaking.data.tables.surroundings import Surroundings
 from overtaking.model.known_roads import known_road
 from overtaking.model.trajectory import Lights, Stage
 
@@ -125,30 +125,23 @@ def test_trace_hashes_are_their_words_in_little_endian_order(recorded, tables):
 def test_the_lanes_of_town06_are_those_of_the_papers_frame_70():
     """Frame 70 of Pinto et al.: lane -7, right Solid, left Broken, widths 3.5, 0.5 and 3.5 m."""
     road = known_road("town06")
-    around = Surroundings.of(road)
     lane = [lane.lane_id for lane in road.lanes].index(-7)
-    assert road.lanes[0].lane_id == around.lane_id[lane] == -7
+    found = {name: one.values[lane] for name, one in lane_columns(road).items()}
+    assert road.lanes[0].lane_id == found["lane_id"] == -7
     marks = [mark.value for mark in type(road.lanes[0].left_mark)]
-    assert (marks[around.right_mark[lane]], marks[around.left_mark[lane]]) == ("Solid", "Broken")
-    assert (around.width[lane], around.right_width[lane], around.left_width[lane]) == (
-        3.5,
-        0.5,
-        3.5,
-    )
-    assert (around.right_id[lane], around.left_id[lane]) == (-8, -6)
+    assert (marks[found["right_line"]], marks[found["left_line"]]) == ("Solid", "Broken")
+    widths = (found[f"{name}_width_m"] for name in ("lane", "right_lane", "left_lane"))
+    assert tuple(widths) == (3.5, 0.5, 3.5)
+    assert (found["right_lane_id"], found["left_lane_id"]) == (-8, -6)
 
 
 def test_right_and_left_change_places_in_a_mirrored_world():
     road = known_road("town06")
-    here, there = Surroundings.of(road), Surroundings.of(road.mirrored())
-    lanes = slice(road.num_lanes)
-    assert np.array_equal(there.lane_id[lanes], -here.lane_id[lanes])
-    for right, left in (
-        ("right_mark", "left_mark"),
-        ("has_right", "has_left"),
-        ("right_width", "left_width"),
-    ):
-        assert np.array_equal(getattr(there, right)[lanes], getattr(here, left)[lanes])
+    here, there = lane_columns(road), lane_columns(road.mirrored())
+    assert np.array_equal(there["lane_id"].values, -here["lane_id"].values)
+    for name in ("line", "lane_width_m"):
+        for mine, other in zip(here[f"left_{name}"], there[f"right_{name}"], strict=True):
+            assert np.array_equal(mine, other), name
 
 
 def stages(recorder, *names: str) -> list[bool]:

@@ -12,8 +12,7 @@ from overtaking.data.tables.decode import decode
 from overtaking.data.tables.encode import encode
 from overtaking.data.tables.files import TableWriter, read_table
 from overtaking.data.tables.restore import restore
-from overtaking.data.tables.schemas import KEYS, RECORDED_TABLES, SCHEMAS
-from overtaking.data.tables.unknown import SILENT, schema_of, silent_columns
+from overtaking.data.tables.schemas import COLUMNS, KEYS, RECORDED_TABLES, SCHEMAS, schema_of
 from overtaking.model.trajectory import UNKNOWNS
 from overtaking.scenarios.assumed import assumed_bodies, assumed_drivers, assumed_weather
 
@@ -35,13 +34,14 @@ def tables(silent):
     return encode(silent, np.arange(5), sources=SOURCES)
 
 
-def test_every_name_of_what_may_be_unknown_says_which_columns_it_empties():
-    assert set(SILENT) == set(UNKNOWNS)
+def test_a_column_needs_only_what_may_be_unknown():
+    needs = {name for columns in COLUMNS.values() for one in columns for name in one.needs}
+    assert needs == set(UNKNOWNS)
 
 
 @pytest.mark.parametrize("table", RECORDED_TABLES)
 def test_what_is_unknown_is_null_and_nothing_else_is(table, tables):
-    empty = silent_columns(table, UNKNOWNS)
+    empty = {one.name for one in COLUMNS[table] if one.is_silent(UNKNOWNS)}
     assert not empty & set(KEYS[table])
     for field in tables[table].schema:
         column = tables[table][field.name]
