@@ -29,8 +29,10 @@ _PACKAGES = {
     "video": "show.video",
 }
 _MODULES = {
+    "datasets.card_header": "data.card",
     "datasets.contents": "data.tables.encode_labels",
     "datasets.crews": "data.executors",
+    "datasets.datasheet": "data.card",
     "datasets.elsewhere": "data.work",
     "datasets.orders": "data.work",
     "datasets.process_crew": "data.processes",

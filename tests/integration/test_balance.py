@@ -19,7 +19,7 @@ from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.data import generate as writing
 from overtaking.data.balance import Balance
 from overtaking.data.balance_scan import FILE_NAME
-from overtaking.data.card import FILE_NAME as CARD
+from overtaking.data.card import README_NAME as CARD
 from overtaking.data.manifest import FILE_NAME as MANIFEST
 from overtaking.data.manifest import BalanceRecord
 from overtaking.data.place import Folder

@@ -7,8 +7,9 @@ import dataclasses
 from contextlib import closing
 
 from overtaking.core.errors import ConfigError, DatasetError, InfeasibleError, MissingExtraError
-from overtaking.data import card, lock, manifest, plan
+from overtaking.data import lock, manifest, plan
 from overtaking.data.balance_scan import Chosen, Scan
+from overtaking.data.completion import complete
 from overtaking.data.estimate import Allowed, refuse_too_large
 from overtaking.data.interruption import Terminated, cannot_write, termination_raises
 from overtaking.data.load import Dataset, load
@@ -72,7 +73,7 @@ def generate(
         if not place.has(manifest.FILE_NAME):
             refuse_too_large(recipe, place, simulator, allow_large)
         with termination_raises(), place.locked():
-            run.complete(executor, progress, on_candidates)
+            run.run(executor, progress, on_candidates)
     except OSError as error:
         raise cannot_write(place, error, _MORE_ROOM) from error
     except Terminated:
@@ -96,7 +97,7 @@ class _Run:
     def _shards(self) -> tuple[plan.Shard, ...]:
         return plan.shards(self._count, self._job.recipe.shard_size)
 
-    def complete(
+    def run(
         self, executor: Executor, progress: Progress | None, on_candidates: Progress | None
     ) -> None:
         """Write what is missing, and the manifest."""
@@ -115,7 +116,7 @@ class _Run:
             self._make_shards(executor, current, Counter(self._count, progress))
             balance = self._chosen.record if self._chosen else None
             records = tuple(self._records[shard.number] for shard in self._shards)
-            card.complete(self._place, current, records, balance)
+            complete(self._place, current, records, balance)
         except _REFUSALS:
             if begun is None and not self._records:
                 # The manifest of a call that cannot succeed would keep the right call out.

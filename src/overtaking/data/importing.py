@@ -12,7 +12,8 @@ import numpy as np
 import pyarrow as pa
 
 from overtaking.core.folders import refuse_strangers, whole_folder
-from overtaking.data import card, plan, shards
+from overtaking.data import plan, shards
+from overtaking.data.completion import complete
 from overtaking.data.interruption import all_or_nothing
 from overtaking.data.manifest import Identity, Manifest, Provenance, Source
 from overtaking.data.place import Folder
@@ -103,7 +104,7 @@ def _write(scenes: "Scenes", identity: Identity, folder: Path, counter: Counter)
         )
         for shard in plan.shards(len(scenes))
     )
-    card.complete(place, started, records)
+    complete(place, started, records)
     place.sweep()
 
 

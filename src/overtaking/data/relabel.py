@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
-from overtaking.data import card, plan, shards
+from overtaking.data import plan, shards
+from overtaking.data.completion import complete
 from overtaking.data.interruption import all_or_nothing
 from overtaking.data.load import Dataset, load
 from overtaking.data.place import Folder
@@ -60,7 +61,7 @@ def _relabel(data: Dataset, place: Folder, counter: Counter) -> None:
         record.model_copy(update={"tables": dict(sorted({**record.tables, **new}.items()))})
         for record, new in zip(data.manifest.shards, written, strict=True)
     )
-    card.complete(place, data.manifest, records, data.manifest.balance)
+    complete(place, data.manifest, records, data.manifest.balance)
 
 
 def _write(
