@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console, RenderableType
     from rich.progress import Progress
+    from rich.table import Table
 
 _PATIENCE = 0.5  # Seconds of work before a progress bar is worth its flicker.
 _UNBOUNDED = 1_000_000  # Columns; wider than any line.
@@ -226,6 +227,23 @@ def _unwrap(drawing: RenderableType) -> None:
         for column in drawing.columns:
             column.no_wrap = True
             column.max_width = column.ratio = None
+
+
+def open_table(*columns: str, **settings: Any) -> Table:
+    """An empty table without lines.
+
+    Args:
+        columns: Their heads; a column whose head ends in ">" is aligned to the right.
+        settings: Further settings of `rich.table.Table`.
+    """
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), **settings)
+    for head in columns:
+        side = "right" if head.endswith(">") else "left"
+        table.add_column(Text(head.removesuffix(">")), justify=side)
+    return table
 
 
 class _JsonLines(logging.Formatter):
