@@ -68,13 +68,7 @@ def simulator_of(name: str) -> Simulator:
 def module_of(name: str, among: tuple[str, ...] = SIMULATORS) -> ModuleType:
     """The module of a simulator."""
     if name not in among:
-        raise ConfigError.of(
-            what="simulator",
-            where="simulate",
-            expected=" or ".join(among),
-            got=name,
-            next_step="choose one of them",
-        )
+        raise ConfigError.not_among("simulator", "simulate", among, name)
     return importlib.import_module(_HOMES[name])
 
 

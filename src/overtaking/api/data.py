@@ -312,13 +312,7 @@ def _chosen(
 def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
     """Refuse a format that there is not, and what a format has no use for."""
     if file_format not in EXPORTS:
-        raise ConfigError.of(
-            what=f"format {file_format}",
-            where="export",
-            expected=" or ".join(EXPORTS),
-            got=file_format,
-            next_step="choose one of them",
-        )
+        raise ConfigError.not_among("format", "export", EXPORTS, file_format)
     known = _EXPORT_OPTIONS.get(file_format, ())
     for name in sorted(set(options) - set(known)):
         raise ConfigError.of(
@@ -419,10 +413,4 @@ def _keep(name: str) -> Keep:
     try:
         return Keep(name)
     except ValueError:
-        raise ConfigError.of(
-            what="keep",
-            where="generate",
-            expected=" or ".join(Keep),
-            got=name,
-            next_step="choose one of them",
-        ) from None
+        raise ConfigError.not_among("keep", "generate", Keep, name) from None

@@ -226,13 +226,7 @@ def reproduce(
     from overtaking.analysis.reproduction.run import reproduce as run
 
     if study not in STUDIES:
-        raise ConfigError.of(
-            what="study",
-            where="reproduce",
-            expected=" or ".join(STUDIES),
-            got=study,
-            next_step="choose one of them",
-        )
+        raise ConfigError.not_among("study", "reproduce", STUDIES, study)
     spec = scenarios.spec(study, overrides)
     return run(spec, road_of(spec.road), replicates, seed, simulator_of("engine"), progress)
 

@@ -101,13 +101,7 @@ def carla_simulator(driver: str) -> str:
     """
     names = {"own": "carla", "traffic-manager": "carla-traffic-manager"}
     if driver not in names:
-        raise ConfigError.of(
-            what="driver",
-            where="--driver",
-            expected=" or ".join(names),
-            got=repr(driver),
-            next_step="choose one of them",
-        )
+        raise ConfigError.not_among("driver", "--driver", names, driver)
     return names[driver]
 
 

@@ -61,6 +61,24 @@ class OvertakingError(Exception):
         step = "choose one of them"
         return cls.of(what=what, where=where, expected=" or ".join(known), got=got, next_step=step)
 
+    @classmethod
+    def out_of_range(
+        cls, what: str, where: str, low: object, high: object, got: object, next_step: str = ""
+    ) -> Self:
+        """An error for a number that is not in a range.
+
+        Args:
+            what: What the number is of.
+            where: The call or option that was given the number.
+            low: Smallest number.
+            high: Largest number; None if there is none.
+            got: The number that was given.
+            next_step: What the reader can do; to choose a number in that range if left out.
+        """
+        expected = f"{low} or more" if high is None else f"{low} to {high}"
+        step = next_step or "choose a number in that range"
+        return cls.of(what=what, where=where, expected=expected, got=got, next_step=step)
+
 
 class ConfigError(OvertakingError, ValueError):
     """A profile, specification, option or argument that cannot be used."""

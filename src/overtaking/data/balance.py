@@ -66,8 +66,8 @@ class Balance:
         check(self, "balance")
         known_policy(self.policy)
         if self.by not in BY:
-            choices = " or ".join(",".join(names) for names in BY)
-            raise _error("cells", choices, ",".join(self.by), "choose one of these")
+            choices = [",".join(names) for names in BY]
+            raise ConfigError.not_among("cells", "balance", choices, ",".join(self.by))
 
     def __str__(self) -> str:
         """What is asked for, in a few words."""
@@ -97,8 +97,13 @@ class Balance:
         """
         cells = len(self.cells)
         if num_simulations < cells:
-            next_step = "ask for more simulations or fewer cells"
-            raise _error("simulations", f"at least {cells}, one a cell", num_simulations, next_step)
+            raise ConfigError.of(
+                what="simulations",
+                where="balance",
+                expected=f"at least {cells}, one a cell",
+                got=num_simulations,
+                next_step="ask for more simulations or fewer cells",
+            )
         each, left = divmod(num_simulations, cells)
         return np.where(np.arange(cells) < left, each + 1, each).astype(np.int64)
 
@@ -136,9 +141,3 @@ def selection_weights(seen: I64, kept: I64) -> F64:
     # Of integers, which are exact, so that the quotient is rounded once.
     pairs = zip(seen.tolist(), kept.tolist(), strict=True)
     return np.array([s * all_kept / (k * all_seen) if k else 0.0 for s, k in pairs])
-
-
-def _error(what: str, expected: str, got: object, next_step: str) -> ConfigError:
-    return ConfigError.of(
-        what=what, where="balance", expected=expected, got=got, next_step=next_step
-    )

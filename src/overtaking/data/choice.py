@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     I64 = NDArray[np.int64]
 
+_WHERE = "choice of simulations"
+
 
 def chosen(
     data: Dataset,
@@ -44,14 +46,14 @@ def chosen(
     found = None if numbers is None else np.unique(np.fromiter(numbers, np.int64))
     if found is not None and found.size and not 0 <= found[0] <= found[-1] < len(data):
         wrong = int(found[0] if found[0] < 0 else found[-1])
-        raise _refused("simulation", f"0 to {len(data) - 1}", str(wrong))
+        raise ConfigError.out_of_range("simulation", _WHERE, 0, len(data) - 1, wrong)
     if policy not in POLICY_NAMES:
-        raise _refused("policy", " or ".join(POLICY_NAMES), policy)
+        raise ConfigError.not_among("policy", _WHERE, POLICY_NAMES, policy)
     if label is None:
         return found
     names = {name.lower(): name for name in CLASSES}
     if label.lower() not in names:
-        raise _refused("class", " or ".join(CLASSES), label)
+        raise ConfigError.not_among("class", _WHERE, CLASSES, label)
     members = _members(data, names[label.lower()], policy)
     return members if found is None else np.intersect1d(found, members)
 
@@ -64,13 +66,3 @@ def _members(data: Dataset, label: str, policy: str) -> I64:
         is_meant = (rows["class"] == label) & (rows["policy"] == policy)
         parts.append(rows["simulation"][is_meant].to_numpy(np.int64))
     return np.concatenate(parts)
-
-
-def _refused(what: str, expected: str, got: str) -> ConfigError:
-    return ConfigError.of(
-        what=what,
-        where="choice of simulations",
-        expected=expected,
-        got=got,
-        next_step="choose one of these",
-    )

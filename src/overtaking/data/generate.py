@@ -180,19 +180,14 @@ def _check(recipe: Recipe) -> None:
     most = min(plan.MAX_SHARDS * max(recipe.shard_size, 1), plan.MAX_SIMULATIONS)
     several = "make several data sets, each with a seed of its own"
     limits = (
-        ("shard_size", recipe.shard_size, 1, plan.MAX_SIMULATIONS, None),
+        ("shard_size", recipe.shard_size, 1, plan.MAX_SIMULATIONS, ""),
         ("simulations", recipe.num_simulations, 1, most, several),
-        ("seed", recipe.seed, 0, 2**64 - 1, None),
+        ("seed", recipe.seed, 0, 2**64 - 1, ""),
     )
     for what, value, low, high, remedy in limits:
         if not low <= value <= high:
-            raise ConfigError.of(
-                what=what,
-                where="generate",
-                expected=f"{low} to {high}",
-                got=value,
-                next_step=remedy if remedy and value > high else "choose a number in that range",
-            )
+            next_step = remedy if value > high else ""
+            raise ConfigError.out_of_range(what, "generate", low, high, value, next_step)
 
 
 def _refuse_strangers(place: Place) -> None:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from overtaking.data.place import Place
     from overtaking.data.recipe import Simulator
-    from overtaking.data.verdict import Verdict
+    from overtaking.data.views import Verdict
     from overtaking.model.road import Road
     from overtaking.model.scenario import Scenario
     from overtaking.model.trajectory import Trajectories
@@ -206,7 +206,7 @@ class Dataset(Summarized):
         Raises:
             ConfigError: There is no such policy or reading.
         """
-        from overtaking.data.features import features_frame
+        from overtaking.data.views import features_frame
 
         chosen = reading or ("paper" if policy == "paper" else "matched")
         tables = [_decoded(self.table(name)) for name in ("features", "labels")]
@@ -215,7 +215,7 @@ class Dataset(Summarized):
     @checked
     def verdict(self, simulation: int) -> Verdict:
         """What is said of one simulation: class, phases, and every rule with its evidence."""
-        from overtaking.data.verdict import verdict_of
+        from overtaking.data.views import verdict_of
 
         names = ("labels", "events", "findings")
         return verdict_of(simulation, *(_decoded(self._part(name, simulation)) for name in names))
@@ -230,7 +230,7 @@ class Dataset(Summarized):
         rows = self._rows(simulation)
         if "frames" not in rows:
             rows = self._encoded(simulation)
-        from overtaking.data.wide import wide_frames
+        from overtaking.data.views import wide_frames
 
         return wide_frames({name: _decoded(table) for name, table in rows.items()})
 
@@ -357,13 +357,8 @@ class Dataset(Summarized):
     def _part(self, table: str, simulation: int) -> pa.Table:
         """The rows of one simulation."""
         if not 0 <= simulation < len(self):
-            raise NoSuchSimulationError.of(
-                what="simulation",
-                where=self.where,
-                expected=f"0 to {len(self) - 1}",
-                got=simulation,
-                next_step="choose a number in that range",
-            )
+            last = len(self) - 1
+            raise NoSuchSimulationError.out_of_range("simulation", self.where, 0, last, simulation)
         shard = self._shards[simulation // self._manifest.identity.shard_size]
         return read_rows(self._files.one(table, shard), table, simulation, simulation)
 

@@ -16,9 +16,9 @@ from urllib.parse import urlsplit
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import ending, opened
+from overtaking.core.folders import put_file, sync_folder
 from overtaking.data import lock
 from overtaking.data.store import Store
-from overtaking.data.tables.files import sync_folder
 
 PARTIAL = ".partial"
 """Folder in a data set for files that are not finished; what is left there has no meaning."""
@@ -226,10 +226,7 @@ class Folder:
         del is_first
         with self.staging() as staging:
             unfinished = staging / name
-            with unfinished.open("w", encoding="utf-8", newline="\n") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
+            put_file(unfinished, text)
             self.put(unfinished, name)
 
     def remove(self, name: str) -> None:

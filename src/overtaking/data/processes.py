@@ -41,13 +41,8 @@ class ProcessExecutor:
     def __post_init__(self) -> None:
         """Refuse less than one."""
         if self.workers < 1:
-            raise ConfigError.of(
-                what="workers",
-                where="generate",
-                expected="1 or more",
-                got=self.workers,
-                next_step="leave it out for one on each core",
-            )
+            next_step = "leave it out for one on each core"
+            raise ConfigError.out_of_range("workers", "generate", 1, None, self.workers, next_step)
 
     def __call__(
         self, job: Job, tasks: Iterable[Task], place: Place, on_done: OnDone

@@ -151,17 +151,6 @@ def _parquet_writer(path: Path, table: str, schema: pa.Schema) -> pq.ParquetWrit
     )
 
 
-def sync_folder(folder: Path) -> None:
-    """Force the names in a folder to the disk, where the system knows how to."""
-    if os.name == "nt":  # Windows cannot open folders.
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
 def sha256_of(path: Path) -> str:
     """Hash over the bytes of a file, 64 hexadecimal digits."""
     with path.open("rb") as file:
