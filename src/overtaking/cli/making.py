@@ -13,7 +13,6 @@ from overtaking.core.errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
-    from types import TracebackType
     from typing import Self
 
     from overtaking.cli.output import Meter, Output
@@ -134,15 +133,10 @@ class _Phases:
         """Begin the work."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Take the last bar away."""
         if self._shown:
-            self._shown[1].__exit__(kind, error, trace)
+            self._shown[1].__exit__()
 
     def of(self, what: str) -> Callable[[int, int], None]:
         """What to call with the number of things that are done, and of all.
@@ -158,7 +152,7 @@ class _Phases:
             if done == total or abs(total - known) * _STEADY > known:
                 known = total
             if not self._shown or self._shown[0] != what:
-                self.__exit__(None, None, None)
+                self.__exit__()
                 self._shown = what, self._output.progress(what).__enter__()
             self._shown[1](done, max(known, done))
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from overtaking.data.card import Card, meaning_of, unit_text
+from overtaking.data.card import Card, meaning_of, texts, unit_text
 from overtaking.data.manifest import ShardRecord
 from overtaking.data.plan import Shard
 from overtaking.data.tables.schemas import KEYS
@@ -25,51 +25,15 @@ CONFORMS_TO = ("http://mlcommons.org/croissant/1.0", "http://mlcommons.org/crois
 
 _PARQUET = "application/x-parquet"
 
-_CROISSANT_TERMS = (
-    *("citeAs", "column", "equivalentProperty", "extract", "field", "fileProperty", "fileObject"),
-    *("fileSet", "format", "includes", "isLiveDataset", "jsonPath", "key", "md5", "parentField"),
-    *("path", "recordSet", "references", "regex", "repeated", "replace", "samplingRate"),
-    *("separator", "source", "subField", "transform"),
-)
-"""The terms of the vocabulary; readers expect all of them in the context, used or not."""
-
-_CONTEXT: Json = {
-    "@language": "en",
-    "@vocab": "https://schema.org/",
-    "cr": "http://mlcommons.org/croissant/",
-    "dct": "http://purl.org/dc/terms/",
-    "rai": "http://mlcommons.org/croissant/RAI/",
-    "sc": "https://schema.org/",
-    "conformsTo": "dct:conformsTo",
-    "data": {"@id": "cr:data", "@type": "@json"},
-    "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
-    "examples": {"@id": "cr:examples", "@type": "@json"},
-    **{term: f"cr:{term}" for term in _CROISSANT_TERMS},
-}
-
-_RAI: dict[str, tuple[str, ...]] = {
-    "dataCollection": ("acquisition", "sampling"),
-    "dataCollectionMissingData": ("missing",),
-    "dataCollectionRawData": ("raw",),
-    "dataPreprocessingProtocol": ("preprocessing",),
-    "dataAnnotationProtocol": ("labels",),
-    "dataBiases": ("completeness",),
-    "dataLimitations": ("limits", "errors"),
-    "dataUseCases": ("uses", "splits"),
-    "personalSensitiveInformation": ("people", "consent"),
-    "dataReleaseMaintenancePlan": ("maintenance",),
-}
-"""For each property of the vocabulary RAI, the questions of the datasheet that answer it."""
-
 _CLASS = ("labels", "class")
 """The column that most readers will want to predict."""
 
 
 def croissant(card: Card) -> str:
     """The text of a data set's `croissant.json`."""
-    manifest, answers = card.manifest, card.answers
+    manifest, answers, words = card.manifest, card.answers, texts()["croissant"]
     content: Json = {
-        "@context": _CONTEXT,
+        "@context": words["context"] | {term: f"cr:{term}" for term in words["terms"]},
         "@type": "sc:Dataset",
         "name": _name(card),
         "conformsTo": list(CONFORMS_TO),
@@ -81,7 +45,7 @@ def croissant(card: Card) -> str:
         "version": f"{card.identity.table_version}.0.0+{str(manifest.content_hash)[:12]}",
         "keywords": card.keywords,
         "isLiveDataset": False,
-        **{f"rai:{name}": _joined(answers, keys) for name, keys in _RAI.items()},
+        **{f"rai:{name}": _joined(answers, keys) for name, keys in words["rai"].items()},
         "rai:dataCollectionType": "Secondary Data analysis" if card.is_recorded else "Experiments",
         "rai:machineAnnotationTools": "overtaking",
         "distribution": [part for name in card.schemas for part in _files(name, manifest.shards)],

@@ -18,7 +18,7 @@ from overtaking.core.errors import ConfigError, MissingExtraError
 
 
 class Store:
-    """A part of a store; see `place.Place` for what each method promises."""
+    """A part of a store; see `place.Folder` for what each method promises."""
 
     def __init__(self, url: str) -> None:
         """Nothing is read or made yet.

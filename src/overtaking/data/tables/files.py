@@ -3,10 +3,9 @@
 import contextlib
 import hashlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Self, TypeVar
 
 import pyarrow as pa
@@ -69,12 +68,7 @@ class TableWriter:
         """The writer itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the file; without `finish` it stays incomplete and is of no use."""
         self._waiting.clear()
         with contextlib.suppress(OSError):  # On a full disk the footer does not fit either.
@@ -255,7 +249,8 @@ def _check_version(path: Path, table: str, metadata: dict[bytes, bytes]) -> None
 
 
 def _check_columns(path: Path, expected: pa.Schema, got: pa.Schema) -> None:
-    for want, have in zip_fields(expected, got):
+    for want in expected:
+        have = got.field(want.name) if want.name in got.names else None
         if have is None or have.type != want.type:
             raise SchemaError.of(
                 what=f"column {want.name}",
@@ -264,12 +259,6 @@ def _check_columns(path: Path, expected: pa.Schema, got: pa.Schema) -> None:
                 got="no such column" if have is None else f"type {have.type}",
                 next_step="restore the file from a copy, or generate the data set again",
             )
-
-
-def zip_fields(expected: pa.Schema, got: pa.Schema) -> list[tuple[pa.Field, pa.Field | None]]:
-    """Each expected field with the one of its name, or None."""
-    names: Sequence[str] = got.names
-    return [(field, got.field(field.name) if field.name in names else None) for field in expected]
 
 
 def _overlaps(file: pq.ParquetFile, group: int, first: int, last: int) -> bool:

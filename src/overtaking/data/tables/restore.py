@@ -63,7 +63,7 @@ def restore_scenario(tables: Tables, road: Road, unknown: Collection[str] = ()) 
         attempt_deadline=_numbers(rows, "attempt_deadline_s"),
         weight=_numbers(rows, "weight"),
         vehicles=_bodies(tables["vehicles"], vehicles, unknown),
-        drivers=assumed_drivers(vehicles.shape)
+        drivers=assumed_drivers((vehicles.shape[0], vehicles.shape[1]))
         if "drivers" in unknown
         else Drivers(**_read("vehicles", tables, "scenario.drivers", vehicles.like_ego)),
         weather=assumed_weather(len(rows)) if "weather" in unknown else _weather(tables),

@@ -56,7 +56,7 @@ _FRAME = _key("frame", INT, "Number of the frame in its simulation")
 
 def _frame(name: str, meaning: str, attribute: str, path: str = "") -> Column:
     """A column of frames, null where the attribute is `NEVER`."""
-    return _optional(name, INT, meaning, path=path, present=attribute, nothing=NEVER)
+    return _optional(name, INT, meaning, path=path, present=attribute, nothing=int(NEVER))
 
 
 def _percept(place: int, who: str, whose: str) -> list[Column]:
