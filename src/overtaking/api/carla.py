@@ -115,4 +115,4 @@ def serve_carla(
 
 
 def _ignore(*_: object) -> None:
-    """Where nobody wants to be told."""
+    """Report to nobody."""

@@ -1,4 +1,4 @@
-"""What decides an overtake, learned from a data set."""
+"""Rules and factors that decide an overtake, learned from a data set."""
 
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is made of a data set or a profile: numbers, pages, films, answers."""
+"""Results from a data set or a profile: statistics, reports, films, queries."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -150,7 +150,7 @@ def validate(
     road: str | Path | Road | None = None,
     progress: Progress | None = None,
 ) -> "Validation":
-    """Hold the traffic of a profile against what is known of real traffic.
+    """Compare the traffic of a profile with published measurements.
 
     Args:
         profile: What to sample.
@@ -205,7 +205,7 @@ def reproduce(
     overrides: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> "Reproduction":
-    """Put every number that a paper states among replicates of its data set.
+    """Compare every number that a paper states with replicates of its data set.
 
     Args:
         study: `pinto2023`.
@@ -259,7 +259,7 @@ def literature(
     own: str | Path | Dataset | None = None,
     is_corrected: bool = True,
 ) -> dict[str, Any]:
-    """What the source paper says of the literature, with corrections and sources.
+    """The source paper's tables of the literature, with corrections and sources.
 
     Args:
         table: `systems`, `datasets`, `factors` or `studies`.

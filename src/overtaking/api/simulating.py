@@ -123,7 +123,7 @@ def branch(
 
 @checked
 def label(runs: Trajectories) -> Labelled:
-    """What happened in recorded simulations, whether it was lawful, and what describes it.
+    """Label recorded simulations: events, law, classes and features.
 
     Args:
         runs: A batch from `simulate`, `branch` or any other source.

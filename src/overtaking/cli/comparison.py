@@ -27,7 +27,7 @@ _KINDS = ("ego ahead or behind", "ego in another lane", "other ahead or behind",
 
 
 def values_of(found: Comparison) -> Values:
-    """What is said of all simulations together, and a row for each."""
+    """Totals over all simulations, and a row for each."""
     classes = found.endings[0].classes
     groups = {
         "by_class": [
@@ -108,7 +108,7 @@ def _row(found: Comparison, row: int) -> Values:
 
 
 def _parting(found: Comparison, k: int, row: int) -> Values | None:
-    """Where and when one of the others parts from the first, None if it never does."""
+    """Time and position at which another simulator diverges from the first; None if never."""
     p = found.partings[k]
     if p.frame[row] == TOGETHER:
         return None

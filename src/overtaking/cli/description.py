@@ -1,4 +1,4 @@
-"""One recorded simulation in words and numbers, before anybody draws it."""
+"""Describes one recorded simulation as plain values, for JSON and for drawing."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from overtaking.model.trajectory import Trajectories
 
 Values = dict[str, Any]
-"""What becomes a JSON object: names with units, plain Python values."""
+"""A JSON object: names with units, plain Python values."""
 
 _MS_PER_S = 1000.0
 _DECIMALS = 3  # Of what was recorded in thousandths.
@@ -42,7 +42,7 @@ _PERCEPT = (
 
 
 def describe(labelled: Labelled, number: int) -> Values:
-    """Everything that `show` tells about one simulation.
+    """Everything that `show` prints about one simulation.
 
     Args:
         labelled: A batch of one simulation, with all that is said of it.
@@ -130,7 +130,7 @@ def _vehicle(run: Trajectories, row: Values) -> Values:
 
 
 def _stages(run: Trajectories) -> list[Values]:
-    """What the ego did from when to when; the last stage ends with the last frame."""
+    """The stages of the ego with begin and end; the last stage ends with the last frame."""
     if "stage" in run.unknown:
         return []
     stage = run.stage[0, : run.num_frames[0]]
@@ -163,7 +163,7 @@ def _collisions(vehicles: list[Values]) -> list[Values]:
 
 
 def _decisions(run: Trajectories, thoughts: tuple[Thought, ...]) -> list[Values]:
-    """What the ego believed of its neighbours when it decided, and the truth beside."""
+    """Beliefs of the ego about its neighbours at each decision, with the true values."""
     from overtaking.cli.judgement import thought
 
     if "percepts" in run.unknown:
@@ -183,7 +183,7 @@ def _decisions(run: Trajectories, thoughts: tuple[Thought, ...]) -> list[Values]
 
 
 def _percept(row: Values, who: str, law: Values | None) -> Values | None:
-    """What was believed of one neighbour, None if there is none and none was imagined."""
+    """Belief about one neighbour; None if there is none and none was imagined."""
     believed = _part(row, _PERCEPT, f"{who}_")
     if believed["vehicle"] is None and not believed["detected"]:
         return None

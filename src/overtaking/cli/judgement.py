@@ -1,4 +1,4 @@
-"""What is said of one simulation, as values: events, classes, and the law with its remedies."""
+"""The labels of one simulation as plain values: events, classes, and the law with its remedies."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class EventWords(NamedTuple):
-    """How an event is told.
+    """The words for an event.
 
     Attributes:
         letter: Its mark on the time line; none is the symbol of a vehicle.
@@ -50,7 +50,7 @@ _MS_PER_S = 1000.0
 
 
 def judge(labelled: Labelled, explanation: Explanation) -> Values:
-    """What is said of one simulation.
+    """The labels of one simulation.
 
     Args:
         labelled: A batch of one simulation.
@@ -81,7 +81,7 @@ def judge(labelled: Labelled, explanation: Explanation) -> Values:
 
 
 def thought(of: Thought) -> Values:
-    """What the law says of one neighbour at a decision."""
+    """Verdict of the law on one neighbour at a decision."""
     believed = of.believed_margin
     return {
         "rule": of.code,

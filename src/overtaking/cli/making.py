@@ -28,18 +28,18 @@ def make(
     resume: bool,
     yes: bool,
     simulator: str = "engine",
-    crew: dict[str, Any] | None = None,
+    executor: dict[str, Any] | None = None,
 ) -> None:
-    """Make a data set, or complete one, and tell about it.
+    """Make a data set, or complete one, and print a summary.
 
     Args:
-        output: Where things are said.
+        output: The output of the command.
         out: Its folder, or its URL.
-        recipe: What was asked for; nothing is enough to complete what was begun.
-        resume: Whether to complete what was begun.
-        yes: Whether a large data set may be made without a question.
+        recipe: Arguments of `api.generate`; may be empty to resume.
+        resume: Whether to complete an interrupted data set.
+        yes: Whether to make a large data set without a question.
         simulator: What simulates.
-        crew: Who makes the shards: `engine`, `address` and `workers` of `api.generate`.
+        executor: What makes the shards: `engine`, `address` and `workers` of `api.generate`.
     """
     from overtaking import api
     from overtaking.cli import arguments, summary
@@ -49,7 +49,7 @@ def make(
         talk: dict[str, Any] = {
             "progress": phases.of("simulations"),
             "on_candidates": phases.of("candidates"),
-            **(crew or {}),
+            **(executor or {}),
         }
         if resume and not recipe:
             data = api.resume(out, **talk)
@@ -62,7 +62,7 @@ def make(
 
 
 def _asked(output: Output, yes: bool) -> Callable[[Estimate], bool]:
-    """What says how large a data set will be, and asks a person whether a large one is meant."""
+    """A function that prints the estimate of a data set, and asks before a large one is made."""
 
     def is_allowed(found: Estimate) -> bool:
         is_watched = sys.stdin.isatty() and sys.stderr.isatty() and not output.quiet
@@ -75,7 +75,7 @@ def _asked(output: Output, yes: bool) -> Callable[[Estimate], bool]:
 
 
 def balance(*, is_wanted: bool, **asked: Any) -> Balance | None:
-    """What was asked for of a balanced data set, None if it is not to be one.
+    """The settings of a balanced data set; None without `--balance`.
 
     Args:
         is_wanted: Whether `--balance` was said.
@@ -139,7 +139,7 @@ class _Phases:
             self._shown[1].__exit__()
 
     def of(self, what: str) -> Callable[[int, int], None]:
-        """What to call with the number of things that are done, and of all.
+        """A progress function for one phase.
 
         Args:
             what: The things of the phase.

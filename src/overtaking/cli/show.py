@@ -1,4 +1,4 @@
-"""One simulation on a terminal: who was there, what the ego did and believed, how it ended."""
+"""One simulation on a terminal: vehicles, actions and beliefs of the ego, outcome, law."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _section(title: str, lines: Iterator[Text]) -> Iterator[Text]:
 
 
 def _heading(values: Values, width: int, glyphs: Glyphs) -> Iterator[RenderableType]:
-    """Where and in what weather."""
+    """Facts, road, weather, outcome and classes."""
     facts = (
         f"Simulation {values['simulation']}",
         f"profile {values['profile']}",
@@ -138,7 +138,7 @@ def _nearest(run: Trajectories) -> np.ndarray:
 
 
 def _vehicle_table(values: Values, shown: np.ndarray, glyphs: Glyphs) -> Table:
-    """Who was there, and how everybody began."""
+    """The vehicles and their starts."""
     columns = ("", "vehicle", "size m>", "mass kg>", "lane>", "ahead m>", "km/h>", "wants>")
     table = open_table(*columns, header_style="underline")
     ego = values["vehicles"][Role.EGO]
@@ -164,7 +164,7 @@ def _vehicle_table(values: Values, shown: np.ndarray, glyphs: Glyphs) -> Table:
 
 
 def _ahead(one: Values, ego: Values) -> str:
-    """Where a vehicle begins, relative to the ego, or when, if it comes later."""
+    """Start of a vehicle relative to the ego, or the time at which it appears."""
     if one["from_s"] > ego["from_s"]:
         return f"at {one['from_s']:.1f} s"
     return f"{one['start_s_m'] - ego['start_s_m']:+.1f}"
@@ -260,7 +260,7 @@ def _speed_lines(
 
 
 def _decisions(values: Values) -> Iterator[RenderableType]:
-    """What the ego believed when it decided, the truth in brackets, and what the law says."""
+    """Beliefs of the ego at each decision, true values in brackets, and the verdict of the law."""
     if not values["decisions"]:
         return
     columns = ("time", "to", "of whom", "gap m>", "closing km/h>", "the law")

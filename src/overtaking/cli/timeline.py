@@ -71,7 +71,7 @@ def stage_times(values: Values, glyphs: Glyphs) -> Iterator[Text]:
 
 
 def event_lines(values: Values) -> Iterator[Text]:
-    """What happened when, one line for each event."""
+    """The events in order, one line each."""
     target, partner = who(values["target"]), who(values["collision_partner"])
     meets = "is struck by" if values["struck_by_partner"] else "runs into"
     for one in values["events"]:

@@ -36,7 +36,7 @@ it."""
 
 
 def room_after(room: int | None, rows: object, where: str, memory_mib: int) -> int:
-    """What is left of the memory for an answer once it has further rows [bytes].
+    """Memory left for an answer after further rows [bytes].
 
     Args:
         room: What was left before; None at the beginning.

@@ -1,7 +1,7 @@
-"""Which candidates a balanced data set consists of: looked for once, and remembered in its folder.
+"""Searches the candidates for a balanced data set, and saves the progress in its folder.
 
-What is found is a pure function of the recipe. `balance.json` only saves the time to find it
-again: one that is missing, damaged or of another recipe is as good as none.
+The result is a pure function of the recipe. `balance.json` only saves time: a file that is missing,
+damaged or of another recipe is ignored.
 """
 
 import hashlib
@@ -37,13 +37,13 @@ _MOST_BYTES = 1 << 28
 """Of some ten million simulations; what is longer is looked for again."""
 
 _SAVED_SHARE = 10
-"""What is remembered is written when it has grown by a tenth: at most that is to be done again, and
-all writing together costs ten times the last."""
+"""The progress of the search is saved whenever the number of candidates has grown by a tenth. So at
+most a tenth is lost, and all saves together cost ten times the last."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chosen:
-    """What a balanced data set consists of.
+    """The candidates that a balanced data set consists of.
 
     Attributes:
         index: Number of each candidate that is kept, growing, shape (simulation,).
@@ -91,7 +91,7 @@ class Selection:
         return np.concatenate([np.empty(0, np.int64), *(cell for _, cell in self._parts)])
 
     def offer(self, cell: I64) -> None:
-        """Look at the next candidates; those behind the one that fills the last quota do not exist.
+        """Look at the next candidates; stop at the candidate that fills the last quota.
 
         Args:
             cell: The cell of each, or `OUTSIDE`.
@@ -108,7 +108,7 @@ class Selection:
         self.candidates += len(cell)
 
     def restore(self, candidates: int, seen: I64, index: U64, cell: I64) -> None:
-        """Go on from what was remembered.
+        """Continue a saved search.
 
         Args:
             candidates: How many have been looked at.
@@ -120,7 +120,7 @@ class Selection:
         self._add(index, cell)
 
     def expected(self, limit: int) -> int:
-        """About how many candidates it takes, at the rate so far.
+        """Estimated number of candidates until every quota is full, at the rate so far.
 
         Args:
             limit: The most.
@@ -132,7 +132,7 @@ class Selection:
         return int(np.clip(np.ceil(needed.max(initial=0.0)), self.candidates, limit))
 
     def chosen(self, names: tuple[str, ...]) -> Chosen:
-        """What there is to make of it.
+        """The result of the search.
 
         Args:
             names: Names of the cells.
@@ -203,7 +203,7 @@ class Scan:
         return self.selection.chosen(self._balance.cells)
 
     def _look(self, progress: Progress) -> None:
-        """Look at one candidate after the other, and remember what is found now and then."""
+        """Look at one batch of candidates after the other, and save the progress now and then."""
         found = self.selection
         saved = found.candidates
         usual = plan.batch_size(self._recipe.spec.resolved(), self._simulator.chunk_size)
@@ -264,7 +264,7 @@ _Count = Annotated[int, Field(ge=0, le=MAX_CANDIDATES)]
 
 
 class _Remembered(BaseModel):
-    """What `balance.json` holds.
+    """The content of `balance.json`.
 
     Attributes:
         key: Hash over all that decides about it.
@@ -305,7 +305,7 @@ class _Remembered(BaseModel):
 
 
 def _read(place: Place, key: str, limit: int, selection: Selection) -> None:
-    """Let a selection go on from what was remembered for the same key, if it is whole."""
+    """Restore the saved progress of the same search into a selection, if it is intact."""
     try:
         with place.open(FILE_NAME) as file:
             known = _Remembered.model_validate_json(whole(file, _MOST_BYTES))
@@ -318,7 +318,7 @@ def _read(place: Place, key: str, limit: int, selection: Selection) -> None:
 
 
 def _key(identity: Identity, balance: Balance) -> str:
-    """Hash over what decides which candidate is kept; when to give up is no part of it."""
+    """Hash over all that decides which candidates are kept; the limit of the search does not."""
     scanned = identity.model_copy(
         update={"balance": Balance(by=balance.by, policy=balance.policy), "shard_size": 1}
     )

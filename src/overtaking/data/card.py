@@ -26,14 +26,14 @@ _DEFAULT = "features"
 
 @cache
 def texts() -> dict[str, Any]:
-    """What `card.toml` holds."""
+    """The content of `card.toml`."""
     file = resources.files("overtaking.data") / "card.toml"
     return tomllib.loads(file.read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)
 class Card:
-    """What there is to say of a complete data set.
+    """The facts about a complete data set, and its card.
 
     Attributes:
         manifest: Its manifest.
@@ -43,7 +43,7 @@ class Card:
 
     @property
     def identity(self) -> Identity:
-        """What decides the content."""
+        """Its identity."""
         return self.manifest.identity
 
     @property
@@ -58,7 +58,7 @@ class Card:
 
     @property
     def keywords(self) -> list[str]:
-        """What somebody would search for who needs such a data set."""
+        """Keywords for catalogues."""
         kind = "trajectories" if self.is_recorded else "simulation"
         return ["overtaking", "autonomous driving", "traffic law", "driver behaviour", kind]
 
@@ -79,7 +79,7 @@ class Card:
 
     @cached_property
     def facts(self) -> dict[str, Any]:
-        """What the texts in `card.toml` name in braces."""
+        """The values for the braces in the texts of `card.toml`."""
         identity, balance = self.identity, self.manifest.balance
         road, simulations = identity.road, self.manifest.num_simulations
         keeps_frames = identity.keep is Keep.FRAMES
@@ -106,7 +106,7 @@ class Card:
         }
 
     def _unknown(self) -> str:
-        """What the source does not tell, as a part of a sentence."""
+        """The quantities that are unknown, as a part of a sentence."""
         names = ", ".join(name.replace("_", " ") for name in self.identity.unknown)
         if not names:
             return ""
@@ -192,7 +192,7 @@ class Card:
 
 
 def meaning_of(field: pa.Field) -> str:
-    """What a column means: its description, its names or bits, and whether it may be null."""
+    """Meaning of a column: its description, its names or bits, and whether it may be null."""
     meaning = field.metadata[b"description"].decode()
     if names := names_of(field):
         meaning = f"{meaning}: {', '.join(names)}"
@@ -230,6 +230,6 @@ def _short(power: int) -> str:
 
 
 def _config(table: str) -> str:
-    """How the Hub finds one table."""
+    """The configuration of one table for the Hub."""
     default = "  default: true\n" if table == _DEFAULT else ""
     return f'- config_name: {table}\n{default}  data_files: "{table}/*.parquet"'

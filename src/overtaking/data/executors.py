@@ -10,8 +10,7 @@ from overtaking.data.recipe import Recipe, Simulator
 from overtaking.data.work import Executor, in_this_process
 
 ENGINES = ("auto", "threads", "processes", "ray")
-"""What makes the shards: what suits the size, the threads of this process, processes of this
-machine, or a Ray cluster."""
+"""Choices: automatic by size, threads of this process, processes of this machine, a Ray cluster."""
 
 MIN_PIECES = 40
 """Least number of batches of a simulator for which starting processes pays."""

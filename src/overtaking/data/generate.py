@@ -25,7 +25,7 @@ _REFUSALS = (ConfigError, InfeasibleError, MissingExtraError)
 """Errors of a call that can never succeed."""
 
 _OWN = frozenset({lock.FILE_NAME, PARTIAL})
-"""What may lie in a folder in which nothing was begun."""
+"""Files that an unused folder may hold."""
 
 
 def generate(

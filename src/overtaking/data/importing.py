@@ -35,7 +35,7 @@ READER_VERSION = "1"
 """Changes whenever the same file gives other values."""
 
 SIMULATOR = "recording"
-"""What the manifest names where a data set was not simulated."""
+"""The simulator in the manifest of an imported data set."""
 
 
 def write_scenes(
@@ -61,7 +61,7 @@ def write_scenes(
 
 
 def _identity(read: "Imported", file_format: str) -> Identity:
-    """What decides the content."""
+    """The identity of the data set."""
     scenes = read.scenes
     source = Source(
         format=file_format,
@@ -89,7 +89,7 @@ def _identity(read: "Imported", file_format: str) -> Identity:
 
 
 def _write(scenes: "Scenes", identity: Identity, folder: Path, counter: Counter) -> None:
-    """Everything that belongs into the folder."""
+    """Write all files of the data set into a folder."""
     tables, place = identity.keep.tables, Folder(folder)
     place.prepare(tables)
     started = Manifest(identity=identity, provenance=Provenance.of_this_run({}))

@@ -1,4 +1,4 @@
-"""What ends the writing of a data set early: a full disk, or a request of the system to stop."""
+"""Handles a full disk and a request of the system to stop while a data set is written."""
 
 import os
 import signal

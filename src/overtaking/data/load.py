@@ -1,4 +1,4 @@
-"""A data set as its user sees it: pandas and SI numbers, simulated again where nothing was kept."""
+"""Reads data sets as pandas tables in SI units; simulates again what was not kept."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Dataset(Summarized):
         return self.trajectory(number + len(self) if -len(self) <= number < 0 else number)
 
     def summary(self) -> Mapping[str, object]:
-        """What it is and where."""
+        """Place, profile, size, and kept tables."""
         return {
             "where": self.where,
             "profile": self.profile,
@@ -126,7 +126,7 @@ class Dataset(Summarized):
 
     @property
     def manifest(self) -> Manifest:
-        """What `dataset.json` says."""
+        """The content of `dataset.json`."""
         return self._manifest
 
     @property
@@ -214,7 +214,7 @@ class Dataset(Summarized):
 
     @checked
     def verdict(self, simulation: int) -> Verdict:
-        """What is said of one simulation: class, phases, and every rule with its evidence."""
+        """The labels of one simulation: class, phases, and every rule with its evidence."""
         from overtaking.data.views import verdict_of
 
         names = ("labels", "events", "findings")
@@ -367,7 +367,7 @@ class Dataset(Summarized):
         return {name: self._part(name, simulation) for name in self._recorded_tables}
 
     def _recorded(self, rows: Mapping[str, pa.Table]) -> Trajectories:
-        """What was recorded of some simulations, from their rows or simulated again."""
+        """The recordings of some simulations, from their rows or simulated again."""
         if "states" in rows:
             return restore(rows, self.road, self._manifest.identity.unknown)
         again = self._simulator.simulate(restore_scenario(rows, self.road))

@@ -1,4 +1,4 @@
-"""Where the files of a data set lie: a folder, or a store that a URL names.
+"""The place of a data set: a folder, or a store that a URL names.
 
 Files have names, such as `labels/part-00000.parquet`. What is put into a place appears whole or
 not at all; what is not finished grows in a staging folder on a disk of this machine.
@@ -51,7 +51,7 @@ class Folder:
         return Folder(self.path.resolve())
 
     def at(self, name: str) -> str:
-        """Where a file is, for people."""
+        """Path or URL of a file, for messages."""
         return str(self.path / name)
 
     def names(self) -> set[str]:
@@ -150,7 +150,7 @@ class Folder:
 
 
 Place = Folder | Store
-"""Where the files of one data set lie."""
+"""The place of one data set."""
 
 
 def place_of(where: str | Path | Place) -> Place:

@@ -22,7 +22,7 @@ from overtaking.data.place import Place
 from overtaking.data.work import Job, OnDone, Task, make_shard, visible_place
 
 MAX_ATTEMPTS = 4
-"""How often a shard is begun before the data set is given up."""
+"""Attempts at one shard before the call fails."""
 
 _ONE_THREAD = (THREADS_VARIABLE, "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables with the number of threads of the engine, Arrow and linear algebra."""
@@ -169,7 +169,7 @@ class _Run:
 
 
 def main(parent: Parent) -> None:
-    """What a worker process does: make shards, and report to its parent.
+    """Run a worker process: make shards, and report to the parent.
 
     Each message is a `Job`, the text of a place, and a `Task`. The answers to each are numbers of
     simulations that are done, then its record or an exception.

@@ -1,4 +1,4 @@
-"""How far the making of a data set has got."""
+"""Reports of progress."""
 
 from collections.abc import Callable
 

@@ -22,7 +22,7 @@ from overtaking.data.work import Job, OnDone, Task, make_shard, visible_place
 from overtaking.sim.version import MODEL_VERSION
 
 MAX_RETRIES = 10
-"""How often a shard is begun again because its worker has died."""
+"""Further attempts at a shard after its worker has died."""
 
 TASKS_AHEAD = 2
 """Tasks submitted to Ray for each worker: the next one waits at the worker."""
@@ -94,7 +94,7 @@ class RayExecutor:
 
 
 def _make(shared: tuple[Job, dict[str, str]], task: Task, where: str) -> ShardRecord:
-    """What a worker does."""
+    """Make one shard on a worker."""
     job, packages = shared
     os.environ.setdefault("RAYON_NUM_THREADS", "1")  # The engine looks when it is first called.
     place = visible_place(where, job.fingerprint)

@@ -81,7 +81,7 @@ def write_shard(
 
 
 def unfinished(staging: Path, table: str, shard: Shard) -> Path:
-    """Where a file of a shard grows."""
+    """Path of an unfinished file of a shard."""
     return staging / f"{table}-{shard.file_name}"
 
 
@@ -94,7 +94,7 @@ def put_into_place(place: Place, staging: Path, shard: Shard, tables: Iterable[s
 def finished_shard(
     place: Place, shard: Shard, *, tables: tuple[str, ...], fingerprint: str
 ) -> ShardRecord | None:
-    """What is known of a shard, or None if it has to be written.
+    """The record of a shard that is there and intact; None if it has to be written.
 
     Every file is read, so that what was damaged since it was written is written again.
 
@@ -266,7 +266,7 @@ class ShardFiles:
         )
 
     def _older(self, table: str) -> DatasetError:
-        """What to say of a table that came into being after the data set was made."""
+        """The error for a table that is newer than the data set."""
         return DatasetError.of(
             what=f"table {table}",
             where=str(self._place),

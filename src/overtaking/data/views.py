@@ -125,7 +125,7 @@ def _cells(table: pd.DataFrame, columns: tuple[str, ...]) -> list[object]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """What is said of one simulation.
+    """The labels of one simulation.
 
     Attributes:
         simulation: Its number.
@@ -154,7 +154,7 @@ class Verdict:
 def verdict_of(
     simulation: int, labels: pd.DataFrame, events: pd.DataFrame, findings: pd.DataFrame
 ) -> Verdict:
-    """What the tables of labels say of one simulation.
+    """The labels of one simulation, from the tables of labels.
 
     Args:
         simulation: Its number.

@@ -28,7 +28,7 @@ OnDone = Callable[[int], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """What all shards of a data set share. With a `Task` it decides every byte of a shard.
+    """The part of the work that all shards share. With a `Task` it decides every byte of a shard.
 
     Attributes:
         recipe: What to make.

@@ -1,4 +1,4 @@
-"""How a column is declared: its name, type, unit and meaning, and where a batch has its values.
+"""Declarations of columns: name, type, unit, meaning, and the attribute that has the values.
 
 A name ends in its unit. Integer columns count steps of a unit and carry the step in their name:
 `x_mm`, `heading_100urad`. Read through this package they come back as SI numbers under the SI name:
@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import pyarrow as pa
@@ -171,7 +171,7 @@ def declared(
             needs something, or has no value everywhere, always may.
     """
     found: list[Column] = []
-    hints = {field.name: field.type for field in dataclasses.fields(cls)}
+    hints = get_type_hints(cls)
     for name, one in declarations(cls).items():
         if one.column is None or name in without or (only and name not in only):
             continue

@@ -28,7 +28,7 @@ _DENSE = frozenset({"states"})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileFacts:
-    """What is known of a file once it is written.
+    """Size and hashes of a finished file.
 
     Attributes:
         rows: Number of rows.
@@ -201,7 +201,7 @@ def read_notes(path: Path, table: str) -> dict[str, str]:
 
 
 def _read(path: Path, action: Callable[[], T]) -> T:
-    """Do something with a file, and say in one line what is wrong with it if that fails."""
+    """Run an action on a file; turn any failure into one `SchemaError`."""
     try:
         return action()
     except FileNotFoundError:

@@ -109,7 +109,7 @@ def restore(tables: Tables, road: Road, unknown: Collection[str] = ()) -> Trajec
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Grid:
-    """Where the rows of a table lie in arrays that lead with the simulation axis.
+    """Positions of the rows of a table in arrays whose first axis is the simulation.
 
     Attributes:
         place: Index arrays of the rows, one for each axis, shape (row,).
@@ -136,7 +136,7 @@ class _Grid:
 
     @property
     def present(self) -> NDArray[np.bool_]:
-        """Where there is a row."""
+        """Mask of the positions that have a row."""
         return self.filled(np.ones(len(self.place[0]), dtype=np.bool_))
 
     def filled(self, values: Array, padding: Any = 0) -> Array:

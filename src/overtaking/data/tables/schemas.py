@@ -37,7 +37,7 @@ from overtaking.model.vehicles import VehicleSpecs
 from overtaking.model.weather import Weather
 
 FORMAT = "overtaking"
-"""What the name of a schema in a file's metadata begins with."""
+"""First part of the schema name in a file's metadata."""
 
 VERSION = 2
 """Version of all schemas below; raised when a column is added, removed or changes its meaning."""
@@ -60,7 +60,7 @@ def _frame(name: str, meaning: str, attribute: str, path: str = "") -> Column:
 
 
 def _percept(place: int, who: str, whose: str) -> list[Column]:
-    """What the ego believed of one neighbour, and the truth beside it."""
+    """Columns of one neighbour at a decision: the belief of the ego, and the true values."""
     believed = partial(_optional, present="percepts.detected")
     true = partial(_optional, present="percepts.vehicle", nothing=_NOBODY)
     by_ego = f"as the ego believed it; null unless {who}_detected"
@@ -79,7 +79,7 @@ def _percept(place: int, who: str, whose: str) -> list[Column]:
 
 
 def _believed(place: int, who: str, whose: str) -> list[Column]:
-    """What the driver believed of one vehicle at the last decision to pull out."""
+    """Columns of one vehicle: the belief of the driver at the last decision to pull out."""
     seen = partial(_optional, present="believed.detected")
     return attributes(
         "believed",
