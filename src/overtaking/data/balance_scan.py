@@ -33,8 +33,9 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 U64 = NDArray[np.uint64]
 
-_MOST_BYTES = 1 << 28
-"""Of some ten million simulations; what is longer is looked for again."""
+_HEAD_BYTES, _SIMULATION_BYTES = 1_000, 16
+"""Most of what is remembered, but for the simulations, and of each: a number below
+`MAX_CANDIDATES` and its cell, with commas. What is longer is looked for again."""
 
 _SAVED_SHARE = 10
 """The progress of the search is saved whenever the number of candidates has grown by a tenth. So at
@@ -308,7 +309,8 @@ def _read(place: Place, key: str, limit: int, selection: Selection) -> None:
     """Restore the saved progress of the same search into a selection, if it is intact."""
     try:
         with place.open(FILE_NAME) as file:
-            known = _Remembered.model_validate_json(whole(file, _MOST_BYTES))
+            most = _HEAD_BYTES + _SIMULATION_BYTES * int(selection.missing.sum())
+            known = _Remembered.model_validate_json(whole(file, most))
     except (OSError, ValidationError):
         return
     if known.fits(key, limit, len(selection.seen)):

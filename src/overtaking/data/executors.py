@@ -36,14 +36,16 @@ def executor_of(
         workers: How many processes; with `auto` it asks for processes.
 
     Raises:
-        ConfigError: One of them cannot be used, or they do not go together.
+        ConfigError: One of them cannot be used, they do not go together, or there is no cluster.
     """
     if engine not in ENGINES:
         raise ConfigError.not_among("engine", "generate", ENGINES, engine)
     if engine == "ray":
         from overtaking.data.ray_executor import RayExecutor
 
-        return RayExecutor(address=address, workers=workers)
+        executor = RayExecutor(address=address, workers=workers)
+        executor.refuse_unreachable()
+        return executor
     _refuse_beside(engine, "address", address, "ray")
     if engine == "threads":
         _refuse_beside(engine, "workers", workers, "processes or ray")

@@ -27,6 +27,11 @@ if TYPE_CHECKING:
 _TEXT = pa.schema([(name, pa.string()) for name in COLUMNS], metadata=SCHEMA.metadata)
 _MAX_SHOWN = 60
 
+_MAX_TEXT_BYTES = (1 << 31) - 1
+_MAX_EXPANSION, _SMALL_BYTES = 100, 1 << 24
+"""The text of a Parquet file may have so many times its size, and always 16 MB; ours has 9 times
+its size. A few bytes can stand for any number of rows."""
+
 
 class _Writer(Protocol):
     """What takes one table after the other."""
@@ -156,18 +161,44 @@ def read_table(path: Path | str) -> pa.Table:
 
 def _parquet_text(source: Path) -> pa.Table:
     """The cells of a Parquet file."""
+    most = min(max(_MAX_EXPANSION * source.stat().st_size, _SMALL_BYTES), _MAX_TEXT_BYTES)
     with source.open("rb") as file:
         try:
             # One file, not a folder of partitions, and no columns guessed from the path.
-            table = pq.ParquetFile(file).read()
+            schema = _text_schema(source, pq.ParquetFile(file), most)
+            # Equal cells stay one until it is known how long all of them are.
+            table = pq.ParquetFile(file, read_dictionary=COLUMNS).read()
             table.validate(full=True)  # Text that is no UTF-8, for one, is read without complaint.
         except (pa.ArrowException, OSError) as error:  # Arrow raises both on damaged pages.
             raise _unreadable(source, "a Parquet file", error) from None
-    _check_names(source, table.column_names)
-    for field in table.schema:
+    chunks = [chunk for column in table.columns for chunk in column.chunks]
+    _refuse_bomb(source, sum(map(_text_bytes, chunks)), most)
+    return table.cast(schema)
+
+
+def _text_schema(source: Path, file: pq.ParquetFile, most: int) -> pa.Schema:
+    """The columns of a Parquet file, held to what it says of itself before any cell is read."""
+    schema, about = file.schema_arrow, file.metadata
+    _check_names(source, schema.names)
+    for field in schema:
         if not (pa.types.is_string(field.type) or pa.types.is_large_string(field.type)):
             raise _unreadable(source, "columns of text", f"{field.name} of type {field.type}")
-    return table
+    pages = sum(about.row_group(k).total_byte_size for k in range(about.num_row_groups))
+    ends = len(COLUMNS) * about.num_rows  # In a CSV file a comma or an end of line for each cell.
+    _refuse_bomb(source, max(pages, ends), most)
+    return schema
+
+
+def _text_bytes(cells: pa.DictionaryArray) -> int:
+    """The length of all cells."""
+    lengths = pc.binary_length(cells.dictionary).cast(pa.int64())
+    return pc.sum(lengths.take(cells.indices)).as_py() or 0
+
+
+def _refuse_bomb(source: Path, size: int, most: int) -> None:
+    """Refuse text that is longer than the size of the file allows."""
+    if size > most:
+        raise _unreadable(source, f"at most {most >> 20} MB of text", f"{size >> 20} MB or more")
 
 
 def _csv_text(source: Path) -> pa.Table:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,7 +16,7 @@ from overtaking.simulators.carla_server.answers import Refused
 from overtaking.simulators.carla_server.arguments import ArgumentError, check
 from overtaking.simulators.carla_server.connections import Connection, Connections, CrowdedError
 from overtaking.simulators.carla_server.protocol import CALLS, SLOW, Session, refuse_unknown
-from overtaking.simulators.carla_server.streams import Streams
+from overtaking.simulators.carla_server.streams import SETTLING_TIME, Streams
 from overtaking.simulators.carla_server.wire import Budget, Decoder, ProtocolError, encode
 from overtaking.simulators.carla_server.world import World
 
@@ -30,6 +31,15 @@ MAX_COMPLAINTS = 1000
 
 MAX_TOLD, MAX_TOLD_CHARACTERS = 20, 200
 """Calls without effect that are told for each client, and how long their names may be."""
+
+LOADING_TIME = 0.1
+"""From the last snapshot before a new episode to the answer to the call that began it [s].
+
+On a real server loading takes seconds. The client of 0.9.16 relies on that: it drops its old
+episode when the answer comes. If a thread of its pool is in the callback of a snapshot then, that
+thread drops it later, and with it the stream of the new episode, which has the same number. The
+client dies of signal 11 or 6. So no snapshot is sent either until it asks for the new episode.
+"""
 
 _READ_BYTES = 1 << 14
 _CALL, _ANSWER = 0, 1
@@ -56,6 +66,8 @@ class Server:
     _budget: Budget = field(default_factory=Budget)
     _last_call: float = 0.0
     _complaints: int = 0
+    _loader: Connection | None = None
+    _still_until: float = 0.0
 
     def __post_init__(self) -> None:
         """Nobody is connected."""
@@ -99,14 +111,30 @@ class Server:
             await self.world.streams.settle()
         if name in SLOW:
             answer = await asyncio.to_thread(self._result, session, name, parameters)
+        elif name == "load_new_episode":
+            answer = await self._load(session, connection, parameters)
         else:
             answer = self._result(session, name, parameters)
+        if name == "get_episode_info" and self._loader is connection:
+            self._loader = None
         if is_async:
             session.unseen += answers.errors(answer)
         for error in session.unseen:
             self._tell_unseen(connection, name, error)
         session.unseen.clear()
         return encode([_ANSWER, number, None, answer])
+
+    async def _load(
+        self, session: Session, connection: Connection, parameters: list[Any]
+    ) -> answers.Answer:
+        """Begin an episode; free time stands still until its client asks for the new one."""
+        loop = asyncio.get_running_loop()
+        self._loader, self._still_until = connection, math.inf
+        try:
+            await asyncio.sleep(LOADING_TIME)
+            return self._result(session, "load_new_episode", parameters)
+        finally:
+            self._still_until = loop.time() + SETTLING_TIME
 
     def _tell_unseen(self, connection: Connection, name: str, error: str) -> None:
         """Say once for each client what it asked for in vain and cannot see.
@@ -145,7 +173,8 @@ class Server:
         while True:
             due = max(due + self.world.delta, loop.time() - self.world.delta)
             await asyncio.sleep(max(due - loop.time(), 0.001))
-            if not self.world.settings.synchronous:
+            is_loading = self._loader is not None and loop.time() < self._still_until
+            if not self.world.settings.synchronous and not is_loading:
                 self.world.tick()
 
     async def watch(self) -> None:
