@@ -78,7 +78,7 @@ class RayExecutor:
         )
 
     def refuse_unreachable(self) -> None:
-        """Refuse an address at which nobody listens; Ray itself would retry for a quarter of an hour.
+        """Refuse an address at which nobody listens; Ray itself would retry for 15 minutes.
 
         Raises:
             ConfigError: Nobody listens there.
