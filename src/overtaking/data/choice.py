@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 _WHERE = "choice of simulations"
 
+_FAR = 64
+"""Least distance between the numbers of two simulations that are read separately."""
+
 
 def chosen(
     data: Dataset,
@@ -56,6 +59,13 @@ def chosen(
         raise ConfigError.not_among("class", _WHERE, CLASSES, label)
     members = _members(data, names[label.lower()], policy)
     return members if found is None else np.intersect1d(found, members)
+
+
+def stretches(numbers: I64) -> list[I64]:
+    """Numbers in order, split where so many are left out that reading them does not pay."""
+    if not numbers.size:
+        return []
+    return np.split(numbers, np.flatnonzero(np.diff(numbers) > _FAR) + 1)
 
 
 def _members(data: Dataset, label: str, policy: str) -> I64:

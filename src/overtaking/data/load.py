@@ -10,6 +10,7 @@ import pyarrow as pa
 from overtaking.core.errors import ConfigError, DatasetError, NoSuchSimulationError
 from overtaking.core.summary import Summarized
 from overtaking.data import plan
+from overtaking.data.choice import stretches
 from overtaking.data.manifest import Manifest, read_manifest
 from overtaking.data.place import folder_of, place_of
 from overtaking.data.shards import ShardFiles
@@ -33,10 +34,6 @@ if TYPE_CHECKING:
     from overtaking.model.road import Road
     from overtaking.model.scenario import Scenario
     from overtaking.model.trajectory import Trajectories
-
-
-_FAR = 64
-"""Simulations between two chosen ones from which on they are read apart."""
 
 
 def load(where: str | Path | Place, simulator: Simulator) -> Dataset:
@@ -276,7 +273,9 @@ class Dataset(Summarized):
         for shard in self._shards:
             for chunk in plan.chunks(shard, size):
                 numbers = np.arange(chunk[0], chunk[-1] + 1)
-                for some in [numbers] if chosen is None else _runs(np.intersect1d(numbers, chosen)):
+                for some in (
+                    [numbers] if chosen is None else stretches(np.intersect1d(numbers, chosen))
+                ):
                     first, last = int(some[0]), int(some[-1])
                     rows = {
                         name: read_rows(self._files.one(name, shard), name, first, last)
@@ -391,13 +390,6 @@ class Dataset(Summarized):
             got=f"another from {self._simulator.name} {self._simulator.version}",
             next_step=f"simulate with {identity.simulator} {identity.simulator_version}",
         )
-
-
-def _runs(numbers: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Numbers in order, parted where so many lie between that it is not worth reading them."""
-    if not numbers.size:
-        return []
-    return np.split(numbers, np.flatnonzero(np.diff(numbers) > _FAR) + 1)
 
 
 def _decoded(table: pa.Table) -> pd.DataFrame:

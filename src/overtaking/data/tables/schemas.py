@@ -1,9 +1,8 @@
 """The columns of every table, each declared once, in order; schemas and encoders follow from them.
 
-Keys are the same everywhere: `simulation` is the number of a simulation in its data set, `vehicle`
-the slot of a vehicle in its simulation (the ego is 0) and `frame` counts from 0. What does not
-exist is null, never a number that stands for it. States are sorted by simulation, vehicle and
-frame, so that the frames of one vehicle are adjacent.
+Keys are the same in all tables: `simulation` is the number of a simulation in its data set,
+`vehicle` the slot of a vehicle (the ego is 0), and `frame` counts from 0. Missing values are null,
+never a number. States are sorted by simulation, vehicle, frame: frames of a vehicle are adjacent.
 """
 
 from collections.abc import Collection
@@ -364,7 +363,7 @@ LABEL_TABLES = tuple(_LABELS)
 """The tables that follow from those of recordings, and can be made from them anew."""
 
 COLUMNS: dict[str, list[Column]] = _RECORDED | _LABELS
-"""The columns of each table, by the name of its folder."""
+"""The columns of each table, by the name of its folder; `KEYS` and `SCHEMAS` follow from them."""
 
 KEYS = {
     table: tuple(one.name for one in columns if one.is_key) for table, columns in COLUMNS.items()
@@ -378,7 +377,6 @@ SCHEMAS: dict[str, pa.Schema] = {
     )
     for table, columns in COLUMNS.items()
 }
-"""The schema of each table."""
 
 
 def schema_of(table: str, unknown: Collection[str] = (), *, recorded: bool = False) -> pa.Schema:
