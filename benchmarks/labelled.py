@@ -23,14 +23,13 @@ from measure import Measure, parser, report
 from memory import Watch
 from overtaking import api
 from overtaking.core.memory import Buffers
-from overtaking.data.contents import contents
 from overtaking.data.load import Dataset
 from overtaking.data.place import Folder
 from overtaking.data.plan import LARGE_CHUNK_SIZE, SHARD_SIZE, shards
 from overtaking.data.recipe import Keep
-from overtaking.data.tables.encode_labels import encode_labels
-from overtaking.data.tables.label_schemas import LABEL_TABLES
-from overtaking.data.write import write_shard
+from overtaking.data.shards import write_shard
+from overtaking.data.tables.encode_labels import contents, encode_labels
+from overtaking.data.tables.schemas import LABEL_TABLES, SCHEMAS
 from overtaking.labels.events import case_of
 from overtaking.labels.features import (
     decision_features,
@@ -135,7 +134,10 @@ def _write(rows: Mapping[str, pa.Table]) -> None:
         folder, shard = Folder(Path(name)), shards(SHARD_SIZE)[0]
         folder.prepare(KEPT)
         pieces = [rows] * (SHARD_SIZE // PIECE)
-        write_shard(folder, shard, pieces, tables=KEPT, fingerprint="none", on_piece=lambda _: None)
+        schemas = {name: SCHEMAS[name] for name in KEPT}
+        write_shard(
+            folder, shard, pieces, schemas=schemas, fingerprint="none", on_piece=lambda _: None
+        )
 
 
 def _cost(work: Callable[[], object], simulations: int) -> float:

@@ -29,6 +29,21 @@ _PACKAGES = {
     "video": "show.video",
 }
 _MODULES = {
+    "datasets.card_header": "data.card",
+    "datasets.contents": "data.tables.encode_labels",
+    "datasets.crews": "data.executors",
+    "datasets.datasheet": "data.card",
+    "datasets.elsewhere": "data.work",
+    "datasets.features": "data.views",
+    "datasets.orders": "data.work",
+    "datasets.process_crew": "data.processes",
+    "datasets.process_worker": "data.processes",
+    "datasets.ray_crew": "data.ray_executor",
+    "datasets.refusals": "data.interruption",
+    "datasets.shard_files": "data.shards",
+    "datasets.verdict": "data.views",
+    "datasets.wide": "data.views",
+    "datasets.write": "data.shards",
     "learning.derived": "analysis.learning.attributes",
     "learning.extra": "analysis.learning.models",
     "learning.splits": "analysis.learning.models",
@@ -48,6 +63,12 @@ _MODULES = {
     "sim.decision": "model.decision",
     "sim.effects": "world.effects",
     "stats.association_tables": "analysis.stats.associations",
+    "tables.decision_columns": "data.tables.schemas",
+    "tables.label_schemas": "data.tables.schemas",
+    "tables.measured": "data.tables.columns",
+    "tables.safety_columns": "data.tables.schemas",
+    "tables.surroundings": "data.tables.lanes",
+    "tables.unknown": "data.tables.schemas",
 }
 
 

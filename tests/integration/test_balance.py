@@ -20,7 +20,7 @@ from overtaking.data import balance_scan
 from overtaking.data import generate as writing
 from overtaking.data.balance import MAX_CANDIDATES, Balance
 from overtaking.data.balance_scan import FILE_NAME, Selection
-from overtaking.data.card import FILE_NAME as CARD
+from overtaking.data.card import README_NAME as CARD
 from overtaking.data.manifest import FILE_NAME as MANIFEST
 from overtaking.data.manifest import BalanceRecord
 from overtaking.data.place import Folder

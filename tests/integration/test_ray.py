@@ -16,7 +16,7 @@ from tests.support.killer import Killer, contents
 
 from overtaking import api
 from overtaking.core.errors import ConfigError, DatasetError, MissingExtraError
-from overtaking.data import ray_crew
+from overtaking.data import ray_executor
 from overtaking.data.place import PARTIAL
 
 pytestmark = [
@@ -41,8 +41,8 @@ def generate(out: str | Path, **changes) -> api.Dataset:
 def cluster():
     """A cluster of two workers on this machine, for all tests of this file."""
     heard = signal.getsignal(signal.SIGTERM)
-    ray = ray_crew._ray(is_only_here=True)
-    with ray_crew._cluster(ray, None, 2):
+    ray = ray_executor._ray(is_only_here=True)
+    with ray_executor._cluster(ray, None, 2):
         assert signal.getsignal(signal.SIGTERM) is heard  # Else SIGTERM would end in silence.
         yield ray
 
@@ -87,8 +87,8 @@ def test_a_place_that_workers_do_not_see_is_refused(cluster):
 def test_what_goes_wrong_in_a_worker_is_told_as_if_it_had_gone_wrong_here(
     cluster, tmp_path, monkeypatch
 ):
-    other = ray_crew._packages() | {"numpy": "0.1"}
-    monkeypatch.setattr(ray_crew, "_packages", lambda: other)
+    other = ray_executor._packages() | {"numpy": "0.1"}
+    monkeypatch.setattr(ray_executor, "_packages", lambda: other)
     with pytest.raises(ConfigError, match=r"\Aworker on .*: version of numpy: expected 0\.1, got"):
         generate(tmp_path / "data", engine="ray")
     assert not (tmp_path / "data" / PARTIAL).exists()

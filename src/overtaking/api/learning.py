@@ -1,4 +1,4 @@
-"""What decides an overtake, learned from a data set."""
+"""Rules and factors that decide an overtake, learned from a data set."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from overtaking.api.data import load
 from overtaking.core.checks import check_least
-from overtaking.data.generate import Progress
 from overtaking.data.load import Dataset
+from overtaking.data.progress import Progress
 from overtaking.model.checks import checked
 
 if TYPE_CHECKING:

@@ -1,24 +1,22 @@
-"""Who makes the shards of a data set, by name."""
+"""Chooses what makes the shards of a data set: threads, processes or a Ray cluster."""
 
 import sys
-from collections.abc import Mapping
 
 from overtaking.core import processors
 from overtaking.core.errors import ConfigError
-from overtaking.data.orders import Crew, here
 from overtaking.data.place import Folder, Place
-from overtaking.data.process_crew import ProcessCrew
+from overtaking.data.processes import ProcessExecutor
 from overtaking.data.recipe import Recipe, Simulator
+from overtaking.data.work import Executor, in_this_process
 
 ENGINES = ("auto", "threads", "processes", "ray")
-"""Who makes the shards: what suits the size, the threads of this process, processes of this
-machine, or a Ray cluster."""
+"""Choices: automatic by size, threads of this process, processes of this machine, a Ray cluster."""
 
 MIN_PIECES = 40
-"""Pieces of work, as large as a simulator is given, from which on the start of processes pays."""
+"""Least number of batches of a simulator for which starting processes pays."""
 
 
-def crew_of(
+def executor_of(
     engine: str,
     recipe: Recipe,
     simulator: Simulator,
@@ -26,8 +24,8 @@ def crew_of(
     *,
     address: str | None = None,
     workers: int | None = None,
-) -> Crew:
-    """Who makes a data set.
+) -> Executor:
+    """The executor of an engine.
 
     Args:
         engine: One of `ENGINES`.
@@ -41,29 +39,29 @@ def crew_of(
         ConfigError: One of them cannot be used, they do not go together, or there is no cluster.
     """
     if engine not in ENGINES:
-        raise _refused("engine", " or ".join(ENGINES), engine, "choose one of them")
+        raise ConfigError.not_among("engine", "generate", ENGINES, engine)
     if engine == "ray":
-        from overtaking.data.ray_crew import RayCrew
+        from overtaking.data.ray_executor import RayExecutor
 
-        crew = RayCrew(address=address, workers=workers)
-        crew.refuse_unreachable()
-        return crew
-    _refuse_beside(engine, {"address": address})
+        executor = RayExecutor(address=address, workers=workers)
+        executor.refuse_unreachable()
+        return executor
+    _refuse_beside(engine, "address", address, "ray")
     if engine == "threads":
-        _refuse_beside(engine, {"workers": workers})
-        return here
+        _refuse_beside(engine, "workers", workers, "processes or ray")
+        return in_this_process
     if engine == "auto" and workers is None and not _pays(recipe, simulator, place):
-        return here
+        return in_this_process
     if simulator.shares_world:
         next_step = f"leave it out: all processes share the world of {simulator.name}"
         raise _refused("engine", "threads", "processes", next_step)
-    return ProcessCrew(workers=processors.wanted() if workers is None else workers)
+    return ProcessExecutor(workers=processors.wanted() if workers is None else workers)
 
 
 def _pays(recipe: Recipe, simulator: Simulator, place: Place) -> bool:
-    """Whether processes are sure to do the work, and sooner than threads.
+    """Whether processes can do the work for sure, and sooner than threads.
 
-    What reaches a store may have been arranged in this process alone.
+    Access to a store may have been set up in this process alone.
     """
     return (
         processors.wanted() > 1
@@ -75,14 +73,11 @@ def _pays(recipe: Recipe, simulator: Simulator, place: Place) -> bool:
     )
 
 
-def _refuse_beside(engine: str, words: Mapping[str, object]) -> None:
-    """Refuse words that are about another engine."""
-    for what, value in words.items():
-        if value is not None:
-            others = "ray" if what == "address" else "processes or ray"
-            next_step = f"add --engine {others}, or leave it out"
-            got = f"{value} with {engine}"
-            raise _refused(what, f"the engine {others} beside it", got, next_step)
+def _refuse_beside(engine: str, what: str, value: object, others: str) -> None:
+    """Refuse an option that only other engines have."""
+    if value is not None:
+        got, next_step = f"{value} with {engine}", f"add --engine {others}, or leave it out"
+        raise _refused(what, f"the engine {others} beside it", got, next_step)
 
 
 def _refused(what: str, expected: str, got: object, next_step: str) -> ConfigError:

@@ -1,4 +1,4 @@
-"""Writes one shard: all of its files, or none that counts.
+"""The files of a shard: written all or not at all, and compared with what was written when read.
 
 Files grow in a staging folder and are put into place when they are complete and on the disk. That
 of the `simulations` comes last and is the commit mark: it carries what is known of the others, and
@@ -13,12 +13,14 @@ from concurrent.futures import Future, wait
 from contextlib import ExitStack
 from functools import partial
 from io import BufferedIOBase
+from pathlib import Path
 
 import pyarrow as pa
 
-from overtaking.core.errors import SchemaError
+from overtaking.core.errors import DatasetError, SchemaError
+from overtaking.data import plan
 from overtaking.data.ahead import pool_of
-from overtaking.data.manifest import ShardRecord
+from overtaking.data.manifest import Manifest, ShardRecord
 from overtaking.data.place import Place
 from overtaking.data.plan import Shard
 from overtaking.data.tables.digest import content_of
@@ -49,10 +51,9 @@ def write_shard(
     shard: Shard,
     pieces: Iterable[Mapping[str, pa.Table]],
     *,
-    tables: tuple[str, ...],
+    schemas: Mapping[str, pa.Schema],
     fingerprint: str,
     on_piece: Callable[[int], None],
-    schemas: Mapping[str, pa.Schema] | None = None,
 ) -> ShardRecord:
     """Write the files of a shard and put them into place.
 
@@ -60,33 +61,40 @@ def write_shard(
         place: Where the data set lies, prepared for its tables.
         shard: Which simulations.
         pieces: Their tables, a few simulations at a time, in order.
-        tables: The tables to write.
+        schemas: The schema of each table to write.
         fingerprint: Of the identity that the shard belongs to.
         on_piece: Called with the number of simulations of each piece that was written.
-        schemas: Schemas of the tables where they are not those of simulations.
 
     Raises:
         OSError: The disk is full or cannot be written.
     """
-    known_schemas = schemas or {}
     with place.staging() as staging:
-        unfinished = {name: staging / f"{name}-{shard.file_name}" for name in tables}
         with ExitStack() as stack:
             writers = {
-                name: stack.enter_context(TableWriter(path, name, known_schemas.get(name)))
-                for name, path in unfinished.items()
+                name: stack.enter_context(TableWriter(unfinished(staging, name, shard), name, one))
+                for name, one in schemas.items()
             }
             _write_pieces(pieces, writers, on_piece)
             facts = _finish(writers, fingerprint)
-        for name in sorted(tables, key=lambda name: name == MARK):  # The mark comes last.
-            place.put(unfinished[name], name_of(name, shard))
+        put_into_place(place, staging, shard, schemas)
     return _record(shard, facts)
+
+
+def unfinished(staging: Path, table: str, shard: Shard) -> Path:
+    """Path of an unfinished file of a shard."""
+    return staging / f"{table}-{shard.file_name}"
+
+
+def put_into_place(place: Place, staging: Path, shard: Shard, tables: Iterable[str]) -> None:
+    """Put the finished files of a shard where they belong, the commit mark last."""
+    for name in sorted(tables, key=lambda name: name == MARK):
+        place.put(unfinished(staging, name, shard), name_of(name, shard))
 
 
 def finished_shard(
     place: Place, shard: Shard, *, tables: tuple[str, ...], fingerprint: str
 ) -> ShardRecord | None:
-    """What is known of a shard, or None if it has to be written.
+    """The record of a shard that is there and intact; None if it has to be written.
 
     Every file is read, so that what was damaged since it was written is written again.
 
@@ -187,3 +195,82 @@ def _record(shard: Shard, facts: Mapping[str, FileFacts]) -> ShardRecord:
         simulations=shard.num_simulations,
         tables={name: facts[name] for name in sorted(facts)},
     )
+
+
+class ShardFiles:
+    """Gives the files of a data set to whoever reads them.
+
+    Args:
+        place: Where they lie.
+        manifest: What is known of them.
+    """
+
+    def __init__(self, place: Place, manifest: Manifest) -> None:
+        """Read nothing yet."""
+        self._place, self._manifest = place, manifest
+        self._intact: set[str] = set()
+        self.shards = plan.shards(manifest.num_simulations, manifest.identity.shard_size)
+
+    def one(self, table: str, shard: Shard) -> Path:
+        """A file, once its bytes have been compared with what was written.
+
+        Raises:
+            DatasetError: It is missing or damaged, or there never was such a table.
+        """
+        name = name_of(table, shard)
+        path = self._fetched(table, shard)
+        if name not in self._intact:
+            facts = self._manifest.shards[shard.number].tables[table]
+            if not is_intact(partial(path.open, "rb"), facts):
+                raise self._damaged(name, "others")
+            self._intact.add(name)
+        return path
+
+    def of(self, table: str, *, is_checked: bool = True) -> list[Path]:
+        """The files of a table, in the order of their simulations.
+
+        Args:
+            table: Name of a table that was kept.
+            is_checked: Whether their bytes are compared with what was written.
+        """
+        give = self.one if is_checked else self._fetched
+        return [give(table, shard) for shard in self.shards]
+
+    def verify(self) -> None:
+        """Read every file and compare it with what was written.
+
+        Raises:
+            DatasetError: One of them is missing or damaged.
+        """
+        self._intact.clear()
+        for shard in self.shards:
+            for table in self._manifest.shards[shard.number].tables:
+                self.one(table, shard)
+
+    def _fetched(self, table: str, shard: Shard) -> Path:
+        if table not in self._manifest.shards[shard.number].tables:
+            raise self._older(table)
+        name = name_of(table, shard)
+        try:
+            return self._place.fetch(name)
+        except OSError as error:
+            raise self._damaged(name, error.strerror or str(error)) from None
+
+    def _damaged(self, name: str, got: str) -> DatasetError:
+        return DatasetError.of(
+            what="file",
+            where=self._place.at(name),
+            expected="the bytes that were written",
+            got=got,
+            next_step=f"run: overtaking generate --resume --out {self._place}",
+        )
+
+    def _older(self, table: str) -> DatasetError:
+        """The error for a table that is newer than the data set."""
+        return DatasetError.of(
+            what=f"table {table}",
+            where=str(self._place),
+            expected="one of this version",
+            got="a data set that was made before there was such a table",
+            next_step=f"run: overtaking label {self._place}",
+        )

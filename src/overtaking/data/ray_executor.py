@@ -1,6 +1,6 @@
-"""Many processes, on this machine or on many, that Ray keeps together.
+"""Processes of a Ray cluster, on this machine or on many, that make one shard after the other.
 
-A worker is given an order and a task, and puts the files of one shard into the place that all see.
+A worker gets a job and a task, and puts the files of one shard into a place that all workers see.
 It has no state: one that dies is replaced, and its shard is made again from the beginning.
 """
 
@@ -16,31 +16,30 @@ from importlib.metadata import version
 from typing import Any
 
 from overtaking.core.errors import ConfigError, DatasetError, MissingExtraError, OvertakingError
-from overtaking.data.elsewhere import absolute, seen, single
 from overtaking.data.manifest import ShardRecord
-from overtaking.data.orders import Order, Task, Told, carry_out
 from overtaking.data.place import Place
+from overtaking.data.work import Job, OnDone, Task, make_shard, visible_place
 from overtaking.sim.version import MODEL_VERSION
 
 MAX_RETRIES = 10
-"""How often a shard is begun again because its worker has died."""
+"""Further attempts at a shard after its worker has died."""
 
 TASKS_AHEAD = 2
-"""Tasks given to Ray for each worker: the next one waits where it will be done."""
+"""Tasks submitted to Ray for each worker: the next one waits at the worker."""
 
 _STORE_BYTES = 80 * 2**20
-"""Least that Ray takes for objects that processes share; only orders and records are."""
+"""Least that Ray takes for objects that processes share; only jobs and records are shared."""
 
 _STARTS = 3
-"""How often it is tried to start a cluster."""
+"""Attempts to start a cluster."""
 
-_TALK = {"log_to_driver": False, "logging_level": "ERROR"}
+_LOGGING = {"log_to_driver": False, "logging_level": "ERROR"}
 
 REACH_TIME = 10.0
 """Somebody must listen at the address of a cluster within this time [s]."""
 
 _TRIES = "RAY_gcs_server_port_wait_time_s"
-"""How often Ray asks a cluster whether it is there; Ray reads it when it connects."""
+"""Environment variable with Ray's attempts to reach a cluster; Ray reads it when it connects."""
 
 _LOOPBACK = ("127.0.0.1", "::1")
 
@@ -54,8 +53,8 @@ _ONLY_HERE = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RayCrew:
-    """Carries out tasks on a Ray cluster; one worker has one core.
+class RayExecutor:
+    """The `Executor` that carries out tasks on a Ray cluster; one worker has one core.
 
     Attributes:
         address: Of a cluster that runs, as `ray.init` understands it; None for one that lives on
@@ -79,7 +78,7 @@ class RayCrew:
         )
 
     def refuse_unreachable(self) -> None:
-        """Refuse an address at which nobody listens; Ray itself would try it for a quarter hour.
+        """Refuse an address at which nobody listens; Ray itself would retry for 15 minutes.
 
         Raises:
             ConfigError: Nobody listens there.
@@ -93,15 +92,9 @@ class RayCrew:
             raise _no_cluster(self.address, error) from None
 
     def __call__(
-        self, order: Order, tasks: Iterable[Task], place: Place, on_done: Told
+        self, job: Job, tasks: Iterable[Task], place: Place, on_done: OnDone
     ) -> Generator[ShardRecord]:
-        """The record of each shard, in the order in which they are finished.
-
-        Args:
-            order: What is to be made.
-            tasks: The shards.
-            place: Where they belong; every worker must see it.
-            on_done: Told about every shard.
+        """Make shards; see `Executor`. Records come in the order in which they are finished.
 
         Raises:
             ConfigError: There is no such cluster, or a worker has other versions of packages.
@@ -111,22 +104,22 @@ class RayCrew:
         """
         ray = _ray(is_only_here=self.address is None)
         with _cluster(ray, self.address, self.workers) as is_left:
-            shared = ray.put((single(order), _packages()))
+            shared = ray.put((job.for_one_core(), _packages()))
             make = ray.remote(_make).options(num_cpus=1, max_retries=MAX_RETRIES)
             most = TASKS_AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
-            given = (make.remote(shared, task, absolute(place)) for task in tasks)
+            given = (make.remote(shared, task, str(place.resolved())) for task in tasks)
             for record in _finished(ray, given, most, place, is_left=is_left):
                 on_done(record.simulations)
                 yield record
 
 
-def _make(shared: tuple[Order, dict[str, str]], task: Task, where: str) -> ShardRecord:
-    """What a worker does."""
-    order, packages = shared
+def _make(shared: tuple[Job, dict[str, str]], task: Task, where: str) -> ShardRecord:
+    """Make one shard on a worker."""
+    job, packages = shared
     os.environ.setdefault("RAYON_NUM_THREADS", "1")  # The engine looks when it is first called.
-    place = seen(where, order.fingerprint)
+    place = visible_place(where, job.fingerprint)
     _compare(packages)
-    return carry_out(order, task, place, lambda _: None)
+    return make_shard(job, task, place, lambda _: None)
 
 
 def _packages() -> dict[str, str]:
@@ -141,7 +134,7 @@ def _own_packages() -> dict[str, str]:
 
 
 def _compare(packages: dict[str, str]) -> None:
-    """Refuse to work with other versions than the driver's: other bytes would come of it."""
+    """Refuse other versions than the driver's: they might write other bytes."""
     for name, expected in packages.items():
         if _own_packages()[name] != expected:
             raise ConfigError.of(
@@ -156,10 +149,11 @@ def _compare(packages: dict[str, str]) -> None:
 def _finished(
     ray: Any, given: Iterator[Any], most: int, place: Place, *, is_left: bool
 ) -> Iterator[ShardRecord]:
-    """What workers return, with no more tasks given than are good for.
+    """The records of workers, with at most `most` tasks submitted at a time.
 
-    After an error nobody works on: the cluster ends the tasks of who leaves it, and where it is not
-    left they are waited for. `ray.cancel` may end this process if a task is done at that moment.
+    No task goes on after an error. A cluster that is left ends the tasks of the driver that leaves;
+    in one that is not left they are waited for. `ray.cancel` may end this process if a task is done
+    at that moment.
     """
     underway: list[Any] = []
     try:
@@ -176,7 +170,7 @@ def _finished(
 
 
 def _record(ray: Any, done: Any, place: Place) -> ShardRecord:
-    """What a worker returned, or what it raised, as if it had been raised here."""
+    """The record that a worker returned; raises what the worker raised."""
     try:
         return ray.get(done)
     except ray.exceptions.RayTaskError as error:
@@ -195,7 +189,7 @@ def _record(ray: Any, done: Any, place: Place) -> ShardRecord:
 
 @contextmanager
 def _cluster(ray: Any, address: str | None, workers: int | None) -> Generator[bool]:
-    """Be connected to a cluster, and know whether it will be left; not if it was there before."""
+    """A connection to a cluster; gives whether it ends here. One that was there before stays."""
     if ray.is_initialized() and address is None:
         yield False
         return
@@ -208,7 +202,7 @@ def _cluster(ray: Any, address: str | None, workers: int | None) -> Generator[bo
 
 
 def _connect(ray: Any, address: str | None, workers: int | None) -> None:
-    """Start a cluster, or find the one of an address."""
+    """Start a cluster, or connect to the one at an address."""
     if address is None:
         if ray.util.get_node_ip_address() not in _LOOPBACK:  # Where it would listen.
             raise _reachable()
@@ -216,14 +210,14 @@ def _connect(ray: Any, address: str | None, workers: int | None) -> None:
         return
     try:
         with _trying_once():
-            ray.init(address=address, **_TALK)
+            ray.init(address=address, **_LOGGING)
     except (ConnectionError, ValueError, RuntimeError, TimeoutError) as error:
         raise _no_cluster(address, error) from None
 
 
 @contextmanager
 def _trying_once() -> Generator[None]:
-    """Have Ray ask once whether a cluster answers, which takes 41 s, and not twenty times."""
+    """Limit Ray to one attempt to reach a cluster, which takes 41 s, instead of twenty."""
     before = os.environ.get(_TRIES)
     os.environ[_TRIES] = before or "1"
     try:
@@ -255,7 +249,7 @@ def _start(ray: Any, workers: int | None) -> None:
                 num_gpus=0,
                 include_dashboard=False,
                 object_store_memory=_STORE_BYTES,
-                **_TALK,
+                **_LOGGING,
             )
         except Exception as error:  # Ray raises nothing more special.
             ray.shutdown()
@@ -276,7 +270,7 @@ def _not_started(error: Exception) -> DatasetError:
 
 
 def _reachable() -> ConfigError:
-    """What to say if Ray was imported before it could be told to stay on this machine."""
+    """The error if Ray was imported before its variable could keep it on this machine."""
     return ConfigError.of(
         what="Ray",
         where="generate",
@@ -288,7 +282,7 @@ def _reachable() -> ConfigError:
 
 @contextmanager
 def _signals_as_they_are() -> Generator[None]:
-    """Keep who hears SIGTERM: Ray would end the process without a word about what is finished."""
+    """Keep the handler of SIGTERM: that of Ray ends the process without naming what is finished."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -300,7 +294,7 @@ def _signals_as_they_are() -> Generator[None]:
 
 
 def _ray(*, is_only_here: bool) -> Any:
-    """The library, told to keep to itself."""
+    """The library, without reports to its makers."""
     for name, value in {**_QUIET, **(_ONLY_HERE if is_only_here else {})}.items():
         os.environ.setdefault(name, value)
     try:
