@@ -95,16 +95,21 @@ def answers(case: Case, spans: dict[str, Span]) -> Stretches:
         return Stretch(low=low, first=first, last=last)
 
     due, length = (np.array(each, np.int32) for each in rows("due"))
-    arrivals = {
-        name: np.array([one[name] for one in found], np.int32)
-        for name in ("entry_arrival", "return_arrival")
-    }
-    tables = {
-        name: {key: np.array([one[name][key] for one in found], kind) for key in found[0][name]}
-        for name, kind in (("worst", np.float32), ("sums", np.int64))
-    }
-    margins = {name: stretch(name) for name in ("stop_lit", "stop_unlit", "follow", "braking")}
-    return Stretches(due=(due, length), **margins, **arrivals, **tables)
+
+    def table(name: str, kind: type) -> dict[str, Any]:
+        return {key: np.array([one[name][key] for one in found], kind) for key in found[0][name]}
+
+    return Stretches(
+        due=(due, length),
+        stop_lit=stretch("stop_lit"),
+        stop_unlit=stretch("stop_unlit"),
+        follow=stretch("follow"),
+        braking=stretch("braking"),
+        entry_arrival=np.array([one["entry_arrival"] for one in found], np.int32),
+        return_arrival=np.array([one["return_arrival"] for one in found], np.int32),
+        worst=table("worst", np.float32),
+        sums=table("sums", np.int64),
+    )
 
 
 def _ones(run: Trajectories) -> list[One]:

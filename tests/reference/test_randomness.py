@@ -15,8 +15,8 @@ from scipy.stats import kurtosis, skew
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.sim.reference import environment
-from overtaking.sim.reference.state import Fields, initial_state
-from overtaking.world.parameters import Parameters, parameters
+from overtaking.sim.reference.state import initial_state
+from overtaking.world.parameters import Parameters, SimulationParameters, parameters
 
 DECISION = 0.05
 NAMES = ("gust", "distance_error", "speed_error", "wander")
@@ -43,7 +43,7 @@ class Runs:
 LATER = (0, 20, 40, 80, 160, 400)
 
 
-def started(index: list[int], seed: int = 5) -> tuple[Parameters, Fields]:
+def started(index: list[int], seed: int = 5) -> tuple[Parameters, SimulationParameters]:
     vehicles = [Vehicle(kind="M", s=30.0 * k, speed=SPEED) for k in range(SLOTS)]
     world = scenario(
         *[vehicles] * len(index), road=wide_road(), index=index, seed=seed,
