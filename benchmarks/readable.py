@@ -15,6 +15,7 @@ from tests.reference.labels import events as readable_events
 from tests.reference.labels import signals as readable_signals
 from tests.reference.labels.stretches import answers_of
 
+from overtaking import _core
 from overtaking.labels import signals
 from overtaking.labels.law import frames
 from overtaking.labels.law.frames import Span, Stretch, Stretches
@@ -58,7 +59,7 @@ def target_signals(run: Trajectories, seen: Signals, vehicle: Any) -> TargetSign
 def encounter(case: Case, place: Any, rows: Any, at: Any) -> Encounter:
     """The ego and a neighbour, one instant after the other."""
     places = np.broadcast_to(np.int64(place), np.shape(rows))
-    found = {name: np.zeros(len(rows), np.float32) for name in signals._core.encounter_fields()}
+    found = {name: np.zeros(len(rows), np.float32) for name in _core.encounter_fields()}
     nobody = {"time_gap": 0.0, "ttc": 0.0, "mttc": 0.0}  # Of two vehicles at one place.
     valid = np.zeros(len(rows), np.bool_)
     ones = {row: One(case.trajectories, int(row)) for row in np.unique(rows)}
@@ -90,9 +91,11 @@ def answers(case: Case, spans: dict[str, Span]) -> Stretches:
 
     def stretch(name: str) -> Stretch:
         low, first, last = rows(name)
-        kinds = (np.float32, np.int32, np.int32)
-        low, first, last = (np.array(v, k) for v, k in zip((low, first, last), kinds, strict=True))
-        return Stretch(low=low, first=first, last=last)
+        return Stretch(
+            low=np.array(low, np.float32),
+            first=np.array(first, np.int32),
+            last=np.array(last, np.int32),
+        )
 
     due, length = (np.array(each, np.int32) for each in rows("due"))
 
