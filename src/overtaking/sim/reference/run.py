@@ -48,6 +48,8 @@ def run(
     recorder = Recorder(scenario, given)
     p, q = Fields(VEHICLE_FIELDS, given.vehicle), Fields(SIMULATION_FIELDS, given.simulation)
     pairs: Pairs = {}
+    # Frames at other times than decisions want a state at every step.
+    stride = SUBSTEPS if given.record_every % SUBSTEPS == 0 else 1
     step = 0
     while (np.float32(step) <= state.end_step).any():
         if later is not None and step == switch:
@@ -60,8 +62,8 @@ def run(
             pairs = decide(state, given, p, q, recorder, step)
         if step % given.record_every == 0:
             recorder.frame(state, p, np.float32(step) <= state.end_step, step // given.record_every)
-        advance(state, given, p, q, pairs, step)
-        step += 1
+        advance(state, given, p, q, pairs, step, stride)
+        step += stride
     return recorder.finish(state)
 
 
@@ -92,10 +94,13 @@ def decide(
     return {(i, j): collisions.is_near(state, c, p, i, j) for i, j in every}
 
 
-def advance(state: State, given: Parameters, p: Fields, q: Fields, pairs: Pairs, step: int) -> None:
-    """One step of 10 ms: steer, move, collide."""
+def advance(
+    state: State, given: Parameters, p: Fields, q: Fields, pairs: Pairs, step: int, stride: int
+) -> None:
+    """Steer, move, collide: one step of 10 ms, or `stride` of them at once."""
     c = given.constants
-    before = (state.s.copy(), state.d.copy())
-    steering.steer(state, c, p, q.side_accel)
-    dynamics.move(state, c, p)
-    collisions.collide(state, c, p, pairs, before, step)
+    length = c.step if stride == 1 else c.decision
+    before = (state.s, state.d)
+    angle = steering.steer(state, c, p, q.side_accel, length)
+    dynamics.move(state, c, p, angle, length)
+    collisions.collide(state, c, p, pairs, before, step, length)
