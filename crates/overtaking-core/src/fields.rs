@@ -100,8 +100,8 @@ number_fields! {
     /// Constants of the model.
     Constants {
         step, decision, after_overtake, after_collision, smallest_gap, jerk_up, jerk_down,
-        jerk_emergency, jerk_release, coolness, signalling_time_gap, emergency_decel, corridor_margin, footprint_margin, clear_fraction, clear_margin, visible_fraction, cooldown,
-        mobil_interval, close_time_gap, unseen_gap, seen_before, brake_memory, stop_lamp_decel,
+        brake_ramp, heed_until, heed_wholly, jerk_release, coolness, signalling_time_gap, corridor_margin, footprint_margin, clear_fraction, clear_margin, visible_fraction, cooldown,
+        mobil_interval, close_time_gap, unseen_gap, seen_before, brake_memory, lamp_decel, error_fade_time, most_imposed, abort_imposed, stop_lamp_decel,
         inverse_puddle_wave_1, inverse_puddle_wave_2, puddle_slope,
         no_passing_right_speed, smallest_rear_gap, free_ahead_time, patience_floor, waiting_time_gap, accelerate_gain,
         abort_until, abort_factor, abort_cooldown, give_up_after, stay_time, clear_ahead,
