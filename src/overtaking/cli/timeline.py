@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from overtaking.cli.drawing import bar_lengths, centred, placed, symbol
+from overtaking.cli.judgement import EVENTS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,23 +25,6 @@ STAGE_STYLES = {
     "ABORT": "black on #cc79a7",
     "CRASHED": "white on #d55e00",
 }
-LETTERS = {
-    "follow": "F",
-    "attempt": "A",
-    "line_crossed": "X",
-    "overlap_begin": "O",
-    "overlap_end": "P",
-    "return_begin": "R",
-    "return_end": "H",
-    "abort": "Q",
-    "back": "B",
-    "collision": "C",
-    "road_departure": "D",
-    "drift": "W",
-    "under_way": "U",
-}
-"""The mark of each event; none is the symbol of a vehicle."""
-
 _GUTTER = 5
 _ENDS = 2
 _TICK_ROOM = 9
@@ -66,7 +50,7 @@ def time_line(values: Values, width: int, glyphs: Glyphs) -> Iterator[Text]:
     def column(time_s: float) -> int:
         return round(time_s / max(values["duration_s"], 1e-9) * (inner - 1))
 
-    marks = [(column(one["time_s"]), LETTERS[one["event"]]) for one in values["events"]]
+    marks = [(column(one["time_s"]), EVENTS[one["event"]].letter) for one in values["events"]]
     for row in placed(marks, inner):
         yield Text(" " * (_GUTTER + 1) + row.rstrip())
     for one in values["broken"]:
@@ -87,12 +71,13 @@ def stage_times(values: Values, glyphs: Glyphs) -> Iterator[Text]:
 
 
 def event_lines(values: Values) -> Iterator[Text]:
-    """What happened when, one line for each event."""
+    """The events in order, one line each."""
+    target, partner = who(values["target"]), who(values["collision_partner"])
+    meets = "is struck by" if values["struck_by_partner"] else "runs into"
     for one in values["events"]:
-        yield Text(
-            f"{LETTERS[one['event']]:<{_GUTTER}} {one['time_s']:6.2f} s  {one['symbol']:<9}  "
-            f"{_sentence(one['event'], values)}"
-        )
+        told = EVENTS[one["event"]]
+        sentence = told.sentence.format(target=target, partner=partner, meets=meets)
+        yield Text(f"{told.letter:<{_GUTTER}} {one['time_s']:6.2f} s  {told.symbol:<9}  {sentence}")
 
 
 def who(vehicle: int | None) -> str:
@@ -124,25 +109,3 @@ def _seconds(duration_s: float, inner: int) -> str:
         if at + len(text) <= inner + 1:
             line = line.ljust(at) + text
     return line
-
-
-def _sentence(event: str, values: Values) -> str:
-    """An event in words."""
-    target = who(values["target"])
-    partner = who(values["collision_partner"])
-    met = f"is struck by {partner}" if values["struck_by_partner"] else f"runs into {partner}"
-    return {
-        "follow": f"follows {target}",
-        "attempt": f"begins to move out, to overtake {target}",
-        "line_crossed": "has a corner over the line",
-        "overlap_begin": f"is alongside {target}",
-        "overlap_end": f"is wholly ahead of {target}",
-        "return_begin": "begins to move back",
-        "return_end": f"is wholly back in its lane, ahead of {target}",
-        "abort": "gives up and begins to move back",
-        "back": f"is wholly back in its lane, behind {target}",
-        "collision": met,
-        "road_departure": "leaves the driving lanes with its centre",
-        "drift": "drifts to the left",
-        "under_way": "had begun to move out before the recording",
-    }[event]

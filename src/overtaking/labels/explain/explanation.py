@@ -10,7 +10,7 @@ from overtaking.labels.explain.remedies import remedies_of
 from overtaking.labels.explain.thoughts import Thought, thoughts
 from overtaking.labels.label import Labelled
 from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, Rule
-from overtaking.labels.signals.target import target_signals
+from overtaking.labels.signals import target_signals
 from overtaking.model.labels import Belief, Case, Severity, Verdict
 
 
@@ -68,7 +68,7 @@ def explain(
         trajectories=one.trajectories,
         signals=one.signals,
         events=one.events,
-        target=target_signals(one.trajectories, one.signals, one.events),
+        target=target_signals(one.trajectories, one.signals, one.events.target),
     )
     verdicts = one.findings.verdict[0]
     by_verdict = {
