@@ -44,8 +44,8 @@ MUTATIONS = (
         meaning="comparison: boxes that separate collide, boxes that approach do not",
     ),
     Mutation(
-        file="control.rs", marked="let hard = wanted«.simd_lt(-c.emergency_decel);",
-        meaning="comparison: the foot is fast for gentle braking and slow in an emergency",
+        file="following.rs", marked="let brakes = leader_accel«.simd_lt(-c.stop_lamp_decel);",
+        meaning="comparison: drivers heed leaders that do not brake, and ignore those that do",
     ),
     Mutation(
         file="dynamics.rs", marked="choose(z.simd_lt(0.0), size, «-size),",

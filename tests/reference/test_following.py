@@ -167,7 +167,7 @@ def cool(driver: dict[str, float], wanted: float, least: float) -> float:
     ahead=st.floats(0.0, 45.0),
     leader=st.just(0.0) | st.floats(-9.0, -0.1),
 )
-def test_drivers_keep_as_cool_as_the_acc_model(
+def test_drivers_are_as_cool_as_the_acc_model_and_heed_stop_lamps(
     driver: dict[str, float], v: float, v0: float, s: float, ahead: float, leader: float
 ):
     # A leader who brakes with less than 0.1 m/s^2 is left out: behind one who stands the heuristic
@@ -175,7 +175,11 @@ def test_drivers_keep_as_cool_as_the_acc_model(
     dv = v - ahead
     arrays = [np.float32(x) for x in (v, v0, s, dv, driver["time_gap"], leader)]
     value = float(follow(constants(), as_fields(driver, ()), *arrays))
-    expected = cool(driver, textbook(driver, v, v0, s, dv), needed(v, s, dv, leader))
+    least = needed(v, s, dv, leader)
+    expected = cool(driver, textbook(driver, v, v0, s, dv), least)
+    if leader < -0.5:  # Our addition: stop lamps are heeded, wholly below 1 s and not beyond 3 s.
+        room = (3.0 - s / max(v, 3.0)) / (3.0 - 1.0)
+        expected = min(expected, min(max(room, 0.0), 1.0) * least)
     assert value == pytest.approx(expected, rel=2e-3, abs=2e-3)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from overtaking import scenarios
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, road_of, simulator_of
 from overtaking.core.errors import ConfigError, DatasetError
+from overtaking.core.steps import Progress
 from overtaking.data import generate as writing
 from overtaking.data import load as reading
 from overtaking.data.balance import Balance
@@ -19,7 +20,6 @@ from overtaking.data.executors import ENGINES, executor_of
 from overtaking.data.load import Dataset
 from overtaking.data.manifest import read_manifest
 from overtaking.data.place import folder_of, place_of
-from overtaking.data.progress import Progress
 from overtaking.data.recipe import Keep, Recipe
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road

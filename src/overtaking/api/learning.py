@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from overtaking.api.data import load
 from overtaking.core.checks import check_least
+from overtaking.core.steps import Progress
 from overtaking.data.load import Dataset
-from overtaking.data.progress import Progress
 from overtaking.model.checks import checked
 
 if TYPE_CHECKING:

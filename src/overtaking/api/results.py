@@ -8,8 +8,8 @@ from overtaking import scenarios
 from overtaking.api.choices import Count, Profile, Seed, road_of, simulator_of
 from overtaking.api.data import load
 from overtaking.core.errors import ConfigError
+from overtaking.core.steps import Progress
 from overtaking.data.load import Dataset
-from overtaking.data.progress import Progress
 from overtaking.labels.label import Labelled
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road

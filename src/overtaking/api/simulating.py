@@ -19,7 +19,7 @@ from overtaking.api.choices import (
 )
 from overtaking.core.errors import ConfigError
 from overtaking.core.memory import require
-from overtaking.data.progress import Progress
+from overtaking.core.steps import Progress
 from overtaking.labels.label import Labelled
 from overtaking.labels.label import label as labelled
 from overtaking.model.batch import concatenate

@@ -20,13 +20,7 @@ def check_name(got: str, known: Iterable[str], *, what: str, where: str) -> None
     """
     names = list(known)
     if got not in names:
-        raise ConfigError.of(
-            what=what,
-            where=where,
-            expected=" or ".join(names),
-            got=got,
-            next_step="choose one of them",
-        )
+        raise ConfigError.not_among(what, where, names, got)
 
 
 def check_least(

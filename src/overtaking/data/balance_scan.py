@@ -16,12 +16,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from overtaking.core.errors import DatasetError
 from overtaking.core.files import whole
+from overtaking.core.steps import Progress
 from overtaking.data import plan
 from overtaking.data.ahead import in_order
 from overtaking.data.balance import MAX_CANDIDATES, OUTSIDE, Balance, selection_weights
 from overtaking.data.manifest import BalanceRecord, CellRecord, Identity
 from overtaking.data.place import Place
-from overtaking.data.progress import Progress
 from overtaking.data.recipe import Recipe, Simulator
 from overtaking.labels.label import label
 from overtaking.labels.law import PORTUGAL, policy

@@ -7,6 +7,7 @@ import dataclasses
 from contextlib import closing
 
 from overtaking.core.errors import ConfigError, DatasetError, InfeasibleError, MissingExtraError
+from overtaking.core.steps import Progress, Steps
 from overtaking.data import lock, manifest, plan
 from overtaking.data.balance_scan import Chosen, Scan
 from overtaking.data.completion import complete
@@ -15,7 +16,6 @@ from overtaking.data.interruption import Terminated, cannot_write, termination_r
 from overtaking.data.load import Dataset, load
 from overtaking.data.manifest import Identity, Manifest, Provenance, ShardRecord
 from overtaking.data.place import PARTIAL, Place
-from overtaking.data.progress import Counter, Progress
 from overtaking.data.recipe import Recipe, Simulator
 from overtaking.data.work import Executor, Job, Task, in_this_process
 
@@ -113,7 +113,7 @@ class _Run:
             if self._scan:
                 self._chosen = self._scan.run(on_candidates)
                 self._count = len(self._chosen.index)
-            self._make_shards(executor, current, Counter(self._count, progress))
+            self._make_shards(executor, current, Steps(self._count, progress))
             balance = self._chosen.record if self._chosen else None
             records = tuple(self._records[shard.number] for shard in self._shards)
             complete(self._place, current, records, balance)
@@ -125,10 +125,10 @@ class _Run:
         finally:
             self._place.sweep()
 
-    def _make_shards(self, executor: Executor, current: Manifest, counter: Counter) -> None:
-        counter.add(0)
+    def _make_shards(self, executor: Executor, current: Manifest, step: Steps) -> None:
+        step(0)
         tasks = (self._task(shard, current) for shard in self._shards)
-        with closing(executor(self._job, tasks, self._place, counter.add)) as records:
+        with closing(executor(self._job, tasks, self._place, step)) as records:
             for record in records:
                 self._records[record.number] = record
 

@@ -12,13 +12,13 @@ import numpy as np
 import pyarrow as pa
 
 from overtaking.core.folders import refuse_strangers, whole_folder
+from overtaking.core.steps import Progress, Steps
 from overtaking.data import plan, shards
 from overtaking.data.completion import complete
 from overtaking.data.interruption import all_or_nothing
 from overtaking.data.manifest import Identity, Manifest, Provenance, Source
 from overtaking.data.place import Folder
 from overtaking.data.plan import SHARD_SIZE
-from overtaking.data.progress import Counter, Progress
 from overtaking.data.recipe import Keep
 from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
@@ -57,7 +57,7 @@ def write_scenes(
     identity = _identity(read, file_format)
     after = "import it again; nothing was written"
     with all_or_nothing(out, "time to complete it", after), whole_folder(out) as folder:
-        _write(read.scenes, identity, folder, Counter(len(read.scenes), on_piece))
+        _write(read.scenes, identity, folder, Steps(len(read.scenes), on_piece))
 
 
 def _identity(read: "Imported", file_format: str) -> Identity:
@@ -88,7 +88,7 @@ def _identity(read: "Imported", file_format: str) -> Identity:
     )
 
 
-def _write(scenes: "Scenes", identity: Identity, folder: Path, counter: Counter) -> None:
+def _write(scenes: "Scenes", identity: Identity, folder: Path, step: Steps) -> None:
     """Write all files of the data set into a folder."""
     tables, place = identity.keep.tables, Folder(folder)
     place.prepare(tables)
@@ -99,7 +99,7 @@ def _write(scenes: "Scenes", identity: Identity, folder: Path, counter: Counter)
             shard,
             _pieces(scenes, shard, tables),
             fingerprint=identity.fingerprint,
-            on_piece=counter.add,
+            on_piece=step,
             schemas={name: schema_of(name, scenes.unknown, recorded=True) for name in tables},
         )
         for shard in plan.shards(len(scenes))

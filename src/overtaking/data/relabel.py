@@ -4,12 +4,12 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
+from overtaking.core.steps import Progress, Steps
 from overtaking.data import plan, shards
 from overtaking.data.completion import complete
 from overtaking.data.interruption import all_or_nothing
 from overtaking.data.load import Dataset, load
 from overtaking.data.place import Folder
-from overtaking.data.progress import Counter, Progress
 from overtaking.data.recipe import Simulator
 from overtaking.data.tables.encode import Numbers
 from overtaking.data.tables.encode_labels import encode_labels
@@ -41,20 +41,20 @@ def relabel(path: Path, simulator: Simulator, progress: Progress | None = None) 
     after = "label it again; it is as it was"
     with all_or_nothing(path, "time to label it", after), place.locked():
         try:
-            _relabel(data, place, Counter(len(data), progress))
+            _relabel(data, place, Steps(len(data), progress))
         finally:
             place.sweep()
     return load(path, simulator)
 
 
-def _relabel(data: Dataset, place: Folder, counter: Counter) -> None:
+def _relabel(data: Dataset, place: Folder, step: Steps) -> None:
     """Write the files of all shards, then put them into place and complete the manifest."""
     planned = plan.shards(len(data), data.manifest.identity.shard_size)
     place.prepare(LABEL_TABLES)
     with place.staging() as staging:
-        counter.add(0)
+        step(0)
         batches = data.batches()
-        written = [_write(data, shard, batches, staging, counter) for shard in planned]
+        written = [_write(data, shard, batches, staging, step) for shard in planned]
         for shard in planned:
             shards.put_into_place(place, staging, shard, LABEL_TABLES)
     records = tuple(
@@ -65,7 +65,7 @@ def _relabel(data: Dataset, place: Folder, counter: Counter) -> None:
 
 
 def _write(
-    data: Dataset, shard: plan.Shard, batches: Batches, staging: Path, counter: Counter
+    data: Dataset, shard: plan.Shard, batches: Batches, staging: Path, step: Steps
 ) -> dict[str, FileFacts]:
     """The unfinished files of a shard; `batches` stands at its first simulation."""
     with ExitStack() as stack:
@@ -83,5 +83,5 @@ def _write(
             for name, writer in writers.items():
                 writer.write(tables[name])
             count += len(numbers)
-            counter.add(len(numbers))
+            step(len(numbers))
         return {name: writer.finish() for name, writer in writers.items()}

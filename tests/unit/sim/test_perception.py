@@ -225,13 +225,36 @@ def test_distances_are_harder_to_judge_at_night_and_in_fog(
     assert float(m.q.speed_error[0]) == pytest.approx(0.20)
 
 
-def test_the_leaders_braking_is_seen_but_not_its_accelerating():
-    m = one_ahead(40.0, speed=20.0, ahead=20.0)
-    for change, expected in ((-3.0, -3.0), (2.0, 0.0)):
-        for _ in range(10):
-            m.look()
-            m.state.vx[1] += np.float32(0.05 * change)
-        assert float(m.look().leader_accel[0, 0]) == pytest.approx(expected, rel=1e-4)
+@pytest.mark.parametrize(
+    ("gap", "change", "expected"),
+    [
+        (10.0, -3.0, -3.0),  # It looms: how hard it brakes is seen.
+        (40.0, -1.0, -1.5),  # Stop lamps say that it brakes, not how hard.
+        (40.0, -0.3, -0.3),  # Without lamps.
+        (40.0, 2.0, 0.0),
+    ],
+)
+@pytest.mark.parametrize("lane", [0, 1])
+def test_the_braking_of_those_ahead_is_seen_but_not_their_accelerating(
+    gap: float, change: float, expected: float, lane: int
+):
+    leader = Vehicle(s=gap + CAR, speed=20.0, lane=lane)
+    effects = dataclasses.replace(CLEAR_MINDED, looming=True)
+    m = moment([Vehicle(speed=20.0), leader], effects=effects)
+    for _ in range(10):
+        m.look()
+        m.state.vx[1] += np.float32(0.05 * change)
+    seen = m.look().accel[FAST_LEAD if lane else LEAD, 0, 0]
+    assert float(seen) == pytest.approx(expected, rel=1e-4)
+
+
+def test_errors_of_distance_fade_as_contact_comes_near():
+    for closing, gap, share in ((0.0, 20.0, 1.0), (4.0, 20.0, 1.0), (10.0, 20.0, 0.5)):
+        effects = dataclasses.replace(CLEAR_MINDED, distance_error=True)
+        m = one_ahead(gap, speed=20.0 + closing, ahead=20.0, effects=effects)
+        m.state.distance_error = np.ones_like(m.state.s)
+        expected = gap * (1.0 + share * (math.exp(0.10) - 1.0))
+        assert float(m.look().gap[LEAD, 0, 0]) == pytest.approx(expected, rel=1e-4)
 
 
 def test_after_a_lane_change_a_known_neighbour_stays_known():
