@@ -128,7 +128,8 @@ def show(output: Output, data: options.Data, simulation: options.Number) -> None
     Each broken rule comes with what would have been legal.
     """
     from overtaking import api
-    from overtaking.cli import description, show
+    from overtaking.cli import show
+    from overtaking.show import description
 
     labelled = api.label(api.load(data).trajectory(simulation))
     values = description.describe(labelled, simulation)

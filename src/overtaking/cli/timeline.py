@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from overtaking.cli.drawing import bar_lengths, centred, placed, symbol
+from overtaking.cli.drawing import bar_lengths, centred, placed
+from overtaking.show.wording import LETTERS, sentence, words
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from overtaking.cli.description import Values
     from overtaking.cli.drawing import Glyphs
+    from overtaking.show.judgement import Values
 
 # Okabe and Ito's colours, which people with any kind of colour vision can tell apart.
 STAGE_STYLES = {
@@ -24,32 +25,10 @@ STAGE_STYLES = {
     "ABORT": "black on #cc79a7",
     "CRASHED": "white on #d55e00",
 }
-LETTERS = {
-    "follow": "F",
-    "attempt": "A",
-    "line_crossed": "X",
-    "overlap_begin": "O",
-    "overlap_end": "P",
-    "return_begin": "R",
-    "return_end": "H",
-    "abort": "Q",
-    "back": "B",
-    "collision": "C",
-    "road_departure": "D",
-    "drift": "W",
-    "under_way": "U",
-}
-"""The mark of each event; none is the symbol of a vehicle."""
-
 _GUTTER = 5
 _ENDS = 2
 _TICK_ROOM = 9
 _TICKS_S = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
-
-
-def words(name: str) -> str:
-    """The name of a stage, decision, outcome or belief as a person writes it."""
-    return name.lower().replace("_", " ")
 
 
 def time_line(values: Values, width: int, glyphs: Glyphs) -> Iterator[Text]:
@@ -91,13 +70,8 @@ def event_lines(values: Values) -> Iterator[Text]:
     for one in values["events"]:
         yield Text(
             f"{LETTERS[one['event']]:<{_GUTTER}} {one['time_s']:6.2f} s  {one['symbol']:<9}  "
-            f"{_sentence(one['event'], values)}"
+            f"{sentence(one['event'], values)}"
         )
-
-
-def who(vehicle: int | None) -> str:
-    """A vehicle by its symbol."""
-    return "nobody" if vehicle is None else symbol(vehicle)
 
 
 def _stages(stages: list[Values], inner: int, glyphs: Glyphs) -> Text:
@@ -124,25 +98,3 @@ def _seconds(duration_s: float, inner: int) -> str:
         if at + len(text) <= inner + 1:
             line = line.ljust(at) + text
     return line
-
-
-def _sentence(event: str, values: Values) -> str:
-    """An event in words."""
-    target = who(values["target"])
-    partner = who(values["collision_partner"])
-    met = f"is struck by {partner}" if values["struck_by_partner"] else f"runs into {partner}"
-    return {
-        "follow": f"follows {target}",
-        "attempt": f"begins to move out, to overtake {target}",
-        "line_crossed": "has a corner over the line",
-        "overlap_begin": f"is alongside {target}",
-        "overlap_end": f"is wholly ahead of {target}",
-        "return_begin": "begins to move back",
-        "return_end": f"is wholly back in its lane, ahead of {target}",
-        "abort": "gives up and begins to move back",
-        "back": f"is wholly back in its lane, behind {target}",
-        "collision": met,
-        "road_departure": "leaves the driving lanes with its centre",
-        "drift": "drifts to the left",
-        "under_way": "had begun to move out before the recording",
-    }[event]

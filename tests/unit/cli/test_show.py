@@ -13,18 +13,20 @@ import pytest
 from rich.console import Console, Group
 
 from overtaking import api
-from overtaking.cli.description import Values, describe, lane_name
-from overtaking.cli.drawing import SYMBOLS, Glyphs, symbol
-from overtaking.cli.judgement import SYMBOLS as SYMBOLS_OF_EVENTS
+from overtaking.cli.drawing import Glyphs
 from overtaking.cli.law import law_lines
 from overtaking.cli.show import MAX_INSTANTS, render
-from overtaking.cli.timeline import LETTERS, event_lines
+from overtaking.cli.timeline import event_lines
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge import terms
 from overtaking.model.trajectory import NO_VEHICLE, UNKNOWNS, Stage, Trajectories
+from overtaking.show.description import describe, lane_name
+from overtaking.show.judgement import SYMBOLS as SYMBOLS_OF_EVENTS
+from overtaking.show.wording import LETTERS, SYMBOLS, symbol
 
 if TYPE_CHECKING:
     from overtaking.labels.label import Labelled
+    from overtaking.show.judgement import Values
 
 NUM_SIMULATIONS = 48
 

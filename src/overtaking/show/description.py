@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,15 +16,14 @@ from overtaking.model.trajectory import (
 )
 from overtaking.model.vehicles import Colour, VehicleKind
 from overtaking.model.weather import NO_PRESET
+from overtaking.show.judgement import judge, thought
 
 if TYPE_CHECKING:
     from overtaking.labels.explain import Thought
     from overtaking.labels.label import Labelled
     from overtaking.model.road import Road
     from overtaking.model.trajectory import Trajectories
-
-Values = dict[str, Any]
-"""What becomes a JSON object: names with units, plain Python values."""
+    from overtaking.show.judgement import Values
 
 KINDS = {kind: terms("vehicles")[kind.name].title for kind in VehicleKind}
 NEIGHBOURS = ("leader", "front", "rear")
@@ -44,7 +43,6 @@ def describe(labelled: Labelled, number: int) -> Values:
     Returns:
         Values of plain Python types, in SI units; None for what was not recorded.
     """
-    from overtaking.cli.judgement import judge
     from overtaking.labels.explain import explain
 
     run, explanation = labelled.trajectories, explain(labelled)
@@ -179,8 +177,6 @@ def _collisions(run: Trajectories) -> list[Values]:
 
 def _decisions(run: Trajectories, thoughts: tuple[Thought, ...]) -> list[Values]:
     """What the ego believed of its neighbours when it decided, and the truth beside."""
-    from overtaking.cli.judgement import thought
-
     if "percepts" in run.unknown:
         return []
     percepts = run.percepts
