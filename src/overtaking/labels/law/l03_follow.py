@@ -12,12 +12,17 @@ from overtaking.model.labels import Case
 
 def check(case: Case) -> Check:
     """The gap to the leader is lawful, but for 3 s after it cut in or all began."""
+    span = span_of(case)
+    believed = belief(case, pull_out(case), {LEADER: margin_of_gap})
+    return never_negative(follow_margin(case, span), span, belief=believed)
+
+
+def span_of(case: Case) -> Span:
+    """The frames in which the gap counts."""
     span = conduct(case)
     # What came before a recording is not known: its beginning is like a cut-in.
     settled = case.events.first + time_to_regain(case) + 1
-    span = Span(start=np.maximum(span.start, settled), stop=span.stop)
-    believed = belief(case, pull_out(case), {LEADER: margin_of_gap})
-    return never_negative(follow_margin(case, span), span, belief=believed)
+    return Span(start=np.maximum(span.start, settled), stop=span.stop)
 
 
 RULE = Rule(

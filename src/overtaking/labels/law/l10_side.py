@@ -1,6 +1,7 @@
 """L10: enough distance to the side of a motor vehicle."""
 
-from overtaking.labels.law.alongside import alongside
+from overtaking.core.elementary import F32
+from overtaking.labels.law.alongside import Alongside, alongside
 from overtaking.labels.law.frames import always_at
 from overtaking.labels.law.kinds import target_may_be_motor
 from overtaking.labels.law.rule import Check, Grade, Rule
@@ -10,10 +11,15 @@ from overtaking.world.constants import known
 
 def check(case: Case) -> Check:
     """Alongside a motor vehicle, the bodies are at least 0.8 m apart."""
+    found, margin = margins(case)
+    return always_at(margin, found.rows, found.frames, case.signals.num_simulations)
+
+
+def margins(case: Case) -> tuple[Alongside, F32]:
+    """The frames alongside a motor vehicle, and the margin in each, shape (instant,) [m]."""
     found = alongside(case)
     found = found.where(target_may_be_motor(case)[found.rows])
-    margin = found.lateral_gap - known("law.side.motor")
-    return always_at(margin, found.rows, found.frames, case.signals.num_simulations)
+    return found, found.lateral_gap - known("law.side.motor")
 
 
 RULE = Rule(

@@ -19,11 +19,17 @@ _ROUNDING = np.float32(5e-4)
 def check(case: Case) -> Check:
     """Speed never exceeds the posted limit and that of the class of vehicle on this road."""
     seen, span = case.signals, conduct(case)
-    least, most = (limit + _ROUNDING for limit in speed_limits(case))
+    least, most = limits(case)
     fast = above(seen.speed, most, span)
     margin, doubtful = most - fast.low, fast.low > least
     found = decided(span.exists, margin, fast.first, fast.last, doubtful=doubtful)
     return found.replace(severity=_severity(case, found))
+
+
+def limits(case: Case) -> tuple[F32, F32]:
+    """The lowest and the highest limit that may hold, rounding allowed for; (simulation,) [m/s]."""
+    least, most = speed_limits(case)
+    return least + _ROUNDING, most + _ROUNDING
 
 
 def _severity(case: Case, found: Check) -> NDArray[np.uint8]:

@@ -45,23 +45,33 @@ def stop_margin(case: Case, sight: F32, span: Span) -> Stretch:
         sight: Shape (simulation, time) [m].
         span: Where it counts.
     """
+    return stretch(stop_margins(case, sight), span)
+
+
+def stop_margins(case: Case, sight: F32) -> F32:
+    """Distance that is seen minus the stopping distance, shape (simulation, time) [m]."""
     seen = case.signals
     # Beyond the end of a recording there is no friction, and none of this counts.
     grip = np.maximum(seen.friction, known("friction.table.floor"))
     decel = known("friction.table.usable_share") * known("model.nature.gravity") * grip
     stop = stopping_distance(seen.speed, as_f32(known("law.sight.reaction_time")), decel)
-    return stretch(sight - stop, span)
+    return sight - stop
 
 
 def follow_margin(case: Case, span: Span) -> Stretch:
     """Gap to the leader minus the lawful gap, but for 3 s after it cut in [m]."""
+    return stretch(follow_margins(case), span)
+
+
+def follow_margins(case: Case) -> F32:
+    """The same frame by frame, `ENDLESS` where it does not count; shape (simulation, time) [m]."""
     seen, place = case.signals, Around.LEADER
     margin = margin_of_gap(
         seen.gap[:, place], seen.speed, seen.closing_speed[:, place], sure_decel(seen.friction)
     )
     np.copyto(margin, ENDLESS, where=seen.vehicle[:, place] == NO_VEHICLE)
     margin[recapturing(case)] = ENDLESS
-    return stretch(margin, span)
+    return margin
 
 
 def recapturing(case: Case) -> tuple[Index, Index]:
