@@ -1,4 +1,9 @@
-"""The colours and marks of the classes, for figures and pages."""
+"""The colours and marks that figures and pages share.
+
+Source:
+    M. Okabe and K. Ito, Color universal design, 2002 (revised 2008): colours that people with any
+    kind of colour vision can tell apart.
+"""
 
 from overtaking.model.labels import OvertakeClass
 
@@ -15,3 +20,6 @@ CLASS_COLOURS = {
 
 CLASS_MARKERS = dict(zip(CLASS_COLOURS, "osDX^Pv", strict=True))
 """Marker of each class."""
+
+INK, QUIET, LINE, GRID = "#1d2126", "#5b626b", "#9aa1aa", "#e3e6ea"
+ACCENT = "#0072b2"

@@ -22,7 +22,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from overtaking.show.palette import CLASS_COLOURS
+from overtaking.show.palette import ACCENT as ACCENT
+from overtaking.show.palette import CLASS_COLOURS, GRID, INK, LINE, QUIET
 from overtaking.show.palette import CLASS_MARKERS as CLASS_MARKERS
 
 P = ParamSpec("P")
@@ -31,8 +32,6 @@ R = TypeVar("R")
 CLASS_HATCHES = dict(zip(CLASS_COLOURS, ("", "//", "", "xx", "..", "\\\\", "--"), strict=True))
 """Hatching of each class, where areas lie on each other."""
 
-INK, QUIET, LINE, GRID = "#1d2126", "#5b626b", "#9aa1aa", "#e3e6ea"
-ACCENT = "#0072b2"
 PHASE_COLOURS = {
     "follows": "#eef0f2",
     "pulls out": "#fdf3c8",
