@@ -1,8 +1,8 @@
 """One simulation as a page takes it: what is told of it, and columns of what was recorded.
 
-`viewer/src/bundle.ts` declares the same for the page. Columns are the recorded integers, or those of
-a stated step, as differences between neighbours; None where there is no value. A page made of them
-needs no rounding of its own, and differences take little room once they are compressed.
+`viewer/src/bundle.ts` declares the same for the page. Columns are the recorded integers, or those
+of a stated step, as differences between neighbours; None where there is no value. Differences take
+little room once they are compressed.
 """
 
 from __future__ import annotations
@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 
     Values = dict[str, Any]
 
-NEAR = {"m": 5.0, "m/s": 2.0, "m/s^2": 0.5, "s": 1.0}
-"""Margins below which a rule that is kept is shown, by unit; those of other units are counts."""
+NEAR = {"L3": 10.0, "L10": 0.5, "L12": 2.0, "L14": 20.0, "L14s": 20.0}
+"""Margins below which a rule that is kept is shown, in its unit, of rules with a margin in every
+frame: some 0.5 s of way at 70 km/h, 7 km/h, and the width of a mirror and a hand."""
 
 _STEPS_PER_UNIT = 1000
 _PLACES = 3  # Decimals of a margin.
@@ -185,10 +186,9 @@ def _law(labelled: Labelled) -> list[Values]:
     rows = []
     for place, rule in enumerate(PORTUGAL.rules):
         verdict, margin = int(findings.verdict[0, place]), float(findings.margin[0, place])
-        broken = verdict == Verdict.ILLEGAL
-        if not (broken or (verdict == Verdict.LEGAL and margin < NEAR.get(rule.unit, -1.0))):
+        broken, of = verdict == Verdict.ILLEGAL, series.get(rule.code)
+        if not broken and (of is None or margin >= NEAR[rule.code]):
             continue
-        of = series.get(rule.code)
         span = [int(findings.first[0, place]), int(findings.last[0, place])] if broken else None
         rows.append(
             {

@@ -114,7 +114,7 @@ def page(title: str, policy: str, simulations: Sequence[dict[str, Any]]) -> str:
     Args:
         title: What is shown, such as the name of a data set.
         policy: Which policy is chosen when it opens.
-        simulations: One entry for each: what the list shows of it, and `data`, its text of `packed`.
+        simulations: One entry for each: what the list shows, and `data`, its text of `packed`.
     """
     here = files("overtaking.show.view")
     script, style = (
