@@ -15,7 +15,7 @@ export interface Words {
   rules: Record<string, RuleWords>;
   stages: Record<string, { title: string; colour: string; ink: string }>;
   themes: Record<"light" | "dark", Record<string, string>>;
-  road: Record<"ego" | "target" | "brake" | "indicator" | "tail" | "lamp" | "glass", string>;
+  road: Record<"ego" | "target" | "brake" | "indicator" | "tail" | "lamp" | "glass" | "flash", string>;
 }
 
 export interface RuleWords {
@@ -79,7 +79,7 @@ export interface Values {
   frame_interval_ms: number;
   duration_s: number;
   road: { lane_ids: number[]; speed_limit_mps: number | null };
-  weather: { preset: string | null; night: boolean; rain_percent: number; puddles_percent: number } | null;
+  weather: { preset: string | null; night: boolean; horizon_line: boolean; rain_percent: number; puddles_percent: number } | null;
   vehicles: {
     vehicle: number;
     length_m: number;
@@ -92,6 +92,7 @@ export interface Values {
   stages: { stage: string; from_s: number; to_s: number }[];
   decisions: { kind: string; time_s: number }[];
   target: number | null;
+  collision_partner: number | null;
   events: { event: string; frame: number; time_s: number }[];
   rules_version: string;
   policies: Record<string, { class: string; broken: string[]; undecidable: string[] }>;

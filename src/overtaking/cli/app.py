@@ -20,6 +20,7 @@ from overtaking.cli import (
     sumo,
     validate,
     video,
+    view,
 )
 from overtaking.cli.output import Output
 
@@ -234,6 +235,7 @@ COMMANDS: dict[options.Body, str] = {
     **sql.COMMANDS,
     **logic.COMMANDS,
     video.video: "overtaking video data/pinto --simulations 1,7",
+    view.view: "overtaking view data/pinto --export page.html --simulations 3,7",
     **validate.COMMANDS,
     **reproducing.COMMANDS,
     compare: "overtaking compare pinto2023 -n 100 --seed 1 --with sumo,carla",

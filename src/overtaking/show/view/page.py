@@ -104,6 +104,7 @@ def words() -> dict[str, Any]:
             "tail": palette.TAIL_ON,
             "lamp": palette.LAMP_ON,
             "glass": palette.GLASS,
+            "flash": palette.FLASH,
         },
     }
 
