@@ -158,11 +158,11 @@ function lawRow(needs: Needs, one: LawRow): Row {
       type: "button",
       class: `label law ${state}`,
       "data-rule": one.rule,
-      "aria-label": `${one.rule} ${rule.title}, ${rule.law}: ${about}`,
       click: () => needs.tellRule(one.rule),
       focus: () => needs.tellRule(one.rule),
     },
-    h("b", {}, `${mark} ${one.rule} ${rule.title}`),
+    h("b", {}, h("span", { "aria-hidden": true }, `${mark} `), `${one.rule} ${rule.title}`),
+    h("span", { class: "unseen" }, `, ${rule.law}: ${about} `),
     value,
   );
   const height = 40;

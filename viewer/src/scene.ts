@@ -287,12 +287,15 @@ function drawAir(view: View, run: Run, ego: Pose | undefined, frame: number, len
   const reach = sight * scale;
   if (reach > width * 1.5) return;
   const grey = night ? "30,36,42" : "214,219,222";
-  const fog = c.createLinearGradient(front, 0, front + reach, 0);
-  fog.addColorStop(0, `rgba(${grey},0)`);
-  fog.addColorStop(0.35, `rgba(${grey},0.12)`);
-  fog.addColorStop(1, `rgba(${grey},0.86)`);
-  c.fillStyle = fog;
-  c.fillRect(front, 0, width - front, height);
+  // As thick ahead as behind, though the ego looks ahead.
+  for (const way of [1, -1]) {
+    const fog = c.createLinearGradient(front, 0, front + way * reach, 0);
+    fog.addColorStop(0, `rgba(${grey},${night ? 0 : 0.08})`);
+    fog.addColorStop(0.35, `rgba(${grey},0.3)`);
+    fog.addColorStop(1, `rgba(${grey},0.9)`);
+    c.fillStyle = fog;
+    c.fillRect(way > 0 ? front : 0, 0, way > 0 ? width - front : front, height);
+  }
   const end = Math.round(front + reach) + 0.5;
   if (end > width) return;
   c.strokeStyle = night ? "#dfe4e8" : "#23291f";

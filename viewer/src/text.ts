@@ -222,7 +222,7 @@ function vehicleSection(reader: Reader): HTMLElement {
       one.desired_speed_mps === null ? "?" : (one.desired_speed_mps * KMH).toFixed(0),
     ];
   });
-  const head = ["", "role", "vehicle", "size m", "mass kg", "lane", "ahead m", "km/h", "wants"];
+  const head = ["name", "role", "vehicle", "size m", "mass kg", "lane", "ahead m", "km/h", "wants"];
   return section("Who was there", "vehicles", table("Vehicles as they begin", head, rows));
 }
 
@@ -236,7 +236,7 @@ export function numbers(reader: Reader, frame: number): HTMLElement {
     const ahead = vehicle.slot === 0 || !ego ? "" : signed(at.s - ego.s, 1);
     return [[h("b", {}, vehicle.symbol), (at.speed * KMH).toFixed(1), signed(at.accel, 1), ahead, at.d.toFixed(2), lamps(at.lights)]];
   });
-  const head = ["", "km/h", "m/s²", "ahead m", "lateral m", "lamps"];
+  const head = ["name", "km/h", "m/s²", "ahead m", "lateral m", "lamps"];
   return table(`All vehicles at ${(frame * run.interval).toFixed(2)} s`, head, rows);
 }
 

@@ -34,7 +34,7 @@ THEMES = {
         "target": "#a85f00",
         "breach": "#b94a00",
         "kept": "#00785a",
-        "aside": "#6f7781",
+        "aside": "#5f6670",
     },
     "dark": {
         "ground": palette.INK,
