@@ -242,7 +242,7 @@ def test_names_of_strangers_are_text(browser: Browser, tmp_path: Path):
     name = "</script><b id=evil>&amp;<!--"
     runs = ot.simulate(ot.sample("pinto2023", 2, 1))
     runs = runs.replace(scenario=runs.scenario.replace(profile=name))
-    made = ot.write_view(runs, tmp_path / f"{'page'}.html", simulations="all")
+    made = ot.write_view(runs, tmp_path / "page.html", simulations="all")
     with opened(browser, made.path) as page:
         assert page.locator("#evil").count() == 0
         assert name in page.inner_text(".facts")

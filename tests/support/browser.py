@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Generator
     from pathlib import Path
 
     from playwright.sync_api import Browser, Locator, Page
@@ -24,7 +24,7 @@ MISSING = "there is no Chromium: apt-get install chromium"
 
 
 @contextmanager
-def chromium() -> Iterator[Browser]:
+def chromium() -> Generator[Browser]:
     """A browser without a window; tests fail without one in CI, and are skipped elsewhere."""
     program = next(filter(None, map(shutil.which, PROGRAMS)), None)
     if program is None:
@@ -46,7 +46,7 @@ def expect(of: Page | Locator) -> Any:
 
 
 @contextmanager
-def opened(browser: Browser, path: Path, link: str = "", **settings: object) -> Iterator[Page]:
+def opened(browser: Browser, path: Path, link: str = "", **settings: object) -> Generator[Page]:
     """A page from disk; fails if it complains, or asks for anything but itself."""
     context = browser.new_context(**settings)
     page = context.new_page()

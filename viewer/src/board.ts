@@ -1,7 +1,7 @@
 // Everything that lies on the axis of time: stages, events, law and charts, with one cursor.
 
 import type { Gaps, LawRow, Run, Words } from "./bundle.ts";
-import { h, svg } from "./dom.ts";
+import { h, svg, write } from "./dom.ts";
 
 export interface Board {
   element: HTMLElement;
@@ -92,7 +92,7 @@ function stageRow(needs: Needs): Row {
   });
   const label = h("div", { class: "label" }, h("b", {}, "Stage"), value);
   return row(label, plot(needs, STRIP, ...parts), "strip", (frame) => {
-    value.textContent = stageAt(run, words, frame) ?? "not recorded";
+    write(value, stageAt(run, words, frame) ?? "not recorded");
   });
 }
 
@@ -119,7 +119,7 @@ function eventRow(needs: Needs): Row {
   const label = h("div", { class: "label" }, h("b", {}, "Events"), value);
   return row(label, plot(needs, 34, ...marks), "strip", (frame) => {
     const k = run.values.events.findLastIndex((one) => one.frame <= frame + 1e-6);
-    value.textContent = k < 0 ? "" : run.told.events[k]!.name;
+    write(value, k < 0 ? "" : run.told.events[k]!.name);
   });
 }
 
@@ -169,8 +169,8 @@ function lawRow(needs: Needs, one: LawRow): Row {
   const drawing = plot(needs, height, ...breachMarks(needs, one, height, state));
   return row(label, drawing, `strip law ${state}`, (frame) => {
     const margin = one.margins?.[Math.round(frame)];
-    if (margin !== null && margin !== undefined) value.textContent = `${signed(margin, 1)} ${rule.unit}`;
-    else value.textContent = one.margins || !isBroken(one, frame) ? "–" : `${signed(one.margin, 1)} ${rule.unit}`;
+    if (margin !== null && margin !== undefined) write(value, `${signed(margin, 1)} ${rule.unit}`);
+    else write(value, one.margins || !isBroken(one, frame) ? "–" : `${signed(one.margin, 1)} ${rule.unit}`);
   });
 }
 
@@ -300,7 +300,7 @@ function chart(needs: Needs, title: string, unit: string, lines: Line[], rules?:
   return row(label, plot(needs, CHART, ...(values.length ? grid : []), ...curves, empty), "chart", (frame) => {
     for (const { line, value } of readings) {
       const now = line.values[Math.round(frame)];
-      value.textContent = now === null || now === undefined ? "–" : now.toFixed(line.digits);
+      write(value, now === null || now === undefined ? "–" : now.toFixed(line.digits));
     }
   });
 }

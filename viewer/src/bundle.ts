@@ -2,7 +2,6 @@
 // send the same.
 
 export interface Bundle {
-  version: number;
   title: string;
   policy: string;
   words: Words;

@@ -26,6 +26,11 @@ function fill<E extends Element>(element: E, props: Props, children: Child[]): E
   return element;
 }
 
+// Text that may be the same as before: nothing is laid out anew for it.
+export function write(element: Element, text: string): void {
+  if (element.textContent !== text) element.textContent = text;
+}
+
 export function table(caption: string, head: string[], rows: Child[][]): HTMLElement {
   return h(
     "div",

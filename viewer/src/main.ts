@@ -2,10 +2,10 @@
 
 import { board, lawOrder, type Board } from "./board.ts";
 import { open, type Bundle, type Entry, type Run } from "./bundle.ts";
-import { h } from "./dom.ts";
+import { h, write } from "./dom.ts";
 import { helpDialog } from "./help.ts";
 import { CAMERAS, parse, print, STRETCHES, type Moment } from "./link.ts";
-import { draw, ZOOM } from "./scene.ts";
+import { draw, type Size, ZOOM } from "./scene.ts";
 import { brokenAt, chip, facts, now, numbers, type Reader, ruleCard, sections } from "./text.ts";
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8];
@@ -36,6 +36,7 @@ let chart: Board;
 let rule: string | null = null;
 let opening = 0;
 let linking = 0;
+let size: Size = { width: 0, height: 0 }; // Of the canvas: to ask for it would lay the page out anew.
 let lastTick = 0;
 
 const make = {
@@ -135,7 +136,10 @@ function build(): void {
   document.addEventListener("keydown", onKey);
   if (matchMedia("(max-width: 60rem)").matches) drawer.open = false;
   new ResizeObserver(() => layOut()).observe(boardPlace);
-  new ResizeObserver(() => refresh()).observe(canvas);
+  new ResizeObserver(([entry]) => {
+    size = entry!.contentRect;
+    refresh();
+  }).observe(canvas);
 }
 
 function reader(): Reader {
@@ -214,7 +218,7 @@ function refresh(): void {
   if (!run || !chart) return;
   const { frame } = state;
   const moving = !still.matches;
-  draw(canvas, run, words, frame, { camera: state.cam, stretch: state.stretch, zoom: state.zoom, ghosts: state.ghosts, moving });
+  draw(canvas, size, run, words, frame, { camera: state.cam, stretch: state.stretch, zoom: state.zoom, ghosts: state.ghosts, moving });
   chart.update(frame);
   slider.value = String(Math.round(frame));
   const time = (frame * run.interval).toFixed(2);
@@ -222,12 +226,12 @@ function refresh(): void {
   if (document.activeElement !== seconds) seconds.value = time;
   if (document.activeElement !== frameField) frameField.value = String(Math.round(frame));
   const text = now(reader(), frame);
-  said.textContent = text;
+  write(said, text);
   canvas.setAttribute("aria-label", `Top view of the road. ${text}`);
   const sight = run.sight?.[Math.round(frame)];
   const weather = run.values.weather;
   const air = !weather ? "weather unknown" : (weather.preset ?? (weather.night ? "night" : "day"));
-  sky.textContent = sight === undefined ? air : `${air}: a lit vehicle is seen at ${sight.toFixed(0)} m`;
+  write(sky, sight === undefined ? air : `${air}: a lit vehicle is seen at ${sight.toFixed(0)} m`);
   tellAlerts();
   if (table.open && !state.playing) table.replaceChildren(table.firstElementChild!, numbers(reader(), frame));
 }

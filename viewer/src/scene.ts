@@ -32,9 +32,13 @@ interface View {
   moving: boolean;
 }
 
-export function draw(canvas: HTMLCanvasElement, run: Run, words: Words, frame: number, look: Look): void {
+export interface Size {
+  width: number;
+  height: number;
+}
+
+export function draw(canvas: HTMLCanvasElement, { width, height }: Size, run: Run, words: Words, frame: number, look: Look): void {
   const ratio = window.devicePixelRatio || 1;
-  const { clientWidth: width, clientHeight: height } = canvas;
   if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
     canvas.width = Math.round(width * ratio);
     canvas.height = Math.round(height * ratio);

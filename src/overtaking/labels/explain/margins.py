@@ -47,7 +47,7 @@ def _all(case: Case) -> dict[str, F64]:
     }
 
 
-def _within(span: Span, values: NDArray[np.float32]) -> F64:
+def _within(span: Span, values: NDArray[np.floating]) -> F64:
     """The first simulation of (simulation, time), NaN outside of a span."""
     inside = span.mask(np.array([0]), values.shape[1])[0] & (values[0] < ENDLESS)
     return np.where(inside, values[0], np.nan).astype(np.float64)

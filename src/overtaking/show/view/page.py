@@ -18,9 +18,6 @@ from overtaking.show.video import palette
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-VERSION = 1
-"""Of the data in the page; `viewer/src/bundle.ts` reads this one."""
-
 THEMES = {
     "light": {
         "ground": "#ffffff",
@@ -122,7 +119,6 @@ def page(title: str, policy: str, simulations: Sequence[dict[str, Any]]) -> str:
         here.joinpath(name).read_text(encoding="utf-8") for name in ("viewer.js", "viewer.css")
     )
     data = {
-        "version": VERSION,
         "title": title,
         "policy": policy,
         "words": words(),
