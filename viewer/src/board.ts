@@ -300,7 +300,7 @@ function chart(needs: Needs, title: string, unit: string, lines: Line[], rules?:
   return row(label, plot(needs, CHART, ...(values.length ? grid : []), ...curves, empty), "chart", (frame) => {
     for (const { line, value } of readings) {
       const now = line.values[Math.round(frame)];
-      write(value, now === null || now === undefined ? "–" : now.toFixed(line.digits));
+      write(value, now === null || now === undefined ? "–" : plain(now, line.digits));
     }
   });
 }
@@ -329,6 +329,11 @@ function axisRow(needs: Needs): Row {
     ticks.push(svg("text", { x: place, y: 18, class: "tick-text", "text-anchor": anchor }, t ? `${t}` : "0 s"));
   }
   return row(h("div", { class: "label" }, h("small", {}, "time s")), plot(needs, 22, ...ticks), "axis");
+}
+
+// Without the sign of a zero.
+function plain(value: number, digits: number): string {
+  return (Number(value.toFixed(digits)) || 0).toFixed(digits).replace("-", "−");
 }
 
 export function signed(value: number, digits: number): string {

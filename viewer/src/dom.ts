@@ -19,7 +19,7 @@ export function svg(tag: string, props: Props = {}, ...children: Child[]): SVGEl
 function fill<E extends Element>(element: E, props: Props, children: Child[]): E {
   for (const [name, value] of Object.entries(props)) {
     if (typeof value === "function") element.addEventListener(name, value);
-    else if (value === true) element.setAttribute(name, "");
+    else if (value === true) element.setAttribute(name, name.startsWith("aria-") ? "true" : "");
     else if (value !== false && value !== undefined) element.setAttribute(name, String(value));
   }
   element.append(...children.filter((one): one is Node | string => !!one));

@@ -14,7 +14,7 @@ const KEYS: [string, string][] = [
   ["G", "beliefs on or off"],
   ["P", "next policy"],
   ["T", "theme: system, light, dark"],
-  ["L", "to the law"],
+  ["L", "to the rules; Tab for the next, Esc to close what is said of one"],
   ["/", "to the filter of the list"],
   ["?", "this help"],
 ];

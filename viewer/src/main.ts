@@ -1,6 +1,6 @@
 // The page: state, controls, and the one clock that everything follows.
 
-import { board, lawOrder, type Board } from "./board.ts";
+import { board, type Board } from "./board.ts";
 import { open, type Bundle, type Entry, type Run } from "./bundle.ts";
 import { h, write } from "./dom.ts";
 import { helpDialog } from "./help.ts";
@@ -35,6 +35,7 @@ let run: Run;
 let chart: Board;
 let rule: string | null = null;
 let opening = 0;
+let laidOut = 0; // Width of the charts when they were drawn [px].
 let linking = 0;
 let size: Size = { width: 0, height: 0 }; // Of the canvas: to ask for it would lay the page out anew.
 let lastTick = 0;
@@ -51,7 +52,7 @@ const make = {
 
 const canvas = h("canvas", { role: "img", id: "road" });
 const alerts = h("ul", { class: "alerts", "aria-hidden": true });
-const sky = h("p", { class: "sky", "aria-hidden": true });
+const sky = h("p", { class: "sky" });
 const play = make.button("Play", "▶", () => setPlaying(!state.playing), "space");
 play.id = "play";
 const slider = h("input", { type: "range", min: 0, step: 1, id: "slider", "aria-label": "Frame" });
@@ -70,7 +71,7 @@ const title = h("h1", { tabindex: -1 });
 const about = h("div", { class: "about" });
 const said = h("p", { id: "now", role: "status", "aria-live": "polite" });
 const boardPlace = h("div", { id: "board" });
-const card = h("div", { id: "rule", class: "card" });
+const card = h("div", { id: "rule", class: "card", role: "status" });
 const table = h("details", { class: "numbers" }, h("summary", {}, "All vehicles at this moment, in numbers"));
 const tellings = h("div", { class: "tellings" });
 const help = helpDialog();
@@ -113,12 +114,9 @@ function build(): void {
         "main",
         {},
         h("div", { class: "heading" }, title, about),
-        h("figure", { class: "stage" }, canvas, sky, alerts),
-        slider,
-        h("div", { class: "controls" }, transport, view),
+        h("div", { class: "clockwork" }, h("figure", { class: "stage" }, canvas, sky, alerts), slider, h("div", { class: "controls" }, transport, view)),
         said,
         boardPlace,
-        card,
         table,
         tellings,
       ),
@@ -135,7 +133,9 @@ function build(): void {
   window.addEventListener("hashchange", () => void follow());
   document.addEventListener("keydown", onKey);
   if (matchMedia("(max-width: 60rem)").matches) drawer.open = false;
-  new ResizeObserver(() => layOut()).observe(boardPlace);
+  new ResizeObserver(() => {
+    if (boardPlace.clientWidth !== laidOut) layOut();
+  }).observe(boardPlace);
   new ResizeObserver(([entry]) => {
     size = entry!.contentRect;
     refresh();
@@ -187,15 +187,17 @@ function tell(): void {
   title.replaceChildren(`Simulation ${state.sim} `, chip(words, told.class));
   about.replaceChildren(h("p", { class: "meaning" }, words.classes[told.class]!.meaning), facts(reader()));
   tellings.replaceChildren(...sections(reader()));
-  rule = rule ?? lawOrder(reader())[0]?.rule ?? null;
-  tellRule();
   layOut();
 }
 
-function tellRule(code = rule): void {
+// What is said of a rule, below its row; nothing, if none is chosen.
+function tellRule(code: string | null): void {
   rule = code;
-  card.hidden = rule === null;
-  if (rule !== null) card.replaceChildren(...ruleCard(reader(), rule));
+  const place = boardPlace.querySelector(`[data-rule="${rule}"]`)?.closest(".row");
+  if (rule !== null && place) {
+    card.replaceChildren(make.button("Close", "×", () => tellRule(null), "Esc"), ...ruleCard(reader(), rule));
+    place.after(card);
+  } else card.remove();
   for (const one of boardPlace.querySelectorAll("[data-rule]")) {
     one.setAttribute("aria-pressed", String(one.getAttribute("data-rule") === rule));
   }
@@ -205,11 +207,12 @@ function layOut(): void {
   if (!run) return;
   const held = document.activeElement?.getAttribute("data-rule");
   const gutter = parseFloat(getComputedStyle(boardPlace).getPropertyValue("--gutter"));
-  const width = Math.max(Math.floor(boardPlace.clientWidth - gutter), 120);
+  laidOut = boardPlace.clientWidth;
+  const width = Math.max(Math.floor(laidOut - gutter), 120);
   chart = board({ run, words, policy: state.policy, width, seek, tellRule });
   boardPlace.replaceChildren(chart.element);
   if (held) boardPlace.querySelector<HTMLElement>(`[data-rule="${held}"]`)?.focus();
-  tellRule();
+  tellRule(rule);
   refresh();
 }
 
@@ -406,6 +409,7 @@ const KEYS: Record<string, () => void> = {
     filter.focus();
   },
   "?": () => help.showModal(),
+  Escape: () => tellRule(null),
 };
 
 function onKey(event: KeyboardEvent): void {

@@ -325,7 +325,7 @@ function drawRain({ c, width, height, night }: View, strength: number, time: num
   c.strokeStyle = night ? "#c9d6e23c" : "#eef4f866";
   c.lineWidth = 1;
   c.beginPath();
-  const count = Math.round((strength * width * height) / 1800);
+  const count = Math.round((strength * width * height) / 1000);
   for (let k = 0; k < count; k++) {
     // The golden ratio and the square root of 2 spread drops evenly, the same in every drawing.
     const across = (k * 0.618034 + time * (0.9 + (k % 7) * 0.05)) % 1;
@@ -395,7 +395,7 @@ function tag({ c, width }: View, x: number, y: number, text: string, ink: string
 function drawLabels(view: View, here: { vehicle: Vehicle; at: Pose }[], words: Words, target: number | null): void {
   const { x, y, across, width } = view;
   const own = here.find((one) => one.vehicle.slot === 0)?.at;
-  for (const { vehicle, at } of here) {
+  for (const { vehicle, at } of here.toReversed()) {
     const place = x(at.s);
     const [isEgo, isTarget] = [vehicle.slot === 0, vehicle.slot === target];
     const ground = isEgo ? words.road.ego : isTarget ? words.road.target : "#20262ddd";
