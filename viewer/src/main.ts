@@ -1,9 +1,10 @@
 // The page: state, controls, and the one clock that everything follows.
 
 import { board, type Board } from "./board.ts";
-import { open, type Bundle, type Entry, type Run } from "./bundle.ts";
+import { open, type Bundle, type Run } from "./bundle.ts";
 import { h, write } from "./dom.ts";
 import { helpDialog } from "./help.ts";
+import { entries, tellList } from "./list.ts";
 import { CAMERAS, parse, print, STRETCHES, type Moment } from "./link.ts";
 import { draw, type Size, ZOOM } from "./scene.ts";
 import { brokenAt, chip, facts, now, numbers, type Reader, ruleCard, sections } from "./text.ts";
@@ -146,15 +147,22 @@ function reader(): Reader {
   return { run, words, policy: state.policy, seek };
 }
 
-function entries(): Entry[] {
-  return bundle.simulations.filter((one) => !state.filter || one.classes[state.policy] === state.filter);
+// What the address says, and the list depends on.
+function moment(): Moment {
+  return { ...state, t: Math.round(state.frame) * (run?.interval ?? 0) };
+}
+
+function refreshList(): void {
+  const isThere = bundle.simulations.some((one) => one.classes[state.policy] === state.filter);
+  if (!isThere) state.filter = "";
+  tellList({ filter, rows: list, count }, bundle, moment());
 }
 
 // A change of state, then of all that shows it.
 function change(part: Partial<typeof state>): void {
   Object.assign(state, part);
   if (part.theme !== undefined) paintTheme();
-  if (part.policy !== undefined || part.filter !== undefined) tellList();
+  if (part.policy !== undefined || part.filter !== undefined) refreshList();
   if (part.policy !== undefined) tell();
   tellControls();
   refresh();
@@ -174,7 +182,7 @@ async function show(number: number, time: number): Promise<void> {
   slider.max = frameField.max = String(run.frames - 1);
   seconds.max = String((run.frames - 1) * run.interval);
   seconds.step = String(run.interval);
-  tellList();
+  refreshList();
   tell();
   tellControls();
   link();
@@ -258,41 +266,6 @@ function tellControls(): void {
   believed.checked = state.ghosts;
 }
 
-function tellList(): void {
-  const counts = new Map<string, number>();
-  for (const one of bundle.simulations) {
-    const name = one.classes[state.policy]!;
-    counts.set(name, (counts.get(name) ?? 0) + 1);
-  }
-  const names = Object.keys(words.classes).filter((name) => counts.has(name));
-  filter.replaceChildren(
-    h("option", { value: "" }, `all (${bundle.simulations.length})`),
-    ...names.map((name) => h("option", { value: name }, `${name} (${counts.get(name)})`)),
-  );
-  if (!names.includes(state.filter)) state.filter = "";
-  filter.value = state.filter;
-  const shown = entries();
-  count.textContent = `${shown.length} of ${bundle.simulations.length} shown`;
-  list.replaceChildren(...shown.map(item));
-}
-
-function item(entry: Entry): HTMLElement {
-  const isHere = entry.number === state.sim;
-  const where = print({ ...state, sim: entry.number, t: 0 }, bundle.policy);
-  const details = [entry.weather, `${entry.duration_s.toFixed(0)} s`].filter(Boolean).join(", ");
-  return h(
-    "li",
-    {},
-    h(
-      "a",
-      { href: where, "aria-current": isHere ? "true" : undefined, "data-sim": entry.number },
-      h("span", { class: "number" }, String(entry.number)),
-      chip(words, entry.classes[state.policy]!),
-      h("span", { class: "quiet" }, `${details}; ${entry.outcome}`),
-    ),
-  );
-}
-
 function clamp(frame: number): number {
   return Math.min(Math.max(Number.isFinite(frame) ? frame : 0, 0), run.frames - 1);
 }
@@ -344,11 +317,7 @@ function tick(at: number): void {
 function link(): void {
   clearTimeout(linking);
   if (state.playing) return;
-  linking = window.setTimeout(() => history.replaceState(null, "", address()), LINK_DELAY);
-}
-
-function address(): string {
-  return print({ ...state, t: Math.round(state.frame) * run.interval }, bundle.policy);
+  linking = window.setTimeout(() => history.replaceState(null, "", print(moment(), bundle.policy)), LINK_DELAY);
 }
 
 // To the moment that the address names.
@@ -372,7 +341,7 @@ function paintTheme(): void {
 }
 
 function other(way: 1 | -1): void {
-  const shown = entries();
+  const shown = entries(bundle, moment());
   const place = shown.findIndex((one) => one.number === state.sim);
   const next = shown[(place + way + shown.length) % shown.length];
   if (next) void show(next.number, 0);
