@@ -17,8 +17,7 @@ from contextlib import suppress
 from typing import Any
 
 from measure import ROOT
-from overtaking.simulators.carla_server.protocol import CALLS
-from overtaking.simulators.carla_server.server import DECLARED
+from overtaking.simulators.carla_server.calls import CALLS
 from overtaking.simulators.carla_server.wire import Decoder, encode
 
 sys.path.insert(0, str(ROOT))
@@ -31,7 +30,7 @@ SETTLED_SHARE = 0.1
 PIECE = 500
 """Messages between two sound calls."""
 
-NAMES = sorted(CALLS) if DECLARED else []
+NAMES = sorted(CALLS)
 _POSE = [[300.0, 244.0, 0.3], [0.0, 0.0, 0.0]]
 _PEDALS = [0.5, 0.1, 0.0, False, False, False, 0]
 _CAR = [1, "vehicle.audi.a2", [["role_name", 4, "hero"], ["color", 5, "1,2,3"]]]

@@ -23,15 +23,14 @@ from measure import Measure, parser, report
 from memory import Watch
 from overtaking import api
 from overtaking.core.memory import Buffers
-from overtaking.data.contents import contents
 from overtaking.data.load import Dataset
 from overtaking.data.place import Folder
 from overtaking.data.plan import LARGE_CHUNK_SIZE, SHARD_SIZE, shards
 from overtaking.data.recipe import Keep
-from overtaking.data.tables.encode_labels import encode_labels
-from overtaking.data.tables.label_schemas import LABEL_TABLES
-from overtaking.data.write import write_shard
-from overtaking.labels.events import find_events
+from overtaking.data.shards import write_shard
+from overtaking.data.tables.encode_labels import contents, encode_labels
+from overtaking.data.tables.schemas import LABEL_TABLES, SCHEMAS
+from overtaking.labels.events import case_of
 from overtaking.labels.features import (
     decision_features,
     matched_features,
@@ -40,8 +39,6 @@ from overtaking.labels.features import (
 )
 from overtaking.labels.label import label
 from overtaking.labels.law import PORTUGAL, check
-from overtaking.labels.signals.engine import signals, target_signals
-from overtaking.model.labels import Case
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine, reference
@@ -110,20 +107,16 @@ def stages() -> list[Measure]:
     scenario = sample(given, road, 9, index)
     prepared, buffers = parameters(scenario), Buffers()
     runs = engine.run(scenario, prepared, buffers=buffers)
-    seen = signals(runs)
-    events = find_events(runs, seen)
-    target = target_signals(runs, seen, events)
+    case = case_of(runs)
     numbers = index.astype(np.int64)
     rows = contents(runs, numbers, KEPT)
-    case = Case(trajectories=runs, signals=seen, events=events, target=target)
     work: dict[str, Callable[[], object]] = {
         "sample": lambda: sample(given, road, 9, index),
         "parameters": lambda: parameters(scenario),
         "simulate": lambda: engine.run(scenario, prepared, buffers=buffers),
-        "signals": lambda: signals(runs),
-        "events": lambda: find_events(runs, seen),
-        "target": lambda: target_signals(runs, seen, events),
-        "rules": lambda: check(PORTUGAL, case),
+        "signals and events": lambda: case_of(runs),
+        # What many ask of a case is answered once, so each run of rules has a case of its own.
+        "rules": lambda: check(PORTUGAL, case.replace()),
         "features": lambda: (paper_features(case), matched_features(case)),
         "decisions": lambda: decision_features(case),
         "safety": lambda: safety_measures(case),
@@ -141,7 +134,10 @@ def _write(rows: Mapping[str, pa.Table]) -> None:
         folder, shard = Folder(Path(name)), shards(SHARD_SIZE)[0]
         folder.prepare(KEPT)
         pieces = [rows] * (SHARD_SIZE // PIECE)
-        write_shard(folder, shard, pieces, tables=KEPT, fingerprint="none", on_piece=lambda _: None)
+        schemas = {name: SCHEMAS[name] for name in KEPT}
+        write_shard(
+            folder, shard, pieces, schemas=schemas, fingerprint="none", on_piece=lambda _: None
+        )
 
 
 def _cost(work: Callable[[], object], simulations: int) -> float:

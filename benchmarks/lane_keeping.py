@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.errors import OvertakingError
-from overtaking.labels.events.movements import advances, runs
-from overtaking.labels.signals.reference import footprint, lateral_speed, side_of
+from overtaking.labels.instants import footprint, lateral_speed_at, side_of
 from overtaking.model.trajectory import NO_VEHICLE, Lights, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.formats import read_recording
@@ -98,12 +97,12 @@ def swings(run: Trajectories, slot: int) -> Swings:
         run.road,
         states.d[:, slot],
         states.heading[:, slot],
-        bodies.length[:, slot],
-        bodies.width[:, slot],
+        bodies.length[:, slot, None],
+        bodies.width[:, slot, None],
     )
     keeps = _keeps_lane(run, slot)
-    speed = lateral_speed(run, states.d[:, slot])
-    found = runs(keeps & (speed > known("labels.motion.least_speed")))
+    speed = _lateral_speed(run, slot)
+    found = _runs(keeps & (speed > known("labels.motion.least_speed")))
     row, begin, end = found
     kind = bodies.kind[:, slot]
     wind = np.digitize(run.scenario.weather.wind, WINDS)
@@ -120,11 +119,57 @@ def swings(run: Trajectories, slot: int) -> Swings:
     return Swings(
         kind=kind[row],
         wind=wind[row],
-        advance=advances(lateral, found, round(1000.0 / interval)),
+        advance=_advances(lateral, found, round(1000.0 / interval)),
         counts=np.array(counts, np.bool_),
         hours=hours,
         spread=_spreads(lateral, keeps, kind, round(10_000.0 / interval)),
     )
+
+
+def _lateral_speed(run: Trajectories, slot: int) -> NDArray[Any]:
+    """Speed of a vehicle to the left in every frame, shape (simulation, time) [m/s]."""
+    row, frame = (each.reshape(-1) for each in np.indices(run.stage.shape))
+    speed = lateral_speed_at(run, row, np.full_like(row, slot), frame)
+    return speed.reshape(run.stage.shape)
+
+
+def _advances(
+    lateral: NDArray[Any], found: tuple[NDArray[Any], NDArray[Any], NDArray[Any]], frames: int
+) -> NDArray[Any]:
+    """The farthest that each movement to the left leads within a number of frames [m].
+
+    Args:
+        lateral: Position across the road, shape (simulation, time) [m].
+        found: Simulation, first and last frame of the movements, as `_runs` gives them.
+        frames: How many frames a movement has for it; a shorter one has those that it lasts.
+
+    Returns:
+        Shape (movement,).
+    """
+    simulation, begin, end = found
+    length = end - begin + 1
+    if not length.size:
+        return np.zeros(0, np.float32)
+    row, last = np.repeat(simulation, length), np.repeat(end, length)
+    first = np.cumsum(length) - length
+    frame = np.arange(row.size, dtype=np.int32) + np.repeat(begin - first, length)
+    ahead = lateral[row, np.minimum(frame + frames, last)] - lateral[row, frame]
+    return np.maximum.reduceat(ahead, first)
+
+
+def _runs(mask: NDArray[np.bool_]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """The unbroken runs of frames at which rows of `mask` hold.
+
+    Returns:
+        Simulation, first frame and last frame of each, shape (run,), in the order of simulations
+        and frames.
+    """
+    padded = np.zeros((mask.shape[0], mask.shape[1] + 2), dtype=np.int8)
+    padded[:, 1:-1] = mask
+    change = np.diff(padded, axis=1)
+    simulation, begin = np.nonzero(change == 1)
+    _, end = np.nonzero(change == -1)
+    return simulation.astype(np.int32), begin.astype(np.int32), (end - 1).astype(np.int32)
 
 
 def _keeps_lane(run: Trajectories, slot: int) -> NDArray[np.bool_]:

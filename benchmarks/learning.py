@@ -14,13 +14,14 @@ from pathlib import Path
 import overtaking
 from overtaking.analysis.learning.factors import FactorsFound
 from overtaking.analysis.learning.rules import RulesFound
-from overtaking.analysis.learning.tables_of_factors import (
+from overtaking.analysis.learning.tables import (
+    comparison_table,
     confusion_table,
     leakage_table,
     model_table,
     ranking_table,
+    rule_table,
 )
-from overtaking.analysis.learning.tables_of_rules import comparison_table, rule_table
 from overtaking.analysis.stats.table import Table
 from overtaking.core.errors import DatasetError
 
@@ -73,7 +74,7 @@ def rules_page(found: RulesFound) -> str:
 def factors_page(found: FactorsFound) -> str:
     """What was found out about the factors."""
     tables = [model_table(found), confusion_table(found), ranking_table(found)]
-    tables += [leakage_table(found)] if found.faked else []
+    tables += [leakage_table(found)] if found.leakage else []
     return "\n".join(markdown(one) for one in tables)
 
 

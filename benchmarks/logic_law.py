@@ -21,10 +21,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from overtaking import api
-from overtaking.analysis.logic.facts import Classes
 from overtaking.analysis.logic.law import CODES, judged, lawyer
 from overtaking.analysis.logic.reasoning import Reasoner
-from overtaking.analysis.logic.source import Group, case_of, groups
+from overtaking.analysis.logic.source import Group, groups
+from overtaking.labels.events import case_of
 from overtaking.labels.law import PORTUGAL, check
 from overtaking.model.labels import Verdict
 from overtaking.recordings.roads import load_road
@@ -62,11 +62,7 @@ def drawn(profile: str, number: int, seed: int) -> Iterator[Group]:
     for first in range(0, number, PIECE):
         numbers = np.arange(first, min(first + PIECE, number))
         runs = engine.simulate(sample(chosen, road, seed, numbers.astype(np.uint64)))
-        nothing = Classes(
-            classes=np.zeros((len(numbers), 3), np.uint8),
-            outcome=np.zeros(len(numbers), np.uint8),
-        )
-        yield Group(numbers=numbers, case=case_of(runs), labels=nothing, done=int(numbers[-1]) + 1)
+        yield Group(numbers=numbers, case=case_of(runs), done=int(numbers[-1]) + 1)
 
 
 def compare(reasoner: Reasoner, group: Group, tally: Tally, where: str) -> None:

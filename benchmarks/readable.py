@@ -1,49 +1,145 @@
-"""Labels by the readable functions alone, in place of their compiled twins."""
+"""Labels by the readable reference of the tests alone, in place of the compiled engine."""
 
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from overtaking.labels.events import engine as events
-from overtaking.labels.events import reference as readable_events
-from overtaking.labels.features import encounters, past
-from overtaking.labels.features import engine as measures
-from overtaking.labels.features import reference as readable_measures
-from overtaking.labels.law import engine as margins
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # The reference lies in the tests.
+
+from tests.reference.labels import events as readable_events
+from tests.reference.labels import signals as readable_signals
+from tests.reference.labels.stretches import answers_of
+
+from overtaking import _core
+from overtaking.labels import signals
 from overtaking.labels.law import frames
-from overtaking.labels.law import reference as readable_margins
-from overtaking.labels.signals import engine as signals
-from overtaking.labels.signals import reference as readable_signals
-from overtaking.labels.signals import target as readable_target
+from overtaking.labels.law.frames import Span, Stretch, Stretches
+from overtaking.model.labels import Case
+from overtaking.model.safety import Encounter
+from overtaking.model.signals import Around, Signals, TargetSignals
+from overtaking.model.trajectory import NO_VEHICLE, Trajectories
+
+One = readable_signals.One
 
 
-def _largest(values: Any, span: frames.Span) -> Any:
-    return frames.reduced(np.maximum, values, span)
+def watch(run: Trajectories, _: Mapping[str, Any]) -> tuple[Signals, dict[str, Any]]:
+    """Signals and events, one simulation after the other."""
+    ones = _ones(run)
+    seen = [readable_signals.signals(one) for one in ones]
+    found = [readable_events.find_events(*pair) for pair in zip(ones, seen, strict=True)]
+    events = {name: np.array([one[name] for one in found], np.int32) for name in found[0]}
+    del events["struck"], events["under_way"]
+    interval = run.scenario.frame_interval_ms
+    arrays = _padded(run, seen)
+    return Signals(frame_interval_ms=interval, valid=run.frame_valid, **arrays), events
+
+
+def target_signals(run: Trajectories, seen: Signals, vehicle: Any) -> TargetSignals:
+    """The target of each simulation, that of nobody being the ego."""
+    slots, own = (
+        np.where(vehicle == NO_VEHICLE, 0, vehicle),
+        ("lateral", "right_reach", "left_reach"),
+    )
+    rows = [
+        readable_signals.target_signals(one, _row(seen, one, own), int(slot))
+        for one, slot in zip(_ones(run), slots, strict=True)
+    ]
+    arrays = _padded(run, rows)
+    for name in ("valid", "overlaps"):
+        arrays[name] &= (vehicle != NO_VEHICLE)[:, None]
+    length = run.scenario.vehicles.length[np.arange(len(slots)), slots]
+    return TargetSignals(vehicle=vehicle, length=length, **arrays)
+
+
+def encounter(case: Case, place: Any, rows: Any, at: Any) -> Encounter:
+    """The ego and a neighbour, one instant after the other."""
+    places = np.broadcast_to(np.int64(place), np.shape(rows))
+    found = {name: np.zeros(len(rows), np.float32) for name in _core.encounter_fields()}
+    nobody = {"time_gap": 0.0, "ttc": 0.0, "mttc": 0.0}  # Of two vehicles at one place.
+    valid = np.zeros(len(rows), np.bool_)
+    ones = {row: One(case.trajectories, int(row)) for row in np.unique(rows)}
+    for k, (row, where, frame) in enumerate(zip(rows, places, at, strict=True)):
+        slot = ones[row].neighbour(Around(int(where)), int(frame))
+        valid[k] = slot is not None
+        measures: Mapping[str, Any] = nobody
+        if slot is not None:
+            met = [(int(frame), slot)]
+            measures = readable_signals.encounter(ones[row], met, ahead=where % 2 == 0)
+        for name, value in measures.items():
+            found[name][k] = np.ravel(value)[0]
+    return Encounter(valid=valid, **found)
+
+
+def answers(case: Case, spans: dict[str, Span]) -> Stretches:
+    """Everything about stretches of frames, one simulation after the other."""
+    names = (*signals.SEEN, "left_count")
+    found = []
+    for one in _ones(case.trajectories):
+        own = {
+            name: range(int(span.start[one.number]), int(span.stop[one.number]) + 1)
+            for name, span in spans.items()
+        }
+        found.append(answers_of(case, one, _row(case.signals, one, names), own))
+
+    def rows(name: str) -> Any:
+        return zip(*(one[name] for one in found), strict=True)
+
+    def stretch(name: str) -> Stretch:
+        low, first, last = rows(name)
+        return Stretch(
+            low=np.array(low, np.float32),
+            first=np.array(first, np.int32),
+            last=np.array(last, np.int32),
+        )
+
+    due, length = (np.array(each, np.int32) for each in rows("due"))
+
+    def table(name: str, kind: type) -> dict[str, Any]:
+        return {key: np.array([one[name][key] for one in found], kind) for key in found[0][name]}
+
+    return Stretches(
+        due=(due, length),
+        stop_lit=stretch("stop_lit"),
+        stop_unlit=stretch("stop_unlit"),
+        follow=stretch("follow"),
+        braking=stretch("braking"),
+        entry_arrival=np.array([one["entry_arrival"] for one in found], np.int32),
+        return_arrival=np.array([one["return_arrival"] for one in found], np.int32),
+        worst=table("worst", np.float32),
+        sums=table("sums", np.int64),
+    )
+
+
+def _ones(run: Trajectories) -> list[One]:
+    return [One(run, number) for number in range(len(run.num_frames))]
+
+
+def _row(seen: Signals, one: One, names: tuple[str, ...]) -> dict[str, Any]:
+    """Some signals of one simulation in its recorded frames."""
+    return {name: getattr(seen, name)[one.number][..., : one.frames] for name in names}
+
+
+def _padded(run: Trajectories, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Arrays of all simulations, zero beyond the end of each."""
+    arrays: dict[str, Any] = {}
+    for name, first in rows[0].items():
+        shape = (len(rows), *first.shape[:-1], run.stage.shape[1])
+        arrays[name] = np.zeros(shape, first.dtype)
+        for k, row in enumerate(rows):
+            arrays[name][k][..., : row[name].shape[-1]] = row[name]
+    return arrays
 
 
 TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
-    signals.signals: readable_signals.signals,
-    signals.neighbours_at: readable_signals.neighbours_at,
-    signals.target_signals: readable_target.target_signals,
-    events.find_events: readable_events.find_events,
-    margins.lowest: frames.lowest,
-    margins.highest: _largest,
-    margins.stop_margin: readable_margins.stop_margin,
-    margins.follow_margin: readable_margins.follow_margin,
-    margins.duty_to_return: readable_margins.duty_to_return,
-    margins.braking_margin: readable_margins.braking_margin,
-    margins.of_target: readable_margins.of_target,
-    margins.below: readable_margins.below,
-    margins.above: readable_margins.above,
-    margins.dark: readable_margins.dark,
-    measures.encounter: encounters.encounter,
-    measures.first_past: past.first_past,
-    measures.worst: readable_measures.worst,
-    measures.sums: readable_measures.sums,
+    signals.watch: watch,
+    signals.target_signals: target_signals,
+    signals.encounter: encounter,
+    frames.answers: answers,
 }
 """Compiled functions and what a person reads instead."""
 

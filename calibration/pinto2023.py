@@ -23,6 +23,7 @@ from overtaking.analysis.reproduction.measures import measured
 from overtaking.analysis.reproduction.replicates import replicates
 from overtaking.analysis.reproduction.run import parameter_hash
 from overtaking.api.choices import simulator_of
+from overtaking.knowledge import quantities
 from overtaking.knowledge.paper import Measure, Standing, Statement, calibration, statements
 from overtaking.knowledge.reader import load
 from overtaking.recordings.roads import load_road
@@ -126,14 +127,20 @@ def run(sets: int, seed: int, point: Point | None = None) -> dict[str, float]:
             document[POPULATION][one.end][one.name][one.key] = value
         else:
             changes[one.name] = value
-    populations.population.cache_clear()
+    _forget()
     try:
         spec = scenarios.spec(PROFILE, changes or None)
         found = replicates(spec, load_road(spec.road), seed, sets, simulator_of("engine"))
     finally:
         document[POPULATION] = before
-        populations.population.cache_clear()
+        _forget()
     return {name: float(measured(found, one).mean() / one.factor) for name, one in fitted().items()}
+
+
+def _forget() -> None:
+    """Have the population read anew."""
+    quantities.cache_clear()
+    populations.population.cache_clear()
 
 
 def distance(found: dict[str, float]) -> float:

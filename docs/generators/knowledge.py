@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
 from generators.markdown import page, section, table, unit
 
 from overtaking.knowledge import VEHICLE_CLASS_ORDER, Distribution, Quantity, quantities, sources
-from overtaking.model.drivers import Drivers
-from overtaking.scenarios.populations import TRAITS, ClassFactors, Temper, population_names
+from overtaking.scenarios.populations import CLASS_FACTORS, TRAITS, population_names
 from overtaking.scenarios.reading import profile_names, spec
 
 if TYPE_CHECKING:
@@ -21,6 +19,7 @@ FILES = {
     "model.toml": "Drivers, steering, perception, collisions",
     "weather.toml": "Weather, sight and wind",
     "friction.toml": "Tyres and road",
+    "starts.toml": "Starts, traffic around the ego, weather that goes together",
 }
 
 
@@ -76,17 +75,7 @@ def vehicles() -> str:
 
 def drivers() -> str:
     """The page `reference/drivers.md`."""
-    own, temper = _meanings(Drivers), _meanings(Temper)
-    units = quantities("drivers.toml")
-    first = population_names()[0]
-    parameters = [
-        (
-            f"`{name}`",
-            own.get(name) or temper[name],
-            unit(units[f"{first}.careful.{name}"].quoted_unit),
-        )
-        for name in TRAITS
-    ]
+    parameters = [(f"`{name}`", one.meaning, unit(one.unit)) for name, one in TRAITS.items()]
     profiles = {name: spec(name).drivers.population for name in profile_names()}
     used = sorted(population_names(), key=lambda name: name not in profiles.values())
     return page(
@@ -194,7 +183,7 @@ def _factors(population: str) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         (
             key.removeprefix(prefix).partition(".")[0],
             f"`{key.rpartition('.')[2]}`",
-            _meanings(ClassFactors)[key.rpartition(".")[2]].rstrip("."),
+            f"`{CLASS_FACTORS[key.rpartition('.')[2]]}`",
             shown(entry),
             source_link(entry.source),
             entry.rationale or "",
@@ -203,16 +192,6 @@ def _factors(population: str) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         if key.startswith(prefix)
     ]
     return ("class", "factor", "on", "value", "source", "why"), rows
-
-
-def _meanings(cls: type) -> dict[str, str]:
-    """The first sentence that a docstring gives for each attribute, without its unit."""
-    text = cls.__doc__ or ""
-    found = re.findall(r"^ {4,}(\w+): (.*(?:\n {10,}.*)*)", text, re.MULTILINE)
-    return {
-        name: re.sub(r"\s*\[[^]]*\]", "", " ".join(words.split())).rstrip(".").removeprefix("On ")
-        for name, words in found
-    }
 
 
 def _spread(entry: Distribution) -> str:

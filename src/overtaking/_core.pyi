@@ -48,31 +48,131 @@ def simulate(
         ValueError: An array has another length, or the SIMD level is unknown or not available.
     """
 
-def signals(
+def watch(
     *,
-    states: Mapping[str, NDArray[Any] | None],
-    vehicles: Mapping[str, Any],
-    around: Mapping[str, Any],
+    recorded: Mapping[str, Any],
+    conditions: Mapping[str, Any],
+    limits: Mapping[str, Any],
     constants: Mapping[str, Any],
-    outputs: dict[str, NDArray[Any]],
+    signals: dict[str, NDArray[Any]],
+    events: NDArray[np.int32],
     level: str | None = None,
 ) -> None:
-    """Work out the signals of a recording and fill the arrays of `outputs`.
+    """Work out the signals and the events of recordings.
 
     Args:
-        states: s, d, speed, heading, accel, lane and present (or None), shape (simulation, vehicle,
-            time), the frames of a vehicle adjacent.
-        vehicles: num_frames, valid, length, width, all flat; and the numbers side, heading,
-            interval_ms, half_window.
-        around: film (simulation, 8), wear, truck, fog, rain, contrast_depth, lamp_depth,
-            lamp_clear, unlit_limit, all flat; and the numbers attention and num_lanes.
+        recorded: As `labels.signals.pack` gives it: s, d, speed, heading, accel, lane and present
+            (or None), shape (simulation, vehicle, time), and hit, shape (simulation, time), the
+            frames adjacent; num_frames, valid, length and width, flat; and the numbers num_lanes,
+            side, direction, interval_ms, half_window.
+        conditions: As `labels.signals.conditions` gives them.
+        limits: As `labels.events.thresholds` gives them.
         constants: As in `simulate`.
-        outputs: Arrays of shape (simulation, time) or (simulation, 6, time) by name.
+        signals: Arrays of shape (simulation, time) or (simulation, 6, time) by name, filled.
+        events: A row for each of `event_fields`, filled.
         level: SIMD level; None for the best of this CPU.
 
     Raises:
         ValueError: An array has another shape, or the SIMD level is unknown or not available.
     """
+
+def event_fields() -> list[str]:
+    """Names of the rows of events, in order."""
+
+def around(
+    *,
+    recorded: Mapping[str, Any],
+    vehicle: NDArray[np.uint8],
+    outputs: dict[str, NDArray[Any]],
+    level: str | None = None,
+) -> None:
+    """Work out gaps to the neighbours of the ego and the lane to its left.
+
+    Args:
+        recorded: As in `watch`.
+        vehicle: Who the neighbours are, flat (simulation, 6, time).
+        outputs: gap, closing_speed and lateral_gap, shape (simulation, 6, time); left_occupancy
+            and left_count, shape (simulation, time); filled.
+        level: As in `watch`.
+
+    Raises:
+        ValueError: As in `watch`.
+    """
+
+def target(
+    *,
+    recorded: Mapping[str, Any],
+    seen: Mapping[str, NDArray[Any]],
+    target: NDArray[np.uint8],
+    outputs: dict[str, NDArray[Any]],
+    level: str | None = None,
+) -> None:
+    """Work out the signals of the vehicles that are overtaken.
+
+    Args:
+        recorded: As in `watch`.
+        seen: Signals of the ego as `labels.signals.pack_seen` gives them.
+        target: Slot of that vehicle, 255 for none.
+        outputs: Arrays of shape (simulation, time) by name, filled.
+        level: As in `watch`.
+
+    Raises:
+        ValueError: As in `watch`, or a slot does not exist.
+    """
+
+def stretches(
+    *,
+    recorded: Mapping[str, Any],
+    seen: Mapping[str, NDArray[Any]],
+    spans: NDArray[np.int32],
+    moments: NDArray[np.int32],
+    numbers: Mapping[str, Any],
+    out: Mapping[str, NDArray[Any]],
+    level: str | None = None,
+) -> None:
+    """Margins, measures and sums over stretches of frames of each simulation.
+
+    Args:
+        recorded: As in `watch`.
+        seen: As in `target`.
+        spans: First and last frame, flat (span, end, simulation).
+        moments: Frames, -1 for none, and slots, 255 for none, flat (moment, simulation).
+        numbers: As `labels.law.frames` gives them.
+        out: measures, frames and sums, each with a row for each of its names, filled.
+        level: As in `watch`.
+
+    Raises:
+        ValueError: As in `watch`, or a frame or a slot does not exist.
+    """
+
+def stretch_fields() -> list[tuple[str, list[str]]]:
+    """Names of spans, moments, measures, frames and sums of `stretches`, in order."""
+
+def encounters(
+    *,
+    recorded: Mapping[str, Any],
+    neighbours: NDArray[np.uint8],
+    instants: NDArray[np.int64],
+    vehicle: NDArray[np.uint8],
+    out: NDArray[np.floating[Any]],
+    level: str | None = None,
+) -> None:
+    """Encounters with neighbours at single frames.
+
+    Args:
+        recorded: As in `watch`.
+        neighbours: Who they are, flat (simulation, 6, time).
+        instants: Simulations, places around the ego and frames, flat (3, instant).
+        vehicle: Slot of each neighbour, 255 where nobody is there, filled.
+        out: A row for each of `encounter_fields`, filled.
+        level: As in `watch`.
+
+    Raises:
+        ValueError: As in `watch`, or an instant or a slot does not exist.
+    """
+
+def encounter_fields() -> list[str]:
+    """Names of the rows of `encounters`, in order."""
 
 def weather_driven(
     driven: Mapping[str, Any],
@@ -117,391 +217,6 @@ def drive(
 
 def moving_fields() -> list[str]:
     """Names of the rows of the table of what moves, in order."""
-
-def target(
-    *,
-    states: Mapping[str, NDArray[Any] | None],
-    vehicles: Mapping[str, Any],
-    own: Mapping[str, NDArray[Any]],
-    outputs: dict[str, NDArray[Any]],
-    level: str | None = None,
-) -> None:
-    """Work out the signals of the vehicles that are overtaken and fill the arrays of `outputs`.
-
-    Args:
-        states: As in `signals`.
-        vehicles: As in `signals`.
-        own: target, the slot of that vehicle, 255 for none; lateral, right_reach and left_reach of
-            the ego, flat (simulation, time).
-        outputs: Arrays of shape (simulation, time) by name.
-        level: SIMD level; None for the best of this CPU.
-
-    Raises:
-        ValueError: An array has another shape, a slot does not exist, or the SIMD level is unknown
-            or not available.
-    """
-
-def neighbours(
-    *,
-    states: Mapping[str, NDArray[Any] | None],
-    vehicles: Mapping[str, Any],
-    vehicle: NDArray[np.uint8],
-    outputs: dict[str, NDArray[Any]],
-    level: str | None = None,
-) -> None:
-    """Work out the gaps to the neighbours of the ego and fill the arrays of `outputs`.
-
-    Args:
-        states: As in `signals`.
-        vehicles: As in `signals`.
-        vehicle: Who they are, flat (simulation, 6, time).
-        outputs: gap, closing_speed and lateral_gap, shape (simulation, 6, time).
-        level: SIMD level; None for the best of this CPU.
-
-    Raises:
-        ValueError: As in `signals`.
-    """
-
-def neighbours_at(
-    *,
-    near: Mapping[str, NDArray[Any]],
-    rows: NDArray[np.int64],
-    places: NDArray[np.int64],
-    frames: NDArray[np.int64],
-    out: Mapping[str, NDArray[Any]],
-) -> None:
-    """Neighbours of the ego at single frames, in a place each.
-
-    Args:
-        near: s and speed, shape (simulation, vehicle, time); length (simulation, vehicle); vehicle,
-            who they are, (simulation, 6, time).
-        rows: Simulations.
-        places: Places around the ego.
-        frames: Frames.
-        out: vehicle, gap and closing_speed at these, flat.
-
-    Raises:
-        ValueError: An array has another length, or an instant or a slot does not exist.
-    """
-
-def left_lane(
-    *,
-    states: Mapping[str, NDArray[Any] | None],
-    vehicles: Mapping[str, Any],
-    num_lanes: int,
-    outputs: dict[str, NDArray[Any]],
-    level: str | None = None,
-) -> None:
-    """Work out who is in the lane to the left of the ego and fill the arrays of `outputs`.
-
-    Args:
-        states: As in `signals`.
-        vehicles: As in `signals`.
-        num_lanes: Driving lanes.
-        outputs: left_occupancy and left_count, shape (simulation, time).
-        level: SIMD level; None for the best of this CPU.
-
-    Raises:
-        ValueError: As in `signals`.
-    """
-
-def alongside(
-    *,
-    states: Mapping[str, NDArray[Any] | None],
-    vehicles: Mapping[str, Any],
-    own: Mapping[str, NDArray[Any]],
-    start: NDArray[np.int32],
-    stop: NDArray[np.int32],
-    out: Mapping[str, NDArray[Any]],
-    level: str | None = None,
-) -> None:
-    """Work out some of what `target` does, in some frames of each simulation.
-
-    Args:
-        states: As in `signals`.
-        vehicles: As in `signals`.
-        own: As in `target`.
-        start: First of these frames.
-        stop: Last of them; none where it is before the first.
-        out: overlaps, lane, lateral_gap and accel of all of them, one simulation after the other.
-        level: SIMD level; None for the best of this CPU.
-
-    Raises:
-        ValueError: As in `target`, or a frame was not recorded.
-    """
-
-def events(
-    *,
-    recorded: Mapping[str, NDArray[Any] | None],
-    seen: Mapping[str, NDArray[Any]],
-    limits: Mapping[str, Any],
-    out: NDArray[np.int32],
-) -> None:
-    """Find the events of a recording: a row of `out` for each of `event_fields`.
-
-    Args:
-        recorded: num_frames, valid, length, flat; s and present (or None), shape (simulation,
-            vehicle, time), and hit, shape (simulation, time), the frames adjacent.
-        seen: Signals of the ego, flat: lane, lateral, lateral_speed, right_reach, left_reach,
-            speed, vehicle.
-        limits: borders, least_frames, window, least_speed, least_shift, settled_shift,
-            follow_time_gap.
-        out: Shape (event, simulation).
-
-    Raises:
-        ValueError: An array has another shape, or a slot does not exist.
-    """
-
-def event_fields() -> list[str]:
-    """Names of the rows of events, in order."""
-
-def extreme_float(
-    *,
-    span: Mapping[str, Any],
-    values: NDArray[np.floating[Any]],
-    greatest: bool,
-    out: NDArray[np.floating[Any]],
-) -> None:
-    """The smallest or largest of an array in a stretch of each simulation.
-
-    Args:
-        span: start and stop, the first and last frame of each simulation; frames, how many there is
-            room for; and level, the SIMD level or None.
-        values: Flat (simulation, time).
-        greatest: Whether the largest is asked for.
-        out: Flat (simulation).
-
-    Raises:
-        ValueError: An array has another length, or the SIMD level is unknown or not available.
-    """
-
-def beyond(
-    *,
-    span: Mapping[str, Any],
-    values: NDArray[np.floating[Any]],
-    limits: NDArray[np.floating[Any]],
-    greatest: bool,
-    out: Mapping[str, NDArray[Any]],
-) -> None:
-    """The same, and the first and last frame with a number beyond the limit of its simulation.
-
-    Args:
-        span: As in `extreme_float`.
-        values: Flat (simulation, time).
-        limits: Flat (simulation).
-        greatest: Whether the largest is asked for, and numbers above the limit.
-        out: As in `stops`; low is that extreme, means nothing where the stretch is empty.
-
-    Raises:
-        ValueError: As in `extreme_float`.
-    """
-
-def encounters(
-    *,
-    around: Mapping[str, NDArray[Any]],
-    accels: NDArray[np.int16],
-    instants: Mapping[str, NDArray[np.int64]],
-    is_ahead: bool,
-    vehicle: NDArray[np.uint8],
-    out: NDArray[np.floating[Any]],
-    level: str | None = None,
-) -> None:
-    """Encounters with neighbours at single frames: a row of `out` for each `encounter_fields`.
-
-    Args:
-        around: As in `follow`.
-        accels: Shape (simulation, vehicle, time).
-        instants: rows, places and frames.
-        is_ahead: Whether the neighbours are ahead of the ego.
-        vehicle: Their slots, 255 where nobody is there.
-        out: Shape (measure, instant).
-        level: SIMD level; None for the best of this CPU.
-
-    Raises:
-        ValueError: An array has another shape, an instant or a slot does not exist, or the SIMD
-            level is unknown or not available.
-    """
-
-def encounter_fields() -> list[str]:
-    """Names of the rows of `encounters`, in order."""
-
-def dark(
-    *,
-    lights: NDArray[np.uint8],
-    crossed: NDArray[np.int32],
-    first: NDArray[np.int32],
-    last: NDArray[np.int32],
-    before: int,
-    after: int,
-    bit: int,
-    out: NDArray[np.int32],
-) -> None:
-    """Frames around a crossing without a lamp: rows for their number, the first and the last.
-
-    Args:
-        lights: Lamps of the ego, shape (simulation, time).
-        crossed: Frame of the crossing, -1 without one.
-        first: First frame that counts.
-        last: Last frame that counts.
-        before: Frames before the crossing that count.
-        after: Frames after it.
-        bit: The lamp.
-        out: Shape (3, simulation).
-
-    Raises:
-        ValueError: An array has another length, or a frame does not exist.
-    """
-
-def arrivals(
-    *,
-    s: NDArray[np.int32],
-    present: NDArray[np.bool_] | None,
-    num_frames: NDArray[np.int32],
-    coming: Mapping[str, NDArray[Any]],
-    out: NDArray[np.int32],
-) -> None:
-    """First frame in which each of some vehicles has come to a place, -1 without one.
-
-    Args:
-        s: Shape (simulation, vehicle, time).
-        present: The same shape, or None.
-        num_frames: Recorded frames of each simulation.
-        coming: row, slot, begin, the first frame that counts, place [mm], and halves, how far the
-            front is ahead of the centre [m].
-        out: A frame for each.
-
-    Raises:
-        ValueError: An array has another length, or a vehicle does not exist.
-    """
-
-def stops(
-    *,
-    span: Mapping[str, Any],
-    speed: NDArray[np.floating[Any]],
-    friction: NDArray[np.floating[Any]],
-    sight: NDArray[np.floating[Any]],
-    floor: float,
-    usable: float,
-    reaction_time: float,
-    out: Mapping[str, NDArray[Any]],
-) -> None:
-    """Sight minus stopping distance over a stretch.
-
-    Args:
-        span: As in `extreme_float`.
-        speed: Flat (simulation, time).
-        friction: The same.
-        sight: The same.
-        floor: Least friction.
-        usable: Usable share of friction times gravity.
-        reaction_time: In seconds.
-        out: low, first and last of each simulation.
-
-    Raises:
-        ValueError: As in `extreme_float`.
-    """
-
-def follow(
-    *,
-    span: Mapping[str, Any],
-    seen: Mapping[str, Any],
-    law: Mapping[str, float],
-    out: Mapping[str, NDArray[Any]],
-) -> None:
-    """Gap to the leader minus lawful gap over a stretch, but for the time after a cut-in.
-
-    Args:
-        span: As in `extreme_float`.
-        seen: speed, friction, lane, flat; around, who is there: vehicle and length, flat, s and
-            speed, shape (simulation, vehicle, time); lanes and present (or None), the same shape;
-            regain, a number of frames.
-        law: floor, usable, decel_limit, reaction_time.
-        out: As in `stops`.
-
-    Raises:
-        ValueError: As in `extreme_float`, or a slot does not exist.
-    """
-
-def duty(
-    *,
-    span: Mapping[str, Any],
-    seen: Mapping[str, Any],
-    law: Mapping[str, float],
-    first: NDArray[np.int32],
-    length: NDArray[np.int32],
-) -> None:
-    """The longest run of frames of a stretch in which the ego could have returned.
-
-    Args:
-        span: As in `extreme_float`.
-        seen: lane, original_lane, target, speed, friction, flat; around as in `follow`; and the
-            numbers num_lanes, time_gap, free_time, reach.
-        law: As in `follow`.
-        first: First frame of the run, -1 without one.
-        length: Its number of frames.
-
-    Raises:
-        ValueError: As in `follow`.
-    """
-
-def obstruction(
-    *,
-    span: Mapping[str, Any],
-    seen: Mapping[str, Any],
-    out: Mapping[str, NDArray[Any]],
-) -> None:
-    """Allowed braking minus what is forced on the follower after each change of lane.
-
-    Args:
-        span: As in `extreme_float`.
-        seen: lane, flat; around as in `follow`; and the numbers lasting, allowed, most.
-        out: As in `stops`.
-
-    Raises:
-        ValueError: As in `follow`.
-    """
-
-def worst(
-    *,
-    span: Mapping[str, Any],
-    seen: Mapping[str, Any],
-    law: Mapping[str, float],
-    measures: Mapping[str, float],
-    out: NDArray[np.floating[Any]],
-) -> None:
-    """The worst of each measure of safety over a stretch: a row of `out` for each `worst_fields`.
-
-    Args:
-        span: As in `extreme_float`.
-        seen: speed, friction, flat; around as in `follow`; accels, shape (simulation, vehicle,
-            time).
-        law: As in `follow`.
-        measures: picud_reaction_time, picud_decel, rss_reaction_time, rss_accel, rss_rear_decel,
-            rss_lead_decel, critical_ttc.
-        out: Shape (measure, simulation).
-
-    Raises:
-        ValueError: As in `follow`.
-    """
-
-def worst_fields() -> list[str]:
-    """Names of the rows of `worst`, in order."""
-
-def means(*, span: Mapping[str, Any], seen: Mapping[str, Any], out: NDArray[np.int64]) -> None:
-    """Sums over the frames up to the last of a stretch: a row of `out` for each of `mean_fields`.
-
-    Args:
-        span: As in `extreme_float`.
-        seen: around as in `follow`; num_lanes; valid, flat; lane and present (or None), shape
-            (simulation, vehicle, time).
-        out: Shape (sum, simulation).
-
-    Raises:
-        ValueError: As in `follow`.
-    """
-
-def mean_fields() -> list[str]:
-    """Names of the rows of `means`, in order."""
 
 def words(
     *,

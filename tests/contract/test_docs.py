@@ -19,7 +19,7 @@ from overtaking.cli import main
 from overtaking.knowledge import Distribution, quantities, terms
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted(
@@ -49,6 +49,11 @@ ENTRIES = {
     entry for file in ("model", "weather", "friction") for entry in quantities(f"{file}.toml")
 }
 NOT_NAMES = (".py", ".rs", ".md", ".toml", ".json", ".txt", ".xml")
+
+
+def wrong(check: Callable[[str], object]) -> dict[str, object]:
+    """What a check finds wrong on every page where it finds anything."""
+    return {page: found for page in PAGES if (found := check(page))}
 
 
 def read(page: str | Path) -> str:
@@ -111,9 +116,8 @@ def broken_links(text: str, folder: Path) -> list[str]:
     return broken
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_every_link_leads_somewhere(page: str):
-    assert broken_links(read(page), (ROOT / page).parent) == []
+def test_every_link_leads_somewhere():
+    assert wrong(lambda page: broken_links(read(page), (ROOT / page).parent)) == {}
 
 
 def test_a_broken_link_is_seen():
@@ -153,9 +157,8 @@ def faults(line: str) -> list[str]:
     return [word for word in given if re.match(r"--?[a-z]", word) and word not in options]
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_every_command_exists(page: str):
-    assert {line: faults(line) for line in commands(read(page)) if faults(line)} == {}
+def test_every_command_exists():
+    assert wrong(lambda page: [one for line in commands(read(page)) for one in faults(line)]) == {}
 
 
 def test_a_command_that_does_not_exist_is_seen():
@@ -198,9 +201,8 @@ def repeated(query: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_no_query_counts_a_simulation_more_than_once(page: str):
-    assert {query: repeated(query) for query in queries(read(page)) if repeated(query)} == {}
+def test_no_query_counts_a_simulation_more_than_once():
+    assert wrong(lambda page: [one for one in queries(read(page)) if repeated(one)]) == {}
 
 
 def test_a_query_that_counts_a_simulation_thrice_is_seen():
@@ -297,9 +299,11 @@ def submodule(module: Any, name: str) -> Any:
     return importlib.import_module(f"{module.__name__}.{name}")
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_every_name_exists(page: str):
-    assert [word for word in words(read(page)) if is_name(word) and not exists(word)] == []
+def test_every_name_exists():
+    def missing(page: str) -> list[str]:
+        return [word for word in words(read(page)) if is_name(word) and not exists(word)]
+
+    assert wrong(missing) == {}
 
 
 @pytest.mark.parametrize(

@@ -9,16 +9,9 @@ import re
 import pyarrow as pa
 import pytest
 
-from overtaking.data.tables.columns import STEPS, SUFFIXES, names_of, si_name, unit_of
-from overtaking.data.tables.schemas import (
-    BODY_FIELDS,
-    DRIVER_FIELDS,
-    KEYS,
-    SCHEMAS,
-    STATE_FIELDS,
-    VERSION,
-    WEATHER_FIELDS,
-)
+from overtaking.core.units import SUFFIXES
+from overtaking.data.tables.columns import STEPS, names_of, si_name, unit_of
+from overtaking.data.tables.schemas import COLUMNS, KEYS, SCHEMAS, VERSION
 from overtaking.model.drivers import Drivers
 from overtaking.model.trajectory import Contacts, Percepts, States
 from overtaking.model.vehicles import VehicleSpecs
@@ -33,49 +26,47 @@ def units_in_docstring(cls: type) -> dict[str, str]:
     return {name: units[-1] if units else "1" for name, units in found.items()}
 
 
-@pytest.mark.parametrize("table", SCHEMAS)
-def test_a_schema_says_its_name_and_version(table: str):
-    assert SCHEMAS[table].metadata == {
-        b"schema": f"overtaking.{table}".encode(),
-        b"version": str(VERSION).encode(),
-    }
+def test_a_schema_says_its_name_and_version():
+    for table, schema in SCHEMAS.items():
+        name = f"overtaking.{table}".encode()
+        assert schema.metadata == {b"schema": name, b"version": str(VERSION).encode()}
 
 
-@pytest.mark.parametrize("table", SCHEMAS)
-def test_a_column_has_a_unit_and_a_description(table: str):
-    for field in SCHEMAS[table]:
-        assert unit_of(field) in SUFFIXES, field.name
-        assert field.name.endswith(SUFFIXES[unit_of(field)])
-        description = field.metadata[b"description"].decode()
-        assert description, field.name
-        assert not description.endswith("."), field.name
-
-
-@pytest.mark.parametrize("table", SCHEMAS)
-def test_a_column_without_a_unit_does_not_look_as_if_it_had_one(table: str):
+def test_a_column_has_a_unit_its_ending_and_a_description():
     endings = tuple(ending for unit, ending in SUFFIXES.items() if unit != "1")
-    without = [field.name for field in SCHEMAS[table] if unit_of(field) == "1"]
-    assert [name for name in without if name.endswith(endings)] == []
+    for where, field in every_column():
+        assert unit_of(field) in SUFFIXES, where
+        assert field.name.endswith(SUFFIXES[unit_of(field)]), where
+        # A column without a unit does not look as if it had one.
+        assert unit_of(field) != "1" or not field.name.endswith(endings), where
+        description = field.metadata[b"description"].decode()
+        assert description, where
+        assert not description.endswith("."), where
 
 
-@pytest.mark.parametrize("table", SCHEMAS)
-def test_an_integer_with_a_unit_counts_steps_and_a_float_does_not(table: str):
-    for field in SCHEMAS[table]:
+def test_an_integer_with_a_unit_counts_steps_and_a_float_does_not():
+    for where, field in every_column():
         if unit_of(field) not in ("1", "N s"):
-            counts = pa.types.is_integer(field.type)
-            assert counts == (unit_of(field) in STEPS), field.name
+            assert pa.types.is_integer(field.type) == (unit_of(field) in STEPS), where
 
 
-@pytest.mark.parametrize("table", SCHEMAS)
-def test_the_keys_come_first_and_are_never_null(table: str):
-    assert tuple(SCHEMAS[table].names[: len(KEYS[table])]) == KEYS[table]
-    assert not any(SCHEMAS[table].field(key).nullable for key in KEYS[table])
+def test_the_keys_come_first_and_are_never_null():
+    for table, schema in SCHEMAS.items():
+        assert tuple(schema.names[: len(KEYS[table])]) == KEYS[table]
+        assert not any(schema.field(key).nullable for key in KEYS[table]), table
 
 
-@pytest.mark.parametrize("table", SCHEMAS)
-def test_no_two_columns_have_the_same_name_in_si(table: str):
-    names = [si_name(field) for field in SCHEMAS[table]]
-    assert len(set(names)) == len(names)
+def test_no_two_columns_have_the_same_name_in_si():
+    for table, schema in SCHEMAS.items():
+        names = [si_name(field) for field in schema]
+        assert len(set(names)) == len(names), table
+
+
+def every_column() -> list[tuple[str, pa.Field]]:
+    """Every column of every table, with its name for messages."""
+    return [
+        (f"{table}.{field.name}", field) for table, schema in SCHEMAS.items() for field in schema
+    ]
 
 
 def test_a_column_of_the_same_name_means_the_same_in_every_table():
@@ -88,39 +79,27 @@ def test_a_column_of_the_same_name_means_the_same_in_every_table():
 
 
 @pytest.mark.parametrize(
-    ("cls", "table", "fields", "elsewhere"),
+    ("cls", "table", "path", "elsewhere"),
     [
-        (VehicleSpecs, "vehicles", BODY_FIELDS, {"valid", "kind", "colour"}),
-        (Drivers, "vehicles", DRIVER_FIELDS, set()),
-        (Weather, "weather", WEATHER_FIELDS, {"preset"}),
-        (States, "states", STATE_FIELDS, {"lane", "lights"}),
+        (VehicleSpecs, "vehicles", "scenario.vehicles", {"valid"}),
+        (Drivers, "vehicles", "scenario.drivers", set()),
+        (Contacts, "vehicles", "contacts", set()),
+        (Weather, "weather", "scenario.weather", {"preset"}),
+        (States, "states", "states", {"lane", "lights"}),
+        (Percepts, "percepts", "percepts", {"valid"}),
     ],
 )
-def test_every_attribute_has_a_column_in_its_unit(cls, table, fields, elsewhere):
+def test_every_attribute_has_a_column_in_its_unit(cls, table, path, elsewhere):
     attributes = {field.name for field in dataclasses.fields(cls)}
-    assert {name for name, _ in fields} | elsewhere == attributes
+    columns = [one for one in COLUMNS[table] if one.path.rpartition(".")[0] == path]
+    assert {one.path.rpartition(".")[2] for one in columns} | elsewhere == attributes
     documented = units_in_docstring(cls)
-    for name, column in fields:
-        assert unit_of(SCHEMAS[table].field(column)) == documented[name], name
-
-
-@pytest.mark.parametrize(
-    ("cls", "table", "column"),
-    [
-        (Contacts, "vehicles", "contact_{}"),
-        (Percepts, "percepts", "leader_{}"),
-        (Percepts, "percepts", "rear_{}"),
-    ],
-)
-def test_every_recorded_length_speed_and_time_has_a_column_in_its_unit(cls, table, column):
-    for name, unit in units_in_docstring(cls).items():
-        if unit != "1":
-            names = {column.format(name) + SUFFIXES[unit], name + SUFFIXES[unit]}
-            assert names & set(SCHEMAS[table].names), name
+    for one in columns:
+        assert unit_of(one.field) == documented[one.path.rpartition(".")[2]], one.name
 
 
 def test_the_docstrings_are_read():
-    """The tests above would pass if no unit were found."""
+    """The test above would pass if no unit were found."""
     assert units_in_docstring(Contacts) == {
         "partner": "1",
         "time": "ms",

@@ -16,10 +16,11 @@ import pytest
 from overtaking import api
 from overtaking.cli import making
 from overtaking.core.errors import ConfigError, DatasetError
+from overtaking.data import balance_scan
 from overtaking.data import generate as writing
-from overtaking.data.balance import Balance
-from overtaking.data.balance_scan import FILE_NAME
-from overtaking.data.card import FILE_NAME as CARD
+from overtaking.data.balance import MAX_CANDIDATES, Balance
+from overtaking.data.balance_scan import FILE_NAME, Selection
+from overtaking.data.card import README_NAME as CARD
 from overtaking.data.manifest import FILE_NAME as MANIFEST
 from overtaking.data.manifest import BalanceRecord
 from overtaking.data.place import Folder
@@ -219,6 +220,31 @@ def test_a_damaged_plan_is_made_again(text, data, copy):
     file.write_text(text if isinstance(text, str) else text(file.read_text()))
     assert file.read_bytes() != (data.path / FILE_NAME).read_bytes()
     assert_same(api.resume(copy), data)
+
+
+def test_a_plan_longer_than_its_simulations_can_be_is_not_read(data, copy):
+    file = copy / FILE_NAME
+    file.write_text(file.read_text() + " " * 2_000)
+    (copy / "labels" / "part-00001.parquet").unlink()
+    looked: list[int] = []
+    assert_same(api.resume(copy, on_candidates=lambda done, _: looked.append(done)), data)
+    assert looked[0] == 0
+
+
+def test_the_longest_plan_is_read(tmp_path):
+    wanted, high = np.full(10, 1_000), MAX_CANDIDATES - 1
+    text = balance_scan._Remembered(
+        key="f" * 64,
+        candidates=high,
+        seen=[high] * 10,
+        index=[high - k for k in range(10_000)],
+        cell=[9] * 10_000,
+    )
+    path = tmp_path / FILE_NAME
+    path.write_text(text.sealed().model_dump_json() + "\n")
+    selection = Selection(wanted)
+    balance_scan._read(Folder(tmp_path), "f" * 64, high, selection)
+    assert selection.candidates == high
 
 
 def test_labelling_anew_keeps_the_weights(data, copy):

@@ -18,11 +18,10 @@ from tests.support.recordings import Mover, commonroad
 
 from overtaking import api
 from overtaking.core.errors import DatasetError
-from overtaking.data import card
-from overtaking.data.card_header import card_header, size_category
+from overtaking.data import completion
+from overtaking.data.card import Card, size_category, texts
 from overtaking.data.croissant import croissant
-from overtaking.data.datasheet import CHAPTERS, answers, datasheet
-from overtaking.data.manifest import Source
+from overtaking.data.manifest import BalanceRecord, Source
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -173,7 +172,7 @@ def test_the_head_of_the_card_configures_every_table_that_has_rows(data):
 def test_the_datasheet_answers_every_question(data):
     text = (data.path / "README.md").read_text(encoding="utf-8")
     sheet = text.partition("\n## Datasheet\n")[2].partition("\n## ")[0]
-    asked = [question for _, questions in CHAPTERS for _, question in questions]
+    asked = [one["asked"] for chapter in texts()["chapters"] for one in chapter["questions"]]
     found = re.findall(r"^- \*\*(.+)\.\*\* (.+)$", sheet, re.MULTILINE)
     assert [question for question, _ in found] == asked
     assert all(answer.endswith(".") for _, answer in found)
@@ -226,7 +225,7 @@ def test_labelling_again_makes_them_anew(data, tmp_path):
 
 def test_a_full_disk_leaves_no_half_of_one_and_resuming_completes_it(tmp_path, monkeypatch):
     with monkeypatch.context() as patched:
-        patched.setattr(card.croissant, "croissant", full)
+        patched.setattr(completion, "croissant", full)
         with pytest.raises(DatasetError, match="No space left"):
             generate(tmp_path / "data")
     assert not (tmp_path / "data" / "croissant.json").exists()
@@ -241,15 +240,12 @@ def full(*_: object) -> str:
 def test_a_strange_name_breaks_neither_file(data):
     strange = 'a"b\n---\nlicense: mit\n<b>|`\udcff\x85é'
     source = Source(format="highd", files={strange: "0" * 64}, recording=strange)
-    identity, shards = data.manifest.identity, data.manifest.shards
-    identity = identity.model_copy(update={"source": source})
-    head = card_header(identity, ["states"], 1)
-    assert (
-        head.splitlines()[1] == 'pretty_name: "Overtaking scenes: a\\"b?---?license: mit??b?????é"'
-    )
-    text = card.data_card(identity, shards, "0" * 64)
-    assert text.encode().count(b"\n---\n") == 1
-    found = json.loads(croissant(identity, shards, "0" * 64, answers(identity, shards)))
+    identity = data.manifest.identity.model_copy(update={"source": source})
+    card = Card(data.manifest.model_copy(update={"identity": identity}))
+    title = card.header().splitlines()[1]
+    assert title == 'pretty_name: "Overtaking scenes: a\\"b?---?license: mit??b?????é"'
+    assert card.readme().encode().count(b"\n---\n") == 1
+    found = json.loads(croissant(card))
     assert re.fullmatch(r"[\w.-]+", found["name"], re.ASCII)
 
 
@@ -266,12 +262,13 @@ def test_the_lines_that_the_page_on_sharing_tells_to_add_fit(data, repository):
 
 
 def test_a_balanced_data_set_is_called_a_selection(data):
-    identity, shards = data.manifest.identity, data.manifest.shards
-    identity = identity.model_copy(update={"source": None})
-    sheet = datasheet(answers(identity, shards, 500))
+    identity = data.manifest.identity.model_copy(update={"source": None})
+    natural = data.manifest.model_copy(update={"identity": identity})
+    balance = BalanceRecord(candidates=500, outside=0, missing=0, cells={})
+    sheet = Card(natural.model_copy(update={"balance": balance})).datasheet()
     assert "of 500 candidates" in sheet
     assert "None was left out" not in sheet
-    assert "None was left out" in datasheet(answers(identity, shards))
+    assert "None was left out" in Card(natural).datasheet()
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.simulators.carla import processes
 from overtaking.simulators.carla import run as carla
 from overtaking.simulators.carla.library import HEADLESS, SERVER_VARIABLE
-from overtaking.simulators.carla.stage import SimulationLostError
+from overtaking.simulators.carla.world import SimulationLostError
 from overtaking.simulators.carla_server import server as serving
 from overtaking.simulators.carla_server.arguments import Settings
 from overtaking.simulators.carla_server.places import Atlas, known_place

@@ -24,7 +24,7 @@ from overtaking.model.trajectory import Stage
 from overtaking.simulators.carla import processes, traffic
 from overtaking.simulators.carla import run as carla
 from overtaking.simulators.carla.library import SERVER_VARIABLE
-from overtaking.simulators.carla.stage import SimulationLostError
+from overtaking.simulators.carla.world import SimulationLostError
 
 if TYPE_CHECKING:
     from pathlib import Path

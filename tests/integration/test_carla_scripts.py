@@ -140,8 +140,6 @@ def test_a_scenario_whose_actors_wait_underground_and_are_then_put_on_the_road(s
     assert gone == [True] * 3
 
 
-# On a busy machine CARLA's own client ends by signal 11 here, once in some twenty runs.
-@pytest.mark.soak
 def test_a_script_that_overtakes_by_itself_and_changes_its_camera_in_every_step(server: Address):
     found = ask(
         server,

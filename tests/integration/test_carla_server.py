@@ -10,12 +10,13 @@ import struct
 import subprocess
 import sys
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 from tests.support.carla import (
+    PATIENCE,
     PROLOGUE,
     Address,
     answer_of,
@@ -477,3 +478,16 @@ def test_it_ends_when_told_to():
         pass
     with pytest.raises(ProcessLookupError):
         os.kill(address.process, 0)
+
+
+def test_it_ends_without_a_word_while_clients_are_connected(capfd: pytest.CaptureFixture[str]):
+    with ExitStack() as connected, headless_server() as address:
+        calls, snapshots = (
+            connected.enter_context(socket.create_connection(("127.0.0.1", port), PATIENCE))
+            for port in (address.port, address.streams)
+        )
+        calls.sendall(encode([0, 1, "version", [[False]]]))
+        snapshots.sendall(struct.pack("<I", 1))
+        assert calls.recv(1)
+        assert snapshots.recv(1)
+    assert capfd.readouterr().err == ""

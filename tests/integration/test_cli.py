@@ -243,7 +243,17 @@ def test_ctrl_c_leaves_a_data_set_that_resume_completes_to_the_same_content(tmp_
     recipe = ("-n", simulations, "--keep", "features", "--engine", "threads", "--out")
     process = subprocess.Popen(
         # Nice: on a busy machine the work must not be done before this process sees a shard.
-        ["nice", "-n", "19", *COMMAND, "generate", *map(str, recipe), str(tmp_path / "stopped")],
+        # Quiet: there it would also print that the estimate is more than a minute.
+        [
+            "nice",
+            "-n",
+            "19",
+            *COMMAND,
+            "generate",
+            "-q",
+            *map(str, recipe),
+            str(tmp_path / "stopped"),
+        ],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -14,7 +14,7 @@ import overtaking as ot
 from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError, DatasetError, ImportFormatError
-from overtaking.data import write as writing
+from overtaking.data import shards as writing
 from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.scenes import scenes
 

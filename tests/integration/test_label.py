@@ -8,7 +8,7 @@ from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import DatasetError
 from overtaking.data import relabel
-from overtaking.data.tables.label_schemas import LABEL_TABLES
+from overtaking.data.tables.schemas import LABEL_TABLES
 
 SIZE = 12
 

@@ -21,10 +21,10 @@ from tests.support.troubled import troubled
 from overtaking import api
 from overtaking.core.errors import DatasetError
 from overtaking.data import generate as writing
-from overtaking.data import process_crew
+from overtaking.data import processes
 from overtaking.data.balance import Balance
 from overtaking.data.place import PARTIAL, Folder
-from overtaking.data.process_crew import ProcessCrew
+from overtaking.data.processes import ProcessExecutor
 from overtaking.data.recipe import Keep, Recipe
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import spec
@@ -126,7 +126,7 @@ def test_two_workers_killed_in_the_middle_change_not_one_byte(tmp_path, undistur
             progress=lambda done, _: told.append(done),
         )
     assert len(killer.killed) == 2
-    assert all("process_worker" in name for name in killer.killed.values())
+    assert all("overtaking.data.processes" in name for name in killer.killed.values())
     assert contents(tmp_path / "data") == undisturbed
     assert told == sorted(told)
     assert told[-1] == NUM_SIMULATIONS
@@ -135,7 +135,7 @@ def test_two_workers_killed_in_the_middle_change_not_one_byte(tmp_path, undistur
 @pytest.mark.ci
 @linux_only
 def test_a_shard_of_which_every_worker_dies_is_given_up(tmp_path, monkeypatch, undisturbed):
-    monkeypatch.setattr(process_crew, "MAX_ATTEMPTS", 2)
+    monkeypatch.setattr(processes, "MAX_ATTEMPTS", 2)
     with (
         Killer(tmp_path / "data", kills=1000),
         pytest.raises(DatasetError, match=r"got 2 that died, the last by SIGKILL; see whether"),
@@ -247,8 +247,8 @@ def troubled_data(trouble: str, out: Path) -> api.Dataset:
         keep=Keep.FEATURES,
         shard_size=10,
     )
-    crew = ProcessCrew(workers=1)
-    return writing.generate(recipe, Folder(out), troubled(trouble), crew=crew)
+    executor = ProcessExecutor(workers=1)
+    return writing.generate(recipe, Folder(out), troubled(trouble), executor=executor)
 
 
 def test_what_a_worker_prints_is_neither_heard_nor_in_the_way(tmp_path, capfd):
@@ -267,7 +267,7 @@ def test_what_a_worker_prints_is_neither_heard_nor_in_the_way(tmp_path, capfd):
 def test_what_goes_wrong_in_a_worker_is_told_as_if_it_had_gone_wrong_here(
     trouble, kind, said, tmp_path, monkeypatch, capfd
 ):
-    monkeypatch.setattr(process_crew, "MAX_ATTEMPTS", 1)
+    monkeypatch.setattr(processes, "MAX_ATTEMPTS", 1)
     with pytest.raises(kind, match=said) as caught:
         troubled_data(trouble, tmp_path / "data")
     if trouble == "is_wrong":

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
+import subprocess
 import sys
 import types
 import uuid
@@ -14,7 +16,7 @@ from tests.support.killer import Killer, contents
 
 from overtaking import api
 from overtaking.core.errors import ConfigError, DatasetError, MissingExtraError
-from overtaking.data import ray_crew
+from overtaking.data import ray_executor
 from overtaking.data.place import PARTIAL
 
 pytestmark = [
@@ -39,8 +41,8 @@ def generate(out: str | Path, **changes) -> api.Dataset:
 def cluster():
     """A cluster of two workers on this machine, for all tests of this file."""
     heard = signal.getsignal(signal.SIGTERM)
-    ray = ray_crew._ray(is_only_here=True)
-    with ray_crew._cluster(ray, None, 2):
+    ray = ray_executor._ray(is_only_here=True)
+    with ray_executor._cluster(ray, None, 2):
         assert signal.getsignal(signal.SIGTERM) is heard  # Else SIGTERM would end in silence.
         yield ray
 
@@ -85,8 +87,8 @@ def test_a_place_that_workers_do_not_see_is_refused(cluster):
 def test_what_goes_wrong_in_a_worker_is_told_as_if_it_had_gone_wrong_here(
     cluster, tmp_path, monkeypatch
 ):
-    other = ray_crew._packages() | {"numpy": "0.1"}
-    monkeypatch.setattr(ray_crew, "_packages", lambda: other)
+    other = ray_executor._packages() | {"numpy": "0.1"}
+    monkeypatch.setattr(ray_executor, "_packages", lambda: other)
     with pytest.raises(ConfigError, match=r"\Aworker on .*: version of numpy: expected 0\.1, got"):
         generate(tmp_path / "data", engine="ray")
     assert not (tmp_path / "data" / PARTIAL).exists()
@@ -156,6 +158,35 @@ def test_words_that_do_not_fit_are_refused_before_anything_is_made(words, said, 
     with pytest.raises(ConfigError, match=said):
         generate(tmp_path / "data", **words)
     assert not (tmp_path / "data").exists()
+
+
+def refused(address: str, out: Path) -> str:
+    """What is said to an address, after nothing was written."""
+    command = [sys.executable, "-m", "overtaking.cli", "generate", "-n", "10", "--out", str(out)]
+    command += ["--engine", "ray", "--address", address]
+    # Ray would try for a quarter of an hour.
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300.0, check=False)
+    assert done.returncode == 2, done.stderr
+    assert not (out / "dataset.json").exists()
+    (line,) = [one for one in done.stderr.splitlines() if one.startswith("error: ")]
+    return line
+
+
+def test_an_address_at_which_nobody_listens_is_refused_before_anything_is_written(tmp_path):
+    with socket.socket() as taken:  # Nobody can listen there, as nobody listens on it.
+        taken.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        line = refused(address, tmp_path / "data")
+    assert f"expected that of a Ray cluster that runs, got {address}: " in line
+    assert "start one with `ray start --head`" in line
+    assert not (tmp_path / "data").exists()
+
+
+def test_an_address_at_which_no_cluster_answers_is_refused(tmp_path):
+    with socket.create_server(("", 0)) as mute:
+        line = refused(f"127.0.0.1:{mute.getsockname()[1]}", tmp_path / "data")
+    assert "expected that of a Ray cluster that runs, got 127.0.0.1:" in line
+    api.generate("pinto2023", 1, 1, tmp_path / "data")  # The right call is not kept out.
 
 
 def test_ray_is_not_started_where_others_could_reach_it(tmp_path, monkeypatch):

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from tests.support.forces import bounds
+from tests.support.forces import SPEED_ERROR, bounds
 
 from overtaking import scenarios
 from overtaking.model.batch import concatenate
@@ -197,6 +197,8 @@ def shifted_by(one: Trajectories, other: Trajectories, shift: float) -> np.ndarr
 
 
 @given(seed=seeds, index=indices, order=st.permutations(range(1, 6)))
+# Two that have crashed into each other are hit by the ego, both within one step of 10 ms.
+@example(seed=551, index=[*range(11), 1637903], order=[1, 2, 4, 3, 5])
 @settings(max_examples=10)
 def test_the_order_of_the_other_vehicles_is_irrelevant(
     seed: int, index: list[int], order: list[int]
@@ -214,7 +216,8 @@ def test_the_order_of_the_other_vehicles_is_irrelevant(
     )
     one, two = (engine.run(each, without_errors(each)) for each in (world, other))
     # Which of two vehicles comes first decides the rounding of the impulse between them, so the
-    # equality of bits ends with the first contact in a simulation.
+    # equality of bits ends with the first contact in a simulation. Of two contacts of a vehicle in
+    # one step that with the lower slot is recorded: only partners at the first contact are equal.
     until = np.where(two.contacts.partner != NO_VEHICLE, two.contacts.time, 10**9).min(axis=1)
     untouched = present(two) & (two.time_ms < until[:, None])[:, None, :]
     for name in STATE_NAMES:
@@ -226,7 +229,10 @@ def test_the_order_of_the_other_vehicles_is_irrelevant(
     partners = np.append(np.argsort(shuffle), np.full(256 - len(shuffle), NO_VEHICLE)).astype(
         np.uint8
     )
-    np.testing.assert_array_equal(partners[one.contacts.partner[:, shuffle]], two.contacts.partner)
+    renamed = partners[one.contacts.partner[:, shuffle]]
+    np.testing.assert_array_equal(renamed == NO_VEHICLE, two.contacts.partner == NO_VEHICLE)
+    first = two.contacts.time == until[:, None]
+    np.testing.assert_array_equal(renamed[first], two.contacts.partner[first])
 
 
 def permuted(batch, order: np.ndarray):
@@ -343,14 +349,31 @@ def test_a_gust_of_a_gale_stops_bicycles_as_fast_as_its_drag_says(seed: int, ind
 
 
 @given(seed=seeds, index=indices)
+# A bicycle at 14 km/h on water, which gusts of a gale push from one side and then from the other.
+@example(seed=382215, index=[*range(12)])
 @settings(max_examples=10)
 def test_nothing_jumps_without_a_collision(seed: int, index: list[int]):
     ran = simulated(seed, index)
     valid = sound(ran)[:, :, 1:] & sound(ran)[:, :, :-1]
-    jumps = {"s": 4_000, "d": 800, "yaw_rate": 4_000, "wheel_angle": 220}
+    jumps = {"s": 4_000, "d": 800, "yaw_rate": most_turn(ran), "wheel_angle": 220}
     for name, most in jumps.items():
         change = np.abs(np.diff(getattr(ran.states, name).astype(int), axis=2))
-        assert change[valid].max() <= most, name
+        assert (change <= most)[valid].all(), name
+
+
+def most_turn(ran: Trajectories) -> np.ndarray:
+    """Largest change of the yaw rate in a frame, (simulation, vehicle, time - 1) [1e-4 rad/s].
+
+    The tyres of four wheels turn a body against its inertia. A two-wheeler is a point mass: its yaw
+    rate is its lateral acceleration over its speed, the side wind pushes it at once, and friction
+    alone limits it, to either side.
+    """
+    given_ = parameters(ran.scenario)
+    grip = bounds(ran, given_, sound(ran)).sideward
+    speed = ran.states.speed / 1000.0 - SPEED_ERROR
+    turn = 1e4 * grip / np.maximum(speed, given_.constants.slip_speed)
+    rides = ran.scenario.vehicles.two_wheeler[:, :, None]
+    return np.where(rides, turn[:, :, 1:] + turn[:, :, :-1], 4_000)
 
 
 @given(seed=seeds, index=indices)

@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from overtaking.labels.instants import at
 from overtaking.labels.label import Labelled, label
-from overtaking.labels.signals.frames import at
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Verdict
 from overtaking.model.trajectory import NO_VEHICLE, Lights, Trajectories

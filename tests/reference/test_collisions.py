@@ -18,7 +18,7 @@ from overtaking.sim import engine
 from overtaking.sim.reference import collisions
 from overtaking.sim.reference.collisions import Box, first_contact
 from overtaking.sim.reference.state import Fields, State, initial_state
-from overtaking.world.parameters import VEHICLE_FIELDS, Effects, parameters
+from overtaking.world.parameters import Effects, parameters
 
 RESTITUTION = 0.1
 STEP = 0.01
@@ -166,7 +166,7 @@ def crash(
     world = scenario([Vehicle(kind=kind) for kind in kinds], road=wide_road(), num_slots=2)
     given_ = parameters(world)
     state = initial_state(given_)
-    p = Fields(VEHICLE_FIELDS, given_.vehicle)
+    p = given_.of_vehicles
     for i in range(2):
         state.psi[i] = heading[i]
         state.vx[i], state.vy[i], state.r[i] = motion[i]

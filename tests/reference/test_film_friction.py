@@ -13,10 +13,9 @@ from tests.support.bench import bench
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.knowledge import friction_table
-from overtaking.sim.reference.state import Fields
 from overtaking.world import film, friction
 from overtaking.world.constants import constants
-from overtaking.world.parameters import SIMULATION_FIELDS, parameters
+from overtaking.world.parameters import parameters
 
 KMH = 1.0 / 3.6
 
@@ -170,7 +169,7 @@ def test_our_floor_is_numpys(x: float):
 def test_outer_lanes_are_wetter():
     world = scenario([Vehicle()], road=wide_road(lanes=5), weather={"rain": 100.0})
     given_ = parameters(world)
-    q = Fields(SIMULATION_FIELDS, given_.simulation)
+    q = given_.of_simulations
     water = film.lane_film(q.least_film, q.film_rain, given_.road.film_path[:5], q.texture)
     assert (np.diff(water) <= 0.0).all()  # Lane 0 is the outermost, farthest from the crown.
     assert water[0] > 2.0 * water[4]

@@ -47,8 +47,9 @@ def as_fields(driver: dict[str, float], shape: tuple[int, ...]) -> Fields:
         "interaction": 0.5 / math.sqrt(a * b),
         "overspeed_exponent": EXPONENT * a / b,
     }
-    rows = np.stack([np.full(shape, value, np.float32) for value in numbers.values()])
-    return Fields(tuple(numbers), rows)
+    return Fields(
+        **{name: np.full(shape, numbers.get(name, 0.0), np.float32) for name in Fields._fields}
+    )
 
 
 def model(

@@ -15,8 +15,8 @@ from scipy.stats import kurtosis, skew
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.sim.reference import environment
-from overtaking.sim.reference.state import Fields, initial_state
-from overtaking.world.parameters import SIMULATION_FIELDS, Parameters, parameters
+from overtaking.sim.reference.state import initial_state
+from overtaking.world.parameters import Parameters, SimulationParameters, parameters
 
 DECISION = 0.05
 NAMES = ("gust", "distance_error", "speed_error", "wander")
@@ -43,14 +43,14 @@ class Runs:
 LATER = (0, 20, 40, 80, 160, 400)
 
 
-def started(index: list[int], seed: int = 5) -> tuple[Parameters, Fields]:
+def started(index: list[int], seed: int = 5) -> tuple[Parameters, SimulationParameters]:
     vehicles = [Vehicle(kind="M", s=30.0 * k, speed=SPEED) for k in range(SLOTS)]
     world = scenario(
         *[vehicles] * len(index), road=wide_road(), index=index, seed=seed,
         weather={"wind": 5.0 * WIND, "wind_direction": math.pi / 2.0},
     )  # fmt: skip
     given = parameters(world)
-    return given, Fields(SIMULATION_FIELDS, given.simulation)
+    return given, given.of_simulations
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,8 @@ from tests.support.worlds import FOUR_WHEELERS, Vehicle, body_of, scenario, wide
 
 from overtaking.sim import engine, reference
 from overtaking.sim.reference import environment
-from overtaking.sim.reference.state import Fields, initial_state
-from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Effects, parameters
+from overtaking.sim.reference.state import initial_state
+from overtaking.world.parameters import Effects, parameters
 
 ACROSS = math.pi / 2.0
 KMH = 1.0 / 3.6
@@ -134,7 +134,7 @@ def gust_along(length_of_road: float = 1200.0) -> tuple[np.ndarray, np.ndarray, 
     given = parameters(world)
     state = initial_state(given)
     state.s = np.repeat(places.astype(np.float32)[None, :, None], 1, axis=2)[0].T
-    q = Fields(SIMULATION_FIELDS, given.simulation)
+    q = given.of_simulations
     return (
         places,
         environment.gust_bump(state, given, q)[0].astype(np.float64),
@@ -161,7 +161,7 @@ def test_gusts_have_the_shape_of_one_minus_cosine_and_come_every_600_m():
 def test_no_gusts_come_in_a_light_breeze():
     for percent, gusty in ((39.0, False), (41.0, True)):
         world = scenario([Vehicle()], weather={"wind": percent, "wind_direction": ACROSS})
-        gain = Fields(SIMULATION_FIELDS, parameters(world).simulation).gust_gain
+        gain = parameters(world).of_simulations.gust_gain
         assert bool(gain[0] > 0.0) is gusty
 
 
@@ -174,7 +174,7 @@ def passing_a_lorry(wind_direction: float, offset: float) -> float:
     )
     given = parameters(world, Effects(gusts=False))
     state = initial_state(given)
-    fields = Fields(VEHICLE_FIELDS, given.vehicle), Fields(SIMULATION_FIELDS, given.simulation)
+    fields = given.of_vehicles, given.of_simulations
     environment.wind(state, given, *fields)
     return float(state.wind_force[0, 0])
 

@@ -11,11 +11,10 @@ import numpy as np
 from overtaking.sim.reference import dynamics, environment
 from overtaking.sim.reference.state import Fields, State, initial_state
 from overtaking.world.parameters import (
-    SIMULATION_FIELDS,
     SUBSTEPS,
-    VEHICLE_FIELDS,
     Effects,
     Parameters,
+    SimulationParameters,
     parameters,
 )
 
@@ -52,7 +51,7 @@ class Bench:
     state: State
     c: Constants
     p: Fields
-    q: Fields
+    q: SimulationParameters
     grips: bool
     blows: bool
 
@@ -131,8 +130,8 @@ def bench(
         given=replace(given, constants=constants),
         state=state,
         c=constants,
-        p=Fields(VEHICLE_FIELDS, given.vehicle),
-        q=Fields(SIMULATION_FIELDS, given.simulation),
+        p=given.of_vehicles,
+        q=given.of_simulations,
         grips=friction is None,
         blows=sky is not None,
     )

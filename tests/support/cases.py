@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tests.support.worlds import CLEAR, Vehicle, scenario
 
-from overtaking.labels.events import find_events
-from overtaking.labels.signals.reference import signals
-from overtaking.labels.signals.target import target_signals
+from overtaking.labels.events import case_of
+from overtaking.labels.signals import target_signals
 from overtaking.model.events import NEVER, Events
 from overtaking.model.known_roads import known_road
-from overtaking.model.labels import Case
 from overtaking.model.road import Lane, Road, RoadMark
 from overtaking.model.trajectory import (
     NO_VEHICLE,
@@ -27,6 +25,7 @@ from overtaking.model.trajectory import (
 )
 
 if TYPE_CHECKING:
+    from overtaking.model.labels import Case
     from overtaking.model.signals import Signals
 
 INTERVAL_MS = 50
@@ -110,7 +109,7 @@ def case(
         num_frames=np.array([frames], np.int32),
         states=_states(tracks, road, frames, interval_ms),
         stage=np.zeros((1, frames), np.uint8),
-        collided_with=_collided((events or {}).get("collision"), frames),
+        collided_with=_collided((events or {}).get("collision"), frames, len(tracks)),
         contacts=_contacts(len(tracks)),
         percepts=_percepts(beliefs, interval_ms),
         trace_hash=np.zeros((1, 4), np.uint32),
@@ -121,10 +120,16 @@ def case(
 
 def seen_case(recorded: Trajectories, events: dict[str, int] | None = None) -> Case:
     """A case from trajectories, with events by name or those that are found in it."""
-    seen = signals(recorded)
-    found = find_events(recorded, seen) if events is None else _events(recorded, seen, events)
-    target = target_signals(recorded, seen, found)
-    return Case(trajectories=recorded, signals=seen, events=found, target=target)
+    found = case_of(recorded)
+    if events is None:
+        return found
+    return with_events(found, _events(recorded, found.signals, events))
+
+
+def with_events(one: Case, events: Events) -> Case:
+    """The case as if these were its events."""
+    target = target_signals(one.trajectories, one.signals, events.target)
+    return one.replace(events=events, target=target)
 
 
 def ramp(*points: tuple[float, float], frames: int, interval_ms: int = INTERVAL_MS) -> np.ndarray:
@@ -190,9 +195,9 @@ def _int32(values: np.ndarray) -> np.ndarray:
     return np.rint(values).astype(np.int32)
 
 
-def _collided(collision: int | None, frames: int) -> np.ndarray:
+def _collided(collision: int | None, frames: int, vehicles: int) -> np.ndarray:
     hit = np.full((1, frames), NO_VEHICLE)
-    if collision is not None:
+    if collision is not None and vehicles > 1:
         hit[:, collision:] = 1
     return hit
 

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from overtaking.sim.reference.state import Fields
 from overtaking.world import friction
-from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS
+from overtaking.world.parameters import VehicleParameters
 
 if TYPE_CHECKING:
     from overtaking.model.trajectory import Trajectories
@@ -42,8 +41,8 @@ def bounds(ran: Trajectories, given: Parameters, driven: np.ndarray) -> Bounds:
         given: What it was run with.
         driven: Where no vehicle is a wreck, (simulation, vehicle, time).
     """
-    p = Fields(VEHICLE_FIELDS, given.vehicle.transpose(0, 2, 1)[..., None])
-    q = Fields(SIMULATION_FIELDS, given.simulation)
+    p = VehicleParameters._make(given.vehicle.transpose(0, 2, 1)[..., None])
+    q = given.of_simulations
     c = given.constants
     speed = ran.states.speed / 1000.0
     grip = c.gravity * friction.peak_friction(c, np.float32(0.0), np.float32(0.0), p.wear, p.truck)

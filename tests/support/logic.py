@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from overtaking.analysis.logic import facts as writing
+from overtaking.analysis.logic.source import Group
 
 if TYPE_CHECKING:
     from overtaking.model.labels import Case
@@ -15,14 +16,15 @@ Row = tuple[Any, ...]
 ALL = writing.everything(with_law=True)
 
 
+def group_of(case: Case) -> Group:
+    """A case as a group of simulations without labels."""
+    return Group(numbers=np.arange(case.signals.num_simulations), case=case)
+
+
 def program_of(case: Case, *, every: int = writing.EVERY) -> str:
     """All facts of a case, as text."""
-    recorded = case.trajectories
-    shared = writing.shared_facts(
-        recorded.road, recorded.unknown, recorded.scenario.frame_interval_ms, ALL
-    )
-    numbers = np.arange(case.signals.num_simulations)
-    found = writing.facts(case, numbers, ALL, every=every)
+    shared = writing.shared_facts(case.trajectories, ALL)
+    found = writing.facts(group_of(case), ALL, every=every)
     return (writing.text(shared) + writing.text(found)).decode()
 
 

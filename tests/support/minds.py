@@ -11,10 +11,9 @@ from overtaking.sim.reference import perception
 from overtaking.sim.reference.neighbours import Neighbours, find_neighbours
 from overtaking.sim.reference.state import Fields, State, initial_state
 from overtaking.world.parameters import (
-    SIMULATION_FIELDS,
-    VEHICLE_FIELDS,
     Effects,
     Parameters,
+    SimulationParameters,
     parameters,
 )
 
@@ -46,7 +45,7 @@ class Moment:
     given: Parameters
     state: State
     p: Fields
-    q: Fields
+    q: SimulationParameters
     decision: int = 0
 
     def neighbours(self) -> Neighbours:
@@ -81,6 +80,6 @@ def moment(
     return Moment(
         given=given,
         state=initial_state(given),
-        p=Fields(VEHICLE_FIELDS, given.vehicle),
-        q=Fields(SIMULATION_FIELDS, given.simulation),
+        p=given.of_vehicles,
+        q=given.of_simulations,
     )

@@ -14,6 +14,25 @@ import numpy as np
 from overtaking.recordings.batch import trajectories
 from overtaking.recordings.candidates import Window
 
+# The columns of highD's files, as the owners' own reader names them.
+RECORDING_META = (
+    *("id", "frameRate", "locationId", "speedLimit", "month", "weekDay", "startTime", "duration"),
+    *("totalDrivenDistance", "totalDrivenTime", "numVehicles", "numCars", "numTrucks"),
+    *("upperLaneMarkings", "lowerLaneMarkings"),
+)
+TRACKS_META = (
+    *("id", "width", "height", "initialFrame", "finalFrame", "numFrames", "class"),
+    *("drivingDirection", "traveledDistance", "minXVelocity", "maxXVelocity", "meanXVelocity"),
+    *("minDHW", "minTHW", "minTTC", "numLaneChanges"),
+)
+TRACKS = (
+    *("frame", "id", "x", "y", "width", "height", "xVelocity", "yVelocity", "xAcceleration"),
+    *("yAcceleration", "frontSightDistance", "backSightDistance", "dhw", "thw", "ttc"),
+    *("precedingXVelocity", "precedingId", "followingId", "leftPrecedingId", "leftAlongsideId"),
+    *("leftFollowingId", "rightPrecedingId", "rightAlongsideId", "rightFollowingId", "laneId"),
+)
+
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
@@ -247,5 +266,6 @@ def whole(recording: Recording, ego_id: int) -> Trajectories:
     tracks = recording.tracks
     ego = int(np.flatnonzero(tracks.ids == ego_id)[0])
     others = [one for one in np.argsort(tracks.ids).tolist() if one != ego]
-    window = Window(ego=ego, leader=ego, first=int(tracks.first[ego]), last=int(tracks.last[ego]))
-    return trajectories(recording, [window], [(ego, *others)])
+    first, last = int(tracks.first[ego]), int(tracks.last[ego])
+    window = Window(ego=ego, leader=ego, first=first, last=last, vehicles=(ego, *others))
+    return trajectories(recording, [window])

@@ -11,9 +11,10 @@ import pytest
         ("overtaking.sim.decision", "Decision", "overtaking.model.decision"),
         ("overtaking.exchange.pinto2023", "read_table", "overtaking.recordings.pinto2023"),
         ("overtaking.explain", "explain", "overtaking.labels.explain"),
-        ("overtaking.plots.classes", "draw_classes", "overtaking.show.plots.classes"),
+        ("overtaking.plots.classes", "draw_classes", "overtaking.show.plots.distributions"),
         ("overtaking.plots.style", "to_svg", "overtaking.show.plots.style"),
         ("overtaking.rules", "PORTUGAL", "overtaking.labels.law"),
+        ("overtaking.learning.splits", "split", "overtaking.analysis.learning.models"),
         ("overtaking.video.film", "Film", "overtaking.show.video.film"),
     ],
 )

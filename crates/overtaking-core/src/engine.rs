@@ -74,7 +74,7 @@ pub(crate) fn level(name: Option<&str>) -> Option<Level> {
 ///
 /// # Errors
 /// It is unknown or not supported by this CPU.
-pub(crate) fn supported(forced: Option<&str>) -> Result<Level, String> {
+pub fn supported(forced: Option<&str>) -> Result<Level, String> {
     let message = || {
         format!(
             "SIMD level {} is not supported by this CPU",

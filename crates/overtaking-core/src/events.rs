@@ -1,7 +1,4 @@
-//! What happened in each simulation, from its signals; see `overtaking.labels.events.reference`.
-//!
-//! There every question is asked of all frames of a batch, here of one simulation after the other, and
-//! only as far as the answer.
+//! What happened in each simulation, from its signals; `tests/reference/labels/events.py` says the same.
 
 mod attempt;
 mod movements;
@@ -10,12 +7,10 @@ mod scene;
 use rayon::prelude::*;
 
 use self::attempt::{Attempt, lefts};
+pub use self::scene::Limits;
 use self::scene::Scene;
-pub use self::scene::{Limits, Watched};
+use crate::signals::{NEVER, NO_VEHICLE, Recording, Seen};
 
-/// Frame of an event that did not happen.
-const NEVER: i32 = -1;
-const NO_VEHICLE: u8 = 255;
 /// Simulations that a thread takes at a time; each is a matter of a microsecond.
 const SHARE: usize = 32;
 
@@ -47,12 +42,12 @@ pub const NAMES: [&str; 20] = [
 type Found = [i32; NAMES.len()];
 
 /// Find the events of a batch: a row of `out` for each of `NAMES`, a column for each simulation.
-pub fn events(watched: &Watched<'_>, limits: &Limits, out: &mut [i32]) {
-    let count = watched.num_frames.len();
+pub fn events(recording: &Recording<'_>, seen: &Seen<'_>, limits: &Limits<'_>, out: &mut [i32]) {
+    let count = recording.num_frames.len();
     let found: Vec<Found> = (0..count)
         .into_par_iter()
         .with_min_len(SHARE)
-        .map(|simulation| of(&Scene::new(watched, limits, simulation)))
+        .map(|simulation| of(&Scene::new(recording, seen, limits, simulation)))
         .collect();
     for (name, row) in out.chunks_mut(count.max(1)).enumerate() {
         for (value, one) in row.iter_mut().zip(&found) {

@@ -33,7 +33,7 @@ mod tile;
 mod trace;
 mod words;
 
-pub use engine::{Inputs, Later, available_levels, current_level, simulate};
+pub use engine::{Inputs, Later, available_levels, current_level, simulate, supported};
 pub use fields::{Constants, SIMULATION_NAMES, VEHICLE_NAMES};
 pub use lanes::LANES;
 pub use output::{MAX_PERCEPTS, Output};

@@ -1,33 +1,37 @@
-//! Who is around the ego, how far and how fast, from recorded states; see `overtaking.labels.signals.reference`.
+//! Who is around the ego, how far and how fast, from recorded states; `tests/reference/labels/signals.py` says the
+//! same one frame after the other.
 //!
-//! Here sixteen frames of one simulation lie side by side. Gaps to all neighbours and the lane to the left are
-//! worked out apart, as few ask for them in all frames.
+//! Here sixteen frames of one simulation lie side by side. Gaps to all neighbours, the lane to the left and the
+//! frames of the target are worked out apart, as few ask for them.
 
+mod around;
 mod chunk;
-mod left;
-mod neighbours;
 mod target;
 
-use fearless_simd::Simd;
+use fearless_simd::{Level, Simd};
 
+pub use self::around::{Around, around};
 use self::chunk::{Chunk, Frames, in_chunks};
-pub use self::left::{LeftLane, left_lane};
-pub(crate) use self::neighbours::gap_between;
-pub use self::neighbours::{Along, Neighbours, neighbour_at, neighbours};
-pub use self::target::{Instants, Target, Targets, alongside, target};
-use crate::engine::supported;
+pub use self::target::{Target, target};
 use crate::fields::Constants;
 use crate::lanes::{LANES, dispatch};
 
+/// What says that nobody is there.
+pub const NO_VEHICLE: u8 = 255;
+/// Frame of what did not happen.
+pub(crate) const NEVER: i32 = -1;
+pub(crate) const METRES: f32 = 1e-3;
 /// Places around the ego: leader and follower in its lane, in the left and in the right one.
 pub const PLACES: usize = 6;
 
-/// Recorded states, a slice of frames for each simulation and vehicle.
+/// A batch of recordings: a slice of frames for each simulation and vehicle, or values that lead with the simulation.
 pub struct Recording<'a> {
     /// Recorded frames of each simulation.
     pub num_frames: &'a [i32],
     /// Vehicle slots of a simulation.
     pub slots: usize,
+    /// Frames that a simulation has room for.
+    pub frames: usize,
     /// Position along the road [mm].
     pub s: Vec<&'a [i32]>,
     /// Lateral position [mm].
@@ -40,20 +44,43 @@ pub struct Recording<'a> {
     pub accel: Vec<&'a [i16]>,
     /// Lane index.
     pub lane: Vec<&'a [u8]>,
+    /// Slot that the ego has collided with so far, a slice of frames for each simulation.
+    pub hit: Vec<&'a [u8]>,
     /// Whether there is a state; `None` where every vehicle has all frames.
     pub present: Option<Vec<&'a [bool]>>,
+    /// Whether a slot holds a vehicle, (simulation, slot).
+    pub valid: &'a [bool],
+    /// Length, (simulation, slot) [m].
+    pub length: &'a [f32],
+    /// Width, (simulation, slot) [m].
+    pub width: &'a [f32],
+    /// Driving lanes.
+    pub num_lanes: usize,
+    /// Driving side.
+    pub side: f32,
+    /// Direction of the road [rad].
+    pub direction: f32,
+    /// Time between frames [ms].
+    pub interval_ms: i32,
+    /// Frames on either side over which a lateral speed is measured.
+    pub half_window: usize,
 }
 
 impl Recording<'_> {
-    /// Recorded frames of a simulation, of which there is room for some.
-    fn recorded(&self, simulation: usize, frames: usize) -> usize {
-        (self.num_frames[simulation].max(0) as usize).min(frames)
+    /// Recorded frames of a simulation.
+    pub(crate) fn recorded(&self, simulation: usize) -> usize {
+        (self.num_frames[simulation].max(0) as usize).min(self.frames)
     }
 
     /// The same, and as many more as lie side by side with the last one.
-    fn rest(&self, simulation: usize, frames: usize) -> usize {
-        let recorded = self.recorded(simulation, frames);
-        recorded.next_multiple_of(LANES).min(frames)
+    fn rest(&self, simulation: usize) -> usize {
+        let recorded = self.recorded(simulation);
+        recorded.next_multiple_of(LANES).min(self.frames)
+    }
+
+    /// Where the vehicles of a simulation lie among all.
+    pub(crate) fn vehicles(&self, simulation: usize) -> std::ops::Range<usize> {
+        simulation * self.slots..(simulation + 1) * self.slots
     }
 
     /// Whether a row of a vehicle has something in a frame.
@@ -62,28 +89,50 @@ impl Recording<'_> {
     }
 }
 
-/// The vehicles of a batch, and how road and clock measure them; slices lead with the simulation.
-pub struct Bodies<'a> {
-    /// Whether a slot holds a vehicle, (simulation, slot).
-    pub valid: &'a [bool],
-    /// Length, (simulation, slot) [m].
-    pub length: &'a [f32],
-    /// Width, (simulation, slot) [m].
-    pub width: &'a [f32],
-    /// Driving side.
-    pub side: f32,
-    /// Direction of the road [rad].
-    pub heading: f32,
-    /// Time between frames [ms].
-    pub interval_ms: i32,
-    /// Frames on either side over which a lateral speed is measured.
-    pub half_window: usize,
+/// Signals that were worked out, of a batch or of one simulation: arrays (simulation, frame), and neighbours
+/// (simulation, place, frame). See `Signals`.
+#[derive(Clone, Copy)]
+#[allow(missing_docs)]
+pub struct Seen<'a> {
+    pub lane: &'a [u8],
+    pub lateral: &'a [f32],
+    pub lateral_speed: &'a [f32],
+    pub speed: &'a [f32],
+    pub right_reach: &'a [f32],
+    pub left_reach: &'a [f32],
+    pub vehicle: &'a [u8],
+    pub friction: &'a [f32],
+    pub sight_lit: &'a [f32],
+    pub sight_unlit: &'a [f32],
+}
+
+impl<'a> Seen<'a> {
+    /// Those of one simulation.
+    pub(crate) fn of(&self, simulation: usize, frames: usize) -> Self {
+        let own = simulation * frames..(simulation + 1) * frames;
+        Self {
+            lane: &self.lane[own.clone()],
+            lateral: &self.lateral[own.clone()],
+            lateral_speed: &self.lateral_speed[own.clone()],
+            speed: &self.speed[own.clone()],
+            right_reach: &self.right_reach[own.clone()],
+            left_reach: &self.left_reach[own.clone()],
+            vehicle: &self.vehicle[own.start * PLACES..own.end * PLACES],
+            friction: &self.friction[own.clone()],
+            sight_lit: &self.sight_lit[own.clone()],
+            sight_unlit: &self.sight_unlit[own],
+        }
+    }
+
+    /// A neighbour of one simulation, frame by frame.
+    pub(crate) fn neighbour(&self, place: usize) -> &'a [u8] {
+        let frames = self.lane.len();
+        &self.vehicle[place * frames..(place + 1) * frames]
+    }
 }
 
 /// What signals need beside the states; slices lead with the simulation.
 pub struct Surroundings<'a> {
-    /// The vehicles.
-    pub bodies: Bodies<'a>,
     /// Mean film of each lane, (simulation, lane) [mm].
     pub film: &'a [f32],
     /// Tread wear of the ego.
@@ -106,8 +155,6 @@ pub struct Surroundings<'a> {
     pub attention: f32,
     /// Constants of the model.
     pub constants: &'a Constants,
-    /// Driving lanes.
-    pub num_lanes: usize,
 }
 
 /// Slices of outputs that are cut into simulations.
@@ -118,7 +165,7 @@ macro_rules! signal_outputs {
             $($(#[$doc])* pub $field: &'a mut [$kind],)*
         }
 
-        impl<'a> $name<'a> {
+        impl $name<'_> {
             /// Rows of frames that each slice has for a simulation, by name.
             pub const ROWS: &'static [(&'static str, usize)] = &[$((stringify!($field), $rows)),*];
 
@@ -133,23 +180,22 @@ macro_rules! signal_outputs {
             ///
             /// Behind these frames are zeros.
             fn fill(
-                self,
+                &mut self,
                 recording: &Recording<'_>,
-                frames: usize,
-                work: impl Fn(usize, usize, &mut $name<'a>) + Sync,
+                work: impl Fn(usize, usize, &mut $name<'_>) + Sync,
             ) {
                 use rayon::prelude::*;
-                self.into_simulations(recording.num_frames.len(), frames)
+                self.simulations(recording.num_frames.len(), recording.frames)
                     .into_par_iter()
                     .enumerate()
                     .for_each(|(simulation, mut out)| {
-                        let rest = recording.rest(simulation, frames);
-                        out.clear_from(rest, frames);
+                        let rest = recording.rest(simulation);
+                        out.clear_from(rest, recording.frames);
                         work(simulation, rest, &mut out);
                     });
             }
 
-            fn into_simulations(self, count: usize, frames: usize) -> Vec<Self> {
+            fn simulations(&mut self, count: usize, frames: usize) -> Vec<$name<'_>> {
                 $(let mut $field = self.$field.chunks_mut(($rows * frames).max(1));)*
                 let next = |_| Some($name { $($field: $field.next()?,)* });
                 (0..count).map(next).collect::<Option<Vec<_>>>().unwrap_or_default()
@@ -186,54 +232,58 @@ signal_outputs! {
     sight_unlit: f32, 1;
 }
 
+impl Signals<'_> {
+    /// The same to read, but for the acceleration.
+    #[must_use]
+    pub fn seen(&self) -> Seen<'_> {
+        Seen {
+            lane: self.lane,
+            lateral: self.lateral,
+            lateral_speed: self.lateral_speed,
+            speed: self.speed,
+            right_reach: self.right_reach,
+            left_reach: self.left_reach,
+            vehicle: self.vehicle,
+            friction: self.friction,
+            sight_lit: self.sight_lit,
+            sight_unlit: self.sight_unlit,
+        }
+    }
+}
+
 /// Work out the signals of a batch.
-///
-/// # Errors
-/// The SIMD level is unknown or not supported by this CPU.
 pub fn signals(
     recording: &Recording<'_>,
     around: &Surroundings<'_>,
-    frames: usize,
-    forced: Option<&str>,
-    out: Signals<'_>,
-) -> Result<(), String> {
-    let level = supported(forced)?;
-    out.fill(recording, frames, |simulation, rest, out| {
-        let (ego, bodies) = (simulation * recording.slots, &around.bodies);
-        let recorded = recording.recorded(simulation, frames);
-        lateral_speed(
-            recording.d[ego],
-            recorded,
-            bodies,
-            &mut out.lateral_speed[..rest],
-        );
+    level: Level,
+    out: &mut Signals<'_>,
+) {
+    out.fill(recording, |simulation, rest, out| {
+        let ego = simulation * recording.slots;
+        lateral_speed(recording, ego, &mut out.lateral_speed[..rest]);
         dispatch!(level, |simd| {
             let mut lamp = None;
-            in_chunks!(
-                Frames::new(simd, recording, bodies, simulation, frames),
-                0..rest,
-                |frames| {
-                    let chunk = Chunk { frames, around };
-                    let body = frames.footprint(ego);
-                    chunk.own(body, &mut lamp, out);
-                    chunk.nearest(out);
-                }
-            );
+            in_chunks!(Frames::new(simd, recording, simulation), rest, |frames| {
+                let chunk = Chunk { frames, around };
+                let body = frames.footprint(ego);
+                chunk.own(body, &mut lamp, out);
+                chunk.nearest(out);
+            });
         });
     });
-    Ok(())
 }
 
-/// Speed to the left: a central difference, one-sided at the ends.
-fn lateral_speed(d: &[i32], recorded: usize, bodies: &Bodies<'_>, out: &mut [f32]) {
+/// Speed to the left of a vehicle that is in all frames: a central difference, one-sided at the ends.
+fn lateral_speed(recording: &Recording<'_>, slot: usize, out: &mut [f32]) {
+    let (d, half) = (recording.d[slot], recording.half_window);
+    let recorded = recording.recorded(slot / recording.slots);
     let last = recorded.saturating_sub(1);
-    let half = bodies.half_window;
     let at = |frame: usize| {
         let later = (frame + half).min(last);
         let earlier = frame.saturating_sub(half).min(last);
         let moved = d[later].wrapping_sub(d[earlier]) as f32;
-        let elapsed = ((later - earlier) as i32 * bodies.interval_ms).max(1) as f32;
-        bodies.side * (moved / elapsed)
+        let elapsed = ((later - earlier) as i32 * recording.interval_ms).max(1) as f32;
+        recording.side * (moved / elapsed)
     };
     let begin = half.min(out.len());
     let end = recorded.saturating_sub(half).clamp(begin, out.len());
@@ -241,12 +291,17 @@ fn lateral_speed(d: &[i32], recorded: usize, bodies: &Bodies<'_>, out: &mut [f32
         *speed = at(frame);
     }
     // In between the time is always the same, and nothing is at an end.
-    let elapsed = (2 * half as i32 * bodies.interval_ms).max(1) as f32;
+    let elapsed = (2 * half as i32 * recording.interval_ms).max(1) as f32;
     let pairs = d.iter().zip(d.iter().skip(2 * half));
     for (speed, (earlier, later)) in out[begin..end].iter_mut().zip(pairs) {
-        *speed = bodies.side * (later.wrapping_sub(*earlier) as f32 / elapsed);
+        *speed = recording.side * (later.wrapping_sub(*earlier) as f32 / elapsed);
     }
     for (frame, speed) in out[end..].iter_mut().enumerate() {
         *speed = at(end + frame);
     }
+}
+
+/// Gap between the bumpers of two bodies, from their places along the road [m].
+pub(crate) fn gap_between(one: i32, other: i32, half_lengths: f32) -> f32 {
+    one.wrapping_sub(other).wrapping_abs() as f32 * METRES - half_lengths
 }

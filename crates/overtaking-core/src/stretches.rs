@@ -1,96 +1,165 @@
-//! What margins and measures come to over a stretch of frames of each simulation.
+//! What margins and measures come to over stretches of frames of each simulation.
 //!
-//! `overtaking.labels.law.reference` and `overtaking.labels.features.reference` say the same of all frames at once.
+//! `tests/reference/labels` says the same one frame after the other.
 
-mod around;
 mod behind;
 mod encounters;
-mod extremes;
 mod follow;
 mod formulas;
-mod lamps;
-mod means;
+mod one;
 mod row;
-mod stops;
+mod sums;
 mod worst;
 
-use fearless_simd::Level;
+use std::ops::Range;
+
+use fearless_simd::{Level, Simd};
 use rayon::prelude::*;
 
-use crate::engine::supported;
+pub use self::encounters::{Along, ENCOUNTERS, Pair, encounters};
+pub use self::formulas::Numbers;
+use self::one::One;
+pub use self::sums::SUMS;
+use self::worst::WORST;
+use crate::lanes::dispatch;
+use crate::signals::{NEVER, Recording, Seen};
 
-pub use self::around::Around;
-pub use self::behind::{Duty, Obstruction, duty, obstruction};
-pub use self::encounters::{ENCOUNTERS, Encounters, encounters};
-pub use self::extremes::{Extreme, beyond, extreme_float};
-pub use self::follow::{Follow, follow};
-pub use self::formulas::{Grip, Law, Measures};
-pub use self::lamps::{Announced, arrival};
-pub use self::means::{MEANS, Means, means};
-pub use self::stops::{Stops, stops};
-pub use self::worst::{WORST, Worst, worst};
-
-const NEVER: i32 = -1;
-const NO_VEHICLE: u8 = 255;
-/// Places around the ego in a row of neighbours.
-const PLACES: usize = 6;
-/// Simulations that a thread takes at a time; each is a matter of a microsecond.
+/// Simulations that a thread takes at a time; each is a matter of some microseconds.
 const SHARE: usize = 32;
 
-/// From one frame of each simulation to another, both within it; empty where `stop` is before `start`.
-#[derive(Clone, Copy)]
-pub struct Spans<'a> {
-    /// First frame.
-    pub start: &'a [i32],
-    /// Last frame.
-    pub stop: &'a [i32],
-    /// Frames that a simulation has room for.
-    pub frames: usize,
-    level: Level,
+/// Stretches that are asked about, in the order of `Asked::spans`.
+pub const SPANS: [&str; 5] = ["conduct", "settled", "passed", "manoeuvre", "counted"];
+
+/// Frames and slots that are asked about, in the order of `Asked::moments`.
+pub const MOMENTS: [&str; 4] = ["line_crossed", "return_end", "target", "original_lane"];
+
+/// What is asked of each simulation.
+pub struct Asked<'a> {
+    /// First and last frame, both within the stretch, (stretch, end, simulation); empty where the last is before.
+    pub spans: &'a [i32],
+    /// A frame, -1 for none, or a slot, 255 for none, (moment, simulation).
+    pub moments: &'a [i32],
 }
 
-impl<'a> Spans<'a> {
-    /// Stretches in which to work at a SIMD level, or at the best one.
-    ///
-    /// # Errors
-    /// The level is unknown or not supported by this CPU.
-    pub fn new(
-        start: &'a [i32],
-        stop: &'a [i32],
-        frames: usize,
-        forced: Option<&str>,
-    ) -> Result<Self, String> {
-        let level = supported(forced)?;
-        Ok(Self {
-            start,
-            stop,
-            frames,
-            level,
+/// Smallest margins and worst measures, in the order of the rows of the result.
+#[must_use]
+pub fn measures() -> Vec<&'static str> {
+    MARGINS.into_iter().chain(WORST).collect()
+}
+
+/// Margins whose smallest value is looked for, `ENDLESS` where none counts.
+const MARGINS: [&str; 4] = ["stop_lit", "stop_unlit", "follow", "braking"];
+
+/// Frames, -1 where there is none, in the order of the rows of the result: the first and the last with a negative
+/// margin; the longest run in which the return was due; when another came where the ego's rear was.
+pub const FRAMES: [&str; 12] = [
+    "stop_lit.first",
+    "stop_lit.last",
+    "stop_unlit.first",
+    "stop_unlit.last",
+    "follow.first",
+    "follow.last",
+    "braking.first",
+    "braking.last",
+    "due.first",
+    "due.length",
+    "entry.arrival",
+    "return.arrival",
+];
+
+/// Where the answers go, (row, simulation).
+pub struct Answers<'a> {
+    /// A row for each of `measures`.
+    pub measures: &'a mut [f32],
+    /// A row for each of `FRAMES`.
+    pub frames: &'a mut [i32],
+    /// A row for each of `SUMS`.
+    pub sums: &'a mut [i64],
+}
+
+/// The answers about one simulation.
+struct Answer {
+    measures: [f32; MARGINS.len() + WORST.len()],
+    frames: [i32; FRAMES.len()],
+    sums: [i64; SUMS.len()],
+}
+
+/// Answer all of this about a batch.
+pub fn stretches(
+    recording: &Recording<'_>,
+    seen: &Seen<'_>,
+    numbers: &Numbers,
+    asked: &Asked<'_>,
+    level: Level,
+    out: Answers<'_>,
+) {
+    let count = recording.num_frames.len();
+    let found: Vec<Answer> = (0..count)
+        .into_par_iter()
+        .with_min_len(SHARE)
+        .map(|simulation| {
+            let one = One::new(recording, seen, numbers, simulation);
+            dispatch!(level, |simd| answer(simd, &one, asked, simulation, count))
         })
-    }
+        .collect();
+    transpose(&found, out.measures, |one| &one.measures);
+    transpose(&found, out.frames, |one| &one.frames);
+    transpose(&found, out.sums, |one| &one.sums);
+}
 
-    /// The frames of one simulation.
-    fn of(&self, simulation: usize) -> std::ops::Range<usize> {
-        let end = (i64::from(self.stop[simulation]) + 1).clamp(0, self.frames as i64) as usize;
-        let start = self.start[simulation].max(0) as usize;
-        start.min(end)..end
+/// Write a row for each value of the answers.
+fn transpose<T: Copy>(found: &[Answer], out: &mut [T], values: impl Fn(&Answer) -> &[T]) {
+    for (name, row) in out.chunks_mut(found.len().max(1)).enumerate() {
+        for (value, one) in row.iter_mut().zip(found) {
+            *value = values(one)[name];
+        }
     }
+}
 
-    /// Where one simulation lies in an array (simulation, frame).
-    fn own(&self, simulation: usize) -> std::ops::Range<usize> {
-        simulation * self.frames..(simulation + 1) * self.frames
+fn answer<S: Simd>(
+    simd: S,
+    one: &One<'_>,
+    asked: &Asked<'_>,
+    simulation: usize,
+    count: usize,
+) -> Answer {
+    let span = |which: usize| {
+        let row = 2 * which * count + simulation;
+        one.span(asked.spans[row], asked.spans[row + count])
+    };
+    let [crossed, returned, target, original_lane] =
+        [0, 1, 2, 3].map(|which| asked.moments[which * count + simulation]);
+    let (conduct, target) = (span(0), target as u8);
+    let margins = [
+        one.stop(simd, one.seen.sight_lit, conduct.clone()),
+        one.stop(simd, one.seen.sight_unlit, conduct.clone()),
+        one.follow(simd, span(1)),
+        one.braking(simd, span(3)),
+    ];
+    let (due, length) = one.due(simd, target, original_lane as u8, span(2));
+    let mut measures = [0.0; MARGINS.len() + WORST.len()];
+    measures[..MARGINS.len()].copy_from_slice(&margins.map(|each| each.low));
+    measures[MARGINS.len()..].copy_from_slice(&one.worst(simd, conduct));
+    let mut frames = [NEVER; FRAMES.len()];
+    for (ends, margin) in frames.as_chunks_mut::<2>().0.iter_mut().zip(margins) {
+        *ends = [margin.first, margin.last];
     }
-
-    /// Where a neighbour of one simulation lies in an array (simulation, place, frame).
-    fn place(&self, simulation: usize, place: usize) -> std::ops::Range<usize> {
-        let row = simulation * PLACES + place;
-        row * self.frames..(row + 1) * self.frames
+    frames[8..].copy_from_slice(&[
+        due,
+        length,
+        one.entry_arrival(crossed),
+        one.arrival(target, returned),
+    ]);
+    Answer {
+        measures,
+        frames,
+        sums: one.sums(span(4)),
     }
 }
 
 /// A margin over a stretch: its smallest value, and the frames in which it was negative.
 #[derive(Clone, Copy)]
-pub struct Lowest {
+struct Lowest {
     low: f32,
     first: i32,
     last: i32,
@@ -120,30 +189,11 @@ impl Lowest {
     }
 }
 
-/// Where the smallest margins go, one for each simulation.
-pub struct Found<'a> {
-    /// Smallest margin, `ENDLESS` where none counts.
-    pub low: &'a mut [f32],
-    /// First frame with a negative one.
-    pub first: &'a mut [i32],
-    /// Last frame with a negative one.
-    pub last: &'a mut [i32],
-}
-
-impl Found<'_> {
-    fn set_ends(&mut self, simulation: usize, first: i32, last: i32) {
-        (self.first[simulation], self.last[simulation]) = (first, last);
-    }
-
-    /// Fill it with what is found of each simulation.
-    fn fill(&mut self, of: impl Fn(usize) -> Lowest + Sync) {
-        let rows = self.low.par_iter_mut().zip(self.first.par_iter_mut());
-        rows.zip(self.last.par_iter_mut())
-            .with_min_len(SHARE)
-            .enumerate()
-            .for_each(|(simulation, ((low, first), last))| {
-                let found = of(simulation);
-                (*low, *first, *last) = (found.low, found.first, found.last);
-            });
+impl One<'_> {
+    /// The frames of a stretch that were recorded.
+    fn span(&self, start: i32, stop: i32) -> Range<usize> {
+        let end = (stop.max(-1) + 1) as usize;
+        let end = end.min(self.recorded);
+        (start.max(0) as usize).min(end)..end
     }
 }

@@ -18,40 +18,6 @@ pub fn expect_length(what: &str, got: usize, expected: usize) -> PyResult<()> {
     )))
 }
 
-/// Places around the ego in a row of neighbours.
-pub const PLACES: usize = 6;
-
-/// Refuse neighbours (simulation, place, frame) that are no slots of the recording, in some places.
-pub fn expect_slots(
-    vehicles: &[u8],
-    places: &[usize],
-    frames: usize,
-    slots: usize,
-) -> PyResult<()> {
-    // Nobody, 255, becomes 0. The largest of bytes is found many at a time, the first that is wrong is not.
-    let rows = vehicles.chunks_exact((PLACES * frames).max(1));
-    let asked = rows.flat_map(|row| places.iter().map(|place| &row[place * frames..][..frames]));
-    let largest = |row: &[u8]| {
-        row.iter()
-            .fold(0, |most: u8, slot| most.max(slot.wrapping_add(1)))
-    };
-    if usize::from(asked.map(largest).max().unwrap_or(0)) <= slots {
-        return Ok(());
-    }
-    Err(PyValueError::new_err(
-        "vehicle: expected slots of the recording",
-    ))
-}
-
-/// Refuse targets that are no slots of the recording.
-pub fn expect_targets(targets: &[u8], slots: usize) -> PyResult<()> {
-    let missing = |slot: &&u8| **slot != u8::MAX && usize::from(**slot) >= slots;
-    match targets.iter().find(missing) {
-        Some(slot) => Err(PyValueError::new_err(format!("target: no vehicle {slot}"))),
-        None => Ok(()),
-    }
-}
-
 /// A writable array out of the dictionary of outputs, of the expected length.
 pub fn output<'py, T: Element>(
     arrays: &Bound<'py, PyDict>,

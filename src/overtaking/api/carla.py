@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from overtaking.api.data import load
-from overtaking.data.generate import Progress
 from overtaking.data.load import Dataset
+from overtaking.data.progress import Progress
 from overtaking.model.checks import checked
 
 if TYPE_CHECKING:
@@ -115,4 +115,4 @@ def serve_carla(
 
 
 def _ignore(*_: object) -> None:
-    """Where nobody wants to be told."""
+    """Report to nobody."""

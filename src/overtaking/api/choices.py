@@ -1,4 +1,4 @@
-"""What the public functions are given by name: profiles, simulators, roads."""
+"""Profiles, simulators and roads by name, for the public functions."""
 
 import importlib
 import os
@@ -25,7 +25,7 @@ Count = Annotated[int, Range(1, 1_000_000)]
 """A number of simulations that are not written down."""
 
 SIMULATORS = ("engine", "reference", "sumo", "carla", "carla-traffic-manager")
-"""What can simulate: the compiled engine, its readable twin with the same results, SUMO, and CARLA
+"""The simulators: the compiled engine, its readable twin with the same results, SUMO, and CARLA
 with our drivers or with its own."""
 
 _HOMES = {
@@ -68,13 +68,7 @@ def simulator_of(name: str) -> Simulator:
 def module_of(name: str, among: tuple[str, ...] = SIMULATORS) -> ModuleType:
     """The module of a simulator."""
     if name not in among:
-        raise ConfigError.of(
-            what="simulator",
-            where="simulate",
-            expected=" or ".join(among),
-            got=name,
-            next_step="choose one of them",
-        )
+        raise ConfigError.not_among("simulator", "simulate", among, name)
     return importlib.import_module(_HOMES[name])
 
 

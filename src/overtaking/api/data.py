@@ -14,12 +14,12 @@ from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.data import generate as writing
 from overtaking.data import load as reading
 from overtaking.data.balance import Balance
-from overtaking.data.crews import ENGINES, crew_of
 from overtaking.data.estimate import Allowed
-from overtaking.data.generate import Progress
+from overtaking.data.executors import ENGINES, executor_of
 from overtaking.data.load import Dataset
 from overtaking.data.manifest import read_manifest
 from overtaking.data.place import folder_of, place_of
+from overtaking.data.progress import Progress
 from overtaking.data.recipe import Keep, Recipe
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
@@ -120,7 +120,7 @@ def generate(
         recipe,
         place,
         chosen,
-        crew=crew_of(engine, recipe, chosen, place, address=address, workers=workers),
+        executor=executor_of(engine, recipe, chosen, place, address=address, workers=workers),
         resume=resume,
         allow_large=allow_large,
         progress=progress,
@@ -312,13 +312,7 @@ def _chosen(
 def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
     """Refuse a format that there is not, and what a format has no use for."""
     if file_format not in EXPORTS:
-        raise ConfigError.of(
-            what=f"format {file_format}",
-            where="export",
-            expected=" or ".join(EXPORTS),
-            got=file_format,
-            next_step="choose one of them",
-        )
+        raise ConfigError.not_among("format", "export", EXPORTS, file_format)
     known = _EXPORT_OPTIONS.get(file_format, ())
     for name in sorted(set(options) - set(known)):
         raise ConfigError.of(
@@ -411,14 +405,7 @@ def import_recording(
         argument(value, _READER_OPTIONS.get(name, Any), "import_recording", name)
     target = folder_of(out, "import to")
     read = read_recording(file_format, path, options)
-    write_scenes(
-        read.scenes,
-        target,
-        file_format=file_format,
-        files=read.files,
-        options=read.options,
-        on_piece=progress,
-    )
+    write_scenes(read, target, file_format, progress)
     return load(target)
 
 
@@ -426,10 +413,4 @@ def _keep(name: str) -> Keep:
     try:
         return Keep(name)
     except ValueError:
-        raise ConfigError.of(
-            what="keep",
-            where="generate",
-            expected=" or ".join(Keep),
-            got=name,
-            next_step="choose one of them",
-        ) from None
+        raise ConfigError.not_among("keep", "generate", Keep, name) from None

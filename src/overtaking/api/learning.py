@@ -1,12 +1,13 @@
-"""What decides an overtake, learned from a data set."""
+"""Rules and factors that decide an overtake, learned from a data set."""
 
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from overtaking.api.data import load
-from overtaking.data.generate import Progress
+from overtaking.core.checks import check_least
 from overtaking.data.load import Dataset
+from overtaking.data.progress import Progress
 from overtaking.model.checks import checked
 
 if TYPE_CHECKING:
@@ -45,16 +46,15 @@ def learn_rules(
         DatasetError: The data set is not complete or damaged, or has too few examples.
         MissingExtraError: The extra `learn` is not installed.
     """
-    from overtaking.analysis.learning.checks import at_least_one
     from overtaking.analysis.learning.examples import examples_of
-    from overtaking.analysis.learning.extra import require_models
+    from overtaking.analysis.learning.models import require_models
     from overtaking.analysis.learning.rules import learn_rules as learned
     from overtaking.analysis.learning.targets import target_of
 
     require_models()
     target = target_of(about)
-    at_least_one("--max-rules", max_rules)
-    at_least_one("--max-conditions", max_conditions)
+    check_least(max_rules, 1, what="--max-rules", where="learn")
+    check_least(max_conditions, 1, what="--max-conditions", where="learn")
     return learned(
         examples_of(data if isinstance(data, Dataset) else load(data), policy),
         target,
@@ -100,15 +100,14 @@ def learn_factors(
         MissingExtraError: The extra `learn` is not installed.
     """
     from overtaking.analysis.learning import leakage
-    from overtaking.analysis.learning.checks import at_least_one
     from overtaking.analysis.learning.examples import examples_of
-    from overtaking.analysis.learning.extra import require_models
     from overtaking.analysis.learning.factors import learn_factors as learned
+    from overtaking.analysis.learning.models import require_models
     from overtaking.analysis.learning.targets import target_of
 
     require_models()
     factors = leakage.chosen_factors(tuple(features))
-    at_least_one("--repeats", repeats)
+    check_least(repeats, 1, what="--repeats", where="learn")
     target = None if about == "outcome" else target_of(about, others=("outcome",))
     source = data if isinstance(data, Dataset) else load(data)
     return learned(

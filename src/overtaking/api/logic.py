@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from overtaking.api.data import load
-from overtaking.data.generate import Progress
 from overtaking.data.load import Dataset
+from overtaking.data.progress import Progress
 from overtaking.model.checks import checked
 
 if TYPE_CHECKING:

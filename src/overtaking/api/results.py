@@ -1,4 +1,4 @@
-"""What is made of a data set or a profile: numbers, pages, films, answers."""
+"""Results from a data set or a profile: statistics, reports, films, queries."""
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -8,8 +8,8 @@ from overtaking import scenarios
 from overtaking.api.choices import Count, Profile, Seed, road_of, simulator_of
 from overtaking.api.data import load
 from overtaking.core.errors import ConfigError
-from overtaking.data.generate import Progress
 from overtaking.data.load import Dataset
+from overtaking.data.progress import Progress
 from overtaking.labels.label import Labelled
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
@@ -189,7 +189,7 @@ def validate(
     road: str | Path | Road | None = None,
     progress: Progress | None = None,
 ) -> "Validation":
-    """Hold the traffic of a profile against what is known of real traffic.
+    """Compare the traffic of a profile with published measurements.
 
     Args:
         profile: What to sample.
@@ -224,8 +224,8 @@ def plot_validation(found: "Validation", out: str | Path) -> None:
         OSError: The file cannot be written.
     """
     from overtaking.analysis.validation.run import Validation
+    from overtaking.show.plots.comparison import draw_validation
     from overtaking.show.plots.style import to_png, to_svg
-    from overtaking.show.plots.validation import draw_validation
     from overtaking.show.report.files import put
 
     argument(found, Validation, "plot_validation", "found")
@@ -244,7 +244,7 @@ def reproduce(
     overrides: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> "Reproduction":
-    """Put every number that a paper states among replicates of its data set.
+    """Compare every number that a paper states with replicates of its data set.
 
     Args:
         study: `pinto2023`.
@@ -265,13 +265,7 @@ def reproduce(
     from overtaking.analysis.reproduction.run import reproduce as run
 
     if study not in STUDIES:
-        raise ConfigError.of(
-            what="study",
-            where="reproduce",
-            expected=" or ".join(STUDIES),
-            got=study,
-            next_step="choose one of them",
-        )
+        raise ConfigError.not_among("study", "reproduce", STUDIES, study)
     spec = scenarios.spec(study, overrides)
     return run(spec, road_of(spec.road), replicates, seed, simulator_of("engine"), progress)
 
@@ -304,7 +298,7 @@ def literature(
     own: str | Path | Dataset | None = None,
     is_corrected: bool = True,
 ) -> dict[str, Any]:
-    """What the source paper says of the literature, with corrections and sources.
+    """The source paper's tables of the literature, with corrections and sources.
 
     Args:
         table: `systems`, `datasets`, `factors` or `studies`.

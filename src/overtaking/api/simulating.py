@@ -19,7 +19,7 @@ from overtaking.api.choices import (
 )
 from overtaking.core.errors import ConfigError
 from overtaking.core.memory import require
-from overtaking.data.generate import Progress
+from overtaking.data.progress import Progress
 from overtaking.labels.label import Labelled
 from overtaking.labels.label import label as labelled
 from overtaking.model.batch import concatenate
@@ -123,7 +123,7 @@ def branch(
 
 @checked
 def label(runs: Trajectories) -> Labelled:
-    """What happened in recorded simulations, whether it was lawful, and what describes it.
+    """Label recorded simulations: events, law, classes and features.
 
     Args:
         runs: A batch from `simulate`, `branch` or any other source.

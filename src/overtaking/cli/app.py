@@ -119,8 +119,8 @@ def generate(
             allow_missing=allow_missing or None,
         ),
     )
-    crew = {"engine": engine, "address": address, "workers": workers}
-    making.make(output, out, recipe, resume=resume, yes=yes, crew=crew)
+    executor = {"engine": engine, "address": address, "workers": workers}
+    making.make(output, out, recipe, resume=resume, yes=yes, executor=executor)
 
 
 def show(output: Output, data: options.Data, simulation: options.Number) -> None:

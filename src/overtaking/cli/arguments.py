@@ -21,22 +21,22 @@ DEFAULTS: dict[str, Any] = {
     "simulations": 276,  # As many as the paper has.
     "seed": 1,
 }
-"""What `generate` makes if nothing else is asked for."""
+"""Defaults of `generate`."""
 
 
 def limit_threads(threads: int | None) -> None:
-    """Say how many threads the engine may start; it looks when it is first called."""
+    """Set the number of threads of the engine, which reads it at its first call."""
     if threads is not None:
         os.environ[THREADS_VARIABLE] = str(threads)
 
 
 def given(**arguments: Any) -> dict[str, Any]:
-    """The arguments that were asked for, without those that were left open."""
+    """The arguments that the user gave, without those that were left out."""
     return {name: value for name, value in arguments.items() if value not in (None, {})}
 
 
 def overrides(changes: list[str], frame_interval_ms: int | None) -> dict[str, Any]:
-    """What is to be different from the profile, by dotted key.
+    """Changes of the profile, by dotted key.
 
     Args:
         changes: Texts of the form `key=value`; the last one of a key counts.
@@ -101,13 +101,7 @@ def carla_simulator(driver: str) -> str:
     """
     names = {"own": "carla", "traffic-manager": "carla-traffic-manager"}
     if driver not in names:
-        raise ConfigError.of(
-            what="driver",
-            where="--driver",
-            expected=" or ".join(names),
-            got=repr(driver),
-            next_step="choose one of them",
-        )
+        raise ConfigError.not_among("driver", "--driver", names, driver)
     return names[driver]
 
 
@@ -168,7 +162,7 @@ def _no_numbers(got: str, where: str) -> ConfigError:
 
 
 def export_target(out: Path, file_format: str, *, is_csv: bool | None) -> Path:
-    """Where an export goes: the paper's table is a file, every other format a folder.
+    """The target of an export: the paper's table is a file, every other format a folder.
 
     Args:
         out: As asked for.

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
+from overtaking.cli.output import open_table
 from overtaking.model.events import Outcome
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.vehicles import Role
@@ -17,6 +17,7 @@ from overtaking.simulators.comparison import PARTING_DISTANCE, POLICY, TOGETHER
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from rich.console import RenderableType
+    from rich.table import Table
 
     from overtaking.simulators.comparison import Comparison, Ending, Parting
 
@@ -26,7 +27,7 @@ _KINDS = ("ego ahead or behind", "ego in another lane", "other ahead or behind",
 
 
 def values_of(found: Comparison) -> Values:
-    """What is said of all simulations together, and a row for each."""
+    """Totals over all simulations, and a row for each."""
     classes = found.endings[0].classes
     groups = {
         "by_class": [
@@ -107,7 +108,7 @@ def _row(found: Comparison, row: int) -> Values:
 
 
 def _parting(found: Comparison, k: int, row: int) -> Values | None:
-    """Where and when one of the others parts from the first, None if it never does."""
+    """Time and position at which another simulator diverges from the first; None if never."""
     p = found.partings[k]
     if p.frame[row] == TOGETHER:
         return None
@@ -144,9 +145,10 @@ def _class_table(values: Values, other: Values) -> Table:
     counts = np.array(other["class_counts"])
     across = np.flatnonzero(counts.any(axis=0) | counts.any(axis=1))
     names = [values["classes"][k] for k in across]
-    table = _table(f"{values['simulators'][0]} below, {other['simulator']} across", *names)
+    head = f"{values['simulators'][0]} below, {other['simulator']} across"
+    table = open_table(head, *(f"{name}>" for name in names))
     for k, name in zip(across, names, strict=True):
-        table.add_row(name, *(f"{count:,}" for count in counts[k, across]))
+        table.add_row(Text(name, style="bold"), *(f"{count:,}" for count in counts[k, across]))
     return table
 
 
@@ -156,11 +158,11 @@ def _group_table(values: Values, key: str, title: str) -> Table:
     others = every[1:]
     columns = [("alike", others, "same_class"), ("completed", every, "completed")]
     columns += [("collided", every, "collisions"), ("half apart", others, "median_parting_s")]
-    heads = [f"{head} {name}" for head, names, _ in columns for name in names]
-    table = _table(title, "scenarios", *heads)
+    heads = [f"{head} {name}>" for head, names, _ in columns for name in names]
+    table = open_table(title, "scenarios>", *heads)
     for row in values[key]:
         cells = [_cell(cell) for _, _, name in columns for cell in row[name]]
-        table.add_row(row["name"], f"{row['simulations']:,}", *cells)
+        table.add_row(Text(row["name"], style="bold"), f"{row['simulations']:,}", *cells)
     return table
 
 
@@ -168,11 +170,3 @@ def _cell(value: float | None) -> str:
     if value is None:
         return "never"
     return f"{value:.2f} s" if isinstance(value, float) else f"{value:,}"
-
-
-def _table(first: str, *others: str) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column(first, style="bold")
-    for name in others:
-        table.add_column(name, justify="right")
-    return table

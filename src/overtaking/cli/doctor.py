@@ -1,4 +1,4 @@
-"""What is installed here and whether it works, as values and as a page."""
+"""Checks the installation; the result as values and as a page."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _AGAIN = "install overtaking again, in a clone by: make build"
 
 
 def diagnose(folder: Path) -> Values:
-    """What a person who reports a problem would be asked for.
+    """Collect the facts that a bug report needs.
 
     Args:
         folder: Where data would be written; its disk is looked at.
@@ -70,7 +70,7 @@ def _engine() -> Values:
 
 
 def _threads() -> Values:
-    """How many processors there are, how many this process may use, and what is asked for."""
+    """Processors of the machine, of this process, and the limit in the environment."""
     return {
         "processors": os.cpu_count(),
         "usable": processors.usable(),
@@ -103,7 +103,7 @@ def _extras() -> dict[str, Values]:
 
 
 def _findings(values: Values) -> list[str]:
-    """What keeps something from working, each with what to do."""
+    """Problems, each with the next step."""
     engine, disk = values["engine"], values["disk"]
     findings = [
         f"{name} is missing; {_AGAIN}"

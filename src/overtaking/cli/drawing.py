@@ -36,44 +36,23 @@ class Glyphs:
         separator: Between two facts of a line.
     """
 
-    levels: str
-    line: str
-    edge: str
-    dot: str
-    times: str
-    arrow: str
-    dash: str
-    breach: str
-    separator: str
+    levels: str = "▁▂▃▄▅▆▇█"
+    line: str = "─"
+    edge: str = "│"
+    dot: str = "·"
+    times: str = "×"
+    arrow: str = "→"
+    dash: str = "–"
+    breach: str = "━"
+    separator: str = "·"
 
     @classmethod
     def for_terminal(cls, *, ascii_only: bool) -> Glyphs:
         """The characters that a terminal can show."""
-        return _ASCII if ascii_only else _UNICODE
-
-
-_UNICODE = Glyphs(
-    levels="▁▂▃▄▅▆▇█",
-    line="─",
-    edge="│",
-    dot="·",
-    times="×",
-    arrow="→",
-    dash="–",
-    breach="━",
-    separator="·",
-)
-_ASCII = Glyphs(
-    levels="_.-=+*%#",
-    line="-",
-    edge="|",
-    dot=".",
-    times="x",
-    arrow="->",
-    dash="-",
-    breach="=",
-    separator="|",
-)
+        if not ascii_only:
+            return cls()
+        alike = {"line": "-", "edge": "|", "dot": ".", "times": "x", "dash": "-", "breach": "="}
+        return cls(levels="_.-=+*%#", arrow="->", separator="|", **alike)
 
 
 def sparkline(

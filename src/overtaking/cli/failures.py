@@ -1,4 +1,4 @@
-"""What went wrong, as one line for a person and one exit status for a script."""
+"""Errors as one line for a person and one exit status for a script."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NO_READER = 141  # 128 + SIGPIPE.
 
 
 def tell(error: BaseException) -> int:
-    """Say on stderr what went wrong, unless nobody is there to read it.
+    """Print the error on stderr, unless nobody can read it.
 
     Returns:
         The exit status that belongs to it.
@@ -54,7 +54,7 @@ def _interrupted(error: KeyboardInterrupt) -> str:
 
 
 def _usage(error: typer.TyperException) -> str:
-    """What the parser of the arguments says, in the manner of all other messages."""
+    """A message of the argument parser in the style of all other messages."""
     text = error.format_message().rstrip(".")
     text = text[:1].lower() + text[1:]
     if "Did you mean" in text or "Possible" in text:
@@ -65,7 +65,7 @@ def _usage(error: typer.TyperException) -> str:
 
 
 def _of_the_system(error: OSError) -> str:
-    """What the operating system refused, and where."""
+    """The reason and the path of an error of the operating system."""
     reason = error.strerror or str(error)
     return f"{error.filename}: {reason}" if error.filename else reason
 
@@ -76,7 +76,7 @@ def _one_line(text: str) -> str:
 
 
 def _silence() -> None:
-    """Let what is still buffered for a reader that has gone go nowhere, without a complaint."""
+    """Discard buffered output whose reader has gone, without a message."""
     sink = os.open(os.devnull, os.O_WRONLY)
     for stream in (sys.stdout, sys.stderr):
         try:

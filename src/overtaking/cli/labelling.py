@@ -24,7 +24,7 @@ def label(output: Output, data: options.Data) -> None:
 
 
 def of_labels(data: "Dataset", seconds: float) -> dict[str, Any]:
-    """How often each class occurs under each policy."""
+    """Number of simulations of each class under each policy."""
     labels = data.labels()
     classes = {
         str(policy): {name: int(count) for name, count in rows.value_counts().items() if count}

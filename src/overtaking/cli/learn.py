@@ -1,4 +1,4 @@
-"""What decides an overtake, learned from a data set."""
+"""Rules and factors of overtaking decisions, learned from a data set."""
 
 import shutil
 from typing import TYPE_CHECKING, Annotated
@@ -120,16 +120,11 @@ def _drawn_factors(found: "FactorsFound") -> "Group":
     """Models, confusion, the factors in order, and leaks."""
     from rich.console import Group
 
-    from overtaking.analysis.learning import tables_of_factors as tables
+    from overtaking.analysis.learning import tables
 
-    parts = [
-        tables.model_table(found),
-        tables.confusion_table(found),
-        tables.ranking_table(found),
-    ]
-    if found.faked:
-        parts.append(tables.leakage_table(found))
-    return Group(*(drawn(one) for one in parts))
+    shown = [tables.model_table, tables.confusion_table, tables.ranking_table]
+    shown += [tables.leakage_table] if found.leakage else []
+    return Group(*(drawn(table(found)) for table in shown))
 
 
 def _drawn_rules(found: "RulesFound") -> "Group":
@@ -137,12 +132,11 @@ def _drawn_rules(found: "RulesFound") -> "Group":
     from rich.console import Group
     from rich.text import Text
 
-    from overtaking.analysis.learning.tables_of_rules import comparison_table, rule_table
+    from overtaking.analysis.learning.tables import comparison_table, rule_table
 
     lines = [
-        f"learned from {found.num_learned_from:,} simulations; "
-        f"on all {found.everywhere.num:,} the rules are right in "
-        f"{100.0 * found.everywhere.accuracy:.1f} %",
+        f"learned from {found.num_learned_from:,} simulations; on all {found.everywhere.num:,} "
+        f"the rules are right in {100.0 * found.everywhere.accuracy:.1f} %"
     ]
     if found.num_missed:
         numbers = ", ".join(str(one) for one in found.missed)
@@ -153,7 +147,7 @@ def _drawn_rules(found: "RulesFound") -> "Group":
 
 
 def drawn(table: "Table") -> "RenderableType":
-    """A table for a terminal; long texts are broken inside their column."""
+    """A table for a terminal; long texts are wrapped inside their column."""
     from rich import box
     from rich.table import Table as Drawn
     from rich.text import Text

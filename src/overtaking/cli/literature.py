@@ -1,4 +1,4 @@
-"""What the literature knows: systems, data sets, factors and studies, as tables."""
+"""Tables of the literature: systems, data sets, factors and studies."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,6 +8,7 @@ import typer
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
+from overtaking.cli.tables import drawn_rows
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -132,17 +133,10 @@ _NOTHING: dict[str, Any] = {
 
 
 def _dataset(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """The cells of a data set that fit on a line; the others are in the JSON."""
-    return (
-        row["name"],
-        _mark(row, "year"),
-        _mark(row, "num_scenes"),
-        _mark(row, "duration_h"),
-        _mark(row, "num_annotated_frames"),
-        _mark(row, "boxes_3d"),
-        _mark(row, "conditions"),
-        _mark(row, "traffic"),
-    )
+    """The main cells of a data set; the others are in the JSON."""
+    columns = ("year", "num_scenes", "duration_h", "num_annotated_frames", "boxes_3d")
+    marked = (_mark(row, column) for column in (*columns, "conditions", "traffic"))
+    return row["name"], *marked
 
 
 def _mark(row: Mapping[str, Any], column: str) -> str:
@@ -152,7 +146,7 @@ def _mark(row: Mapping[str, Any], column: str) -> str:
 
 
 def cell(value: object) -> str:
-    """A value as people read it."""
+    """A value in words."""
     if value is None:
         return "–"
     if isinstance(value, bool):
@@ -177,17 +171,11 @@ def _short(value: int) -> str:
 def _drawn(
     header: Sequence[str], rows: Sequence[Sequence[str]], found: Mapping[str, Any]
 ) -> "Group":
-    """The table, and below it what was corrected and what is said besides."""
-    from rich import box
+    """The table, and below it corrections, doubts and remarks."""
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for number, name in enumerate(header):
-        table.add_column(name, no_wrap=number == 0, overflow="fold")
-    for row in rows:
-        table.add_row(*(Text(one) for one in row))
+    table = drawn_rows(header, rows, is_first_whole=True)
     return Group(table, Text("\n".join(_notes(found["rows"]))))
 
 

@@ -1,4 +1,4 @@
-"""Questions to a data set in logic, and proofs from the law."""
+"""Queries of a data set in logic, and proofs from the law."""
 
 import dataclasses
 from typing import TYPE_CHECKING, Annotated, Any
@@ -7,6 +7,7 @@ import typer
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
+from overtaking.cli.tables import drawn_rows
 from overtaking.core.errors import ConfigError
 from overtaking.core.words import counted
 
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rich.console import Group
-    from rich.table import Table
 
     from overtaking.analysis.logic.ask import Answers
     from overtaking.analysis.logic.proof import Proof
@@ -57,7 +57,9 @@ def ask(
     _check_one(query, why, predicates)
     if predicates:
         words = list(_words())
-        output.result({"predicates": words}, lambda _: _words_page(words))
+        cells = [(one["predicate"], one["from"], one["about"]) for one in words]
+        header = ("predicate", "from", "says")
+        output.result({"predicates": words}, lambda _: drawn_rows(header, cells))
     elif why is not None:
         proofs = api.prove(data, why)
         found = {"simulation": why, "proofs": [_proof(one) for one in proofs]}
@@ -105,25 +107,18 @@ def values_of(answers: "Answers") -> dict[str, Any]:
 
 def render(values: dict[str, Any]) -> "Group":
     """The answers as a table, frames with their times."""
-    from rich import box
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for column in values["columns"]:
-        table.add_column(Text(column["name"] + (f" ({column['type']})" if column["type"] else "")))
-    for row in values["rows"]:
-        cells = zip(row, values["columns"], strict=True)
-        table.add_row(
-            *(
-                Text(_cell(one, column["type"], values["frame_interval_ms"]))
-                for one, column in cells
-            )
-        )
-    count, asked = len(values["rows"]), values["simulations_asked"]
-    line = f"{counted(count, 'answer')} of {counted(asked, 'simulation')}"
-    return Group(table, Text(line)) if values["columns"] and count else Group(Text(line))
+    columns, interval_ms = values["columns"], values["frame_interval_ms"]
+    rows = [
+        [_cell(one, of["type"], interval_ms) for one, of in zip(row, columns, strict=True)]
+        for row in values["rows"]
+    ]
+    asked = counted(values["simulations_asked"], "simulation")
+    line = Text(f"{counted(len(rows), 'answer')} of {asked}")
+    header = [one["name"] + (f" ({one['type']})" if one["type"] else "") for one in columns]
+    return Group(drawn_rows(header, rows), line) if columns and rows else Group(line)
 
 
 def _cell(value: Any, kind: str | None, interval_ms: int) -> str:
@@ -136,25 +131,13 @@ def _cell(value: Any, kind: str | None, interval_ms: int) -> str:
 
 
 def _words() -> "Iterator[dict[str, Any]]":
-    """Every predicate, by where it is from."""
+    """Every predicate with its origin."""
     from overtaking.analysis.logic.vocabulary import FACTS, LAW, THEORY
 
     for source, predicates in (("fact", FACTS), ("theory", THEORY), ("law", LAW)):
         for one in predicates:
             types = [{"name": name, "type": kind.name} for name, kind in one.arguments]
             yield {"predicate": one.head, "from": source, "about": one.about, "arguments": types}
-
-
-def _words_page(words: list[dict[str, Any]]) -> "Table":
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in ("predicate", "from", "says"):
-        table.add_column(name, overflow="fold")
-    for one in words:
-        table.add_row(one["predicate"], one["from"], one["about"])
-    return table
 
 
 def _proof(proof: "Proof") -> dict[str, Any]:
@@ -165,7 +148,7 @@ def _proof(proof: "Proof") -> dict[str, Any]:
 
 
 def _proofs_page(simulation: int, proofs: "tuple[Proof, ...]") -> str:
-    """All proofs as text; what was shown before is not shown again."""
+    """All proofs as text; a step that occurs again is not repeated."""
     from overtaking.analysis.logic.law import CODES, title_of
 
     if not proofs:

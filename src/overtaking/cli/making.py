@@ -13,7 +13,6 @@ from overtaking.core.errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
-    from types import TracebackType
     from typing import Self
 
     from overtaking.cli.output import Meter, Output
@@ -29,18 +28,18 @@ def make(
     resume: bool,
     yes: bool,
     simulator: str = "engine",
-    crew: dict[str, Any] | None = None,
+    executor: dict[str, Any] | None = None,
 ) -> None:
-    """Make a data set, or complete one, and tell about it.
+    """Make a data set, or complete one, and print a summary.
 
     Args:
-        output: Where things are said.
+        output: The output of the command.
         out: Its folder, or its URL.
-        recipe: What was asked for; nothing is enough to complete what was begun.
-        resume: Whether to complete what was begun.
-        yes: Whether a large data set may be made without a question.
+        recipe: Arguments of `api.generate`; may be empty to resume.
+        resume: Whether to complete an interrupted data set.
+        yes: Whether to make a large data set without a question.
         simulator: What simulates.
-        crew: Who makes the shards: `engine`, `address` and `workers` of `api.generate`.
+        executor: What makes the shards: `engine`, `address` and `workers` of `api.generate`.
     """
     from overtaking import api
     from overtaking.cli import arguments, summary
@@ -50,7 +49,7 @@ def make(
         talk: dict[str, Any] = {
             "progress": phases.of("simulations"),
             "on_candidates": phases.of("candidates"),
-            **(crew or {}),
+            **(executor or {}),
         }
         if resume and not recipe:
             data = api.resume(out, **talk)
@@ -63,7 +62,7 @@ def make(
 
 
 def _asked(output: Output, yes: bool) -> Callable[[Estimate], bool]:
-    """What says how large a data set will be, and asks a person whether a large one is meant."""
+    """A function that prints the estimate of a data set, and asks before a large one is made."""
 
     def is_allowed(found: Estimate) -> bool:
         is_watched = sys.stdin.isatty() and sys.stderr.isatty() and not output.quiet
@@ -76,7 +75,7 @@ def _asked(output: Output, yes: bool) -> Callable[[Estimate], bool]:
 
 
 def balance(*, is_wanted: bool, **asked: Any) -> Balance | None:
-    """What was asked for of a balanced data set, None if it is not to be one.
+    """The settings of a balanced data set; None without `--balance`.
 
     Args:
         is_wanted: Whether `--balance` was said.
@@ -134,18 +133,13 @@ class _Phases:
         """Begin the work."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Take the last bar away."""
         if self._shown:
-            self._shown[1].__exit__(kind, error, trace)
+            self._shown[1].__exit__()
 
     def of(self, what: str) -> Callable[[int, int], None]:
-        """What to call with the number of things that are done, and of all.
+        """A progress function for one phase.
 
         Args:
             what: The things of the phase.
@@ -158,7 +152,7 @@ class _Phases:
             if done == total or abs(total - known) * _STEADY > known:
                 known = total
             if not self._shown or self._shown[0] != what:
-                self.__exit__(None, None, None)
+                self.__exit__()
                 self._shown = what, self._output.progress(what).__enter__()
             self._shown[1](done, max(known, done))
 

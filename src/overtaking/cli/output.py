@@ -1,4 +1,4 @@
-"""Results on stdout, talk on stderr, a log for machines; nothing else in the package prints."""
+"""Results on stdout, remarks on stderr, a log for machines; nothing else in the package prints."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console, RenderableType
     from rich.progress import Progress
+    from rich.table import Table
 
 _PATIENCE = 0.5  # Seconds of work before a progress bar is worth its flicker.
 _UNBOUNDED = 1_000_000  # Columns; wider than any line.
@@ -28,7 +29,7 @@ _LOG_INTERVAL = 5.0  # Seconds between two lines of progress in the log.
 
 
 class Output:
-    """Where one run of a command says things.
+    """The output of one run of a command.
 
     Args:
         command: Name of the command.
@@ -77,7 +78,7 @@ class Output:
             self._logger.log(level, event, extra={"fields": fields})
 
     def say(self, text: str) -> None:
-        """Tell the user something that is not the result."""
+        """Print a remark on stderr, unless the run is quiet, and log it."""
         self.log(text)
         if not self.quiet:
             print(text, file=sys.stderr)
@@ -85,13 +86,13 @@ class Output:
     def result(
         self, values: Mapping[str, Any], render: Callable[[Console], RenderableType]
     ) -> None:
-        """Print what the command was asked for, also if it is to be quiet.
+        """Print the result of the command, also if the run is quiet.
 
         Args:
             values: The result for machines, with units in the names.
             render: Draws the result for people; called only if they want it.
         """
-        self._print(_json_of(values) if self._json else _drawn(render))
+        self._print(json_of(values) if self._json else _drawn(render))
 
     def text(self, values: Mapping[str, Any], text: str) -> None:
         """Print a result that is text as it is: no line is broken, nothing is coloured.
@@ -100,7 +101,7 @@ class Output:
             values: The result for machines, with units in the names.
             text: The result for people.
         """
-        self._print(_json_of(values) if self._json else text)
+        self._print(json_of(values) if self._json else text)
 
     def wrote(self, values: Mapping[str, Any], render: Callable[[Console], RenderableType]) -> None:
         """Sum up what the command wrote to files, unless it is to be quiet; see `result`."""
@@ -189,12 +190,13 @@ def _bar(what: str, total: int) -> Progress:
     return bar
 
 
-def _json_of(values: Mapping[str, Any]) -> str:
+def json_of(values: Mapping[str, Any]) -> str:
+    """Values as JSON."""
     return json_format.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _drawn(render: Callable[[Console], RenderableType]) -> str:
-    """What a person sees, as text with the escape codes that stdout understands.
+    """A drawing as text, with the escape codes that stdout understands.
 
     A terminal gets tables that fit its width. Anything else gets a record per line: no line is
     broken, shortened or padded, and tables have no rules, so that `grep`, `cut` and `wc` work.
@@ -228,6 +230,23 @@ def _unwrap(drawing: RenderableType) -> None:
             column.max_width = column.ratio = None
 
 
+def open_table(*columns: str, **settings: Any) -> Table:
+    """An empty table without lines.
+
+    Args:
+        columns: Their heads; a column whose head ends in ">" is aligned to the right.
+        settings: Further settings of `rich.table.Table`.
+    """
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), **settings)
+    for head in columns:
+        side = "right" if head.endswith(">") else "left"
+        table.add_column(Text(head.removesuffix(">")), justify=side)
+    return table
+
+
 class _JsonLines(logging.Formatter):
     """One JSON object per event."""
 
@@ -243,7 +262,7 @@ class _JsonLines(logging.Formatter):
 
 
 def _log_handler(path: Path) -> logging.Handler:
-    """Where the log goes."""
+    """The handler that appends to the log file."""
     handler = logging.FileHandler(path, encoding="utf-8")
     handler.setFormatter(_JsonLines())
     return handler

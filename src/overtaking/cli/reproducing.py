@@ -1,4 +1,4 @@
-"""The command that puts our simulations beside every number of a paper."""
+"""The command that compares our simulations with every number of a paper."""
 
 import time
 from pathlib import Path
@@ -71,7 +71,7 @@ def reproduce(
 
 
 def rendered(found: "Reproduction") -> str:
-    """All of it as text for a terminal."""
+    """Everything as text for a terminal."""
     from overtaking.analysis.reproduction import tables, words
     from overtaking.analysis.stats.formats import table_to_text
 

@@ -1,4 +1,4 @@
-"""One simulation on a terminal: who was there, what the ego did and believed, how it ended."""
+"""One simulation on a terminal: vehicles, actions and beliefs of the ego, outcome, law."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from overtaking.cli.drawing import (
     sparkline,
 )
 from overtaking.cli.law import law_lines
+from overtaking.cli.output import open_table
 from overtaking.cli.timeline import STAGE_STYLES, event_lines, stage_times, time_line
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge import terms
 from overtaking.model.trajectory import METRES_PER_SECOND_PER_STEP, METRES_PER_STEP, Stage
 from overtaking.model.vehicles import Role
-from overtaking.show.description import lane_name, present
+from overtaking.show.description import lane_name
 from overtaking.show.wording import (
     ending_words,
     outcome_words,
@@ -92,7 +93,7 @@ def _section(title: str, lines: Iterator[Text]) -> Iterator[Text]:
 
 
 def _heading(values: Values, width: int, glyphs: Glyphs) -> Iterator[RenderableType]:
-    """Where and in what weather."""
+    """Facts, road, weather, outcome and classes."""
     facts = (
         f"Simulation {values['simulation']}",
         f"profile {values['profile']}",
@@ -120,25 +121,17 @@ def _heading(values: Values, width: int, glyphs: Glyphs) -> Iterator[RenderableT
 
 def _nearest(run: Trajectories) -> np.ndarray:
     """Slots of the ego and of those that came closest to it, the ego first."""
-    slots = present(run)
+    slots = np.flatnonzero(run.scenario.vehicles.valid[0])
     s = run.states.s[0, :, : run.num_frames[0]]
     away = np.where(run.state_valid[0, slots, : run.num_frames[0]], s[slots] - s[Role.EGO], _FAR)
     closest = np.abs(away).min(axis=1)
     return np.sort(slots[np.argsort(closest, kind="stable")][:MAX_VEHICLES])
 
 
-def _table(*columns: str) -> Table:
-    """An empty table without lines; a column whose name ends in ">" is aligned to the right."""
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="underline")
-    for name in columns:
-        table.add_column(Text(name.rstrip(">")), justify="right" if name[-1:] == ">" else "left")
-    return table
-
-
 def _vehicle_table(values: Values, shown: np.ndarray, glyphs: Glyphs) -> Table:
-    """Who was there, and how everybody began."""
+    """The vehicles and their starts."""
     columns = ("", "vehicle", "size m>", "mass kg>", "lane>", "ahead m>", "km/h>", "wants>")
-    table = _table(*columns)
+    table = open_table(*columns, header_style="underline")
     ego = values["vehicles"][Role.EGO]
     for one in values["vehicles"]:
         if one["vehicle"] not in shown:
@@ -162,7 +155,7 @@ def _vehicle_table(values: Values, shown: np.ndarray, glyphs: Glyphs) -> Table:
 
 
 def _ahead(one: Values, ego: Values) -> str:
-    """Where a vehicle begins, relative to the ego, or when, if it comes later."""
+    """Start of a vehicle relative to the ego, or the time at which it appears."""
     if one["from_s"] > ego["from_s"]:
         return f"at {one['from_s']:.1f} s"
     return f"{one['start_s_m'] - ego['start_s_m']:+.1f}"
@@ -258,10 +251,11 @@ def _speed_lines(
 
 
 def _decisions(values: Values) -> Iterator[RenderableType]:
-    """What the ego believed when it decided, the truth in brackets, and what the law says."""
+    """Beliefs of the ego at each decision, true values in brackets, and the verdict of the law."""
     if not values["decisions"]:
         return
-    table = _table("time", "to", "of whom", "gap m>", "closing km/h>", "the law")
+    columns = ("time", "to", "of whom", "gap m>", "closing km/h>", "the law")
+    table = open_table(*columns, header_style="underline")
     for one in values["decisions"]:
         near = [(place, of) for place, of in one["neighbours"].items() if of is not None]
         rows = [percept_words(place, of) for place, of in near] or [("nobody near",)]

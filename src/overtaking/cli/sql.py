@@ -1,4 +1,4 @@
-"""Questions to a data set in SQL, and the diagram of its tables."""
+"""SQL queries of a data set, and the diagram of its tables."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from overtaking.cli import options
-from overtaking.cli.output import Output
-from overtaking.core.errors import ConfigError
+from overtaking.cli.output import Output, json_of
+from overtaking.cli.tables import drawn_rows
+from overtaking.core.checks import check_name
 from overtaking.core.words import counted
 
 if TYPE_CHECKING:
@@ -44,24 +45,16 @@ def sql(
 ) -> None:
     """Query the tables of a data set in SQL."""
     from overtaking import api
-    from overtaking.analysis.database import text
 
-    if written not in FORMATS:
-        raise ConfigError.of(
-            what="--format",
-            where="sql",
-            expected=" or ".join(FORMATS),
-            got=written,
-            next_step="choose one of them",
-        )
+    check_name(written, FORMATS, what="--format", where="sql")
     answer = api.query(data, question, max_rows=rows, timeout_s=timeout_s, memory_mib=memory_mib)
-    values = text.values_of(answer)
+    values = answer.values()
     if answer.is_cut:
         output.say(f"there are more rows than these {rows}; --rows gives more")
     if written == "csv":
-        output.text(values, text.csv_of(answer))
+        output.text(values, answer.csv())
     elif written == "json":
-        output.text(values, _json(values))
+        output.text(values, json_of(values))
     else:
         output.result(values, lambda _: render(values))
 
@@ -79,23 +72,17 @@ def er(output: Output, drawn: Drawn = "svg", out: Target = None) -> None:
 
 
 def render(values: dict[str, Any]) -> "Group":
-    """The rows as a table; what cannot be printed is shown as such."""
-    from rich import box
+    """The rows as a table."""
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in values["columns"]:
-        table.add_column(Text(shown(name)), overflow="fold")
-    for row in values["rows"]:
-        table.add_row(*(Text(shown(cell)) for cell in row))
-    count = len(values["rows"])
-    return Group(table, Text(counted(count, "row")))
+    rows = [[shown(cell) for cell in row] for row in values["rows"]]
+    table = drawn_rows([shown(name) for name in values["columns"]], rows)
+    return Group(table, Text(counted(len(rows), "row")))
 
 
 def shown(cell: object) -> str:
-    """A cell as people read it: not all of a long one, and nothing that a terminal would obey."""
+    """A cell for people: cut if it is long, and without control characters."""
     if cell is None:
         return "–"
     if isinstance(cell, bool):
@@ -103,12 +90,6 @@ def shown(cell: object) -> str:
     text = f"{cell:.6g}" if isinstance(cell, float) else str(cell)
     text = text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}…"
     return "".join(one if one.isprintable() else "�" for one in text)
-
-
-def _json(values: dict[str, Any]) -> str:
-    import json
-
-    return json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 COMMANDS: dict[options.Body, str] = {

@@ -8,7 +8,7 @@ import typer
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
-from overtaking.core.errors import ConfigError
+from overtaking.core.checks import check_name
 from overtaking.core.words import counted
 
 if TYPE_CHECKING:
@@ -54,14 +54,7 @@ def stats(
     from overtaking import api
     from overtaking.analysis.stats import formats
 
-    if written not in formats.FORMATS:
-        raise ConfigError.of(
-            what="--format",
-            where="stats",
-            expected=" or ".join(formats.FORMATS),
-            got=written,
-            next_step="choose one of them",
-        )
+    check_name(written, formats.FORMATS, what="--format", where="stats")
     found = api.statistics(data, policy=policy, reading=reading, weighted=weighted)
     output.text(found.values(), formats.written(found, written))
 

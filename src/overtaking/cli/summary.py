@@ -1,4 +1,4 @@
-"""What a data set or a table holds, as values and as a few lines."""
+"""Summaries of data sets and exported tables, as values and as text."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _BYTES_PER_MB = 1e6
 
 
 def of_dataset(data: Dataset, seconds: float | None = None) -> Values:
-    """What its manifest says of a data set.
+    """Summary of a data set, from its manifest.
 
     Args:
         data: The data set.
@@ -51,7 +51,7 @@ def of_dataset(data: Dataset, seconds: float | None = None) -> Values:
 
 
 def _balance(data: Dataset) -> Values:
-    """How it is balanced, if it is."""
+    """Settings and result of balancing; empty for other data sets."""
     manifest = data.manifest
     settings, found = manifest.identity.balance, manifest.balance
     if settings is None or found is None:
@@ -67,7 +67,7 @@ def _balance(data: Dataset) -> Values:
 
 
 def render_generated(values: Values) -> Text:
-    """One line about what was made, and what to do next."""
+    """Summary of a new data set in a few lines, with the next command."""
     seconds = values["duration_s"]
     rate = values["simulations"] / max(seconds, 1e-3)
     shares = f"balanced: {_shares(values)}\n" if "balance" in values else ""
@@ -112,7 +112,7 @@ def _megabytes(values: Values) -> float:
 
 
 def of_table(path: Path, rows: int) -> Values:
-    """What was exported."""
+    """Summary of an export."""
     files = list(path.iterdir()) if path.is_dir() else [path]
     size = sum(file.stat().st_size for file in files)
     return {"file": str(path), "rows": rows, "files": len(files), "size_bytes": size}

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from overtaking.cli.drawing import bar_lengths, centred, placed
-from overtaking.show.wording import LETTERS, sentence, words
+from overtaking.show.judgement import EVENTS
+from overtaking.show.wording import sentence, words
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,7 +46,7 @@ def time_line(values: Values, width: int, glyphs: Glyphs) -> Iterator[Text]:
     def column(time_s: float) -> int:
         return round(time_s / max(values["duration_s"], 1e-9) * (inner - 1))
 
-    marks = [(column(one["time_s"]), LETTERS[one["event"]]) for one in values["events"]]
+    marks = [(column(one["time_s"]), EVENTS[one["event"]].letter) for one in values["events"]]
     for row in placed(marks, inner):
         yield Text(" " * (_GUTTER + 1) + row.rstrip())
     for one in values["broken"]:
@@ -66,12 +67,11 @@ def stage_times(values: Values, glyphs: Glyphs) -> Iterator[Text]:
 
 
 def event_lines(values: Values) -> Iterator[Text]:
-    """What happened when, one line for each event."""
+    """The events in order, one line each."""
     for one in values["events"]:
-        yield Text(
-            f"{LETTERS[one['event']]:<{_GUTTER}} {one['time_s']:6.2f} s  {one['symbol']:<9}  "
-            f"{sentence(one['event'], values)}"
-        )
+        told = EVENTS[one["event"]]
+        text = sentence(one["event"], values)
+        yield Text(f"{told.letter:<{_GUTTER}} {one['time_s']:6.2f} s  {told.symbol:<9}  {text}")
 
 
 def _stages(stages: list[Values], inner: int, glyphs: Glyphs) -> Text:

@@ -1,4 +1,4 @@
-"""What `overtaking validate` shows: figures beside their targets, classes by weather, rates."""
+"""The page of `overtaking validate`: figures and targets, classes by weather, rates."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from overtaking.cli import arguments, options
-from overtaking.cli.output import Output
+from overtaking.cli.output import Output, open_table
 from overtaking.core.errors import ConfigError
 from overtaking.core.words import counted
 
@@ -95,7 +95,7 @@ def choice(
 
 
 def values_of(films: "list[Video]", seconds: float) -> dict[str, Any]:
-    """What was made, for machines."""
+    """Summary of the films as plain values."""
     return {
         "films": [
             {
@@ -115,11 +115,9 @@ def values_of(films: "list[Video]", seconds: float) -> dict[str, Any]:
 
 
 def render(values: dict[str, Any]) -> "Table":
-    """What was made, for people."""
-    from rich.table import Table
-
+    """Summary of the films as a table."""
     films = values["films"]
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    table = open_table(show_header=False)
     for film in films[:_MOST_LISTED]:
         size = film["size_bytes"] / _BYTES_PER_MB
         length = f"{film['duration_s']:.1f} s"

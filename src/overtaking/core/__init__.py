@@ -1,1 +1,1 @@
-"""What every layer stands on: errors, units, elementary functions and random numbers."""
+"""The lowest layer: errors, units, files, processes, elementary functions, random numbers."""

@@ -27,13 +27,7 @@ def check_bounds(where: str, *, max_rows: int, timeout_s: float, memory_mib: int
         ("memory in MiB", memory_mib, 16),
     ):
         if not low <= value <= 1e9:
-            raise ConfigError.of(
-                what=what,
-                where=where,
-                expected=f"{low} or more",
-                got=value,
-                next_step="choose a number in that range",
-            )
+            raise ConfigError.out_of_range(what, where, low, None, value)
 
 
 ANSWER_SHARE = 8
@@ -42,7 +36,7 @@ it."""
 
 
 def room_after(room: int | None, rows: object, where: str, memory_mib: int) -> int:
-    """What is left of the memory for an answer once it has further rows [bytes].
+    """Memory left for an answer after further rows [bytes].
 
     Args:
         room: What was left before; None at the beginning.

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from typing import Self
 
 MAX_SHOWN_CHARACTERS = 160
@@ -46,6 +47,37 @@ class OvertakingError(Exception):
         head = f"{_one_line(where)}: {_one_line(what)}"
         body = f"expected {_one_line(expected)}, got {_one_line(got)}"
         return cls(f"{head}: {body}; {_one_line(next_step)}")
+
+    @classmethod
+    def not_among(cls, what: str, where: str, known: Iterable[str], got: object) -> Self:
+        """An error for a name that is none of those that are known.
+
+        Args:
+            what: What is named, such as `policy`.
+            where: The call or option that was given the name.
+            known: The names to choose from.
+            got: The name that was given.
+        """
+        step = "choose one of them"
+        return cls.of(what=what, where=where, expected=" or ".join(known), got=got, next_step=step)
+
+    @classmethod
+    def out_of_range(
+        cls, what: str, where: str, low: object, high: object, got: object, next_step: str = ""
+    ) -> Self:
+        """An error for a number that is not in a range.
+
+        Args:
+            what: What the number is of.
+            where: The call or option that was given the number.
+            low: Smallest number.
+            high: Largest number; None if there is none.
+            got: The number that was given.
+            next_step: What the reader can do; to choose a number in that range if left out.
+        """
+        expected = f"{low} or more" if high is None else f"{low} to {high}"
+        step = next_step or "choose a number in that range"
+        return cls.of(what=what, where=where, expected=expected, got=got, next_step=step)
 
 
 class ConfigError(OvertakingError, ValueError):

@@ -34,7 +34,7 @@ def opened(path: Path) -> BufferedReader:
 
 
 def whole(file: BufferedIOBase, most_bytes: int) -> bytes:
-    """What an open file holds.
+    """The content of an open file.
 
     Args:
         file: The file.

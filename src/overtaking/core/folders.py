@@ -30,7 +30,7 @@ def whole_folder(out: Path) -> Generator[Path]:
         if out.is_dir():
             out.rmdir()  # An empty one; Windows does not replace it.
         folder.rename(out)
-        _sync(out.parent)
+        sync_folder(out.parent)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -65,7 +65,7 @@ def put_file(path: Path, text: str) -> None:
         os.fsync(file.fileno())
 
 
-def _sync(folder: Path) -> None:
+def sync_folder(folder: Path) -> None:
     """Force the names in a folder to the disk, where the system knows how to."""
     if os.name == "nt":  # Windows cannot open folders.
         return

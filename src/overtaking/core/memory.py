@@ -35,7 +35,7 @@ Layout = tuple[tuple[str, tuple[int, ...], type[np.generic]], ...]
 """Names, shapes and types of some arrays."""
 
 _Use = tuple[Hashable, int]
-"""What memory is for, None for anything, and its size."""
+"""The use that memory is reserved for (None for any), and its size."""
 
 _free: dict[_Use, list[mmap.mmap]] = {}
 """Memory that nobody uses. Only `append` and `pop` touch the lists, so that neither threads nor a

@@ -27,7 +27,7 @@ _ROUNDS = 10
 
 
 class Stream(enum.IntEnum):
-    """What a draw is for; each stream of a simulation is independent of the others."""
+    """The purposes of draws; each stream of a simulation is independent of the others."""
 
     WEATHER = 1
     LAYOUT = 2

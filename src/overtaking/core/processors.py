@@ -1,4 +1,4 @@
-"""How many processors there are for this process."""
+"""Number of processors for this process."""
 
 import os
 from contextlib import suppress
@@ -8,7 +8,7 @@ THREADS_VARIABLE = "RAYON_NUM_THREADS"
 """Environment variable that says how many the engine may use."""
 
 QUOTA = Path("/sys/fs/cgroup/cpu.max")
-"""Where Linux says how much time a container gets, in microseconds, and in how many of them."""
+"""Linux's file with the CPU quota of a container: microseconds of quota and of its period."""
 
 
 def usable() -> int:

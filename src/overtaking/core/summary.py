@@ -1,4 +1,4 @@
-"""What large objects show of themselves: a line in a terminal, a small table in a notebook."""
+"""Short representations of large objects: a line in a terminal, a small table in a notebook."""
 
 import contextlib
 import dataclasses
@@ -36,7 +36,7 @@ class Summarized:
         return found
 
     def __repr__(self) -> str:
-        """What it is, in a line."""
+        """The summary in one line."""
         shown = ", ".join(f"{name}={value!r}" for name, value in self.summary().items())
         return f"{type(self).__name__}({shown})"
 

@@ -1,4 +1,4 @@
-"""Conversions at the edges, and the two constants of nature that every layer shares.
+"""Conversions at the edges, and how units are written in names.
 
 Inside the package every name without a suffix is SI. Kilometres per hour and degrees appear only
 where a file, a person or another program uses them, in names that end in `_kmh` and `_deg`.
@@ -15,14 +15,31 @@ if TYPE_CHECKING:
 
 Number = TypeVar("Number", float, "NDArray[np.floating[Any]]")
 
-# Road-vehicle practice rounds the standard acceleration of free fall, 9.80665 m/s^2
-# (3rd CGPM, 1901), to two decimals.
-GRAVITY = 9.81
-"""Acceleration of free fall [m/s^2]."""
-
-# Dry air at 20 degrees Celsius and 101 325 Pa has 1.204 kg/m^3 (ideal gas, R = 287.05 J/(kg K)).
-AIR_DENSITY = 1.20
-"""Density of air near the ground [kg/m^3]."""
+SUFFIXES = {
+    "1": "",
+    "%": "_percent",
+    "m": "_m",
+    "m^2": "_m2",
+    "mm": "_mm",
+    "mm/h": "_mmph",
+    "s": "_s",
+    "s^2": "_s2",
+    "ms": "_ms",
+    "m/s": "_mps",
+    "mm/s": "_mmps",
+    "m/s^2": "_mps2",
+    "mm/s^2": "_mmps2",
+    "rad": "_rad",
+    "0.1 mrad": "_100urad",
+    "rad/s": "_radps",
+    "0.1 mrad/s": "_100uradps",
+    "1/rad": "_per_rad",
+    "kg": "_kg",
+    "kg m^2": "_kgm2",
+    "N s": "_newton_s",
+    "W": "_w",
+}
+"""The ending of a name for each unit, wherever numbers leave memory: columns, keys of files."""
 
 _KMH_PER_MPS = 3.6
 _RAD_PER_DEG = math.pi / 180.0

@@ -1,4 +1,4 @@
-"""What it is to balance a data set: its cells, their quotas, and the weights that undo it."""
+"""Balanced data sets: cells, quotas, and the weights that restore the natural shares."""
 
 from dataclasses import dataclass, field
 
@@ -16,11 +16,10 @@ I64 = NDArray[np.int64]
 F64 = NDArray[np.float64]
 
 BY = (("class",), ("class", "day-night"))
-"""What the cells may be told apart by."""
+"""The variables that can define the cells."""
 
 CLASSES = tuple(one for one in OvertakeClass if one <= OvertakeClass.UNSUCCESS_NCOL)
-"""The paper's five classes, those with a quota; `Success_U` and `censored` answer no question of
-its kind."""
+"""The paper's five classes. They have quotas; `Success_U` and `censored` have none."""
 
 OUTSIDE = -1
 """Cell of a simulation whose class has no quota."""
@@ -33,7 +32,7 @@ MIN_CANDIDATES = 10_000
 """The same for small data sets, in which a rare class may be late by chance."""
 
 MAX_CANDIDATES = 10**12
-"""More than anyone has time for; a number beyond it is a slip."""
+"""A larger number is a typing error."""
 
 _LIGHT = ("Day", "Night")
 
@@ -66,11 +65,11 @@ class Balance:
         check(self, "balance")
         known_policy(self.policy)
         if self.by not in BY:
-            choices = " or ".join(",".join(names) for names in BY)
-            raise _error("cells", choices, ",".join(self.by), "choose one of these")
+            choices = [",".join(names) for names in BY]
+            raise ConfigError.not_among("cells", "balance", choices, ",".join(self.by))
 
     def __str__(self) -> str:
-        """What is asked for, in a few words."""
+        """The settings in one line."""
         end = "fewer simulations if that is not enough" if self.allows_missing else "no fewer"
         return (
             f"equal numbers by {','.join(self.by)} under policy {self.policy} "
@@ -85,7 +84,7 @@ class Balance:
         return tuple(f"{one.title}/{light}" for one in CLASSES for light in _LIGHT)
 
     def limit(self, num_simulations: int) -> int:
-        """How many candidates are looked at, at most."""
+        """Largest number of candidates."""
         usual = max(MIN_CANDIDATES, CANDIDATES_PER_SIMULATION * num_simulations)
         return min(usual, MAX_CANDIDATES) if self.candidates is None else self.candidates
 
@@ -97,8 +96,13 @@ class Balance:
         """
         cells = len(self.cells)
         if num_simulations < cells:
-            next_step = "ask for more simulations or fewer cells"
-            raise _error("simulations", f"at least {cells}, one a cell", num_simulations, next_step)
+            raise ConfigError.of(
+                what="simulations",
+                where="balance",
+                expected=f"at least {cells}, one a cell",
+                got=num_simulations,
+                next_step="ask for more simulations or fewer cells",
+            )
         each, left = divmod(num_simulations, cells)
         return np.where(np.arange(cells) < left, each + 1, each).astype(np.int64)
 
@@ -136,9 +140,3 @@ def selection_weights(seen: I64, kept: I64) -> F64:
     # Of integers, which are exact, so that the quotient is rounded once.
     pairs = zip(seen.tolist(), kept.tolist(), strict=True)
     return np.array([s * all_kept / (k * all_seen) if k else 0.0 for s, k in pairs])
-
-
-def _error(what: str, expected: str, got: object, next_step: str) -> ConfigError:
-    return ConfigError.of(
-        what=what, where="balance", expected=expected, got=got, next_step=next_step
-    )

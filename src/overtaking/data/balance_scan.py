@@ -1,12 +1,11 @@
-"""Which candidates a balanced data set consists of: looked for once, and remembered in its folder.
+"""Searches the candidates for a balanced data set, and saves the progress in its folder.
 
-What is found is a pure function of the recipe. `balance.json` only saves the time to find it
-again: one that is missing, damaged or of another recipe is as good as none.
+The result is a pure function of the recipe. `balance.json` only saves time: a file that is missing,
+damaged or of another recipe is ignored.
 """
 
 import hashlib
 import json
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Annotated
@@ -22,6 +21,7 @@ from overtaking.data.ahead import in_order
 from overtaking.data.balance import MAX_CANDIDATES, OUTSIDE, Balance, selection_weights
 from overtaking.data.manifest import BalanceRecord, CellRecord, Identity
 from overtaking.data.place import Place
+from overtaking.data.progress import Progress
 from overtaking.data.recipe import Recipe, Simulator
 from overtaking.labels.label import label
 from overtaking.labels.law import PORTUGAL, policy
@@ -33,17 +33,18 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 U64 = NDArray[np.uint64]
 
-_MOST_BYTES = 1 << 28
-"""Of some ten million simulations; what is longer is looked for again."""
+_HEAD_BYTES, _SIMULATION_BYTES = 1_000, 16
+"""Most of what is remembered, but for the simulations, and of each: a number below
+`MAX_CANDIDATES` and its cell, with commas. What is longer is looked for again."""
 
 _SAVED_SHARE = 10
-"""What is remembered is written when it has grown by a tenth: at most that is to be done again, and
-all writing together costs ten times the last."""
+"""The progress of the search is saved whenever the number of candidates has grown by a tenth. So at
+most a tenth is lost, and all saves together cost ten times the last."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chosen:
-    """What a balanced data set consists of.
+    """The candidates that a balanced data set consists of.
 
     Attributes:
         index: Number of each candidate that is kept, growing, shape (simulation,).
@@ -91,7 +92,7 @@ class Selection:
         return np.concatenate([np.empty(0, np.int64), *(cell for _, cell in self._parts)])
 
     def offer(self, cell: I64) -> None:
-        """Look at the next candidates; those behind the one that fills the last quota do not exist.
+        """Look at the next candidates; stop at the candidate that fills the last quota.
 
         Args:
             cell: The cell of each, or `OUTSIDE`.
@@ -108,7 +109,7 @@ class Selection:
         self.candidates += len(cell)
 
     def restore(self, candidates: int, seen: I64, index: U64, cell: I64) -> None:
-        """Go on from what was remembered.
+        """Continue a saved search.
 
         Args:
             candidates: How many have been looked at.
@@ -120,7 +121,7 @@ class Selection:
         self._add(index, cell)
 
     def expected(self, limit: int) -> int:
-        """About how many candidates it takes, at the rate so far.
+        """Estimated number of candidates until every quota is full, at the rate so far.
 
         Args:
             limit: The most.
@@ -132,7 +133,7 @@ class Selection:
         return int(np.clip(np.ceil(needed.max(initial=0.0)), self.candidates, limit))
 
     def chosen(self, names: tuple[str, ...]) -> Chosen:
-        """What there is to make of it.
+        """The result of the search.
 
         Args:
             names: Names of the cells.
@@ -183,16 +184,17 @@ class Scan:
         self._step = identity.shard_size
         self.selection = Selection(self._balance.quotas(recipe.num_simulations))
 
-    def run(self, progress: Callable[[int, int], None]) -> Chosen:
+    def run(self, report: Progress | None = None) -> Chosen:
         """Go on until every quota is full or there are no more candidates.
 
         Args:
-            progress: Told how many candidates have been seen, and about how many there will be.
+            report: Called with the number of candidates so far, and about how many there will be.
 
         Raises:
             DatasetError: A cell is too rare.
             OSError: The folder cannot be written.
         """
+        progress = report or _silent
         _read(self._place, self._key, self._limit, self.selection)
         progress(self.selection.candidates, self.selection.expected(self._limit))
         if not self.selection.is_full:
@@ -201,8 +203,8 @@ class Scan:
         self._refuse_too_rare()
         return self.selection.chosen(self._balance.cells)
 
-    def _look(self, progress: Callable[[int, int], None]) -> None:
-        """Look at one candidate after the other, and remember what is found now and then."""
+    def _look(self, progress: Progress) -> None:
+        """Look at one batch of candidates after the other, and save the progress now and then."""
         found = self.selection
         saved = found.candidates
         usual = plan.batch_size(self._recipe.spec.resolved(), self._simulator.chunk_size)
@@ -255,11 +257,15 @@ class Scan:
         )
 
 
+def _silent(_done: int, _total: int) -> None:
+    """Report to nobody."""
+
+
 _Count = Annotated[int, Field(ge=0, le=MAX_CANDIDATES)]
 
 
 class _Remembered(BaseModel):
-    """What `balance.json` holds.
+    """The content of `balance.json`.
 
     Attributes:
         key: Hash over all that decides about it.
@@ -300,10 +306,11 @@ class _Remembered(BaseModel):
 
 
 def _read(place: Place, key: str, limit: int, selection: Selection) -> None:
-    """Let a selection go on from what was remembered for the same key, if it is whole."""
+    """Restore the saved progress of the same search into a selection, if it is intact."""
     try:
         with place.open(FILE_NAME) as file:
-            known = _Remembered.model_validate_json(whole(file, _MOST_BYTES))
+            most = _HEAD_BYTES + _SIMULATION_BYTES * int(selection.missing.sum())
+            known = _Remembered.model_validate_json(whole(file, most))
     except (OSError, ValidationError):
         return
     if known.fits(key, limit, len(selection.seen)):
@@ -313,7 +320,7 @@ def _read(place: Place, key: str, limit: int, selection: Selection) -> None:
 
 
 def _key(identity: Identity, balance: Balance) -> str:
-    """Hash over what decides which candidate is kept; when to give up is no part of it."""
+    """Hash over all that decides which candidates are kept; the limit of the search does not."""
     scanned = identity.model_copy(
         update={"balance": Balance(by=balance.by, policy=balance.policy), "shard_size": 1}
     )

@@ -1,210 +1,235 @@
-"""The data card: what lies in the folder of a data set, for whoever finds it.
+"""The data card: `README.md` for people and the Hugging Face Hub, `croissant.json` for catalogues.
 
-`README.md` is for people and the Hugging Face Hub, `croissant.json` for other catalogues.
+Both say what the manifest says, with the texts of `card.toml`. The head of `README.md` is what the
+Hub reads of a folder (https://huggingface.co/docs/hub/datasets-cards).
 """
+
+import json
+import tomllib
+from dataclasses import dataclass
+from functools import cache, cached_property
+from importlib import resources
+from typing import Any
 
 import pyarrow as pa
 
-from overtaking.data import croissant, datasheet
-from overtaking.data.card_header import card_header
-from overtaking.data.datasheet import num_rows, plain
-from overtaking.data.manifest import BalanceRecord, Identity, ShardRecord
-from overtaking.data.place import Place
-from overtaking.data.tables.columns import names_of
-from overtaking.data.tables.schemas import KEYS
+from overtaking.data.manifest import Identity, Manifest
+from overtaking.data.recipe import Keep
+from overtaking.data.tables.columns import STEPS, flags_of, names_of, unit_of
+from overtaking.data.tables.schemas import KEYS, SCHEMAS, schema_of
 
-FILE_NAME = "README.md"
+README_NAME = "README.md"
 
-_HEAD = """\
-# {simulations} simulated overtaking scenes: {profile}
-
-Made by the Python package `overtaking`; no recording of real traffic is part of it. Run beside
-this file, the following makes the same values again on any machine:
-
-    import overtaking
-    made = overtaking.load(".").manifest.identity
-    overtaking.generate(
-        made.spec, made.simulations, made.seed, "again", road=made.road, keep=made.keep{again}
-    )
-
-| | |
-|---|---|
-| profile | {profile} |
-| specification | SHA-256 `{spec_hash}`, in full in `dataset.json` |
-| road | {road}, {lanes} lanes, {length:g} m |
-| seed | {seed} |
-| simulations | {simulations} |
-| simulator | {simulator}, model version {simulator_version} |
-| version of the tables | {table_version} |
-| content hash | `{content_hash}` |
-
-"""
-
-_IMPORTED = """\
-# {simulations} scenes of recorded traffic: {recording}
-
-Made by the Python package `overtaking` from a recording in the format {profile}; who may use or
-pass on the recording, its owners say. `dataset.json` has what was found in it and what was
-measured. What the recording does not tell is null: {unknown_names}.
-
-| | |
-|---|---|
-| recording | {recording} |
-{files}
-| road | {road}, {lanes} lanes, {length:g} m, straightened |
-| scenes | {simulations} |
-| version of the tables | {table_version} |
-| content hash | `{content_hash}` |
-
-"""
-
-_BALANCED = """\
-## Balanced
-
-Asked for: {balance}. Of {candidates} candidates, the first ones of each cell were kept, up to the
-number that was wanted. {outside} candidates were of a class that is not wanted, and {missing}
-simulations are missing because their cell is too rare. `class_weight` in `labels` gives back the
-shares that the cells had among the candidates; it is the weight below times that of the sampling.
-
-| cell | wanted | candidates | kept | weight |
-|---|---|---|---|---|
-{cells}
-
-"""
-
-_AGAIN = ",\n        balance=made.balance,"
-
-_READING = """\
-## Reading it
-
-Every folder below is a table, in Parquet files that any reader takes as one:
-
-    import overtaking
-    data = overtaking.load(".")          # pandas, SI units: data.states(17), data.vehicles(), ...
-
-    select * from '{largest}/*.parquet' join 'simulations/*.parquet' using (simulation)   -- DuckDB
-
-In Polars it is `polars.read_parquet("{largest}/*.parquet")`, with the library of Hugging Face
-`datasets.load_dataset(".", "{largest}")`, and `croissant.json` is for whatever reads Croissant.
-
-Integer columns count steps; the step is in the name. Null means that there is nothing to state.
-Vehicle 0 is the ego, the vehicle whose overtaking is studied. `d` and angles grow to the left, `x`
-and `y` are those of the OpenDRIVE road, right-handed, and positions are those of the centres of the
-bounding boxes. `dataset.json` holds the checksum of every file.
-
-"""
-
-_TABLE = """
-## {name}: {rows} rows
-
-One row for each {keys}.
-
-| column | type | unit | meaning |
-|---|---|---|---|
-"""
+_DEFAULT = "features"
+"""The table that the Hub shows to a reader who names none."""
 
 
-def write_cards(
-    place: Place,
-    identity: Identity,
-    shards: tuple[ShardRecord, ...],
-    content_hash: str,
-    balance: BalanceRecord | None = None,
-) -> None:
-    """Put `README.md` and `croissant.json` beside the tables of a data set.
+@cache
+def texts() -> dict[str, Any]:
+    """The content of `card.toml`."""
+    file = resources.files("overtaking.data") / "card.toml"
+    return tomllib.loads(file.read_text(encoding="utf-8"))
 
-    Args:
-        place: Where it lies.
-        identity: What decides the content.
-        shards: All shards.
-        content_hash: Hash over the values of all tables.
-        balance: What became of the cells of a balanced data set.
 
-    Raises:
-        OSError: They cannot be written.
+@dataclass(frozen=True)
+class Card:
+    """The facts about a complete data set, and its card.
+
+    Attributes:
+        manifest: Its manifest.
     """
-    card = data_card(identity, shards, content_hash, balance)
-    given = _answers(identity, shards, balance)
-    place.put_text(FILE_NAME, card)
-    text = croissant.croissant(identity, shards, content_hash, given)
-    place.put_text(croissant.FILE_NAME, text)
+
+    manifest: Manifest
+
+    @property
+    def identity(self) -> Identity:
+        """Its identity."""
+        return self.manifest.identity
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether it was imported from a recording."""
+        return self.identity.source is not None
+
+    @property
+    def recording(self) -> str:
+        """The name of the recording, empty for simulations."""
+        return self.identity.source.recording if self.identity.source else ""
+
+    @property
+    def keywords(self) -> list[str]:
+        """Keywords for catalogues."""
+        kind = "trajectories" if self.is_recorded else "simulation"
+        return ["overtaking", "autonomous driving", "traffic law", "driver behaviour", kind]
+
+    @cached_property
+    def schemas(self) -> dict[str, pa.Schema]:
+        """The schema of each table, with nulls where the source tells nothing."""
+        there = {name for shard in self.manifest.shards for name in shard.tables}
+        unknown = self.identity.unknown
+        return {
+            name: schema_of(name, unknown, recorded=self.is_recorded)
+            for name in SCHEMAS
+            if name in there
+        }
+
+    def num_rows(self, table: str) -> int:
+        """Number of rows of a table in all shards."""
+        return sum(shard.tables[table].rows for shard in self.manifest.shards)
+
+    @cached_property
+    def facts(self) -> dict[str, Any]:
+        """The values for the braces in the texts of `card.toml`."""
+        identity, balance = self.identity, self.manifest.balance
+        road, simulations = identity.road, self.manifest.num_simulations
+        keeps_frames = identity.keep is Keep.FRAMES
+        motion = texts()["motion"]["kept" if keeps_frames else "left_out"]
+        files = identity.source.files if identity.source else {}
+        return {
+            **identity.model_dump(exclude={"spec", "road", "simulations", "source", "unknown"}),
+            "recording": plain(self.recording),
+            "road": plain(road.name),
+            "lanes": road.num_lanes,
+            "length": road.length,
+            "simulations": simulations,
+            "last": simulations - 1,
+            "vehicles": self.num_rows("vehicles"),
+            "motion": motion.format(states=self.num_rows("states") if keeps_frames else 0),
+            "files": "\n".join(
+                f"| file | {plain(name)}, SHA-256 `{digest}` |" for name, digest in files.items()
+            ),
+            "again": ",\n        balance=made.balance," if balance else "",
+            "content_hash": self.manifest.content_hash,
+            "unknown_names": ", ".join(identity.unknown) or "nothing",
+            "unknown": self._unknown(),
+            "candidates": balance.candidates if balance else None,
+        }
+
+    def _unknown(self) -> str:
+        """The quantities that are unknown, as a part of a sentence."""
+        names = ", ".join(name.replace("_", " ") for name in self.identity.unknown)
+        if not names:
+            return ""
+        simulator = f", except what the simulator `{self.identity.simulator}` does not tell"
+        return f"{'' if self.is_recorded else simulator}: {names}"
+
+    @cached_property
+    def answers(self) -> dict[str, str]:
+        """The answer to each question of the datasheet, by its key, in Markdown."""
+        kinds = ["recorded"] if self.is_recorded else ["simulated"]
+        kinds = [*(["balanced"] if self.manifest.balance else []), *kinds, "answer"]
+        return {
+            one["key"]: next(one[kind] for kind in kinds if kind in one).format(**self.facts)
+            for chapter in texts()["chapters"]
+            for one in chapter["questions"]
+        }
+
+    def readme(self) -> str:
+        """The text of `README.md`."""
+        parts = texts()["readme"]
+        largest = "states" if "states" in self.schemas else "vehicles"
+        return "".join(
+            [
+                self.header(),
+                parts["recorded" if self.is_recorded else "simulated"].format(**self.facts),
+                self._balanced() if self.manifest.balance else "",
+                parts["reading"].format(largest=largest),
+                self.datasheet(),
+                *(self._table(*one) for one in self.schemas.items()),
+            ]
+        )
+
+    def header(self) -> str:
+        """The YAML at the beginning, in which every table that has rows is a configuration.
+
+        The library of the Hub cannot read a table without rows.
+        """
+        title = f"Overtaking scenes: {plain(self.recording or self.identity.profile)}"
+        return texts()["readme"]["header"].format(
+            title=json.dumps(title, ensure_ascii=False),  # A JSON string is one of YAML, too.
+            tags="\n".join(f"- {word}" for word in self.keywords),
+            size=size_category(self.manifest.num_simulations),
+            configs="\n".join(_config(name) for name in self.schemas if self.num_rows(name)),
+        )
+
+    def datasheet(self) -> str:
+        """The chapter with the questions of a datasheet and their answers."""
+        chapters = "\n".join(
+            f"### {chapter['title']}\n\n"
+            + "".join(
+                f"- **{one['asked']}.** {self.answers[one['key']]}\n"
+                for one in chapter["questions"]
+            )
+            for chapter in texts()["chapters"]
+        )
+        return (
+            "## Datasheet\n\nThe questions are those of T. Gebru et al., *Datasheets for Datasets*,"
+            f" 2021, in short.\n\n{chapters}"
+        )
+
+    def _balanced(self) -> str:
+        """The chapter about the cells of a balanced data set."""
+        balance = self.manifest.balance
+        assert balance is not None
+        cells = "\n".join(
+            f"| {name} | {cell.quota} | {cell.seen} | {cell.kept} | {cell.weight:.6g} |"
+            for name, cell in balance.cells.items()
+        )
+        counts = balance.model_dump(exclude={"cells"})
+        wanted = self.identity.balance
+        return texts()["readme"]["balanced"].format(**counts, cells=cells, balance=wanted)
+
+    def _table(self, name: str, schema: pa.Schema) -> str:
+        """The chapter of one table."""
+        keys = ", ".join(f"`{key}`" for key in KEYS[name])
+        head = texts()["readme"]["table"].format(name=name, rows=self.num_rows(name), keys=keys)
+        rows = (
+            f"| `{one.name}` | {'name' if names_of(one) else one.type} | {unit_text(one)} "
+            f"| {meaning_of(one)} |\n"
+            for one in schema
+        )
+        return head + "".join(rows)
 
 
-def data_card(
-    identity: Identity,
-    shards: tuple[ShardRecord, ...],
-    content_hash: str,
-    balance: BalanceRecord | None = None,
-) -> str:
-    """The text of a data set's `README.md`.
-
-    Args:
-        identity: What decides the content.
-        shards: All shards.
-        content_hash: Hash over the values of all tables.
-        balance: What became of the cells of a balanced data set.
-    """
-    given = identity.model_dump(exclude={"spec", "road", "simulations", "source"})
-    road, simulations = identity.road, sum(shard.simulations for shard in shards)
-    schemas = croissant.schemas_of(identity, shards)
-    head = _IMPORTED if identity.source else _HEAD
-    head = head.format(
-        **given,
-        simulations=simulations,
-        recording=plain(identity.source.recording) if identity.source else "",
-        again=_AGAIN if balance else "",
-        road=plain(road.name),
-        lanes=road.num_lanes,
-        length=road.length,
-        content_hash=content_hash,
-        unknown_names=", ".join(identity.unknown) or "nothing",
-        files=_files(identity),
-    )
-    return (
-        card_header(identity, (name for name in schemas if num_rows(name, shards)), simulations)
-        + head
-        + (_balanced(identity, balance) if balance else "")
-        + _READING.format(largest="states" if "states" in schemas else "vehicles")
-        + datasheet.datasheet(_answers(identity, shards, balance))
-        + "".join(_table(name, schema, shards) for name, schema in schemas.items())
-    )
+def meaning_of(field: pa.Field) -> str:
+    """Meaning of a column: its description, its names or bits, and whether it may be null."""
+    meaning = field.metadata[b"description"].decode()
+    if names := names_of(field):
+        meaning = f"{meaning}: {', '.join(names)}"
+    if flags := flags_of(field):
+        bits = ", ".join(f"{1 << place} {name}" for place, name in enumerate(flags))
+        meaning = f"{meaning}: {bits}"
+    return f"{meaning}; may be null" if field.nullable else meaning
 
 
-def _answers(
-    identity: Identity, shards: tuple[ShardRecord, ...], balance: BalanceRecord | None
-) -> datasheet.Answers:
-    """The answers of the datasheet."""
-    return datasheet.answers(identity, shards, balance.candidates if balance else None)
+def unit_text(field: pa.Field) -> str:
+    """The unit of a column, with the SI unit where it counts steps; empty where it has none."""
+    unit = unit_of(field)
+    if unit in STEPS:
+        si, steps = STEPS[unit]
+        return f"{unit} = 1/{steps} {si}"
+    return "" if unit == "1" else unit
 
 
-def _files(identity: Identity) -> str:
-    """The files of a recording, one to a row."""
-    files = identity.source.files if identity.source else {}
-    return "\n".join(
-        f"| file | {plain(name)}, SHA-256 `{digest}` |" for name, digest in files.items()
-    )
+def plain(text: str) -> str:
+    """A name from elsewhere without characters that Markdown, YAML or a terminal interpret."""
+    return "".join(one if one.isprintable() and one not in "`|<>[]" else "?" for one in text)
 
 
-def _balanced(identity: Identity, balance: BalanceRecord) -> str:
-    """The chapter about the cells."""
-    cells = "\n".join(
-        f"| {name} | {cell.quota} | {cell.seen} | {cell.kept} | {cell.weight:.6g} |"
-        for name, cell in balance.cells.items()
-    )
-    return _BALANCED.format(
-        **balance.model_dump(exclude={"cells"}), cells=cells, balance=identity.balance
-    )
+def size_category(number: int) -> str:
+    """The Hub's class of size: powers of ten from a thousand to a trillion."""
+    digits = len(str(number))
+    if digits < 4:
+        return "n<1K"
+    return "n>1T" if digits > 12 else f"{_short(digits - 1)}<n<{_short(digits)}"
 
 
-def _table(name: str, schema: pa.Schema, shards: tuple[ShardRecord, ...]) -> str:
-    """The chapter of one table."""
-    keys = ", ".join(f"`{key}`" for key in KEYS[name])
-    head = _TABLE.format(name=name, rows=num_rows(name, shards), keys=keys)
-    return head + "".join(map(_row, schema))
+def _short(power: int) -> str:
+    """A power of ten with the letter of its thousands, such as 10K."""
+    return f"{10 ** (power % 3)}{' KMBT'[power // 3]}"
 
 
-def _row(field: pa.Field) -> str:
-    """The row about one column."""
-    kind = "name" if names_of(field) else str(field.type)
-    unit, meaning = croissant.unit_text(field), croissant.meaning_of(field)
-    return f"| `{field.name}` | {kind} | {unit} | {meaning} |\n"
+def _config(table: str) -> str:
+    """The configuration of one table for the Hub."""
+    default = "  default: true\n" if table == _DEFAULT else ""
+    return f'- config_name: {table}\n{default}  data_files: "{table}/*.parquet"'

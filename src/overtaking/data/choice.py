@@ -8,7 +8,7 @@ import numpy as np
 
 from overtaking.core.errors import ConfigError
 from overtaking.data.tables.files import read_table
-from overtaking.data.tables.label_schemas import CLASSES, POLICY_NAMES
+from overtaking.data.tables.names import CLASSES, POLICY_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -19,12 +19,17 @@ if TYPE_CHECKING:
 
     I64 = NDArray[np.int64]
 
+_WHERE = "choice of simulations"
+
+_FAR = 64
+"""Least distance between the numbers of two simulations that are read separately."""
+
 
 def chosen(
     data: Dataset,
     numbers: Iterable[int] | None = None,
     label: str | None = None,
-    policy: str = POLICY_NAMES.names[0],
+    policy: str = POLICY_NAMES[0],
 ) -> I64 | None:
     """The numbers of the simulations that are meant.
 
@@ -44,16 +49,23 @@ def chosen(
     found = None if numbers is None else np.unique(np.fromiter(numbers, np.int64))
     if found is not None and found.size and not 0 <= found[0] <= found[-1] < len(data):
         wrong = int(found[0] if found[0] < 0 else found[-1])
-        raise _refused("simulation", f"0 to {len(data) - 1}", str(wrong))
-    if policy not in POLICY_NAMES.names:
-        raise _refused("policy", " or ".join(POLICY_NAMES.names), policy)
+        raise ConfigError.out_of_range("simulation", _WHERE, 0, len(data) - 1, wrong)
+    if policy not in POLICY_NAMES:
+        raise ConfigError.not_among("policy", _WHERE, POLICY_NAMES, policy)
     if label is None:
         return found
-    names = {name.lower(): name for name in CLASSES.names}
+    names = {name.lower(): name for name in CLASSES}
     if label.lower() not in names:
-        raise _refused("class", " or ".join(CLASSES.names), label)
+        raise ConfigError.not_among("class", _WHERE, CLASSES, label)
     members = _members(data, names[label.lower()], policy)
     return members if found is None else np.intersect1d(found, members)
+
+
+def stretches(numbers: I64) -> list[I64]:
+    """Numbers in order, split where so many are left out that reading them does not pay."""
+    if not numbers.size:
+        return []
+    return np.split(numbers, np.flatnonzero(np.diff(numbers) > _FAR) + 1)
 
 
 def _members(data: Dataset, label: str, policy: str) -> I64:
@@ -64,13 +76,3 @@ def _members(data: Dataset, label: str, policy: str) -> I64:
         is_meant = (rows["class"] == label) & (rows["policy"] == policy)
         parts.append(rows["simulation"][is_meant].to_numpy(np.int64))
     return np.concatenate(parts)
-
-
-def _refused(what: str, expected: str, got: str) -> ConfigError:
-    return ConfigError.of(
-        what=what,
-        where="choice of simulations",
-        expected=expected,
-        got=got,
-        next_step="choose one of these",
-    )

@@ -7,18 +7,17 @@ of publication are the publisher's to add: nothing here can know them.
 
 import json
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import pyarrow as pa
 
-from overtaking.data.datasheet import Answers, num_rows
-from overtaking.data.manifest import Identity, ShardRecord
+from overtaking.data.card import Card, meaning_of, texts, unit_text
+from overtaking.data.manifest import ShardRecord
 from overtaking.data.plan import Shard
-from overtaking.data.tables.columns import STEPS, flags_of, names_of, unit_of
-from overtaking.data.tables.schemas import KEYS, SCHEMAS
-from overtaking.data.tables.unknown import schema_of
+from overtaking.data.tables.schemas import KEYS
 
-FILE_NAME = "croissant.json"
+CROISSANT_NAME = "croissant.json"
 
 Json = dict[str, Any]
 
@@ -26,128 +25,42 @@ CONFORMS_TO = ("http://mlcommons.org/croissant/1.0", "http://mlcommons.org/crois
 
 _PARQUET = "application/x-parquet"
 
-_CROISSANT_TERMS = (
-    *("citeAs", "column", "equivalentProperty", "extract", "field", "fileProperty", "fileObject"),
-    *("fileSet", "format", "includes", "isLiveDataset", "jsonPath", "key", "md5", "parentField"),
-    *("path", "recordSet", "references", "regex", "repeated", "replace", "samplingRate"),
-    *("separator", "source", "subField", "transform"),
-)
-"""The terms of the vocabulary; readers expect all of them in the context, used or not."""
-
-_CONTEXT: Json = {
-    "@language": "en",
-    "@vocab": "https://schema.org/",
-    "cr": "http://mlcommons.org/croissant/",
-    "dct": "http://purl.org/dc/terms/",
-    "rai": "http://mlcommons.org/croissant/RAI/",
-    "sc": "https://schema.org/",
-    "conformsTo": "dct:conformsTo",
-    "data": {"@id": "cr:data", "@type": "@json"},
-    "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
-    "examples": {"@id": "cr:examples", "@type": "@json"},
-    **{term: f"cr:{term}" for term in _CROISSANT_TERMS},
-}
-
-_RAI: dict[str, tuple[str, ...]] = {
-    "dataCollection": ("acquisition", "sampling"),
-    "dataCollectionMissingData": ("missing",),
-    "dataCollectionRawData": ("raw",),
-    "dataPreprocessingProtocol": ("preprocessing",),
-    "dataAnnotationProtocol": ("labels",),
-    "dataBiases": ("completeness",),
-    "dataLimitations": ("limits", "errors"),
-    "dataUseCases": ("uses", "splits"),
-    "personalSensitiveInformation": ("people", "consent"),
-    "dataReleaseMaintenancePlan": ("maintenance",),
-}
-"""For each property of the vocabulary RAI, the questions of the datasheet that answer it."""
-
 _CLASS = ("labels", "class")
 """The column that most readers will want to predict."""
 
 
-def croissant(
-    identity: Identity, shards: tuple[ShardRecord, ...], content_hash: str, answers: Answers
-) -> str:
-    """The text of a data set's `croissant.json`.
-
-    Args:
-        identity: What decides the content.
-        shards: All shards.
-        content_hash: Hash over the values of all tables.
-        answers: Those of the datasheet.
-    """
-    tables = schemas_of(identity, shards)
+def croissant(card: Card) -> str:
+    """The text of a data set's `croissant.json`."""
+    manifest, answers, words = card.manifest, card.answers, texts()["croissant"]
     content: Json = {
-        "@context": _CONTEXT,
+        "@context": words["context"] | {term: f"cr:{term}" for term in words["terms"]},
         "@type": "sc:Dataset",
-        "name": _name(identity),
+        "name": _name(card),
         "conformsTo": list(CONFORMS_TO),
-        "description": _description(answers, content_hash),
+        "description": (
+            f"{_joined(answers, ('instances', 'purpose'))} README.md has the data sheet, "
+            f"dataset.json the recipe. Content hash {manifest.content_hash}."
+        ),
         # The part after the plus sign tells apart what was made with other seeds or labels.
-        "version": f"{identity.table_version}.0.0+{content_hash[:12]}",
-        "keywords": keywords(identity),
+        "version": f"{card.identity.table_version}.0.0+{str(manifest.content_hash)[:12]}",
+        "keywords": card.keywords,
         "isLiveDataset": False,
-        **{f"rai:{name}": _joined(answers, keys) for name, keys in _RAI.items()},
-        "rai:dataCollectionType": "Secondary Data analysis" if identity.source else "Experiments",
+        **{f"rai:{name}": _joined(answers, keys) for name, keys in words["rai"].items()},
+        "rai:dataCollectionType": "Secondary Data analysis" if card.is_recorded else "Experiments",
         "rai:machineAnnotationTools": "overtaking",
-        "distribution": [part for name in tables for part in _files(name, shards)],
-        "recordSet": [_record_set(*one, shards) for one in tables.items()],
+        "distribution": [part for name in card.schemas for part in _files(name, manifest.shards)],
+        "recordSet": [_record_set(name, schema, card) for name, schema in card.schemas.items()],
     }
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 
-def schemas_of(identity: Identity, shards: tuple[ShardRecord, ...]) -> dict[str, pa.Schema]:
-    """The schema of each table of a data set, with nulls where its source is silent."""
-    recorded = identity.source is not None
-    there = {name for shard in shards for name in shard.tables}
-    return {
-        name: schema_of(name, identity.unknown, recorded=recorded)
-        for name in SCHEMAS
-        if name in there
-    }
-
-
-def keywords(identity: Identity) -> list[str]:
-    """What somebody would search for who needs such a data set."""
-    kind = "trajectories" if identity.source else "simulation"
-    return ["overtaking", "autonomous driving", "traffic law", "driver behaviour", kind]
-
-
-def meaning_of(field: pa.Field) -> str:
-    """What a column means: its description, its names or bits, and whether it may be null."""
-    meaning = field.metadata[b"description"].decode()
-    if names := names_of(field):
-        meaning = f"{meaning}: {', '.join(names)}"
-    if flags := flags_of(field):
-        bits = ", ".join(f"{1 << place} {name}" for place, name in enumerate(flags))
-        meaning = f"{meaning}: {bits}"
-    return f"{meaning}; may be null" if field.nullable else meaning
-
-
-def unit_text(field: pa.Field) -> str:
-    """The unit of a column, with the SI unit where it counts steps; empty where it has none."""
-    unit = unit_of(field)
-    if unit in STEPS:
-        si, steps = STEPS[unit]
-        return f"{unit} = 1/{steps} {si}"
-    return "" if unit == "1" else unit
-
-
-def _name(identity: Identity) -> str:
+def _name(card: Card) -> str:
     """A name without anything that an address would have to escape."""
-    parts = [identity.profile, identity.source.recording if identity.source else identity.seed]
+    parts = [card.identity.profile, card.recording if card.is_recorded else card.identity.seed]
     return "overtaking-" + "-".join(re.sub(r"[^A-Za-z0-9_.]+", "-", str(part)) for part in parts)
 
 
-def _description(answers: Answers, content_hash: str) -> str:
-    return (
-        f"{_joined(answers, ('instances', 'purpose'))} README.md has the data sheet, dataset.json "
-        f"the recipe. Content hash {content_hash}."
-    )
-
-
-def _joined(answers: Answers, keys: tuple[str, ...]) -> str:
+def _joined(answers: Mapping[str, str], keys: tuple[str, ...]) -> str:
     """Some answers as plain text."""
     return " ".join(answers[key] for key in keys).replace("`", "")
 
@@ -168,7 +81,8 @@ def _files(table: str, shards: tuple[ShardRecord, ...]) -> list[Json]:
 def _file(table: str, shard: ShardRecord) -> Json:
     """One file."""
     facts = shard.tables[table]
-    path = f"{table}/{_file_name(shard)}"
+    stop = shard.first + shard.simulations
+    path = f"{table}/{Shard(number=shard.number, first=shard.first, stop=stop).file_name}"
     return {
         "@type": "cr:FileObject",
         "@id": path,
@@ -180,19 +94,14 @@ def _file(table: str, shard: ShardRecord) -> Json:
     }
 
 
-def _file_name(shard: ShardRecord) -> str:
-    stop = shard.first + shard.simulations
-    return Shard(number=shard.number, first=shard.first, stop=stop).file_name
-
-
-def _record_set(table: str, schema: pa.Schema, shards: tuple[ShardRecord, ...]) -> Json:
+def _record_set(table: str, schema: pa.Schema, card: Card) -> Json:
     """A table and its columns."""
     keys = ", ".join(KEYS[table])
     return {
         "@type": "cr:RecordSet",
         "@id": table,
         "name": table,
-        "description": f"{num_rows(table, shards)} rows, one for each {keys}.",
+        "description": f"{card.num_rows(table)} rows, one for each {keys}.",
         "key": [{"@id": f"{table}/{key}"} for key in KEYS[table]],
         "field": [_field(table, field) for field in schema],
     }

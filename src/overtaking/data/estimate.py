@@ -1,4 +1,4 @@
-"""How large a data set will be, from a few of its simulations, before anything of it is written."""
+"""Estimates size and time of a data set from a few simulations, before anything is written."""
 
 import shutil
 import tempfile
@@ -11,11 +11,11 @@ import numpy as np
 
 from overtaking.core import processors
 from overtaking.core.errors import ConfigError, DatasetError
-from overtaking.data.contents import contents
 from overtaking.data.place import Folder, Place
 from overtaking.data.recipe import Recipe, Simulator
+from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.files import TableWriter
-from overtaking.data.tables.unknown import schema_of
+from overtaking.data.tables.schemas import schema_of
 from overtaking.scenarios import sample
 
 SAMPLE = 64
@@ -26,7 +26,7 @@ LEAST_SAMPLES = 64
 
 LARGE_BYTES = 10_000_000_000
 LARGE_SIMULATIONS = 1_000_000
-"""Beyond one of these it has to be said that so much is meant."""
+"""A data set beyond one of these limits needs explicit permission."""
 
 LONG_S = 60.0
 _GB = 1e9
@@ -35,7 +35,7 @@ _S_PER_H = 3600.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """What a data set will take, to about a fifth.
+    """Size and time of a data set, accurate to about a fifth.
 
     Attributes:
         simulations: How many.
@@ -54,7 +54,7 @@ class Estimate:
 
     @property
     def is_large(self) -> bool:
-        """Whether it has to be said that so much is meant."""
+        """Whether it needs explicit permission."""
         return self.size_bytes > LARGE_BYTES or self.simulations > LARGE_SIMULATIONS
 
     @property
@@ -73,11 +73,11 @@ class Estimate:
 
 
 Allowed = bool | Callable[[Estimate], bool]
-"""Whether a large data set may be made, or what is asked about every estimate."""
+"""Permission to make a large data set, or a function that decides for each estimate."""
 
 
 def refuse_too_large(recipe: Recipe, place: Place, simulator: Simulator, allowed: Allowed) -> None:
-    """Refuse a data set that does not fit, or that is large although nobody said so.
+    """Refuse a data set that does not fit on the disk, or that is large without permission.
 
     Args:
         recipe: What to make.
@@ -115,7 +115,7 @@ def refuse_too_large(recipe: Recipe, place: Place, simulator: Simulator, allowed
 
 
 def estimate(recipe: Recipe, place: Place, simulator: Simulator, count: int = SAMPLE) -> Estimate:
-    """What a data set will take, from its first simulations.
+    """Estimate size and time of a data set from its first simulations.
 
     Args:
         recipe: What to make.

@@ -1,34 +1,31 @@
-"""Carries out a recipe: sample, simulate, write; whole shards only, and never one twice."""
+"""Carries out a recipe: sample, simulate, label, write; whole shards only, and none of them twice.
+
+recipe, shards (`plan`), tasks (`work`), executor (`executors`), files (`shards`), manifest.
+"""
 
 import dataclasses
-import platform
-from collections.abc import Callable
 from contextlib import closing
-from datetime import UTC, datetime
-from importlib.metadata import version
 
 from overtaking.core.errors import ConfigError, DatasetError, InfeasibleError, MissingExtraError
-from overtaking.data import card, lock, manifest, plan
+from overtaking.data import lock, manifest, plan
 from overtaking.data.balance_scan import Chosen, Scan
+from overtaking.data.completion import complete
 from overtaking.data.estimate import Allowed, refuse_too_large
-from overtaking.data.interruption import Terminated, termination_raises
+from overtaking.data.interruption import Terminated, cannot_write, termination_raises
 from overtaking.data.load import Dataset, load
 from overtaking.data.manifest import Identity, Manifest, Provenance, ShardRecord
-from overtaking.data.orders import Crew, Order, Task, here
 from overtaking.data.place import PARTIAL, Place
+from overtaking.data.progress import Counter, Progress
 from overtaking.data.recipe import Recipe, Simulator
-from overtaking.data.refusals import no_room
-
-Progress = Callable[[int, int], None]
-"""Called with the number of simulations that are done, and of all."""
+from overtaking.data.work import Executor, Job, Task, in_this_process
 
 _MORE_ROOM = "make room or choose another folder; --resume goes on with what is finished"
 
 _REFUSALS = (ConfigError, InfeasibleError, MissingExtraError)
-"""What is wrong with what was asked for: the same call can never succeed."""
+"""Errors of a call that can never succeed."""
 
 _OWN = frozenset({lock.FILE_NAME, PARTIAL})
-"""What may lie in a folder in which nothing was begun."""
+"""Files that an unused folder may hold."""
 
 
 def generate(
@@ -36,7 +33,7 @@ def generate(
     place: Place,
     simulator: Simulator,
     *,
-    crew: Crew = here,
+    executor: Executor = in_this_process,
     resume: bool = False,
     allow_large: Allowed = False,
     progress: Progress | None = None,
@@ -48,13 +45,13 @@ def generate(
         recipe: What to make.
         place: Where; made if missing.
         simulator: What simulates.
-        crew: Who makes the shards.
+        executor: What makes the shards.
         resume: Whether to complete what an earlier call has begun in this place.
-        allow_large: Whether to make one that is large, or what is asked about the estimate of one
-            that takes a while; what is resumed was allowed before.
-        progress: Told about simulations that are done.
-        on_candidates: Told about every few hundred candidates of a balanced data set, and about how
-            many there will be; this comes before all simulations.
+        allow_large: Whether to make a large one; or a function that decides, given the estimate of
+            one that takes a while. What is resumed was allowed before.
+        progress: Called with the number of simulations that are done, and of all.
+        on_candidates: Called every few hundred candidates of a balanced data set, with their number
+            and an estimate of how many there will be; all that comes before the simulations.
 
     Returns:
         The complete data set.
@@ -67,79 +64,75 @@ def generate(
     """
     _check(recipe)
     identity = Identity.of(recipe, simulator)
-    progresses = (on_candidates or _silent, progress or _silent)
-    order = Order(
+    job = Job(
         recipe=recipe, simulator=simulator, fingerprint=identity.fingerprint, is_resumed=resume
     )
-    work = _Work(order, identity, place, progresses)
+    run = _Run(job, identity, place)
     try:
         _refuse_strangers(place)
         if not place.has(manifest.FILE_NAME):
             refuse_too_large(recipe, place, simulator, allow_large)
         with termination_raises(), place.locked():
-            work.run(crew)
+            run.run(executor, progress, on_candidates)
     except OSError as error:
-        raise no_room(place, error, _MORE_ROOM) from error
+        raise cannot_write(place, error, _MORE_ROOM) from error
     except Terminated:
-        raise DatasetError(work.interrupted("SIGTERM")) from None
+        raise DatasetError(run.interrupted("SIGTERM")) from None
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(work.interrupted("Ctrl-C")) from None
+        raise KeyboardInterrupt(run.interrupted("Ctrl-C")) from None
     return load(place, simulator)
 
 
-class _Work:
+class _Run:
     """One call of `generate`."""
 
-    def __init__(
-        self, order: Order, identity: Identity, place: Place, progresses: tuple[Progress, Progress]
-    ) -> None:
-        self._order, self._identity, self._place = order, identity, place
-        self._on_candidates, self._progress = progresses
-        self._scan: Scan | None = None
-        if identity.balance is not None:
-            self._scan = Scan(order.recipe, identity, order.simulator, place)
+    def __init__(self, job: Job, identity: Identity, place: Place) -> None:
+        self._job, self._identity, self._place = job, identity, place
+        self._scan = Scan(job.recipe, identity, job.simulator, place) if identity.balance else None
         self._chosen: Chosen | None = None
-        self._plan(order.recipe.num_simulations)
+        self._count = job.recipe.num_simulations
         self._records: dict[int, ShardRecord] = {}
-        self._done = 0
 
-    def run(self, crew: Crew) -> None:
+    @property
+    def _shards(self) -> tuple[plan.Shard, ...]:
+        return plan.shards(self._count, self._job.recipe.shard_size)
+
+    def run(
+        self, executor: Executor, progress: Progress | None, on_candidates: Progress | None
+    ) -> None:
         """Write what is missing, and the manifest."""
-        begun = _begun(self._place, self._identity, resume=self._order.is_resumed)
+        begun = _begun(self._place, self._identity, resume=self._job.is_resumed)
         self._place.sweep()
         try:
             current = begun or self._first_manifest()
             if self._scan and not current.complete:
-                self._save(current)  # What was begun may now look at more candidates.
-            # Whoever finds the folders of tables must also find what they belong to.
-            self._place.prepare(self._order.recipe.keep.tables)
-            self._choose()
-            self._progress(0, self._num_simulations)
-            tasks = (self._task(shard, current) for shard in self._shards)
-            with closing(crew(self._order, tasks, self._place, self._count)) as records:
-                for record in records:
-                    self._records[record.number] = record
-            self._complete(current)
+                # What was begun may now look at more candidates.
+                manifest.write_manifest(self._place, current)
+            # The manifest comes first: folders of tables without one belong to nobody.
+            self._place.prepare(self._job.recipe.keep.tables)
+            if self._scan:
+                self._chosen = self._scan.run(on_candidates)
+                self._count = len(self._chosen.index)
+            self._make_shards(executor, current, Counter(self._count, progress))
+            balance = self._chosen.record if self._chosen else None
+            records = tuple(self._records[shard.number] for shard in self._shards)
+            complete(self._place, current, records, balance)
         except _REFUSALS:
             if begun is None and not self._records:
-                self._place.remove(manifest.FILE_NAME)  # It would keep the right call out.
+                # The manifest of a call that cannot succeed would keep the right call out.
+                self._place.remove(manifest.FILE_NAME)
             raise
         finally:
             self._place.sweep()
 
-    def _plan(self, num_simulations: int) -> None:
-        self._num_simulations = num_simulations
-        self._shards = plan.shards(num_simulations, self._order.recipe.shard_size)
-
-    def _choose(self) -> None:
-        """Find the candidates that a balanced data set consists of."""
-        if self._scan is None:
-            return
-        self._chosen = self._scan.run(self._on_candidates)
-        self._plan(len(self._chosen.index))
+    def _make_shards(self, executor: Executor, current: Manifest, counter: Counter) -> None:
+        counter.add(0)
+        tasks = (self._task(shard, current) for shard in self._shards)
+        with closing(executor(self._job, tasks, self._place, counter.add)) as records:
+            for record in records:
+                self._records[record.number] = record
 
     def _task(self, shard: plan.Shard, current: Manifest) -> Task:
-        """What is to be done about a shard."""
         known = current.shards[shard.number] if current.complete else None
         if self._chosen is None:
             return Task(shard=shard, known=known)
@@ -148,7 +141,7 @@ class _Work:
         return Task(shard=shard, known=known, index=index, weight=weight)
 
     def interrupted(self, by: str) -> str:
-        """What to say when the work was ended."""
+        """The message after the work was ended."""
         expected, got = f"{len(self._shards)} shards", f"{len(self._records)}"
         if self._scan and not self._chosen:
             expected, got = "every quota filled", f"{self._scan.selection.candidates} candidates"
@@ -162,33 +155,24 @@ class _Work:
         return str(message)
 
     def _first_manifest(self) -> Manifest:
-        provenance = _provenance(self._order.simulator)
+        """The manifest of a data set that begins now, written.
+
+        Raises:
+            DatasetError: Another process has begun one here in the meantime.
+        """
+        provenance = Provenance.of_this_run(self._job.simulator.details)
         first = Manifest(identity=self._identity, provenance=provenance)
         try:
             manifest.write_manifest(self._place, first, is_first=True)
         except FileExistsError:
-            raise _not_first(self._place) from None
+            raise DatasetError.of(
+                what="data set",
+                where=str(self._place),
+                expected="no other process that begins one",
+                got="one that was faster",
+                next_step="choose another place, or complete the same data set with --resume",
+            ) from None
         return first
-
-    def _count(self, simulations: int) -> None:
-        self._done += simulations
-        self._progress(self._done, self._num_simulations)
-
-    def _save(self, current: Manifest) -> None:
-        manifest.write_manifest(self._place, current)
-
-    def _complete(self, current: Manifest) -> None:
-        """Say what is there, in the data card and last of all in the manifest."""
-        shards = tuple(self._records[shard.number] for shard in self._shards)
-        balance = self._chosen.record if self._chosen else None
-        content = manifest.content_hash(shards)
-        card.write_cards(self._place, self._identity, shards, content, balance)
-        if current.complete and current.shards == shards:
-            return
-        finished = current.provenance.model_copy(update={"finished": _now()})
-        changes = {"complete": True, "content_hash": content, "shards": shards}
-        changes |= {"balance": balance}
-        self._save(current.model_copy(update={**changes, "provenance": finished}))
 
 
 def _check(recipe: Recipe) -> None:
@@ -196,19 +180,14 @@ def _check(recipe: Recipe) -> None:
     most = min(plan.MAX_SHARDS * max(recipe.shard_size, 1), plan.MAX_SIMULATIONS)
     several = "make several data sets, each with a seed of its own"
     limits = (
-        ("shard_size", recipe.shard_size, 1, plan.MAX_SIMULATIONS, None),
+        ("shard_size", recipe.shard_size, 1, plan.MAX_SIMULATIONS, ""),
         ("simulations", recipe.num_simulations, 1, most, several),
-        ("seed", recipe.seed, 0, 2**64 - 1, None),
+        ("seed", recipe.seed, 0, 2**64 - 1, ""),
     )
     for what, value, low, high, remedy in limits:
         if not low <= value <= high:
-            raise ConfigError.of(
-                what=what,
-                where="generate",
-                expected=f"{low} to {high}",
-                got=value,
-                next_step=remedy if remedy and value > high else "choose a number in that range",
-            )
+            next_step = remedy if value > high else ""
+            raise ConfigError.out_of_range(what, "generate", low, high, value, next_step)
 
 
 def _refuse_strangers(place: Place) -> None:
@@ -227,17 +206,6 @@ def _refuse_strangers(place: Place) -> None:
         expected="an empty folder or a data set",
         got=got,
         next_step="choose another folder",
-    )
-
-
-def _not_first(place: Place) -> DatasetError:
-    """What to say where another process has begun a data set in the meantime."""
-    return DatasetError.of(
-        what="data set",
-        where=str(place),
-        expected="no other process that begins one",
-        got="one that was faster",
-        next_step="choose another place, or complete the same data set with --resume",
     )
 
 
@@ -284,22 +252,3 @@ def _shown(identity: Identity, name: str) -> object:
     if name == "spec":
         return identity.spec_hash[:12]
     return identity.road.name if name == "road" else str(getattr(identity, name))
-
-
-def _provenance(simulator: Simulator) -> Provenance:
-    return Provenance(
-        started=_now(),
-        package=version("overtaking"),
-        packages={name: version(name) for name in ("numpy", "pyarrow")},
-        python=platform.python_version(),
-        machine=f"{platform.system()} {platform.machine()}",
-        details=dict(simulator.details),
-    )
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
-
-
-def _silent(done: int, total: int) -> None:
-    """Tell nobody."""

@@ -1,4 +1,4 @@
-"""A data set as its user sees it: pandas and SI numbers, simulated again where nothing was kept."""
+"""Reads data sets as pandas tables in SI units; simulates again what was not kept."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ import pyarrow as pa
 from overtaking.core.errors import ConfigError, DatasetError, NoSuchSimulationError
 from overtaking.core.summary import Summarized
 from overtaking.data import plan
-from overtaking.data.contents import contents
+from overtaking.data.choice import stretches
 from overtaking.data.manifest import Manifest, read_manifest
 from overtaking.data.place import folder_of, place_of
-from overtaking.data.shard_files import ShardFiles
+from overtaking.data.shards import ShardFiles
+from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.files import read_rows, read_table
-from overtaking.data.tables.label_schemas import POLICY_NAMES
+from overtaking.data.tables.names import POLICY_NAMES
 from overtaking.data.tables.restore import restore, restore_scenario
 from overtaking.data.tables.schemas import RECORDED_TABLES, SCHEMAS
 from overtaking.model.checks import checked
@@ -29,14 +30,10 @@ if TYPE_CHECKING:
 
     from overtaking.data.place import Place
     from overtaking.data.recipe import Simulator
-    from overtaking.data.verdict import Verdict
+    from overtaking.data.views import Verdict
     from overtaking.model.road import Road
     from overtaking.model.scenario import Scenario
     from overtaking.model.trajectory import Trajectories
-
-
-_FAR = 64
-"""Simulations between two chosen ones from which on they are read apart."""
 
 
 def load(where: str | Path | Place, simulator: Simulator) -> Dataset:
@@ -97,7 +94,7 @@ class Dataset(Summarized):
         return self.trajectory(number + len(self) if -len(self) <= number < 0 else number)
 
     def summary(self) -> Mapping[str, object]:
-        """What it is and where."""
+        """Place, profile, size, and kept tables."""
         return {
             "where": self.where,
             "profile": self.profile,
@@ -126,7 +123,7 @@ class Dataset(Summarized):
 
     @property
     def manifest(self) -> Manifest:
-        """What `dataset.json` says."""
+        """The content of `dataset.json`."""
         return self._manifest
 
     @property
@@ -206,7 +203,7 @@ class Dataset(Summarized):
         Raises:
             ConfigError: There is no such policy or reading.
         """
-        from overtaking.data.features import features_frame
+        from overtaking.data.views import features_frame
 
         chosen = reading or ("paper" if policy == "paper" else "matched")
         tables = [_decoded(self.table(name)) for name in ("features", "labels")]
@@ -214,8 +211,8 @@ class Dataset(Summarized):
 
     @checked
     def verdict(self, simulation: int) -> Verdict:
-        """What is said of one simulation: class, phases, and every rule with its evidence."""
-        from overtaking.data.verdict import verdict_of
+        """The labels of one simulation: class, phases, and every rule with its evidence."""
+        from overtaking.data.views import verdict_of
 
         names = ("labels", "events", "findings")
         return verdict_of(simulation, *(_decoded(self._part(name, simulation)) for name in names))
@@ -230,7 +227,7 @@ class Dataset(Summarized):
         rows = self._rows(simulation)
         if "frames" not in rows:
             rows = self._encoded(simulation)
-        from overtaking.data.wide import wide_frames
+        from overtaking.data.views import wide_frames
 
         return wide_frames({name: _decoded(table) for name, table in rows.items()})
 
@@ -276,7 +273,9 @@ class Dataset(Summarized):
         for shard in self._shards:
             for chunk in plan.chunks(shard, size):
                 numbers = np.arange(chunk[0], chunk[-1] + 1)
-                for some in [numbers] if chosen is None else _runs(np.intersect1d(numbers, chosen)):
+                for some in (
+                    [numbers] if chosen is None else stretches(np.intersect1d(numbers, chosen))
+                ):
                     first, last = int(some[0]), int(some[-1])
                     rows = {
                         name: read_rows(self._files.one(name, shard), name, first, last)
@@ -299,7 +298,7 @@ class Dataset(Summarized):
         """
         shard = self._shards[first // self._manifest.identity.shard_size]
         rows = read_rows(self._files.one("labels", shard), "labels", first, last)
-        return rows["class_weight"].to_numpy()[:: len(POLICY_NAMES.names)]
+        return rows["class_weight"].to_numpy()[:: len(POLICY_NAMES)]
 
     @checked
     def table(self, name: str) -> pa.Table:
@@ -357,13 +356,8 @@ class Dataset(Summarized):
     def _part(self, table: str, simulation: int) -> pa.Table:
         """The rows of one simulation."""
         if not 0 <= simulation < len(self):
-            raise NoSuchSimulationError.of(
-                what="simulation",
-                where=self.where,
-                expected=f"0 to {len(self) - 1}",
-                got=simulation,
-                next_step="choose a number in that range",
-            )
+            last = len(self) - 1
+            raise NoSuchSimulationError.out_of_range("simulation", self.where, 0, last, simulation)
         shard = self._shards[simulation // self._manifest.identity.shard_size]
         return read_rows(self._files.one(table, shard), table, simulation, simulation)
 
@@ -372,7 +366,7 @@ class Dataset(Summarized):
         return {name: self._part(name, simulation) for name in self._recorded_tables}
 
     def _recorded(self, rows: Mapping[str, pa.Table]) -> Trajectories:
-        """What was recorded of some simulations, from their rows or simulated again."""
+        """The recordings of some simulations, from their rows or simulated again."""
         if "states" in rows:
             return restore(rows, self.road, self._manifest.identity.unknown)
         again = self._simulator.simulate(restore_scenario(rows, self.road))
@@ -396,13 +390,6 @@ class Dataset(Summarized):
             got=f"another from {self._simulator.name} {self._simulator.version}",
             next_step=f"simulate with {identity.simulator} {identity.simulator_version}",
         )
-
-
-def _runs(numbers: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Numbers in order, parted where so many lie between that it is not worth reading them."""
-    if not numbers.size:
-        return []
-    return np.split(numbers, np.flatnonzero(np.diff(numbers) > _FAR) + 1)
 
 
 def _decoded(table: pa.Table) -> pd.DataFrame:

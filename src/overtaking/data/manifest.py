@@ -3,6 +3,10 @@
 import dataclasses
 import hashlib
 import json
+import platform
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from importlib import metadata
 from typing import Annotated, Literal, Self
 
 from pydantic import (
@@ -43,14 +47,14 @@ _Count = Annotated[int, Field(ge=1, le=plan.MAX_SIMULATIONS)]
 
 
 def _sampled(spec: dict[str, JsonValue]) -> dict[str, JsonValue]:
-    """Refuse what is no specification; recordings have an empty one."""
+    """Refuse a wrong specification; recordings have an empty one."""
     if spec:
         checked_spec(spec)
     return spec
 
 
 class _Record(BaseModel):
-    """What all parts share: nothing unknown, nothing changed."""
+    """Base of all parts: frozen, without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -72,7 +76,7 @@ class ShardRecord(_Record):
 
 
 class Source(_Record):
-    """Where an imported data set comes from.
+    """The origin of an imported data set.
 
     Attributes:
         format: Format of the recording.
@@ -92,7 +96,7 @@ class Source(_Record):
 
 
 class CellRecord(_Record):
-    """What became of one cell of a balanced data set.
+    """The result of the search for one cell of a balanced data set.
 
     Attributes:
         quota: Simulations that were wanted.
@@ -108,7 +112,7 @@ class CellRecord(_Record):
 
 
 class BalanceRecord(_Record):
-    """How a data set was balanced.
+    """The result of the search for a balanced data set.
 
     Attributes:
         candidates: Candidates that were looked at.
@@ -124,7 +128,7 @@ class BalanceRecord(_Record):
 
 
 class Identity(_Record):
-    """What decides the content: two data sets that agree here agree in every value.
+    """Everything that decides the content: data sets with equal identities have equal values.
 
     Attributes:
         profile: Name of the profile.
@@ -205,7 +209,7 @@ def _with_limit(recipe: Recipe) -> Balance | None:
 
 
 class Provenance(_Record):
-    """Where and when; changes no value and is part of no hash.
+    """Time, machine and software of a run; part of no hash.
 
     Attributes:
         started: When it was begun, UTC.
@@ -224,6 +228,27 @@ class Provenance(_Record):
     python: str
     machine: str
     details: dict[str, str] = Field(default_factory=dict)
+
+    @classmethod
+    def of_this_run(cls, details: Mapping[str, str]) -> "Provenance":
+        """The provenance of this process, which begins now.
+
+        Args:
+            details: What the simulator says of itself.
+        """
+        return cls(
+            started=now(),
+            package=metadata.version("overtaking"),
+            packages={name: metadata.version(name) for name in ("numpy", "pyarrow")},
+            python=platform.python_version(),
+            machine=f"{platform.system()} {platform.machine()}",
+            details=dict(details),
+        )
+
+
+def now() -> str:
+    """The time of the clock, UTC, to the second."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 class Manifest(_Record):
@@ -324,7 +349,7 @@ def read_manifest(place: Place) -> Manifest:
 
 
 class _Head(BaseModel):
-    """What says whether all else can be read."""
+    """Format and version, which are checked first."""
 
     model_config = ConfigDict(strict=True)
 

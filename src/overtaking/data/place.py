@@ -1,4 +1,4 @@
-"""Where the files of a data set lie: a folder, or a store that a URL names.
+"""The place of a data set: a folder, or a store that a URL names.
 
 Files have names, such as `labels/part-00000.parquet`. What is put into a place appears whole or
 not at all; what is not finished grows in a staging folder on a disk of this machine.
@@ -8,41 +8,51 @@ import os
 import shutil
 import tempfile
 from collections.abc import Generator, Iterable
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from io import BufferedIOBase
 from pathlib import Path
-from typing import Protocol
 from urllib.parse import urlsplit
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import ending, opened
+from overtaking.core.folders import put_file, sync_folder
 from overtaking.data import lock
 from overtaking.data.store import Store
-from overtaking.data.tables.files import sync_folder
 
 PARTIAL = ".partial"
 """Folder in a data set for files that are not finished; what is left there has no meaning."""
 
 
-class Place(Protocol):
-    """Where the files of one data set lie. Every method may raise `OSError`."""
+class Folder:
+    """A folder on a disk that this machine sees, its own or a shared one.
+
+    Every method may raise `OSError`. `Store` has the same methods.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Nothing is read or made yet.
+
+        Args:
+            path: Where.
+        """
+        self.path = path
 
     @property
     def name(self) -> str:
         """The last part of where it is, for people."""
-        ...
+        return self.path.resolve().name
 
     def __str__(self) -> str:
-        """Where it is; `place_of` finds it again by that, on any machine that sees it."""
-        ...
+        """Its path; `place_of` finds it again by that, on any machine that sees it."""
+        return str(self.path)
 
-    def resolved(self) -> "Place":
+    def resolved(self) -> "Folder":
         """The same, whatever the working directory is."""
-        ...
+        return Folder(self.path.resolve())
 
     def at(self, name: str) -> str:
-        """Where a file is, for people."""
-        ...
+        """Path or URL of a file, for messages."""
+        return str(self.path / name)
 
     def names(self) -> set[str]:
         """The files and folders at its top; none if it is not there.
@@ -50,54 +60,97 @@ class Place(Protocol):
         Raises:
             NotADirectoryError: There is a file instead.
         """
-        ...
+        if not self.path.exists():
+            return set()
+        return {path.name for path in self.path.iterdir()}
 
     def has(self, name: str) -> bool:
         """Whether there is such a file."""
-        ...
+        return (self.path / name).exists()
 
     def open(self, name: str) -> BufferedIOBase:
         """A file, to be read once from its beginning."""
-        ...
+        return opened(self.path / name)
 
     def fetch(self, name: str) -> Path:
         """A file on a disk of this machine with the bytes of this one, to be read only."""
-        ...
+        return ending(self.path / name)
 
     def prepare(self, folders: Iterable[str]) -> None:
-        """Make it, and some folders in it, where they are missing and there is such a thing."""
-        ...
+        """Make it, and some folders in it, where they are missing."""
+        self.path.mkdir(parents=True, exist_ok=True)
+        for name in folders:
+            (self.path / name).mkdir(exist_ok=True)
+        sync_folder(self.path)
 
-    def staging(self) -> AbstractContextManager[Path]:
-        """A new folder for files that are not finished, gone afterwards."""
-        ...
+    @contextmanager
+    def staging(self) -> Generator[Path]:
+        """A new folder for files that are not finished, gone afterwards.
+
+        Each writer has its own: one that was given up may go on for a while.
+        """
+        (self.path / PARTIAL).mkdir(exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=self.path / PARTIAL))
+        try:
+            yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
 
     def put(self, finished: Path, name: str) -> None:
-        """Put a file from a staging folder of this place where it belongs, whole."""
-        ...
+        """Put a complete file from the staging folder where it belongs, whole."""
+        target = self.path / name
+        finished.replace(target)
+        sync_folder(target.parent)
 
     def put_text(self, name: str, text: str, *, is_first: bool = False) -> None:
         """Put a text into its place, whole.
 
         Raises:
-            FileExistsError: It is to be the first of this name, and another writer was faster.
+            FileExistsError: It is to be the first of this name (`is_first`), and another writer of
+                the store was faster. A folder has a lock instead.
         """
-        ...
+        del is_first
+        with self.staging() as staging:
+            unfinished = staging / name
+            put_file(unfinished, text)
+            self.put(unfinished, name)
 
     def remove(self, name: str) -> None:
         """Remove a file, if it is there."""
-        ...
+        (self.path / name).unlink(missing_ok=True)
 
     def sweep(self) -> None:
-        """Remove what is not finished; it cannot be used by anyone."""
-        ...
+        """Remove what is not finished; nobody can use it."""
+        shutil.rmtree(self.path / PARTIAL, ignore_errors=True)
 
-    def locked(self) -> AbstractContextManager[None]:
-        """Hold it for writing, where that can be done; it is prepared before.
+    @contextmanager
+    def locked(self) -> Generator[None]:
+        """Hold it for writing, by a lock of the operating system; it is prepared before.
 
-        If what is done with it fails, the folders that hold nothing are removed.
+        If the block fails, the folders that hold nothing are removed.
         """
-        ...
+        made = [one for one in (self.path, *self.path.parents) if not one.exists()]
+        try:
+            self.prepare([])
+            with lock.locked(self.path):
+                try:
+                    yield
+                except BaseException:
+                    self._withdraw()
+                    raise
+        finally:
+            _remove_empty(made)
+
+    def _withdraw(self) -> None:
+        """Remove the folders of tables that hold nothing, and the lock if nothing else is left."""
+        with suppress(OSError):
+            _remove_empty(one for one in self.path.iterdir() if one.is_dir())
+            if self.names() == {lock.FILE_NAME}:
+                (self.path / lock.FILE_NAME).unlink()
+
+
+Place = Folder | Store
+"""The place of one data set."""
 
 
 def place_of(where: str | Path | Place) -> Place:
@@ -150,117 +203,6 @@ def folder_of(where: str | Path, purpose: str) -> Path:
         got="one in a store",
         next_step="choose a folder, and copy it from or to the store",
     )
-
-
-class Folder:
-    """A folder on a disk that this machine sees, its own or a shared one."""
-
-    def __init__(self, path: Path) -> None:
-        """Nothing is read or made yet.
-
-        Args:
-            path: Where.
-        """
-        self.path = path
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        return self.path.resolve().name
-
-    def __str__(self) -> str:
-        """Its path."""
-        return str(self.path)
-
-    def resolved(self) -> "Folder":
-        """Its path from the root."""
-        return Folder(self.path.resolve())
-
-    def at(self, name: str) -> str:
-        """The path of one of its files."""
-        return str(self.path / name)
-
-    def names(self) -> set[str]:
-        """What it holds."""
-        if not self.path.exists():
-            return set()
-        return {path.name for path in self.path.iterdir()}
-
-    def has(self, name: str) -> bool:
-        """Whether it holds a file."""
-        return (self.path / name).exists()
-
-    def open(self, name: str) -> BufferedIOBase:
-        """One of its files."""
-        return opened(self.path / name)
-
-    def fetch(self, name: str) -> Path:
-        """The file itself."""
-        return ending(self.path / name)
-
-    def prepare(self, folders: Iterable[str]) -> None:
-        """Make it and some folders in it."""
-        self.path.mkdir(parents=True, exist_ok=True)
-        for name in folders:
-            (self.path / name).mkdir(exist_ok=True)
-        sync_folder(self.path)
-
-    @contextmanager
-    def staging(self) -> Generator[Path]:
-        """A folder of its own for each writer: one that was given up may go on for a while."""
-        (self.path / PARTIAL).mkdir(exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=self.path / PARTIAL))
-        try:
-            yield folder
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
-
-    def put(self, finished: Path, name: str) -> None:
-        """Rename a file that is complete and on the disk."""
-        target = self.path / name
-        finished.replace(target)
-        sync_folder(target.parent)
-
-    def put_text(self, name: str, text: str, *, is_first: bool = False) -> None:
-        """Write a text beside its place and rename it; the lock keeps others from being first."""
-        del is_first
-        with self.staging() as staging:
-            unfinished = staging / name
-            with unfinished.open("w", encoding="utf-8", newline="\n") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-            self.put(unfinished, name)
-
-    def remove(self, name: str) -> None:
-        """Delete a file."""
-        (self.path / name).unlink(missing_ok=True)
-
-    def sweep(self) -> None:
-        """Remove what writers left behind."""
-        shutil.rmtree(self.path / PARTIAL, ignore_errors=True)
-
-    @contextmanager
-    def locked(self) -> Generator[None]:
-        """Hold it by a lock of the operating system."""
-        made = [one for one in (self.path, *self.path.parents) if not one.exists()]
-        try:
-            self.prepare([])
-            with lock.locked(self.path):
-                try:
-                    yield
-                except BaseException:
-                    self._withdraw()
-                    raise
-        finally:
-            _remove_empty(made)
-
-    def _withdraw(self) -> None:
-        """Remove the folders of tables that hold nothing, and the lock if nothing else is left."""
-        with suppress(OSError):
-            _remove_empty(one for one in self.path.iterdir() if one.is_dir())
-            if self.names() == {lock.FILE_NAME}:
-                (self.path / lock.FILE_NAME).unlink()
 
 
 def _remove_empty(folders: Iterable[Path]) -> None:

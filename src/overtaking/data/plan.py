@@ -8,18 +8,18 @@ SHARD_SIZE = 4096
 """Simulations a shard: files of some ten megabytes, and at most that much to do again."""
 
 MAX_SIMULATIONS = 10**12
-"""More than anyone has disks for; a number beyond it is a slip."""
+"""A larger number is a typing error."""
 
 MAX_SHARDS = 10_000
-"""So many that the manifest, which names them all, is read in a second and takes 200 MB."""
+"""With that many shards the manifest takes 200 MB of memory and a second to read."""
 
 CHUNK_SIZE = 512
 """Most simulations in memory at a time; each chunk becomes a row group, the least that is read for
 one simulation."""
 
 LARGE_CHUNK_SIZE = 2048
-"""The same where no frames are kept, so that none of them are read: what each chunk costs however
-small it is, a tenth of the time at 512, is a quarter of that."""
+"""The same where no frames are kept. The fixed cost of a chunk is a tenth of the time at 512, and a
+quarter of that at 2,048."""
 
 RECORDED_CHUNK_SIZE = 64
 """The same for simulations that were made from a recording."""
@@ -54,7 +54,7 @@ class Shard:
 
 
 def num_shards(num_simulations: int, shard_size: int) -> int:
-    """How many shards a data set has."""
+    """Number of shards of a data set."""
     return -(-num_simulations // shard_size)
 
 
@@ -68,7 +68,7 @@ def shards(num_simulations: int, shard_size: int = SHARD_SIZE) -> tuple[Shard, .
 
 
 def chunk_size(spec: Mapping[str, Any], most: int = CHUNK_SIZE) -> int:
-    """How many simulations of a resolved specification are worked on at a time.
+    """Number of simulations in memory at a time.
 
     Recordings have no specification; their simulations are long and full of vehicles.
     """
@@ -80,7 +80,7 @@ def chunk_size(spec: Mapping[str, Any], most: int = CHUNK_SIZE) -> int:
 
 
 def batch_size(spec: Mapping[str, Any], simulator_size: int, *, keeps_frames: bool = True) -> int:
-    """How many simulations of a resolved specification a simulator is given at a time.
+    """Number of simulations that a simulator gets at a time.
 
     Args:
         spec: The specification.

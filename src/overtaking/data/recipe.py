@@ -1,4 +1,4 @@
-"""What a data set is made of, before anything is made."""
+"""The recipe of a data set, and the simulator that carries it out."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -6,7 +6,7 @@ from enum import StrEnum
 
 from overtaking.data.balance import Balance
 from overtaking.data.plan import CHUNK_SIZE, SHARD_SIZE
-from overtaking.data.tables.label_schemas import LABEL_TABLES
+from overtaking.data.tables.schemas import LABEL_TABLES
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
@@ -14,7 +14,7 @@ from overtaking.scenarios.schema import Spec
 
 
 class Keep(StrEnum):
-    """What of each simulation is written down."""
+    """Which tables are written."""
 
     FRAMES = "frames"
     FEATURES = "features"
@@ -57,7 +57,7 @@ class Simulator:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe:
-    """Everything that decides what a data set says.
+    """Everything that decides the values of a data set.
 
     Attributes:
         spec: What to sample.

@@ -18,7 +18,7 @@ from overtaking.core.errors import ConfigError, MissingExtraError
 
 
 class Store:
-    """A part of a store; see `place.Place` for what each method promises."""
+    """A part of a store; see `place.Folder` for what each method promises."""
 
     def __init__(self, url: str) -> None:
         """Nothing is read or made yet.
@@ -137,7 +137,7 @@ class Store:
 
 @contextmanager
 def _asking() -> Generator[None]:
-    """Make one kind of error of the many that stores and networks know."""
+    """Turn the many errors of stores and networks into `OSError`."""
     try:
         yield
     except (OSError, MemoryError):
@@ -147,7 +147,7 @@ def _asking() -> Generator[None]:
 
 
 def _reached(url: str) -> tuple[Any, str]:
-    """What reaches a store, and the path of a URL in it."""
+    """The file system of a store, and the path of a URL in it."""
     try:
         from fsspec.core import url_to_fs
     except ImportError:

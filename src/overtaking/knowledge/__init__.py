@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from overtaking.knowledge.friction import (
-    FrictionTable,
-    Hydroplaning,
-    friction_table,
-    hydroplaning,
-)
+from overtaking.knowledge.friction import FrictionTable, friction_table
 from overtaking.knowledge.presets import Preset, presets
 from overtaking.knowledge.quantity import Distribution, Quantity, Source
 from overtaking.knowledge.reader import number, quantities, read_section, sources
@@ -20,7 +15,6 @@ from overtaking.knowledge.vehicles import (
     colours,
     vehicle_classes,
 )
-from overtaking.knowledge.weather import WeatherMaps, weather_maps
 
 __all__ = [
     "COLOUR_ORDER",
@@ -28,16 +22,13 @@ __all__ = [
     "Colour",
     "Distribution",
     "FrictionTable",
-    "Hydroplaning",
     "Preset",
     "Quantity",
     "Source",
     "Term",
     "VehicleClass",
-    "WeatherMaps",
     "colours",
     "friction_table",
-    "hydroplaning",
     "number",
     "presets",
     "quantities",
@@ -45,5 +36,4 @@ __all__ = [
     "sources",
     "terms",
     "vehicle_classes",
-    "weather_maps",
 ]

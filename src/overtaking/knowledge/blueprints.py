@@ -1,16 +1,11 @@
 """CARLA's vehicles: names, bounding boxes and the class whose physics each of them gets."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from overtaking.knowledge.reader import load, read_section
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 _FILE = "blueprints.toml"
 

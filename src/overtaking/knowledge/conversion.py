@@ -1,16 +1,11 @@
 """Unit texts such as `km/h`, `1/rad` or `kg m^2`, and their conversion to SI."""
 
-from __future__ import annotations
-
 import math
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from overtaking.core.errors import KnowledgeError
 from overtaking.core.units import mps_from_kmh, rad_from_deg
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 # Symbols that stand for themselves, the counting units of traffic among them.
 _SI_SYMBOLS = frozenset(

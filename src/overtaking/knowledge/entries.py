@@ -1,17 +1,11 @@
 """One entry of a knowledge file: an inline table with value, unit and source."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any, TypeGuard, cast
+from collections.abc import Callable, Container, Mapping
+from typing import Any, TypeGuard, cast
 
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge.conversion import converter, kept_unit, si_unit
-from overtaking.knowledge.quantity import CHOICE, TRUNCATION, Distribution, Quantity
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Container, Mapping
-
-    from overtaking.knowledge.quantity import Values
+from overtaking.knowledge.quantity import CHOICE, TRUNCATION, Distribution, Quantity, Values
 
 _MARKS = frozenset(["value", "distribution", "unit", "source"])
 _PROVENANCE = frozenset(["unit", "source"])

@@ -1,4 +1,4 @@
-"""Friction of tyres by speed and film of water, and the speeds at which they lose the road."""
+"""Friction of tyres by speed and film of water."""
 
 from __future__ import annotations
 
@@ -47,53 +47,7 @@ class FrictionTable:
     usable_share: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Hydroplaning:
-    """Coefficients of two formulas for the speed of hydroplaning, in km/h.
-
-    Horne: `horne_factor sqrt(pressure)`. PAVDRN: up to `film_limit_mm`,
-    `thin_factor film^thin_exponent` (mm); above it, with film and texture in inches,
-    `thick_factor max(thick_a1 / f + thick_a0, (thick_b1 / f - thick_b0) texture^e)`, where
-    f = film^thick_film_exponent and e = thick_texture_exponent.
-
-    Attributes:
-        horne_factor: For a pressure in kPa.
-        car_pressure_kpa: Inflation of car tyres [kPa].
-        truck_pressure_kpa: Inflation of truck tyres [kPa].
-        film_limit_mm: Where the two branches of PAVDRN meet [mm].
-        thin_factor: For a film in mm.
-        thin_exponent: Negative.
-        thick_factor: For a film in inches.
-        thick_film_exponent: Of the film.
-        thick_a1: First term.
-        thick_a0: First term.
-        thick_b1: Second term.
-        thick_b0: Second term, subtracted.
-        thick_texture_exponent: Of the mean texture depth.
-    """
-
-    horne_factor: float
-    car_pressure_kpa: float
-    truck_pressure_kpa: float
-    film_limit_mm: float
-    thin_factor: float
-    thin_exponent: float
-    thick_factor: float
-    thick_film_exponent: float
-    thick_a1: float
-    thick_a0: float
-    thick_b1: float
-    thick_b0: float
-    thick_texture_exponent: float
-
-
 @cache
 def friction_table() -> FrictionTable:
     """The friction of tyres; source `bosch-handbook`."""
     return read_section(FrictionTable, "friction.toml", "table")
-
-
-@cache
-def hydroplaning() -> Hydroplaning:
-    """The hydroplaning formulas; sources `horne-1963` and `pavdrn-1998`."""
-    return read_section(Hydroplaning, "friction.toml", "hydroplaning")

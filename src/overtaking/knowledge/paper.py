@@ -1,21 +1,15 @@
 """What the source paper states about its data set, number by number."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
-from typing import TYPE_CHECKING
 
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge.conversion import converter
+from overtaking.knowledge.quantity import Quantity
 from overtaking.knowledge.reader import load, read_section
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from overtaking.knowledge.quantity import Quantity
 
 _FILE = "paper.toml"
 

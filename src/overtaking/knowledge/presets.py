@@ -1,16 +1,11 @@
 """CARLA's named weathers."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from overtaking.knowledge.reader import load, read_section
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 # Our field, which carries its unit, to CARLA's, which does not.
 _CARLA_FIELDS = {

@@ -1,15 +1,11 @@
 """The nouns of the knowledge base: a source, a quantity and a distribution."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from overtaking.core.errors import KnowledgeError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 Values: TypeAlias = "float | tuple[Values, ...]"
 """A number, or a tuple of them, nested as deep as the table that it stands for."""

@@ -4,21 +4,17 @@ Every number in a file is an inline table with at least a value, a unit and a so
 unknown, missing, unitless or unsourced is an error here, so that nothing above has to check.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import tomllib
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar, cast, get_type_hints
+from typing import Any, TypeVar, cast, get_type_hints
 
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge.entries import is_entry, parse_distribution, parse_quantity
 from overtaking.knowledge.quantity import SOURCE_KINDS, Distribution, Quantity, Source
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
 
 Record = TypeVar("Record")
 

@@ -1,18 +1,12 @@
 """The seven vehicle classes and the eight colours."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
+from overtaking.knowledge.quantity import Quantity
 from overtaking.knowledge.reader import read_section
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from overtaking.knowledge.quantity import Quantity
 
 VEHICLE_CLASS_ORDER = ("S", "M", "L", "V", "T", "MC", "B")
 """Class names by code: 0 to 6, the encoding of the study `pinto-2023`."""

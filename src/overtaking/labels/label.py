@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from overtaking.labels.events import Judgement, classify, find_events
+from overtaking.labels.events import Judgement, case_of, classify
 from overtaking.labels.features import (
     decision_features,
     matched_features,
@@ -12,12 +12,11 @@ from overtaking.labels.features import (
     safety_measures,
 )
 from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, check, legality
-from overtaking.labels.signals.engine import signals, target_signals
 from overtaking.model.batch import Batch
 from overtaking.model.decisions import Decisions
 from overtaking.model.events import Events
 from overtaking.model.features import Features
-from overtaking.model.labels import Case, Findings, Labels
+from overtaking.model.labels import Findings, Labels
 from overtaking.model.safety import Safety
 from overtaking.model.signals import Signals
 from overtaking.model.trajectory import Trajectories
@@ -74,22 +73,15 @@ def label(
     Raises:
         ConfigError: A policy requires a rule that the pack does not have.
     """
-    seen = signals(trajectories)
-    events = find_events(trajectories, seen)
-    case = Case(
-        trajectories=trajectories,
-        signals=seen,
-        events=events,
-        target=target_signals(trajectories, seen, events),
-    )
+    case = case_of(trajectories)
     findings = check(pack, case)
     judgements = [_judgement(findings, policy) for policy in policies]
     return Labelled(
         trajectories=trajectories,
-        signals=seen,
-        events=events,
+        signals=case.signals,
+        events=case.events,
         findings=findings,
-        labels=classify(events, judgements, seen.frame_interval_ms),
+        labels=classify(case.events, judgements, case.signals.frame_interval_ms),
         paper=paper_features(case),
         matched=matched_features(case),
         decisions=decision_features(case),

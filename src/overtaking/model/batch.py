@@ -132,11 +132,6 @@ class Delayed(Batch):
             object.__setattr__(one, name, value)
         return one
 
-    @property
-    def is_original(self) -> bool:
-        """Whether it is what `partly` made, and nothing was put in the place of a field."""
-        return hasattr(self, "_later")
-
     if not TYPE_CHECKING:  # Else any name would pass for a field.
 
         def __getattr__(self, name: str) -> Any:

@@ -107,6 +107,7 @@ class _Declared:
 @cache
 def _declared(cls: type) -> tuple[_Declared, ...]:
     found: list[_Declared] = []
+    declared = values.declarations(cls)
     for field in dataclasses.fields(cls):
         hints = [one for one in values.choices(field.type) if one is not types.NoneType]
         found.append(
@@ -115,8 +116,8 @@ def _declared(cls: type) -> tuple[_Declared, ...]:
                 hint=field.type,
                 dtype=_dtype(hints[0]),
                 is_optional=len(hints) < len(values.choices(field.type)),
-                axes=field.metadata.get("axes") or getattr(cls, "AXES", ()),
-                range=field.metadata.get("range"),
+                axes=declared[field.name].axes or getattr(cls, "AXES", ()),
+                range=declared[field.name].range,
             )
         )
     return tuple(found)

@@ -1,6 +1,10 @@
-"""What there is to know at the instant at which a driver may decide to overtake."""
+"""What there is to know at the instant at which a driver may decide to overtake.
 
-from dataclasses import dataclass
+A new feature is a field here and a formula in `labels.features`. The columns of the table follow.
+"""
+
+from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,152 +12,198 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import F32, Mask
 from overtaking.model.batch import Batch
 from overtaking.model.safety import Encounter
+from overtaking.model.values import documented, meant
+from overtaking.model.vehicles import VehicleKind
 
 U8 = NDArray[np.uint8]
 I32 = NDArray[np.int32]
 
+_KINDS = tuple(kind.name for kind in VehicleKind)
+_SIDES = ("off", "left", "right", "both")
+"""Names of an indicator: bit 0 left, bit 1 right, as recorded."""
 
+
+_ego = partial(meant, column="ego_{}")
+
+
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnState(Batch):
-    """The ego; every array has shape (simulation,).
+    """The ego; every array has shape (simulation,)."""
 
-    Attributes:
-        kind: `VehicleKind`.
-        speed: [m/s].
-        accel: Along its axis [m/s^2].
-        available_accel: Largest acceleration of engine and air on a level road [m/s^2].
-        desired_speed: Speed wanted on a free road [m/s].
-        waiting_time: Since it closed up to the vehicle ahead, NaN where the attempt began before
-            the recording [s].
-        lateral_offset: Of its centre from that of its lane, growing to the left [m].
-    """
+    kind: U8 = field(metadata=_ego("Type of the ego", needs=["kinds"], names=_KINDS))
+    speed: F32 = field(metadata=_ego("Its speed", "m/s"))
+    accel: F32 = field(metadata=_ego("Its acceleration", "m/s^2"))
+    available_accel: F32 = field(
+        metadata=_ego(
+            "Largest acceleration of engine and air at that speed", "m/s^2", needs=["bodies"]
+        )
+    )
+    desired_speed: F32 = field(
+        metadata=_ego("Speed that its driver wants on a free road", "m/s", needs=["drivers"])
+    )
+    waiting_time: F32 = field(metadata=meant("Time since it closed up", "s"))
+    lateral_offset: F32 = field(
+        metadata=_ego(
+            "From the centre of its lane, growing to the left", "m", present="around.on_road"
+        )
+    )
 
-    kind: U8
-    speed: F32
-    accel: F32
-    available_accel: F32
-    desired_speed: F32
-    waiting_time: F32
-    lateral_offset: F32
+
+_ahead = partial(meant, column="ahead_{}", present=".encounter.valid")
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleAhead(Batch):
     """The vehicle ahead in the ego's lane; every array has shape (simulation,).
 
-    Where `encounter.valid` is false the others mean nothing.
-
-    Attributes:
-        encounter: The ego behind it.
-        kind: `VehicleKind`.
-        length: [m].
-        speed: [m/s].
-        accel: [m/s^2].
-        lateral_offset: As the ego's, in the same lane [m].
-        indicator: Its indicator: bit 0 left, bit 1 right, as recorded.
-        looming: Speed at which its image grows [rad/s].
-        has_next: Whether there is another vehicle ahead of it in the lane.
-        return_gap: Gap between those two, where there are [m].
-        overtaking_time: Least time to be ahead of it with its reaction distance between, at
-            `OwnState.available_accel`; infinite if the ego cannot [s].
-        overtaking_distance: Way of the ego in that time [m].
+    Where `encounter.valid` is false the others mean nothing. `overtaking_time` is that to be a
+    reaction distance ahead of it at `OwnState.available_accel`, infinite if the ego cannot.
     """
 
-    encounter: Encounter
-    kind: U8
-    length: F32
-    speed: F32
-    accel: F32
-    lateral_offset: F32
-    indicator: U8
-    looming: F32
-    has_next: Mask
-    return_gap: F32
-    overtaking_time: F32
-    overtaking_distance: F32
+    encounter: Encounter = field(metadata=meant("the ego behind the vehicle ahead", column="ahead"))
+    kind: U8 = field(metadata=_ahead("Type of the vehicle ahead", needs=["kinds"], names=_KINDS))
+    length: F32 = field(metadata=_ahead("Its length", "m"))
+    speed: F32 = field(metadata=_ahead("Its speed", "m/s"))
+    accel: F32 = field(metadata=_ahead("Its acceleration", "m/s^2"))
+    lateral_offset: F32 = field(
+        metadata=_ahead("From the centre of the lane, growing to the left", "m")
+    )
+    indicator: U8 = field(metadata=_ahead("Its indicator", needs=["indicators"], names=_SIDES))
+    looming: F32 = field(metadata=_ahead("Growth of its image in the eye", "rad/s"))
+    has_next: Mask = field(
+        metadata=meant("Whether there is another vehicle ahead of it in the lane", column=None)
+    )
+    return_gap: F32 = field(
+        metadata=meant(
+            "Gap between it and the next vehicle ahead in the lane", "m", present=".has_next"
+        )
+    )
+    overtaking_time: F32 = field(
+        metadata=meant(
+            "Least time to be a reaction distance ahead of it; null if never",
+            "s",
+            present=".encounter.valid",
+            needs=["bodies", "weather"],
+        )
+    )
+    overtaking_distance: F32 = field(
+        metadata=meant(
+            "Way of the ego in that time",
+            "m",
+            present=".encounter.valid",
+            needs=["bodies", "weather"],
+        )
+    )
 
 
+_left = partial(meant, column="left_{}", present=".exists")
+
+
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftLane(Batch):
     """The lane to the ego's left; every array has shape (simulation,).
 
-    Attributes:
-        exists: Whether there is one; else the others mean nothing.
-        front: The ego behind the vehicle ahead in it.
-        rear: The vehicle behind in it, behind the ego.
-        occupancy: Vehicle lengths within 100 m ahead and behind, over 200 m [1].
-        count: Vehicles with their centre in that stretch.
-        space_mean_speed: Mean of their speeds, 0 without any [m/s].
-        time_mean_speed: Mean of the speeds past a place, 0 without any [m/s].
-        crossable: Whether the line to it may be crossed.
+    Occupancy and count are of the 100 m ahead and behind.
     """
 
-    exists: Mask
-    front: Encounter
-    rear: Encounter
-    occupancy: F32
-    count: U8
-    space_mean_speed: F32
-    time_mean_speed: F32
-    crossable: Mask
+    exists: Mask = field(metadata=meant("Whether there is a lane to the left", column="left_{}"))
+    front: Encounter = field(
+        metadata=meant("the ego behind the vehicle ahead on the left", column="left_{}")
+    )
+    rear: Encounter = field(
+        metadata=meant("the vehicle behind on the left, behind the ego", column="left_{}")
+    )
+    occupancy: F32 = field(
+        metadata=_left("Lengths of vehicles in 200 m of the lane to the left, over 200 m")
+    )
+    count: U8 = field(metadata=_left("Vehicles there"))
+    space_mean_speed: F32 = field(metadata=_left("Mean of their speeds", "m/s", present=".count"))
+    time_mean_speed: F32 = field(
+        metadata=_left("Mean of the speeds past a place there", "m/s", present=".count")
+    )
+    crossable: Mask = field(
+        metadata=_left("Whether the line on the left may be crossed", needs=["marks"])
+    )
 
 
+_weather = partial(meant, needs=["weather"])
+
+
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surround(Batch):
-    """Road, weather and light; every array has shape (simulation,).
+    """Road, weather and light; every array has shape (simulation,)."""
 
-    Attributes:
-        on_road: Whether the ego's centre is in a driving lane; else its lane means nothing.
-        lane: Lane index, 0 the slowest.
-        lanes_to_left: Number of driving lanes on its left.
-        lane_width: [m].
-        speed_limit: As posted [m/s].
-        night: Whether it is night.
-        low_sun: Whether the sun stands low ahead.
-        rain: Rain rate [mm/h].
-        optical_range: Meteorological optical range [m].
-        wind: Mean wind speed [m/s].
-        friction: Peak friction under the ego [1].
-        sight_lit: Distance at which a lit vehicle is seen [m].
-        sight_unlit: Distance at which an unlit one is seen [m].
-    """
-
-    on_road: Mask
-    lane: U8
-    lanes_to_left: U8
-    lane_width: F32
-    speed_limit: F32
-    night: Mask
-    low_sun: Mask
-    rain: F32
-    optical_range: F32
-    wind: F32
-    friction: F32
-    sight_lit: F32
-    sight_unlit: F32
+    on_road: Mask = field(
+        metadata=meant(
+            "Whether the ego's centre is in a driving lane; else its lane means nothing",
+            column=None,
+        )
+    )
+    lane: U8 = field(metadata=meant("Lane, 0 the slowest", present=".on_road"))
+    lanes_to_left: U8 = field(metadata=meant("Driving lanes to the left of it", present=".on_road"))
+    lane_width: F32 = field(metadata=meant("Its width", "m", present=".on_road"))
+    speed_limit: F32 = field(metadata=_weather("Limit as posted", "m/s", needs=["speed_limit"]))
+    night: Mask = field(metadata=_weather("Whether it is night"))
+    low_sun: Mask = field(metadata=_weather("Whether the sun stands low ahead"))
+    rain: F32 = field(metadata=_weather("Rain rate", "mm/h"))
+    optical_range: F32 = field(metadata=_weather("Meteorological optical range", "m"))
+    wind: F32 = field(metadata=_weather("Mean wind speed", "m/s"))
+    friction: F32 = field(metadata=_weather("Peak friction under the ego"))
+    sight_lit: F32 = field(metadata=_weather("Distance at which a lit vehicle is seen", "m"))
+    sight_unlit: F32 = field(
+        metadata=_weather("Distance at which an unlit one is seen", "m", needs=["weather", "lamps"])
+    )
 
 
+_law = partial(meant, column="law_{}", needs=["weather"])
+
+
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawAhead(Batch):
     """Margins of the law if the ego moved over now, negative in a breach; shape (simulation,).
 
     A margin to a vehicle means nothing where that vehicle is not there.
-
-    Attributes:
-        follow: L3, gap to the vehicle ahead [m].
-        entry_front: L4, gap to the vehicle ahead on the left [m].
-        entry_rear: L5, gap to the vehicle behind on the left [m].
-        speed: L12, limit of road and vehicle minus speed [m/s].
-        stop_lit: L14, sight of the lit minus stopping distance [m].
-        stop_unlit: L14s, sight of the unlit minus stopping distance [m].
     """
 
-    follow: F32
-    entry_front: F32
-    entry_rear: F32
-    speed: F32
-    stop_lit: F32
-    stop_unlit: F32
+    follow: F32 = field(
+        metadata=_law(
+            "L3: gap to the vehicle ahead minus the safe distance",
+            "m",
+            present="ahead.encounter.valid",
+        )
+    )
+    entry_front: F32 = field(
+        metadata=_law(
+            "L4 if the ego moved over now: room to the vehicle ahead on the left",
+            "m",
+            present="left.front.valid",
+        )
+    )
+    entry_rear: F32 = field(
+        metadata=_law(
+            "L5 if the ego moved over now: room to the vehicle behind on the left",
+            "m",
+            present="left.rear.valid",
+        )
+    )
+    speed: F32 = field(
+        metadata=_law(
+            "L12: limit of road and vehicle minus speed",
+            "m/s",
+            needs=["speed_limit", "kinds", "road_kind"],
+        )
+    )
+    stop_lit: F32 = field(metadata=_law("L14: sight of the lit minus stopping distance", "m"))
+    stop_unlit: F32 = field(
+        metadata=_law(
+            "L14s: sight of the unlit minus stopping distance", "m", needs=["weather", "lamps"]
+        )
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

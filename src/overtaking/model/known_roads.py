@@ -1,17 +1,11 @@
 """The roads that come with the package, as nouns."""
 
-from __future__ import annotations
-
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 from overtaking.core.errors import ConfigError
-from overtaking.knowledge.roads import ROAD_NAMES, road_facts
+from overtaking.knowledge.roads import ROAD_NAMES, BesideFacts, RoadFacts, road_facts
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
-
-if TYPE_CHECKING:
-    from overtaking.knowledge.roads import BesideFacts, RoadFacts
 
 
 @cache

@@ -1,4 +1,4 @@
-"""What many ask about a batch is worked out for the first of them."""
+"""Memoisation of functions of a batch."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 def once(function: Callable[[B], T]) -> Callable[[B], T]:
-    """A function that remembers what it said of a batch as long as the batch exists.
+    """A function whose result for a batch is kept as long as the batch exists.
 
     Batches must be compared by identity. All who ask share the answer; its arrays must not be
     changed.

@@ -50,6 +50,15 @@ RADIANS_PER_STEP = 1e-4
 RADIANS_PER_SECOND_PER_STEP = 1e-4
 METRES_PER_SECOND_SQUARED_PER_STEP = 1e-3
 
+STEPS = {
+    **dict.fromkeys(("x", "y", "s", "d"), METRES_PER_STEP),
+    "speed": METRES_PER_SECOND_PER_STEP,
+    **dict.fromkeys(("heading", "wheel_angle"), RADIANS_PER_STEP),
+    **dict.fromkeys(("accel_lon", "accel_lat"), METRES_PER_SECOND_SQUARED_PER_STEP),
+    "yaw_rate": RADIANS_PER_SECOND_PER_STEP,
+}
+"""Size of a step of each number in `States` [SI units]."""
+
 
 class Stage(IntEnum):
     """What the ego is doing, as its own state machine sees it."""

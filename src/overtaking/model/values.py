@@ -1,19 +1,24 @@
-"""Ranges and types of values, and what a message says of them.
+"""Declarations of fields: range, axes, unit and meaning. Types of values, and words for messages.
 
-A field of a dataclass names its range and its axes in its metadata (`within`, `along`), an argument
-of a function in its annotation (`Annotated[int, Range(0, 9)]`). `model.checks` holds both to it.
+A field of a dataclass is declared once, in its metadata (`within`, `meant`, `along`). An argument
+of a function states its range in its annotation (`Annotated[int, Range(0, 9)]`). `model.checks`
+checks both. Specifications, table columns and reference pages read `declarations`.
 """
 
 import math
 import types
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, Union, get_args, get_origin
+from typing import Any, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
+
+from overtaking.core.elementary import Mask
+
+Cls = TypeVar("Cls", bound=type)
 
 Axes = tuple[str | int, ...]
 
@@ -72,10 +77,44 @@ class Range:
         return not values.size or bool(self.low <= values.min() and values.max() <= high)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Declaration:
+    """What a field of a dataclass declares with `within`, `meant` or `along`.
+
+    Attributes:
+        meaning: What the field is, a phrase without unit or full stop; empty if not stated.
+        unit: Unit, `1` for plain numbers and flags.
+        range: Range of its values, if it has one.
+        axes: Axes of an array where they are not those of its class (`Batch.AXES`).
+        column: Name of its table column without the unit, or what the columns of a nested batch
+            begin with; None for a field without a column.
+        present: Path of the field that says where there is a value: from the outermost batch, or
+            from this one if it begins with a dot. Empty if there is a value everywhere.
+        needs: What must be known of a recording, names of `model.trajectory.UNKNOWNS`.
+        names: Names of its codes, if it is an enumeration.
+        is_flag: Whether its values are yes or no.
+    """
+
+    meaning: str = ""
+    unit: str = "1"
+    range: Range | None = None
+    axes: Axes | None = None
+    column: str | None = "{}"
+    present: str = ""
+    needs: Sequence[str] = ()
+    names: Sequence[str] = ()
+    is_flag: bool = False
+
+
+_KEY = "declaration"
+"""Key of a field's `Declaration` in its metadata."""
+
+
 def within(
     low: float,
     high: float | str,
     unit: str = "",
+    meaning: str = "",
     *,
     axes: Axes | None = None,
     also: int | None = None,
@@ -87,16 +126,67 @@ def within(
         low: Smallest value.
         high: Largest value, or the name of an axis whose indices are meant.
         unit: Unit, empty for plain numbers.
-        axes: Axes of an array where they are not those of its class (`Batch.AXES`).
+        meaning: See `Declaration`.
+        axes: See `Declaration`.
         also: One more value, which stands for nothing.
         is_open: Whether the smallest value itself is left out.
     """
-    return {"range": Range(low, high, unit, also, is_open), "axes": axes}
+    allowed = Range(low, high, unit, also, is_open)
+    return {_KEY: Declaration(meaning=meaning, unit=unit or "1", range=allowed, axes=axes)}
+
+
+def meant(
+    meaning: str,
+    unit: str = "1",
+    *,
+    column: str | None = "{}",
+    present: str = "",
+    needs: Sequence[str] = (),
+    names: Sequence[str] = (),
+) -> Mapping[str, Any]:
+    """Metadata of a field without a range, such as a flag or a derived measure.
+
+    Args:
+        meaning: See `Declaration`.
+        unit: See `Declaration`.
+        column: See `Declaration`; `{}` stands for the name of the field.
+        present: See `Declaration`.
+        needs: See `Declaration`.
+        names: See `Declaration`.
+    """
+    declared = Declaration(
+        meaning=meaning, unit=unit, column=column, present=present, needs=needs, names=names
+    )
+    return {_KEY: declared}
 
 
 def along(*axes: str | int) -> Mapping[str, Any]:
     """Metadata of an array whose axes are not those of its class; a number is a fixed length."""
-    return {"axes": axes}
+    return {_KEY: Declaration(axes=axes)}
+
+
+def declarations(cls: type) -> dict[str, Declaration]:
+    """What each field of a dataclass declares, by its name, in their order."""
+    return {
+        field.name: replace(
+            declared,
+            column=declared.column and declared.column.format(field.name),
+            is_flag=field.type == Mask,
+        )
+        for field in fields(cls)
+        for declared in [field.metadata.get(_KEY, Declaration())]
+    }
+
+
+def documented(cls: Cls) -> Cls:
+    """A dataclass whose docstring lists its declarations, for `help` and notebooks."""
+    lines = [
+        f"        {name}: {one.meaning}{'' if one.unit == '1' else f' [{one.unit}]'}."
+        for name, one in declarations(cls).items()
+    ]
+    if cls.__doc__:  # None under `python -OO`.
+        cls.__doc__ = "\n".join([cls.__doc__.rstrip(), "", "    Attributes:", *lines, "    "])
+    return cls
 
 
 def choices(hint: Any) -> tuple[Any, ...]:

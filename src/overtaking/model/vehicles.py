@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask
 from overtaking.model.batch import Batch, Constraint
-from overtaking.model.values import within
+from overtaking.model.values import documented, meant, within
 
 
 class Role(IntEnum):
@@ -43,76 +43,67 @@ class Colour(IntEnum):
     BROWN = 7
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleSpecs(Batch):
-    """Bodies of all vehicles; every array has shape (simulation, vehicle).
-
-    Attributes:
-        valid: Whether the slot holds a vehicle; the values of an empty one are in their ranges, and
-            mean nothing.
-        kind: `VehicleKind`.
-        colour: `Colour`.
-        length: Bumper to bumper [m].
-        width: Body without mirrors [m].
-        height: [m]; what is taller than a car hides what is ahead of it.
-        mass: With driver and load [kg].
-        wheelbase: Distance of the axles [m].
-        cg_to_front: Centre of gravity to front axle [m].
-        cg_height: Height of the centre of gravity [m].
-        yaw_inertia: About the vertical axis [kg m^2].
-        front_stiffness: Cornering stiffness of the front axle per axle load [1/rad].
-        rear_stiffness: The same of the rear axle [1/rad].
-        launch_accel: Largest acceleration at low speed [m/s^2].
-        power: Power at the wheels [W].
-        drag_area: Drag coefficient times frontal area [m^2].
-        side_area: Side area exposed to wind [m^2].
-        rolling_resistance: Rolling force per weight [1].
-        max_speed: Governor or top speed [m/s].
-        peak_decel: Strongest braking that the brakes allow [m/s^2].
-        wind_side_coefficient: Side force coefficient on the side area [1].
-        wind_centre_ratio: Centre of wind pressure ahead of mid-wheelbase, per wheelbase [1].
-        front_drive_share: Share of the drive force at the front axle, 0 or 1.
-        tyre_wear: Tread wear, 0 new (8 mm) to 1 worn (1.6 mm).
-        track_width: Distance of left and right wheels [m].
-        spray_factor: Spray behind it relative to a car [1].
-        lamp_separation: Distance of its rear lamps, what looms at night [m].
-        contrast: Luminance contrast of its colour against the background by day [1].
-        two_wheeler: Moves as a point mass.
-        unlawful_presence: May not be on a motorway at all.
-    """
+    """Bodies of all vehicles; every array has shape (simulation, vehicle)."""
 
     AXES = ("simulation", "vehicle")
 
-    valid: Mask
-    kind: NDArray[np.uint8] = field(metadata=within(0, max(VehicleKind)))
-    colour: NDArray[np.uint8] = field(metadata=within(0, max(Colour)))
-    length: F32 = field(metadata=within(0.1, 60.0, "m"))
-    width: F32 = field(metadata=within(0.1, 60.0, "m"))
-    height: F32 = field(metadata=within(0.1, 6.0, "m"))
-    mass: F32 = field(metadata=within(20.0, 2e5, "kg"))
-    wheelbase: F32 = field(metadata=within(0.1, 60.0, "m"))
-    cg_to_front: F32 = field(metadata=within(0.01, 60.0, "m"))
-    cg_height: F32 = field(metadata=within(0.01, 6.0, "m"))
-    yaw_inertia: F32 = field(metadata=within(0.1, 1e8, "kg m^2"))
-    front_stiffness: F32 = field(metadata=within(0.1, 100.0, "1/rad"))
-    rear_stiffness: F32 = field(metadata=within(0.1, 100.0, "1/rad"))
-    launch_accel: F32 = field(metadata=within(0.01, 30.0, "m/s^2"))
-    power: F32 = field(metadata=within(1.0, 1e7, "W"))
-    drag_area: F32 = field(metadata=within(0.0, 50.0, "m^2"))
-    side_area: F32 = field(metadata=within(0.0, 200.0, "m^2"))
-    rolling_resistance: F32 = field(metadata=within(0.0, 0.5))
-    max_speed: F32 = field(metadata=within(0.1, 150.0, "m/s"))
-    peak_decel: F32 = field(metadata=within(0.1, 30.0, "m/s^2"))
-    wind_side_coefficient: F32 = field(metadata=within(0.0, 5.0))
-    wind_centre_ratio: F32 = field(metadata=within(-2.0, 2.0))
-    front_drive_share: F32 = field(metadata=within(0.0, 1.0))
-    tyre_wear: F32 = field(metadata=within(0.0, 1.0))
-    track_width: F32 = field(metadata=within(0.01, 6.0, "m"))
-    spray_factor: F32 = field(metadata=within(0.0, 100.0))
-    lamp_separation: F32 = field(metadata=within(0.01, 6.0, "m"))
-    contrast: F32 = field(metadata=within(0.0, 1.0))
-    two_wheeler: Mask
-    unlawful_presence: Mask
+    valid: Mask = field(
+        metadata=meant(
+            "Whether the slot holds a vehicle; an empty one has values in range without meaning"
+        )
+    )
+    kind: NDArray[np.uint8] = field(metadata=within(0, max(VehicleKind), "", "`VehicleKind`"))
+    colour: NDArray[np.uint8] = field(metadata=within(0, max(Colour), "", "`Colour`"))
+    length: F32 = field(metadata=within(0.1, 60.0, "m", "Bumper to bumper"))
+    width: F32 = field(metadata=within(0.1, 60.0, "m", "Body without mirrors"))
+    height: F32 = field(metadata=within(0.1, 6.0, "m", "Height"))
+    mass: F32 = field(metadata=within(20.0, 2e5, "kg", "With driver and load"))
+    wheelbase: F32 = field(metadata=within(0.1, 60.0, "m", "Distance of the axles"))
+    cg_to_front: F32 = field(metadata=within(0.01, 60.0, "m", "Centre of gravity to front axle"))
+    cg_height: F32 = field(metadata=within(0.01, 6.0, "m", "Height of the centre of gravity"))
+    yaw_inertia: F32 = field(metadata=within(0.1, 1e8, "kg m^2", "About the vertical axis"))
+    front_stiffness: F32 = field(
+        metadata=within(0.1, 100.0, "1/rad", "Cornering stiffness of the front axle per axle load")
+    )
+    rear_stiffness: F32 = field(
+        metadata=within(0.1, 100.0, "1/rad", "Cornering stiffness of the rear axle per axle load")
+    )
+    launch_accel: F32 = field(
+        metadata=within(0.01, 30.0, "m/s^2", "Largest acceleration at low speed")
+    )
+    power: F32 = field(metadata=within(1.0, 1e7, "W", "Power at the wheels"))
+    drag_area: F32 = field(metadata=within(0.0, 50.0, "m^2", "Drag coefficient times frontal area"))
+    side_area: F32 = field(metadata=within(0.0, 200.0, "m^2", "Side area exposed to wind"))
+    rolling_resistance: F32 = field(metadata=within(0.0, 0.5, "", "Rolling force per weight"))
+    max_speed: F32 = field(metadata=within(0.1, 150.0, "m/s", "Governor or top speed"))
+    peak_decel: F32 = field(
+        metadata=within(0.1, 30.0, "m/s^2", "Strongest braking that the brakes allow, positive")
+    )
+    wind_side_coefficient: F32 = field(
+        metadata=within(0.0, 5.0, "", "Side force coefficient on the side area")
+    )
+    wind_centre_ratio: F32 = field(
+        metadata=within(
+            -2.0, 2.0, "", "Centre of wind pressure ahead of mid-wheelbase, per wheelbase"
+        )
+    )
+    front_drive_share: F32 = field(
+        metadata=within(0.0, 1.0, "", "Share of the drive force at the front axle")
+    )
+    tyre_wear: F32 = field(metadata=within(0.0, 1.0, "", "Tread wear, 0 new to 1 worn"))
+    track_width: F32 = field(metadata=within(0.01, 6.0, "m", "Distance of left and right wheels"))
+    spray_factor: F32 = field(metadata=within(0.0, 100.0, "", "Spray behind it relative to a car"))
+    lamp_separation: F32 = field(metadata=within(0.01, 6.0, "m", "Distance of its rear lamps"))
+    contrast: F32 = field(
+        metadata=within(
+            0.0, 1.0, "", "Luminance contrast of its colour against the background by day"
+        )
+    )
+    two_wheeler: Mask = field(metadata=meant("Moves as a point mass"))
+    unlawful_presence: Mask = field(metadata=meant("May not be on a motorway at all"))
 
     def constraints(self) -> Iterable[Constraint]:
         """An ego in slot 0 and no empty slot before a filled one; centres between the axles."""

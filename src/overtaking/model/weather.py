@@ -10,45 +10,47 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import F32, Mask
 from overtaking.knowledge import presets
 from overtaking.model.batch import Batch
-from overtaking.model.values import within
+from overtaking.model.values import documented, meant, within
 
 NO_PRESET = np.uint8(255)
 """Preset of a weather that is none of the presets."""
 
-_PERCENT = within(0.0, 100.0, "%")
-_TURN = within(-math.tau, math.tau, "rad")
 
-
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weather(Batch):
-    """Weather of each simulation; every array has shape (simulation,).
+    """Weather of each simulation; every array has shape (simulation,)."""
 
-    Attributes:
-        preset: Index into `knowledge.presets()`, or `NO_PRESET` where each quantity was drawn on
-            its own.
-        cloudiness: 0 to 100 [%].
-        rain: CARLA's precipitation, 0 to 100 [%].
-        puddles: CARLA's precipitation deposits, 0 to 100 [%].
-        wind: CARLA's wind intensity, 0 to 100 [%].
-        wind_direction: Where the wind blows to, anticlockwise from the direction of travel [rad].
-        fog: CARLA's fog density, 0 to 100 [%].
-        sun_altitude: Above the horizon [rad].
-        sun_azimuth: Anticlockwise from the direction of travel [rad].
-        night: Whether it is night (the paper's DN).
-        horizon_line: Whether the sun stands low ahead (the paper's HL).
-    """
-
-    preset: NDArray[np.uint8] = field(metadata=within(0, "preset", also=int(NO_PRESET)))
-    cloudiness: F32 = field(metadata=_PERCENT)
-    rain: F32 = field(metadata=_PERCENT)
-    puddles: F32 = field(metadata=_PERCENT)
-    wind: F32 = field(metadata=_PERCENT)
-    wind_direction: F32 = field(metadata=_TURN)
-    fog: F32 = field(metadata=_PERCENT)
-    sun_altitude: F32 = field(metadata=within(-1.5708, 1.5708, "rad"))
-    sun_azimuth: F32 = field(metadata=_TURN)
-    night: Mask
-    horizon_line: Mask
+    preset: NDArray[np.uint8] = field(
+        metadata=within(
+            0,
+            "preset",
+            "",
+            "Index into `knowledge.presets()`, or `NO_PRESET` where quantities are drawn alone",
+            also=int(NO_PRESET),
+        )
+    )
+    cloudiness: F32 = field(metadata=within(0.0, 100.0, "%", "CARLA's cloudiness"))
+    rain: F32 = field(metadata=within(0.0, 100.0, "%", "CARLA's precipitation"))
+    puddles: F32 = field(metadata=within(0.0, 100.0, "%", "CARLA's precipitation deposits"))
+    wind: F32 = field(metadata=within(0.0, 100.0, "%", "CARLA's wind intensity"))
+    wind_direction: F32 = field(
+        metadata=within(
+            -math.tau,
+            math.tau,
+            "rad",
+            "Where the wind blows to, anticlockwise from the direction of travel",
+        )
+    )
+    fog: F32 = field(metadata=within(0.0, 100.0, "%", "CARLA's fog density"))
+    sun_altitude: F32 = field(
+        metadata=within(-1.5708, 1.5708, "rad", "Height of the sun above the horizon")
+    )
+    sun_azimuth: F32 = field(
+        metadata=within(-math.tau, math.tau, "rad", "Anticlockwise from the direction of travel")
+    )
+    night: Mask = field(metadata=meant("Whether it is night"))
+    horizon_line: Mask = field(metadata=meant("Whether the sun stands low ahead"))
 
     def sizes(self) -> Mapping[str, int]:
         """How many presets there are."""

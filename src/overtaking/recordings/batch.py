@@ -1,4 +1,4 @@
-"""From windows of a recording to `Trajectories`: the ego in slot 0, who matters in the others."""
+"""From windows of a recording to `Trajectories`: the ego in slot 0, others in the next."""
 
 from __future__ import annotations
 
@@ -11,19 +11,14 @@ from numpy.typing import NDArray
 
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import (
-    METRES_PER_SECOND_PER_STEP,
-    METRES_PER_SECOND_SQUARED_PER_STEP,
-    METRES_PER_STEP,
     NO_VEHICLE,
-    RADIANS_PER_SECOND_PER_STEP,
-    RADIANS_PER_STEP,
+    STEPS,
     Contacts,
     Percepts,
     Stage,
     States,
     Trajectories,
 )
-from overtaking.model.vehicles import Role
 from overtaking.recordings.neighbours import NOBODY, Surroundings
 from overtaking.scenarios.assumed import assumed_bodies, assumed_drivers, assumed_weather
 
@@ -36,27 +31,15 @@ if TYPE_CHECKING:
 I64 = NDArray[np.int64]
 
 NUM_SLOTS = 16
-"""Vehicles of a simulation that is made from a recording, the ego among them, unless said."""
+"""Default number of vehicles of a simulation from a recording, the ego among them."""
 
 MAX_SLOTS = 64
 
-_STEPS = {
-    "x": METRES_PER_STEP,
-    "y": METRES_PER_STEP,
-    "s": METRES_PER_STEP,
-    "d": METRES_PER_STEP,
-    "speed": METRES_PER_SECOND_PER_STEP,
-    "heading": RADIANS_PER_STEP,
-    "wheel_angle": RADIANS_PER_STEP,
-    "accel_lon": METRES_PER_SECOND_SQUARED_PER_STEP,
-    "accel_lat": METRES_PER_SECOND_SQUARED_PER_STEP,
-    "yaw_rate": RADIANS_PER_SECOND_PER_STEP,
-}
 _WIDE = frozenset({"x", "y", "s", "d", "speed"})
 _LARGEST = {np.int16: 32767, np.int32: 2**31 - 1}
 
 
-def cast_of(
+def vehicles_of(
     recording: Recording, around: Surroundings, window: Window, num_slots: int = NUM_SLOTS
 ) -> tuple[int, ...]:
     """The vehicles of a simulation by slot, as places among the tracks.
@@ -68,7 +51,7 @@ def cast_of(
 
     Args:
         recording: The recording.
-        around: Who drives around whom.
+        around: The neighbours of all vehicles.
         window: Which part of it.
         num_slots: How many vehicles at most.
     """
@@ -88,7 +71,7 @@ def cast_of(
 
 
 def _nearest(recording: Recording, window: Window) -> list[int]:
-    """Everybody who is there in the first frame of a window, or later, the nearest first."""
+    """All vehicles of a window by the frame in which they appear, then by distance."""
     tracks = recording.tracks
     meets = (tracks.first <= window.last) & (tracks.last >= window.first)
     there = np.flatnonzero(meets & (tracks.carriageway == tracks.carriageway[window.ego]))
@@ -98,59 +81,52 @@ def _nearest(recording: Recording, window: Window) -> list[int]:
     return there[np.lexsort((tracks.ids[there], np.round(apart, 3), frame))].tolist()
 
 
-def coverage(
-    recording: Recording,
-    around: Surroundings,
-    windows: Sequence[Window],
-    casts: Sequence[tuple[int, ...]],
-) -> float:
+def coverage(recording: Recording, around: Surroundings, windows: Sequence[Window]) -> float:
     """Share of all neighbours of the egos, over frames and places, that have a slot."""
-    found = total = 0
-    for window, cast in zip(windows, casts, strict=True):
-        tracks = recording.tracks
+    tracks, found, total = recording.tracks, 0, 0
+    for window in windows:
         rows = (tracks.row(window.ego, frame) for frame in (window.first, window.last))
         near = around.vehicles(*rows)
         near = near[near != NOBODY]
-        found += int(np.isin(near, cast).sum())
+        found += int(np.isin(near, window.vehicles).sum())
         total += near.size
     return found / total if total else 1.0
 
 
 def trajectories(
-    recording: Recording,
-    windows: Sequence[Window],
-    casts: Sequence[tuple[int, ...]],
-    *,
-    first_index: int = 0,
+    recording: Recording, windows: Sequence[Window], *, first_index: int = 0
 ) -> Trajectories:
     """The simulations that some windows become.
 
     Args:
         recording: The recording.
-        windows: At least one.
-        casts: The vehicles of each by slot.
+        windows: At least one, with its vehicles.
         first_index: Index of the first simulation.
 
     Returns:
-        A batch with as many slots as the largest cast needs and frames as the longest window.
+        A batch with as many slots as the largest window needs and frames as the longest one.
     """
-    slots, frames = max(map(len, casts)), max(one.last - one.first + 1 for one in windows)
-    rows = np.full((len(windows), slots, frames), NOBODY)
-    for place, (window, cast) in enumerate(zip(windows, casts, strict=True)):
-        for slot, vehicle in enumerate(cast):
+    num_frames = np.array([one.num_frames for one in windows], np.int32)
+    slots = max(len(one.vehicles) for one in windows)
+    rows = np.full((len(windows), slots, num_frames.max()), NOBODY)
+    for place, window in enumerate(windows):
+        for slot, vehicle in enumerate(window.vehicles):
             _place(recording, window, vehicle, rows[place, slot])
     present = rows != NOBODY
     states = _states(recording, rows, present)
-    num_frames = np.array([one.last - one.first + 1 for one in windows], np.int32)
-    scenario = _scenario(recording, casts, slots, rows, num_frames, first_index)
-    shape = (len(windows), frames)
+    shape, nothing = (len(windows), rows.shape[2]), np.zeros((len(windows), slots), np.int32)
     made = Trajectories(
-        scenario=scenario,
+        scenario=_scenario(recording, windows, rows, first_index),
         num_frames=num_frames,
         states=states,
         stage=np.full(shape, Stage.FOLLOW, np.uint8),
         collided_with=np.full(shape, NO_VEHICLE),
-        contacts=_no_contacts((len(windows), slots)),
+        contacts=Contacts(
+            partner=np.full(nothing.shape, NO_VEHICLE),
+            time=nothing,
+            impulse=nothing,
+            closing_speed=nothing,
+        ),
         percepts=Percepts.nothing(len(windows), 0),
         trace_hash=_hashes(states, present, num_frames),
         unknown=recording.unknown,
@@ -178,7 +154,7 @@ def _states(recording: Recording, rows: I64, present: NDArray[np.bool_]) -> Stat
         "lane": np.where(present, tracks.lane[rows], np.uint8(0)),
         "lights": np.zeros(rows.shape, np.uint8),
     }
-    for name, step in _STEPS.items():
+    for name, step in STEPS.items():
         given = getattr(tracks, name)
         if name in ("heading", "wheel_angle"):
             given = given - np.round(given / (2.0 * np.pi)) * (2.0 * np.pi)
@@ -190,21 +166,18 @@ def _states(recording: Recording, rows: I64, present: NDArray[np.bool_]) -> Stat
 
 
 def _scenario(
-    recording: Recording,
-    casts: Sequence[tuple[int, ...]],
-    slots: int,
-    rows: I64,
-    num_frames: NDArray[np.int32],
-    first_index: int,
+    recording: Recording, windows: Sequence[Window], rows: I64, first_index: int
 ) -> Scenario:
-    """What is known before the first frame, and what stands for the rest."""
-    tracks, count = recording.tracks, len(casts)
+    """The scenario of each simulation; what the recording does not tell is assumed."""
+    tracks, count, slots = recording.tracks, len(windows), rows.shape[1]
+    num_vehicles = np.array([len(one.vehicles) for one in windows])
+    valid = np.arange(slots) < num_vehicles[:, None]
     # An empty slot looks like the ego's, so that it can be computed with.
-    who = np.array([[*cast, *[cast[Role.EGO]] * (slots - len(cast))] for cast in casts])
-    valid = np.array([[slot < len(cast) for slot in range(slots)] for cast in casts])
+    who = np.array([[*one.vehicles, *[one.ego] * (slots - len(one.vehicles))] for one in windows])
     present = rows != NOBODY
     first = np.take_along_axis(rows, present.argmax(axis=2)[:, :, None], axis=2)[:, :, 0]
     first = np.where(valid & (first != NOBODY), first, first[:, :1])
+    num_frames = np.array([one.num_frames for one in windows], np.int32)
     duration = num_frames * (recording.frame_interval_ms * 1e-3)
     lane = tracks.lane[first].astype(np.int64)
     lane = np.where(lane == NO_VEHICLE, 0, np.minimum(lane, recording.road.num_lanes - 1))
@@ -231,14 +204,6 @@ def _scenario(
     )
 
 
-def _no_contacts(shape: tuple[int, int]) -> Contacts:
-    """Recordings tell of no collision."""
-    nothing = np.zeros(shape, np.int32)
-    return Contacts(
-        partner=np.full(shape, NO_VEHICLE), time=nothing, impulse=nothing, closing_speed=nothing
-    )
-
-
 def _hashes(
     states: States, present: NDArray[np.bool_], num_frames: NDArray[np.int32]
 ) -> NDArray[np.uint32]:
@@ -248,7 +213,7 @@ def _hashes(
         digest = hashlib.blake2b(digest_size=16)
         there = present[place, :, :count]
         digest.update(np.packbits(there).tobytes())
-        for name in (*_STEPS, "lane"):
+        for name in (*STEPS, "lane"):
             values = getattr(states, name)[place, :, :count][there]
             digest.update(values.astype(values.dtype.newbyteorder("<")).tobytes())
         words[place] = np.frombuffer(digest.digest(), "<u4")

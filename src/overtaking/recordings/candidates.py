@@ -1,10 +1,10 @@
-"""Overtakes that a recording may hold: who, from when to when, and who else matters.
+"""Candidate overtakes in a recording: ego, leader, first and last frame.
 
 Every vehicle with a leader in its lane may be an ego. A *candidate* is a movement to the left out
 of a lane with a leader ahead; whether it was an overtake, and how it ended, is for the labels. Its
 window reaches from some seconds before the movement to some seconds after the return, or to the end
-of the track. A vehicle counts as in another lane only once it is well inside it, so that somebody
-who drives along a line does not change lanes all the time.
+of the track. A vehicle counts as in another lane only once it is well inside it, so that driving
+along a line is no lane change.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.recordings.recording import BEYOND_SLOW_EDGE, slope
+from overtaking.model.trajectory import BEYOND_SLOW_EDGE
+from overtaking.recordings.recording import slope
 
 if TYPE_CHECKING:
     from overtaking.recordings.neighbours import Surroundings
@@ -30,7 +31,7 @@ MAX_FRAMES = 6000
 """Longer windows are cut off at their end: four minutes at 25 frames a second."""
 
 REACH = 150.0
-"""Distance within which somebody ahead in the same lane is a leader, bumper to bumper [m]."""
+"""Distance within which a vehicle ahead in the same lane is a leader, bumper to bumper [m]."""
 
 INSIDE = 0.3
 """How far inside a lane a vehicle's centre counts as in it [m]."""
@@ -50,6 +51,7 @@ class Window:
         last: Last frame.
         moves: Frame in which the movement to the left begins, None if there is none.
         returns: Frame in which the ego is back in its lane, None if it is not.
+        vehicles: The vehicles of the simulation by slot, as places among the tracks.
     """
 
     ego: int
@@ -58,6 +60,12 @@ class Window:
     last: int
     moves: int | None = None
     returns: int | None = None
+    vehicles: tuple[int, ...] = ()
+
+    @property
+    def num_frames(self) -> int:
+        """Number of frames."""
+        return self.last - self.first + 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,7 +173,7 @@ def overtakes(recording: Recording, changes: LaneChanges, around: Surroundings) 
     Args:
         recording: The recording.
         changes: Its lane changes.
-        around: Who drives around whom.
+        around: The neighbours of all vehicles.
 
     Returns:
         The windows in order of their first frame, then of the ego's id.

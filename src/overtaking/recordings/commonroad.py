@@ -1,6 +1,6 @@
 """CommonRoad scenarios (XML, versions 2018b and 2020a) as recordings.
 
-What a scenario says about goals, predictions, signals and static obstacles is not read. Traffic is
+Goals, predictions, signals and static obstacles of a scenario are not read. Traffic is
 taken to keep to the right.
 """
 
@@ -14,27 +14,28 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.errors import ImportFormatError
 from overtaking.recordings.commonroad_choice import chosen_road
 from overtaking.recordings.commonroad_lanes import Lanelet, lanelet, slices
 from overtaking.recordings.commonroad_obstacles import QUANTITIES, Obstacle, is_dynamic, obstacle
 from overtaking.recordings.commonroad_road import Network, Stretch, posted_limit
+from overtaking.recordings.messages import refused, shown
 from overtaking.recordings.recording import (
     NEVER_RECORDED,
     Recording,
     Tracks,
     kept,
     kinds_by_length,
+    lane_codes,
     slope,
     without_oncoming,
 )
 from overtaking.recordings.xml import elements
-from overtaking.recordings.xml_element import Element, shown
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
 
     from overtaking.recordings.road import Projection
+    from overtaking.recordings.xml_element import Element
 
 F64 = NDArray[np.float64]
 
@@ -139,31 +140,26 @@ class _Document:
         """Refuse a scenario without a road or without traffic."""
         for what, found in (("lanelets", self.lanelets), ("vehicles with a path", self.obstacles)):
             if not found:
-                raise ImportFormatError.of(
-                    where=file,
-                    what="scenario",
-                    expected=what,
-                    got="none",
-                    next_step="choose a scenario with recorded traffic",
+                raise refused(
+                    file, "scenario", what, "none", "choose a scenario with recorded traffic"
                 )
 
     def _begin(self, root: Element) -> None:
         version = root.attribute("commonRoadVersion")
         if version not in VERSIONS:
             raise root.error(
-                what="has an unknown version",
-                expected=" or ".join(VERSIONS),
-                got=shown(version),
-                next_step="convert it with CommonRoad's own tools",
+                "has an unknown version",
+                " or ".join(VERSIONS),
+                shown(version),
+                "convert it with CommonRoad's own tools",
             )
         step = root.number("timeStepSize")
         self.step_ms = round(step * 1000.0)
         if not (0.01 <= step <= _MAX_STEP_S) or abs(self.step_ms - step * 1000.0) > 1e-6:
             raise root.error(
-                what="attribute timeStepSize",
-                expected=f"whole milliseconds from 0.01 to {_MAX_STEP_S:g} s",
-                got=f"{step:g}",
-                next_step="repair the file",
+                "attribute timeStepSize",
+                f"whole milliseconds from 0.01 to {_MAX_STEP_S:g} s",
+                f"{step:g}",
             )
         self.name = shown(root.attribute("benchmarkID"), length=80)
 
@@ -177,12 +173,7 @@ class _Document:
 
     def _once(self, element: Element, number: int, known: Collection[int]) -> None:
         if number in known:
-            raise element.error(
-                what="has an id that another has",
-                expected="different ids",
-                got=str(number),
-                next_step="repair the file",
-            )
+            raise element.error("has an id that another has", "different ids", str(number))
 
 
 def _recording(document: _Document, road: Stretch) -> Recording:
@@ -192,8 +183,8 @@ def _recording(document: _Document, road: Stretch) -> Recording:
     columns = np.concatenate([one.states for one in obstacles])
     given: dict[str, F64] = {name: columns[:, k] for k, name in enumerate(QUANTITIES)}
     place = road.shape.project(given["x"], given["y"])
-    shift = np.round(road.shape.origin / 1000.0) * 1000.0
-    shift = shift if np.abs(road.shape.origin).max() > _FAR else np.zeros(2)
+    shift = np.round(road.shape.line.origin / 1000.0) * 1000.0
+    shift = shift if np.abs(road.shape.line.origin).max() > _FAR else np.zeros(2)
     straight = road.moved(shift)
     derived = [name for name, values in given.items() if np.isnan(values).any()]
     values: dict[str, Any] = _bodies(obstacles)
@@ -204,11 +195,11 @@ def _recording(document: _Document, road: Stretch) -> Recording:
         y=given["y"] - shift[1],
         s=place.s,
         d=place.d,
-        lane=road.lane_codes(place.d),
+        lane=lane_codes(straight, place.d),
         wheel_angle=np.zeros(len(columns)),
         **values,
     )
-    on_road = (place.s >= 0.0) & (place.s <= road.shape.length) & road.is_near(place.offset)
+    on_road = (place.s >= 0.0) & (place.s <= road.shape.line.length) & road.is_near(place.offset)
     tracks, num_oncoming = without_oncoming(kept(tracks, on_road), straight.heading)
     _check_some(document.name, tracks, num_oncoming)
     unknown = NEVER_RECORDED | {"weather"} | road.unknown
@@ -238,14 +229,14 @@ def _recording(document: _Document, road: Stretch) -> Recording:
 
 
 def _check_some(name: str, tracks: Tracks, num_oncoming: int) -> None:
-    """Refuse a road on which nobody drives along it."""
+    """Refuse a road without vehicles that drive along it."""
     if not tracks.num_vehicles:
-        raise ImportFormatError.of(
-            where=name,
-            what="road",
-            expected="vehicles that drive along it",
-            got=f"{num_oncoming} oncoming ones" if num_oncoming else "none",
-            next_step="choose another road by one of its lanelets: --lanelet",
+        raise refused(
+            name,
+            "road",
+            "vehicles that drive along it",
+            f"{num_oncoming} oncoming ones" if num_oncoming else "none",
+            "choose another road by one of its lanelets: --lanelet",
         )
 
 
@@ -284,7 +275,7 @@ def _motion(
 
     east, north = rate(given["x"]), rate(given["y"])
     velocity = or_else("velocity", np.hypot(east, north))
-    # Who hardly moves has no direction of movement.
+    # A vehicle that hardly moves has no direction of movement.
     course = np.where(np.hypot(east, north) > 0.5, np.arctan2(north, east), place.tangent)
     turned = or_else("orientation", course) - place.tangent
     relative = turned - np.round(turned / (2.0 * np.pi)) * (2.0 * np.pi)

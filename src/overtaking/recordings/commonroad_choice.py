@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.recordings.commonroad_lanes import Lanelet, contains
+from overtaking.recordings.messages import refused
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -23,7 +24,7 @@ MAX_ROADS = 48
 """Roads that are tried, the busiest lanelets first."""
 
 SINGLE_LANE = 0.1
-"""Weight of traffic on a road with one lane, on which nobody overtakes."""
+"""Weight of traffic on a road with one lane, on which no overtake is possible."""
 
 _MAX_NAMED = 3  # Other roads that are named.
 _MAX_SAMPLE = 2_000  # Points that decide how busy lanelets are.
@@ -144,10 +145,6 @@ def _shares(lanelets: Mapping[int, Lanelet], x: F64, y: F64) -> dict[int, float]
 
 
 def _nobody(network: Network) -> ImportFormatError:
-    return ImportFormatError.of(
-        where=network.name,
-        what="vehicles",
-        expected="some on its lanes",
-        got="none",
-        next_step="choose another recording",
+    return refused(
+        network.name, "vehicles", "some on its lanes", "none", "choose another recording"
     )

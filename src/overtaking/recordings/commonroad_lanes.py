@@ -143,7 +143,7 @@ def lanelet(element: Element) -> Lanelet:
         types=types,
         kind=_kind(element, types),
         signs=tuple(one.integer("ref") for one in element.all("trafficSignRef")),
-        speed_limit=stated.parse_number(stated.text, what="text") if stated else None,
+        speed_limit=stated.value() if stated else None,
     )
 
 
@@ -160,19 +160,8 @@ def _points(border: Element) -> F64:
     """The points of a border."""
     points = border.all("point")
     if not 2 <= len(points) <= MAX_POINTS:
-        raise border.error(
-            what="has a wrong number of points",
-            expected=f"2 to {MAX_POINTS}",
-            got=str(len(points)),
-            next_step="repair the file",
-        )
-    return np.array([[coordinate(point, axis) for axis in ("x", "y")] for point in points])
-
-
-def coordinate(point: Element, axis: str) -> float:
-    """One coordinate of a point [m]."""
-    one = point.required(axis)
-    return one.parse_number(one.text, what="text")
+        raise border.error("has a wrong number of points", f"2 to {MAX_POINTS}", str(len(points)))
+    return np.array([[point.required(axis).value() for axis in ("x", "y")] for point in points])
 
 
 def _mark(border: Element) -> RoadMark | None:
@@ -218,12 +207,7 @@ def _leftwards(one: Lanelet, lanelets: Mapping[int, Lanelet]) -> Iterator[Lanele
 
 
 def _broken(one: Lanelet, got: str) -> Exception:
-    return one.element.error(
-        what="has neighbours that do not fit",
-        expected="lanelets that name each other",
-        got=got,
-        next_step="repair the file",
-    )
+    return one.element.error("has neighbours that do not fit", "lanelets that name each other", got)
 
 
 Lane = tuple[Lanelet, ...]

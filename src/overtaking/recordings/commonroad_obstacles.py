@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.recordings.commonroad_lanes import coordinate
-
 if TYPE_CHECKING:
     from overtaking.recordings.xml_element import Element
 
@@ -90,43 +88,33 @@ def _size(shape: Element) -> tuple[float, float]:
     circle, rectangle = shape.optional("circle"), shape.optional("rectangle")
     if rectangle is not None:
         sides = [rectangle.required(name) for name in ("length", "width")]
-        length, width = (side.parse_number(side.text, what="text") for side in sides)
+        length, width = (side.value() for side in sides)
     elif circle is not None:
-        radius = circle.required("radius")
-        length = width = 2.0 * radius.parse_number(radius.text, what="text")
+        length = width = 2.0 * circle.required("radius").value()
     else:
         raise shape.error(
-            what="is not known",
-            expected="a rectangle or a circle",
-            got=shape.children[0].name if shape.children else "nothing",
-            next_step="give the obstacle a rectangle",
+            "is not known",
+            "a rectangle or a circle",
+            shape.children[0].name if shape.children else "nothing",
+            "give the obstacle a rectangle",
         )
     if not 0.1 <= min(length, width) <= max(length, width) <= _MAX_SIZE:
         raise shape.error(
-            what="has no size of a vehicle",
-            expected=f"0.1 to {_MAX_SIZE:g} m",
-            got=f"{length:g} by {width:g} m",
-            next_step="repair the file",
+            "has no size of a vehicle", f"0.1 to {_MAX_SIZE:g} m", f"{length:g} by {width:g} m"
         )
     return length, width
 
 
 def _exact(element: Element) -> float:
     """The value of a quantity that may also be given as an interval, which is refused."""
-    exact = element.required("exact")
-    return exact.parse_number(exact.text, what="text")
+    return element.required("exact").value()
 
 
 def _time(state: Element) -> int:
     given = state.required("time")
     value = _exact(given)
     if not (0.0 <= value <= _MAX_TIME and value == int(value)):
-        raise given.error(
-            what="is no time step",
-            expected=f"a whole number from 0 to {_MAX_TIME}",
-            got=f"{value:g}",
-            next_step="repair the file",
-        )
+        raise given.error("is no time step", f"a whole number from 0 to {_MAX_TIME}", f"{value:g}")
     return int(value)
 
 
@@ -136,26 +124,22 @@ def _check_times(rows: list[Element], times: NDArray[np.int64]) -> None:
     if len(wrong):
         place = int(wrong[0]) + 1
         raise rows[place].error(
-            what="does not follow the state before it",
-            expected=f"time step {times[place - 1] + 1}",
-            got=str(times[place]),
-            next_step="repair the file",
+            "does not follow the state before it",
+            f"time step {times[place - 1] + 1}",
+            str(times[place]),
         )
 
 
 def _quantity(state: Element, name: str) -> float:
     """One of `QUANTITIES`, NaN if it is not given."""
     if name in ("x", "y"):
-        return coordinate(state.required("position").required("point"), name)
+        return state.required("position").required("point").required(name).value()
     given = state.optional(name)
     if given is None:
         return float("nan")
     value = _exact(given)
     if abs(value) > _LIMITS[name]:
         raise given.error(
-            what="is not that of a vehicle",
-            expected=f"a size of at most {_LIMITS[name]:g}",
-            got=f"{value:g}",
-            next_step="repair the file",
+            "is not that of a vehicle", f"a size of at most {_LIMITS[name]:g}", f"{value:g}"
         )
     return value

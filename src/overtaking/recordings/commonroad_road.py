@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from overtaking.core.errors import ConfigError
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.recordings.commonroad_lanes import DRIVING, Lanelet, Slice, Strip, borders, strips
-from overtaking.recordings.recording import BEYOND_SLOW_EDGE
 from overtaking.recordings.road import RoadShape, RoadShapeError, shape_of
 
 if TYPE_CHECKING:
@@ -58,11 +57,6 @@ class Stretch:
         return dataclasses.replace(
             self.road, x0=self.road.x0 - float(shift[0]), y0=self.road.y0 - float(shift[1])
         )
-
-    def lane_codes(self, d: F64) -> NDArray[np.uint8]:
-        """Values of `States.lane` for positions across the road."""
-        lane = self.road.lane_index(d)
-        return np.where(lane < 0, BEYOND_SLOW_EDGE, lane).astype(np.uint8)
 
     def is_near(self, offset: F64) -> NDArray[np.bool_]:
         """Whether points are on the road or on what may lie right beside it."""
@@ -116,8 +110,8 @@ class Network:
             raise _refused(home, "road", "one that the model is made for", str(error)) from None
         notes = {
             "lanelets_by_lane": [[piece.number for piece in lane] for lane in best],
-            "length_m": round(shape.length, 2),
-            "turn_rad": round(shape.turn, 4),
+            "length_m": round(shape.line.length, 2),
+            "turn_rad": round(shape.line.turn, 4),
             "widening": round(shape.widening, 4),
         }
         return Stretch(shape=shape, road=road, unknown=unknown, notes=notes)
@@ -130,10 +124,10 @@ def _area(strip: Strip) -> float:
 
 def _refused(home: Lanelet, what: str, expected: str, got: str) -> Exception:
     return home.element.error(
-        what=f"{home.number} is part of a road that no straight road stands for: {what}",
-        expected=expected,
-        got=got,
-        next_step="choose another road by one of its lanelets",
+        f"{home.number} is part of a road that no straight road stands for: {what}",
+        expected,
+        got,
+        "choose another road by one of its lanelets",
     )
 
 
@@ -142,7 +136,7 @@ def _road(strip: Strip, shape: RoadShape, network: Network) -> tuple[Road, froze
     marks, marks_known = _marks(strip)
     limit = _limit(strip, network.limits)
     count, widths = len(strip), np.diff(shape.mean_borders)
-    x0, y0 = _world_at_start(shape)
+    x0, y0 = shape.line.start
     types = {kind for lane in strip for piece in lane for kind in piece.types}
     known_kind = "motorway" if types & {"highway", "interstate"} else network.kind
     road = Road(
@@ -159,24 +153,16 @@ def _road(strip: Strip, shape: RoadShape, network: Network) -> tuple[Road, froze
             for k in range(count)
         ),
         edge_d=float(shape.mean_borders[0]),
-        length=shape.length,
+        length=shape.line.length,
         x0=x0,
         y0=y0,
-        heading=shape.chord,
+        heading=shape.line.chord,
         speed_limit=UNKNOWN_LIMIT if limit is None else limit,
         slow_side_neighbour=_beside_right(strip[0], network.lanelets, -count - 1),
         fast_side_neighbour=_beside_left(strip[-1], network.lanelets),
     )
     missing = {"road_kind": not known_kind, "marks": not marks_known, "speed_limit": limit is None}
     return road, frozenset(what for what, is_missing in missing.items() if is_missing)
-
-
-def _world_at_start(shape: RoadShape) -> tuple[float, float]:
-    """World position of the reference line at s = 0."""
-    u, v = (float(np.interp(0.0, shape.way, line)) for line in (shape.u, shape.v))
-    cosine, sine = np.cos(shape.chord), np.sin(shape.chord)
-    x, y = shape.origin
-    return float(x + u * cosine - v * sine), float(y + u * sine + v * cosine)
 
 
 def _marks(strip: Strip) -> tuple[list[RoadMark], bool]:
@@ -220,7 +206,7 @@ def posted_limit(sign: Element) -> float | None:
     for one in sign.all("trafficSignElement"):
         values = one.all("additionalValue")
         if one.required("trafficSignID").text in SPEED_SIGNS and values:
-            return values[0].parse_number(values[0].text, what="text")
+            return values[0].value()
     return None
 
 

@@ -13,15 +13,9 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from overtaking.core.folders import put_file
-from overtaking.model.road import RoadMark
-from overtaking.model.trajectory import (
-    METRES_PER_SECOND_PER_STEP,
-    METRES_PER_SECOND_SQUARED_PER_STEP,
-    METRES_PER_STEP,
-    RADIANS_PER_SECOND_PER_STEP,
-    RADIANS_PER_STEP,
-)
+from overtaking.model.trajectory import STEPS
 from overtaking.model.vehicles import VehicleKind
+from overtaking.recordings.commonroad_lanes import MARKS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from overtaking.model.road import Road
+    from overtaking.model.road import Road, RoadMark
     from overtaking.model.trajectory import Trajectories
 
 FORMAT = "commonroad"
@@ -47,21 +41,8 @@ _POINT_SPACING = 50.0
 _MARGIN = 50.0  # How far the lanelets go on beyond the vehicles [m].
 _LARGEST_LIMIT = 99.0  # What is higher stands for no limit [m/s].
 
-_TYPES = {
-    VehicleKind.T: "truck",
-    VehicleKind.MC: "motorcycle",
-    VehicleKind.B: "bicycle",
-}
-_MARKS = {
-    RoadMark.SOLID: "solid",
-    RoadMark.BROKEN: "dashed",
-    RoadMark.SOLID_SOLID: "solid_solid",
-    RoadMark.BROKEN_BROKEN: "dashed_dashed",
-    RoadMark.SOLID_BROKEN: "solid_dashed",
-    RoadMark.BROKEN_SOLID: "dashed_solid",
-    RoadMark.CURB: "curb",
-    RoadMark.NONE: "no_marking",
-}
+_TYPES = {VehicleKind.T: "truck", VehicleKind.MC: "motorcycle", VehicleKind.B: "bicycle"}
+_MARKS = {mark: name for name, mark in reversed(MARKS.items())}  # The plain name of several.
 
 
 def write_commonroad(trajectories: Trajectories, numbers: NDArray[np.integer], folder: Path) -> int:
@@ -79,10 +60,8 @@ def write_commonroad(trajectories: Trajectories, numbers: NDArray[np.integer], f
         OSError: A file cannot be written.
     """
     for place, number in enumerate(numbers.tolist()):
-        put_file(
-            folder / f"{scenario_id(number)}.xml",
-            "\n".join(_lines(trajectories, place, number)) + "\n",
-        )
+        text = "\n".join(_lines(trajectories, place, number)) + "\n"
+        put_file(folder / f"{scenario_id(number)}.xml", text)
     return int(trajectories.state_valid.sum())
 
 
@@ -118,7 +97,7 @@ def _lines(trajectories: Trajectories, place: int, number: int) -> Iterator[str]
 
 def _extent(trajectories: Trajectories, place: int) -> tuple[float, float]:
     """Where the lanelets begin and end, in whole metres so that no digit of `s` is lost [m]."""
-    s = trajectories.states.s[place][trajectories.state_valid[place]] * METRES_PER_STEP
+    s = trajectories.states.s[place][trajectories.state_valid[place]] * STEPS["s"]
     begin, end = float(s.min()) - _MARGIN, float(s.max()) + _MARGIN
     return min(0.0, np.floor(begin)), np.ceil(max(trajectories.road.length, end))
 
@@ -168,7 +147,7 @@ def _sign(limit: float) -> str:
 
 
 def _obstacle(trajectories: Trajectories, place: int, slot: int) -> Iterator[str]:
-    """One vehicle with its states, in whatever frames it is there."""
+    """One vehicle with its states in the frames in which it is present."""
     bodies, there = trajectories.scenario.vehicles, trajectories.state_valid[place, slot]
     frames = np.flatnonzero(there)
     if not len(frames):
@@ -189,20 +168,16 @@ def _obstacle(trajectories: Trajectories, place: int, slot: int) -> Iterator[str
 def _states(
     trajectories: Trajectories, place: int, slot: int, frames: NDArray[np.intp]
 ) -> Iterator[str]:
-    """The inside of each state; a vehicle that is there for one frame stands there for another."""
+    """The content of each state; a single state is repeated, as a trajectory needs one."""
     recorded = trajectories.states
 
-    def column(name: str, step: float) -> NDArray[np.float64]:
-        return getattr(recorded, name)[place, slot, frames] * step
+    def column(name: str) -> NDArray[np.float64]:
+        return getattr(recorded, name)[place, slot, frames] * STEPS[name]
 
     # Not the recorded world: that of a recording bends with its road, the lanelets here do not.
-    x, y = trajectories.road.world(column("s", METRES_PER_STEP), column("d", METRES_PER_STEP))
-    heading, speed = (
-        column("heading", RADIANS_PER_STEP),
-        column("speed", METRES_PER_SECOND_PER_STEP),
-    )
-    accel = column("accel_lon", METRES_PER_SECOND_SQUARED_PER_STEP)
-    yaw_rate = column("yaw_rate", RADIANS_PER_SECOND_PER_STEP)
+    x, y = trajectories.road.world(column("s"), column("d"))
+    heading, speed = column("heading"), column("speed")
+    accel, yaw_rate = column("accel_lon"), column("yaw_rate")
     turns = "yaw_rate" not in trajectories.unknown
     for k, frame in enumerate([*frames.tolist(), *([frames[-1] + 1] if len(frames) == 1 else [])]):
         k = min(k, len(frames) - 1)

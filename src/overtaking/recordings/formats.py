@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from overtaking.core.errors import ConfigError, ImportFormatError
-from overtaking.recordings.xml_element import shown
+from overtaking.recordings.messages import refused, shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -112,13 +112,7 @@ def _sha256(path: Path) -> str:
 
 
 def _unreadable(path: Path, got: str) -> ImportFormatError:
-    return ImportFormatError.of(
-        where=shown(str(path), length=120),
-        what="file",
-        expected="a readable file",
-        got=got,
-        next_step="check the path",
-    )
+    return refused(shown(str(path), length=120), "file", "a readable file", got, "check the path")
 
 
 def _refused(what: str, expected: str, got: object, next_step: str) -> ConfigError:

@@ -10,22 +10,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError
 from overtaking.model.road import MAX_LANES, DrivingSide, Lane, Road, RoadMark
-from overtaking.recordings.highd_files import line_of, read_columns, refused
+from overtaking.recordings.highd_files import (
+    NUMBER,
+    TEXT,
+    WHOLE,
+    read_columns,
+    refused,
+    refused_cell,
+)
 from overtaking.recordings.recording import (
-    BEYOND_SLOW_EDGE,
     NEVER_RECORDED,
     Recording,
     Tracks,
     kept,
     kinds_by_length,
+    lane_codes,
     without_oncoming,
 )
 from overtaking.recordings.road import scaled
@@ -43,26 +49,18 @@ NO_LIMIT = 100.0
 """Stands for a road without a speed limit, which highD writes as -1 [m/s]."""
 
 _ENDING = "_tracks.csv"
-_NUMBER, _WHOLE, _TEXT = pa.float64(), pa.int64(), pa.string()
 _META = {
-    "frameRate": _NUMBER,
-    "speedLimit": _NUMBER,
-    "upperLaneMarkings": _TEXT,
-    "lowerLaneMarkings": _TEXT,
-}
+    "frameRate": NUMBER, "speedLimit": NUMBER, "upperLaneMarkings": TEXT, "lowerLaneMarkings": TEXT,
+}  # fmt: skip
 _VEHICLES = {
-    "id": _WHOLE,
-    "width": _NUMBER,
-    "height": _NUMBER,
-    "class": _TEXT,
-    "drivingDirection": _WHOLE,
-}
+    "id": WHOLE, "width": NUMBER, "height": NUMBER, "class": TEXT, "drivingDirection": WHOLE,
+}  # fmt: skip
 _ROWS = {
-    "frame": _WHOLE,
-    "id": _WHOLE,
-    **dict.fromkeys(("x", "y", "width", "height", "xVelocity", "yVelocity"), _NUMBER),
-    **dict.fromkeys(("xAcceleration", "yAcceleration"), _NUMBER),
-}
+    "frame": WHOLE, "id": WHOLE, "x": NUMBER, "y": NUMBER, "width": NUMBER, "height": NUMBER,
+    "xVelocity": NUMBER, "yVelocity": NUMBER, "xAcceleration": NUMBER, "yAcceleration": NUMBER,
+}  # fmt: skip
+
+Columns = dict[str, NDArray[Any]]
 
 
 def files_of(path: Path | str) -> tuple[Path, Path, Path]:
@@ -105,13 +103,14 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
         raise _unknown_direction(direction)
     meta = _read_meta(meta_path)
     vehicles = _read_vehicles(vehicles_path)
-    rows = _read_rows(tracks_path, vehicles)
+    rows = _read_rows(tracks_path, vehicles["id"])
     wanted = DIRECTIONS if direction is None else (direction,)
-    used = [one for one in wanted if (vehicles.direction == one).any()]
+    used = [one for one in wanted if (vehicles["drivingDirection"] == one).any()]
     if not used:
         raise refused(vehicles_path, "vehicles", "some in that direction", "none")
     borders = {one: meta.borders(one, meta_path) for one in used}
-    road = _road(tracks_path.name.removesuffix(_ENDING), meta, list(borders.values()), rows)
+    extent = float((rows["x"] + rows["width"]).max())
+    road = _road(tracks_path.name.removesuffix(_ENDING), meta, list(borders.values()), extent)
     driven = _tracks(rows, vehicles, borders, road)
     tracks, num_oncoming = without_oncoming(driven, road.heading)
     if not tracks.num_vehicles:
@@ -127,7 +126,7 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
             "directions": used,
             "widening": _widening(road, list(borders.values())),
             "states": tracks.num_rows,
-            "states_off_the_road": len(rows.vehicle) - driven.num_rows,
+            "states_off_the_road": len(rows["id"]) - driven.num_rows,
             "oncoming_left_out": num_oncoming,
             "has_speed_limit": meta.speed_limit is not None,
         },
@@ -154,43 +153,9 @@ class _Meta:
         """Offsets of the lane borders from the right to the left, in the direction of travel."""
         lines = self.upper if direction == 1 else -self.lower[::-1]
         if not 2 <= len(lines) <= MAX_LANES + 1:
-            raise refused(
-                path,
-                f"markings of direction {direction}",
-                f"2 to {MAX_LANES + 1} of them",
-                str(len(lines)),
-            )
+            what = f"markings of direction {direction}"
+            raise refused(path, what, f"2 to {MAX_LANES + 1} of them", str(len(lines)))
         return lines
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Vehicles:
-    """The vehicles by growing id; arrays of shape (vehicle,)."""
-
-    ids: I64
-    length: F64
-    width: F64
-    is_truck: NDArray[np.bool_]
-    direction: I64
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Rows:
-    """The states by vehicle and frame; arrays of shape (row,), except `start`.
-
-    `x` and `y` are those of the centres; `start` is the first row of each vehicle.
-    """
-
-    vehicle: I64
-    frame: I64
-    start: I64
-    x: F64
-    y: F64
-    x_velocity: F64
-    y_velocity: F64
-    x_acceleration: F64
-    y_acceleration: F64
-    extent: float
 
 
 def _read_meta(path: Path) -> _Meta:
@@ -201,10 +166,10 @@ def _read_meta(path: Path) -> _Meta:
     interval = 1000.0 / row["frameRate"] if row["frameRate"] > 0 else 0.0
     if not 10.0 <= interval <= 1000.0 or abs(interval - round(interval)) > 1e-9:
         expected = "1 to 100 frames a second, of whole milliseconds"
-        raise refused(path, "line 2, column frameRate", expected, str(row["frameRate"]))
+        raise refused_cell(path, 0, "frameRate", expected, str(row["frameRate"]))
     limit = row["speedLimit"]
     if limit > NO_LIMIT or (limit <= 0 and limit != -1):
-        raise refused(path, "line 2, column speedLimit", "m/s, or -1 for none", str(limit))
+        raise refused_cell(path, 0, "speedLimit", "m/s, or -1 for none", str(limit))
     return _Meta(
         frame_interval_ms=round(interval),
         speed_limit=None if limit < 0 else limit,
@@ -219,82 +184,52 @@ def _markings(path: Path, row: dict[str, str], name: str) -> F64:
         values = np.array([float(one) for one in row[name].split(";") if one.strip()])
     except ValueError:
         values = np.array([np.nan])
-    if not (
-        np.isfinite(values).all() and (np.abs(values) < 1e4).all() and (np.diff(values) > 0).all()
-    ):
-        raise refused(
-            path, f"line 2, column {name}", "growing numbers between semicolons", row[name]
-        )
+    if not ((np.abs(values) < 1e4).all() and (np.diff(values) > 0).all()):  # NaN fails as well.
+        raise refused_cell(path, 0, name, "growing numbers between semicolons", row[name])
     return values
 
 
-def _read_vehicles(path: Path) -> _Vehicles:
+def _read_vehicles(path: Path) -> Columns:
+    """The columns `_VEHICLES`, in the order of the ids."""
     table = read_columns(path, _VEHICLES)
     columns = {name: np.asarray(table[name]) for name in _VEHICLES}
     order = np.argsort(columns["id"], kind="stable")
-    repeated = np.flatnonzero(np.diff(columns["id"][order]) == 0)
-    checks = (
+    is_new = np.ones(len(order), np.bool_)
+    is_new[order[1:]] = np.diff(columns["id"][order]) != 0
+    length, width = columns["width"], columns["height"]
+    for name, is_right, expected in (
         ("class", np.isin(columns["class"], ("Car", "Truck")), "Car or Truck"),
         ("drivingDirection", np.isin(columns["drivingDirection"], DIRECTIONS), "1 or 2"),
-        ("width", (columns["width"] > 0.1) & (columns["width"] < 50.0), "a length, 0.1 to 50 m"),
-        ("height", (columns["height"] > 0.1) & (columns["height"] < 10.0), "a width, 0.1 to 10 m"),
-    )
-    for name, is_right, expected in checks:
+        ("width", (length > 0.1) & (length < 50.0), "a length, 0.1 to 50 m"),
+        ("height", (width > 0.1) & (width < 10.0), "a width, 0.1 to 10 m"),
+        ("id", is_new, "a different id in each row"),
+    ):
         if not is_right.all():
             row = int(np.argmin(is_right))
-            place = f"line {line_of(row)}, column {name}"
-            raise refused(path, place, expected, str(columns[name][row]))
-    if len(repeated):
-        row = int(order[repeated[0] + 1])
-        place = f"line {line_of(row)}, column id"
-        raise refused(path, place, "a different id in each row", str(columns["id"][row]))
-    return _Vehicles(
-        ids=columns["id"][order],
-        length=columns["width"][order],
-        width=columns["height"][order],
-        is_truck=columns["class"][order] == "Truck",
-        direction=columns["drivingDirection"][order],
-    )
+            raise refused_cell(path, row, name, expected, str(columns[name][row]))
+    return {name: values[order] for name, values in columns.items()}
 
 
-def _read_rows(path: Path, vehicles: _Vehicles) -> _Rows:
+def _read_rows(path: Path, ids: I64) -> Columns:
+    """The columns `_ROWS`, by vehicle and frame."""
     table = read_columns(path, _ROWS)
     columns = {name: np.asarray(table[name]) for name in _ROWS}
-    known = np.isin(columns["id"], vehicles.ids)
+    known = np.isin(columns["id"], ids)
     if not known.all():
         row = int(np.argmin(known))
-        got = str(columns["id"][row])
-        raise refused(path, f"line {line_of(row)}, column id", "an id of tracksMeta", got)
+        raise refused_cell(path, row, "id", "an id of tracksMeta", str(columns["id"][row]))
     order = np.lexsort((columns["frame"], columns["id"]))
     columns = {name: values[order] for name, values in columns.items()}
-    _check_frames(path, columns["id"], columns["frame"], order)
-    vehicle = np.searchsorted(vehicles.ids, columns["id"])
-    count = np.bincount(vehicle, minlength=len(vehicles.ids))
-    return _Rows(
-        vehicle=vehicle,
-        frame=columns["frame"],
-        start=np.concatenate([[0], np.cumsum(count)]),
-        x=columns["x"] + columns["width"] * 0.5,
-        y=columns["y"] + columns["height"] * 0.5,
-        x_velocity=columns["xVelocity"],
-        y_velocity=columns["yVelocity"],
-        x_acceleration=columns["xAcceleration"],
-        y_acceleration=columns["yAcceleration"],
-        extent=float((columns["x"] + columns["width"]).max()),
-    )
-
-
-def _check_frames(path: Path, ids: I64, frames: I64, order: I64) -> None:
-    """Refuse a vehicle that is twice in a frame, or gone for some."""
-    wrong = np.flatnonzero((np.diff(ids) == 0) & (np.diff(frames) != 1))
-    if len(wrong):
+    vehicle, frame = columns["id"], columns["frame"]
+    wrong = np.flatnonzero((np.diff(vehicle) == 0) & (np.diff(frame) != 1))
+    if len(wrong):  # A vehicle is twice in a frame, or missing in some.
         row = int(wrong[0]) + 1
-        place = f"line {line_of(int(order[row]))}, column frame"
-        expected = f"frame {frames[row - 1] + 1} of vehicle {ids[row]}"
-        raise refused(path, place, expected, f"frame {frames[row]}")
+        expected = f"frame {frame[row - 1] + 1} of vehicle {vehicle[row]}"
+        raise refused_cell(path, int(order[row]), "frame", expected, f"frame {frame[row]}")
+    return columns
 
 
-def _road(name: str, meta: _Meta, borders: Sequence[F64], rows: _Rows) -> Road:
+def _road(name: str, meta: _Meta, borders: Sequence[F64], extent: float) -> Road:
     """The straight road, along x through the middle of its lanes."""
     if len({len(one) for one in borders}) > 1:
         raise _unknown_direction(None)
@@ -314,16 +249,15 @@ def _road(name: str, meta: _Meta, borders: Sequence[F64], rows: _Rows) -> Road:
                 for k, width in enumerate(widths)
             ),
             edge_d=-float(widths.sum()) * 0.5,
-            length=max(rows.extent, 1.0),
+            length=max(extent, 1.0),
             x0=0.0,
             y0=0.0,
             heading=0.0,
             speed_limit=meta.speed_limit or NO_LIMIT,
         )
     except ConfigError as error:
-        raise refused(
-            Path(f"{name}{_ENDING}"), "road", "a road that the model is made for", str(error)
-        ) from None
+        file = Path(f"{name}{_ENDING}")
+        raise refused(file, "road", "a road that the model is made for", str(error)) from None
 
 
 def _widening(road: Road, borders: Sequence[F64]) -> float:
@@ -332,32 +266,34 @@ def _widening(road: Road, borders: Sequence[F64]) -> float:
     return round(max(float(np.abs(np.diff(one) / mean - 1.0).max()) for one in borders), 4)
 
 
-def _tracks(rows: _Rows, vehicles: _Vehicles, borders: dict[int, F64], road: Road) -> Tracks:
+def _tracks(rows: Columns, vehicles: Columns, borders: dict[int, F64], road: Road) -> Tracks:
     """The vehicles in road coordinates."""
-    sign = np.where(vehicles.direction == 1, -1.0, 1.0)[rows.vehicle]
-    along, left = sign * rows.x_velocity, -sign * rows.y_velocity
+    vehicle = np.searchsorted(vehicles["id"], rows["id"])
+    start = np.searchsorted(vehicle, np.arange(len(vehicles["id"]) + 1))
+    direction = vehicles["drivingDirection"][vehicle]
+    sign = np.where(direction == 1, -1.0, 1.0)
+    x, y = rows["x"] + rows["width"] * 0.5, rows["y"] + rows["height"] * 0.5
+    along, left = sign * rows["xVelocity"], -sign * rows["yVelocity"]
     speed = np.hypot(along, left)
+    # Below 0.5 m/s the velocity has no reliable direction.
     heading = np.where(speed > 0.5, np.arctan2(left, along), 0.0)
-    push, pull = sign * rows.x_acceleration, -sign * rows.y_acceleration
+    push, pull = sign * rows["xAcceleration"], -sign * rows["yAcceleration"]
     cosine, sine = np.cos(heading), np.sin(heading)
-    s = np.where(sign > 0, rows.x, road.length - rows.x)
-    d, direction = np.zeros_like(s), vehicles.direction[rows.vehicle]
+    s = np.where(sign > 0, x, road.length - x)
+    d = np.zeros_like(s)
     for one, local in borders.items():
         here = direction == one
-        offset = -sign[here] * rows.y[here]
+        offset = -sign[here] * y[here]
         d[here] = scaled(offset, np.broadcast_to(local, (len(offset), len(local))), road.boundaries)
-    lane = road.lane_index(d)
-    nothing = np.zeros_like(s)
+    is_truck, nothing = vehicles["class"] == "Truck", np.zeros_like(s)
     tracks = Tracks(
-        ids=vehicles.ids,
-        kind=kinds_by_length(
-            vehicles.length, is_truck=vehicles.is_truck, is_car=~vehicles.is_truck
-        ),
-        length=vehicles.length,
-        width=vehicles.width,
-        carriageway=vehicles.direction - 1,
-        first=rows.frame[np.minimum(rows.start[:-1], len(rows.frame) - 1)],
-        start=rows.start,
+        ids=vehicles["id"],
+        kind=kinds_by_length(vehicles["width"], is_truck=is_truck, is_car=~is_truck),
+        length=vehicles["width"],
+        width=vehicles["height"],
+        carriageway=vehicles["drivingDirection"] - 1,
+        first=rows["frame"][np.minimum(start[:-1], len(s) - 1)],
+        start=start,
         x=s,
         y=d,
         s=s,
@@ -368,7 +304,7 @@ def _tracks(rows: _Rows, vehicles: _Vehicles, borders: dict[int, F64], road: Roa
         accel_lat=pull * cosine - push * sine,
         yaw_rate=nothing,
         wheel_angle=nothing,
-        lane=np.where(lane < 0, BEYOND_SLOW_EDGE, lane).astype(np.uint8),
+        lane=lane_codes(road, d),
     )
     return kept(tracks, np.isin(direction, list(borders)))
 

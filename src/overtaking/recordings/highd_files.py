@@ -1,7 +1,4 @@
-"""The three CSV files of a highD recording: bounded in size, every cell checked.
-
-The columns are those that the owners' own reader names (`read_csv.py` of the highD-dataset tools).
-"""
+"""The three CSV files of a highD recording: bounded in size, every cell checked."""
 
 # pyarrow ships no types, and it makes its compute functions when it is imported.
 # pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
@@ -17,28 +14,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pacsv
 
-from overtaking.core.errors import ImportFormatError
-from overtaking.recordings.xml_element import shown
+from overtaking.recordings import messages
+from overtaking.recordings.messages import shown
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-RECORDING_META = (
-    *("id", "frameRate", "locationId", "speedLimit", "month", "weekDay", "startTime", "duration"),
-    *("totalDrivenDistance", "totalDrivenTime", "numVehicles", "numCars", "numTrucks"),
-    *("upperLaneMarkings", "lowerLaneMarkings"),
-)
-TRACKS_META = (
-    *("id", "width", "height", "initialFrame", "finalFrame", "numFrames", "class"),
-    *("drivingDirection", "traveledDistance", "minXVelocity", "maxXVelocity", "meanXVelocity"),
-    *("minDHW", "minTHW", "minTTC", "numLaneChanges"),
-)
-TRACKS = (
-    *("frame", "id", "x", "y", "width", "height", "xVelocity", "yVelocity", "xAcceleration"),
-    *("yAcceleration", "frontSightDistance", "backSightDistance", "dhw", "thw", "ttc"),
-    *("precedingXVelocity", "precedingId", "followingId", "leftPrecedingId", "leftAlongsideId"),
-    *("leftFollowingId", "rightPrecedingId", "rightAlongsideId", "rightFollowingId", "laneId"),
-)
+    from overtaking.core.errors import ImportFormatError
 
 MAX_BYTES = 1 << 31
 """Larger files are refused; the largest of the data set has some 200 MB."""
@@ -47,7 +29,7 @@ MAX_MAGNITUDE = 1.0e6
 """No metre, second or number of a frame in half an hour of a motorway is larger."""
 
 _MAX_LINE = 1 << 16
-_TEXT, _NUMBER, _WHOLE = pa.string(), pa.float64(), pa.int64()
+TEXT, NUMBER, WHOLE = pa.string(), pa.float64(), pa.int64()
 
 
 def read_columns(path: Path, columns: dict[str, pa.DataType]) -> pa.Table:
@@ -80,25 +62,29 @@ def read_columns(path: Path, columns: dict[str, pa.DataType]) -> pa.Table:
     if not table.num_rows:
         raise refused(path, "table", "at least one row", "none")
     for name, kind in columns.items():
-        if kind != _TEXT:
+        if kind != TEXT:
             _check_numbers(path, name, table[name])
     return table
 
 
 def refused(path: Path, what: str, expected: str, got: str) -> ImportFormatError:
     """The error for a file that is not what it should be."""
-    return ImportFormatError.of(
-        where=shown(path.name, length=80),
-        what=what,
-        expected=expected,
-        got=shown(got, length=150),
-        next_step="use the files as their owners distribute them",
-    )
+    next_step = "use the files as their owners distribute them"
+    where = shown(path.name, length=80)
+    return messages.refused(where, what, expected, shown(got, length=150), next_step)
 
 
-def line_of(row: int) -> int:
-    """The line in which a row of a table stands."""
-    return row + 2
+def refused_cell(path: Path, row: int, name: str, expected: str, got: str) -> ImportFormatError:
+    """The error for one cell.
+
+    Args:
+        path: The file.
+        row: Row of the table, from 0.
+        name: Name of the column.
+        expected: What would have been right.
+        got: What was there.
+    """
+    return refused(path, f"line {row + 2}, column {name}", expected, got)
 
 
 def _check_header(path: Path, columns: dict[str, pa.DataType]) -> None:
@@ -127,9 +113,9 @@ def _place_of(error: Exception) -> str:
 
 def _check_numbers(path: Path, name: str, column: pa.ChunkedArray) -> None:
     """Refuse what is missing, not finite, or larger than anything in a recording."""
-    sizes = pc.abs(pc.fill_null(column.cast(_NUMBER), np.nan))
+    sizes = pc.abs(pc.fill_null(column.cast(NUMBER), np.nan))
     wrong = pc.index(pc.fill_null(pc.less_equal(sizes, MAX_MAGNITUDE), False), False).as_py()
     if wrong >= 0:
         got = "an empty cell" if not column[wrong].is_valid else str(column[wrong].as_py())
         expected = f"a number of size at most {MAX_MAGNITUDE:g}"
-        raise refused(path, f"line {line_of(wrong)}, column {name}", expected, got)
+        raise refused_cell(path, wrong, name, expected, got)

@@ -1,13 +1,17 @@
-"""Who drives around whom in a recording, for all vehicles and frames at once."""
+"""The neighbours of all vehicles of a recording in all frames."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.recordings.recording import BEYOND_SLOW_EDGE, Recording, Tracks
+from overtaking.model.trajectory import BEYOND_SLOW_EDGE
+
+if TYPE_CHECKING:
+    from overtaking.recordings.recording import Recording, Tracks
 
 I64 = NDArray[np.int64]
 
@@ -28,7 +32,7 @@ class Surroundings:
         tracks: The vehicles.
         vehicle: Place of each row's vehicle, shape (row,).
         row: Row of the neighbour in each of the `PLACES`, `NOBODY` if there is none, shape
-            (place, row). Somebody exactly beside counts as ahead.
+            (place, row). A vehicle exactly beside counts as ahead.
     """
 
     tracks: Tracks
@@ -40,7 +44,7 @@ class Surroundings:
         """The neighbours in a recording, by the lanes that the centres are in."""
         tracks = recording.tracks
         key = _keys(tracks)
-        # Of two at the same place the one with the smaller id is ahead of nobody.
+        # Of two vehicles at the same position neither is ahead of the one with the smaller id.
         order = np.lexsort((tracks.vehicle, key))
         sorted_keys = key[order]
         rows = np.full((len(PLACES), tracks.num_rows), NOBODY)
@@ -49,7 +53,7 @@ class Surroundings:
         return cls(tracks=tracks, vehicle=tracks.vehicle, row=rows)
 
     def has_leader(self, *, reach: float) -> NDArray[np.bool_]:
-        """Whether somebody is ahead in the same lane within `reach` [m], shape (row,)."""
+        """Whether a vehicle is ahead in the same lane within `reach` [m], shape (row,)."""
         row = np.arange(self.tracks.num_rows)
         return (self.row[0] != NOBODY) & (self._gap(row, self.row[0]) <= reach)
 

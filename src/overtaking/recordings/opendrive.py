@@ -17,12 +17,13 @@ from pathlib import Path
 
 from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.model.road import MAX_LENGTH, MAX_SPEED_LIMIT, DrivingSide, Lane, Road
+from overtaking.recordings.messages import refused, shown
 from overtaking.recordings.opendrive_lanes import Carriageway, carriageway, driving_lanes
 from overtaking.recordings.opendrive_limits import kind_of, limit_of
 from overtaking.recordings.opendrive_shape import Line, check_flat, straight_line
 from overtaking.recordings.opendrive_strips import OTHER_SIDE, Side, Strip
 from overtaking.recordings.xml import elements
-from overtaking.recordings.xml_element import Element, shown
+from overtaking.recordings.xml_element import Element
 
 _SKIPPED = frozenset(["objects", "signals", "surface", "railroad", "userData", "link", "include"])
 _RULES = {"RHT": DrivingSide.RIGHT, "LHT": DrivingSide.LEFT}
@@ -97,7 +98,7 @@ def survey_opendrive(
 
 
 def _drivable(verdicts: Mapping[str, Road | ImportFormatError]) -> str:
-    """The roads of a file on which somebody can overtake, the longest first, for a message."""
+    """The roads of a file with room to overtake, the longest first, for a message."""
     roads = [
         (name, one) for name, one in verdicts.items() if isinstance(one, Road) and one.num_lanes > 1
     ]
@@ -148,12 +149,12 @@ def _unclear(path: Path, wanted: str | None, ids: list[str]) -> ImportFormatErro
     """The error for a file that has no such road, or several."""
     listed = ", ".join(shown(road_id) for road_id in ids[:_MAX_LISTED])
     more = f" and {len(ids) - _MAX_LISTED} more" if len(ids) > _MAX_LISTED else ""
-    return ImportFormatError.of(
-        where=shown(path.name, length=80),
-        what="road" if wanted is None else f"road {shown(wanted)}",
-        expected="exactly one",
-        got=f"the roads {listed}{more}" if ids else "no road at all",
-        next_step="choose one of them by its id",
+    return refused(
+        shown(path.name, length=80),
+        "road" if wanted is None else f"road {shown(wanted)}",
+        "exactly one",
+        f"the roads {listed}{more}" if ids else "no road at all",
+        "choose one of them by its id",
     )
 
 
@@ -163,10 +164,10 @@ def _road(path: Path, road: Element, lanes: Side | None, speed_limit: float | No
     road.belongs_to(f"road {name}")
     if road.attribute("junction", default="-1") != "-1":
         raise road.error(
-            what="belongs to a junction",
-            expected="a road outside junctions",
-            got=f'junction "{shown(road.attribute("junction"))}"',
-            next_step="choose another road",
+            "belongs to a junction",
+            "a road outside junctions",
+            f'junction "{shown(road.attribute("junction"))}"',
+            "choose another road",
         )
     length = _length(road)
     kind = kind_of(road)
@@ -189,10 +190,7 @@ def _road(path: Path, road: Element, lanes: Side | None, speed_limit: float | No
         )
     except ConfigError as error:
         raise road.error(
-            what="is beyond the model",
-            expected="a road of ordinary size",
-            got=str(error),
-            next_step="choose another road",
+            "is beyond the model", "a road of ordinary size", str(error), "choose another road"
         ) from None
 
 
@@ -248,10 +246,10 @@ def _length(road: Element) -> float:
     length = road.number("length")
     if not 0.0 < length <= MAX_LENGTH:
         raise road.error(
-            what="attribute length",
-            expected=f"more than 0 and at most {MAX_LENGTH:g} m",
-            got=f"{length:g}",
-            next_step="choose another road",
+            "attribute length",
+            f"more than 0 and at most {MAX_LENGTH:g} m",
+            f"{length:g}",
+            "choose another road",
         )
     return length
 
@@ -259,12 +257,7 @@ def _length(road: Element) -> float:
 def _driving_side(road: Element) -> DrivingSide:
     rule = road.attribute("rule", default="RHT")
     if rule not in _RULES:
-        raise road.error(
-            what="attribute rule",
-            expected=" or ".join(_RULES),
-            got=f'"{shown(rule)}"',
-            next_step="repair the file",
-        )
+        raise road.error("attribute rule", " or ".join(_RULES), f'"{shown(rule)}"')
     return _RULES[rule]
 
 

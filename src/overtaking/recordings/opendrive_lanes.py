@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from overtaking.model.road import MAX_LANE_WIDTH, MAX_LANES, MIN_LANE_WIDTH, RoadMark
+from overtaking.recordings.messages import shown
 from overtaking.recordings.opendrive_shape import TOLERANCE, change, profile
 from overtaking.recordings.opendrive_strips import (
     OTHER_SIDE,
@@ -16,7 +17,7 @@ from overtaking.recordings.opendrive_strips import (
     side_lanes,
     strip,
 )
-from overtaking.recordings.xml_element import Element, shown
+from overtaking.recordings.xml_element import Element
 
 DRIVING = "driving"
 
@@ -79,10 +80,10 @@ def _lane_offset(lanes: Element, length: float) -> float:
     if found:
         piece, other = found
         raise piece.element.error(
-            what=f"varies after s = {piece.start:.1f} m",
-            expected=f"a constant lane offset of {value:.3f} m",
-            got=f"{other:.3f} m",
-            next_step="choose a road with constant lanes",
+            f"varies after s = {piece.start:.1f} m",
+            f"a constant lane offset of {value:.3f} m",
+            f"{other:.3f} m",
+            "choose a road with constant lanes",
         )
     return value
 
@@ -118,7 +119,7 @@ def _cross_section(section: Section, side: Side, outward: float) -> Carriageway:
 def _first_wide(
     section: Section, lanes: Sequence[Element], indices: range, side: Side
 ) -> Strip | None:
-    """The first of some lanes that is there at all: files carry lanes of no width."""
+    """The first of some lanes with a width: files contain lanes of no width."""
     for index in indices:
         found = strip(section, lanes, index, side)
         if found.width > TOLERANCE:
@@ -132,18 +133,18 @@ def _driving_block(section: Section, lanes: Sequence[Element], side: Side) -> tu
     where = f"at s = {section.start:.1f} m"
     if not 1 <= len(block) <= MAX_LANES:
         raise section.element.error(
-            what=f"{where}, {side} side",
-            expected=f"1 to {MAX_LANES} driving lanes",
-            got=str(len(block)),
-            next_step="choose another road or side",
+            f"{where}, {side} side",
+            f"1 to {MAX_LANES} driving lanes",
+            str(len(block)),
+            "choose another road or side",
         )
     if block[-1] - block[0] >= len(block):
         between = next(lane for lane in lanes[block[0] :] if lane.attribute("type") != DRIVING)
         raise between.error(
-            what=f"{between.attribute('id')} {where}",
-            expected="driving lanes side by side",
-            got=f'"{shown(between.attribute("type"))}" between two of them',
-            next_step="choose another road",
+            f"{between.attribute('id')} {where}",
+            "driving lanes side by side",
+            f'"{shown(between.attribute("type"))}" between two of them',
+            "choose another road",
         )
     return block[0], block[-1]
 
@@ -153,18 +154,15 @@ def _check_driving(lane: Element, width: float) -> None:
     name = lane.attribute("id")
     if not MIN_LANE_WIDTH <= width <= MAX_LANE_WIDTH:
         raise lane.error(
-            what=f"{name} has a width",
-            expected=f"{MIN_LANE_WIDTH:g} to {MAX_LANE_WIDTH:g} m",
-            got=f"{width:.3f} m",
-            next_step="choose another road",
+            f"{name} has a width",
+            f"{MIN_LANE_WIDTH:g} to {MAX_LANE_WIDTH:g} m",
+            f"{width:.3f} m",
+            "choose another road",
         )
     direction = lane.attribute("direction", default="standard")
     if direction != "standard":
         raise lane.error(
-            what=f"{name} has a direction",
-            expected='"standard"',
-            got=f'"{shown(direction)}"',
-            next_step="choose another road",
+            f"{name} has a direction", '"standard"', f'"{shown(direction)}"', "choose another road"
         )
 
 
@@ -182,10 +180,10 @@ def _check_same(section: Section, first: Carriageway, here: Carriageway) -> None
     )
     if not same:
         raise section.element.error(
-            what=f"changes the lanes at s = {section.start:.1f} m",
-            expected=_described(first),
-            got=_described(here),
-            next_step="choose a road with constant lanes",
+            f"changes the lanes at s = {section.start:.1f} m",
+            _described(first),
+            _described(here),
+            "choose a road with constant lanes",
         )
 
 

@@ -6,8 +6,9 @@ from itertools import pairwise
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge.roads import general_limit
 from overtaking.model.road import MAX_SPEED_LIMIT
+from overtaking.recordings.messages import shown
 from overtaking.recordings.opendrive_shape import out_of_order
-from overtaking.recordings.xml_element import Element, shown
+from overtaking.recordings.xml_element import Element
 
 UNKNOWN = "unknown"  # OpenDRIVE's word for a road without a type.
 
@@ -23,10 +24,10 @@ def kind_of(road: Element) -> str:
     for entry, kind in zip(types, kinds, strict=True):
         if kind != kinds[0]:
             raise entry.error(
-                what=f"changes at s = {entry.number('s'):.1f} m",
-                expected=f'"{shown(kinds[0])}" along the whole road',
-                got=f'"{shown(kind)}"',
-                next_step="choose another road",
+                f"changes at s = {entry.number('s'):.1f} m",
+                f'"{shown(kinds[0])}" along the whole road',
+                f'"{shown(kind)}"',
+                "choose another road",
             )
     return shown(kinds[0]) if kinds else UNKNOWN
 
@@ -64,10 +65,10 @@ def _common(road: Element, limits: Sequence[float | None]) -> float:
     if first is None or any(limit != first for limit in limits):
         stated = sorted({"none" if limit is None else f"{limit:.2f} m/s" for limit in limits})
         raise road.error(
-            what="has several speed limits",
-            expected="one for all driving lanes and the whole road",
-            got=", ".join(stated[:8]),
-            next_step="pass a speed limit of your own",
+            "has several speed limits",
+            "one for all driving lanes and the whole road",
+            ", ".join(stated[:8]),
+            "pass a speed limit of your own",
         )
     return first
 
@@ -81,24 +82,21 @@ def _only_limit(owner: Element, entries: Sequence[Element]) -> float | None:
 
 
 def _limit(entry: Element) -> float | None:
-    """The limit of one `<speed>` [m/s], or None where it says that it is not known."""
+    """The limit of one `<speed>` [m/s], or None where it is stated as unknown."""
     text = entry.attribute("max").strip()
     if text == _UNDEFINED:
         return None
     if text == _NO_LIMIT:
         raise entry.error(
-            what="attribute max",
-            expected="a number",
-            got=f'"{_NO_LIMIT}"',
-            next_step="pass a speed limit of your own",
+            "attribute max", "a number", f'"{_NO_LIMIT}"', "pass a speed limit of your own"
         )
     limit = _in_mps(entry, entry.number("max"))
     if not 0.0 < limit <= MAX_SPEED_LIMIT:
         raise entry.error(
-            what="attribute max",
-            expected=f"more than 0 and at most {MAX_SPEED_LIMIT:g} m/s",
-            got=f"{limit:g} m/s",
-            next_step="pass a speed limit of your own",
+            "attribute max",
+            f"more than 0 and at most {MAX_SPEED_LIMIT:g} m/s",
+            f"{limit:g} m/s",
+            "pass a speed limit of your own",
         )
     return limit
 
@@ -112,9 +110,4 @@ def _in_mps(entry: Element, value: float) -> float:
         return mps_from_kmh(value)
     if unit == "mph":
         return value * _MPS_PER_MPH
-    raise entry.error(
-        what="attribute unit",
-        expected="m/s, km/h or mph",
-        got=f'"{shown(unit)}"',
-        next_step="repair the file",
-    )
+    raise entry.error("attribute unit", "m/s, km/h or mph", f'"{shown(unit)}"')

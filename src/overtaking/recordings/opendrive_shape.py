@@ -37,12 +37,7 @@ def straight_line(road: Element, length: float) -> Line:
     """The reference line of a road; ImportFormatError where it is not one straight line."""
     pieces = road.required("planView").all("geometry")
     if not pieces:
-        raise road.error(
-            what="has no geometry",
-            expected="a <geometry> in <planView>",
-            got="none",
-            next_step="repair the file",
-        )
+        raise road.error("has no geometry", "a <geometry> in <planView>", "none")
     first = pieces[0]
     heading = math.remainder(first.number("hdg"), math.tau)
     line = Line(x=first.number("x"), y=first.number("y"), heading=heading, length=length)
@@ -52,10 +47,7 @@ def straight_line(road: Element, length: float) -> Line:
         covered = _check_joint(piece, line, covered)
     if abs(covered - length) > 2.0 * TOLERANCE:
         raise pieces[-1].error(
-            what="does not end with the road",
-            expected=f"an end at s = {length:.3f} m",
-            got=f"{covered:.3f} m",
-            next_step="repair the file",
+            "does not end with the road", f"an end at s = {length:.3f} m", f"{covered:.3f} m"
         )
     return line
 
@@ -70,10 +62,10 @@ def _check_straight(piece: Element) -> None:
     )
     if not straight:
         raise piece.error(
-            what=f"is curved at s = {piece.number('s'):.1f} m",
-            expected="a straight line",
-            got=shape,
-            next_step="choose a straight road",
+            f"is curved at s = {piece.number('s'):.1f} m",
+            "a straight line",
+            shape,
+            "choose a straight road",
         )
 
 
@@ -87,17 +79,16 @@ def _check_joint(piece: Element, line: Line, covered: float) -> float:
     bent = max(abs(left), abs(left + length * math.sin(turn)))
     if length < 0.0 or abs(start - covered) > TOLERANCE or abs(ahead - start) > TOLERANCE:
         raise piece.error(
-            what="does not join",
-            expected=f"a start at s = {covered:.3f} m on the reference line",
-            got=f"s = {start:.3f} m, {ahead:.3f} m along the line",
-            next_step="repair the file",
+            "does not join",
+            f"a start at s = {covered:.3f} m on the reference line",
+            f"s = {start:.3f} m, {ahead:.3f} m along the line",
         )
     if bent > TOLERANCE or math.cos(turn) < 0.0:
         raise piece.error(
-            what=f"bends at s = {start:.1f} m",
-            expected="a straight line",
-            got=f"{bent:.3f} m beside it",
-            next_step="choose a straight road",
+            f"bends at s = {start:.1f} m",
+            "a straight line",
+            f"{bent:.3f} m beside it",
+            "choose a straight road",
         )
     return start + length
 
@@ -168,12 +159,7 @@ def profile(entries: Sequence[Element], *, origin: float, station: str = "s") ->
 
 def out_of_order(element: Element, station: str) -> Exception:
     """The error for an entry that starts before the one that stands above it."""
-    return element.error(
-        what=f"attribute {station}",
-        expected="ascending values",
-        got=element.attribute(station),
-        next_step="repair the file",
-    )
+    return element.error(f"attribute {station}", "ascending values", element.attribute(station))
 
 
 def spans(pieces: Sequence[Cubic], end: float) -> list[tuple[Cubic, float]]:
@@ -223,18 +209,15 @@ def _check_not_banked(lateral: Element, length: float) -> None:
     for shape in lateral.all("shape"):
         if any(shape.number(name) != 0.0 for name in "abcd"):
             raise shape.error(
-                what="bends the surface",
-                expected="a flat road",
-                got="a lateral shape",
-                next_step="choose a flat road",
+                "bends the surface", "a flat road", "a lateral shape", "choose a flat road"
             )
 
 
 def _check_small(piece: Cubic, what: str, size: float, most: float) -> None:
     if size > most:
         raise piece.element.error(
-            what=f"{what} after s = {piece.start:.1f} m",
-            expected=f"a flat road, at most {most:g}",
-            got=f"{size:.4f}",
-            next_step="choose a flat road",
+            f"{what} after s = {piece.start:.1f} m",
+            f"a flat road, at most {most:g}",
+            f"{size:.4f}",
+            "choose a flat road",
         )

@@ -13,7 +13,7 @@ Side = Literal["right", "left"]
 
 OTHER_SIDE: dict[Side, Side] = {"right": "left", "left": "right"}
 
-_MARKS = {
+MARKS = {
     "none": RoadMark.NONE,
     "solid": RoadMark.SOLID,
     "broken": RoadMark.BROKEN,
@@ -25,6 +25,7 @@ _MARKS = {
     "curb": RoadMark.CURB,
     "grass": RoadMark.GRASS,
 }
+"""OpenDRIVE's road marks; any other is `OTHER`."""
 
 
 class Section(NamedTuple):
@@ -60,10 +61,7 @@ def lane_sections(road: Element, length: float) -> list[Section]:
     starts = [section.number("s") for section in found]
     if not found or abs(starts[0]) > TOLERANCE:
         raise lanes.error(
-            what="is incomplete",
-            expected="a <laneSection> from s = 0 on",
-            got=f"{len(found)} sections",
-            next_step="repair the file",
+            "is incomplete", "a <laneSection> from s = 0 on", f"{len(found)} sections"
         )
     for section, (start, after) in zip(found[1:], pairwise(starts), strict=True):
         if after < start:
@@ -94,10 +92,9 @@ def side_lanes(section: Element, side: Side) -> list[Element]:
     for number, lane in enumerate(lanes, start=1):
         if lane.integer("id") != sign * number:
             raise lane.error(
-                what="attribute id",
-                expected=f"ids {sign}, {2 * sign}, ... without gaps in <{side}>",
-                got=lane.attribute("id"),
-                next_step="repair the file",
+                "attribute id",
+                f"ids {sign}, {2 * sign}, ... without gaps in <{side}>",
+                lane.attribute("id"),
             )
     return lanes
 
@@ -140,10 +137,10 @@ def check_mark(lane: Element, section: Section) -> None:
         station = section.start + entry.number("sOffset", default=0.0)
         if station < section.end - TOLERANCE and _named(entry) is not first:
             raise entry.error(
-                what=f"of lane {lane.integer('id')} changes at s = {station:.1f} m",
-                expected=f"{first.value} along the whole road",
-                got=_named(entry).value,
-                next_step="choose a road with constant marks",
+                f"of lane {lane.integer('id')} changes at s = {station:.1f} m",
+                f"{first.value} along the whole road",
+                _named(entry).value,
+                "choose a road with constant marks",
             )
 
 
@@ -157,7 +154,7 @@ def _mark(lane: Element) -> RoadMark:
 
 def _named(entry: Element) -> RoadMark:
     """The mark that an element names; whatever a file invents is `OTHER`."""
-    return _MARKS.get(entry.attribute("type"), RoadMark.OTHER)
+    return MARKS.get(entry.attribute("type"), RoadMark.OTHER)
 
 
 def _width(lane: Element, section: Section) -> float:
@@ -166,26 +163,21 @@ def _width(lane: Element, section: Section) -> float:
     entries = lane.all("width")
     if not entries or abs(entries[0].number("sOffset")) > TOLERANCE:
         raise lane.error(
-            what=f"{name} has no width",
-            expected="a <width> from sOffset = 0 on",
-            got="<border>" if lane.all("border") else "none",
-            next_step="choose another road",
+            f"{name} has no width",
+            "a <width> from sOffset = 0 on",
+            "<border>" if lane.all("border") else "none",
+            "choose another road",
         )
     pieces = profile(entries, origin=section.start, station="sOffset")
     found = change(pieces, end=section.end, value=pieces[0].a)
     if found:
         piece, other = found
         raise piece.element.error(
-            what=f"of lane {name} changes after s = {piece.start:.1f} m",
-            expected=f"a constant {pieces[0].a:.3f} m",
-            got=f"{other:.3f} m",
-            next_step="choose a road with constant lanes",
+            f"of lane {name} changes after s = {piece.start:.1f} m",
+            f"a constant {pieces[0].a:.3f} m",
+            f"{other:.3f} m",
+            "choose a road with constant lanes",
         )
     if pieces[0].a < 0.0:
-        raise entries[0].error(
-            what=f"of lane {name}",
-            expected="a width of at least 0",
-            got=f"{pieces[0].a:g} m",
-            next_step="repair the file",
-        )
+        raise entries[0].error(f"of lane {name}", "a width of at least 0", f"{pieces[0].a:g} m")
     return pieces[0].a

@@ -13,20 +13,10 @@ from xml.sax.saxutils import quoteattr
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
+from overtaking.recordings.opendrive_strips import MARKS
 
-_NAMES = {
-    RoadMark.SOLID: "solid",
-    RoadMark.BROKEN: "broken",
-    RoadMark.SOLID_SOLID: "solid solid",
-    RoadMark.SOLID_BROKEN: "solid broken",
-    RoadMark.BROKEN_SOLID: "broken solid",
-    RoadMark.BROKEN_BROKEN: "broken broken",
-    RoadMark.BOTTS_DOTS: "botts dots",
-    RoadMark.CURB: "curb",
-    RoadMark.GRASS: "grass",
-    RoadMark.NONE: "none",
-    RoadMark.OTHER: "none",  # OpenDRIVE has no word for a mark that nobody knows.
-}
+_NAMES = {mark: name for name, mark in MARKS.items()}
+_NAMES[RoadMark.OTHER] = "none"  # OpenDRIVE has no word for a mark that nobody knows.
 _MARK_WIDTH = 0.15
 """Width of a painted line, as on Portuguese motorways [m]."""
 

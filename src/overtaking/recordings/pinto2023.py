@@ -12,16 +12,16 @@ paper's "no collision". The y axis and all angles are CARLA's: y to the right of
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import deg_from_rad, kmh_from_mps
-from overtaking.model.road import DrivingSide, Lane, Road
+from overtaking.model.road import DrivingSide
 from overtaking.model.trajectory import (
+    BEYOND_SLOW_EDGE,
     METRES_PER_SECOND_PER_STEP,
     METRES_PER_SECOND_SQUARED_PER_STEP,
     METRES_PER_STEP,
@@ -43,9 +43,10 @@ from overtaking.recordings.pinto2023_schema import (
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from overtaking.model.road import Road
+
 __all__ = ["COLUMNS", "FORMAT", "SCHEMA", "read_table", "to_table", "write_table"]
 
-_BEYOND_SLOW_EDGE = 255  # How `States.lane` says it.
 _MS_PER_S = 1000
 _NEEDED = frozenset({"weather", "speed_limit", "stage"})
 """What no cell can leave open, of `model.trajectory.UNKNOWNS`."""
@@ -172,7 +173,7 @@ def _vehicle_values(
         "height_m": _rounded(bodies.height[simulation, slot]),
         "x_m": _metres(states.x[at]),
         "y_m": _metres(-states.y[at]),
-        "lane_id": _Surroundings.of(trajectories.road).lane_id[states.lane[at]],
+        "lane_id": _surroundings(trajectories.road)["lane_id"][states.lane[at]],
         "speed_kmh": np.rint(kmh_from_mps(speed)).astype(np.int32),
         "wheel_deg": _degrees(states.wheel_angle[at]),
         "yaw_deg": _degrees(states.heading[at]),
@@ -183,24 +184,17 @@ def _vehicle_values(
 def _road_columns(
     trajectories: Trajectories, simulation: NDArray[np.intp], frame: NDArray[np.intp]
 ) -> dict[str, ArrayLike | pa.Array]:
-    """MV and what lies around the ego's lane, of each row."""
-    around = _Surroundings.of(trajectories.road)
+    """MV and the surroundings of the ego's lane, of each row."""
     lane = trajectories.states.lane[simulation, Role.EGO, frame]
     limit_kmh = _rounded(kmh_from_mps(trajectories.road.speed_limit))
-    widths = {
-        column: pa.array(_rounded(values), mask=np.isnan(values))
-        for column, values in (
-            ("LW", around.width[lane]),
-            ("LWR", around.right_width[lane]),
-            ("LWL", around.left_width[lane]),
-        )
-    }
-    return {
-        "MV": np.full(len(frame), limit_kmh),
-        "RT": around.right_mark[lane],
-        "LT": around.left_mark[lane],
-        **widths,
-    }
+    columns: dict[str, ArrayLike | pa.Array] = {"MV": np.full(len(frame), limit_kmh)}
+    by_code = _surroundings(trajectories.road)
+    for name in ("RT", "LT"):
+        columns[name] = by_code[name][lane]
+    for name in ("LW", "LWR", "LWL"):
+        widths = by_code[name][lane]
+        columns[name] = pa.array(_rounded(widths), mask=np.isnan(widths))
+    return columns
 
 
 def _weather_columns(
@@ -217,64 +211,30 @@ def _weather_columns(
     }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Surroundings:
-    """What a table says about each value of `States.lane`; every array has shape (256,).
+def _surroundings(road: Road) -> dict[str, NDArray[Any]]:
+    """The table's values for each value of `States.lane`: lane id, marks and widths.
 
-    Off the driving lanes a vehicle is on the neighbour on that side, such as the shoulder; where
-    the road knows none, it counts as in the nearest lane, as CARLA projects it.
+    Beside the driving lanes a vehicle is on the neighbour on that side, such as the shoulder. Where
+    the road knows none, the nearest lane counts, as CARLA projects.
 
-    Attributes:
-        lane_id: OpenDRIVE's id.
-        width: Of the lane itself [m].
-        right_width: Of the lane on its right, NaN if there is none [m].
-        left_width: Of the lane on its left, NaN if there is none [m].
-        right_mark: Line on its right, as CARLA spells it.
-        left_mark: Line on its left, as CARLA spells it.
+    Returns:
+        Arrays of shape (256,) by column; widths are NaN where there is no such lane [m].
     """
-
-    lane_id: NDArray[np.int32]
-    width: NDArray[np.float64]
-    right_width: NDArray[np.float64]
-    left_width: NDArray[np.float64]
-    right_mark: NDArray[np.str_]
-    left_mark: NDArray[np.str_]
-
-    @classmethod
-    def of(cls, road: Road) -> _Surroundings:
-        """The surroundings of every lane of a road."""
-        slow, fast = road.slow_side_neighbour, road.fast_side_neighbour
-        lanes = [*([slow] if slow else []), *road.lanes, *([fast] if fast else [])]
-        position = np.full(256, len(lanes) - 1)
-        first = 1 if slow else 0
-        position[: road.num_lanes] = np.arange(road.num_lanes) + first
-        position[_BEYOND_SLOW_EDGE] = 0
-        towards_fast, towards_slow = _widths(lanes, 1), _widths(lanes, -1)
-        is_right_hand = road.driving_side is DrivingSide.RIGHT
-        right, left = (
-            (towards_slow, towards_fast) if is_right_hand else (towards_fast, towards_slow)
-        )
-        return cls(
-            lane_id=np.array([lane.lane_id for lane in lanes], dtype=np.int32)[position],
-            width=np.array([lane.width for lane in lanes])[position],
-            right_width=right[position],
-            left_width=left[position],
-            right_mark=np.array([lane.right_mark.value for lane in lanes])[position],
-            left_mark=np.array([lane.left_mark.value for lane in lanes])[position],
-        )
-
-
-def _widths(lanes: list[Lane], towards: int) -> NDArray[np.float64]:
-    """Width of the lane next to each lane, NaN at the last one [m].
-
-    Args:
-        lanes: From the slow to the fast side.
-        towards: +1 for the neighbour on the fast side, -1 on the slow side.
-    """
-    widths = np.array([lane.width for lane in lanes])
-    shifted = np.full(len(lanes), np.nan)
-    if towards > 0:
-        shifted[:-1] = widths[1:]
-    else:
-        shifted[1:] = widths[:-1]
-    return shifted
+    slow, fast = road.slow_side_neighbour, road.fast_side_neighbour
+    lanes = [*([slow] if slow else []), *road.lanes, *([fast] if fast else [])]
+    place = np.full(256, len(lanes) - 1)
+    place[: road.num_lanes] = np.arange(road.num_lanes) + (1 if slow else 0)
+    place[BEYOND_SLOW_EDGE] = 0
+    widths = np.array([np.nan, *(lane.width for lane in lanes), np.nan])
+    right, left = widths[:-2], widths[2:]  # Lanes are ordered from the slow to the fast side.
+    if road.driving_side is DrivingSide.LEFT:
+        right, left = left, right
+    columns = {
+        "lane_id": np.array([lane.lane_id for lane in lanes], dtype=np.int32),
+        "RT": np.array([lane.right_mark.value for lane in lanes]),
+        "LT": np.array([lane.left_mark.value for lane in lanes]),
+        "LW": widths[1:-1],
+        "LWR": right,
+        "LWL": left,
+    }
+    return {name: values[place] for name, values in columns.items()}

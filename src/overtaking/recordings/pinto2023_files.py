@@ -9,7 +9,7 @@ import contextlib
 import csv
 import os
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Protocol
+from typing import IO, TYPE_CHECKING
 from uuid import uuid4
 
 import pyarrow as pa
@@ -17,27 +17,23 @@ import pyarrow.compute as pc
 import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 
-from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.core.errors import ConfigError
+from overtaking.recordings.messages import refused
 from overtaking.recordings.pinto2023_schema import COLUMNS, SCHEMA, VEHICLE_COLUMNS
 from overtaking.recordings.pinto2023_text import CellError, from_text, to_text
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterable
 
+    from overtaking.core.errors import ImportFormatError
+
 _TEXT = pa.schema([(name, pa.string()) for name in COLUMNS], metadata=SCHEMA.metadata)
 _MAX_SHOWN = 60
 
-
-class _Writer(Protocol):
-    """What takes one table after the other."""
-
-    def write_table(self, table: pa.Table) -> None:
-        """Append the rows of a table of text."""
-        ...
-
-    def close(self) -> None:
-        """Finish the file."""
-        ...
+_MAX_TEXT_BYTES = (1 << 31) - 1
+_MAX_EXPANSION, _SMALL_BYTES = 100, 1 << 24
+"""The text of a Parquet file may have so many times its size, and always 16 MB; ours has 9 times
+its size. A few bytes can stand for any number of rows."""
 
 
 def write_table(tables: Iterable[pa.Table], path: Path | str) -> int:
@@ -57,8 +53,7 @@ def write_table(tables: Iterable[pa.Table], path: Path | str) -> int:
         OSError: The file cannot be written.
     """
     target = Path(path)
-    writer_of = {".csv": _CsvWriter, ".parquet": _parquet_writer}.get(target.suffix)
-    if writer_of is None or target.is_dir():
+    if target.suffix not in (".csv", ".parquet") or target.is_dir():
         raise ConfigError.of(
             what="the paper's table",
             where=str(target),
@@ -66,17 +61,9 @@ def write_table(tables: Iterable[pa.Table], path: Path | str) -> int:
             got="a folder" if target.is_dir() else repr(target.suffix),
             next_step="choose such a name",
         )
-    with _whole_or_nothing(target) as file, contextlib.closing(writer_of(file)) as writer:
-        return _write_all(writer, tables)
-
-
-def _write_all(writer: _Writer, tables: Iterable[pa.Table]) -> int:
-    """Write all parts; returns the number of rows."""
-    rows = 0
-    for table in tables:
-        writer.write_table(to_text(table))
-        rows += table.num_rows
-    return rows
+    write = _write_csv if target.suffix == ".csv" else _write_parquet
+    with _whole_or_nothing(target) as file:
+        return write(file, tables)
 
 
 @contextlib.contextmanager
@@ -98,32 +85,32 @@ def _whole_or_nothing(target: Path) -> Generator[IO[bytes]]:
         partial.unlink(missing_ok=True)
 
 
-def _parquet_writer(file: IO[bytes]) -> pq.ParquetWriter:
-    """Parquet with the cells as text, as in the paper."""
-    return pq.ParquetWriter(file, _TEXT, compression="zstd")
+def _write_parquet(file: IO[bytes], tables: Iterable[pa.Table]) -> int:
+    """Write Parquet with the cells as text, as in the paper; returns the number of rows."""
+    rows = 0
+    with pq.ParquetWriter(file, _TEXT, compression="zstd") as writer:
+        for table in tables:
+            writer.write_table(to_text(table))
+            rows += table.num_rows
+    return rows
 
 
-class _CsvWriter:
-    """CSV as RFC 4180 has it, with quotes only around the cells that hold commas."""
-
-    def __init__(self, file: IO[bytes]) -> None:
-        """Begin the file with the line of names."""
-        self._file = file
-        self._file.write((",".join(COLUMNS) + "\r\n").encode())
-
-    def write_table(self, table: pa.Table) -> None:
-        """Append the rows of a table of text."""
+def _write_csv(file: IO[bytes], tables: Iterable[pa.Table]) -> int:
+    """Write CSV (RFC 4180) with quotes around cells with commas; returns the number of rows."""
+    rows = 0
+    file.write((",".join(COLUMNS) + "\r\n").encode())
+    for table in tables:
+        text = to_text(table)
         cells = [
-            pc.binary_join_element_wise('"', table[name], '"', "")
+            pc.binary_join_element_wise('"', text[name], '"', "")
             if name in VEHICLE_COLUMNS
-            else table[name]
+            else text[name]
             for name in COLUMNS
         ]
         for chunk in pc.binary_join_element_wise(*cells, ",").chunks:
-            self._file.write("".join(line + "\r\n" for line in chunk.to_pylist()).encode())
-
-    def close(self) -> None:
-        """Nothing: the file belongs to whoever opened it."""
+            file.write("".join(line + "\r\n" for line in chunk.to_pylist()).encode())
+        rows += table.num_rows
+    return rows
 
 
 def read_table(path: Path | str) -> pa.Table:
@@ -145,29 +132,55 @@ def read_table(path: Path | str) -> pa.Table:
         return from_text(text)
     except CellError as error:
         place = f"row {error.row + 1}" if is_parquet else f"line {error.row + 2}"
-        raise ImportFormatError.of(
-            what=f"{place}, column {error.column}",
-            where=str(source),
-            expected=error.expected,
-            got=error.got[:_MAX_SHOWN],
-            next_step="correct the cell",
+        raise refused(
+            str(source),
+            f"{place}, column {error.column}",
+            error.expected,
+            error.got[:_MAX_SHOWN],
+            "correct the cell",
         ) from None
 
 
 def _parquet_text(source: Path) -> pa.Table:
     """The cells of a Parquet file."""
+    most = min(max(_MAX_EXPANSION * source.stat().st_size, _SMALL_BYTES), _MAX_TEXT_BYTES)
     with source.open("rb") as file:
         try:
             # One file, not a folder of partitions, and no columns guessed from the path.
-            table = pq.ParquetFile(file).read()
+            schema = _text_schema(source, pq.ParquetFile(file), most)
+            # Equal cells stay one until it is known how long all of them are.
+            table = pq.ParquetFile(file, read_dictionary=COLUMNS).read()
             table.validate(full=True)  # Text that is no UTF-8, for one, is read without complaint.
         except (pa.ArrowException, OSError) as error:  # Arrow raises both on damaged pages.
             raise _unreadable(source, "a Parquet file", error) from None
-    _check_names(source, table.column_names)
-    for field in table.schema:
+    chunks = [chunk for column in table.columns for chunk in column.chunks]
+    _refuse_bomb(source, sum(map(_text_bytes, chunks)), most)
+    return table.cast(schema)
+
+
+def _text_schema(source: Path, file: pq.ParquetFile, most: int) -> pa.Schema:
+    """The columns of a Parquet file, held to what it says of itself before any cell is read."""
+    schema, about = file.schema_arrow, file.metadata
+    _check_names(source, schema.names)
+    for field in schema:
         if not (pa.types.is_string(field.type) or pa.types.is_large_string(field.type)):
             raise _unreadable(source, "columns of text", f"{field.name} of type {field.type}")
-    return table
+    pages = sum(about.row_group(k).total_byte_size for k in range(about.num_row_groups))
+    ends = len(COLUMNS) * about.num_rows  # In a CSV file a comma or an end of line for each cell.
+    _refuse_bomb(source, max(pages, ends), most)
+    return schema
+
+
+def _text_bytes(cells: pa.DictionaryArray) -> int:
+    """The length of all cells."""
+    lengths = pc.binary_length(cells.dictionary).cast(pa.int64())
+    return pc.sum(lengths.take(cells.indices)).as_py() or 0
+
+
+def _refuse_bomb(source: Path, size: int, most: int) -> None:
+    """Refuse text that is longer than the size of the file allows."""
+    if size > most:
+        raise _unreadable(source, f"at most {most >> 20} MB of text", f"{size >> 20} MB or more")
 
 
 def _csv_text(source: Path) -> pa.Table:
@@ -192,12 +205,12 @@ def _check_names(source: Path, names: list[str]) -> None:
     """Refuse a file whose columns are not the paper's, in the paper's order."""
     for position, (expected, got) in enumerate(zip(COLUMNS, [*names, *[""] * 22], strict=False)):
         if got != expected:
-            raise ImportFormatError.of(
-                what=f"line 1, column {position + 1}",
-                where=str(source),
-                expected=f"the name {expected}",
-                got=got[:_MAX_SHOWN],
-                next_step=f"give the file the columns {' '.join(COLUMNS)}",
+            raise refused(
+                str(source),
+                f"line 1, column {position + 1}",
+                f"the name {expected}",
+                got[:_MAX_SHOWN],
+                f"give the file the columns {' '.join(COLUMNS)}",
             )
     if len(names) != len(COLUMNS):
         raise _unreadable(source, f"{len(COLUMNS)} columns", f"{len(names)}")
@@ -205,10 +218,4 @@ def _check_names(source: Path, names: list[str]) -> None:
 
 def _unreadable(source: Path, expected: str, got: object) -> ImportFormatError:
     """The file as a whole is not what its name promises."""
-    return ImportFormatError.of(
-        what="the paper's table",
-        where=str(source),
-        expected=expected,
-        got=str(got),
-        next_step="export it again",
-    )
+    return refused(str(source), "the paper's table", expected, str(got), "export it again")

@@ -1,9 +1,9 @@
 """The paper's table, ours or another's, as recorded simulations.
 
-The table says where every vehicle is, and little else. Lanes and lines come from the road that it
-was recorded on; the weather is a preset where the table's weather is exactly that of one. The
-column D is read as we write it: front wheels and body, clockwise. Accelerations are worked out from
-the positions, because A is a norm without a direction.
+The table holds the positions of all vehicles, and little else. Lanes and lines come from its road;
+the weather is a preset where it equals that of one exactly. Column D is read as we write it: front
+wheels and body, clockwise. Accelerations are computed from positions, because A is a norm without a
+direction.
 """
 
 # pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
@@ -42,6 +42,7 @@ from overtaking.recordings.scenes import Parts
 if TYPE_CHECKING:
     from overtaking.model.road import Road
     from overtaking.model.weather import Weather
+    from overtaking.recordings.recording import Tracks
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -85,14 +86,9 @@ class TableScenes(Parts):
         scenario = made.scenario.replace(weather=self.weather.select(part))
         return self._with_frames(made.replace(scenario=scenario), numbers)
 
-    def sources(self, numbers: range) -> list[str]:
-        """Where in the table they come from: its number, and the vehicles' ids slot by slot."""
-        ids = self.recording.tracks.ids
-        return [
-            f"{self.name} simulation {self.numbers[k]} vehicles "
-            + " ".join(str(ids[vehicle]) for vehicle in self.casts[k])
-            for k in numbers
-        ]
+    def _part(self, number: int) -> str:
+        """The table's number of a simulation."""
+        return f"simulation {self.numbers[number]}"
 
     def _with_frames(self, made: Trajectories, numbers: range) -> Trajectories:
         """The batch with stages and collisions, as far as OV and C tell."""
@@ -107,7 +103,7 @@ class TableScenes(Parts):
             stage[place, :count] = np.select(
                 [begun == 0, begun == 1], [Stage.FOLLOW, Stage.PULL_OUT], Stage.RETURN
             )
-            slots = {int(ids[one]): slot for slot, one in enumerate(self.casts[number])}
+            slots = {int(ids[one]): slot for slot, one in enumerate(self.windows[number].vehicles)}
             hit = given.partner[rows]
             frames = np.flatnonzero(hit > 0)
             if len(frames):
@@ -163,11 +159,17 @@ def read_pinto2023(path: Path | str, *, road: Road | None = None) -> TableScenes
         notes={"road": place.name, "lanes_as_named": round(agreement, 4)},
     )
     recording.notes.update(time_scaling(recording))
-    return _scenes(source, recording, numbers, frames, weather)
+    return TableScenes(
+        recording=recording,
+        windows=_windows(source, tracks, numbers, frames),
+        numbers=numbers,
+        frames=frames,
+        weather=weather,
+    )
 
 
 def speed_ratios(recording: Recording) -> F64:
-    """Speed measured from positions and times over recorded speed, NaN for who hardly moves.
+    """Speed measured from positions and times over recorded speed, NaN for slow vehicles.
 
     Returns:
         The median over the frames of each vehicle, shape (vehicle,).
@@ -203,33 +205,25 @@ def time_scaling(recording: Recording) -> dict[str, Any]:
     }
 
 
-def _scenes(
-    source: Path, recording: Recording, numbers: I64, frames: Frames, weather: Weather
-) -> TableScenes:
-    """A window and a cast for each simulation."""
-    tracks = recording.tracks
+def _windows(source: Path, tracks: Tracks, numbers: I64, frames: Frames) -> list[Window]:
+    """The frames and vehicles of each simulation."""
     first = np.searchsorted(frames.simulation, np.arange(len(numbers)))
     last = np.append(first[1:], len(frames.simulation)) - 1
     windows: list[Window] = []
-    casts: list[tuple[int, ...]] = []
     for k in range(len(numbers)):
         there = np.flatnonzero(tracks.carriageway == k)
         is_ego = tracks.ids[there] == frames.ego[first[k]]
         ego = int(there[is_ego][0])
-        span = (int(frames.frame[first[k]]), int(frames.frame[last[k]]))
-        if len(there) > MAX_SLOTS or (int(tracks.first[ego]), int(tracks.last[ego])) != span:
+        begin, end = int(frames.frame[first[k]]), int(frames.frame[last[k]])
+        has_ego = (int(tracks.first[ego]), int(tracks.last[ego])) == (begin, end)
+        what = f"simulation {numbers[k]}"
+        if len(there) > MAX_SLOTS or not has_ego:
             expected = f"an ego in every frame and at most {MAX_SLOTS} vehicles"
-            raise refused(source, f"simulation {numbers[k]}", expected, "another")
-        if span[1] - span[0] >= MAX_FRAMES:
-            got = str(span[1] - span[0] + 1)
-            raise refused(source, f"simulation {numbers[k]}", f"at most {MAX_FRAMES} frames", got)
-        casts.append((ego, *there[~is_ego].tolist()))
-        windows.append(Window(ego=ego, leader=ego, first=span[0], last=span[1]))
-    return TableScenes(
-        recording=recording,
-        windows=windows,
-        casts=casts,
-        numbers=numbers,
-        frames=frames,
-        weather=weather,
-    )
+            raise refused(source, what, expected, "another")
+        vehicles = (ego, *there[~is_ego].tolist())
+        window = Window(ego=ego, leader=ego, first=begin, last=end, vehicles=vehicles)
+        if window.num_frames > MAX_FRAMES:
+            got = str(window.num_frames)
+            raise refused(source, what, f"at most {MAX_FRAMES} frames", got)
+        windows.append(window)
+    return windows

@@ -1,4 +1,4 @@
-"""What stands in the paper's table, row by row, as tracks and weather.
+"""From the rows of the paper's table to tracks and weather.
 
 A row is one frame of one simulation, with a tuple for each vehicle in some of its cells.
 """
@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.errors import ImportFormatError
 from overtaking.core.units import mps_from_kmh, rad_from_deg
 from overtaking.knowledge import presets
 from overtaking.knowledge.roads import ROAD_NAMES
 from overtaking.model.known_roads import known_road
 from overtaking.model.weather import NO_PRESET
+from overtaking.recordings import messages
 from overtaking.recordings.pinto2023_schema import VEHICLE_COLUMNS
-from overtaking.recordings.recording import BEYOND_SLOW_EDGE, Tracks, kinds_by_length, slope
+from overtaking.recordings.recording import Tracks, kinds_by_length, lane_codes, slope
 from overtaking.scenarios.assumed import assumed_weather
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ _GLARING = "ClearSunset"  # The only preset for which the paper says Yes in colu
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frames:
-    """What the table says of each simulation and frame, in order; arrays of shape (frame,).
+    """The table's values for each simulation and frame, in order; arrays of shape (frame,).
 
     Attributes:
         line: Where it stands in the table, from 0.
@@ -64,14 +64,9 @@ class Frames:
 
 
 def refused(source: Path, what: str, expected: str, got: str, next_step: str = "") -> Exception:
-    """The error for a table that does not say what is needed."""
-    return ImportFormatError.of(
-        where=str(source),
-        what=what,
-        expected=expected,
-        got=got,
-        next_step=next_step or "export the table again",
-    )
+    """The error for a table that cannot be imported."""
+    next_step = next_step or "export the table again"
+    return messages.refused(str(source), what, expected, got, next_step)
 
 
 def _integers(table: pa.Table, name: str) -> I64:
@@ -185,7 +180,6 @@ def tracks_of(
     start = np.append(begins, len(values["id"]))
     x, y = values["x_m"], -values["y_m"]
     s, d = road.road_coordinates(x, y)
-    lane = road.lane_index(d)
     length = values["length_m"][begins]
     nobody = np.zeros(len(begins), np.bool_)
     return Tracks(
@@ -206,7 +200,7 @@ def tracks_of(
         accel_lat=slope(slope(d, start, interval_ms), start, interval_ms),
         yaw_rate=np.zeros_like(s),
         wheel_angle=-_float64(rad_from_deg(values["wheel_deg"])),
-        lane=np.where(lane < 0, BEYOND_SLOW_EDGE, lane).astype(np.uint8),
+        lane=lane_codes(road, d),
     )
 
 

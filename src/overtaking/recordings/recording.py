@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.knowledge import vehicle_classes
+from overtaking.model.trajectory import BEYOND_SLOW_EDGE
 from overtaking.model.vehicles import VehicleKind
 
 if TYPE_CHECKING:
@@ -23,13 +24,10 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
 
-BEYOND_SLOW_EDGE = 255
-"""How `States.lane` says it."""
-
 NEVER_RECORDED = frozenset(
     {"drivers", "bodies", "indicators", "lamps", "wheel_angle", "impulse", "stage", "percepts"}
 )
-"""What no recording from outside tells; see `model.trajectory.UNKNOWNS`."""
+"""What no recording of others contains; see `model.trajectory.UNKNOWNS`."""
 
 _OF_A_VEHICLE = ("ids", "kind", "length", "width", "carriageway")
 _HALF_SMOOTHING_MS = 100  # As the signals have it: a central difference over 0.2 s.
@@ -45,7 +43,7 @@ class Tracks:
         length: Same shape [m].
         width: Same shape [m].
         carriageway: Number of the carriageway that it drives on; those on different ones have
-            nothing to do with each other, same shape.
+            no influence on each other, same shape.
         first: Frame in which each vehicle is first seen, counted as the source does, same shape.
         start: Row at which each vehicle begins, and after the last the number of rows,
             shape (vehicle + 1,).
@@ -109,7 +107,7 @@ class Tracks:
         )
 
     def row(self, vehicle: int, frame: int) -> int:
-        """The row of a vehicle in a frame in which it is there."""
+        """The row of a vehicle in a frame in which it is present."""
         return int(self.start[vehicle] + frame - self.first[vehicle])
 
 
@@ -207,12 +205,18 @@ def slope(values: F64, start: I64, frame_interval_ms: int) -> F64:
     return (values[later] - values[earlier]) / elapsed
 
 
+def lane_codes(road: Road, d: F64) -> U8:
+    """Values of `States.lane` for positions across the road [m]."""
+    lane = road.lane_index(d)
+    return np.where(lane < 0, BEYOND_SLOW_EDGE, lane).astype(np.uint8)
+
+
 def kinds_by_length(length: F64, *, is_truck: NDArray[np.bool_], is_car: NDArray[np.bool_]) -> U8:
     """Vehicle types where a source knows at most cars and trucks.
 
     Small, medium and large are parted half-way between the typical lengths of the three classes. A
-    vehicle of which the source says nothing reliable is a truck from half-way between van and
-    truck on. Vans are never told apart.
+    vehicle without a reliable type is a truck from half-way between van and truck on. Vans are not
+    distinguished.
 
     Args:
         length: Shape (vehicle,) [m].

@@ -3,7 +3,7 @@
 The road of a recording is given by the borders of its lanes as lines of points. A smooth line in
 their middle is the reference: `s` runs along it, and offsets from it are measured square to it. The
 model's lanes have constant widths, so an offset is scaled piecewise, from the borders where they
-are at that `s` to the mean borders of the stretch: who touches a line still touches it, and who is
+are at that `s` to the mean borders of the stretch: a vehicle on a line stays on it, and one
 in the middle of a lane still is. A decision in `docs/adr` has the reasons, and what this costs.
 """
 
@@ -72,22 +72,18 @@ class Projection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RoadShape:
-    """The reference line of a road and the borders of its lanes.
+class ReferenceLine:
+    """A smooth line along a road, as a function over its chord.
 
     Attributes:
         origin: World position at which the chord begins, shape (2,) [m].
         chord: Direction of the chord, anticlockwise from world x [rad].
         u: Points along the chord, shape (point,) [m].
-        v: Offset of the reference line from the chord, same shape [m].
+        v: Offset of the line from the chord, same shape [m].
         slope: Its derivative, same shape.
         bend: Derivative of the slope, same shape [1/m].
-        way: Length of the reference line up to each point, 0 where the road begins, same shape [m].
-        length: Length of the road along the reference line [m].
-        border_s: Points along the reference line, shape (station,) [m].
-        borders: Offsets of the borders there, from the right to the left, shape
-            (station, lane + 1) [m].
-        mean_borders: Borders of the straight road, shape (lane + 1,) [m].
+        way: Length of the line up to each point, 0 where the road begins, same shape [m].
+        length: Length of the road along the line [m].
     """
 
     origin: F64
@@ -98,16 +94,68 @@ class RoadShape:
     bend: F64
     way: F64
     length: float
+
+    @property
+    def turn(self) -> float:
+        """Largest angle between the line and its chord on the road [rad]."""
+        on_road = (self.way >= 0.0) & (self.way <= self.length)
+        return float(np.abs(np.arctan(self.slope[on_road])).max())
+
+    @property
+    def start(self) -> tuple[float, float]:
+        """World position at which the road begins [m]."""
+        u, v = (float(np.interp(0.0, self.way, line)) for line in (self.u, self.v))
+        cosine, sine = np.cos(self.chord), np.sin(self.chord)
+        x, y = self.origin
+        return float(x + u * cosine - v * sine), float(y + u * sine + v * cosine)
+
+    def foot(self, along: F64, across: F64) -> tuple[F64, F64, F64, F64]:
+        """The foot of each point on the line, by Newton's method along the chord.
+
+        Args:
+            along: Positions along the chord, shape (point,) [m].
+            across: Positions to its left, same shape [m].
+
+        Returns:
+            Way [m], offset [m], world direction [rad] and curvature [1/m] at each foot.
+        """
+        foot = along
+        for _ in range(_ITERATIONS):
+            v, slope, bend = (np.interp(foot, self.u, y) for y in (self.v, self.slope, self.bend))
+            miss = (along - foot) + (across - v) * slope
+            foot = foot + miss / np.maximum(1.0 + slope * slope - (across - v) * bend, _MIN_NEWTON)
+        v, slope, bend = (np.interp(foot, self.u, y) for y in (self.v, self.slope, self.bend))
+        secant = np.sqrt(1.0 + slope * slope)
+        offset = ((across - v) - (along - foot) * slope) / secant
+        way = np.interp(foot, self.u, self.way)
+        return way, offset, self.chord + np.arctan(slope), bend / secant**3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoadShape:
+    """The reference line of a road and the borders of its lanes.
+
+    Attributes:
+        line: The reference line.
+        border_s: Points along it, shape (station,) [m].
+        borders: Offsets of the borders there, from the right to the left, shape
+            (station, lane + 1) [m].
+        mean_borders: Borders of the straight road, shape (lane + 1,) [m].
+    """
+
+    line: ReferenceLine
     border_s: F64
     borders: F64
     mean_borders: F64
 
     def project(self, x: F64, y: F64) -> Projection:
         """World points in road coordinates."""
-        s, offset, tangent, curvature = _projected(self, x, y)
+        points = _to_chord(np.stack([x, y], axis=1), self.line.origin, self.line.chord)
+        s, offset, tangent, curvature = self.line.foot(*points.T)
+        local = np.stack([np.interp(s, self.border_s, line) for line in self.borders.T], axis=-1)
         return Projection(
             s=s,
-            d=self._scaled(s, offset),
+            d=scaled(offset, local, self.mean_borders),
             offset=offset,
             tangent=tangent,
             stretch=1.0 - curvature * offset,
@@ -118,20 +166,6 @@ class RoadShape:
         """Largest part by which a lane is anywhere wider or narrower than in the mean."""
         widths, mean = np.diff(self.borders, axis=1), np.diff(self.mean_borders)
         return float(np.abs(widths / mean - 1.0).max())
-
-    @property
-    def turn(self) -> float:
-        """Largest angle between reference line and chord on the road [rad]."""
-        on_road = (self.way >= 0.0) & (self.way <= self.length)
-        return float(np.abs(np.arctan(self.slope[on_road])).max())
-
-    def _scaled(self, s: F64, offset: F64) -> F64:
-        """Offsets from the borders where they are to where the straight road has them."""
-        local = np.stack(
-            [np.interp(s, self.border_s, self.borders[:, k]) for k in range(self.borders.shape[1])],
-            axis=-1,
-        )
-        return scaled(offset, local, self.mean_borders)
 
 
 def scaled(offset: F64, local: F64, mean: F64) -> F64:
@@ -148,7 +182,7 @@ def scaled(offset: F64, local: F64, mean: F64) -> F64:
     low = np.take_along_axis(local, lane[..., None], -1)[..., 0]
     high = np.take_along_axis(local, lane[..., None] + 1, -1)[..., 0]
     factor = (mean[lane + 1] - mean[lane]) / (high - low)
-    # Beyond the edges nothing tells how wide anything is: distances stay as they are.
+    # Beyond the edges no widths are known: distances stay as they are.
     inside = mean[lane] + (offset - low) * factor
     beyond = np.where(offset < low, mean[lane] + offset - low, mean[lane + 1] + offset - high)
     return np.where((offset < low) | (offset > high), beyond, inside)
@@ -177,7 +211,7 @@ def shape_of(borders: list[F64]) -> RoadShape:
     grid = np.linspace(first, last, int(np.ceil((last - first) / GRID)) + 1)
     across = np.stack([_over(grid, line) for line in turned])
     u, v = _reference(grid, (across[0] + across[-1]) * 0.5)
-    return _with_borders(begin, chord, u, v, grid, across)
+    return _measured(_line(begin, chord, u, v, grid[[0, -1]]), grid, across)
 
 
 def _to_chord(points: F64, origin: F64, chord: float) -> F64:
@@ -217,13 +251,12 @@ def _padding(middle: F64, count: int) -> F64:
     return middle[np.minimum(np.arange(1, count + 1), len(middle) - 1)]
 
 
-def _with_borders(origin: F64, chord: float, u: F64, v: F64, grid: F64, across: F64) -> RoadShape:
-    """The shape, once the borders have been measured from its reference line."""
+def _line(origin: F64, chord: float, u: F64, v: F64, ends: F64) -> ReferenceLine:
+    """The reference line through points over the chord; `ends` are those of the road on it."""
     slope = np.gradient(v, u)
     way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(u), np.diff(v)))])
-    begin, end = np.interp([grid[0], grid[-1]], u, way)
-    nothing = np.zeros((1, 2))
-    bare = RoadShape(
+    begin, end = np.interp(ends, u, way)
+    line = ReferenceLine(
         origin=origin,
         chord=chord,
         u=u,
@@ -232,39 +265,27 @@ def _with_borders(origin: F64, chord: float, u: F64, v: F64, grid: F64, across: 
         bend=np.gradient(slope, u),
         way=way - begin,
         length=float(end - begin),
-        border_s=nothing[:, 0],
-        borders=nothing,
-        mean_borders=nothing[0],
     )
-    if bare.turn > MAX_TURN:
+    if line.turn > MAX_TURN:
         raise RoadShapeError(
-            what="bend", expected=f"at most {MAX_TURN:g} rad", got=f"{bare.turn:.2f} rad"
+            what="bend", expected=f"at most {MAX_TURN:g} rad", got=f"{line.turn:.2f} rad"
         )
-    return _measured(bare, grid, across)
+    return line
 
 
-def _measured(bare: RoadShape, grid: F64, across: F64) -> RoadShape:
+def _measured(line: ReferenceLine, grid: F64, across: F64) -> RoadShape:
     """The borders as offsets from the reference line, and their mean."""
-    stations = np.linspace(0.0, bare.length, int(np.ceil(bare.length / GRID)) + 1)
+    stations = np.linspace(0.0, line.length, int(np.ceil(line.length / GRID)) + 1)
     borders = np.empty((len(stations), len(across)))
     stretch = 0.0
-    for k, line in enumerate(across):
-        s, offset, _, curvature = _along_chord(bare, grid, line)
+    for k, border in enumerate(across):
+        s, offset, _, curvature = line.foot(grid, border)
         borders[:, k] = np.interp(stations, s, offset)
         stretch = max(stretch, float(np.abs(curvature * offset).max()))
     _check(borders, stretch)
     widths = np.diff(borders, axis=1).mean(axis=0)
-    edge = borders[:, 0].mean()
-    mean = edge + np.concatenate([[0.0], np.cumsum(widths)])
-    return RoadShape(
-        **{
-            name: getattr(bare, name)
-            for name in ("origin", "chord", "u", "v", "slope", "bend", "way", "length")
-        },
-        border_s=stations,
-        borders=borders,
-        mean_borders=mean,
-    )
+    mean = borders[:, 0].mean() + np.concatenate([[0.0], np.cumsum(widths)])
+    return RoadShape(line=line, border_s=stations, borders=borders, mean_borders=mean)
 
 
 def _check(borders: F64, stretch: float) -> None:
@@ -284,29 +305,3 @@ def _check(borders: F64, stretch: float) -> None:
                 expected=f"a width that differs by at most {MAX_WIDENING:.0%}",
                 got=f"{widths[:, lane].min():.2f} to {widths[:, lane].max():.2f} m",
             )
-
-
-def _projected(shape: RoadShape, x: F64, y: F64) -> tuple[F64, F64, F64, F64]:
-    """Way, offset, world direction and curvature at world points."""
-    along, across = _to_chord(np.stack([x, y], axis=1), shape.origin, shape.chord).T
-    return _along_chord(shape, along, across)
-
-
-def _along_chord(shape: RoadShape, along: F64, across: F64) -> tuple[F64, F64, F64, F64]:
-    """The foot of each point on the reference line, by Newton's method along the chord."""
-    foot = along
-    for _ in range(_ITERATIONS):
-        v, slope, bend = (
-            np.interp(foot, shape.u, line) for line in (shape.v, shape.slope, shape.bend)
-        )
-        miss = (along - foot) + (across - v) * slope
-        foot = foot + miss / np.maximum(1.0 + slope * slope - (across - v) * bend, _MIN_NEWTON)
-    v, slope, bend = (np.interp(foot, shape.u, line) for line in (shape.v, shape.slope, shape.bend))
-    secant = np.sqrt(1.0 + slope * slope)
-    offset = ((across - v) - (along - foot) * slope) / secant
-    return (
-        np.interp(foot, shape.u, shape.way),
-        offset,
-        shape.chord + np.arctan(slope),
-        bend / secant**3,
-    )

@@ -1,9 +1,9 @@
-"""What becomes of a recording: its candidate overtakes, and who is in each."""
+"""The simulations of a recording: its candidate overtakes and their vehicles."""
 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from overtaking.core.errors import ConfigError, ImportFormatError
@@ -11,9 +11,9 @@ from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.batch import (
     MAX_SLOTS,
     NUM_SLOTS,
-    cast_of,
     coverage,
     trajectories,
+    vehicles_of,
 )
 from overtaking.recordings.candidates import (
     LaneChanges,
@@ -23,6 +23,7 @@ from overtaking.recordings.candidates import (
     num_passes,
     overtakes,
 )
+from overtaking.recordings.messages import refused
 from overtaking.recordings.neighbours import Surroundings
 
 if TYPE_CHECKING:
@@ -39,13 +40,11 @@ class Parts:
 
     Attributes:
         recording: The recording.
-        windows: Which frames of it each simulation is.
-        casts: The vehicles of each by slot, as places among the tracks.
+        windows: The frames and vehicles of each simulation.
     """
 
     recording: Recording
     windows: Sequence[Window]
-    casts: Sequence[tuple[int, ...]]
 
     def __len__(self) -> int:
         """Number of simulations."""
@@ -53,7 +52,7 @@ class Parts:
 
     @property
     def name(self) -> str:
-        """What the recording calls itself."""
+        """Name of the recording."""
         return self.recording.name
 
     @property
@@ -73,37 +72,36 @@ class Parts:
 
     def trajectories(self, numbers: range) -> Trajectories:
         """Some of the simulations."""
-        part = slice(numbers.start, numbers.stop)
-        return trajectories(
-            self.recording, self.windows[part], self.casts[part], first_index=numbers.start
-        )
+        windows = self.windows[numbers.start : numbers.stop]
+        return trajectories(self.recording, windows, first_index=numbers.start)
+
+    def sources(self, numbers: range) -> list[str]:
+        """The origin of some simulations in the recording, one text for each.
+
+        It names the part and, slot by slot, the vehicles as the recording does.
+        """
+        ids = self.recording.tracks.ids
+        return [
+            f"{self.name} {self._part(number)} vehicles "
+            + " ".join(str(ids[vehicle]) for vehicle in self.windows[number].vehicles)
+            for number in numbers
+        ]
+
+    def _part(self, number: int) -> str:
+        """The part of the recording that a simulation is."""
+        window = self.windows[number]
+        return f"frames {window.first} to {window.last}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenes(Parts):
-    """Simulations that wait to be made from a recording, in order.
+    """Simulations that can be made from a recording, in order.
 
     Attributes:
         counts: What was found.
     """
 
     counts: dict[str, Any]
-
-    def sources(self, numbers: range) -> list[str]:
-        """Where in the recording some of the simulations come from, one text for each.
-
-        It names the frames and, slot by slot, the vehicles as the recording does.
-        """
-        ids = self.recording.tracks.ids
-        return [
-            f"{self.name} frames {window.first} to {window.last} vehicles "
-            + " ".join(str(ids[vehicle]) for vehicle in cast)
-            for window, cast in zip(
-                self.windows[numbers.start : numbers.stop],
-                self.casts[numbers.start : numbers.stop],
-                strict=True,
-            )
-        ]
 
 
 def scenes(
@@ -135,10 +133,12 @@ def scenes(
     chosen = moving if attempts_only else [*moving, *waiting]
     if not chosen:
         raise _nothing(recording, len(waiting))
-    casts = [cast_of(recording, around, one, num_slots) for one in chosen]
+    windows = [
+        replace(one, vehicles=vehicles_of(recording, around, one, num_slots)) for one in chosen
+    ]
     counts = _counts(recording, changes, moving, waiting)
-    counts["neighbours_with_a_slot"] = round(coverage(recording, around, chosen, casts), 4)
-    return Scenes(recording=recording, windows=chosen, casts=casts, counts=counts)
+    counts["neighbours_with_a_slot"] = round(coverage(recording, around, windows), 4)
+    return Scenes(recording=recording, windows=windows, counts=counts)
 
 
 def _counts(
@@ -167,10 +167,10 @@ def _nothing(recording: Recording, num_waiting: int) -> ImportFormatError:
     followed = f"and {num_waiting} vehicles that only follow" if num_waiting else "and no followers"
     others = recording.notes.get("other_roads")
     elsewhere = f"choose another road, --lanelet {others}" if others else "choose another recording"
-    return ImportFormatError.of(
-        where=recording.name,
-        what="recording",
-        expected="a vehicle that leaves its lane to the left behind a leader",
-        got=f"none {followed}",
-        next_step="import the followers too" if num_waiting else elsewhere,
+    return refused(
+        recording.name,
+        "recording",
+        "a vehicle that leaves its lane to the left behind a leader",
+        f"none {followed}",
+        "import the followers too" if num_waiting else elsewhere,
     )

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from overtaking.core.errors import ImportFormatError
-from overtaking.recordings.xml_element import WHITE_SPACE, Element, shown
+from overtaking.recordings.messages import refused, shown
+from overtaking.recordings.xml_element import WHITE_SPACE, Element
 
 _CHUNK_BYTES = 1 << 16
 
@@ -79,29 +80,24 @@ def elements(
 
 def _opened(path: Path, limits: Limits) -> BinaryIO:
     """The file, open, if it is a plain one of bounded size; a pipe or device is not touched."""
-
-    def refused(what: str, expected: str, got: str) -> ImportFormatError:
-        return ImportFormatError.of(
-            where=shown(str(path), length=120),
-            what=what,
-            expected=expected,
-            got=got,
-            next_step="check the path",
-        )
-
+    where, check = shown(str(path), length=120), "check the path"
     if "\0" in str(path):
-        raise refused("cannot be read", "a path", "one with a null character")
+        raise refused(where, "cannot be read", "a path", "one with a null character", check)
     try:
         status = path.stat()
         plain = stat.S_ISREG(status.st_mode)
         stream = path.open("rb") if plain and status.st_size <= limits.file_bytes else None
     except OSError as error:
-        raise refused("cannot be read", "a readable file", error.strerror or "an error") from None
+        raise refused(
+            where, "cannot be read", "a readable file", error.strerror or "an error", check
+        ) from None
     if not plain:
-        raise refused("is not a plain file", "an XML file", "a folder, pipe or device")
+        raise refused(
+            where, "is not a plain file", "an XML file", "a folder, pipe or device", check
+        )
     if stream is None:
-        size = f"{status.st_size} bytes"
-        raise refused("is too large", f"at most {limits.file_bytes} bytes", size)
+        got, most = f"{status.st_size} bytes", f"at most {limits.file_bytes} bytes"
+        raise refused(where, "is too large", most, got, check)
     return stream
 
 
@@ -228,10 +224,4 @@ class _Builder:
     def _error(self, what: str, expected: str, got: str, next_step: str) -> ImportFormatError:
         """An error at the place where the parser stands."""
         line = max(self._parser.ErrorLineNumber, 1)
-        return ImportFormatError.of(
-            where=f"{self._file}: line {line}",
-            what=what,
-            expected=expected,
-            got=got,
-            next_step=next_step,
-        )
+        return refused(f"{self._file}: line {line}", what, expected, got, next_step)

@@ -1,4 +1,4 @@
-"""One element of an XML document, with typed access that says where it fails."""
+"""One element of an XML document, with typed access whose errors name the line."""
 
 import math
 import re
@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from overtaking.core.errors import ImportFormatError
+from overtaking.recordings.messages import refused, shown
 
 # xs:double without INF and NaN; Python's own float() would also take "1_0", "infinity" and the
 # digits of other scripts.
@@ -38,15 +39,12 @@ class Element:
     children: "list[Element]" = field(default_factory=list)
     text: str = ""
 
-    def error(self, *, what: str, expected: str, got: str, next_step: str) -> ImportFormatError:
+    def error(
+        self, what: str, expected: str, got: str, next_step: str = "repair the file"
+    ) -> ImportFormatError:
         """An error that names the file, the line and this element."""
-        return ImportFormatError.of(
-            where=f"{self.file}: line {self.line}",
-            what=f"<{shown(self.name)}> {what}",
-            expected=expected,
-            got=got,
-            next_step=next_step,
-        )
+        where = f"{self.file}: line {self.line}"
+        return refused(where, f"<{shown(self.name)}> {what}", expected, got, next_step)
 
     def belongs_to(self, owner: str) -> None:
         """Name in all messages of this element and those below it what they are part of."""
@@ -64,36 +62,21 @@ class Element:
         """The only child of that name, or None; ImportFormatError if there are several."""
         found = self.all(name)
         if len(found) > 1:
-            raise found[1].error(
-                what="is there twice",
-                expected=f"at most one in <{self.name}>",
-                got=str(len(found)),
-                next_step="repair the file",
-            )
+            raise found[1].error("is there twice", f"at most one in <{self.name}>", str(len(found)))
         return found[0] if found else None
 
     def required(self, name: str) -> "Element":
         """The only child of that name; ImportFormatError if there is none or several."""
         found = self.optional(name)
         if found is None:
-            raise self.error(
-                what="is incomplete",
-                expected=f"a <{name}> in it",
-                got="none",
-                next_step="repair the file",
-            )
+            raise self.error("is incomplete", f"a <{name}> in it", "none")
         return found
 
     def attribute(self, name: str, *, default: str | None = None) -> str:
         """An attribute as text; ImportFormatError if it is missing and has no default."""
         value = self.attributes.get(name, default)
         if value is None:
-            raise self.error(
-                what="is incomplete",
-                expected=f"an attribute {name}",
-                got="none",
-                next_step="repair the file",
-            )
+            raise self.error("is incomplete", f"an attribute {name}", "none")
         return value
 
     def number(self, name: str, *, default: float | None = None) -> float:
@@ -109,6 +92,10 @@ class Element:
             raise self._no_number(f"attribute {name}", "an integer", text)
         return int(text)
 
+    def value(self) -> float:
+        """The text of this element as a finite number; ImportFormatError if it is none."""
+        return self.parse_number(self.text, what="text")
+
     def parse_number(self, text: str, *, what: str) -> float:
         """A text of this element as a finite number; ImportFormatError if it is none."""
         stripped = text.strip(WHITE_SPACE)
@@ -120,12 +107,4 @@ class Element:
         return value
 
     def _no_number(self, what: str, expected: str, got: str) -> ImportFormatError:
-        return self.error(
-            what=what, expected=expected, got=f'"{shown(got)}"', next_step="repair the file"
-        )
-
-
-def shown(text: str, *, length: int = 40) -> str:
-    """A text of a stranger for a message: printable, on one line and short."""
-    clean = "".join(character if character.isprintable() else "?" for character in text)
-    return clean if len(clean) <= length else clean[: length - 3] + "..."
+        return self.error(what, expected, f'"{shown(got)}"')

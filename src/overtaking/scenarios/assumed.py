@@ -1,4 +1,4 @@
-"""What stands where a recording is silent: finite values that can be computed with.
+"""Default values for what a recording does not tell, so that formulas stay finite.
 
 A recording of real traffic shows length, width and movement of a vehicle, rarely its mass, never
 its driver. `Trajectories.unknown` says what is not known; the values made here only keep formulas

@@ -1,35 +1,27 @@
 """Draws the vehicles themselves: type, colour, size, mass and what follows from them."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Mapping
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.core.compiled import clamp, maximum
+from overtaking.core.elementary import F32
 from overtaking.core.philox import U64, Stream
-from overtaking.core.units import AIR_DENSITY, GRAVITY
 from overtaking.knowledge import (
     COLOUR_ORDER,
     VEHICLE_CLASS_ORDER,
-    Quantity,
     colours,
-    quantities,
+    number,
     vehicle_classes,
 )
 from overtaking.model.vehicles import Role, VehicleKind, VehicleSpecs
 from overtaking.scenarios.noise import U8, Noise, choose, weights_of
+from overtaking.scenarios.schema import Traffic
+from overtaking.world.constants import constants
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from numpy.typing import NDArray
-
-    from overtaking.core.elementary import F32
-    from overtaking.scenarios.schema import Traffic
-
-POWER_RESERVE = 1.25
+POWER_RESERVE = number("starts.toml", "bodies.power_reserve")
 """A bicycle that may not be on the road has this much more power than its speed costs."""
 
 
@@ -83,9 +75,10 @@ def lifted(vehicles: VehicleSpecs, desired_speed: F32) -> VehicleSpecs:
         desired_speed: Speed that each driver wants, the same shape [m/s].
     """
     bicycle = vehicles.kind == VehicleKind.B
-    drag = np.float32(0.5 * AIR_DENSITY) * vehicles.drag_area * desired_speed * desired_speed
-    rolling = vehicles.rolling_resistance * vehicles.mass * np.float32(GRAVITY)
-    share = np.float32(_power_share() / POWER_RESERVE)
+    c = constants()
+    drag = c.half_air_density * vehicles.drag_area * desired_speed * desired_speed
+    rolling = vehicles.rolling_resistance * vehicles.mass * c.gravity
+    share = np.float32(number("model.toml", "dynamics.power_share") / POWER_RESERVE)
     power = maximum((drag + rolling) * desired_speed / share, vehicles.power)
     max_speed = maximum(desired_speed, vehicles.max_speed)
     return vehicles.replace(
@@ -135,12 +128,6 @@ def longest(traffic: Traffic) -> float:
 def of_kind(quantity: str, kind: U8) -> F32:
     """The value that a quantity of `knowledge.VehicleClass` has for each vehicle."""
     return _table(quantity)[kind]
-
-
-@cache
-def _power_share() -> float:
-    entry = quantities("model.toml")["dynamics.power_share"]
-    return float(entry.number) if isinstance(entry, Quantity) else 1.0
 
 
 @cache

@@ -1,19 +1,13 @@
 """From pydantic's findings to one line that says what, where, expected, got and what to do."""
 
-from __future__ import annotations
-
 import difflib
-from typing import TYPE_CHECKING, TypeAlias, cast
+from collections.abc import Callable, Iterable
+from typing import TypeAlias, cast
 
-from pydantic_core import PydanticCustomError
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from overtaking.core.errors import ConfigError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-    from pydantic import ValidationError
-    from pydantic_core import ErrorDetails
 
 Keys: TypeAlias = "Callable[[tuple[str, ...], str | None], tuple[str, ...]]"
 

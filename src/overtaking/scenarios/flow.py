@@ -6,52 +6,47 @@ come into the ego's sight first: slow vehicles far ahead in the slow lane, fast 
 the fast lane. The simulation ends before the ego sees the nearest end (ADR 16).
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from overtaking import knowledge
 from overtaking.core.compiled import exp, maximum, minimum
+from overtaking.core.elementary import F32, Mask
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge import VEHICLE_CLASS_ORDER
 from overtaking.scenarios.noise import U8, Noise, choose, spread, weights_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from overtaking.core.elementary import F32, Mask
-    from overtaking.scenarios.schema_flow import Flow
+from overtaking.scenarios.schema_flow import Flow
 
 T = TypeVar("T", bound=np.generic)
 
-UNCERTAINTY = 1.0
+UNCERTAINTY = knowledge.number("starts.toml", "flow.uncertainty")
 """By how much an end of the traffic may approach faster than is thought [m/s]."""
 
-OWN_SHARE = 0.7
+OWN_SHARE = knowledge.number("starts.toml", "flow.own_share")
 """What the ego drives at is between the speed of its lane and what it wants, at this part."""
 
-BODY = 6.0
+BODY = knowledge.number("starts.toml", "flow.body")
 """Least part of a distance of centres that is vehicles [m]; with `LEAST_TIME_GAP` it is what no
 spacing goes below."""
 
-LEAST_TIME_GAP = 0.5
+LEAST_TIME_GAP = knowledge.number("starts.toml", "flow.least_time_gap")
 """Least part of a distance of centres that is time at the lane's speed [s]."""
 
-RELAXING_DECEL = 1.5
-"""Who is farther behind than they want may be as much faster as braking this softly makes up for
+RELAXING_DECEL = knowledge.number("starts.toml", "flow.relaxing_decel")
+"""A vehicle farther behind than it wants may be faster by what braking this softly makes up for
 [m/s^2]: the comfortable braking of the calm."""
 
 _FREE = np.float32(1e6)  # Where nobody is [m], and how fast [m/s].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Around:
-    """Who is where around the ego, slot 0, and how long it stays among them.
+class FlowLayout:
+    """Lanes and positions of the vehicles around the ego, slot 0, and how long it stays among them.
 
     Attributes:
         valid: Whether the slot holds a vehicle, (simulation, vehicle).
@@ -81,7 +76,7 @@ def surround(
     wish: F32,
     horizon: float,
     bend: Callable[[str, F32], F32],
-) -> Around:
+) -> FlowLayout:
     """Place vehicles around the ego until the traffic is long enough or all slots are taken.
 
     Args:
@@ -105,7 +100,7 @@ def surround(
         chosen, place = ends.add(noise.normal(), valid[-1])
         lanes.append(chosen)
         places.append(place)
-    return Around(
+    return FlowLayout(
         valid=np.stack(valid, axis=1),
         lane=np.stack(lanes, axis=1),
         s=np.stack(places, axis=1),
@@ -140,14 +135,14 @@ def wishes(flow: Flow, cruise_factor: F32, kind: U8, lane: U8) -> F32:
     return np.array(free, np.float32)[kind] * cruise_factor * np.array(lanes, np.float32)[lane]
 
 
-def equilibrium(around: Around, half: F32, wish: F32, time_gap: F32, min_gap: F32) -> F32:
+def equilibrium(around: FlowLayout, half: F32, wish: F32, time_gap: F32, min_gap: F32) -> F32:
     """Speeds at which everyone follows whom they follow, (simulation, vehicle) [m/s].
 
     Nobody is faster than they want. Who is nearer than they like drives as the leader does; who is
     farther behind may be closing in, as fast as comfortable braking makes up for.
 
     Args:
-        around: Who is where.
+        around: Lanes and positions.
         half: Half of the lengths [m].
         wish: Speeds wanted [m/s].
         time_gap: Time gaps wanted [s].

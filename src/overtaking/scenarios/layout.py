@@ -1,42 +1,38 @@
-"""Draws who is where and how fast, and repairs what could not be.
+"""Draws lanes, positions and speeds of placed vehicles, and repairs starts that cannot be.
 
-What is drawn may overlap, or leave a driver no way to avoid the vehicle ahead. Each repair is a
+Drawn vehicles may overlap, or leave a driver no way to avoid the vehicle ahead. Each repair is a
 fixed number of passes over the vehicles, never a new draw, so a start is a function of its
 simulation's number alone.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from overtaking import knowledge
 from overtaking.core.compiled import maximum, minimum, power
+from overtaking.core.elementary import F32, Mask
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.vehicles import Role
 from overtaking.scenarios.bodies import top_speeds
 from overtaking.scenarios.noise import U8, Noise, spread
 from overtaking.scenarios.people import LEAD_SLOT
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from overtaking.core.elementary import F32, Mask
-    from overtaking.scenarios.schema import Starts, Traffic
+from overtaking.scenarios.schema import Starts, Traffic
 
 T = TypeVar("T", bound=np.generic)
 
-REACTION_MARGIN = 1.32
+REACTION_MARGIN = knowledge.number("starts.toml", "safety.reaction_margin")
 """Starts allow for a reaction this much longer than the driver's own: at night, in haze."""
 
-CLEARANCE = 2.0
-"""What braking must leave between two vehicles at least [m]."""
+CLEARANCE = knowledge.number("starts.toml", "safety.clearance")
+"""Smallest gap between two vehicles after braking [m]."""
 
-MOST_KEPT = 0.5
-"""Who has to move back gives up at least half of the room behind; the rest is drawn, so that the
-starts do not pile up at the end of the zone."""
+MOST_KEPT = knowledge.number("starts.toml", "safety.most_kept")
+"""A vehicle that has to move back keeps at most this share of the room behind it. The share is
+drawn, so that starts do not pile up at the end of the zone."""
 
 _NO_LANE = np.uint8(100)  # Above every lane; each empty slot has one of its own.
 
@@ -81,7 +77,7 @@ class Draft:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Followers:
-    """What decides how close behind another vehicle one may start; (simulation, vehicle).
+    """Properties that limit how close behind another vehicle one may start; (simulation, vehicle).
 
     Attributes:
         length: Bumper to bumper [m].
@@ -174,7 +170,7 @@ def _speed(traffic: Traffic, u: F32, kind: U8, *, is_lead: bool) -> F32:
 
 
 def _limit_lanes(lanes: list[U8], valid: list[Mask], zone: Zone) -> None:
-    """Move whoever finds a lane full to the next one that is not; changes `lanes`."""
+    """Move each vehicle in a full lane to the next lane with room; changes `lanes`."""
     if zone.most_in_lane >= len(lanes):
         return
     inside = [np.zeros(lanes[0].shape, np.uint8) for _ in range(zone.num_lanes)]
@@ -191,7 +187,7 @@ def _limit_lanes(lanes: list[U8], valid: list[Mask], zone: Zone) -> None:
 
 
 def _put_lead_next(places: list[F32], lanes: list[U8], valid: list[Mask]) -> None:
-    """Order the ego, its leader and whoever is between them; changes `places`."""
+    """Order the ego, its leader and the vehicles between them; changes `places`."""
     first, second = places[Role.EGO], places[LEAD_SLOT]
     ego, lead = minimum(first, second), maximum(first, second)
     for slot in range(LEAD_SLOT + 1, len(places)):

@@ -1,42 +1,37 @@
-"""Puts people and bodies into the traffic around the ego."""
-
-from __future__ import annotations
+"""Adds drivers and vehicle bodies to the traffic around the ego."""
 
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from overtaking.core.compiled import minimum
+from overtaking.core.elementary import F32
+from overtaking.core.philox import U64
 from overtaking.core.units import mps_from_kmh
-from overtaking.model.vehicles import Role
+from overtaking.knowledge import number
+from overtaking.model.drivers import Drivers
+from overtaking.model.road import Road
+from overtaking.model.vehicles import Role, VehicleSpecs
+from overtaking.model.weather import Weather
 from overtaking.scenarios import flow as layout
 from overtaking.scenarios.bodies import first_uniform, sample_bodies, top_speeds
 from overtaking.scenarios.grip import usable_decel
 from overtaking.scenarios.layout import Draft, Followers, Zone, settle
 from overtaking.scenarios.noise import REACH, U8
 from overtaking.scenarios.people import drivers_with, most_cruise, sample_traits
+from overtaking.scenarios.proposal import Bend
+from overtaking.scenarios.schema import Spec
+from overtaking.scenarios.schema_flow import Flow
 
-if TYPE_CHECKING:
-    from overtaking.core.elementary import F32
-    from overtaking.core.philox import U64
-    from overtaking.model.drivers import Drivers
-    from overtaking.model.road import Road
-    from overtaking.model.vehicles import VehicleSpecs
-    from overtaking.model.weather import Weather
-    from overtaking.scenarios.proposal import Bend
-    from overtaking.scenarios.schema import Spec
-    from overtaking.scenarios.schema_flow import Flow
+PASSING_MARGIN = number("starts.toml", "flow.passing_margin")
+"""Largest speed while overtaking, over the desired speed."""
 
-PASSING_MARGIN = 1.25
-"""Who overtakes may drive this much faster than wished for a while."""
-
-RETURN_TIME = 20.0
+RETURN_TIME = number("starts.toml", "flow.return_time")
 """How much longer than until the last attempt the traffic lasts where there are vehicles enough: a
 common overtake [s]."""
 
-MARGIN = 50.0
+MARGIN = number("starts.toml", "flow.margin")
 """Road behind the rearmost vehicle [m]."""
 
 
@@ -146,7 +141,7 @@ def _own_wish(
     return minimum(wish, top_speeds()[kind])[:, 0], remembered
 
 
-def _on_road(around: layout.Around) -> F32:
+def _on_road(around: layout.FlowLayout) -> F32:
     """Positions along the road with the rearmost vehicle near its begin [m]."""
     rearmost = around.s[:, 0]
     for slot in range(1, around.s.shape[1]):

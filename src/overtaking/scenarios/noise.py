@@ -4,26 +4,22 @@ Everything here is float32 and has the same bits on every machine: additions, mu
 divisions, square roots, comparisons and the elementary functions of `core`.
 """
 
-from __future__ import annotations
-
 import itertools
-from typing import TYPE_CHECKING, Any, TypeAlias
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.compiled import Draws, clamp, normal_pair
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from overtaking.core.elementary import F32
-    from overtaking.core.philox import U32, U64
+from overtaking.core.elementary import F32
+from overtaking.core.philox import U32, U64
+from overtaking.knowledge import number
 
 U8: TypeAlias = NDArray[np.uint8]
 Number: TypeAlias = float | np.floating[Any] | NDArray[np.float32]
 
-REACH = np.float32(2.5)
+REACH = np.float32(number("starts.toml", "noise.reach"))
 """Normal numbers are cut off at this many standard deviations."""
 
 

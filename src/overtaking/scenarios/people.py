@@ -1,9 +1,6 @@
-"""Draws the drivers: one hidden temper for each, and traits that depend on it."""
+"""Draws the drivers: a hidden temper for each, and traits that depend on it."""
 
-from __future__ import annotations
-
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,26 +8,16 @@ from overtaking.core.compiled import clamp, exp, log, maximum, minimum
 from overtaking.core.elementary import F32, as_f32
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import mps_from_kmh
-from overtaking.knowledge import VEHICLE_CLASS_ORDER, Distribution, vehicle_classes
+from overtaking.knowledge import Distribution
 from overtaking.model.drivers import Drivers
 from overtaking.model.vehicles import Role
 from overtaking.scenarios.noise import U8, Noise, cut_off, spread
-from overtaking.scenarios.populations import TRAITS, Population, population
+from overtaking.scenarios.populations import KEPT_TRAITS, Population, population
 from overtaking.scenarios.proposal import Bend, as_met
-
-if TYPE_CHECKING:
-    from overtaking.scenarios.schema import People, Traffic
+from overtaking.scenarios.schema import People, Traffic
 
 LEAD_SLOT = 1
 """The slot of the vehicle that the ego follows at the start."""
-
-_SPEED_TRAITS = ("cruise_factor", "speed_over_leader", "wants_to_overtake")
-_YES_OR_NO = ("uses_indicator", "checks_blind_spot")
-_FACTORS = {
-    "time_gap": "time_gap_factor",
-    "accel": "accel_factor",
-    "lane_change_duration": "lane_change_factor",
-}
 
 
 def sample_traits(
@@ -46,7 +33,7 @@ def sample_traits(
         bend: Draws tempers and the ego's traits from where more happens (see `proposal`).
 
     Returns:
-        `TRAITS` by name, each of the shape of `kind`; yes or no is 1 or 0.
+        `populations.TRAITS` by name, each of the shape of `kind`; yes or no is 1 or 0.
     """
     slots = np.uint32(Stream.DRIVER) + np.arange(kind.shape[1], dtype=np.uint32)
     noise = Noise(seed, index[:, None], slots)
@@ -56,10 +43,9 @@ def sample_traits(
     for slot in range(Role.EGO + 1, temper.shape[1]):
         temper[:, slot] = bend("others_temper", temper[:, slot])
     temper = spread(temper, *people.temper)
-    traits = {name: _trait(name, who, temper, noise, bend) for name in TRAITS}
-    for name, factor in _FACTORS.items():
-        traits[name] = traits[name] * _factors(people.population, factor)[kind]
-    traits["decel"] = traits["decel"] * _comfort()[kind]
+    traits = {name: _trait(name, who, temper, noise, bend) for name in who.careful}
+    for name, factors in who.factors.items():
+        traits[name] = traits[name] * as_f32(factors)[kind]
     for name, value in people.fixed.values().items():
         traits[name] = np.full(kind.shape, value, np.float32)
     for name, factor in (people.scale or {}).items():
@@ -88,20 +74,18 @@ def drivers_of(traits: dict[str, F32], came_with: F32, max_speed: F32) -> Driver
 
 def drivers_with(traits: dict[str, F32], desired_speed: F32) -> Drivers:
     """Drivers who want given speeds, shape (simulation, vehicle) [m/s]."""
-    plain: dict[str, Any] = {
-        name: value > 0 if name in _YES_OR_NO else value
-        for name, value in traits.items()
-        if name not in _SPEED_TRAITS
+    kept: dict[str, Any] = {
+        name: traits[name] > 0 if declared.is_flag else traits[name]
+        for name, declared in KEPT_TRAITS.items()
     }
-    return Drivers(desired_speed=desired_speed, **plain)
+    return Drivers(desired_speed=desired_speed, **kept)
 
 
 def fastest_wish(people: People, traffic: Traffic) -> float:
     """The highest speed that anyone may want [m/s]."""
     who = population(people.population)
-    ends = (who.careful, who.reckless)
-    cruise = max(end.cruise_factor.high for end in ends)
-    gain = max(end.speed_over_leader.high for end in ends)
+    gain = max(end["speed_over_leader"].high for end in (who.careful, who.reckless))
+    cruise = most_cruise(people)
     came_with = mps_from_kmh(traffic.speed_kmh[1])
     lead = cruise * mps_from_kmh(traffic.lead_speed_kmh[1])
     return max(cruise * came_with, lead + gain)
@@ -110,12 +94,12 @@ def fastest_wish(people: People, traffic: Traffic) -> float:
 def most_cruise(people: People) -> float:
     """The largest factor that anyone may have on the speed of their type."""
     who = population(people.population)
-    return max(who.careful.cruise_factor.high, who.reckless.cruise_factor.high)
+    return max(end["cruise_factor"].high for end in (who.careful, who.reckless))
 
 
 def _trait(name: str, who: Population, temper: F32, noise: Noise, bend: Bend) -> F32:
     """One parameter of each driver, drawn from the distribution of its temper."""
-    ends = (getattr(who.careful, name), getattr(who.reckless, name))
+    ends = (who.careful[name], who.reckless[name])
     kind = ends[0].kind
     if kind == "constant":
         return _between(temper, *(end.parameter("value") for end in ends))
@@ -147,19 +131,3 @@ def _between(temper: F32, careful: float, reckless: float) -> F32:
     """What lies between two ends in proportion to the temper."""
     start, end = np.float32(careful), np.float32(reckless)
     return start + (end - start) * temper
-
-
-@cache
-def _factors(name: str, factor: str) -> F32:
-    """A factor of every vehicle type, shape (type,)."""
-    classes = population(name).classes
-    found = [getattr(getattr(classes, kind), factor).number for kind in VEHICLE_CLASS_ORDER]
-    return np.array(found, np.float32)
-
-
-@cache
-def _comfort() -> F32:
-    """Comfortable deceleration of every vehicle type over that of a medium car, shape (type,)."""
-    classes = vehicle_classes()
-    car = classes["M"].comfort_decel.number
-    return np.array([one.comfort_decel.number / car for one in classes.values()], np.float32)

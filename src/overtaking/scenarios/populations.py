@@ -1,118 +1,51 @@
 """Driver populations, as read from the knowledge base."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 
+from overtaking.core.elementary import as_f32
 from overtaking.core.errors import KnowledgeError
-from overtaking.knowledge import Distribution, Quantity, read_section
+from overtaking.knowledge import (
+    VEHICLE_CLASS_ORDER,
+    Distribution,
+    Quantity,
+    quantities,
+    vehicle_classes,
+)
 from overtaking.knowledge.reader import load
+from overtaking.model.drivers import Drivers
+from overtaking.model.values import Declaration, declarations
 
 _FILE = "drivers.toml"
 
-_CAR = Quantity(
-    value=1.0,
-    sigma=None,
-    low=1.0,
-    high=1.0,
-    unit="1",
-    quoted_unit="1",
-    source="choice",
-    rationale="As in a car, where the file names no difference",
-)
+SPEED_TRAITS = {
+    "cruise_factor": Declaration(
+        meaning="Desired speed of the traffic over the speed drawn for it"
+    ),
+    "speed_over_leader": Declaration(
+        meaning="How much faster than its leader an ego wants to drive", unit="m/s"
+    ),
+    "wants_to_overtake": Declaration(
+        meaning="Whether an ego wants to drive faster than its leader at all", is_flag=True
+    ),
+}
+"""The traits that `Drivers.desired_speed` is made from; it does not keep them."""
 
+KEPT_TRAITS = {
+    name: declared for name, declared in declarations(Drivers).items() if name != "desired_speed"
+}
+"""The traits that are fields of `Drivers`."""
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Temper:
-    """How every parameter spreads among drivers of one temper.
+TRAITS = KEPT_TRAITS | SPEED_TRAITS
+"""Every trait that is drawn."""
 
-    The fields are those of `model.drivers.Drivers` that are not made from the three last ones.
-
-    Attributes:
-        time_gap: See `Drivers`, as all up to `limit_respect` [s].
-        min_gap: [m].
-        accel: [m/s^2].
-        decel: [m/s^2].
-        reaction_time: [s].
-        caution: [1].
-        politeness: [1].
-        lane_change_threshold: [m/s^2].
-        right_bias: [m/s^2].
-        safe_decel: [m/s^2].
-        lane_change_duration: [s].
-        passing_gain: [m/s].
-        patience: [s].
-        pull_out_time: [s].
-        gap_acceptance: [1].
-        return_time_gap: [s].
-        signal_time: [s].
-        uses_indicator: [1].
-        checks_blind_spot: [1].
-        limit_respect: [1].
-        cruise_factor: Desired speed of the traffic over the speed drawn for it [1].
-        speed_over_leader: How much faster than its leader an ego wants to drive [m/s].
-        wants_to_overtake: Whether an ego wants to drive faster than its leader at all.
-    """
-
-    time_gap: Distribution
-    min_gap: Distribution
-    accel: Distribution
-    decel: Distribution
-    reaction_time: Distribution
-    caution: Distribution
-    politeness: Distribution
-    lane_change_threshold: Distribution
-    right_bias: Distribution
-    safe_decel: Distribution
-    lane_change_duration: Distribution
-    passing_gain: Distribution
-    patience: Distribution
-    pull_out_time: Distribution
-    gap_acceptance: Distribution
-    return_time_gap: Distribution
-    signal_time: Distribution
-    uses_indicator: Distribution
-    checks_blind_spot: Distribution
-    limit_respect: Distribution
-    cruise_factor: Distribution
-    speed_over_leader: Distribution
-    wants_to_overtake: Distribution
-
-
-TRAITS = tuple(field.name for field in fields(Temper))
-"""The parameters in the order in which they are drawn."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClassFactors:
-    """What a vehicle class changes in its drivers, as factors on what they would do in a car.
-
-    Attributes:
-        time_gap_factor: On `time_gap`.
-        accel_factor: On `accel`.
-        lane_change_factor: On `lane_change_duration`.
-    """
-
-    time_gap_factor: Quantity = _CAR
-    accel_factor: Quantity = _CAR
-    lane_change_factor: Quantity = _CAR
-
-
-_AS_CARS = ClassFactors()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Classes:
-    """`ClassFactors` of every vehicle class."""
-
-    S: ClassFactors = _AS_CARS
-    M: ClassFactors = _AS_CARS
-    L: ClassFactors = _AS_CARS
-    V: ClassFactors = _AS_CARS
-    T: ClassFactors = _AS_CARS
-    MC: ClassFactors = _AS_CARS
-    B: ClassFactors = _AS_CARS
+CLASS_FACTORS = {
+    "time_gap_factor": "time_gap",
+    "accel_factor": "accel",
+    "lane_change_factor": "lane_change_duration",
+}
+"""What a vehicle class may change in its drivers: key in the file, and trait that it multiplies."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,27 +53,27 @@ class Population:
     """Drivers between two extremes.
 
     Attributes:
-        careful: Drivers of temper 0.
-        reckless: Drivers of temper 1.
-        classes: What the vehicle changes.
+        careful: Distribution of each of `TRAITS` among drivers of temper 0, in the order in which
+            they are drawn, which is that of the file.
+        reckless: The same among drivers of temper 1.
+        factors: By trait, the factor of each vehicle class on what a driver would do in a car, in
+            the order of `VEHICLE_CLASS_ORDER`: those of `CLASS_FACTORS`, and the comfortable
+            braking of the class.
     """
 
-    careful: Temper
-    reckless: Temper
-    classes: Classes
+    careful: Mapping[str, Distribution]
+    reckless: Mapping[str, Distribution]
+    factors: Mapping[str, tuple[float, ...]]
 
     def __post_init__(self) -> None:
-        """Refuse a parameter whose two distributions are of different kinds."""
+        """Refuse a missing trait, and one whose two distributions are of different kinds."""
         for name in TRAITS:
-            ends = (getattr(self.careful, name), getattr(self.reckless, name))
-            if ends[0].kind != ends[1].kind or ends[0].kind == "choice":
-                raise KnowledgeError.of(
-                    what=name,
-                    where=_FILE,
-                    expected="one kind of distribution from careful to reckless, not a choice",
-                    got=f"{ends[0].kind} and {ends[1].kind}",
-                    next_step="correct the entry",
-                )
+            if name not in self.careful or list(self.careful) != list(self.reckless):
+                raise _wrong(name, "each trait in both extremes, in one order", "another list")
+            kinds = (self.careful[name].kind, self.reckless[name].kind)
+            if kinds[0] != kinds[1] or kinds[0] == "choice":
+                expected = "one kind of distribution from careful to reckless, not a choice"
+                raise _wrong(name, expected, f"{kinds[0]} and {kinds[1]}")
 
 
 def population_names() -> tuple[str, ...]:
@@ -151,4 +84,55 @@ def population_names() -> tuple[str, ...]:
 @cache
 def population(name: str) -> Population:
     """One of `population_names()`; KnowledgeError for any other name."""
-    return read_section(Population, _FILE, name)
+    if name not in population_names():
+        raise _wrong(f"population {name}", f"one of {', '.join(population_names())}", name)
+    found = {key: one for key, one in quantities(_FILE).items() if key.startswith(f"{name}.")}
+    factors = {
+        trait: tuple(
+            _factor(found.pop(f"{name}.classes.{kind}.{key}", None), key)
+            for kind in VEHICLE_CLASS_ORDER
+        )
+        for key, trait in CLASS_FACTORS.items()
+    }
+    comfort = [one.comfort_decel.number for one in vehicle_classes().values()]
+    car = vehicle_classes()["M"].comfort_decel.number
+    factors["decel"] = tuple(one / car for one in comfort)
+    ends: dict[str, dict[str, Distribution]] = {"careful": {}, "reckless": {}}
+    for key, entry in found.items():
+        _, end, trait = key.split(".", 2)
+        if end not in ends or trait not in TRAITS:
+            raise _wrong(
+                f"unknown key {key}", "a trait of an extreme or a factor of a class", entry
+            )
+        ends[end][trait] = _distribution(entry, trait)
+    return Population(**ends, factors=factors)
+
+
+def drawn_range(name: str, trait: str) -> tuple[float, float]:
+    """Least and largest number that a population has for a trait, whatever its drivers drive."""
+    who = population(name)
+    ends = (who.careful[trait], who.reckless[trait])
+    factors = as_f32(who.factors.get(trait, (1.0,)))
+    low, high = min(end.low for end in ends), max(end.high for end in ends)
+    return low * float(factors.min()), high * float(factors.max())
+
+
+def _distribution(entry: Distribution | Quantity, trait: str) -> Distribution:
+    """The distribution of a trait, which must have its unit."""
+    unit = TRAITS[trait].unit
+    if isinstance(entry, Distribution) and entry.unit == unit:
+        return entry
+    raise _wrong(trait, f"a distribution in {unit}", entry)
+
+
+def _factor(entry: Distribution | Quantity | None, key: str) -> float:
+    """A factor of a vehicle class; 1 where the file names no difference to a car."""
+    if isinstance(entry, Distribution):
+        raise _wrong(key, "a quantity", entry)
+    return 1.0 if entry is None else entry.number
+
+
+def _wrong(what: str, expected: str, got: object) -> KnowledgeError:
+    return KnowledgeError.of(
+        what=what, where=_FILE, expected=expected, got=got, next_step="correct the entry"
+    )

@@ -7,23 +7,16 @@ whichever it was drawn from. Weights never exceed 1 / (1 - sum share_k), so the 
 size is at least that part of n, whatever is bent.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.core.compiled import exp, power
 from overtaking.core.elementary import F32, Mask
 from overtaking.core.philox import U64, Stream
 from overtaking.scenarios.noise import Noise, spread
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from overtaking.scenarios.schema_flow import Component, Proposal
-
+from overtaking.scenarios.schema_flow import Component, Proposal
 
 Bend = Callable[[str, F32], F32]
 """Draws a named number, uniform in (0, 1) or standard normal, from where more happens."""

@@ -1,18 +1,19 @@
 """From a specification, a road, a seed and simulation numbers to a batch of scenarios."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from overtaking.core.errors import ConfigError, InfeasibleError
+from overtaking.core.philox import U64
 from overtaking.core.units import kmh_from_mps, mps_from_kmh
 from overtaking.knowledge import VEHICLE_CLASS_ORDER
 from overtaking.model.batch import Batch, concatenate
+from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.weather import Weather
 from overtaking.scenarios import natural
@@ -28,15 +29,9 @@ from overtaking.scenarios.layout import Followers, Zone, draw_layout, settle
 from overtaking.scenarios.natural import PASSING_MARGIN, Start
 from overtaking.scenarios.people import drivers_of, fastest_wish, sample_traits
 from overtaking.scenarios.proposal import Bending
+from overtaking.scenarios.schema import Spec, Traffic
 from overtaking.scenarios.schema_flow import Flow
 from overtaking.scenarios.weather import sample_weather
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from overtaking.core.philox import U64
-    from overtaking.model.road import Road
-    from overtaking.scenarios.schema import Spec, Traffic
 
 T = TypeVar("T", bound=np.generic)
 B = TypeVar("B", bound=Batch)

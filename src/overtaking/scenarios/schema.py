@@ -1,4 +1,4 @@
-"""What a specification file may say: one frozen model for each of its sections.
+"""The sections of a specification file: one frozen model for each.
 
 Units are in the names of the keys, as everywhere where numbers leave memory. The checks here need
 nothing but the file; what needs the road is checked when a batch is sampled.
@@ -10,20 +10,19 @@ import hashlib
 import json
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, create_model, model_validator
 
+from overtaking.core.units import SUFFIXES
+from overtaking.model.drivers import DRIVER_RANGES
 from overtaking.scenarios.complaints import advice, complaint
 from overtaking.scenarios.fields import (
     MIN_GAP_M,
     STEP_MS,
-    Acceleration,
     AltitudeDeg,
     Colours,
     Count,
-    Distance,
     Duration,
     Factor,
-    Incentive,
     LaneNumber,
     PercentRange,
     PopulationName,
@@ -32,16 +31,15 @@ from overtaking.scenarios.fields import (
     RoadRange,
     Section,
     Share,
-    SpeedGain,
     SpeedRange,
     Types,
-    Wait,
     WorldRange,
     different,
     ego_type,
     multiple,
     ordered,
 )
+from overtaking.scenarios.populations import KEPT_TRAITS, drawn_range
 from overtaking.scenarios.schema_flow import Component, Flow, FlowLane, Proposal
 
 Exponent = Annotated[float, Field(gt=0.0, le=20.0)] | None
@@ -52,7 +50,7 @@ Weibull = (
 
 
 def _kind_of_traffic(given: Any) -> str:
-    """Traffic that says nothing has its vehicles placed on their own, as in the study."""
+    """The mode of the traffic; without one, vehicles are placed independently, as in the study."""
     mode = given.get("mode") if isinstance(given, dict) else getattr(given, "mode", None)
     return "flow" if mode == "flow" else "placed"
 
@@ -209,48 +207,31 @@ class IndependentWeather(Section):
         return self
 
 
-class FixedTraits(Section):
-    """Section `[drivers.fixed]`: parameters that are the same for every driver.
+def _fixable() -> dict[str, Any]:
+    """A key for each number of `Drivers` that is drawn, with the range of the field."""
+    keys: dict[str, Any] = {}
+    for name, declared in KEPT_TRAITS.items():
+        if (allowed := declared.range) is not None:
+            limits = Field(ge=allowed.low, le=float(allowed.high))
+            keys[name + SUFFIXES[declared.unit]] = (Annotated[float | None, limits], None)
+    return keys
 
-    The attributes are those of `model.drivers.Drivers` with their units; None leaves them to the
-    population. The ranges are wider than any driver needs, and keep out what is a slip.
+
+class FixedTraits(create_model("_FixedTraits", __base__=Section, **_fixable())):
+    """Section `[drivers.fixed]`: traits that are the same for every driver.
+
+    The keys are the numbers of `model.drivers.Drivers` with their units and ranges; a trait without
+    a value is left to the population.
     """
-
-    time_gap_s: Wait | None = None
-    min_gap_m: Distance | None = None
-    accel_mps2: Acceleration | None = None
-    decel_mps2: Acceleration | None = None
-    reaction_time_s: Wait | None = None
-    caution: Share | None = None
-    politeness: Share | None = None
-    lane_change_threshold_mps2: Incentive | None = None
-    right_bias_mps2: Incentive | None = None
-    safe_decel_mps2: Acceleration | None = None
-    lane_change_duration_s: Duration | None = None
-    passing_gain_mps: SpeedGain | None = None
-    patience_s: Duration | None = None
-    pull_out_time_s: Wait | None = None
-    gap_acceptance: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
-    return_time_gap_s: Wait | None = None
-    signal_time_s: Wait | None = None
-    limit_respect: Share | None = None
 
     def values(self) -> dict[str, float]:
         """What is fixed, by the names of `model.drivers.Drivers`."""
         given = self.model_dump(exclude_none=True)
-        return {name.removesuffix("_" + _unit(name)): value for name, value in given.items()}
+        keys = {name + SUFFIXES[declared.unit]: name for name, declared in KEPT_TRAITS.items()}
+        return {keys[key]: value for key, value in given.items()}
 
 
-def _unit(name: str) -> str:
-    """The unit that a key ends in, or nothing."""
-    return next((unit for unit in ("mps2", "mps", "m", "s") if name.endswith(f"_{unit}")), "")
-
-
-_SCALABLE = tuple(
-    name.removesuffix("_" + _unit(name))
-    for name in FixedTraits.model_fields
-    if name != "limit_respect"
-)
+_SCALABLE = tuple(name for name, declared in KEPT_TRAITS.items() if not declared.is_flag)
 
 
 def _scalable(factors: dict[str, float]) -> dict[str, float]:
@@ -274,6 +255,22 @@ class People(Section):
     temper: Annotated[tuple[Share, Share], AfterValidator(ordered)] = (0.0, 1.0)
     fixed: FixedTraits = FixedTraits()
     scale: Annotated[dict[str, Factor], AfterValidator(_scalable)] | None = None
+
+    @model_validator(mode="after")
+    def _scaled_inside(self) -> Self:
+        fixed = self.fixed.values()
+        for name, factor in (self.scale or {}).items():
+            value, allowed = fixed.get(name), DRIVER_RANGES[name]
+            low, high = drawn_range(self.population, name) if value is None else (value, value)
+            if factor * low < allowed.low or factor * high > float(allowed.high):
+                raise complaint(
+                    f"a factor that keeps {low:g} to {high:g} within {allowed.low:g} to"
+                    f" {allowed.high:g} {allowed.unit}".rstrip(),
+                    "choose one nearer to 1",
+                    key=f"scale.{name}",
+                    got=factor,
+                )
+        return self
 
 
 class Starts(Section):

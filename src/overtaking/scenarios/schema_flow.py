@@ -1,8 +1,7 @@
 """What a specification says about traffic as it is met, and about an enriched draw."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from collections.abc import Callable
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -22,9 +21,6 @@ from overtaking.scenarios.fields import (
     different,
     ordered,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 BENT = (
     "rains",

@@ -10,21 +10,22 @@ from overtaking.core.compiled import log, maximum, minimum, power
 from overtaking.core.elementary import F32, PI, Mask
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import rad_from_deg
-from overtaking.knowledge import Preset, presets, weather_maps
+from overtaking.knowledge import Preset, number, presets
 from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.scenarios.noise import U8, Noise, choose, spread, weights_of
 from overtaking.scenarios.proposal import Bend, as_met
 from overtaking.scenarios.schema import IndependentWeather, PresetWeather
+from overtaking.world.constants import known
 
-SUN_AHEAD = rad_from_deg(10.0)
+SUN_AHEAD = number("starts.toml", "weather.sun_ahead")
 """A preset's low sun stands within this angle of the direction of travel [rad]."""
 
-RAIN_CLOUDS_PERCENT = 60.0
+RAIN_CLOUDS_PERCENT = number("starts.toml", "weather.rain_clouds_percent")
 """It does not rain out of a sky with less cloud; CARLA's presets with rain have 60 and more."""
 
 _LEAST_TAIL = np.float32(2.0**-24)  # Keeps the logarithm of a tail finite.
 
-RAIN_PUDDLES = 0.5
+RAIN_PUDDLES = number("starts.toml", "weather.rain_puddles")
 """Rain leaves at least this part of its percentage as water on the road."""
 
 
@@ -137,12 +138,12 @@ def _of_preset(field: str, preset: U8) -> F32:
 
 def _may_dazzle(altitude: F32, cloudiness: F32) -> Mask:
     """Whether the sun is low and the sky clear enough to dazzle who drives towards it."""
-    glare = weather_maps().glare
-    low = (altitude >= np.float32(glare.lowest_sun)) & (altitude <= np.float32(glare.highest_sun))
-    return low & (cloudiness < np.float32(glare.most_cloud_percent))
+    low, high = known("weather.glare.lowest_sun"), known("weather.glare.highest_sun")
+    is_clear = cloudiness < known("weather.glare.most_cloud_percent")
+    return (altitude >= low) & (altitude <= high) & is_clear
 
 
 def _dazzles(altitude: F32, azimuth: F32, cloudiness: F32) -> Mask:
     """The study's horizon line HL: the low sun stands ahead."""
-    ahead = np.abs(azimuth) < np.float32(weather_maps().glare.half_width)
+    ahead = np.abs(azimuth) < known("weather.glare.half_width")
     return _may_dazzle(altitude, cloudiness) & ahead

@@ -1,40 +1,47 @@
-"""One recorded simulation in words and numbers, before anybody draws it."""
+"""Describes one recorded simulation as plain values, for JSON and for drawing."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from overtaking.data.tables.columns import STEPS, si_name, unit_of
+from overtaking.data.tables.encode import encode
+from overtaking.data.tables.names import NEIGHBOURS
 from overtaking.knowledge import terms
-from overtaking.model.trajectory import (
-    METRES_PER_SECOND_PER_STEP,
-    METRES_PER_STEP,
-    NO_VEHICLE,
-    DecisionKind,
-    Stage,
-)
-from overtaking.model.vehicles import Colour, VehicleKind
-from overtaking.model.weather import NO_PRESET
+from overtaking.model.trajectory import Stage
 from overtaking.show.judgement import judge, thought
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+
     from overtaking.labels.explain import Thought
     from overtaking.labels.label import Labelled
     from overtaking.model.road import Road
     from overtaking.model.trajectory import Trajectories
     from overtaking.show.judgement import Values
 
-KINDS = {kind: terms("vehicles")[kind.name].title for kind in VehicleKind}
-NEIGHBOURS = ("leader", "front", "rear")
-"""Last axis of `Percepts`: the vehicle ahead, and in the target lane those ahead and behind."""
-
 _MS_PER_S = 1000.0
 _DECIMALS = 3  # Of what was recorded in thousandths.
 
+_WEATHER = (
+    *("preset", "cloudiness_percent", "rain_percent", "puddles_percent", "wind_percent"),
+    *("fog_percent", "night", "horizon_line"),
+)
+_VEHICLE = (
+    *("vehicle", "kind", "colour", "length_m", "width_m", "height_m", "mass_kg"),
+    *("desired_speed_mps", "reaction_time_s", "start_s_m", "start_lane_id", "start_speed_mps"),
+)
+_PERCEPT = (
+    *("vehicle", "detected", "gap_m", "closing_speed_mps"),
+    *("true_gap_m", "true_closing_speed_mps"),
+)
+"""Columns of the tables that are told, under the names that they have in SI."""
+
 
 def describe(labelled: Labelled, number: int) -> Values:
-    """Everything that `show` tells about one simulation.
+    """Everything that `show` prints about one simulation.
 
     Args:
         labelled: A batch of one simulation, with all that is said of it.
@@ -46,7 +53,8 @@ def describe(labelled: Labelled, number: int) -> Values:
     from overtaking.labels.explain import explain
 
     run, explanation = labelled.trajectories, explain(labelled)
-    scenario = run.scenario
+    scenario, vehicles = run.scenario, _rows(run, "vehicles")
+    (weather,) = _rows(run, "weather")
     return {
         "simulation": number,
         "profile": scenario.profile,
@@ -59,18 +67,13 @@ def describe(labelled: Labelled, number: int) -> Values:
         "duration_s": (int(run.num_frames[0]) - 1) * scenario.frame_interval_ms / _MS_PER_S,
         "not_recorded": sorted(run.unknown),
         "road": _road(run),
-        "weather": _weather(run),
-        "vehicles": [_vehicle(run, int(slot)) for slot in present(run)],
+        "weather": None if weather["night"] is None else _part(weather, _WEATHER),
+        "vehicles": [_vehicle(run, one) for one in vehicles],
         "stages": _stages(run),
-        "collisions": _collisions(run),
+        "collisions": _collisions(vehicles),
         "decisions": _decisions(run, explanation.thoughts),
         **judge(labelled, explanation),
     }
-
-
-def present(run: Trajectories) -> np.ndarray:
-    """Slots of the vehicles of the first simulation."""
-    return np.flatnonzero(run.scenario.vehicles.valid[0])
 
 
 def lane_name(road: Road, code: int) -> str:
@@ -91,56 +94,41 @@ def _road(run: Trajectories) -> Values:
     }
 
 
-def _weather(run: Trajectories) -> Values | None:
-    """Weather and light."""
-    from overtaking.knowledge import presets
+def _rows(run: Trajectories, table: str) -> list[Values]:
+    """The rows of a table of one simulation, in SI; None for what was not recorded."""
+    made = encode(run, np.zeros(1, np.int64), [table])[table]
+    return [
+        {si_name(field): _plain(row[field.name], field) for field in made.schema}
+        for row in made.to_pylist()
+    ]
 
-    if "weather" in run.unknown:
-        return None
-    weather = run.scenario.weather
-    code = weather.preset[0]
+
+def _plain(value: Any, field: pa.Field) -> Any:
+    """A value of a column as people read it."""
+    if value is not None and unit_of(field) in STEPS:
+        value /= STEPS[unit_of(field)][1]
+    return round(value, _DECIMALS) if isinstance(value, float) else value
+
+
+def _part(row: Values, columns: tuple[str, ...], prefix: str = "") -> Values:
+    """Some columns of a row, named without a prefix that they share."""
+    return {name: row[prefix + name] for name in columns}
+
+
+def _vehicle(run: Trajectories, row: Values) -> Values:
+    """A body, who drives it, where it began, and when it was recorded."""
+    frames = np.flatnonzero(run.state_valid[0, row["vehicle"]])
+    seconds = frames * run.scenario.frame_interval_ms / _MS_PER_S
     return {
-        "preset": None if code == NO_PRESET else list(presets())[code],
-        **{
-            f"{name}_percent": round(float(getattr(weather, name)[0]), _DECIMALS)
-            for name in ("cloudiness", "rain", "puddles", "wind", "fog")
-        },
-        "night": bool(weather.night[0]),
-        "horizon_line": bool(weather.horizon_line[0]),
-    }
-
-
-def _vehicle(run: Trajectories, slot: int) -> Values:
-    """A body, who drives it, and where it began."""
-    scenario, unknown = run.scenario, run.unknown
-    bodies, drivers = scenario.vehicles, scenario.drivers
-
-    def value(array: np.ndarray, needs: str | None = None) -> float | None:
-        return None if needs in unknown else round(float(array[0, slot]), _DECIMALS)
-
-    kind = KINDS[VehicleKind(int(bodies.kind[0, slot]))]
-    seconds = np.flatnonzero(run.state_valid[0, slot]) * scenario.frame_interval_ms / _MS_PER_S
-    colour = Colour(int(bodies.colour[0, slot])).name.lower()
-    return {
-        "vehicle": slot,
-        "kind": None if "kinds" in unknown else kind,
-        "colour": None if "bodies" in unknown else colour,
-        "length_m": value(bodies.length),
-        "width_m": value(bodies.width),
-        "height_m": value(bodies.height, "bodies"),
-        "mass_kg": value(bodies.mass, "bodies"),
-        "desired_speed_mps": value(drivers.desired_speed, "drivers"),
-        "reaction_time_s": value(drivers.reaction_time, "drivers"),
+        **_part(row, _VEHICLE),
+        "kind": row["kind"] and terms("vehicles")[row["kind"]].title,
         "from_s": float(seconds[0]),
         "to_s": float(seconds[-1]),
-        "start_s_m": value(scenario.start_s),
-        "start_lane_id": run.road.lanes[int(scenario.start_lane[0, slot])].lane_id,
-        "start_speed_mps": value(scenario.start_speed),
     }
 
 
 def _stages(run: Trajectories) -> list[Values]:
-    """What the ego did from when to when; the last stage ends with the last frame."""
+    """The stages of the ego with begin and end; the last stage ends with the last frame."""
     if "stage" in run.unknown:
         return []
     stage = run.stage[0, : run.num_frames[0]]
@@ -157,63 +145,42 @@ def _stages(run: Trajectories) -> list[Values]:
     ]
 
 
-def _collisions(run: Trajectories) -> list[Values]:
+def _collisions(vehicles: list[Values]) -> list[Values]:
     """The first contact of each vehicle, each pair once, in the order of time."""
-    contacts, impulse_unknown = run.contacts, "impulse" in run.unknown
-    found: dict[tuple[int, int, int], Values] = {}
-    for slot in present(run).tolist():
-        partner = int(contacts.partner[0, slot])
-        if partner == NO_VEHICLE:
+    found: dict[tuple[float, int, int], Values] = {}
+    for one in vehicles:
+        slot, partner, time_s = one["vehicle"], one["contact_vehicle"], one["contact_time_s"]
+        if partner is None:
             continue
-        pair = (int(contacts.time[0, slot]), min(slot, partner), max(slot, partner))
+        pair = (time_s, min(slot, partner), max(slot, partner))
         found[pair] = {
-            "vehicles": [pair[1], pair[2]],
-            "time_s": pair[0] / _MS_PER_S,
-            "impulse_newton_s": None if impulse_unknown else int(contacts.impulse[0, slot]),
-            "closing_speed_mps": _steps(contacts.closing_speed[0, slot]),
+            "vehicles": list(pair[1:]),
+            **_part(one, ("time_s", "impulse_newton_s", "closing_speed_mps"), "contact_"),
         }
     return [found[pair] for pair in sorted(found)]
 
 
 def _decisions(run: Trajectories, thoughts: tuple[Thought, ...]) -> list[Values]:
-    """What the ego believed of its neighbours when it decided, and the truth beside."""
+    """Beliefs of the ego about its neighbours at each decision, with the true values."""
     if "percepts" in run.unknown:
         return []
-    percepts = run.percepts
     law = {(one.decision, one.whom): thought(one) for one in thoughts}
     return [
         {
-            "kind": DecisionKind(int(percepts.kind[0, row])).name,
-            "time_s": int(percepts.time[0, row]) / _MS_PER_S,
+            "kind": row["kind"],
+            "time_s": row["time_s"],
             "neighbours": {
-                who: _percept(run, row, place, law.get((row, place)))
+                who: _percept(row, who, law.get((row["decision"], place)))
                 for place, who in enumerate(NEIGHBOURS)
             },
         }
-        for row in np.flatnonzero(percepts.valid[0]).tolist()
+        for row in _rows(run, "percepts")
     ]
 
 
-def _percept(run: Trajectories, row: int, place: int, law: Values | None) -> Values | None:
-    """What was believed of one neighbour, None if there is none and none was imagined."""
-    percepts = run.percepts
-    at = (0, row, place)
-    vehicle, is_detected = int(percepts.vehicle[at]), bool(percepts.detected[at])
-    exists = vehicle != NO_VEHICLE
-    if not (exists or is_detected):
+def _percept(row: Values, who: str, law: Values | None) -> Values | None:
+    """Belief about one neighbour; None if there is none and none was imagined."""
+    believed = _part(row, _PERCEPT, f"{who}_")
+    if believed["vehicle"] is None and not believed["detected"]:
         return None
-    return {
-        "vehicle": vehicle if exists else None,
-        "detected": is_detected,
-        "gap_m": _steps(percepts.gap[at]) if is_detected else None,
-        "closing_speed_mps": _steps(percepts.closing_speed[at]) if is_detected else None,
-        "true_gap_m": _steps(percepts.true_gap[at]) if exists else None,
-        "true_closing_speed_mps": _steps(percepts.true_closing_speed[at]) if exists else None,
-        "law": law,
-    }
-
-
-def _steps(value: np.integer) -> float:
-    """A recorded length or speed in SI; both have the same step."""
-    assert METRES_PER_STEP == METRES_PER_SECOND_PER_STEP
-    return round(int(value) * METRES_PER_STEP, _DECIMALS)
+    return {**believed, "law": law}

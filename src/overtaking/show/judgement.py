@@ -1,8 +1,8 @@
-"""What is said of one simulation, as values: events, classes, and the law with its remedies."""
+"""The labels of one simulation as plain values: events, classes, and the law with its remedies."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from overtaking.model.events import NEVER, Detail, Outcome
 from overtaking.model.labels import Belief, OvertakeClass
@@ -15,29 +15,44 @@ if TYPE_CHECKING:
 Values = dict[str, Any]
 """What becomes a JSON object: names with units, plain Python values."""
 
-SYMBOLS = {
-    "follow": "t_follow",
-    "attempt": "t_a",
-    "line_crossed": "t_x1",
-    "overlap_begin": "t_o1",
-    "overlap_end": "t_o2",
-    "return_begin": "t_b",
-    "return_end": "t_x2",
-    "abort": "abort",
-    "back": "back",
-    "collision": "collision",
-    "road_departure": "departure",
-    "drift": "drift",
-    "under_way": "under way",
+
+class EventWords(NamedTuple):
+    """The words for an event.
+
+    Attributes:
+        letter: Its mark on the time line; none is the symbol of a vehicle.
+        symbol: The paper's symbol where it has one.
+        sentence: What the ego does, with the symbols of `target` and `partner` filled in.
+    """
+
+    letter: str
+    symbol: str
+    sentence: str
+
+
+EVENTS = {
+    "follow": EventWords("F", "t_follow", "follows {target}"),
+    "attempt": EventWords("A", "t_a", "begins to move out, to overtake {target}"),
+    "line_crossed": EventWords("X", "t_x1", "has a corner over the line"),
+    "overlap_begin": EventWords("O", "t_o1", "is alongside {target}"),
+    "overlap_end": EventWords("P", "t_o2", "is wholly ahead of {target}"),
+    "return_begin": EventWords("R", "t_b", "begins to move back"),
+    "return_end": EventWords("H", "t_x2", "is wholly back in its lane, ahead of {target}"),
+    "abort": EventWords("Q", "abort", "gives up and begins to move back"),
+    "back": EventWords("B", "back", "is wholly back in its lane, behind {target}"),
+    "collision": EventWords("C", "collision", "{meets} {partner}"),
+    "road_departure": EventWords("D", "departure", "leaves the driving lanes with its centre"),
+    "drift": EventWords("W", "drift", "drifts to the left"),
+    "under_way": EventWords("U", "under way", "had begun to move out before the recording"),
 }
-"""The events, with the paper's symbols where it has them."""
+"""The events, by the names of `model.events.Events`."""
 
 _DECIMALS = 4
 _MS_PER_S = 1000.0
 
 
 def judge(labelled: Labelled, explanation: Explanation) -> Values:
-    """What is said of one simulation.
+    """The labels of one simulation.
 
     Args:
         labelled: A batch of one simulation.
@@ -68,7 +83,7 @@ def judge(labelled: Labelled, explanation: Explanation) -> Values:
 
 
 def thought(of: Thought) -> Values:
-    """What the law says of one neighbour at a decision."""
+    """Verdict of the law on one neighbour at a decision."""
     believed = of.believed_margin
     return {
         "rule": of.code,
@@ -89,12 +104,12 @@ def _seconds(frame: int, interval_ms: int) -> float:
 
 def _events(labelled: Labelled) -> list[Values]:
     """The events that happened, in the order of time."""
-    frames = {name: int(getattr(labelled.events, name)[0]) for name in SYMBOLS}
+    frames = {name: int(getattr(labelled.events, name)[0]) for name in EVENTS}
     interval = labelled.signals.frame_interval_ms
     return [
         {
             "event": name,
-            "symbol": SYMBOLS[name],
+            "symbol": EVENTS[name].symbol,
             "frame": frame,
             "time_s": _seconds(frame, interval),
         }

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from overtaking.core.units import kmh_from_mps
+from overtaking.show.judgement import EVENTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -14,23 +15,6 @@ if TYPE_CHECKING:
 
 SYMBOLS = "E123456789abcdefghijklmnopqrstuvwxyz"
 """The letter of each vehicle slot; the ego is E."""
-
-LETTERS = {
-    "follow": "F",
-    "attempt": "A",
-    "line_crossed": "X",
-    "overlap_begin": "O",
-    "overlap_end": "P",
-    "return_begin": "R",
-    "return_end": "H",
-    "abort": "Q",
-    "back": "B",
-    "collision": "C",
-    "road_departure": "D",
-    "drift": "W",
-    "under_way": "U",
-}
-"""The mark of each event; none is the symbol of a vehicle."""
 
 
 def symbol(slot: int) -> str:
@@ -50,24 +34,9 @@ def who(vehicle: int | None) -> str:
 
 def sentence(event: str, values: Values) -> str:
     """An event in words."""
-    target = who(values["target"])
-    partner = who(values["collision_partner"])
-    met = f"is struck by {partner}" if values["struck_by_partner"] else f"runs into {partner}"
-    return {
-        "follow": f"follows {target}",
-        "attempt": f"begins to move out, to overtake {target}",
-        "line_crossed": "has a corner over the line",
-        "overlap_begin": f"is alongside {target}",
-        "overlap_end": f"is wholly ahead of {target}",
-        "return_begin": "begins to move back",
-        "return_end": f"is wholly back in its lane, ahead of {target}",
-        "abort": "gives up and begins to move back",
-        "back": f"is wholly back in its lane, behind {target}",
-        "collision": met,
-        "road_departure": "leaves the driving lanes with its centre",
-        "drift": "drifts to the left",
-        "under_way": "had begun to move out before the recording",
-    }[event]
+    meets = "is struck by" if values["struck_by_partner"] else "runs into"
+    target, partner = who(values["target"]), who(values["collision_partner"])
+    return EVENTS[event].sentence.format(target=target, partner=partner, meets=meets)
 
 
 def road_words(road: Values) -> str:
@@ -129,12 +98,11 @@ def ending_words(values: Values) -> list[str]:
 def _collision(one: Values) -> str:
     """Who collided, when and how hard."""
     pair = " and ".join(symbol(slot) for slot in one["vehicles"])
-    impulse = one["impulse_newton_s"]
-    return (
-        f"Collision of {pair} at {one['time_s']:.2f} s: "
-        + ("" if impulse is None else f"impulse {impulse} N s, ")
-        + f"closing at {kmh_from_mps(one['closing_speed_mps']):.0f} km/h"
-    )
+    facts = [f"Collision of {pair} at {one['time_s']:.2f} s"]
+    if one["impulse_newton_s"] is not None:
+        speed = kmh_from_mps(one["closing_speed_mps"])
+        facts.append(f"impulse {one['impulse_newton_s']} N s, closing at {speed:.0f} km/h")
+    return ": ".join(facts)
 
 
 def vehicle_words(one: Values) -> str:

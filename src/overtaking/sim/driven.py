@@ -12,10 +12,10 @@ from overtaking import _core
 from overtaking.sim.engine import road_values
 from overtaking.sim.reference import driven as reference
 from overtaking.sim.reference.driven import MOVING, WHEEL_RATE, Controls
-from overtaking.sim.reference.state import Fields, State
+from overtaking.sim.reference.state import State
 from overtaking.world.compiled import chosen_level, constant_values
 from overtaking.world.constants import Constants
-from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Parameters
+from overtaking.world.parameters import Parameters
 
 
 class Mover(Protocol):
@@ -55,8 +55,8 @@ class ReferenceMover:
     def __init__(self, given: Parameters) -> None:
         """Name the parameters."""
         self.constants, self._given = given.constants, given
-        self._p = Fields(VEHICLE_FIELDS, given.vehicle)
-        self._q = Fields(SIMULATION_FIELDS, given.simulation)
+        self._p = given.of_vehicles
+        self._q = given.of_simulations
 
     def weather(self, state: State, decision: int) -> None:
         """See `Mover`."""

@@ -1,4 +1,4 @@
-"""The same scenarios on several simulators: how each ended, and where and when they first part."""
+"""The same scenarios on several simulators: how each ended, where and when they first differ."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ POLICY = "paper"
 """Which rules decide about the classes; it leaves no simulation out."""
 
 Labelled = tuple[Trajectories, Labels]
-"""Recorded simulations and what is said of them."""
+"""Recorded simulations and their labels."""
 
 TOGETHER = np.int32(-1)
 """Frame of a parting that does not happen."""

@@ -18,7 +18,7 @@ from overtaking.world.effects import Effects
 from overtaking.world.lanes import road_parameters
 
 Rows = dict[str, NDArray[Any]]
-"""Parameters by their names in `parameters.VEHICLE_FIELDS`, each (simulation, vehicle)."""
+"""Fields of `parameters.VehicleParameters`, each of shape (simulation, vehicle)."""
 
 _ONE = np.float32(1.0)
 _HALF = np.float32(0.5)
@@ -28,7 +28,7 @@ _DARK = np.float32(1e9)
 
 
 def body_parameters(scenario: Scenario, c: Constants, world: World, effects: Effects) -> Rows:
-    """The parameters of the step that bodies decide.
+    """The parameters of the step that bodies decide, but for fields of bodies as they are.
 
     Args:
         scenario: A batch of scenarios.
@@ -51,14 +51,12 @@ def body_parameters(scenario: Scenario, c: Constants, world: World, effects: Eff
 def _shape(v: VehicleSpecs, effects: Effects) -> Rows:
     high = (v.kind == VehicleKind.T) | (v.kind == VehicleKind.V)
     return {
-        "valid": v.valid,
         "half_length": _HALF * v.length,
         "half_width": _HALF * v.width,
         "half_track": _HALF * v.track_width,
         "tall": high & effects.occlusion,
         "shelters": high,
         "spray": v.spray_factor,
-        "two_wheeler": v.two_wheeler,
     }
 
 
@@ -68,13 +66,10 @@ def _cg_to_rear(v: VehicleSpecs) -> F32:
 
 def _inertia(v: VehicleSpecs) -> Rows:
     return {
-        "mass": v.mass,
         "inverse_mass": _ONE / v.mass,
         "inverse_inertia": _ONE / v.yaw_inertia,
         "cg_front": v.cg_to_front,
         "cg_rear": _cg_to_rear(v),
-        "cg_height": v.cg_height,
-        "wheelbase": v.wheelbase,
         "inverse_wheelbase": _ONE / v.wheelbase,
     }
 
@@ -96,8 +91,6 @@ def _drive(scenario: Scenario, c: Constants) -> Rows:
 
 def _tyres(v: VehicleSpecs, c: Constants) -> Rows:
     return {
-        "front_stiffness": v.front_stiffness,
-        "rear_stiffness": v.rear_stiffness,
         "understeer": understeer_gradient(v, c),
         "moment_angle": moment_angle(v, c),
         "wear": v.tyre_wear,

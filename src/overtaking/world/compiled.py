@@ -33,7 +33,7 @@ def chosen_level(level: str | None = None) -> str | None:
 def constant_values(c: Constants) -> dict[str, Any]:
     """The constants as the compiled engine takes them."""
     return {
-        "values": [float(c.values[name]) for name in _core.constant_fields()],
+        "values": [float(getattr(c, name)) for name in _core.constant_fields()],
         "friction_new": [[float(x) for x in row] for row in c.friction_new],
         "friction_worn": [[float(x) for x in row] for row in c.friction_worn],
         "friction_speeds": [float(x) for x in c.friction_speeds],

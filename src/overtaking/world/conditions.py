@@ -1,13 +1,13 @@
-"""What weather and light mean in each simulation: water, wind and sight, worked out once.
+"""Physical conditions of each simulation from weather and light: water, wind and sight.
 
-Attributes that are parameters of the step have the names of `parameters.SIMULATION_FIELDS`.
+Attributes that are parameters of the step have the names of `parameters.SimulationParameters`.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F32, PI, Mask, log, maximum, minimum, sincos
+from overtaking.core.elementary import F32, PI, Mask, log, minimum, sincos
 from overtaking.core.philox import Draws, Stream
 from overtaking.model.once import once
 from overtaking.model.scenario import Scenario
@@ -18,7 +18,6 @@ from overtaking.world.film import PERCENT
 from overtaking.world.lanes import road_parameters
 
 _ONE = np.float32(1.0)
-_FULL_PERCENT = np.float32(100.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +64,7 @@ class Wind:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sight:
-    """What the eye makes of the weather; every array has shape (simulation,).
+    """Visibility in the weather; every array has shape (simulation,).
 
     Attributes:
         fog_extinction: Of fog [1/m].
@@ -198,17 +197,13 @@ def _film(scenario: Scenario, rate: F32, effects: Effects) -> dict[str, F32]:
     zero = np.zeros_like(rate)
     rain = rate if effects.film else zero
     puddles = scenario.weather.puddles if effects.film else zero
-    wet = (rain > 0) | (puddles >= known("weather.film.wet_deposits_percent"))
-    from_percent = known("weather.puddles.from_percent")
-    deep = maximum(puddles - from_percent, zero) / (_FULL_PERCENT - from_percent)
-    # sqrt(2 x covered share): see `film.puddle`.
-    cover = np.float32(2.0) * PERCENT * known("weather.puddles.full_cover") * puddles
     return {
-        "least_film": np.where(wet, known("weather.film.wet_film_mm"), np.float32(0.0)),
+        "least_film": film.least_film(rain, puddles),
         "film_rain": film.film_per_rain(rain),
         "texture": np.full_like(rate, known("weather.film.texture_depth_mm")),
-        "puddle_reach": np.sqrt(cover),
-        "puddle_film": known("weather.puddles.max_film_mm") * deep,
+        # See `film.puddle`.
+        "puddle_reach": np.sqrt(np.float32(2.0) * film.puddle_cover(puddles)),
+        "puddle_film": film.puddle_depth(puddles),
     }
 
 

@@ -8,6 +8,8 @@ from overtaking.core.elementary import F32, clamp, maximum, power
 from overtaking.world.constants import Constants, known
 
 PERCENT = np.float32(0.01)
+_ZERO = np.float32(0.0)
+_FULL = np.float32(100.0)
 
 # The phases of neighbouring wheel paths differ by the golden ratio, whose multiples fill a period
 # evenly, and by its square. The field of puddles is part of the step: the engine has them too.
@@ -23,7 +25,30 @@ def rain_rate(rain: F32) -> F32:
     """
     share = np.asarray(rain, np.float32) * PERCENT
     rate = known("weather.rain.max_rate_mmph") * power(share, known("weather.rain.exponent"))
-    return np.where(share > 0, rate, np.float32(0.0))
+    return np.where(share > 0, rate, _ZERO)
+
+
+def least_film(rate: F32, puddles: F32) -> F32:
+    """Film of a road that is wet by rain or by what lies on it, 0 on a dry one [mm].
+
+    Args:
+        rate: Rain rate, any shape [mm/h].
+        puddles: CARLA's precipitation deposits, same shape [%].
+    """
+    wet = (rate > 0) | (puddles >= known("weather.film.wet_deposits_percent"))
+    return np.where(wet, known("weather.film.wet_film_mm"), _ZERO)
+
+
+def puddle_depth(puddles: F32) -> F32:
+    """Depth of a puddle above the film [mm] at CARLA's precipitation deposits [%], any shape."""
+    from_percent = known("weather.puddles.from_percent")
+    deep = maximum(puddles - from_percent, np.zeros_like(puddles)) / (_FULL - from_percent)
+    return known("weather.puddles.max_film_mm") * deep
+
+
+def puddle_cover(puddles: F32) -> F32:
+    """Share of the road under puddles, 0 to 1, at CARLA's precipitation deposits [%], any shape."""
+    return PERCENT * known("weather.puddles.full_cover") * puddles
 
 
 def film_per_rain(rate: F32) -> F32:
@@ -38,7 +63,7 @@ def film_per_rain(rate: F32) -> F32:
     scale, slope = _of_every_road()
     rain = power(np.asarray(rate, np.float32), known("weather.film.rate_exponent"))
     film = scale * rain / slope
-    return np.where(rate > 0, film, np.float32(0.0))
+    return np.where(rate > 0, film, _ZERO)
 
 
 @cache
@@ -90,4 +115,4 @@ def puddle(c: Constants, s: F32, path: F32, phase_1: F32, phase_2: F32, reach: F
     """
     wave = triangle_wave(s * c.inverse_puddle_wave_1 + phase_1 + _GOLDEN * path)
     wave = wave + triangle_wave(s * c.inverse_puddle_wave_2 + phase_2 + _GOLDEN_SQUARE * path)
-    return clamp((reach - wave) * c.puddle_slope, np.float32(0.0), np.float32(1.0))
+    return clamp((reach - wave) * c.puddle_slope, _ZERO, np.float32(1.0))

@@ -9,7 +9,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import F32
 from overtaking.core.memory import empty
 from overtaking.model.decision import Decision
+from overtaking.model.drivers import Drivers
 from overtaking.model.scenario import Scenario
+from overtaking.model.vehicles import VehicleSpecs
 from overtaking.world.bodies import body_parameters
 from overtaking.world.clock import STEP_MS, STEPS_PER_SECOND, SUBSTEPS
 from overtaking.world.conditions import World, world_of
@@ -33,110 +35,130 @@ __all__ = [
     "Effects",
     "Parameters",
     "RoadParameters",
+    "SimulationParameters",
+    "VehicleParameters",
     "parameters",
     "road_parameters",
     "with_command",
     "with_ring",
 ]
 
-VEHICLE_FIELDS = (
-    "valid",
-    "half_length",
-    "half_width",
-    "tall",
-    "mass",
-    "inverse_mass",
-    "inverse_inertia",
-    "cg_front",
-    "cg_rear",
-    "inverse_wheelbase",
-    "wheelbase",
-    "cg_height",
-    "front_stiffness",
-    "rear_stiffness",
-    "launch_force",
-    "power",
-    "drag",
-    "rolling",
-    "max_speed",
-    "brake_force",
-    "front_drive",
-    "half_track",
-    "understeer",
-    "moment_angle",
-    "two_wheeler",
-    "side_wind",
-    "wind_centre",
-    "wind_arm",
-    "wear",
-    "truck",
-    "shelters",
-    "spray",
-    "loom_width",
-    "contrast",
-    "inverse_tail_lamp",
-    "inverse_head_lamp",
-    "lights",
-    "desired_speed",
-    "pass_speed",
-    "time_gap",
-    "min_gap",
-    "accel",
-    "decel",
-    "interaction",
-    "overspeed_exponent",
-    "hardest_decel",
-    "reaction_ticks",
-    "politeness",
-    "threshold",
-    "bias",
-    "safe_decel",
-    "lane_change_duration",
-    "passing_gain",
-    "inverse_patience",
-    "pull_out_time",
-    "gap_acceptance",
-    "return_time_gap",
-    "signal_time",
-    "uses_indicator",
-    "checks_blind_spot",
-    "start_s",
-    "start_d",
-    "start_speed",
-    "start_lane",
-)
-"""Per-vehicle parameters, in the order in which the engine receives them."""
 
-SIMULATION_FIELDS = (
-    "last_step",
-    "deadline_step",
-    "fog_extinction",
-    "rain_extinction",
-    "sight_front",
-    "sight_rear",
-    "lamp_threshold",
-    "inverse_lit_range",
-    "detection_time",
-    "distance_error",
-    "speed_error",
-    "wind_along",
-    "wind_across",
-    "gust_gain",
-    "gust_phase",
-    "gust_length",
-    "least_film",
-    "film_rain",
-    "texture",
-    "puddle_reach",
-    "puddle_film",
-    "puddle_phase_1",
-    "puddle_phase_2",
-    "side_accel",
-    "command",
-    "ring",
-    "inverse_ring",
-)
-"""Per-simulation parameters, in the order in which the engine receives them."""
+class VehicleParameters(NamedTuple):
+    """Parameters of each vehicle, in the order in which the engine receives them.
+
+    Every array has shape (vehicle, simulation) in the step. `model.vehicles.VehicleSpecs` and
+    `model.drivers.Drivers` explain the fields that have their names; `world.bodies` and
+    `world.people` work out the others. Flags are 0 or 1.
+    """
+
+    valid: F32
+    half_length: F32
+    half_width: F32
+    tall: F32
+    mass: F32
+    inverse_mass: F32
+    inverse_inertia: F32
+    cg_front: F32
+    cg_rear: F32
+    inverse_wheelbase: F32
+    wheelbase: F32
+    cg_height: F32
+    front_stiffness: F32
+    rear_stiffness: F32
+    launch_force: F32
+    power: F32
+    drag: F32
+    rolling: F32
+    max_speed: F32
+    brake_force: F32
+    front_drive: F32
+    half_track: F32
+    understeer: F32
+    moment_angle: F32
+    two_wheeler: F32
+    side_wind: F32
+    wind_centre: F32
+    wind_arm: F32
+    wear: F32
+    truck: F32
+    shelters: F32
+    spray: F32
+    loom_width: F32
+    contrast: F32
+    inverse_tail_lamp: F32
+    inverse_head_lamp: F32
+    lights: F32
+    desired_speed: F32
+    pass_speed: F32
+    time_gap: F32
+    min_gap: F32
+    accel: F32
+    decel: F32
+    interaction: F32
+    overspeed_exponent: F32
+    hardest_decel: F32
+    reaction_ticks: F32
+    politeness: F32
+    threshold: F32
+    bias: F32
+    safe_decel: F32
+    lane_change_duration: F32
+    passing_gain: F32
+    inverse_patience: F32
+    pull_out_time: F32
+    gap_acceptance: F32
+    return_time_gap: F32
+    signal_time: F32
+    uses_indicator: F32
+    checks_blind_spot: F32
+    start_s: F32
+    start_d: F32
+    start_speed: F32
+    start_lane: F32
+
+    def of(self, slot: int) -> "VehicleParameters":
+        """The parameters of one vehicle, shape (simulation,)."""
+        return VehicleParameters._make(row[slot] for row in self)
+
+
+class SimulationParameters(NamedTuple):
+    """Parameters of each simulation, in the order in which the engine receives them.
+
+    Every array has shape (simulation,). `world.conditions` explains those of weather and light.
+    """
+
+    last_step: F32
+    deadline_step: F32
+    fog_extinction: F32
+    rain_extinction: F32
+    sight_front: F32
+    sight_rear: F32
+    lamp_threshold: F32
+    inverse_lit_range: F32
+    detection_time: F32
+    distance_error: F32
+    speed_error: F32
+    wind_along: F32
+    wind_across: F32
+    gust_gain: F32
+    gust_phase: F32
+    gust_length: F32
+    least_film: F32
+    film_rain: F32
+    texture: F32
+    puddle_reach: F32
+    puddle_film: F32
+    puddle_phase_1: F32
+    puddle_phase_2: F32
+    side_accel: F32
+    command: F32
+    ring: F32
+    inverse_ring: F32
+
+
+VEHICLE_FIELDS = VehicleParameters._fields
+SIMULATION_FIELDS = SimulationParameters._fields
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,9 +184,19 @@ class Parameters:
     record_every: int
 
     @property
+    def of_vehicles(self) -> VehicleParameters:
+        """The rows of `vehicle` by name."""
+        return VehicleParameters._make(self.vehicle)
+
+    @property
+    def of_simulations(self) -> SimulationParameters:
+        """The rows of `simulation` by name."""
+        return SimulationParameters._make(self.simulation)
+
+    @property
     def num_frames(self) -> int:
         """Frames of the longest simulation that these parameters allow."""
-        last = self.simulation[SIMULATION_FIELDS.index("last_step")]
+        last = self.of_simulations.last_step
         return int(last.max()) // self.record_every + 1 if last.size else 0
 
 
@@ -178,7 +210,8 @@ def parameters(scenario: Scenario, effects: Effects | None = None) -> Parameters
     effects = effects or Effects()
     c = ablated(constants(), effects)
     world = world_of(scenario, c, effects)
-    vehicle = body_parameters(scenario, c, world, effects)
+    vehicle = _unchanged(scenario.vehicles) | _unchanged(scenario.drivers)
+    vehicle |= body_parameters(scenario, c, world, effects)
     vehicle |= driver_parameters(scenario, c, world, effects)
     return Parameters(
         vehicle=_stacked(vehicle, VEHICLE_FIELDS),
@@ -189,6 +222,11 @@ def parameters(scenario: Scenario, effects: Effects | None = None) -> Parameters
         index=np.ascontiguousarray(scenario.index),
         record_every=scenario.frame_interval_ms // STEP_MS,
     )
+
+
+def _unchanged(batch: VehicleSpecs | Drivers) -> dict[str, NDArray[Any]]:
+    """The fields that the step has under the same name, as they are."""
+    return {name: value for name, value in _by_name(batch).items() if name in VEHICLE_FIELDS}
 
 
 def _simulation_parameters(scenario: Scenario, world: World) -> dict[str, F32]:

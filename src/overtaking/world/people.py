@@ -1,9 +1,8 @@
-"""From a driver to the parameters of the step, and the speed that each thinks right."""
+"""Parameters of the step that depend on the driver, and the speed adapted to the conditions."""
 
 import numpy as np
 
 from overtaking.core.elementary import F32, clamp, exp, maximum, minimum
-from overtaking.model.drivers import Drivers
 from overtaking.model.scenario import Scenario
 from overtaking.world import friction, visibility
 from overtaking.world.bodies import Rows
@@ -31,7 +30,7 @@ _QUINTIC_PEAK = np.float32(5.77)
 
 
 def driver_parameters(scenario: Scenario, c: Constants, world: World, effects: Effects) -> Rows:
-    """The parameters of the step that people decide.
+    """The parameters of the step that people decide, but for those that are traits as they are.
 
     Args:
         scenario: A batch of scenarios.
@@ -44,7 +43,7 @@ def driver_parameters(scenario: Scenario, c: Constants, world: World, effects: E
         | _following(scenario, c, world)
         | _reaction(scenario, world, effects)
         | _lane_changes(scenario, world, effects)
-        | _overtaking(scenario.drivers)
+        | {"inverse_patience": _ONE / scenario.drivers.patience}
     )
 
 
@@ -65,10 +64,6 @@ def _following(scenario: Scenario, c: Constants, world: World) -> Rows:
     p = scenario.drivers
     usable = known("model.following.grip_share") * c.gravity * world.grip[:, None]
     return {
-        "time_gap": p.time_gap,
-        "min_gap": p.min_gap,
-        "accel": p.accel,
-        "decel": p.decel,
         "interaction": np.float32(0.5) / np.sqrt(p.accel * p.decel),
         "overspeed_exponent": known("model.following.free_exponent") * p.accel / p.decel,
         "hardest_decel": minimum(scenario.vehicles.peak_decel, usable),
@@ -95,10 +90,8 @@ def _lane_changes(scenario: Scenario, world: World, effects: Effects) -> Rows:
     threshold = p.lane_change_threshold
     quickest = _quickest_change(scenario, world)[:, None]
     return {
-        "politeness": p.politeness,
         "threshold": threshold if effects.mobil else np.full_like(threshold, _NEVER),
         "bias": p.right_bias,
-        "safe_decel": p.safe_decel,
         "lane_change_duration": maximum(p.lane_change_duration, quickest),
     }
 
@@ -109,19 +102,6 @@ def _quickest_change(scenario: Scenario, world: World) -> F32:
     width = borders[1] - borders[0]
     share = known("model.lane_change.accel_share")
     return np.sqrt(_QUINTIC_PEAK * width / (share * world.side_accel))
-
-
-def _overtaking(p: Drivers) -> Rows:
-    return {
-        "passing_gain": p.passing_gain,
-        "inverse_patience": _ONE / p.patience,
-        "pull_out_time": p.pull_out_time,
-        "gap_acceptance": p.gap_acceptance,
-        "return_time_gap": p.return_time_gap,
-        "signal_time": p.signal_time,
-        "uses_indicator": p.uses_indicator,
-        "checks_blind_spot": p.checks_blind_spot,
-    }
 
 
 def adapted_speed(scenario: Scenario, c: Constants, world: World) -> F32:

@@ -12,15 +12,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.support.cases import Track, case
+from tests.support.cases import Track, case, with_events
 
 from overtaking.core.elementary import as_f32
+from overtaking.labels.events import case_of
 from overtaking.labels.law import PORTUGAL, judge
 from overtaking.labels.law.distances import lawful_gap, sure_decel
-from overtaking.labels.law.reference import longest_run
 from overtaking.model.labels import Case, Verdict
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.world.constants import known
 
 RULES = {rule.code: rule for rule in PORTUGAL.rules}
@@ -54,8 +52,17 @@ def blank() -> Case:
 
 
 def seen(**changes: np.ndarray) -> Case:
+    """The same with other signals of the ego."""
     one = blank()
     return one.replace(signals=one.signals.replace(**changes))
+
+
+def recorded(present: np.ndarray | None = None, **changes: np.ndarray) -> Case:
+    """The same with other recorded states, and nothing that happened."""
+    one = blank()
+    states = one.trajectories.states.replace(**changes)
+    run = one.trajectories.replace(states=states, present=present)
+    return with_events(case_of(run), one.events)
 
 
 def assert_same(code: str, one: Case, name: str) -> None:
@@ -111,12 +118,14 @@ def test_the_lowest_speed_with_its_exception_is_a_robustness():
 
 
 def test_the_distance_to_the_side_is_a_robustness():
-    one = blank()
-    last = one.signals.num_frames - 1
-    target = one.target.replace(lateral_gap=signal("aside"), overlaps=signal("beside"))
-    zero = np.zeros(one.signals.num_simulations, np.int32)
-    events = one.events.replace(attempt=zero, overlap_begin=zero, overlap_end=zero + last)
-    assert_same("L10", one.replace(target=target, events=events), "side")
+    states, last = blank().trajectories.states, blank().signals.num_frames - 1
+    d, s, body = states.d.copy(), states.s.copy(), blank().trajectories.scenario.vehicles
+    d[:, 1] = d[:, 0] + np.rint((signal("aside") + body.width[:, [0]]) * 1000.0)
+    s[:, 1] = s[:, 0] + np.where(signal("beside"), 0, 100_000)
+    zero = np.zeros(len(d), np.int32)
+    events = {"attempt": zero, "overlap_begin": zero, "overlap_end": zero + last}
+    one = recorded(d=d, s=s)
+    assert_same("L10", with_events(one, one.events.replace(**events)), "side")
 
 
 def test_the_safe_distance_with_time_to_regain_it_is_a_robustness():
@@ -131,32 +140,35 @@ def test_the_safe_distance_with_time_to_regain_it_is_a_robustness():
 
 def following() -> Case:
     """Random leaders: 1 and 2 by turns, a new one at every cut-in."""
-    one = blank()
+    states, body = blank().trajectories.states, blank().trajectories.scenario.vehicles
     lead, cut = signal("lead"), signal("cut")
     turn = 1 + np.cumsum(cut, axis=1) % 2
-    vehicle = one.signals.vehicle.copy()
-    vehicle[:, Around.LEADER] = np.where(lead | cut, turn, NO_VEHICLE)
-    lane = one.trajectories.states.lane.copy()
-    # Whoever is not the leader is in another lane, so that every new leader has come from there.
-    lane[:, 1] = np.where(turn == 1, 0, 1)
-    lane[:, 2] = np.where(turn == 2, 0, 1)
-    gap = one.signals.gap.copy()
-    need = lawful_gap(
-        one.signals.speed,
-        one.signals.closing_speed[:, Around.LEADER],
-        sure_decel(one.signals.friction),
-    )
-    gap[:, Around.LEADER] = need + signal("gap") - signal("need")
-    trajectories = one.trajectories.replace(states=one.trajectories.states.replace(lane=lane))
-    return one.replace(
-        trajectories=trajectories, signals=one.signals.replace(vehicle=vehicle, gap=gap)
-    )
+    lane, s, speed = states.lane.copy(), states.s.copy(), states.speed.copy()
+    present = blank().trajectories.state_valid.copy()
+    need = lawful_gap(speed[:, 0] * np.float32(1e-3), np.float32(0.0), decel())
+    gap = need + signal("gap") - signal("need") + body.length[:, [0]]
+    for slot in (1, 2):
+        # Whoever does not lead is in another lane, so that every new leader has come from there.
+        lane[:, slot] = np.where(turn == slot, 0, 1)
+        present[:, slot] = (turn != slot) | lead | cut
+        s[:, slot] = s[:, 0] + np.rint(gap * 1000.0)
+        speed[:, slot] = speed[:, 0]
+    return recorded(present, lane=lane, s=s, speed=speed)
+
+
+def decel() -> np.ndarray:
+    """What both are thought capable of."""
+    return sure_decel(blank().signals.friction)
 
 
 def test_a_duty_ignored_for_eight_seconds_is_the_past_operator():
     due = signal("due")
-    rows, frames = np.nonzero(due)
-    _, length = longest_run(rows, frames, len(due))
-    allowed = float(known("law.return.within"))
-    assert ((allowed - length * 0.05 < -1e-6) == (robustness("duty") < 0)).all()
+    states = blank().trajectories.states
+    lane, s = states.lane.copy(), states.s.copy()
+    lane[:, 0] = due  # The return is due wherever the ego is out of lane 0.
+    s[:, 1] = s[:, 0] - 300_000
+    one, zero = recorded(lane=lane, s=s), np.zeros(len(due), np.int32)
+    events = one.events.replace(attempt=zero, overlap_end=zero, original_lane=np.uint8(zero))
+    found = judge(RULES["L9"], with_events(one, events))
+    assert ((found.verdict == Verdict.ILLEGAL) == (robustness("duty") < 0)).all()
     assert 0 < (robustness("duty") < 0).sum() < len(due)

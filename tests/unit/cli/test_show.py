@@ -21,12 +21,11 @@ from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge import terms
 from overtaking.model.trajectory import NO_VEHICLE, UNKNOWNS, Stage, Trajectories
 from overtaking.show.description import describe, lane_name
-from overtaking.show.judgement import SYMBOLS as SYMBOLS_OF_EVENTS
-from overtaking.show.wording import LETTERS, SYMBOLS, symbol
+from overtaking.show.judgement import EVENTS, Values
+from overtaking.show.wording import SYMBOLS, symbol
 
 if TYPE_CHECKING:
     from overtaking.labels.label import Labelled
-    from overtaking.show.judgement import Values
 
 NUM_SIMULATIONS = 48
 
@@ -197,7 +196,7 @@ def test_events_are_told_in_the_order_of_time_and_marked_below_the_stages(labell
             assert getattr(labelled.events, each["event"])[number] == each["frame"]
             assert each["time_s"] == each["frame"] * 50 / 1000
         happened = {each["event"] for each in values["events"]}
-        assert happened == {name for name in LETTERS if getattr(labelled.events, name)[number] >= 0}
+        assert happened == {name for name in EVENTS if getattr(labelled.events, name)[number] >= 0}
         seen |= happened
     assert {"follow", "attempt", "line_crossed", "overlap_end", "return_end"} <= seen
     number = next(n for n, v in enumerate(stories) if v["outcome"] == "completed")
@@ -206,14 +205,14 @@ def test_events_are_told_in_the_order_of_time_and_marked_below_the_stages(labell
     end = next(n for n in range(begin, len(lines)) if lines[n].strip().startswith("0 s"))
     marks = "".join(lines[begin + 2 : end])
     for each in stories[number]["events"]:
-        assert LETTERS[each["event"]] in marks
+        assert EVENTS[each["event"]].letter in marks
 
 
 @pytest.mark.parametrize(("struck", "words"), [(True, "is struck by 2"), (False, "runs into 2")])
 def test_every_event_has_its_words_and_a_collision_tells_who_ran_into_whom(struck, words):
     events = [
-        {"event": name, "symbol": SYMBOLS_OF_EVENTS[name], "frame": n, "time_s": n / 20}
-        for n, name in enumerate(LETTERS)
+        {"event": name, "symbol": EVENTS[name].symbol, "frame": n, "time_s": n / 20}
+        for n, name in enumerate(EVENTS)
     ]
     values = {
         "events": events,
@@ -222,9 +221,9 @@ def test_every_event_has_its_words_and_a_collision_tells_who_ran_into_whom(struc
         "struck_by_partner": struck,
     }
     lines = [str(line) for line in event_lines(values)]
-    assert len(lines) == len(LETTERS)
+    assert len(lines) == len(EVENTS)
     assert all(
-        line.startswith(letter) for line, letter in zip(lines, LETTERS.values(), strict=True)
+        line.startswith(one.letter) for line, one in zip(lines, EVENTS.values(), strict=True)
     )
     (collision,) = (line for line in lines if line.startswith("C"))
     assert collision.endswith(words)
@@ -232,8 +231,9 @@ def test_every_event_has_its_words_and_a_collision_tells_who_ran_into_whom(struc
 
 
 def test_no_mark_of_an_event_is_the_letter_of_a_vehicle():
-    assert len(set(LETTERS.values())) == len(LETTERS)
-    assert not set(LETTERS.values()) & set(SYMBOLS)
+    letters = {one.letter for one in EVENTS.values()}
+    assert len(letters) == len(EVENTS)
+    assert not letters & set(SYMBOLS)
 
 
 def test_every_broken_rule_is_told_with_article_margin_frames_and_what_it_needed(stories):
@@ -290,6 +290,16 @@ def test_what_was_not_recorded_is_not_told(labelled, stories):
     assert "L3 Safe distance (not recorded: weather)" in text
     assert "What the driver believed" not in text
     assert max(len(line) for line in text.splitlines()) <= 80
+
+
+def test_a_collision_whose_force_was_not_recorded_has_no_speed_of_approach(labelled, stories):
+    number = next(n for n, v in enumerate(stories) if v["collisions"])
+    blind = without(one(labelled, number), "impulse")
+    (collision, *_) = describe(blind, 0)["collisions"]
+    assert collision["impulse_newton_s"] is collision["closing_speed_mps"] is None
+    text = drawn(blind)
+    assert "Collision of" in text
+    assert "closing at" not in text
 
 
 def test_a_vehicle_that_leaves_the_recording_is_drawn_until_then(labelled, stories):

@@ -86,3 +86,21 @@ def test_a_huge_value_does_not_flood_the_message():
 def test_a_message_lacks_nothing():
     with pytest.raises(TypeError, match="next_step"):
         errors.ConfigError.of(what="a", where="b", expected="c", got="d")  # pyright: ignore[reportCallIssue]
+
+
+def test_a_name_that_is_unknown_comes_with_those_that_are_known():
+    error = errors.ConfigError.not_among("policy", "stats", ("paper", "strict"), "papr")
+    expected = "stats: policy: expected paper or strict, got papr; choose one of them"
+    assert str(error) == expected
+
+
+@pytest.mark.parametrize(
+    ("high", "next_step", "expected"),
+    [
+        (9, "", "label: rows: expected 1 to 9, got 0; choose a number in that range"),
+        (None, "ask for more", "label: rows: expected 1 or more, got 0; ask for more"),
+    ],
+)
+def test_a_number_out_of_its_range_comes_with_the_range(high, next_step, expected):
+    error = errors.ConfigError.out_of_range("rows", "label", 1, high, 0, next_step)
+    assert str(error) == expected

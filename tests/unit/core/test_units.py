@@ -54,13 +54,3 @@ def test_an_array_keeps_its_type_and_shape(
     assert result.shape == (3, 4)
     one_by_one = [convert(array[i, j : j + 1])[0] for i in range(3) for j in range(4)]
     np.testing.assert_array_equal(result.ravel(), one_by_one)
-
-
-def test_gravity_is_the_standard_value_to_two_decimals():
-    assert round(scipy.constants.g, 2) == units.GRAVITY
-
-
-def test_air_density_is_that_of_dry_air_at_20_degrees_to_two_decimals():
-    molar_mass = 0.0289652  # kg/mol, dry air, ICAO standard atmosphere
-    density = scipy.constants.atm * molar_mass / (scipy.constants.R * 293.15)
-    assert round(density, 2) == units.AIR_DENSITY

@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
+from tests.support.knowledge import numbers_of, weather_maps
 
-from overtaking.core.units import GRAVITY, mps_from_kmh
-from overtaking.knowledge import friction_table, hydroplaning, weather_maps
+from overtaking.core.units import mps_from_kmh
+from overtaking.knowledge import friction_table, number
+
+GRAVITY = number("model.toml", "nature.gravity")
 
 
 def film_mm(precipitation_percent: float, path: float) -> float:
@@ -92,7 +95,7 @@ def test_thresholds_lie_where_the_table_aquaplanes():
 
 @pytest.mark.parametrize(("pressure", "expected"), [("car", 94.0), ("truck", 168.0)])
 def test_horne_gives_the_speeds_of_the_rule_of_thumb(pressure: str, expected: float):
-    data = hydroplaning()
+    data = numbers_of("friction.toml").hydroplaning
     kpa = getattr(data, f"{pressure}_pressure_kpa")
     speed_kmh = data.horne_factor * kpa**0.5
     assert speed_kmh == pytest.approx(expected, abs=0.6)
@@ -101,7 +104,7 @@ def test_horne_gives_the_speeds_of_the_rule_of_thumb(pressure: str, expected: fl
 
 
 def pavdrn_kmh(film: float) -> float:
-    data = hydroplaning()
+    data = numbers_of("friction.toml").hydroplaning
     if film < data.film_limit_mm:
         return data.thin_factor * film**data.thin_exponent
     root = (film / 25.4) ** data.thick_film_exponent
@@ -119,7 +122,7 @@ def test_pavdrn_gives_the_speeds_worked_out_by_hand(film: float, expected: float
 
 
 def test_the_branches_of_pavdrn_meet():
-    limit = hydroplaning().film_limit_mm
+    limit = numbers_of("friction.toml").hydroplaning.film_limit_mm
     assert pavdrn_kmh(limit) == pytest.approx(pavdrn_kmh(limit - 1e-9), rel=0.03)
 
 

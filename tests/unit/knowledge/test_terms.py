@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from overtaking.analysis.stats.columns import FEATURES
-from overtaking.data.tables.label_schemas import LABEL_FIELDS, READINGS
+from overtaking.data.tables.names import READINGS
+from overtaking.data.tables.schemas import SCHEMAS
 from overtaking.knowledge.terms import GROUPS, terms
 from overtaking.labels.law import POLICIES
 from overtaking.model.labels import OvertakeClass
@@ -13,7 +14,7 @@ from overtaking.model.vehicles import VehicleKind
 def test_every_class_policy_reading_feature_and_vehicle_class_has_words():
     assert tuple(terms("classes")) == tuple(one.title for one in OvertakeClass)
     assert tuple(terms("policies")) == tuple(one.name for one in POLICIES)
-    assert tuple(terms("readings")) == READINGS.names
+    assert tuple(terms("readings")) == READINGS
     assert tuple(terms("vehicles")) == tuple(kind.name for kind in VehicleKind)
     assert [(one.name, one.unit, one.title) for one in FEATURES] == [
         (name, term.shown_in, term.title) for name, term in terms("features").items()
@@ -23,7 +24,7 @@ def test_every_class_policy_reading_feature_and_vehicle_class_has_words():
 def test_the_columns_of_features_say_what_the_terms_say():
     found = {
         field.name.partition("_")[0]: field.metadata[b"description"].decode()
-        for field in LABEL_FIELDS["features"]
+        for field in SCHEMAS["features"]
     }
     assert {name: found[name] for name in terms("features")} == {
         name: term.meaning for name, term in terms("features").items()

@@ -12,14 +12,18 @@ from vehiclemodels.parameters_vehicle1 import parameters_vehicle1
 from vehiclemodels.parameters_vehicle2 import parameters_vehicle2
 from vehiclemodels.parameters_vehicle3 import parameters_vehicle3
 
-from overtaking.core.units import AIR_DENSITY, GRAVITY, kmh_from_mps, mps_from_kmh
+from overtaking.core.units import kmh_from_mps, mps_from_kmh
 from overtaking.knowledge import (
     COLOUR_ORDER,
     VEHICLE_CLASS_ORDER,
     VehicleClass,
     colours,
+    number,
     vehicle_classes,
 )
+
+GRAVITY = number("model.toml", "nature.gravity")
+AIR_DENSITY = number("model.toml", "nature.air_density")
 
 COMMONROAD = [parameters_vehicle1(), parameters_vehicle2(), parameters_vehicle3()]
 FOUR_WHEELERS = ("S", "M", "L", "V", "T")

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
 from typing import cast
 
 import pytest
 from scipy.optimize import brentq
+from tests.support.knowledge import weather_maps
 
-from overtaking.core.units import AIR_DENSITY, deg_from_rad, kmh_from_mps, mps_from_kmh
-from overtaking.knowledge import Quantity, quantities, vehicle_classes, weather_maps
+from overtaking.core.units import deg_from_rad, kmh_from_mps, mps_from_kmh
+from overtaking.knowledge import number, vehicle_classes
+
+AIR_DENSITY = number("model.toml", "nature.air_density")
 
 
 def mor(fog_percent: float) -> float:
@@ -179,23 +181,8 @@ def test_ranges_and_thresholds_are_in_order():
     assert lamps.rear_position < lamps.stop < lamps.rear_fog
     assert contrast.marking_wet < contrast.marking_dry
     assert heads.marking_wet < heads.marking_dry
-    assert heads.low_beam.number < heads.low_beam_within < heads.high_beam.number
+    assert heads.low_beam < heads.low_beam_within < heads.high_beam
     assert maps.puddles.first_wave < maps.puddles.second_wave
     assert maps.gusts.shortest < maps.gusts.longest
     assert maps.errors.distance_cv_day < maps.errors.distance_cv_night < maps.errors.distance_cv_fog
     assert list(maps.fog.band_edges) == sorted(maps.fog.band_edges)
-
-
-def test_plain_values_and_quantities_are_the_same_numbers():
-    maps, all_quantities = weather_maps(), quantities("weather.toml")
-    seen: set[str] = set()
-    for section in fields(maps):
-        part = getattr(maps, section.name)
-        for field in fields(part):
-            name = f"{section.name}.{field.name}"
-            entry = all_quantities[name]
-            assert isinstance(entry, Quantity)
-            value = getattr(part, field.name)
-            assert (value.value if isinstance(value, Quantity) else value) == entry.value
-            seen.add(name)
-    assert seen == set(all_quantities)

@@ -16,7 +16,9 @@ import overtaking as ot
 from overtaking import api
 from overtaking.core.errors import ConfigError
 from overtaking.model.checks import check, checked
-from overtaking.model.values import Range
+from overtaking.model.features import Features
+from overtaking.model.safety import Safety
+from overtaking.model.values import Range, declarations
 from overtaking.scenarios import profile_names
 
 if TYPE_CHECKING:
@@ -229,9 +231,21 @@ def test_a_checked_function_keeps_its_name_and_words():
 
 @pytest.mark.parametrize("cls", [ot.Scenario, ot.Weather, ot.VehicleSpecs, ot.Drivers])
 def test_every_number_of_what_is_simulated_has_a_range(cls: type):
+    declared = declarations(cls)
     without = {
         field.name
         for field in dataclasses.fields(cls)
-        if "float" in str(field.type) and "range" not in field.metadata
+        if "float" in str(field.type) and declared[field.name].range is None
     }
     assert without == set()
+
+
+def test_help_lists_what_the_fields_declare():
+    assert "time_gap: Net time gap wanted behind a leader [s].\n" in (ot.Drivers.__doc__ or "")
+
+
+@pytest.mark.parametrize("cls", [ot.Weather, ot.VehicleSpecs, ot.Drivers, Safety, Features])
+def test_every_field_is_declared_with_its_meaning(cls: type):
+    declared = declarations(cls)
+    assert [name for name, one in declared.items() if not one.meaning] == []
+    assert declared.keys() == cls.__dataclass_fields__.keys()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.support.recordings import OVERTAKE, Mover, commonroad
 
 from overtaking.recordings import candidates
-from overtaking.recordings.batch import cast_of
+from overtaking.recordings.batch import vehicles_of
 from overtaking.recordings.candidates import lane_changes, num_passes, overtakes
 from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.neighbours import NOBODY, PLACES, Surroundings
@@ -159,11 +159,11 @@ def test_slots_go_to_those_who_matter_and_the_rest_is_said_to_be_missing(tmp_pat
     around = Surroundings.of(recording)
     (window,) = overtakes(recording, lane_changes(recording), around)
     ids = recording.tracks.ids
-    everybody = [int(ids[one]) for one in cast_of(recording, around, window)]
+    everybody = [int(ids[one]) for one in vehicles_of(recording, around, window)]
     assert everybody[:3] == [7, 3, 5]
     assert sorted(everybody) == [3, 5, 7, 9]
     few = scenes(recording, num_slots=2)
-    assert all(len(cast) == 2 for cast in few.casts)
+    assert all(len(one.vehicles) == 2 for one in few.windows)
     assert few.counts["neighbours_with_a_slot"] < 1.0
 
 
@@ -212,10 +212,10 @@ def test_the_leader_of_a_follower_is_in_slot_one(tmp_path):
     recording = read(tmp_path, movers)
     found = scenes(recording)
     ids = recording.tracks.ids
-    casts = {int(ids[cast[0]]): [int(ids[one]) for one in cast] for cast in found.casts}
-    assert casts[5] == [5, 9, 1]
-    assert casts[1][:2] == [1, 5]
-    assert 9 not in casts
+    slots = {int(ids[one.ego]): [int(ids[k]) for k in one.vehicles] for one in found.windows}
+    assert slots[5] == [5, 9, 1]
+    assert slots[1][:2] == [1, 5]
+    assert 9 not in slots
 
 
 def test_who_is_there_at_the_return_goes_before_who_is_beside_for_longer(tmp_path):
@@ -224,8 +224,8 @@ def test_who_is_there_at_the_return_goes_before_who_is_beside_for_longer(tmp_pat
     around = Surroundings.of(recording)
     (window,) = overtakes(recording, lane_changes(recording), around)
     ids = recording.tracks.ids
-    assert [int(ids[one]) for one in cast_of(recording, around, window, 3)] == [7, 3, 9]
-    assert [int(ids[one]) for one in cast_of(recording, around, window, 4)] == [7, 3, 9, 11]
+    assert [int(ids[one]) for one in vehicles_of(recording, around, window, 3)] == [7, 3, 9]
+    assert [int(ids[one]) for one in vehicles_of(recording, around, window, 4)] == [7, 3, 9, 11]
 
 
 def test_the_leader_is_looked_for_in_the_lane_that_is_left(tmp_path):

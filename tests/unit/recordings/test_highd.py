@@ -11,13 +11,15 @@ from tests.support.recordings import (
     HIGHD_ROWS,
     HIGHD_VEHICLES,
     OVERTAKE,
+    RECORDING_META,
+    TRACKS,
+    TRACKS_META,
     Mover,
     highd,
 )
 
 from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.recordings.highd import read_highd
-from overtaking.recordings.highd_files import RECORDING_META, TRACKS, TRACKS_META
 from overtaking.recordings.scenes import scenes
 
 SLOW = [Mover(number=20, s=100.0, speed=22.0), Mover(number=21, s=40.0, speed=28.0, lane=2)]
@@ -60,8 +62,8 @@ def test_carriageways_have_nothing_to_do_with_each_other(tmp_path):
     both = scenes(read_highd(highd(tmp_path / "both", upper=SLOW)))
     assert alone.counts["passes"] + 1 == both.counts["passes"]
     assert both.counts["candidate_overtakes"] == 1
-    for cast in both.casts:
-        assert len({int(both.recording.tracks.carriageway[one]) for one in cast}) == 1
+    for window in both.windows:
+        assert len({int(both.recording.tracks.carriageway[one]) for one in window.vehicles}) == 1
 
 
 def test_who_drives_against_its_carriageway_is_left_out_and_counted(tmp_path):

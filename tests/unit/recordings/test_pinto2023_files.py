@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -210,6 +211,34 @@ def test_a_parquet_file_with_a_damaged_byte_is_refused_or_read(tmp_path):
         except ImportFormatError:
             num_refused += 1
     assert num_refused > 10
+
+
+@pytest.mark.parametrize(
+    ("rows", "cell", "settings_"),
+    [
+        (1_000_000, "Solid", {}),  # Runs of the same cell.
+        (2_000, "9" * 100_000, {}),  # One long cell, many times.
+        (20, "9" * 1_000_000, {"use_dictionary": False}),  # Long cells, well compressed.
+    ],
+)
+def test_a_parquet_file_whose_few_bytes_stand_for_much_text_is_refused(
+    tmp_path, rows, cell, settings_
+):
+    path = tmp_path / "bomb.parquet"
+    same = pa.array([0], pa.int32()).take(pa.array(np.zeros(rows, np.int32)))
+    cells = pa.DictionaryArray.from_arrays(same, pa.array([cell])).dictionary_decode()
+    short = pa.nulls(rows, pa.string()).fill_null("1")
+    table = pa.table({name: cells if name == "RT" else short for name in COLUMNS})
+    pq.write_table(table, path, compression="zstd", **settings_)
+    assert path.stat().st_size < 200_000
+    pool, usual = pa.proxy_memory_pool(pa.default_memory_pool()), pa.default_memory_pool()
+    pa.set_memory_pool(pool)
+    try:
+        with pytest.raises(ImportFormatError, match=r"expected at most 1[0-9] MB of text, got"):
+            read_table(path)
+    finally:
+        pa.set_memory_pool(usual)
+    assert pool.max_memory() < 16 << 20
 
 
 def test_a_parquet_file_with_text_that_is_no_utf_8_is_refused(tmp_path):

@@ -69,9 +69,9 @@ def test_the_mean_borders_have_the_mean_widths_and_a_constant_road_is_exact():
     x = np.linspace(0.0, 300.0, 40)
     lines = [np.stack([x, np.full_like(x, 2.0 + 3.6 * k)], axis=1) for k in range(3)]
     shape = shape_of(lines)
-    assert shape.length == pytest.approx(300.0)
+    assert shape.line.length == pytest.approx(300.0)
     assert np.allclose(np.diff(shape.mean_borders), 3.6)
-    assert (shape.turn, shape.widening) == (pytest.approx(0.0), pytest.approx(0.0))
+    assert (shape.line.turn, shape.widening) == (pytest.approx(0.0), pytest.approx(0.0))
     found = shape.project(np.array([10.0, 299.0]), np.array([2.0 + 3.6, 2.0 + 1.8]))
     assert found.s == pytest.approx([10.0, 299.0])
     assert found.d == pytest.approx([0.0, -1.8])
@@ -109,7 +109,8 @@ def test_what_no_straight_road_stands_for_is_refused(lines, what):
 def test_the_centre_of_a_bend_has_no_foot_and_no_warning():
     x = np.linspace(0.0, 300.0, 40)
     straight = shape_of([np.stack([x, np.full_like(x, 3.5 * k)], axis=1) for k in (-1, 1)])
-    bent = dataclasses.replace(straight, bend=np.full_like(straight.u, 1.0 / 512.0))
+    line = dataclasses.replace(straight.line, bend=np.full_like(straight.line.u, 1.0 / 512.0))
+    bent = dataclasses.replace(straight, line=line)
     with np.errstate(all="raise"):
         found = bent.project(np.array([100.0]), np.array([512.0]))
     assert np.isfinite([found.s, found.d, found.tangent, found.stretch]).all()
@@ -120,5 +121,5 @@ def test_points_closer_than_a_slope_can_tell_are_one():
     lines = [np.stack([x, np.array([0.0, 9.0, 0.0, 5.0, 0.0]) + 3.5 * k], axis=1) for k in range(3)]
     with np.errstate(all="raise"):
         shape = shape_of(lines)
-    assert shape.length == pytest.approx(300.0)
-    assert shape.turn == pytest.approx(0.0)
+    assert shape.line.length == pytest.approx(300.0)
+    assert shape.line.turn == pytest.approx(0.0)

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pacsv
 import pytest
-from tests.support.recordings import whole
+from tests.support.recordings import RECORDING_META, TRACKS, TRACKS_META, whole
 
 import overtaking as ot
 from overtaking.core.errors import ConfigError
@@ -18,7 +18,6 @@ from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.commonroad_write import FIRST_OBSTACLE, scenario_id, write_commonroad
 from overtaking.recordings.export import write_folder
 from overtaking.recordings.highd import read_highd
-from overtaking.recordings.highd_files import RECORDING_META, TRACKS, TRACKS_META
 from overtaking.recordings.highd_write import write_highd
 from overtaking.recordings.pinto2023_import import read_pinto2023, speed_ratios
 

@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from overtaking.core.errors import ImportFormatError
+from overtaking.recordings.messages import shown
 from overtaking.recordings.xml import Limits, elements
-from overtaking.recordings.xml_element import Element, shown
+from overtaking.recordings.xml_element import Element
 
 DOCUMENT = """<?xml version="1.0" encoding="UTF-8"?>
 <zoo city="Évora">

@@ -1,20 +1,27 @@
 import dataclasses
+import math
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from scipy import stats
 
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge import vehicle_classes
-from overtaking.model.drivers import Drivers
+from overtaking.model.drivers import DRIVER_RANGES, Drivers
 from overtaking.model.vehicles import VehicleKind
 from overtaking.scenarios import sample, spec
 from overtaking.scenarios.people import sample_traits
-from overtaking.scenarios.populations import TRAITS, Classes, Population, population
+from overtaking.scenarios.populations import (
+    SPEED_TRAITS,
+    TRAITS,
+    drawn_range,
+    population,
+    population_names,
+)
 from overtaking.scenarios.schema import FixedTraits, People
 
 SMALLEST_P = 1e-3
-SPEED_TRAITS = {"cruise_factor", "speed_over_leader", "wants_to_overtake"}
 
 
 def traits(count=60_000, kind=VehicleKind.M, **keys):
@@ -40,7 +47,8 @@ def moments(logarithms):
 
 
 def test_every_driver_parameter_is_drawn_or_made_from_what_is():
-    assert set(TRAITS) - SPEED_TRAITS == set(Drivers.__dataclass_fields__) - {"desired_speed"}
+    kept = TRAITS.keys() - SPEED_TRAITS.keys()
+    assert kept == Drivers.__dataclass_fields__.keys() - {"desired_speed"}
 
 
 def test_reaction_times_are_those_to_brake_lights_in_traffic(car_drivers):
@@ -147,7 +155,7 @@ def test_yes_or_no_is_as_likely_as_the_file_says():
     reckless = traits(temper=(1.0, 1.0))
     for drawn, end in ((careful, "careful"), (reckless, "reckless")):
         for name in ("uses_indicator", "checks_blind_spot", "wants_to_overtake"):
-            share = getattr(getattr(population("mixed"), end), name).parameter("probability")
+            share = getattr(population("mixed"), end)[name].parameter("probability")
             count = int(drawn[name].sum())
             assert stats.binomtest(count, drawn[name].size, share).pvalue > SMALLEST_P
 
@@ -156,7 +164,7 @@ def test_limits_hold_at_both_ends():
     for end, temper in (("careful", (0.0, 0.0)), ("reckless", (1.0, 1.0))):
         drawn = traits(20_000, temper=temper)
         for name in TRAITS:
-            entry = getattr(getattr(population("mixed"), end), name)
+            entry = getattr(population("mixed"), end)[name]
             assert drawn[name].min() >= entry.low - 1e-5
             assert drawn[name].max() <= entry.high + 1e-5
 
@@ -181,16 +189,49 @@ def test_comfortable_braking_is_in_proportion_to_the_class(car_drivers):
         np.testing.assert_allclose(drawn, factor * car_drivers["decel"][:1_000], rtol=1e-5)
 
 
+ALL_FIXED = dict.fromkeys(FixedTraits.model_fields, 0.5)
+
+
 def test_every_parameter_can_be_fixed():
-    values = dict.fromkeys(FixedTraits.model_fields, 0.5)
-    fixed = FixedTraits(**values)
-    assert set(fixed.values()) == set(TRAITS) - SPEED_TRAITS - {
-        "uses_indicator",
-        "checks_blind_spot",
-    }
+    fixed = FixedTraits(**ALL_FIXED)
+    flags = {"uses_indicator", "checks_blind_spot"}
+    assert fixed.values().keys() == TRAITS.keys() - SPEED_TRAITS.keys() - flags
     drawn = traits(50, kind=VehicleKind.T, fixed=fixed)
     for name in fixed.values():
         assert set(drawn[name]) == {0.5}
+
+
+def test_what_may_be_fixed_is_what_drivers_may_have():
+    names = dict(zip(FixedTraits.model_fields, FixedTraits(**ALL_FIXED).values(), strict=True))
+    assert set(names.values()) == set(DRIVER_RANGES) - {"desired_speed"}
+    for key, name in names.items():
+        ends = (DRIVER_RANGES[name].low, float(DRIVER_RANGES[name].high))
+        for value in ends:
+            FixedTraits(**{key: value})
+        for value in (ends[0] - 0.001, ends[1] * 1.001):
+            with pytest.raises(ValidationError, match=key):
+                FixedTraits(**{key: value})
+
+
+@pytest.mark.parametrize("name", population_names())
+@pytest.mark.parametrize("trait", sorted(set(DRIVER_RANGES) - {"desired_speed"}))
+def test_factors_keep_drivers_within_what_they_may_have(name, trait):
+    allowed, ends = DRIVER_RANGES[trait], drawn_range(name, trait)
+    assert not any(allowed.outside(end, allowed.high) for end in ends)
+    most = float(allowed.high) / ends[1] if ends[1] else math.inf
+    if most > 100.0:  # No factor is larger.
+        assert People(population=name, scale={trait: 100.0})
+        return
+    People(population=name, scale={trait: 0.999 * most})
+    with pytest.raises(ValidationError, match="factor that keeps"):
+        People(population=name, scale={trait: 1.001 * most})
+
+
+def test_a_factor_on_what_is_fixed_keeps_it_within_what_drivers_may_have():
+    fixed = {"signal_time_s": 30.0}
+    assert People(population="mixed", fixed=fixed, scale={"signal_time": 2.0})
+    with pytest.raises(ValidationError, match="factor that keeps 30 to 30 within 0 to 60 s"):
+        People(population="mixed", fixed=fixed, scale={"signal_time": 2.1})
 
 
 def test_the_egos_of_the_study_want_to_be_faster_than_their_leader(pinto):
@@ -226,9 +267,9 @@ def test_nobody_wants_more_than_the_vehicle_can_do(pinto):
 
 def test_a_population_whose_ends_are_of_different_kinds_is_refused():
     known = population("mixed")
-    mixed_up = dataclasses.replace(known.reckless, time_gap=known.reckless.accel)
+    mixed_up = {**known.reckless, "time_gap": known.reckless["accel"]}
     with pytest.raises(KnowledgeError, match="lognormal and constant"):
-        Population(careful=known.careful, reckless=mixed_up, classes=Classes())
+        dataclasses.replace(known, reckless=mixed_up)
 
 
 def test_an_unknown_population_is_refused():

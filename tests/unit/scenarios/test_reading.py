@@ -167,7 +167,7 @@ MISTAKES = {
     "text for a number": ("starts.min_gap_m", "far", "a number"),
     "gap too small": ("starts.min_gap_m", "0.1", "greater than or equal to 3"),
     "temper beyond reckless": ("drivers.temper", "0.5..1.5", "less than or equal to 1"),
-    "no brakes": ("drivers.fixed.decel_mps2", "0", "greater than or equal to 0.1"),
+    "no brakes": ("drivers.fixed.decel_mps2", "0", "greater than or equal to 0.01"),
     "lane twice": ("traffic.ego_lanes", "[1, 1]", "each lane once"),
     "no lane": ("traffic.ego_lanes", "[]", "1 values"),
     "lane below zero": ("traffic.ego_lanes", "[-1]", "greater than or equal to 0"),

@@ -76,7 +76,7 @@ def test_in_fog_by_day_an_unlit_car_is_seen_as_far_as_koschmieder_says(fog: floa
     beta = 3.0 / (10_000.0 * (50.0 / 10_000.0) ** (fog / 100.0))
     assert 3.0 / beta == pytest.approx(mor, rel=0.01)
     m = one_ahead(30.0, effects=ONLY_RANGE, weather=weather)
-    m.p.__dict__["inverse_tail_lamp"] = np.full_like(m.state.s, 1e9)  # All lamps off.
+    m.p.inverse_tail_lamp[:] = 1e9  # All lamps off.
     reach = math.log(0.8 / 0.05) / beta
     for share, noticed in ((0.98, True), (1.02, False)):
         m.state.s[1] = share * reach + CAR
@@ -108,7 +108,7 @@ def test_spray_hides_a_lorry_on_a_wet_road():
     lorry = one_ahead(30.0, **near)
     car = one_ahead(30.0, **(near | {"kind": "M"}))
     for m in (lorry, car):
-        m.p.__dict__["inverse_tail_lamp"] = np.full_like(m.state.s, 1e9)
+        m.p.inverse_tail_lamp[:] = 1e9
     # A lorry throws up four times the spray of a car: 0.048 against 0.012 per metre.
     assert seen(car)
     assert not seen(lorry)

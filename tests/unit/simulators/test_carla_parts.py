@@ -15,7 +15,7 @@ from overtaking.knowledge import VEHICLE_CLASS_ORDER, presets
 from overtaking.knowledge.blueprints import blueprints
 from overtaking.model.road import DrivingSide
 from overtaking.sim.reference.state import initial_state
-from overtaking.simulators.carla import cast, manager, replay
+from overtaking.simulators.carla import manager, replay, world
 from overtaking.simulators.carla.library import Address, parse_address
 from overtaking.simulators.carla.own import HARDEST, check_interval, take_over
 from overtaking.simulators.carla.processes import joined
@@ -27,7 +27,7 @@ from overtaking.world.parameters import parameters
 @pytest.mark.parametrize("kind", VEHICLE_CLASS_ORDER)
 def test_every_class_is_played_by_a_vehicle_of_its_own(kind: str):
     given = scenario([Vehicle(kind=kind)])
-    name = cast.blueprint_for(given, 0)
+    name = world.blueprint_for(given, 0)
     assert blueprints()[name].vehicle_class == kind
     length = float(given.vehicles.length[0, 0])
     assert blueprints()[name].size[0] == pytest.approx(length, abs=1.2)
@@ -38,7 +38,7 @@ def test_a_preset_goes_to_carla_as_it_is_there():
     for row in range(8):
         one = given.select(slice(row, row + 1))
         base = list(presets().values())[int(one.weather.preset[0])].carla_fields()
-        fields = cast.weather_fields(one)
+        fields = world.weather_fields(one)
         assert {k: v for k, v in fields.items() if k != "sun_azimuth_angle"} == {
             k: v for k, v in base.items() if k != "sun_azimuth_angle"
         }
@@ -46,7 +46,7 @@ def test_a_preset_goes_to_carla_as_it_is_there():
 
 def test_a_sampled_weather_fills_what_means_something():
     one = scenario([Vehicle()], weather={"rain": 40.0, "fog": 7.0, "sun_altitude": -0.5})
-    fields = cast.weather_fields(one)
+    fields = world.weather_fields(one)
     assert fields["precipitation"] == 40.0
     assert fields["fog_density"] == 7.0
     assert fields["sun_altitude_angle"] == pytest.approx(-28.65, abs=0.01)
@@ -55,7 +55,7 @@ def test_a_sampled_weather_fills_what_means_something():
 @pytest.mark.parametrize("direction", [0.0, -3.1415927, 3.1415927, 0.07976437, 1e-7, -1e-9])
 def test_the_headless_server_understands_where_the_wind_blows(direction: float):
     one = scenario([Vehicle()], weather={"wind_direction": direction}, index=[7])
-    match = re.fullmatch(SCENARIO_NAME, cast.nature(one))
+    match = re.fullmatch(SCENARIO_NAME, world.nature(one))
     assert match is not None
     assert int(match[2]) == 7
     apart = math.remainder(float(match[3]) - direction, math.tau)

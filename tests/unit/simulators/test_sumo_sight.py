@@ -16,7 +16,7 @@ def sight(ego, *others, road=None):
     """What is seen of vehicles that are given as lane and front bumper."""
     body = {"length": LENGTH}
     world = scenario([Vehicle(body=body)] * (1 + len(others)), road=road or wide_road())
-    simulation = _Simulation.of(Traffic.of(world), 0, None)
+    simulation = _Simulation(Traffic.of(world), 0, None)
     rows = [(front, LANES[lane], 20.0, 0.0, 0.0, 90.0, 0) for lane, front in (ego, *others)]
     return simulation._sight(dict(enumerate(rows)))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -9,10 +10,8 @@ import numpy as np
 import pytest
 from tests.support.worlds import Vehicle, body_of, scenario, wide_road
 
-from overtaking.sim.reference.state import Fields
 from overtaking.world.parameters import (
     SIMULATION_FIELDS,
-    VEHICLE_FIELDS,
     Effects,
     parameters,
     road_parameters,
@@ -35,7 +34,7 @@ STORM: dict[str, float] = {
 def step_fields(world: Scenario, effects: Effects | None = None) -> tuple[Any, Any]:
     """Vehicle and simulation parameters by name."""
     given = parameters(world, effects)
-    return Fields(VEHICLE_FIELDS, given.vehicle), Fields(SIMULATION_FIELDS, given.simulation)
+    return given.of_vehicles, given.of_simulations
 
 
 def wanted(weather: dict[str, float], *, limit: float = 50.0, **driver: float) -> float:
@@ -91,12 +90,12 @@ def test_an_effect_that_is_switched_off_is_gone_and_the_others_stay(
 
 def test_ablations_of_constants_touch_only_theirs():
     world = scenario([Vehicle()])
-    whole = parameters(world).constants.values
+    whole = dataclasses.asdict(parameters(world).constants)
     for effect, name in (
         ("gusts", "turbulence_intensity"), ("wake", "shelter_factor"),
         ("looming", "looming_threshold"), ("delay", "detection_growth"),
     ):  # fmt: skip
-        values = parameters(world, Effects(**{effect: False})).constants.values
+        values = dataclasses.asdict(parameters(world, Effects(**{effect: False})).constants)
         assert {key for key in whole if whole[key] != values[key]} == {name}
 
 

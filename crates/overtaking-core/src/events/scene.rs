@@ -1,52 +1,15 @@
 //! One simulation, frame by frame, and the small questions to it.
 
-use super::NO_VEHICLE;
-use crate::signals::gap_between;
+use crate::signals::{METRES, NO_VEHICLE, Recording, Seen, gap_between};
 
-const METRES: f32 = 1e-3;
 /// Keeps time gaps finite [m/s].
 const LEAST_SPEED: f32 = 0.1;
-/// Places around the ego in a row of neighbours, the leader first.
-const PLACES: usize = 6;
-
-/// What events are looked for in; slices lead with the simulation, and end with the frame.
-pub struct Watched<'a> {
-    /// Recorded frames of each simulation.
-    pub num_frames: &'a [i32],
-    /// Vehicle slots of a simulation.
-    pub slots: usize,
-    /// Frames that there is room for.
-    pub frames: usize,
-    /// Position of each slot along the road [mm].
-    pub s: Vec<&'a [i32]>,
-    /// Slot that the ego has collided with so far.
-    pub hit: Vec<&'a [u8]>,
-    /// Whether there is a state; `None` where every vehicle has all frames.
-    pub present: Option<Vec<&'a [bool]>>,
-    /// Whether a slot holds a vehicle, (simulation, slot).
-    pub valid: &'a [bool],
-    /// Length, (simulation, slot) [m].
-    pub length: &'a [f32],
-    /// Advance that is more than gusts and wandering, of each ego [m].
-    pub least_advance: &'a [f32],
-    /// Lane of the ego.
-    pub lane: &'a [u8],
-    /// Its position across the road, to the left [m].
-    pub lateral: &'a [f32],
-    /// Its speed to the left [m/s].
-    pub lateral_speed: &'a [f32],
-    /// Its right-most corner [m].
-    pub right_reach: &'a [f32],
-    /// Its left-most corner [m].
-    pub left_reach: &'a [f32],
-    /// Its speed [m/s].
-    pub speed: &'a [f32],
-    /// Neighbours, (simulation, place, frame).
-    pub vehicle: &'a [u8],
-}
+const LEADER: usize = 0;
 
 /// What makes a movement one, and where the lanes lie.
-pub struct Limits {
+pub struct Limits<'a> {
+    /// Advance that is more than gusts and wandering, of each ego [m].
+    pub least_advance: &'a [f32],
     /// Lane borders from the right to the left [m].
     pub borders: Vec<f32>,
     /// Frames that a movement lasts at least.
@@ -73,7 +36,7 @@ pub struct Limits {
 
 /// One simulation.
 pub(super) struct Scene<'a> {
-    pub(super) limits: &'a Limits,
+    pub(super) limits: &'a Limits<'a>,
     /// Frames that were recorded, and that there is room for.
     pub(super) recorded: usize,
     /// Frames before any accident.
@@ -97,13 +60,18 @@ pub(super) struct Scene<'a> {
 
 impl<'a> Scene<'a> {
     /// A simulation of a batch.
-    pub(super) fn new(watched: &'a Watched<'a>, limits: &'a Limits, simulation: usize) -> Self {
-        let frames = watched.frames;
-        let recorded = (watched.num_frames[simulation].max(0) as usize).min(frames);
-        let own = simulation * frames..(simulation + 1) * frames;
-        let leaders = simulation * PLACES * frames..(simulation * PLACES + 1) * frames;
-        let slots = simulation * watched.slots..(simulation + 1) * watched.slots;
-        let (lane, hit) = (&watched.lane[own.clone()], watched.hit[simulation]);
+    pub(super) fn new(
+        recording: &'a Recording<'a>,
+        seen: &Seen<'a>,
+        limits: &'a Limits<'a>,
+        simulation: usize,
+    ) -> Self {
+        let recorded = recording.recorded(simulation);
+        let (seen, slots) = (
+            seen.of(simulation, recording.frames),
+            recording.vehicles(simulation),
+        );
+        let (lane, hit) = (seen.lane, recording.hit[simulation]);
         let collision = hit[..recorded]
             .iter()
             .position(|&other| other != NO_VEHICLE);
@@ -120,17 +88,17 @@ impl<'a> Scene<'a> {
             departure,
             hit,
             lane,
-            lateral: &watched.lateral[own.clone()],
-            lateral_speed: &watched.lateral_speed[own.clone()],
-            right_reach: &watched.right_reach[own.clone()],
-            left_reach: &watched.left_reach[own.clone()],
-            least_advance: watched.least_advance[simulation],
-            speed: &watched.speed[own],
-            leader: &watched.vehicle[leaders],
-            s: &watched.s[slots.clone()],
-            present: watched.present.as_ref().map(|rows| &rows[slots.clone()]),
-            valid: &watched.valid[slots.clone()],
-            length: &watched.length[slots],
+            lateral: seen.lateral,
+            lateral_speed: seen.lateral_speed,
+            right_reach: seen.right_reach,
+            left_reach: seen.left_reach,
+            least_advance: limits.least_advance[simulation],
+            speed: seen.speed,
+            leader: seen.neighbour(LEADER),
+            s: &recording.s[slots.clone()],
+            present: recording.present.as_ref().map(|rows| &rows[slots.clone()]),
+            valid: &recording.valid[slots.clone()],
+            length: &recording.length[slots],
         }
     }
 

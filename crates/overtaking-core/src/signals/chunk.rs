@@ -3,13 +3,11 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
 
-use super::{Bodies, PLACES, Recording, Signals, Surroundings};
+use super::{METRES, NO_VEHICLE, PLACES, Recording, Signals, Surroundings};
 use crate::elementary::{log, sincos};
 use crate::environment::{at_film, speed_columns};
 use crate::lanes::{LANES, M, V, at_least, at_most, choose, max, min, splat};
 
-pub(super) const NO_VEHICLE: u8 = 255;
-pub(super) const METRES: f32 = 1e-3;
 const RADIANS: f32 = 1e-4;
 const NEWTON_STEPS: usize = 8;
 const LEAST_EXTINCTION: f32 = 1e-7;
@@ -28,19 +26,17 @@ struct Nearest<S: Simd> {
 pub(super) struct Frames<'a, S: Simd> {
     pub(super) simd: S,
     pub(super) recording: &'a Recording<'a>,
-    pub(super) bodies: &'a Bodies<'a>,
     pub(super) simulation: usize,
     pub(super) at: usize,
-    pub(super) frames: usize,
 }
 
 /// Do something with some frames of a simulation, sixteen at a time, with the SIMD features of the CPU.
 ///
 /// A macro, because a closure that the compiler leaves outside would lose them.
 macro_rules! in_chunks {
-    ($whole:expr, $span:expr, |$chunk:ident| $body:expr) => {{
+    ($whole:expr, $end:expr, |$chunk:ident| $body:expr) => {{
         let whole = $whole;
-        for at in $span.step_by($crate::lanes::LANES) {
+        for at in (0..$end).step_by($crate::lanes::LANES) {
             $crate::lanes::outlined!(whole.simd, {
                 let $chunk = $crate::signals::chunk::Frames { at, ..whole };
                 $body
@@ -51,22 +47,14 @@ macro_rules! in_chunks {
 pub(super) use in_chunks;
 
 impl<'a, S: Simd> Frames<'a, S> {
-    /// The first of the frames of a simulation, for which there is room for `frames`.
+    /// The first of the frames of a simulation.
     #[inline(always)]
-    pub(super) fn new(
-        simd: S,
-        recording: &'a Recording<'a>,
-        bodies: &'a Bodies<'a>,
-        simulation: usize,
-        frames: usize,
-    ) -> Self {
+    pub(super) fn new(simd: S, recording: &'a Recording<'a>, simulation: usize) -> Self {
         Self {
             simd,
             recording,
-            bodies,
             simulation,
             at: 0,
-            frames,
         }
     }
 }
@@ -94,7 +82,7 @@ impl<S: Simd> Frames<'_, S> {
         if let Some(row) = row[self.at..].first_chunk_mut::<LANES>() {
             *row = values;
         } else {
-            let end = self.frames - self.at;
+            let end = self.recording.frames - self.at;
             row[self.at..].copy_from_slice(&values[..end]);
         }
     }
@@ -106,7 +94,7 @@ impl<S: Simd> Frames<'_, S> {
         if let Some(row) = row[self.at..].first_chunk_mut::<LANES>() {
             *row = bytes;
         } else {
-            let end = self.frames - self.at;
+            let end = self.recording.frames - self.at;
             row[self.at..].copy_from_slice(&bytes[..end]);
         }
     }
@@ -124,13 +112,13 @@ impl<S: Simd> Frames<'_, S> {
     /// Where a body lies across the road: its centre, and its reach to either side.
     #[inline(always)]
     pub(super) fn footprint(&self, slot: usize) -> (V<S>, V<S>) {
-        let a = self.bodies;
-        let d: V<S> = self.load(self.recording.d[slot]).to_float();
-        let across = a.side * (d * METRES);
-        let heading: V<S> = self.load(self.recording.heading[slot]).to_float();
-        let (sine, cosine) = sincos(heading * RADIANS - a.heading);
-        let half_length = a.length[slot] * 0.5;
-        let half_width = a.width[slot] * 0.5;
+        let r = self.recording;
+        let d: V<S> = self.load(r.d[slot]).to_float();
+        let across = r.side * (d * METRES);
+        let heading: V<S> = self.load(r.heading[slot]).to_float();
+        let (sine, cosine) = sincos(heading * RADIANS - r.direction);
+        let half_length = r.length[slot] * 0.5;
+        let half_width = r.width[slot] * 0.5;
         (across, half_length * sine.abs() + half_width * cosine.abs())
     }
 
@@ -186,7 +174,8 @@ impl<S: Simd> Chunk<'_, S> {
     fn friction(&self, ego: usize, speed: V<S>) -> V<S> {
         let a = self.around;
         let lane = self.frames.load(self.frames.recording.lane[ego]);
-        let films = &a.film[self.frames.simulation * MAX_LANES..][..a.num_lanes];
+        let films =
+            &a.film[self.frames.simulation * MAX_LANES..][..self.frames.recording.num_lanes];
         let mut film = splat(self.frames.simd, films[0]);
         for (k, value) in films.iter().enumerate().skip(1) {
             // 255 is beyond the slow edge.
@@ -248,7 +237,7 @@ impl<S: Simd> Chunk<'_, S> {
         let r = self.frames.recording;
         let ego = self.frames.slot(0);
         let (own_s, own_lane) = (self.frames.load(r.s[ego]), self.frames.load(r.lane[ego]));
-        let num_lanes = self.around.num_lanes as i32;
+        let num_lanes = r.num_lanes as i32;
         let on_road = own_lane.simd_lt(num_lanes);
         let mut nearest = [Nearest {
             distance: self.frames.int(i32::MAX),
@@ -256,7 +245,7 @@ impl<S: Simd> Chunk<'_, S> {
         }; PLACES];
         for j in 1..r.slots {
             let slot = self.frames.slot(j);
-            if !self.frames.bodies.valid[slot] {
+            if !r.valid[slot] {
                 continue;
             }
             let ahead = self.frames.load(r.s[slot]) - own_s;
@@ -277,7 +266,7 @@ impl<S: Simd> Chunk<'_, S> {
                 }
             }
         }
-        for (row, known) in out.vehicle.chunks_mut(self.frames.frames).zip(nearest) {
+        for (row, known) in out.vehicle.chunks_mut(r.frames).zip(nearest) {
             self.frames.store_bytes(row, known.vehicle);
         }
     }

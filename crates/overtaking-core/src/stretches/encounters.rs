@@ -1,26 +1,32 @@
 //! The ego and one of its neighbours at single frames, as one vehicle behind another.
 
-use fearless_simd::Simd;
 use fearless_simd::prelude::*;
+use fearless_simd::{Level, Simd};
 
-use super::around::{Around, METRES};
 use super::formulas::{drac, time_gap, ttc_accel};
-use super::{NO_VEHICLE, PLACES};
-use crate::engine::supported;
 use crate::lanes::{LANES, V, dispatch};
-use crate::signals::{Along, neighbour_at};
+use crate::signals::{METRES, gap_between};
 
-/// Whom to look at, and when.
-pub struct Encounters<'a> {
-    /// The neighbours of the ego.
-    pub around: Around<'a>,
-    /// Acceleration of every slot [mm/s^2].
-    pub accels: Vec<&'a [i16]>,
-    /// Frames that a simulation has room for.
-    pub frames: usize,
-    /// Simulation, place and frame of each instant.
-    pub instants: Vec<[usize; 3]>,
-    /// Whether the neighbours are ahead of the ego.
+/// A vehicle at one frame, as recorded.
+#[derive(Clone, Copy)]
+pub struct Along {
+    /// Position [mm].
+    pub s: i32,
+    /// Speed [mm/s].
+    pub speed: i32,
+    /// Acceleration [mm/s^2].
+    pub accel: i16,
+    /// Half of the length [m].
+    pub half_length: f32,
+}
+
+/// The ego and a neighbour at an instant.
+pub struct Pair {
+    /// The ego.
+    pub own: Along,
+    /// The neighbour, if there is one.
+    pub other: Option<Along>,
+    /// Whether the neighbour is ahead of the ego.
     pub is_ahead: bool,
 }
 
@@ -36,30 +42,19 @@ struct Few {
     closing_accel: [f32; LANES],
 }
 
-/// Measure each instant: a row of `out` for each of `ENCOUNTERS`, and who it is.
-///
-/// # Errors
-/// The SIMD level is unknown or not supported by this CPU.
-pub fn encounters(
-    given: &Encounters<'_>,
-    forced: Option<&str>,
-    vehicle: &mut [u8],
-    out: &mut [f32],
-) -> Result<(), String> {
-    let (level, count) = (supported(forced)?, given.instants.len());
-    let chunks = given.instants.chunks(LANES).zip(vehicle.chunks_mut(LANES));
-    for (chunk, (instants, vehicles)) in chunks.enumerate() {
+/// Measure each instant: a row of `out` for each of `ENCOUNTERS`.
+pub fn encounters(pairs: &[Pair], level: Level, out: &mut [f32]) {
+    for (chunk, instants) in pairs.chunks(LANES).enumerate() {
         let mut few = Few::default();
-        for (lane, (instant, vehicle)) in instants.iter().zip(vehicles).enumerate() {
-            *vehicle = given.look(*instant, lane, &mut few);
+        for (lane, pair) in instants.iter().enumerate() {
+            few.take(lane, pair);
         }
         let found = dispatch!(level, |simd| measured(simd, &few));
-        for (values, row) in found.iter().zip(out.chunks_mut(count)) {
+        for (values, row) in found.iter().zip(out.chunks_mut(pairs.len())) {
             let row = &mut row[chunk * LANES..][..instants.len()];
             row.copy_from_slice(&values[..row.len()]);
         }
     }
-    Ok(())
 }
 
 fn measured<S: Simd>(simd: S, few: &Few) -> [[f32; LANES]; ENCOUNTERS.len()] {
@@ -81,32 +76,28 @@ fn measured<S: Simd>(simd: S, few: &Few) -> [[f32; LANES]; ENCOUNTERS.len()] {
     )
 }
 
-impl Encounters<'_> {
-    /// Take down what was recorded at an instant; gives the slot of the neighbour.
-    fn look(&self, [simulation, place, frame]: [usize; 3], lane: usize, few: &mut Few) -> u8 {
-        let around = &self.around;
-        let vehicle = around.vehicle[(simulation * PLACES + place) * self.frames + frame];
-        let exists = vehicle != NO_VEHICLE;
-        let own = simulation * around.slots;
-        let other = own + if exists { usize::from(vehicle) } else { 0 };
-        let along = |slot: usize| Along {
-            s: around.s[slot][frame],
-            speed: around.speed[slot][frame],
-            half_length: around.length[slot] * 0.5,
-        };
-        let accel = |slot: usize| f32::from(self.accels[slot][frame]) * METRES;
-        let (gap, closing) = if exists {
-            neighbour_at(along(own), along(other), place.is_multiple_of(2))
+impl Few {
+    /// Take down an instant; gap and closing speed are 0 where nobody is there.
+    fn take(&mut self, lane: usize, pair: &Pair) {
+        let (own, other) = (pair.own, pair.other.unwrap_or(pair.own));
+        let halves = own.half_length + other.half_length;
+        let slower = own.speed.wrapping_sub(other.speed);
+        let closing = if pair.is_ahead {
+            slower
         } else {
-            (0.0, 0.0)
+            slower.wrapping_neg()
         };
-        let speed = around.speed[own][frame] as f32 * METRES;
-        (few.gap[lane], few.closing[lane]) = (gap, closing);
-        (few.speed[lane], few.closing_accel[lane]) = if self.is_ahead {
+        let closing = closing as f32 * METRES;
+        let accel = |one: Along| f32::from(one.accel) * METRES;
+        let speed = own.speed as f32 * METRES;
+        if pair.other.is_some() {
+            self.gap[lane] = gap_between(own.s, other.s, halves);
+        }
+        self.closing[lane] = closing;
+        (self.speed[lane], self.closing_accel[lane]) = if pair.is_ahead {
             (speed, accel(own) - accel(other))
         } else {
             (speed + closing, accel(other) - accel(own))
         };
-        vehicle
     }
 }

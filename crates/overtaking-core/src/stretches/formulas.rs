@@ -8,29 +8,33 @@ use crate::lanes::{M, V, at_least, at_most, choose, splat};
 /// Nothing moves so slowly [m/s].
 const LEAST: f32 = 1e-20;
 
-/// What deceleration the road allows.
+/// Numbers of the law and of the measures.
 #[derive(Clone, Copy)]
-pub struct Grip {
+pub struct Numbers {
     /// Least friction that is thought possible.
     pub floor: f32,
     /// Usable share of friction times gravity [m/s^2].
     pub usable: f32,
-}
-
-/// The distances of the law.
-#[derive(Clone, Copy)]
-pub struct Law {
-    /// Friction and gravity.
-    pub grip: Grip,
     /// Most deceleration that anybody is thought capable of [m/s^2].
     pub decel_limit: f32,
     /// Before the vehicle behind brakes [s].
     pub reaction_time: f32,
-}
-
-/// Numbers of measures of safety.
-#[derive(Clone, Copy)]
-pub struct Measures {
+    /// Before the ego brakes for what it sees [s].
+    pub stop_reaction_time: f32,
+    /// Frames in which a distance that was taken may be regained.
+    pub regain: usize,
+    /// Of the return: time gap to the target that is enough [s].
+    pub time_gap: f32,
+    /// Of the return: time in which the vehicle ahead must not be reached [s].
+    pub free_time: f32,
+    /// Of the return: farthest that room is looked for [m].
+    pub reach: f32,
+    /// Frames after a change of lane in which forced braking counts.
+    pub lasting: usize,
+    /// Braking that may be forced on others [m/s^2].
+    pub allowed_braking: f32,
+    /// Braking beyond which none is told from another [m/s^2].
+    pub most_braking: f32,
     /// Of PICUD: before the vehicle behind brakes [s].
     pub picud_reaction_time: f32,
     /// Of PICUD: braking of both [m/s^2].
@@ -47,12 +51,12 @@ pub struct Measures {
     pub critical_ttc: f32,
 }
 
-impl Law {
+impl Numbers {
     /// Deceleration that both are thought capable of.
     #[inline(always)]
     pub(super) fn sure_decel<S: Simd>(&self, friction: V<S>) -> V<S> {
         at_most(
-            self.grip.usable * at_least(friction, self.grip.floor),
+            self.usable * at_least(friction, self.floor),
             self.decel_limit,
         )
     }
@@ -109,7 +113,7 @@ pub(super) fn drac<S: Simd>(gap: V<S>, closing: V<S>) -> V<S> {
     )
 }
 
-impl Measures {
+impl Numbers {
     /// Gap that is left when both have stopped after sudden braking.
     #[inline(always)]
     pub(super) fn picud<S: Simd>(&self, gap: V<S>, speed: V<S>, lead_speed: V<S>) -> V<S> {

@@ -53,7 +53,10 @@ def main(parent: Parent) -> None:
     except (duckdb.OutOfMemoryException, MemoryError):
         parent.send(too_large(asked["memory_mib"]))
     except (duckdb.Error, pa.ArrowException, RecursionError) as error:
-        parent.send(_refused(_first_line(error)))
+        said = next((line for line in str(error).splitlines() if line.strip()), "an error")
+        parent.send(
+            _wrong("one that DuckDB can answer", said, 'ask "SHOW ALL TABLES" what there is')
+        )
     except ConfigError as error:
         parent.send(error)
 
@@ -100,7 +103,7 @@ def _only_statement(connection: Any, sql: str) -> Any:
     """The query, parsed.
 
     Raises:
-        ConfigError: It is not exactly one, or one that is no question.
+        ConfigError: It is not exactly one query.
     """
     if len(sql) > _MOST_CHARACTERS:
         raise _no_query(f"one of {len(sql)} characters")
@@ -113,26 +116,11 @@ def _only_statement(connection: Any, sql: str) -> Any:
     return statements[0]
 
 
-def _first_line(error: Exception) -> str:
-    """What DuckDB says, without the drawing of the place."""
-    return next((line for line in str(error).splitlines() if line.strip()), "an error")
-
-
 def _no_query(got: str) -> ConfigError:
-    return ConfigError.of(
-        what="query",
-        where="sql",
-        expected="one SELECT, DESCRIBE, SUMMARIZE or SHOW",
-        got=got,
-        next_step="ask one question at a time",
-    )
+    return _wrong("one SELECT, DESCRIBE, SUMMARIZE or SHOW", got, "ask one question at a time")
 
 
-def _refused(said: str) -> ConfigError:
+def _wrong(expected: str, got: str, next_step: str) -> ConfigError:
     return ConfigError.of(
-        what="query",
-        where="sql",
-        expected="one that DuckDB can answer",
-        got=said,
-        next_step='ask "SHOW ALL TABLES" what there is',
+        what="query", where="sql", expected=expected, got=got, next_step=next_step
     )

@@ -1,4 +1,4 @@
-"""The entity-relationship diagram, as text for Mermaid and as a picture in SVG."""
+"""The entity-relationship diagram, for Mermaid and in SVG."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape
 
 from overtaking.analysis.database.entities import Attribute, Entity, Relation, entities, relations
-from overtaking.core.errors import ConfigError
+from overtaking.core.checks import check_name
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
 FORMATS = ("svg", "mermaid")
 
@@ -21,7 +21,7 @@ _FOOT, _LEAD = 9, 22
 _INK, _SOFT, _LINE, _FILL, _HEAD_FILL = "#1b2733", "#5c6b7a", "#8796a5", "#ffffff", "#e6edf3"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class _Box:
     """Where an entity is drawn [px]."""
 
@@ -40,14 +40,7 @@ def diagram(form: str) -> str:
     Raises:
         ConfigError: There is no such form.
     """
-    if form not in FORMATS:
-        raise ConfigError.of(
-            what="--format",
-            where="er",
-            expected=" or ".join(FORMATS),
-            got=form,
-            next_step="choose one of them",
-        )
+    check_name(form, FORMATS, what="--format", where="er")
     return mermaid() if form == "mermaid" else svg()
 
 
@@ -94,18 +87,19 @@ def _laid_out() -> dict[str, _Box]:
     columns: dict[int, list[str]] = {}
     for name in by_name:
         columns.setdefault(_depth(name), []).append(name)
+    rows = {name: _rows(entity) for name, entity in by_name.items()}
+    tall = {name: _HEAD + _ROW * len(shown) + _PAD for name, shown in rows.items()}
     heights = {
-        depth: sum(_height(_rows(by_name[name])) + _GAP_Y for name in names) - _GAP_Y
+        depth: sum(tall[name] + _GAP_Y for name in names) - _GAP_Y
         for depth, names in columns.items()
     }
     boxes: dict[str, _Box] = {}
     for depth, names in sorted(columns.items()):
-        y = _MARGIN + (max(heights.values()) - heights[depth]) // 2
+        x, y = _MARGIN + depth * (_WIDTH + _GAP_X), _MARGIN
+        y += (max(heights.values()) - heights[depth]) // 2
         for name in names:
-            rows = _rows(by_name[name])
-            x = _MARGIN + depth * (_WIDTH + _GAP_X)
-            boxes[name] = _Box(x=x, y=y, height=_height(rows), rows=rows)
-            y += _height(rows) + _GAP_Y
+            boxes[name] = _Box(x, y, tall[name], rows[name])
+            y += tall[name] + _GAP_Y
     return boxes
 
 
@@ -113,12 +107,8 @@ def _depth(name: str) -> int:
     return max((1 + _depth(one.one) for one in relations() if one.many == name), default=0)
 
 
-def _height(rows: Sequence[str]) -> int:
-    return _HEAD + _ROW * len(rows) + _PAD
-
-
 def _rows(entity: Entity) -> tuple[str, ...]:
-    """What is written in the box of a table: keys first."""
+    """The lines in the box of a table, keys first."""
     ordered = sorted(entity.attributes, key=lambda one: not one.is_key)
     shown = ordered if len(ordered) <= _SHOWN + 1 else ordered[:_SHOWN]
     more = len(ordered) - len(shown)

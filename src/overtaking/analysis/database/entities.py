@@ -1,4 +1,4 @@
-"""Entities and relations, derived from the schemas of the tables and from nothing else."""
+"""Entities and relations of the tables, derived from their schemas."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class Attribute:
 
     Attributes:
         name: Its name.
-        kind: Its type; `enum` if it names one of a few things.
-        unit: Its unit; 1 for numbers, names and yes or no.
-        is_key: Whether it is part of what names a row.
-        refers_to: The table whose row it names, alone or with others; None if it names none.
+        kind: Its type; `enum` for one of a few names.
+        unit: Its unit; 1 for numbers, names and booleans.
+        is_key: Whether it is part of the primary key.
+        refers_to: The table that it refers to, as all or part of a foreign key; None without one.
     """
 
     name: str
@@ -49,14 +49,14 @@ class Entity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Relation:
-    """A row of one table has rows of another.
+    """A foreign key.
 
     Attributes:
-        one: The table whose row is named.
-        many: The table whose rows name it.
-        columns: The columns by which they do.
-        is_optional: Whether a row of `many` may name none.
-        is_single: Whether a row of `one` has at most one.
+        one: The table that is referred to.
+        many: The table that refers to it.
+        columns: The columns of the key.
+        is_optional: Whether the key of a row of `many` may be null.
+        is_single: Whether a row of `one` has at most one row of `many`.
     """
 
     one: str
@@ -74,7 +74,7 @@ def entities() -> tuple[Entity, ...]:
 
 @cache
 def relations() -> tuple[Relation, ...]:
-    """Every relation that does not follow from two others."""
+    """Every relation that two others do not imply."""
     pairs = {
         (one, many): _relation(one, many)
         for many in SCHEMAS
@@ -85,7 +85,7 @@ def relations() -> tuple[Relation, ...]:
 
 
 def _follows(relation: Relation, pairs: Mapping[tuple[str, str], Relation]) -> bool:
-    """Whether a relation, and how many rows it joins, follows from two others."""
+    """Whether two other relations imply a relation and its cardinality."""
     for between in SCHEMAS:
         first = pairs.get((relation.one, between))
         second = pairs.get((between, relation.many))
@@ -98,9 +98,9 @@ def _follows(relation: Relation, pairs: Mapping[tuple[str, str], Relation]) -> b
 
 
 def _refers(many: str, one: str) -> bool:
-    """Whether the columns that name a row of one table are columns of another.
+    """Whether a table has the primary key of another as a foreign key.
 
-    Of the tables whose rows have the same names, only the first is referred to.
+    Of tables with the same primary key, only the first is referred to.
     """
     first = next(name for name in SCHEMAS if KEYS[name] == KEYS[one])
     return one == first and all(
@@ -110,7 +110,7 @@ def _refers(many: str, one: str) -> bool:
 
 
 def _is_same(one: pa.Field, other: pa.Field) -> bool:
-    """Whether two columns hold names of the same things."""
+    """Whether two columns have the same type and names."""
     return one.type == other.type and names_of(one) == names_of(other)
 
 

@@ -1,12 +1,13 @@
-"""Questions to a data set in SQL, which can read its tables and nothing else.
+"""SQL queries of a data set, which can read its tables and nothing else.
 
-The database lives in the memory of a process of its own and holds the tables as streams that are
-read from outside: it never sees the name of a file and is forbidden to open one, so there is
-nothing that a query could write over, and nothing beside the data set that it could read.
+The database lives in the memory of a process of its own. It holds the tables as streams, never sees
+the name of a file and is forbidden to open one: a query can neither write nor read anything else.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 import re
 import time
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from overtaking.analysis.database.views import VIEWS
 from overtaking.core.bounds import check_bounds, over
 from overtaking.core.errors import ConfigError, MissingExtraError
+from overtaking.core.plain import plain
 from overtaking.core.summary import Summarized
 from overtaking.core.worker import ENDED, Worker
 
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 MAX_ROWS = 10_000
 TIMEOUT_S = 60.0
 MEMORY_MIB = 1024
-"""Bounds of a query, unless others are asked for."""
+"""Default limits of a query."""
 
 _MODULE = "overtaking.analysis.database.child"
 
@@ -38,17 +40,29 @@ _PATIENCE_S = 60.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer(Summarized):
-    """What a query gives.
+    """The answer to a query.
 
     Attributes:
         columns: Names of the columns.
-        rows: The rows, as many as were asked for.
-        is_cut: Whether there are more.
+        rows: The rows.
+        is_cut: Whether there are more than the limit.
     """
 
     columns: tuple[str, ...]
     rows: list[tuple[Any, ...]]
     is_cut: bool
+
+    def values(self) -> dict[str, Any]:
+        """The answer for JSON."""
+        return plain(self)
+
+    def csv(self) -> str:
+        """The answer as CSV with a header; null is empty."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(self.columns)
+        writer.writerows(plain(self.rows))
+        return text.getvalue()
 
 
 def query(
@@ -59,19 +73,19 @@ def query(
     timeout_s: float = TIMEOUT_S,
     memory_mib: int = MEMORY_MIB,
 ) -> Answer:
-    """The answer to one question.
+    """The answer to one query.
 
     Args:
         data: The data set; its tables have their own names and units, and the paper's entities are
             views in the schema `paper`.
         sql: One SELECT, or DESCRIBE, SUMMARIZE, SHOW, in DuckDB's dialect.
-        max_rows: How many rows to give at most, 1 to 1e9.
-        timeout_s: How long it may take [s], 0.001 to 1e9.
-        memory_mib: How much memory the database may use [MiB], 16 to 1e9; the answer may take an
-            eighth of it. Linux holds the database to it, whatever the query does.
+        max_rows: Most rows, 1 to 1e9.
+        timeout_s: Time limit [s], 0.001 to 1e9.
+        memory_mib: Memory limit of the database [MiB], 16 to 1e9, which Linux enforces; the answer
+            may take an eighth of it.
 
     Raises:
-        ConfigError: It is no query, is wrong, or needs more time or memory than it may.
+        ConfigError: It is no query, is wrong, or exceeds its time or memory.
         DatasetError: A file of the data set is damaged.
         MissingExtraError: DuckDB is not installed.
     """
@@ -150,11 +164,11 @@ def _named(sql: str, tables: tuple[str, ...]) -> set[str]:
 
 
 def _refuse_without_duckdb() -> None:
-    """Refuse to go on without DuckDB, which not everybody has."""
+    """Make sure that DuckDB is installed."""
     if find_spec("duckdb") is None:
         raise MissingExtraError.lacking("sql", what="DuckDB, which answers SQL", where="sql")
 
 
 def too_large(memory_mib: int) -> ConfigError:
-    """The error of a query that needs more memory than it may [MiB]."""
+    """The error of a query that exceeds its memory [MiB]."""
     return over("sql", f"at most {memory_mib} MiB of memory", "one that needs more")

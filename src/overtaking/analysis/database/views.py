@@ -1,8 +1,8 @@
 """The source paper's entities, in its units and with its names, as views of our tables.
 
-They lie in a schema of their own, `paper`, because SQL does not tell `Frames` from `frames`. What
-the paper writes as a tuple of a vehicle is a column for each part. Vehicles have the numbers of our
-tables, in which the ego is 0.
+They have a schema of their own, `paper`, because SQL does not distinguish `Frames` from `frames`. A
+tuple of the paper becomes a column for each part. Vehicles have the numbers of our tables, in which
+the ego is 0.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ class View:
 
     Attributes:
         name: Its name in the paper.
-        tables: Our tables that it is made of.
-        body: The query that makes it.
+        tables: The tables that it reads.
+        body: Its query.
     """
 
     name: str

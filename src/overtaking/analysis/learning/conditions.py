@@ -1,4 +1,4 @@
-"""Conditions that rules are made of, rules, and sets of rules."""
+"""Conditions, rules, and sets of rules."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,12 +15,12 @@ F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _LEAST_SHARE = 0.002
-"""A condition that fewer examples meet, or fail, is no use to anybody."""
+"""Least share of examples that must meet a condition, and that must fail it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """One attribute on one side of a border, or a nominal one with or without a level.
+    """A numeric attribute on one side of a border, or a nominal one with or without a level.
 
     Attributes:
         attribute: The attribute.
@@ -38,7 +38,7 @@ class Condition:
         return condition_text(self.attribute, self.value, is_least=self.is_least)
 
     def values(self) -> dict[str, Any]:
-        """The condition for JSON; borders are in SI."""
+        """The condition for JSON; borders in SI."""
         attribute = self.attribute
         if attribute.is_nominal:
             sign, value = "is" if self.is_least else "is not", attribute.levels[int(self.value)]
@@ -48,7 +48,7 @@ class Condition:
         return {"attribute": name, "operator": sign, "value": value, "text": self.text}
 
     def holds(self, examples: Examples) -> Mask:
-        """In which examples it is so, shape (example,)."""
+        """Whether it holds in each example, shape (example,)."""
         values = examples.column(self.attribute.name)
         is_so = values == self.value if self.attribute.is_nominal else values >= self.value
         return is_so if self.is_least else ~is_so
@@ -56,7 +56,7 @@ class Condition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rule:
-    """Conditions that hold together.
+    """A conjunction of conditions.
 
     Attributes:
         conditions: At least one.
@@ -70,56 +70,57 @@ class Rule:
         return " and ".join(one.text for one in self.conditions)
 
     def holds(self, examples: Examples) -> Mask:
-        """In which examples all of them hold, shape (example,)."""
+        """Whether all of them hold in each example, shape (example,)."""
         return np.logical_and.reduce([one.holds(examples) for one in self.conditions])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RuleSet:
-    """Rules of which one is enough.
+    """A disjunction of rules.
 
     Attributes:
         rules: The rules, the weightiest first.
-        is_negated: Whether they say when the target is not so, instead of when it is.
+        is_negated: Whether they predict that the target is false, instead of true.
     """
 
     rules: tuple[Rule, ...]
     is_negated: bool
 
     def says(self, examples: Examples) -> Mask:
-        """In which examples the target is so, by these rules, shape (example,)."""
+        """Whether the target is predicted in each example, shape (example,)."""
         found = np.zeros(len(examples), np.bool_)
         for one in self.rules:
             found |= one.holds(examples)
         return ~found if self.is_negated else found
 
 
-def conditions_of(examples: Examples, positive: Mask, *, plain: bool = True) -> list[Condition]:
-    """Every condition worth trying: both sides of each supervised cut, and each level.
+def conditions_of(examples: Examples, positive: Mask) -> list[Condition]:
+    """Every candidate: both sides of each supervised cut, and each level.
 
     Args:
-        examples: What to learn from.
-        positive: Whether the target is so, shape (example,).
-        plain: Whether to leave out what a driver would not speak of.
+        examples: The examples to learn from.
+        positive: Whether the target is true, shape (example,).
 
     Returns:
-        They are in the order of the attributes; cuts are rounded to what is told.
+        Conditions on plain attributes, in the order of the attributes; cuts are rounded as they
+        are worded.
     """
-    found: list[Condition] = []
-    for attribute in examples.attributes:
-        if attribute.is_plain or not plain:
-            found += _of_attribute(attribute, examples, positive)
-    return found
+    return [
+        condition
+        for attribute in examples.attributes
+        if attribute.is_plain
+        for condition in _of_attribute(attribute, examples, positive)
+    ]
 
 
 def _of_attribute(attribute: Attribute, examples: Examples, positive: Mask) -> list[Condition]:
     values = examples.column(attribute.name)
     if attribute.is_nominal:
         borders = [float(level) for level in np.unique(values)]
-        sides = (True,)  # "Not a van" is nothing that anybody would say.
+        sides = (True,)  # Nobody would say "not a van".
     else:
         cuts = supervised_cuts(values, positive)
-        borders = sorted({rounded(one, attribute.unit) for one in cuts.tolist()})
+        borders = sorted({rounded(one, attribute.scale.unit) for one in cuts.tolist()})
         sides = (True, False)
     made = [
         Condition(attribute=attribute, value=border, is_least=is_least)
@@ -130,5 +131,5 @@ def _of_attribute(attribute: Attribute, examples: Examples, positive: Mask) -> l
 
 
 def _divides(holds: Mask) -> bool:
-    """Whether enough examples are on either side."""
+    """Whether there are enough examples on either side."""
     return _LEAST_SHARE <= float(holds.mean()) <= 1.0 - _LEAST_SHARE if len(holds) else False

@@ -1,4 +1,4 @@
-"""Where to cut a number in two, and whether that tells anything about a class."""
+"""Supervised cuts of a number: borders between which the share of a class changes."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,19 +8,19 @@ I64 = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 MAX_DEPTH = 3
-"""Cuts within cuts: at most seven in all, more than anybody keeps apart."""
+"""Depth of cuts within cuts: at most seven in all."""
 
 
 def supervised_cuts(values: F64, positive: Mask, depth: int = MAX_DEPTH) -> F64:
-    """Borders between which the share of positives differs by more than chance.
+    """Borders between which the share of positives differs significantly.
 
     Args:
         values: One number of each example, finite, shape (example,).
         positive: Whether each is positive, same shape.
-        depth: How often a part may be cut again.
+        depth: Number of times that a part may be cut again.
 
     Returns:
-        The borders in order, halfway between two values that occur; none where nothing is told.
+        The borders in order, halfway between two values that occur; may be empty.
 
     Source:
         U. M. Fayyad and K. B. Irani, Multi-interval discretization of continuous-valued attributes
@@ -42,14 +42,14 @@ def supervised_cuts(values: F64, positive: Mask, depth: int = MAX_DEPTH) -> F64:
 
 
 def _cut(total: I64, positives: I64, part: tuple[int, int], depth: int, found: list[int]) -> None:
-    """Cut the levels of a part in two, and these again, as long as it pays.
+    """Cut the levels of a part in two, and these again, while the criterion holds.
 
     Args:
         total: Number of examples below each level, shape (level + 1,).
         positives: Number of positives below it, same shape.
         part: First level, and the one after the last.
-        depth: How often to cut.
-        found: Gets the number of the level above each cut.
+        depth: Remaining depth.
+        found: Receives the number of the level above each cut.
     """
     first, last = part
     if depth == 0 or last - first < 2:
@@ -64,7 +64,7 @@ def _cut(total: I64, positives: I64, part: tuple[int, int], depth: int, found: l
 
 
 def _best(total: I64, positives: I64) -> int | None:
-    """The best cut of a part, None if what it tells is not worth its description."""
+    """The best cut of a part, None if its gain does not exceed its description length."""
     size, hits = total[-1] - total[0], positives[-1] - positives[0]
     low, low_hits = total[1:-1] - total[0], positives[1:-1] - positives[0]
     high, high_hits = size - low, hits - low_hits
@@ -87,5 +87,5 @@ def entropy(hits: I64, size: I64) -> F64:
 
 
 def _kinds(hits: np.int64, size: np.int64) -> int:
-    """How many classes occur."""
+    """Number of classes that occur."""
     return int(hits > 0) + int(hits < size)

@@ -1,4 +1,4 @@
-"""The simulations of a data set as examples: what was known, what came of it, what is kin."""
+"""The simulations of a data set as examples: attributes, classes and groups."""
 
 from dataclasses import dataclass, replace
 
@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from overtaking.analysis.learning.attributes import ATTRIBUTES, BY_NAME, Attribute
-from overtaking.analysis.learning.derived import DERIVED
+from overtaking.analysis.learning.attributes import ATTRIBUTES, BY_NAME, DERIVED, Attribute
 from overtaking.analysis.learning.targets import Target, is_asked
 from overtaking.core.errors import DatasetError
 from overtaking.data.load import Dataset
@@ -17,7 +16,7 @@ I64 = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 _PART = r"(?: frames \d+ to \d+)? vehicles [\d ]*$"
-"""Which part of a recording a simulation is: the end of its `source_recording`."""
+"""The end of a `source_recording`: the part of the recording."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,12 +25,12 @@ class Examples:
 
     Attributes:
         simulations: Their numbers, shape (simulation,).
-        attributes: What the columns of `values` are.
-        values: Each attribute [SI], finite, shape (simulation, attribute).
-        classes: Name of the class of each, shape (simulation,).
+        attributes: The columns of `values`.
+        values: The attributes [SI], finite, shape (simulation, attribute).
+        classes: Name of the class, shape (simulation,).
         attempted: Whether an overtake was begun, same shape.
-        groups: Number of the root scenario or recording that each comes from, same shape.
-        policy: The policy that decided about the classes.
+        groups: Number of the root scenario or recording, same shape.
+        policy: The policy that decided on the classes.
     """
 
     simulations: I64
@@ -47,12 +46,12 @@ class Examples:
         return len(self.simulations)
 
     def where(self, chosen: Mask | I64) -> "Examples":
-        """Some of them, by a mask or by their places."""
+        """Some of them, by a mask or by their indices."""
         return replace(
             self,
             simulations=self.simulations[chosen],
             values=self.values[chosen],
-            classes=self.classes.iloc[np.flatnonzero(chosen) if chosen.dtype == bool else chosen],
+            classes=self.classes.iloc[chosen],
             attempted=self.attempted[chosen],
             groups=self.groups[chosen],
         )
@@ -71,16 +70,19 @@ class Examples:
         return self.values[:, [one.name for one in self.attributes].index(name)]
 
     def about(self, target: Target) -> tuple["Examples", Mask]:
-        """Those that a target asks about, and in which of them it is so."""
-        asked = is_asked(self.classes, self.attempted, self.is_seen, target)
-        chosen = self.where(asked)
+        """The examples that a target asks about, and whether it is true, shape (example,)."""
+        chosen = self.where(self.is_asked(target))
         return chosen, chosen.classes.isin(target.classes).to_numpy()
+
+    def is_asked(self, target: Target) -> Mask:
+        """Whether a target asks about each simulation, shape (simulation,)."""
+        return is_asked(self.classes, self.attempted, self.is_seen, target)
 
     @property
     def is_seen(self) -> Mask:
         """Whether there is a vehicle ahead, shape (simulation,)."""
-        # A gap that is cut off at its longest is nobody: everybody nearer is seen.
-        return self.column("ahead_gap_m") < BY_NAME["ahead_gap_m"].absent
+        # The longest gap stands for nobody.
+        return self.column("ahead_gap_m") < BY_NAME["ahead_gap_m"].scale.absent
 
 
 def examples_of(data: Dataset, policy: str = "paper") -> Examples:
@@ -88,11 +90,11 @@ def examples_of(data: Dataset, policy: str = "paper") -> Examples:
 
     Args:
         data: The data set.
-        policy: Which rules decide about the class.
+        policy: The policy that decides on the class.
 
     Raises:
         ConfigError: There is no such policy.
-        DatasetError: It was made before there was a table of decisions, or has too few rows.
+        DatasetError: It has no table of decisions, or one with too few rows.
     """
     decisions = data.decisions().set_index("simulation").sort_index()
     classes = data.features(policy)["CLASS"].reindex(decisions.index)
@@ -116,17 +118,17 @@ def values_of(decisions: pd.DataFrame) -> F64:
 
 
 def _column(decisions: pd.DataFrame, attribute: Attribute) -> F64:
-    """One attribute: numbers of names, and what is absent at its harmless end."""
-    if attribute.name in DERIVED:
-        values = DERIVED[attribute.name](lambda name: _plain(decisions[name]))
+    """One attribute: codes of names; absent values at the harmless end."""
+    name, scale = attribute.name, attribute.scale
+    if name in DERIVED:
+        values = DERIVED[name](lambda column: _numbers(decisions[column]))
     else:
-        values = _plain(decisions[attribute.name])
-    values = np.where(np.isnan(values), attribute.absent, values)
-    return np.clip(values, attribute.low, attribute.high)
+        values = _numbers(decisions[name])
+    return np.clip(np.where(np.isnan(values), scale.absent, values), scale.low, scale.high)
 
 
-def _plain(column: pd.Series) -> F64:
-    """A column as numbers, NaN where there is none."""
+def _numbers(column: pd.Series) -> F64:
+    """A column as numbers, NaN where there is no value."""
     if isinstance(column.dtype, pd.CategoricalDtype):
         codes = column.cat.codes.to_numpy(dtype=np.float64)
         return np.where(codes < 0.0, np.nan, codes)
@@ -136,8 +138,8 @@ def _plain(column: pd.Series) -> F64:
 def groups_of(simulations: pd.DataFrame) -> I64:
     """Number of the root of each simulation.
 
-    All that comes from one recording belongs together, whoever is the ego in it. What is simulated
-    belongs together if seed and index are the same: twins and branches of one scenario are.
+    Simulations of one recording belong together, whoever is the ego. So do simulations with the
+    same seed and index: twins and branches of one scenario.
 
     Args:
         simulations: Rows of the table of that name.
@@ -151,26 +153,26 @@ def groups_of(simulations: pd.DataFrame) -> I64:
 
 
 def refuse_too_few(positive: Mask, groups: I64, *, where: str, what: str, least: int) -> None:
-    """Refuse what nobody could learn from.
+    """Refuse too few examples to learn from.
 
     Args:
-        positive: In which examples the target is so, shape (example,).
-        groups: Group of each, same shape.
-        where: Who asks.
+        positive: Whether the target is true, shape (example,).
+        groups: Group of each example, same shape.
+        where: The command.
         what: The target.
-        least: Examples of each kind, and groups, that are needed.
+        least: Examples of each kind, and groups, that are required.
 
     Raises:
         DatasetError: There are fewer.
     """
-    fewest = min(int(positive.sum()), int((~positive).sum()))
-    if fewest >= least and len(np.unique(groups)) >= least:
+    numbers = int(positive.sum()), int((~positive).sum()), len(np.unique(groups))
+    if min(numbers) >= least:
         return
     raise DatasetError.of(
         what=f"examples of {what}",
         where=where,
         expected=f"at least {least} in which it is so, {least} in which it is not, and as many "
         "scenarios or recordings",
-        got=f"{int(positive.sum())}, {int((~positive).sum())} and {len(np.unique(groups))}",
+        got=f"{numbers[0]}, {numbers[1]} and {numbers[2]}",
         next_step="make a larger data set, or use --balance",
     )

@@ -1,110 +1,89 @@
-"""What decides: models that foretell the outcome, how sure they are, and the factors in order."""
+"""What decides: models that predict the outcome, their calibration, and the factors in order."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from overtaking.analysis.learning import models as ml
 from overtaking.analysis.learning.attributes import Attribute
-from overtaking.analysis.learning.elimination import Factors, Ranked, num_fits, rank
+from overtaking.analysis.learning.elimination import Factors, Ranked, Ranking, num_fits
 from overtaking.analysis.learning.examples import Examples, refuse_too_few
-from overtaking.analysis.learning.models import (
-    MODELS,
-    fit,
-    fit_calibrated,
-    model_of,
-    probabilities,
-    trees,
-)
+from overtaking.analysis.learning.models import F64, I64, MODELS, Model, Outcomes, Split
 from overtaking.analysis.learning.scores import grouped_interval
-from overtaking.analysis.learning.splits import Split, split
 from overtaking.analysis.learning.targets import Target, is_ended
 from overtaking.analysis.stats.columns import ALL_CLASSES
+from overtaking.core.plain import plain
+from overtaking.core.steps import Progress, Steps
 from overtaking.core.summary import Summarized
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-Outcomes = NDArray[Any]
-Progress = Callable[[int, int], None]
-
 LEAST = 40
-"""Examples inside and outside the most frequent outcome that are needed."""
+"""Least examples with, and without, the most frequent outcome."""
 
 FEWEST = 10
-"""An outcome that occurs less often is left out: nobody could learn it."""
+"""Outcomes with fewer examples are left out."""
 
 BINS = 10
-"""Intervals of confidence in which calibration is judged."""
+"""Intervals of confidence in which calibration is measured."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bin:
+    """The held-out examples in one interval of confidence.
+
+    Attributes:
+        confidence: Mean probability of the predicted outcome.
+        right: Share that was predicted rightly.
+        examples: Number of examples.
+    """
+
+    confidence: float
+    right: float
+    examples: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelFound:
-    """A model, judged on examples that were kept back.
+    """A model, tested on held-out examples.
 
     Attributes:
         name: Its name.
-        accuracy: Share foretold rightly.
-        low: Lower limit of its 95 % confidence.
-        high: Upper limit.
-        balanced: Mean over the outcomes of the share foretold rightly.
-        log_loss: Mean of -log of the probability that it gave what came [nat].
-        error_before: Expected calibration error before calibration.
-        error: The same after it.
-        confusion: Number of examples by outcome and foretold outcome, shape (outcome, outcome).
-        said: Mean confidence in each interval, NaN in empty ones, shape (interval,).
-        was: Share foretold rightly there, same shape.
-        counts: Examples there, same shape.
+        accuracy: Share that it predicts rightly.
+        accuracy_low: Lower limit of the 95 % confidence interval.
+        accuracy_high: Upper limit.
+        balanced_accuracy: Mean of the recalls of the outcomes.
+        log_loss: Mean of -log of the probability that it gave to the outcome [nat].
+        calibration_error_before: Expected calibration error before calibration.
+        calibration_error: The same after calibration.
+        confusion: Number of examples by outcome and predicted outcome, shape (outcome, outcome).
+        reliability: The intervals of confidence that hold examples.
     """
 
     name: str
     accuracy: float
-    low: float
-    high: float
-    balanced: float
+    accuracy_low: float
+    accuracy_high: float
+    balanced_accuracy: float
     log_loss: float
-    error_before: float
-    error: float
+    calibration_error_before: float
+    calibration_error: float
     confusion: I64
-    said: F64
-    was: F64
-    counts: I64
-
-    def values(self) -> dict[str, Any]:
-        """All of it for JSON."""
-        return {
-            "name": self.name,
-            "accuracy": self.accuracy,
-            "accuracy_low": self.low,
-            "accuracy_high": self.high,
-            "balanced_accuracy": self.balanced,
-            "log_loss": self.log_loss,
-            "calibration_error_before": self.error_before,
-            "calibration_error": self.error,
-            "confusion": self.confusion.tolist(),
-            "reliability": [
-                {"confidence": said, "right": was, "examples": count}
-                for said, was, count in zip(
-                    self.said.tolist(), self.was.tolist(), self.counts.tolist(), strict=True
-                )
-                if count
-            ],
-        }
+    reliability: tuple[Bin, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Faked:
-    """What a leak would fake.
+class Leakage:
+    """The accuracy that a leaking feature would fake.
 
     Attributes:
-        name: What leaks.
-        why: Why it does.
-        accuracy: Of the same model with it.
-        gain: How much more than without.
+        feature: The feature.
+        why: Why it leaks.
+        accuracy: Accuracy of the same model with it.
+        gain: Accuracy less that without it.
     """
 
-    name: str
+    feature: str
     why: str
     accuracy: float
     gain: float
@@ -112,52 +91,37 @@ class Faked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FactorsFound(Summarized):
-    """What was found out about the factors.
+    """Models and factors of a target.
 
     Attributes:
         about: `outcome` or the name of a target.
-        policy: The policy that decided about the classes.
-        seed: Of all choices.
-        outcomes: What can come of it, in order.
-        num_learned_from: Number of examples learned from.
-        num_kept: Number of those kept back.
-        num_groups: Number of root scenarios or recordings.
-        most_frequent: Accuracy of always saying the most frequent outcome.
+        policy: The policy that decided on the classes.
+        seed: Seed of all choices.
+        outcomes: The outcomes in order.
+        learned_from: Number of examples learned from.
+        held_out: Number of held-out examples.
+        groups: Number of root scenarios or recordings.
+        most_frequent_accuracy: Accuracy of always predicting the most frequent outcome.
         models: The models.
         ranking: The factors, most important first.
-        faked: What leaks would fake; empty unless asked for.
+        leakage: The effect of leaks; empty unless asked for.
     """
 
     about: str
     policy: str
     seed: int
     outcomes: tuple[str, ...]
-    num_learned_from: int
-    num_kept: int
-    num_groups: int
-    most_frequent: float
+    learned_from: int
+    held_out: int
+    groups: int
+    most_frequent_accuracy: float
     models: tuple[ModelFound, ...]
     ranking: tuple[Ranked, ...]
-    faked: tuple[Faked, ...]
+    leakage: tuple[Leakage, ...]
 
     def values(self) -> dict[str, Any]:
-        """All of it for JSON."""
-        return {
-            "about": self.about,
-            "policy": self.policy,
-            "seed": self.seed,
-            "outcomes": list(self.outcomes),
-            "learned_from": self.num_learned_from,
-            "held_out": self.num_kept,
-            "groups": self.num_groups,
-            "most_frequent_accuracy": self.most_frequent,
-            "models": [one.values() for one in self.models],
-            "ranking": [one.values() for one in self.ranking],
-            "leakage": [
-                {"feature": one.name, "why": one.why, "accuracy": one.accuracy, "gain": one.gain}
-                for one in self.faked
-            ],
-        }
+        """Everything for JSON."""
+        return plain(self)
 
 
 def learn_factors(
@@ -170,14 +134,14 @@ def learn_factors(
     leaks: Mapping[str, tuple[str, F64]] | None = None,
     progress: Progress | None = None,
 ) -> FactorsFound:
-    """Find out what decides.
+    """Fit models of a target and rank the factors.
 
     Args:
         examples: The examples of a data set.
         factors: The attributes of each factor.
-        target: What to foretell; the class if none.
-        seed: Of all choices.
-        repeats: How often the factors are ranked.
+        target: What to predict; None: the class.
+        seed: Seed of all choices.
+        repeats: Number of rankings.
         leaks: Why each leak leaks, and its values, shape (simulation, column).
         progress: Called with the number of fits that are done, and of all.
 
@@ -185,180 +149,158 @@ def learn_factors(
         DatasetError: There are too few examples.
         MissingExtraError: scikit-learn is not installed.
     """
-    asked, outcomes, places = _asked(examples, target)
-    names = tuple(name for attributes in factors.values() for name in attributes)
-    seen = asked.with_attributes(names)
-    parts = split(seen.groups, seed)
-    steps = _Steps(len(MODELS) + num_fits(len(factors), repeats) + len(leaks or {}), progress)
-    known, kept = parts
-    models = tuple(_judged(name, seen, outcomes, parts, seed, steps) for name in MODELS)
-    ranking = rank(seen, outcomes, factors, parts, seed=seed, repeats=repeats, step=steps.step)
-    given = {name: (why, values[places]) for name, (why, values) in (leaks or {}).items()}
-    counts = {name: int((outcomes[known] == name).sum()) for name in np.unique(outcomes)}
-    most = max(counts, key=lambda name: counts[name])
+    asked, outcomes, chosen = _asked(examples, target)
+    seen = asked.with_attributes(tuple(name for names in factors.values() for name in names))
+    parts = known, kept = ml.split(seen.groups, seed)
+    step = Steps(len(MODELS) + num_fits(len(factors), repeats) + len(leaks or {}), progress)
+    models = tuple(_tested(name, seen, outcomes, parts, seed, step) for name in MODELS)
+    ranking = Ranking(
+        examples=seen, outcomes=outcomes, factors=factors, parts=parts, seed=seed, step=step
+    )
+    given = {name: (why, values[chosen]) for name, (why, values) in (leaks or {}).items()}
     return FactorsFound(
         about=target.name if target else "outcome",
         policy=examples.policy,
         seed=seed,
-        outcomes=tuple(str(one) for one in _ordered(outcomes)),
-        num_learned_from=len(known),
-        num_kept=len(kept),
-        num_groups=len(np.unique(seen.groups)),
-        most_frequent=float((outcomes[kept] == most).mean()),
+        outcomes=tuple(_ordered(outcomes)),
+        learned_from=len(known),
+        held_out=len(kept),
+        groups=len(np.unique(seen.groups)),
+        most_frequent_accuracy=float((outcomes[kept] == _most_frequent(outcomes[known])).mean()),
         models=models,
-        ranking=ranking,
-        faked=_faked(seen, outcomes, parts, given, seed, steps),
+        ranking=ranking.rank(repeats),
+        leakage=_leakage(seen, outcomes, parts, given, seed, step),
     )
 
 
 def _asked(examples: Examples, target: Target | None) -> tuple[Examples, Outcomes, I64]:
-    """The examples that are asked about, what came of each, and their places in the data set."""
-    numbered = replace(examples, simulations=np.arange(len(examples)))
+    """The examples that are asked about, their outcomes, and their places in the data set."""
     if target is not None:
-        asked, positive = numbered.about(target)
+        chosen = np.flatnonzero(examples.is_asked(target))
+        asked = examples.where(chosen)
+        positive = asked.classes.isin(target.classes).to_numpy()
         outcomes = np.where(positive, target.title, f"not {target.title}").astype(object)
     else:
-        asked = numbered.where(is_ended(examples.classes, examples.is_seen))
+        ended = is_ended(examples.classes, examples.is_seen)
+        counts = examples.classes[ended].value_counts()
+        common = examples.classes.isin(counts[counts >= FEWEST].index).to_numpy()
+        chosen = np.flatnonzero(ended & common)
+        asked = examples.where(chosen)
         outcomes = asked.classes.to_numpy(dtype=object)
-        names, counts = np.unique(outcomes.astype(str), return_counts=True)
-        common = np.isin(outcomes.astype(str), names[counts >= FEWEST])
-        asked, outcomes = asked.where(common), outcomes[common]
+    is_most = outcomes == _most_frequent(outcomes)
+    refuse_too_few(is_most, asked.groups, where="learn factors", what="outcomes", least=LEAST)
+    return asked, outcomes, chosen
+
+
+def _most_frequent(outcomes: Outcomes) -> str:
+    """The most frequent outcome, the first by name of several; empty if there is none."""
     names, counts = np.unique(outcomes.astype(str), return_counts=True)
-    most = names[int(np.argmax(counts))] if len(names) else ""
-    refuse_too_few(
-        outcomes == most, asked.groups, where="learn factors", what="outcomes", least=LEAST
-    )
-    return asked, outcomes, asked.simulations
+    return str(names[np.argmax(counts)]) if len(names) else ""
 
 
-def _judged(
-    name: str, seen: Examples, outcomes: Outcomes, parts: Split, seed: int, steps: "_Steps"
+def _tested(
+    name: str, seen: Examples, outcomes: Outcomes, parts: Split, seed: int, step: Steps
 ) -> ModelFound:
-    """A model as it is and calibrated, on what was kept back."""
+    """A model before and after calibration, on held-out examples."""
     known, kept = parts
-    model = model_of(name, seen.attributes, seed)
+    model, order = ml.model_of(name, seen.attributes, seed), _ordered(outcomes)
     values, was = seen.values[known], outcomes[known]
-    plain = fit(model, values, was)
-    calibrated = fit_calibrated(model, values, was, seen.groups[known])
-    order = _ordered(outcomes)
-    before = _in_order(probabilities(plain, seen.values[kept]), plain, order)
-    after = _in_order(probabilities(calibrated, seen.values[kept]), calibrated, order)
+    models = (
+        ml.fit(model, values, was),
+        ml.fit_calibrated(model, values, was, seen.groups[known]),
+    )
+    before, after = (_in_order(one, seen.values[kept], order) for one in models)
     truth = np.array([order.index(one) for one in outcomes[kept]])
-    said = after.argmax(axis=1)
+    predicted = after.argmax(axis=1)
     confusion = np.zeros((len(order), len(order)), np.int64)
-    np.add.at(confusion, (truth, said), 1)
-    low, high = grouped_interval(said == truth, seen.groups[kept])
-    bins = reliability(after, truth)
+    np.add.at(confusion, (truth, predicted), 1)
     sizes = confusion.sum(axis=1)
-    steps.step()
+    recalls = np.diag(confusion)[sizes > 0] / sizes[sizes > 0]
+    low, high = grouped_interval(predicted == truth, seen.groups[kept])
+    step()
     return ModelFound(
         name=name,
-        accuracy=float((said == truth).mean()),
-        low=low,
-        high=high,
-        balanced=float((np.diag(confusion)[sizes > 0] / sizes[sizes > 0]).mean()),
+        accuracy=float((predicted == truth).mean()),
+        accuracy_low=low,
+        accuracy_high=high,
+        balanced_accuracy=float(recalls.mean()),
         log_loss=float(-np.log(np.clip(after[np.arange(len(truth)), truth], 1e-12, 1.0)).mean()),
-        error_before=calibration_error(*reliability(before, truth)),
-        error=calibration_error(*bins),
+        calibration_error_before=calibration_error(reliability(before, truth)),
+        calibration_error=calibration_error(reliability(after, truth)),
         confusion=confusion,
-        said=bins[0],
-        was=bins[1],
-        counts=bins[2],
+        reliability=reliability(after, truth),
     )
 
 
-def reliability(probability: F64, truth: I64) -> tuple[F64, F64, I64]:
-    """How often a model is right, by how sure it is.
+def reliability(probability: F64, truth: I64) -> tuple[Bin, ...]:
+    """Accuracy by confidence, in intervals of confidence of equal width that are not empty.
 
     Args:
         probability: Of each outcome, shape (example, outcome).
-        truth: Number of the outcome that came, shape (example,).
-
-    Returns:
-        Mean confidence, share foretold rightly, and number of examples in intervals of confidence
-        of equal width; NaN in empty ones.
+        truth: Number of the outcome that occurred, shape (example,).
     """
     confidence, right = probability.max(axis=1), probability.argmax(axis=1) == truth
     places = np.minimum((confidence * BINS).astype(np.int64), BINS - 1)
-    counts = np.bincount(places, minlength=BINS)
-    filled = np.where(counts > 0, counts, 1)
-    said = np.bincount(places, confidence, BINS) / filled
-    was = np.bincount(places, right.astype(np.float64), BINS) / filled
-    empty = counts == 0
-    return np.where(empty, np.nan, said), np.where(empty, np.nan, was), counts
+    counts = np.bincount(places)
+    sums = np.bincount(places, confidence), np.bincount(places, right.astype(np.float64))
+    return tuple(
+        Bin(
+            confidence=float(sums[0][n] / counts[n]),
+            right=float(sums[1][n] / counts[n]),
+            examples=int(counts[n]),
+        )
+        for n in np.flatnonzero(counts)
+    )
 
 
-def calibration_error(said: F64, was: F64, counts: I64) -> float:
-    """Expected calibration error: mean distance of confidence and share foretold rightly.
+def calibration_error(bins: tuple[Bin, ...]) -> float:
+    """Expected calibration error: mean distance of confidence and accuracy.
 
     Source:
         M. P. Naeini, G. F. Cooper and M. Hauskrecht, Obtaining well calibrated probabilities using
         Bayesian binning, AAAI 2015.
     """
-    filled = counts > 0
-    weights = counts[filled] / counts.sum()
-    return float((weights * abs(said[filled] - was[filled])).sum())
+    total = sum(one.examples for one in bins)
+    return sum(one.examples / total * abs(one.confidence - one.right) for one in bins)
 
 
 def _ordered(outcomes: Outcomes) -> list[str]:
     """The outcomes that occur: classes in their order, others by name."""
-    found = {str(one) for one in np.unique(outcomes.astype(str))}
-    return [one for one in ALL_CLASSES if one in found] or sorted(found, key=_is_denied)
+    found = {str(one) for one in outcomes}
+    named = [one for one in ALL_CLASSES if one in found]
+    return named or sorted(found, key=lambda one: (one.startswith("not "), one))
 
 
-def _is_denied(name: str) -> tuple[bool, str]:
-    return name.startswith("not "), name
-
-
-def _in_order(probability: F64, model: Any, order: list[str]) -> F64:
+def _in_order(model: Model, values: F64, order: list[str]) -> F64:
     """Probabilities with a column for each outcome, 0 for those that the model never saw."""
-    found = np.zeros((len(probability), len(order)))
-    for column, name in enumerate(model.classes_):
-        found[:, order.index(str(name))] = probability[:, column]
+    found = np.zeros((len(values), len(order)))
+    found[:, [order.index(str(name)) for name in model.classes_]] = ml.probabilities(model, values)
     return found
 
 
-def _faked(
+def _leakage(
     seen: Examples,
     outcomes: Outcomes,
     parts: Split,
     leaks: Mapping[str, tuple[str, F64]],
     seed: int,
-    steps: "_Steps",
-) -> tuple[Faked, ...]:
-    """How much accuracy each leak would fake."""
+    step: Steps,
+) -> tuple[Leakage, ...]:
+    """The accuracy that each leak would fake."""
     if not leaks:
         return ()
-    plain = _accuracy(seen, outcomes, parts, np.zeros((len(seen), 0)), seed)
-    found: list[Faked] = []
+
+    def accuracy(more: F64) -> float:
+        columns = tuple(Attribute(f"leak {n}", "", "") for n in range(more.shape[1]))
+        values = np.column_stack([seen.values, more])
+        attributes = (*seen.attributes, *columns)
+        right = ml.predicted_right(attributes, values, outcomes, parts, seed=seed, rounds=100)
+        return float(right.mean())
+
+    without = accuracy(np.zeros((len(seen), 0)))
+    found: list[Leakage] = []
     for name, (why, values) in leaks.items():
-        accuracy = _accuracy(seen, outcomes, parts, values, seed)
-        found.append(Faked(name=name, why=why, accuracy=accuracy, gain=accuracy - plain))
-        steps.step()
+        reached = accuracy(values)
+        found.append(Leakage(feature=name, why=why, accuracy=reached, gain=reached - without))
+        step()
     return tuple(found)
-
-
-def _accuracy(seen: Examples, outcomes: Outcomes, parts: Split, more: F64, seed: int) -> float:
-    """Accuracy of gradient boosting with more columns."""
-    known, kept = parts
-    values = np.column_stack([seen.values, more])
-    columns = tuple(Attribute(name=f"leak {n}", factor="", words="") for n in range(more.shape[1]))
-    model = fit(
-        trees((*seen.attributes, *columns), seed, rounds=100), values[known], outcomes[known]
-    )
-    said = model.classes_[np.argmax(probabilities(model, values[kept]), axis=1)]
-    return float((said == outcomes[kept]).mean())
-
-
-class _Steps:
-    """Counts what is done."""
-
-    def __init__(self, total: int, progress: Progress | None) -> None:
-        """Begin with nothing done."""
-        self._done, self._total, self._progress = 0, total, progress
-
-    def step(self) -> None:
-        """One more."""
-        self._done += 1
-        if self._progress is not None:
-            self._progress(self._done, self._total)

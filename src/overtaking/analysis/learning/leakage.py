@@ -1,4 +1,4 @@
-"""What is known only afterwards: refused to a model of a decision, and shown on request."""
+"""Features that are known only afterwards: refused, and shown on request."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 
 OF_WHOLE_RUN = ("SE", "SP", "DSEP", "D", "OLR", "WT")
-"""Features that the paper takes as means over the whole run where nothing was attempted."""
+"""Features that the paper averages over the whole run where there is no attempt."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Leak:
-    """Something that a model of a decision must not see.
+    """A feature that a model of a decision must not see.
 
     Attributes:
-        name: What it is called.
-        why: Why not.
-        others: Other names that are refused for the same reason.
+        name: Its name.
+        why: Why it leaks.
+        others: Other names of it.
     """
 
     name: str
@@ -36,44 +36,45 @@ class Leak:
 
 
 LEAKS = (
-    Leak(name="OT", why="how long the overtake took is known when it is over", others=("OT_s",)),
+    Leak("OT", "how long the overtake took is known when it is over", ("OT_s",)),
     Leak(
-        name="C",
-        why="whom the ego collided with is the outcome itself",
-        others=("collision", "collided_with", "partner"),
+        "C",
+        "whom the ego collided with is the outcome itself",
+        ("collision", "collided_with", "partner"),
     ),
     Leak(
-        name="OV",
-        why="how often the ego changed lanes is known when it is over",
-        others=("overtaking", "ov_count", "num_lane_changes"),
+        "OV",
+        "how often the ego changed lanes is known when it is over",
+        ("overtaking", "ov_count", "num_lane_changes"),
     ),
     Leak(
-        name="max|a|",
-        why="the largest acceleration comes after the decision",
-        others=("max_a", "maxa", "max_accel", "max |a|", "a_max"),
+        "max|a|",
+        "the largest acceleration comes after the decision",
+        ("max_a", "maxa", "max_accel", "max |a|", "a_max"),
     ),
     Leak(
-        name="means of the run",
-        why="a mean over the whole run holds what came after the decision",
-        others=tuple(f"mean_{name}".lower() for name in OF_WHOLE_RUN)
-        + tuple(f"mean {name}".lower() for name in OF_WHOLE_RUN)
-        + ("mean", "average", "averages", "paper"),
+        "means of the run",
+        "a mean over the whole run holds what came after the decision",
+        (
+            *("mean", "average", "averages", "paper"),
+            *(f"mean{sign}{name.lower()}" for name in OF_WHOLE_RUN for sign in "_ "),
+        ),
     ),
 )
-"""The features of the source paper that tell the outcome, with reasons."""
+"""The features of the source paper that reveal the outcome."""
 
 
 def chosen_factors(names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
-    """The factors that were asked for.
+    """The chosen factors.
 
     Args:
         names: Names of factors or attributes; none for all factors.
 
     Returns:
-        The attributes of each factor; an attribute that was named alone is its own factor.
+        The attributes of each factor; a single attribute is its own factor.
 
     Raises:
-        ConfigError: One of them is known only afterwards, or there is no such thing.
+        ConfigError: One of them is known only afterwards, or unknown.
     """
     found: dict[str, tuple[str, ...]] = {}
     for name in names or tuple(FACTORS):
@@ -87,7 +88,7 @@ def chosen_factors(names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
 
 
 def _refusal(name: str) -> ConfigError:
-    """Why a feature is not taken."""
+    """The reason why a feature is refused."""
     told = name.strip().lower()
     for leak in LEAKS:
         if told in (leak.name.lower(), *(one.lower() for one in leak.others)):
@@ -108,9 +109,9 @@ def _refusal(name: str) -> ConfigError:
 
 
 def leaks_of(data: "Dataset") -> dict[str, tuple[str, F64]]:
-    """Why each leak leaks, and its numbers of each simulation, shape (simulation, column).
+    """Why each leak leaks, and its values, shape (simulation, column).
 
-    Simulations that were not kept are simulated again, for their largest acceleration.
+    Simulations that were not kept are simulated again for their largest acceleration.
 
     Args:
         data: The data set.

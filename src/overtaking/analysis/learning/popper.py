@@ -1,4 +1,4 @@
-"""Examples as the three files that the learner Popper reads: bias, background and examples.
+"""Examples as the three input files of the learner Popper: bias, background and examples.
 
 Each simulation is a constant, each condition at a supervised cut point a predicate of one argument,
 and the target the predicate of the head. All of it is Datalog, without types, which the files of
@@ -22,7 +22,6 @@ from overtaking.analysis.learning.examples import Examples, refuse_too_few
 from overtaking.analysis.learning.targets import Target
 from overtaking.core.folders import put_file, whole_folder
 
-F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 MAX_PREDICATES = 60
@@ -37,11 +36,11 @@ def write_popper(examples: Examples, target: Target, out: Path) -> int:
 
     Args:
         examples: The examples of a data set.
-        target: What the head is about.
+        target: The target, which is the head.
         out: Folder for the files; it must not exist, or be empty. It appears when it is complete.
 
     Returns:
-        Number of facts of the background and of examples.
+        Number of facts in background and examples.
 
     Raises:
         ConfigError: The folder is taken.
@@ -61,7 +60,7 @@ def write_popper(examples: Examples, target: Target, out: Path) -> int:
     ]
     with whole_folder(out) as folder:
         put_file(folder / "bias.pl", _lines(_bias(head, found)))
-        put_file(folder / "bk.pl", _lines([_about(target), *background]))
+        put_file(folder / "bk.pl", _lines([f"% {target.question}", *background]))
         # Popper reads examples of one kind after those of the other.
         put_file(folder / "exs.pl", _lines(sorted(said, key=lambda line: line.startswith("neg"))))
     return sum(1 for line in background if not line.startswith("%")) + len(said)
@@ -95,7 +94,7 @@ def predicate(condition: Condition) -> str:
 def _most_telling(
     conditions: list[Condition], examples: Examples, positive: Mask
 ) -> list[Condition]:
-    """The conditions that stand out most, in the order of the attributes."""
+    """The conditions that deviate most from the mean, in the order of the attributes."""
     share = float(positive.mean())
 
     def unusual(place: int) -> float:
@@ -110,7 +109,7 @@ def _most_telling(
 
 
 def _bias(head: str, conditions: list[Condition]) -> Iterator[str]:
-    """What rules may look like."""
+    """The form of the rules."""
     yield f"max_clauses({MAX_RULES})."
     yield f"max_body({MAX_CONDITIONS})."
     yield "max_vars(1)."
@@ -125,10 +124,6 @@ def _facts(condition: Condition, examples: Examples) -> Iterator[str]:
     name = predicate(condition)
     for number in examples.simulations[condition.holds(examples)]:
         yield f"{name}({constant(number)})."
-
-
-def _about(target: Target) -> str:
-    return f"% {target.question}"
 
 
 def _lines(lines: Iterator[str] | list[str]) -> str:

@@ -1,46 +1,40 @@
-"""Rules that a driver would recognise, beside a black box and beside the speed limit alone."""
+"""Rules that a driver would recognise, compared with a black box and with the speed limit."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from overtaking.analysis.learning import models as ml
 from overtaking.analysis.learning.conditions import Rule, RuleSet, conditions_of
 from overtaking.analysis.learning.covering import MAX_CONDITIONS, MAX_RULES, cover
 from overtaking.analysis.learning.examples import Examples, refuse_too_few
-from overtaking.analysis.learning.models import TREES, fit, model_of, probabilities
+from overtaking.analysis.learning.models import F64, TREES, Mask, Split
 from overtaking.analysis.learning.scores import Score, best_threshold, score
-from overtaking.analysis.learning.splits import folds, split
 from overtaking.analysis.learning.targets import Target
+from overtaking.core.steps import Progress
 from overtaking.core.summary import Summarized
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-Mask = NDArray[np.bool_]
-Progress = Callable[[int, int], None]
-
 LEAST = 20
-"""Examples of each kind that are needed."""
+"""Least examples of each kind."""
 
 SHOWN = 5
-"""Counterexamples that are told of each rule."""
+"""Counterexamples that are listed for each rule."""
 
 BASELINE = "speed over the limit alone"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnedRule:
-    """A rule, and how it fares.
+    """A rule with its scores.
 
     Attributes:
         rule: The rule.
-        learned_from: How it does on the examples that it was learned from.
-        held_out: How it does on those kept back.
-        everywhere: How it does on the whole data set.
-        counterexamples: Numbers of simulations in which it holds and is wrong.
-        num_counterexamples: How many there are in all.
+        learned_from: Score on the examples that it was learned from.
+        held_out: Score on held-out examples.
+        everywhere: Score on the whole data set.
+        counterexamples: Numbers of the first simulations in which it holds and is wrong.
+        num_counterexamples: Number of all of them.
     """
 
     rule: Rule
@@ -51,7 +45,7 @@ class LearnedRule:
     num_counterexamples: int
 
     def values(self) -> dict[str, Any]:
-        """All of it for JSON."""
+        """Everything for JSON."""
         return {
             "text": self.rule.text,
             "conditions": [one.values() for one in self.rule.conditions],
@@ -65,21 +59,19 @@ class LearnedRule:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RulesFound(Summarized):
-    """What was learned about a target.
+    """The rules for a target.
 
     Attributes:
         target: The target.
-        policy: The policy that decided about the classes.
-        seed: Of the split and of the black box.
+        policy: The policy that decided on the classes.
+        seed: Seed of the split and of the black box.
         num_learned_from: Number of examples learned from.
-        rules: The rules with what they are worth; each says that the target is so, or if
-            `is_negated`, that it is not.
-        is_negated: Whether they say when the target is not so.
-        comparison: Rules, baseline and black box on the examples that were kept back.
+        rules: The rules with their scores.
+        is_negated: Whether they predict that the target is false, instead of true.
+        comparison: Rules, baseline and black box on held-out examples.
         everywhere: The rules on the whole data set.
-        missed: Simulations of the whole data set that the rules judge wrongly although no single
-            rule says so: those that the set overlooks.
-        num_missed: How many there are.
+        missed: Numbers of the first simulations in which no rule holds and one should.
+        num_missed: Number of all of them.
     """
 
     target: Target
@@ -95,11 +87,11 @@ class RulesFound(Summarized):
 
     @property
     def head(self) -> str:
-        """What the rules say, up to their conditions."""
+        """The prediction of the rules, up to their conditions."""
         return f"{self.target.title} unless" if self.is_negated else f"{self.target.title} if"
 
     def values(self) -> dict[str, Any]:
-        """All of it for JSON."""
+        """Everything for JSON."""
         return {
             "about": self.target.name,
             "question": self.target.question,
@@ -124,14 +116,14 @@ def learn_rules(
     max_conditions: int = MAX_CONDITIONS,
     progress: Progress | None = None,
 ) -> RulesFound:
-    """Learn rules about a target, and compare them.
+    """Learn rules for a target, and compare them.
 
     Args:
         examples: The examples of a data set.
-        target: What the rules are about.
-        seed: Of the split and of the black box.
-        max_rules: How many rules at most.
-        max_conditions: How many conditions a rule may have.
+        target: The target.
+        seed: Seed of the split and of the black box.
+        max_rules: Most rules.
+        max_conditions: Most conditions of a rule.
         progress: Called with the number of rounds that are done, and of all.
 
     Raises:
@@ -142,7 +134,7 @@ def learn_rules(
     refuse_too_few(
         positive, asked.groups, where="learn rules", what=f'"{target.title}"', least=LEAST
     )
-    parts = split(asked.groups, seed)
+    parts = ml.split(asked.groups, seed)
     known, kept = (asked.where(part) for part in parts)
     was, is_so = (positive[part] for part in parts)
     made = cover(
@@ -154,7 +146,7 @@ def learn_rules(
         on_round=progress,
     )
     says = made.says(asked)
-    missed = _overlooked(made, says, positive)
+    missed = says & ~positive if made.is_negated else ~says & positive
     return RulesFound(
         target=target,
         policy=examples.policy,
@@ -174,11 +166,10 @@ def learn_rules(
 
 
 def _judged(
-    rule: Rule, made: RuleSet, asked: Examples, positive: Mask, parts: tuple[I64, I64]
+    rule: Rule, made: RuleSet, asked: Examples, positive: Mask, parts: Split
 ) -> LearnedRule:
-    """A rule with how it fares, alone."""
-    holds = rule.holds(asked)
-    wanted = ~positive if made.is_negated else positive
+    """A rule with its scores, alone."""
+    holds, wanted = rule.holds(asked), positive ^ made.is_negated
     wrong = holds & ~wanted
     return LearnedRule(
         rule=rule,
@@ -190,39 +181,34 @@ def _judged(
     )
 
 
-def _overlooked(made: RuleSet, says: Mask, positive: Mask) -> Mask:
-    """Where no rule holds, and one should."""
-    return says & ~positive if made.is_negated else ~says & positive
-
-
 def _numbers(examples: Examples, chosen: Mask) -> tuple[int, ...]:
     """Numbers of the first few simulations."""
     return tuple(int(one) for one in examples.simulations[chosen][:SHOWN])
 
 
 def _baseline(kept: Examples, is_so: Mask, target: Target) -> Score:
-    """What the speed limit alone foretells."""
+    """The prediction from the speed limit alone."""
     is_over = kept.column("over_limit") > 0.0
     return score(BASELINE, is_over if target.over_limit_means else ~is_over, is_so)
 
 
 def _black_box(known: Examples, was: Mask, kept: Examples, is_so: Mask, seed: int) -> Score:
-    """What gradient boosting foretells, with a threshold chosen by folds."""
+    """The prediction of gradient boosting, with a threshold chosen by cross-validation."""
     from sklearn.metrics import roc_auc_score
 
-    model = model_of(TREES, known.attributes, seed)
+    model = ml.model_of(TREES, known.attributes, seed)
     guessed = np.zeros(len(known))
-    for learned, left in folds(known.groups, 3):
-        part = fit(model, known.values[learned], was[learned])
+    for learned, left in ml.folds(known.groups, 3):
+        part = ml.fit(model, known.values[learned], was[learned])
         guessed[left] = _positive(part, known.values[left])
     threshold = best_threshold(guessed, was)
-    chance = _positive(fit(model, known.values, was), kept.values)
+    chance = _positive(ml.fit(model, known.values, was), kept.values)
     area = float(roc_auc_score(is_so, chance)) if 0 < is_so.sum() < len(is_so) else float("nan")
     return score(f"{TREES} (black box)", chance >= threshold, is_so, area)
 
 
 def _positive(model: Any, values: F64) -> F64:
-    """Probability that the target is so; 0 where the model has never seen it."""
+    """Probability that the target is true; 0 where the model has never seen it."""
     classes = list(model.classes_)
-    found = probabilities(model, values)
+    found = ml.probabilities(model, values)
     return found[:, classes.index(True)] if True in classes else np.zeros(len(values))

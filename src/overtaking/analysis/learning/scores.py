@@ -1,4 +1,4 @@
-"""How good it is to say that something will be so: hits, misses, and what follows."""
+"""Scores of predictions: precision, recall, F-measure, accuracy, and their uncertainty."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.analysis.stats.moments import wilson
+from overtaking.core.plain import plain
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -15,15 +16,15 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """What came of saying that something will be so.
+    """The confusion matrix of a binary prediction, and its scores; NaN where one is undefined.
 
     Attributes:
-        name: Who said it.
-        hits: It was said and was so.
-        false_alarms: It was said and was not so.
-        misses: It was so and was not said.
-        rejections: It was neither said nor so.
-        area: Area under the curve of hits over false alarms, NaN for what knows no degrees.
+        name: Who predicted.
+        hits: TP, predicted and true.
+        false_alarms: FP, predicted and false.
+        misses: FN, not predicted and true.
+        rejections: TN, not predicted and false.
+        area: Area under the ROC curve; NaN for predictions without probabilities.
     """
 
     name: str
@@ -40,12 +41,12 @@ class Score:
 
     @property
     def precision(self) -> float:
-        """Of what was said, the share that was so; NaN if nothing was said."""
+        """TP / (TP + FP)."""
         return _share(self.hits, self.hits + self.false_alarms)
 
     @property
     def recall(self) -> float:
-        """Of what was so, the share that was said."""
+        """TP / (TP + FN)."""
         return _share(self.hits, self.hits + self.misses)
 
     @property
@@ -55,50 +56,49 @@ class Score:
 
     @property
     def accuracy(self) -> float:
-        """Share of the examples that were judged rightly."""
+        """(TP + TN) / all."""
         return _share(self.hits + self.rejections, self.num)
 
     @property
     def balanced_accuracy(self) -> float:
-        """Mean of the shares that were judged rightly where it was so and where it was not."""
+        """Mean of recall and specificity."""
         specificity = _share(self.rejections, self.rejections + self.false_alarms)
         return (self.recall + specificity) / 2.0
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % confidence of the accuracy (Wilson)."""
+        """95 % confidence interval of the accuracy (Wilson)."""
         return wilson(self.accuracy, self.num)
 
     def values(self) -> dict[str, Any]:
-        """All of it for JSON; what has no value is null."""
+        """Everything for JSON; undefined scores are null."""
         low, high = self.interval
-        shares = {
-            "precision": self.precision,
-            "recall": self.recall,
-            "f_measure": self.f_measure,
-            "accuracy": self.accuracy,
-            "accuracy_low": low,
-            "accuracy_high": high,
-            "balanced_accuracy": self.balanced_accuracy,
-            "area_under_curve": self.area,
-        }
-        return {
-            "name": self.name,
-            "examples": self.num,
-            "hits": self.hits,
-            "false_alarms": self.false_alarms,
-            "misses": self.misses,
-            **{name: None if value != value else value for name, value in shares.items()},
-        }
+        return plain(
+            {
+                "name": self.name,
+                "examples": self.num,
+                "hits": self.hits,
+                "false_alarms": self.false_alarms,
+                "misses": self.misses,
+                "precision": self.precision,
+                "recall": self.recall,
+                "f_measure": self.f_measure,
+                "accuracy": self.accuracy,
+                "accuracy_low": low,
+                "accuracy_high": high,
+                "balanced_accuracy": self.balanced_accuracy,
+                "area_under_curve": self.area,
+            }
+        )
 
 
 def score(name: str, said: Mask, positive: Mask, area: float = float("nan")) -> Score:
-    """Compare what was said with what was so.
+    """Compare predictions with the truth.
 
     Args:
-        name: Who said it.
-        said: Shape (example,).
-        positive: Same shape.
+        name: Who predicted.
+        said: The predictions, shape (example,).
+        positive: The truth, same shape.
         area: As in `Score`.
     """
     return Score(
@@ -112,10 +112,10 @@ def score(name: str, said: Mask, positive: Mask, area: float = float("nan")) -> 
 
 
 def grouped_interval(right: Mask, groups: I64) -> tuple[float, float]:
-    """95 % confidence of a share of examples that come in groups.
+    """95 % confidence interval of a share of examples that come in groups.
 
-    Examples of one recording resemble each other, so they say less than as many strangers would:
-    Wilson's interval for the number of strangers that say as much.
+    Examples of one recording resemble each other. The interval is Wilson's, for the effective
+    number of independent examples.
 
     Args:
         right: Whether each example counts, shape (example,).
@@ -140,11 +140,11 @@ def grouped_interval(right: Mask, groups: I64) -> tuple[float, float]:
 
 
 def best_threshold(probability: F64, positive: Mask) -> float:
-    """The probability from which to say so for the highest F-measure.
+    """The threshold of the probability with the highest F-measure.
 
     Args:
         probability: Of each example, shape (example,).
-        positive: Whether it was so, same shape.
+        positive: The truth, same shape.
     """
     order = np.argsort(-probability, kind="stable")
     hits = np.cumsum(positive[order])

@@ -1,4 +1,4 @@
-"""What is to be foretold: legal, collision, do not start now; and the class itself."""
+"""Targets of prediction: legal, collision, do not start now."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.errors import ConfigError
+from overtaking.core.checks import check_name
 from overtaking.model.labels import OvertakeClass
 
 if TYPE_CHECKING:
@@ -19,16 +19,16 @@ _OPEN = (OvertakeClass.CENSORED.title, OvertakeClass.SUCCESS_U.title)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """Something that may come of an overtake.
+    """A yes-or-no question about the outcome of an overtake.
 
     Attributes:
-        name: What it is asked for as.
+        name: Its name on the command line.
         title: The head of a rule about it.
-        question: What is asked, in a sentence.
-        classes: The classes in which it is so.
-        of_attempts: Whether only overtakes that were begun are asked about; else also the instants
-            at which one might have begun.
-        over_limit_means: What a speed over the limit alone foretells.
+        question: The question in a sentence.
+        classes: The classes in which it is true.
+        of_attempts: Whether it asks about attempts only, or also about instants at which one might
+            have begun.
+        over_limit_means: The prediction for a speed over the limit, by the speed limit alone.
     """
 
     name: str
@@ -40,42 +40,36 @@ class Target:
 
 
 TARGETS = {
-    one.name: one
-    for one in (
-        Target(
-            name="legal",
-            title="legal",
-            question="Will the overtake that begins now be completed, and be legal?",
-            classes=(OvertakeClass.SUCCESS_L.title,),
-            of_attempts=True,
-            over_limit_means=False,
+    "legal": Target(
+        name="legal",
+        title="legal",
+        question="Will the overtake that begins now be completed, and be legal?",
+        classes=(OvertakeClass.SUCCESS_L.title,),
+        of_attempts=True,
+        over_limit_means=False,
+    ),
+    "collision": Target(
+        name="collision",
+        title="collision",
+        question="Will the overtake that begins now end in a collision?",
+        classes=(OvertakeClass.UNSUCCESS_COL.title,),
+        of_attempts=True,
+        over_limit_means=True,
+    ),
+    "start": Target(
+        name="start",
+        title="do not start now",
+        question="Is this no time to begin: does the driver not begin, or does it go wrong?",
+        classes=(
+            OvertakeClass.NO_ATTEMPT.title,
+            OvertakeClass.UNSUCCESS_COL.title,
+            OvertakeClass.UNSUCCESS_NCOL.title,
         ),
-        Target(
-            name="collision",
-            title="collision",
-            question="Will the overtake that begins now end in a collision?",
-            classes=(OvertakeClass.UNSUCCESS_COL.title,),
-            of_attempts=True,
-            over_limit_means=True,
-        ),
-        Target(
-            name="start",
-            title="do not start now",
-            question="Is this no time to begin: does the driver not begin, or does it go wrong?",
-            classes=tuple(
-                one.title
-                for one in (
-                    OvertakeClass.NO_ATTEMPT,
-                    OvertakeClass.UNSUCCESS_COL,
-                    OvertakeClass.UNSUCCESS_NCOL,
-                )
-            ),
-            of_attempts=False,
-            over_limit_means=True,
-        ),
-    )
+        of_attempts=False,
+        over_limit_means=True,
+    ),
 }
-"""What rules can be learned about, by name."""
+"""The targets of rules, by name."""
 
 
 def target_of(name: str, others: tuple[str, ...] = ()) -> Target:
@@ -83,19 +77,12 @@ def target_of(name: str, others: tuple[str, ...] = ()) -> Target:
 
     Args:
         name: The name.
-        others: What else could have been asked for, for the message.
+        others: Other names that the command knows, for the message.
 
     Raises:
-        ConfigError: There is none.
+        ConfigError: There is no such target.
     """
-    if name not in TARGETS:
-        raise ConfigError.of(
-            what="--about",
-            where="learn",
-            expected=" or ".join((*others, *TARGETS)),
-            got=name,
-            next_step="choose one of them",
-        )
+    check_name(name, (*others, *TARGETS), what="--about", where="learn")
     return TARGETS[name]
 
 
@@ -109,12 +96,13 @@ def is_asked(classes: "pd.Series[str]", attempted: Mask, seen: Mask, target: Tar
         target: The target.
 
     Returns:
-        Those with somebody to overtake whose end is known, and if it is about attempts, begun.
+        Those with a vehicle to overtake and a known end; only attempts if the target asks about
+        these.
     """
     known = is_ended(classes, seen)
     return known & attempted if target.of_attempts else known
 
 
 def is_ended(classes: "pd.Series[str]", seen: Mask) -> Mask:
-    """Where there was somebody to overtake, and it is known how it ended, shape (simulation,)."""
+    """Whether there was a vehicle to overtake and the end is known, shape (simulation,)."""
     return seen & ~classes.isin(_OPEN).to_numpy()

@@ -1,22 +1,8 @@
-"""Conditions as a driver would say them, with numbers as a driver would give them."""
+"""Conditions in the words of a driver."""
 
 import math
 
-from overtaking.analysis.learning.attributes import Attribute
-from overtaking.core.units import kmh_from_mps
-
-UNITS: dict[str, tuple[float, float]] = {
-    "km/h": (kmh_from_mps(1.0), 1.0),
-    "m": (1.0, 1.0),
-    "dm": (10.0, 1.0),
-    "s": (1.0, 0.1),
-    "m/s²": (1.0, 0.1),
-    "mm/h": (1.0, 0.1),
-    "%": (100.0, 1.0),
-    "n": (1.0, 1.0),
-    "": (1.0, 0.01),
-}
-"""How many of a unit make one of SI, and the step to which it is told."""
+from overtaking.analysis.learning.attributes import UNITS, Attribute
 
 _TYPES = {
     "S": "a small car", "M": "a medium car", "L": "a large car", "V": "a van", "T": "a truck",
@@ -25,7 +11,7 @@ _TYPES = {
 
 
 def rounded(value: float, unit: str) -> float:
-    """A value [SI] as it is told in a unit, back in SI: what is said is what is tested."""
+    """A value rounded as it is worded [SI]: the border in the text is the one that is tested."""
     scale, step = UNITS[unit]
     if unit == "n":  # Between 0 and 1 means from 1 on.
         return math.ceil(value)
@@ -36,22 +22,23 @@ def condition_text(attribute: Attribute, value: float, *, is_least: bool) -> str
     """A condition in words.
 
     Args:
-        attribute: What is asked about.
+        attribute: The attribute.
         value: A border [SI], or the number of a level of a nominal attribute.
         is_least: Whether the quantity is at least the border, or has the level; else it is below
             it, or has another level.
     """
     if attribute.is_nominal:
         return _nominal_text(attribute, attribute.levels[int(value)], is_so=is_least)
-    told = abs(value) * UNITS[attribute.unit][0]
-    number = f"{told:.3g} {attribute.unit.removeprefix('n')}".strip()
+    unit = attribute.scale.unit
+    told = abs(value) * UNITS[unit][0]
+    number = f"{told:.3g} {unit.removeprefix('n')}".strip()
     if attribute.above:
         text = _difference_text(attribute, value, number, is_least=is_least)
     else:
         sign = "−" if value < 0.0 and told >= 0.005 else ""
         word = "at least" if is_least else "below"
         text = f"{attribute.words} {word} {sign}{number}"
-    is_met_by_absence = bool(attribute.needs) and (attribute.absent >= value) == is_least
+    is_met_by_absence = bool(attribute.needs) and (attribute.scale.absent >= value) == is_least
     return f"{text}{_or_nobody(attribute)}" if is_met_by_absence else text
 
 
@@ -59,17 +46,13 @@ def _difference_text(attribute: Attribute, value: float, number: str, *, is_leas
     words, above, below = attribute.words, attribute.above, attribute.below
     if float(number.split()[0]) == 0.0:
         return f"{words} {above if is_least else below}"
-    if value > 0.0:
-        return (
-            f"{words} {above} by at least {number}"
-            if is_least
-            else f"{words} {above} by less than {number}, or {below}"
-        )
-    return (
-        f"{words} {below} by at most {number}, or {above}"
-        if is_least
-        else f"{words} {below} by more than {number}"
-    )
+    by = {
+        (True, True): f"{above} by at least {number}",
+        (True, False): f"{above} by less than {number}, or {below}",
+        (False, True): f"{below} by at most {number}, or {above}",
+        (False, False): f"{below} by more than {number}",
+    }
+    return f"{words} {by[value > 0.0, is_least]}"
 
 
 def _nominal_text(attribute: Attribute, level: str, *, is_so: bool) -> str:
@@ -80,7 +63,7 @@ def _nominal_text(attribute: Attribute, level: str, *, is_so: bool) -> str:
 
 
 def _or_nobody(attribute: Attribute) -> str:
-    """What is added where a condition also holds if there is nobody."""
+    """The words for a condition that also holds if nobody is there."""
     if attribute.needs.startswith("nobody"):
         return f" (or {attribute.needs})"
     return "" if attribute.needs == "ahead" else " (or nobody is there)"

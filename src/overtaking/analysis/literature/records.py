@@ -1,105 +1,146 @@
-"""The nouns of the literature: a system, a data set, a factor, a study and a correction."""
+"""Records of the literature: system, data set, factor, study, correction and reference.
 
-from __future__ import annotations
+Pydantic checks them when they are read: types, names, and that every source is on record.
+"""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Collection
+from typing import Annotated, Literal, get_args
 
-SAE_LEVELS = range(6)
-"""The levels of driving automation of SAE J3016."""
+from pydantic import AfterValidator, ConfigDict, Field
+from pydantic.dataclasses import dataclass
 
-MARKS = ("--", "-", "+", "++")
+from overtaking.knowledge.quantity import SOURCE_KINDS
+from overtaking.knowledge.reader import load
+
+Mark = Literal["--", "-", "+", "++"]
 """The paper's marks of comfort and safety, from little to much."""
 
-FACTOR_KINDS = ("explicit", "implicit")
-"""Whether a factor can be seen or must be inferred."""
+Condition = Literal["night", "rain", "snow", "dawn"]
+Sensor = Literal["video", "lidar", "gps", "thermal_camera", "radar"]
+Traffic = Literal["urban", "highway", "residential", "rural", "campus"]
+Annotation = Literal["pixel", "instance", "point_cloud", "2d", "3d"]
 
-CONDITIONS = ("night", "rain", "snow", "dawn")
-SENSORS = ("video", "lidar", "gps", "thermal_camera", "radar")
-TRAFFIC = ("urban", "highway", "residential", "rural", "campus")
-ANNOTATIONS = ("pixel", "instance", "point_cloud", "2d", "3d")
-
-MEMBERS = {
-    "conditions": CONDITIONS,
-    "sensors": SENSORS,
-    "traffic": TRAFFIC,
-    "annotations": ANNOTATIONS,
+MEMBERS: dict[str, tuple[str, ...]] = {
+    "conditions": get_args(Condition),
+    "sensors": get_args(Sensor),
+    "traffic": get_args(Traffic),
+    "annotations": get_args(Annotation),
 }
-"""What the columns of a data set that hold several things can hold, as the paper's columns."""
+"""The values that each set-valued column of a data set can hold, as in the paper's table."""
 
 Value = str | int | float | bool | tuple[str, ...] | None
-"""What a cell of one of the tables holds; None is what nobody says."""
+"""A cell of a table; None: not reported."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Correction:
-    """One cell of the paper's table that is wrong.
+def _among(known: Callable[[], Collection[str]]) -> AfterValidator:
+    """A check that a name is known; the names are looked up when a record is read."""
+
+    def check(name: str) -> str:
+        if name not in known():
+            raise ValueError(f"one of {', '.join(known())}")
+        return name
+
+    return AfterValidator(check)
+
+
+Cited = Annotated[str, _among(lambda: load("literature/sources.toml"))]
+"""The id of a reference."""
+
+_CHECKED = ConfigDict(extra="forbid", strict=True)
+
+
+@dataclass(frozen=True, kw_only=True, config=_CHECKED)
+class Reference:
+    """A publication that a record cites.
 
     Attributes:
-        column: Which column.
-        printed: What the paper prints.
-        value: What is right.
+        id: Short name by which records cite it.
+        citation: Author, year, title, and a DOI or an official number.
+        kind: One of `knowledge.quantity.SOURCE_KINDS`.
+        checked: Whether we read the values in the source itself.
+    """
+
+    id: str
+    citation: str
+    kind: Annotated[str, _among(lambda: SOURCE_KINDS)]
+    checked: bool
+
+
+@dataclass(frozen=True, kw_only=True, config=_CHECKED)
+class Correction:
+    """A cell of the paper's table that is wrong.
+
+    Attributes:
+        column: Name of the column.
+        printed: The value in the paper.
+        value: The right value; None if there is none.
         source: Id of the reference that shows it.
-        why: What it shows, in one sentence.
+        why: What the reference shows, in one sentence.
     """
 
     column: str
     printed: Value
     value: Value
-    source: str
+    source: Cited
     why: str
 
+    def __post_init__(self) -> None:
+        """Refuse a correction that corrects nothing."""
+        if self.value == self.printed:
+            raise ValueError("another value than the printed one")
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+
+@dataclass(frozen=True, kw_only=True, config=_CHECKED)
 class System:
-    """A system that drives, or helps to.
+    """A driving system or driver assistance system.
 
     Attributes:
         id: Short name.
         name: Its name.
         does: What it does.
         sae_level: Level of driving automation by SAE J3016, 0 to 5.
-        comfort: What it does for comfort, one of `MARKS`.
-        safety: What it does for safety, one of `MARKS`.
+        comfort: Its effect on comfort.
+        safety: Its effect on safety.
         source: Id of the reference of the row.
-        corrections: What the paper prints otherwise; empty if values are as printed.
+        corrections: The corrections that were applied.
     """
 
     id: str
     name: str
     does: str
-    sae_level: int
-    comfort: str
-    safety: str
-    source: str
+    sae_level: Annotated[int, Field(ge=0, le=5)]
+    comfort: Mark
+    safety: Mark
+    source: Cited
     corrections: tuple[Correction, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, config=_CHECKED)
 class DrivingDataset:
-    """A data set of driving; None is a dash in the paper's table.
+    """A driving data set; None is a dash in the paper's table.
 
     Attributes:
         id: Short name.
         name: Its name.
-        year: When it was published.
+        year: Year of publication.
         num_scenes: Number of scenes.
-        duration_h: Length of all recordings [h].
+        duration_h: Total length of its recordings [h].
         num_images: Number of colour images.
         num_lidar_clouds: Number of point clouds of lidars.
         num_radar_clouds: Number of point clouds of radars.
-        num_annotated_frames: Number of frames that have labels.
-        boxes_3d: Whether objects have boxes in three dimensions.
-        num_map_layers: Number of layers of its maps.
-        min_classes: Number of classes of objects, the smallest if it depends.
-        max_classes: The largest; equal to `min_classes` if it does not depend.
-        conditions: Those of `CONDITIONS` that occur in it.
+        num_annotated_frames: Number of labelled frames.
+        boxes_3d: Whether objects have 3D bounding boxes.
+        num_map_layers: Number of map layers.
+        min_classes: Number of object classes; the smallest if it varies.
+        max_classes: The largest; equals `min_classes` if it does not vary.
+        conditions: Light and weather that occur in it.
         locations: Where it was recorded.
-        sensors: Those of `SENSORS` that recorded it.
-        traffic: Those of `TRAFFIC` that occur in it.
-        annotations: Those of `ANNOTATIONS` that it has.
+        sensors: Sensors that recorded it.
+        traffic: Kinds of road in it.
+        annotations: Kinds of label in it.
         reference: Id of the reference that presents it.
         source: Id of the reference of the row.
-        corrections: What the paper prints otherwise; empty if values are as printed.
+        corrections: The corrections that were applied.
     """
 
     id: str
@@ -115,73 +156,73 @@ class DrivingDataset:
     num_map_layers: int | None = None
     min_classes: int | None = None
     max_classes: int | None = None
-    conditions: tuple[str, ...]
+    conditions: tuple[Condition, ...]
     locations: str
-    sensors: tuple[str, ...]
-    traffic: tuple[str, ...]
-    annotations: tuple[str, ...]
-    reference: str
-    source: str
+    sensors: tuple[Sensor, ...]
+    traffic: tuple[Traffic, ...]
+    annotations: tuple[Annotation, ...]
+    reference: Cited
+    source: Cited
     corrections: tuple[Correction, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, config=_CHECKED)
 class Factor:
-    """Something that makes driving easy or hard.
+    """A factor that makes driving easy or hard.
 
     Attributes:
         id: Short name.
         name: Its name.
-        kind: One of `FACTOR_KINDS`.
+        kind: Whether it can be seen (explicit) or must be inferred (implicit).
         acts: How it acts.
-        columns: Our columns that measure it, as table.column; empty if none does.
+        columns: Columns of our tables that measure it, as table.column.
         source: Id of the reference.
     """
 
     id: str
     name: str
-    kind: str
+    kind: Literal["explicit", "implicit"]
     acts: str
     columns: tuple[str, ...]
-    source: str
+    source: Cited
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, config=_CHECKED)
 class StudyFactor:
-    """Something that a study of overtaking looked at.
+    """A factor in a study of overtaking.
 
     Attributes:
         name: Its name.
-        columns: Our columns that measure it, as table.column; empty if none does.
-        category: A the vehicle ahead, B those around, C the ego; None if the study has none.
-        accuracy_percent: Accuracy of the study's model with this factor and those before it, 0 to
-            100; None if the study did not rank its factors.
+        columns: Columns of our tables that measure it, as table.column.
+        category: A: vehicle ahead, B: other vehicles, C: ego; None: not reported.
+        accuracy_percent: Accuracy of the study's model with this factor and those before it
+            [0, 100]; None: factors are not ranked.
     """
 
     name: str
     columns: tuple[str, ...]
-    category: str | None = None
+    category: Literal["A", "B", "C"] | None = None
     accuracy_percent: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, config=_CHECKED)
 class Study:
-    """A study of what decides about an overtake.
+    """A study of overtaking decisions.
 
     Attributes:
         id: Short name.
         name: Authors and year.
-        about: What it is about.
-        finding: What it found.
+        about: Its subject.
+        finding: Its result.
         source: Id of the reference.
-        factors: What it looked at, by rank if it ranked them.
-        remark: Where the paper's account and its table part; None if they do not.
+        factors: The factors, by rank if it ranked them.
+        remark: Where the paper's text contradicts its table; None if it does not.
     """
 
     id: str
     name: str
     about: str
     finding: str
-    source: str
+    source: Cited
     factors: tuple[StudyFactor, ...]
     remark: str | None = None

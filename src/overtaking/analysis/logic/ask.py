@@ -1,4 +1,4 @@
-"""Questions to a data set: which simulations, vehicles and frames make a condition true."""
+"""Questions to a data set: which simulations, vehicles and frames meet a condition."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from overtaking.analysis.logic import facts as writing
-from overtaking.analysis.logic.export import check_every
+from overtaking.analysis.logic.facts import EVERY, group_text
 from overtaking.analysis.logic.question import ANSWER, Column, question, refused
 from overtaking.analysis.logic.reasoning import (
     MAX_ROWS,
@@ -16,14 +15,13 @@ from overtaking.analysis.logic.reasoning import (
     ProgramError,
     Reasoner,
 )
-from overtaking.analysis.logic.source import I64, Group, groups
+from overtaking.analysis.logic.source import I64, groups
 from overtaking.core.bounds import room_after
+from overtaking.core.checks import check_least
 from overtaking.core.summary import Summarized
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from overtaking.analysis.logic.facts import Demand
+    from overtaking.core.steps import Progress
     from overtaking.data.load import Dataset
 
 Value = int | str
@@ -31,13 +29,13 @@ Value = int | str
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answers(Summarized):
-    """What answers a question.
+    """The answers to a question.
 
     Attributes:
         columns: The variables of the question.
-        rows: What they are, in order; as many as were asked for.
-        is_cut: Whether there are more.
-        num_asked: How many simulations were asked.
+        rows: Their values, in order.
+        is_cut: Whether there are more than the limit.
+        num_asked: Number of simulations that were asked.
         frame_interval_ms: Time between two frames [ms].
     """
 
@@ -53,30 +51,30 @@ def ask(
     text: str,
     *,
     chosen: I64 | None = None,
-    every: int = writing.EVERY,
+    every: int = EVERY,
     max_rows: int = MAX_ROWS,
     timeout_s: float = TIMEOUT_S,
     memory_mib: int = MEMORY_MIB,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Answers:
     """Ask a data set a question; each simulation is asked on its own.
 
     Args:
         data: The data set.
-        text: A condition in the words of facts, theory and law, in clingo's language.
+        text: A condition on the predicates of facts, theory and law, in clingo's language.
         chosen: Numbers of the simulations in order; all of them if left out.
-        every: Every how many frames positions are looked at, as in an export.
-        max_rows: How many answers to give at most.
-        timeout_s: How long the reasoner may take [s].
-        memory_mib: How much memory it may use [MiB]; the answers may take an eighth of it.
+        every: Interval between known positions [frames], as in an export.
+        max_rows: Most answers.
+        timeout_s: Time limit of the reasoner [s].
+        memory_mib: Memory limit [MiB]; the answers may take an eighth of it.
         progress: Called with the number of simulations that are done, and of all.
 
     Raises:
-        ConfigError: It is no question, or needs more time or memory than it may.
+        ConfigError: It is no question, or exceeds its time or memory.
         DatasetError: A file of the data set is damaged.
         MissingExtraError: clingo is not installed.
     """
-    check_every(every)
+    check_least(every, 1, what="--every", where="logic", unit="frame")
     asked = question(text)
     rows: list[tuple[Value, ...]] = []
     num_asked, interval, room = 0, 0, None
@@ -89,7 +87,7 @@ def ask(
     ) as reasoner:
         for group in groups(data, chosen):
             interval = group.case.signals.frame_interval_ms
-            found = _answers(reasoner, group_text(group, asked.needed.demand, every))
+            found = _answers(reasoner, group_text(group, asked.demand, every))
             room = room_after(room, found, "ask", memory_mib)
             rows += found
             num_asked += len(group.numbers)
@@ -104,15 +102,6 @@ def ask(
         num_asked=num_asked,
         frame_interval_ms=interval,
     )
-
-
-def group_text(group: Group, demand: Demand, every: int) -> bytes:
-    """The facts of a group, those of the road included."""
-    recorded = group.case.trajectories
-    interval = recorded.scenario.frame_interval_ms
-    shared = writing.shared_facts(recorded.road, recorded.unknown, interval, demand)
-    own = writing.facts(group.case, group.numbers, demand, every=every, labels=group.labels)
-    return writing.pooled_text(shared) + writing.pooled_text(own)
 
 
 def _answers(reasoner: Reasoner, facts: bytes) -> list[tuple[Value, ...]]:

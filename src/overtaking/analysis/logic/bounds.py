@@ -1,7 +1,6 @@
-"""That no sum and no product leaves 32 bits, where clingo would wrap it without a word.
+"""Finds sums and products that may leave 32 bits, where clingo would wrap silently.
 
-Every argument has a type with a range; the ranges of variables follow, and with them those of all
-terms that are worked out from them.
+Every argument has a type with a range. The ranges of variables and of all computed terms follow.
 """
 
 # clingo's syntax trees are typed as nodes of any kind.
@@ -9,17 +8,14 @@ terms that are worked out from them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import permutations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from overtaking.analysis.logic.clauses import children, declared, reasoner
+from overtaking.analysis.logic.clauses import declared, kind, reasoner, within
 from overtaking.analysis.logic.vocabulary import COUNT, LARGEST
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-
-    from overtaking.analysis.logic.vocabulary import Type
 
 Range = tuple[int, int]
 
@@ -28,17 +24,16 @@ _EQUAL = 5  # clingo.ast.ComparisonOperator.Equal
 _PLUS, _MINUS, _TIMES, _DIVIDED, _MODULO = 3, 4, 5, 6, 7  # clingo.ast.BinaryOperator
 _NEGATED, _ABSOLUTE = 0, 2  # clingo.ast.UnaryOperator
 _ASSIGNMENTS = 8
-"""Rounds in which ranges go from one assignment to the next; no rule has a longer chain."""
+"""Most assignments in a chain from which the range of a variable follows."""
 
 
-@dataclass(frozen=True, slots=True)
-class Overflow:
+class Overflow(NamedTuple):
     """A term that may leave 32 bits.
 
     Attributes:
         text: The term.
-        low: Least value that it may have.
-        high: Largest value that it may have.
+        low: The smallest value that it may have.
+        high: The largest.
     """
 
     text: str
@@ -54,28 +49,18 @@ def overflows(trees: Iterable[Any]) -> list[Overflow]:
     """
     parts = list(trees)
     ranges = ranges_of(parts)
-    found: list[Overflow] = []
-    for tree in within(parts):
-        low, high = range_of(tree, ranges)
-        if low < _ANY[0] or high > _ANY[1]:
-            found.append(Overflow(str(tree), low, high))
-    return found
-
-
-def within(trees: Iterable[Any]) -> Iterator[Any]:
-    """Syntax trees and all their parts."""
-    for tree in trees:
-        yield tree
-        yield from within(children(tree))
+    found = [Overflow(str(tree), *range_of(tree, ranges)) for tree in within(parts)]
+    return [one for one in found if one.low < _ANY[0] or one.high > _ANY[1]]
 
 
 def ranges_of(parts: list[Any]) -> dict[str, Range]:
-    """Where the variables of a rule lie: within every argument that they are."""
-    kind, ranges = reasoner().ast.ASTType, dict[str, Range]()
+    """The ranges of the variables of a rule: within the range of every argument that they are."""
+    ranges: dict[str, Range] = {}
     for tree in within(parts):
-        if tree.ast_type == kind.Function:
-            for argument, of in zip(tree.arguments, _types(tree), strict=False):
-                if argument.ast_type == kind.Variable and not of.names:
+        if kind(tree) == "Function":
+            types = declared().get((tree.name, len(tree.arguments)), ())
+            for argument, of in zip(tree.arguments, types, strict=False):
+                if kind(argument) == "Variable" and not of.names:
                     old = ranges.get(argument.name, _ANY)
                     ranges[argument.name] = (max(old[0], of.low), min(old[1], of.high))
     for _ in range(_ASSIGNMENTS):
@@ -85,40 +70,34 @@ def ranges_of(parts: list[Any]) -> dict[str, Range]:
     return ranges
 
 
-def _types(function: Any) -> tuple[Type, ...]:
-    return declared().get((function.name, len(function.arguments)), ())
-
-
 def _assigned(tree: Any, ranges: dict[str, Range]) -> Iterator[tuple[str, Range]]:
-    """Variables that a comparison or an aggregate gives a value to."""
-    kind = reasoner().ast.ASTType
-    if tree.ast_type == kind.Comparison:
+    """The variables that a comparison or an aggregate assigns, with their ranges."""
+    if kind(tree) == "Comparison":
         sides = [tree.term, *(guard.term for guard in tree.guards)]
         is_equation = all(guard.comparison == _EQUAL for guard in tree.guards)
         for one, other in permutations(sides if is_equation else [], 2):
-            if one.ast_type == kind.Variable:
+            if kind(one) == "Variable":
                 yield one.name, range_of(other, ranges)
-    if tree.ast_type == kind.BodyAggregate:
+    if kind(tree) == "BodyAggregate":
         for guard in (tree.left_guard, tree.right_guard):
-            if guard is not None and guard.term.ast_type == kind.Variable:
+            if guard is not None and kind(guard.term) == "Variable":
                 yield guard.term.name, (COUNT.low, COUNT.high) if tree.function == 0 else _ANY
 
 
 def range_of(tree: Any, ranges: dict[str, Range]) -> Range:
-    """The least and the largest value that a term may have; anything else is zero."""
-    ast = reasoner().ast
-    kind = ast.ASTType
-    if tree.ast_type == kind.Variable:
+    """The smallest and the largest value of a term; (0, 0) for what is no number."""
+    of = kind(tree)
+    if of == "Variable":
         return ranges.get(tree.name, _ANY)
-    if tree.ast_type == kind.SymbolicTerm:
+    if of == "SymbolicTerm":
         symbol = tree.symbol
         number = symbol.number if symbol.type == reasoner().SymbolType.Number else 0
         return number, number
-    if tree.ast_type == kind.UnaryOperation:
+    if of == "UnaryOperation":
         return _unary(tree, range_of(tree.argument, ranges))
-    if tree.ast_type == kind.BinaryOperation:
+    if of == "BinaryOperation":
         return _binary(tree, range_of(tree.left, ranges), range_of(tree.right, ranges))
-    if tree.ast_type == kind.Interval:
+    if of == "Interval":
         left, right = range_of(tree.left, ranges), range_of(tree.right, ranges)
         return min(left[0], right[0]), max(left[1], right[1])
     return 0, 0
@@ -146,4 +125,4 @@ def _binary(tree: Any, left: Range, right: Range) -> Range:
     if operator == _MODULO:
         most = max(abs(right[0]), abs(right[1]))
         return -most, most
-    return _ANY[0] * 2, _ANY[1] * 2  # Powers and bits: there is no need of them.
+    return _ANY[0] * 2, _ANY[1] * 2  # Powers and bits count as overflows: nobody needs them.

@@ -1,4 +1,4 @@
-"""The reasoner in a worker process, with limits that a program cannot exceed."""
+"""Clingo in a worker process, with limits that a program cannot exceed."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _answer(asked: dict[str, Any], facts: bytes) -> dict[str, Any]:
 
 
 def _rows(asked: dict[str, Any], facts: str, said: list[str]) -> list[list[Any]]:
-    """The arguments of all atoms of the predicates that are asked for, after their names."""
+    """The arguments of all atoms of the predicates that are asked for."""
     control = clingo.Control(logger=lambda _, line: said.append(line))
     control.add("base", [], asked["program"])
     control.add("base", [], facts)
@@ -53,7 +53,7 @@ def _rows(asked: dict[str, Any], facts: str, said: list[str]) -> list[list[Any]]
 
 
 def _value(symbol: Any) -> Any:
-    """A number, a name, or the list of a tuple; of a function its name before its arguments."""
+    """A number or a name; of a tuple the list, of a function the list with its name first."""
     if symbol.type == clingo.SymbolType.Number:
         return symbol.number
     if symbol.type == clingo.SymbolType.Function and symbol.arguments:

@@ -1,4 +1,4 @@
-"""Programs taken apart: the rules, what each reads, and which of them a question needs."""
+"""The rules of programs: what each reads, and which of them a question needs."""
 
 # clingo's syntax trees are typed as nodes of any kind.
 # pyright: reportAttributeAccessIssue=false
@@ -12,17 +12,10 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from overtaking.analysis.logic import vocabulary as words
 from overtaking.analysis.logic.export import PROGRAMS
-from overtaking.analysis.logic.facts import BY_NAME, Demand, Pattern
-from overtaking.analysis.logic.vocabulary import (
-    FACTS,
-    LAW,
-    THEORY,
-    TYPES,
-    Predicate,
-    Signature,
-    Type,
-)
+from overtaking.analysis.logic.facts import Demand, Pattern
+from overtaking.analysis.logic.vocabulary import BY_NAME, Signature, Type
 from overtaking.core.errors import MissingExtraError
 
 if TYPE_CHECKING:
@@ -38,20 +31,20 @@ _PREAMBLE = "#const ego = 0.\n"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Term:
-    """An argument: a constant, a variable, or something that is worked out.
+    """An argument: a constant, a variable, or a computed term.
 
     Attributes:
-        constant: Its text, None if it is none.
-        variable: Its name, None if it is none; `_` is one of its own.
+        constant: Text of a constant, else None.
+        variable: Name of a variable, else None.
     """
 
     constant: str | None = None
     variable: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Atom:
-    """A predicate with arguments, as it stands in a rule."""
+    """A predicate with arguments in a rule."""
 
     name: str
     arguments: tuple[Term, ...]
@@ -62,7 +55,7 @@ class Atom:
         return self.name, len(self.arguments)
 
     def pattern(self, binding: dict[str, str]) -> Pattern:
-        """The constants that its arguments are, some variables being known."""
+        """The constants among its arguments, given the values of some variables."""
         return tuple(
             term.constant if term.variable is None else binding.get(term.variable)
             for term in self.arguments
@@ -76,9 +69,9 @@ class Clause:
     Attributes:
         tree: Its syntax tree.
         text: The rule as clingo prints it.
-        gloss: What an instance says, with variables in braces; empty if nothing is said.
-        heads: What it concludes; several only for facts.
-        body: All that it reads, negated or not, in aggregates too.
+        gloss: What an instance says, with variables in braces; may be empty.
+        heads: Its conclusions; several only for facts.
+        body: All atoms that it reads, negated or not, in aggregates too.
     """
 
     tree: Any
@@ -88,23 +81,20 @@ class Clause:
     body: tuple[Atom, ...]
 
     def bindings(self, name: str, pattern: Pattern) -> Iterator[dict[str, str]]:
-        """What is known of its variables where a pattern is asked for; nothing if it cannot be."""
+        """The variables that a pattern of its head gives a value to, for each head that fits."""
         for head in self.heads:
-            if head.signature != (name, len(pattern)):
-                continue
-            pairs = list(zip(head.arguments, pattern, strict=True))
-            if all(
-                None in (term.constant, asked) or term.constant == asked for term, asked in pairs
-            ):
-                yield {
-                    term.variable: asked
-                    for term, asked in pairs
-                    if term.variable is not None and asked is not None
-                }
+            if head.signature == (name, len(pattern)):
+                asked = [pair for pair in zip(head.arguments, pattern, strict=True) if pair[1]]
+                if all(term.constant in (None, value) for term, value in asked):
+                    yield {one.variable: value for one, value in asked if one.variable and value}
 
 
 def reasoner() -> Any:
-    """clingo, which not everybody has."""
+    """The module clingo.
+
+    Raises:
+        MissingExtraError: clingo is not installed.
+    """
     try:
         clingo = import_module("clingo")
         import_module("clingo.ast")
@@ -127,8 +117,8 @@ def knowledge() -> tuple[Clause, ...]:
     return tuple(clause for file in FILES for clause in program(file))
 
 
-# At the end of a process clingo may go before its trees, each of which then says on standard error
-# that it could not be released: they are let go of before.
+# At exit, clingo may be unloaded before its trees, each of which then complains on standard error:
+# release the trees first.
 atexit.register(program.cache_clear)
 atexit.register(knowledge.cache_clear)
 
@@ -152,21 +142,30 @@ def clauses(text: str) -> tuple[Clause, ...]:
 
 
 def _gloss(lines: list[str], line: int) -> str:
-    """The comment above a line, if it says what an instance says."""
+    """The gloss above a line, if there is one."""
     above = lines[line - 2] if line > 1 else ""
     return above.removeprefix(_GLOSS) if above.startswith(_GLOSS) else ""
 
 
 def _atoms_in(trees: Iterable[Any]) -> Iterator[Atom]:
-    """All atoms in syntax trees, in order."""
-    kind = reasoner().ast.ASTType
+    """All atoms in syntax trees, in order; of a pool such as rule(l1;l2) each."""
+    for tree in within(trees):
+        if kind(tree) == "SymbolicAtom":
+            symbol = tree.symbol
+            for one in symbol.arguments if kind(symbol) == "Pool" else (symbol,):
+                yield Atom(one.name, tuple(_term(each) for each in one.arguments))
+
+
+def kind(tree: Any) -> str:
+    """The name of the kind of a syntax tree, one of `clingo.ast.ASTType`."""
+    return tree.ast_type.name
+
+
+def within(trees: Iterable[Any]) -> Iterator[Any]:
+    """Syntax trees and all their parts, in order."""
     for tree in trees:
-        if tree.ast_type == kind.SymbolicAtom:
-            for symbol in _alternatives(tree.symbol):
-                arguments = tuple(term_of(one) for one in symbol.arguments)
-                yield Atom(name=symbol.name, arguments=arguments)
-        else:
-            yield from _atoms_in(children(tree))
+        yield tree
+        yield from within(children(tree))
 
 
 def children(tree: Any) -> Iterator[Any]:
@@ -180,31 +179,19 @@ def children(tree: Any) -> Iterator[Any]:
             yield from part
 
 
-def _alternatives(symbol: Any) -> Iterator[Any]:
-    """The atoms of a pool such as rule(l1;l2), or the one that there is."""
-    kind = reasoner().ast.ASTType
-    if symbol.ast_type == kind.Pool:
-        yield from symbol.arguments
-    else:
-        yield symbol
-
-
-def term_of(tree: Any) -> Term:
+def _term(tree: Any) -> Term:
     """An argument as it is written."""
-    kind = reasoner().ast.ASTType
-    if tree.ast_type == kind.Variable:
+    if kind(tree) == "Variable":
         return Term(variable=tree.name)
-    if tree.ast_type == kind.SymbolicTerm:
-        return Term(constant=str(tree.symbol))
-    return Term()
+    return Term(constant=str(tree.symbol) if kind(tree) == "SymbolicTerm" else None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Needed:
-    """What answers a question.
+    """The rules and facts that a question needs.
 
     Attributes:
-        clauses: The rules that may have a part in it.
+        clauses: The rules that the answer may depend on.
         demand: The facts that they read.
     """
 
@@ -213,7 +200,7 @@ class Needed:
 
     @property
     def text(self) -> str:
-        """The rules as a program; predicates without facts are empty in it."""
+        """The rules as a program, in which predicates without facts are empty."""
         defined = "".join(
             f"#defined {name}/{len(BY_NAME[name].arguments)}.\n" for name in self.demand.patterns
         )
@@ -223,25 +210,23 @@ class Needed:
 def needed(rules: Iterable[Clause], goals: Iterable[tuple[str, Pattern]]) -> Needed:
     """The rules and facts that goals depend on.
 
-    Constants are followed from the goals into the rules, so that a question about one rule of law
-    reads what that rule reads. Whatever follows besides the goals may be incomplete.
+    Constants are propagated from the goals into the rules, so that a question about one rule of law
+    reads only what that rule reads. Other conclusions of the rules may be incomplete.
 
     Args:
-        rules: All rules that there are.
+        rules: All rules.
         goals: Predicates with the constants that their arguments must be.
     """
-    known, waiting = set[tuple[str, Pattern]](), list(goals)
-    everything = tuple(rules)
+    known, waiting, everything = set[tuple[str, Pattern]](), list(goals), tuple(rules)
     used = set[int]()
     while waiting:
         goal = waiting.pop()
-        if goal in known:
-            continue
-        known.add(goal)
-        for place, clause in enumerate(everything):
-            for binding in clause.bindings(*goal):
-                used.add(place)
-                waiting += [(atom.name, atom.pattern(binding)) for atom in clause.body]
+        if goal not in known:
+            known.add(goal)
+            for place, clause in enumerate(everything):
+                for binding in clause.bindings(*goal):
+                    used.add(place)
+                    waiting += [(atom.name, atom.pattern(binding)) for atom in clause.body]
     patterns: dict[str, frozenset[Pattern]] = {}
     for name, pattern in known:
         if name in BY_NAME and len(pattern) == len(BY_NAME[name].arguments):
@@ -253,19 +238,13 @@ def needed(rules: Iterable[Clause], goals: Iterable[tuple[str, Pattern]]) -> Nee
 
 
 @cache
-def predicates() -> dict[Signature, Predicate]:
-    """Every predicate that may be asked for, by name and number of arguments."""
-    return {one.signature: one for one in (*FACTS, *THEORY, *LAW)}
-
-
-@cache
 def declared() -> dict[Signature, tuple[Type, ...]]:
     """The types of the arguments of every predicate, those of the programs' own too."""
     found = {
-        one.signature: tuple(kind for _, kind in one.arguments) for one in predicates().values()
+        one.signature: tuple(of for _, of in one.arguments) for one in words.PREDICATES.values()
     }
     for file in FILES:
         for name, types in _DECLARED.findall((PROGRAMS / file).read_text(encoding="utf-8")):
-            kinds = tuple(TYPES[one.strip()] for one in types.split(",")) if types else ()
+            kinds = tuple(words.TYPES[one.strip()] for one in types.split(",")) if types else ()
             found[name, len(kinds)] = kinds
     return found

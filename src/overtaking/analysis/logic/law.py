@@ -1,16 +1,16 @@
-"""The law as a logic program: its verdicts on simulations, from measurements alone."""
+"""The law as a logic program: verdicts on simulations, from measurements alone."""
 
 from __future__ import annotations
 
 import atexit
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.analysis.logic.ask import group_text
 from overtaking.analysis.logic.clauses import needed, program
+from overtaking.analysis.logic.facts import group_text
 from overtaking.analysis.logic.reasoning import MEMORY_MIB, TIMEOUT_S, Reasoner
 from overtaking.analysis.logic.vocabulary import MAX_FRAME, RULE, VERDICT
 from overtaking.labels.law import PORTUGAL
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
     from overtaking.analysis.logic.source import Group
 
 CODES = ("L1", "L2", "L3", "L5", "L8", "L9", "L12", "L13", "L16", "L18", "L20", "L21")
-"""The rules that are there a second time."""
+"""The rules that are written as a logic program too."""
 
 NO_VERDICT = 255
-"""Where the program says nothing, or two things."""
+"""The program derives no verdict, or two."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdicts:
-    """What the program says of some simulations; arrays have shape (simulation, rule of `CODES`).
+    """Verdicts of the program; arrays have shape (simulation, rule of `CODES`).
 
     Attributes:
         verdict: `model.labels.Verdict`, or `NO_VERDICT`.
@@ -52,18 +52,18 @@ atexit.register(law.cache_clear)  # Like the programs of `clauses`.
 
 
 def lawyer(*, timeout_s: float = TIMEOUT_S, memory_mib: int = MEMORY_MIB) -> Reasoner:
-    """A reasoner that knows the law; to be used as a context, and asked with `judged`.
+    """A reasoner with the program of law: a context, for `judged`.
 
     Args:
-        timeout_s: How long it may reason, all groups together [s].
-        memory_mib: How much memory it may use [MiB].
+        timeout_s: Time limit for all groups together [s].
+        memory_mib: Memory limit [MiB].
     """
     asked = (("verdict", 3), ("breach", 3))
     return Reasoner(law().text, asked, timeout_s=timeout_s, memory_mib=memory_mib)
 
 
 def judged(reasoner: Reasoner, group: Group) -> Verdicts:
-    """What the law says of a group.
+    """Verdicts of the law on a group.
 
     Args:
         reasoner: A `lawyer`.
@@ -72,18 +72,18 @@ def judged(reasoner: Reasoner, group: Group) -> Verdicts:
     rows = reasoner.rows(group_text(group, law().demand, MAX_FRAME))
     place = {int(number): row for row, number in enumerate(group.numbers)}
     column = {code.lower(): index for index, code in enumerate(CODES)}
-    shape = (len(group.numbers), len(CODES))
-    said: list[dict[tuple[int, int], set[Any]]] = [{}, {}]
+    verdicts: dict[tuple[int, int], set[str]] = {}
+    first = np.full((len(place), len(column)), NEVER)
     for number, rule, what in rows:
-        is_breach = isinstance(what, int)
-        said[is_breach].setdefault((place[number], column[rule]), set()).add(what)
-    verdict = np.full(shape, NO_VERDICT, np.uint8)
-    first = np.full(shape, NEVER)
-    for where, found in said[0].items():
+        at = place[number], column[rule]
+        if isinstance(what, int):  # The frame of a breach.
+            first[at] = what if first[at] == NEVER else min(what, first[at])
+        else:
+            verdicts.setdefault(at, set()).add(what)
+    verdict = np.full(first.shape, NO_VERDICT, np.uint8)
+    for at, found in verdicts.items():
         if len(found) == 1:
-            verdict[where] = VERDICT.names.index(next(iter(found)))
-    for where, found in said[1].items():
-        first[where] = min(found)
+            verdict[at] = VERDICT.names.index(found.pop())
     return Verdicts(verdict=verdict, first=first)
 
 

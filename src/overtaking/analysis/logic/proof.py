@@ -1,7 +1,7 @@
 """Proofs: the facts and the instances of rules from which a breach of the law follows.
 
-Beside each rule of the program stands one that writes down its instances. What is shown is thus
-clingo's own derivation; nothing of it comes from the rules in Python.
+For each rule of the program, a second rule records its instances. A proof is thus clingo's own
+derivation, independent of the rules in Python.
 """
 
 # clingo's syntax trees are typed as nodes of any kind.
@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
-from overtaking.analysis.logic.ask import group_text
-from overtaking.analysis.logic.clauses import needed, program, reasoner
+from overtaking.analysis.logic.clauses import kind, needed, program, reasoner
+from overtaking.analysis.logic.facts import group_text
 from overtaking.analysis.logic.question import variables_of
 from overtaking.analysis.logic.reasoning import MEMORY_MIB, TIMEOUT_S, Reasoner
 from overtaking.analysis.logic.vocabulary import MAX_FRAME
@@ -38,13 +38,13 @@ class Step:
     """An instance of a rule.
 
     Attributes:
-        atom: What it concludes.
-        says: The same in words; the atom where there are none.
-        conditions: Comparisons that hold, with their values.
-        facts: Facts that it reads.
-        absent: What does not hold.
-        because: The instances from which the rest of what it reads follows.
-        num_skipped: How many more instances of the same rule lie between it and those.
+        atom: Its conclusion.
+        says: The conclusion in words; the atom where the rule has no gloss.
+        conditions: The comparisons that hold, with their values.
+        facts: The facts that it reads.
+        absent: The literals that must not hold.
+        because: The instances from which the other atoms that it reads follow.
+        num_skipped: Number of instances of the same rule between it and those.
     """
 
     atom: str
@@ -64,7 +64,7 @@ class Proof:
         rule: Name of the rule in the program.
         first: First frame of the breach.
         last: Last frame of the breach.
-        num_frames: How many frames it is broken in.
+        num_frames: Number of frames in which it is broken.
         step: The proof for the first frame.
     """
 
@@ -77,12 +77,12 @@ class Proof:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Recorded:
-    """A rule whose instances are written down.
+    """A rule whose instances are recorded.
 
     Attributes:
         clause: The rule.
         names: Its variables.
-        text: The rule that writes its instances down.
+        text: The rule that records its instances.
     """
 
     clause: Clause
@@ -93,15 +93,15 @@ class _Recorded:
 def proofs(
     group: Group, *, timeout_s: float = TIMEOUT_S, memory_mib: int = MEMORY_MIB
 ) -> tuple[Proof, ...]:
-    """Why each rule that one simulation breaks is broken; empty if it breaks none of the program.
+    """A proof for each rule of the program that one simulation breaks.
 
     Args:
         group: That simulation.
-        timeout_s: How long the reasoner may take [s].
-        memory_mib: How much memory it may use [MiB].
+        timeout_s: Time limit of the reasoner [s].
+        memory_mib: Memory limit [MiB].
 
     Raises:
-        ConfigError: It needs more time or memory than it may.
+        ConfigError: It exceeds its time or memory.
         MissingExtraError: clingo is not installed.
     """
     asked = needed(program("law.lp"), [("illegal", (None,) * 2)])
@@ -114,32 +114,30 @@ def proofs(
 
 
 def _recorded(place: int, clause: Clause) -> _Recorded:
-    """A rule and its place, as one that writes instances down."""
-    kind = reasoner().ast.ASTType
+    """A rule and its place, as one that records instances."""
     fresh = count()
     body = [
         _named(literal, fresh) if _is_read(literal) else literal for literal in clause.tree.body
     ]
-    read = ",".join(str(literal) for literal in body if _is_read(literal))
-    names = tuple(variables_of(body))
-    head = clause.tree.head
-    is_pool = head.atom.ast_type == kind.SymbolicAtom and head.atom.symbol.ast_type == kind.Pool
+    names, head = tuple(variables_of(body)), clause.tree.head
+    is_pool = kind(head.atom) == "SymbolicAtom" and kind(head.atom.symbol) == "Pool"
     if not body or is_pool:
         return _Recorded(clause=clause, names=(), text="")
-    arguments = f"{place},{head},({read + ',' if read else ''}),({','.join([*names, ''])})"
+    # The trailing commas make tuples of the lists, also of those with one member or none.
+    read = "".join(f"{literal}," for literal in body if _is_read(literal))
+    values = "".join(f"{name}," for name in names)
     condition = "; ".join(str(literal) for literal in body)
-    return _Recorded(clause=clause, names=names, text=f"{_INSTANCE}({arguments}) :- {condition}.")
+    text = f"{_INSTANCE}({place},{head},({read}),({values})) :- {condition}."
+    return _Recorded(clause=clause, names=names, text=text)
 
 
 def _is_read(literal: Any) -> bool:
-    """Whether something is an atom that must hold."""
-    kind = reasoner().ast.ASTType
-    is_atom = literal.ast_type == kind.Literal and literal.atom.ast_type == kind.SymbolicAtom
-    return is_atom and not literal.sign
+    """Whether a literal is an atom that must hold."""
+    return kind(literal) == "Literal" and kind(literal.atom) == "SymbolicAtom" and not literal.sign
 
 
 def _named(tree: Any, fresh: Iterator[int]) -> Any:
-    """The same with a name for each variable that has none."""
+    """The same with a name for each anonymous variable."""
 
     class Names(reasoner().ast.Transformer):
         def visit_Variable(self, node: Any) -> Any:
@@ -149,7 +147,7 @@ def _named(tree: Any, fresh: Iterator[int]) -> Any:
 
 
 class _Derivation:
-    """All instances of rules, by what they conclude."""
+    """All instances of rules, by their conclusions."""
 
     def __init__(self, recorded: list[_Recorded], rows: list[list[Any]]) -> None:
         self._recorded = recorded
@@ -161,7 +159,7 @@ class _Derivation:
             found.sort(key=lambda one: (str(one[0]).zfill(4), [_order(each) for each in one[2]]))
 
     def proofs(self) -> Iterator[Proof]:
-        """One proof for each rule that is broken, in the order of the rules."""
+        """A proof for each broken rule, in the order of the rules."""
         broken: dict[str, set[int]] = {}
         for name, *arguments in self._instances:
             if name == "breach":
@@ -178,42 +176,42 @@ class _Derivation:
             )
 
     def _step(self, atom: Ground) -> Step:
-        """How an atom follows, by the first instance that concludes it."""
+        """The first instance that concludes an atom, with all that it rests on."""
         place, body, values = self._instances[atom][0]
-        end, skipped = self._end_of_chain(place, body, 0)
-        clause, known = (
-            self._recorded[place].clause,
-            dict(zip(self._recorded[place].names, values, strict=True)),
-        )
+        end, skipped = self._end_of_chain(place, body)
+        clause = self._recorded[place].clause
+        known = dict(zip(self._recorded[place].names, values, strict=True))
+        facts = [_text(one) for one in body if one not in self._instances]
         derived = [one for one in end if one in self._instances]
-        facts = [one for one in body if one not in self._instances]
         return Step(
             atom=_text(atom),
-            says=_filled(clause.gloss, known) or _text(atom),
-            conditions=tuple(_conditions(clause, known)),
-            facts=tuple(dict.fromkeys(_text(one) for one in facts)),
-            absent=tuple(_absent(clause, known)),
+            says=re.sub(r"\{(\w+)\}", lambda at: str(known[at[1]]), clause.gloss) or _text(atom),
+            conditions=tuple(
+                _put(literal, known)
+                for literal in clause.tree.body
+                if kind(literal) == "Literal" and kind(literal.atom) != "SymbolicAtom"
+            ),
+            facts=tuple(dict.fromkeys(facts)),
+            absent=tuple(
+                _put(literal, known) for literal in clause.tree.body if getattr(literal, "sign", 0)
+            ),
             because=tuple(self._step(one) for one in dict.fromkeys(derived)),
             num_skipped=skipped,
         )
 
-    def _end_of_chain(
-        self, place: int, body: list[Ground], skipped: int
-    ) -> tuple[list[Ground], int]:
-        """What a rule that leads back to itself begins with, and how many instances lie between."""
+    def _end_of_chain(self, place: int, body: list[Ground]) -> tuple[list[Ground], int]:
+        """What a recursive rule begins with, and how many of its instances lie between."""
+        skipped = 0
         while True:
-            again = [
-                one
-                for one in body
-                if one in self._instances and self._instances[one][0][0] == place
-            ]
+            again = [self._instances[one][0] for one in body if one in self._instances]
+            again = [one for one in again if one[0] == place]
             if not again:
                 return body, skipped
-            body, skipped = self._instances[again[0]][0][1], skipped + 1
+            body, skipped = again[0][1], skipped + 1
 
 
 def _ground(term: Any) -> Ground:
-    """An atom as clingo gives it back; one without arguments is its name."""
+    """An atom as clingo returns it; one without arguments is its name."""
     return tuple(term) if isinstance(term, list) else (term,)
 
 
@@ -226,29 +224,8 @@ def _text(atom: Ground) -> str:
     return f"{name}({','.join(str(one) for one in arguments)})" if arguments else str(name)
 
 
-def _filled(gloss: str, known: dict[str, Any]) -> str:
-    return re.sub(r"\{(\w+)\}", lambda found: str(known[found[1]]), gloss)
-
-
-def _conditions(clause: Clause, known: dict[str, Any]) -> Iterator[str]:
-    """The comparisons and counts of a rule, with the values of its variables."""
-    kind = reasoner().ast.ASTType
-    for literal in clause.tree.body:
-        if literal.ast_type == kind.Literal and literal.atom.ast_type != kind.SymbolicAtom:
-            yield _put(str(literal), known)
-
-
-def _absent(clause: Clause, known: dict[str, Any]) -> Iterator[str]:
-    """What the rule asks not to hold."""
-    for literal in clause.tree.body:
-        if getattr(literal, "sign", 0):
-            yield _put(str(literal), known)
-
-
-def _put(text: str, known: dict[str, Any]) -> str:
-    found = _VARIABLE.sub(lambda name: str(known.get(name[0], name[0])), text)
-    return (
-        found[1:-1]
-        if found.startswith("(") and found.endswith(")") and "(" not in found[1:]
-        else found
-    )
+def _put(literal: Any, known: dict[str, Any]) -> str:
+    """A literal with the values of its variables, without brackets around all of it."""
+    found = _VARIABLE.sub(lambda name: str(known.get(name[0], name[0])), str(literal))
+    is_bracketed = found.startswith("(") and found.endswith(")") and "(" not in found[1:]
+    return found[1:-1] if is_bracketed else found

@@ -1,4 +1,4 @@
-"""A question in the words of the theory: read, checked, and refused where it is no question."""
+"""Reads a question, and refuses what is none."""
 
 # clingo's syntax trees are typed as nodes of any kind.
 # pyright: reportAttributeAccessIssue=false
@@ -10,21 +10,16 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from overtaking.analysis.logic.bounds import overflows, range_of, ranges_of, within
-from overtaking.analysis.logic.clauses import (
-    Needed,
-    children,
-    clauses,
-    knowledge,
-    needed,
-    predicates,
-    reasoner,
-)
-from overtaking.analysis.logic.vocabulary import LARGEST, Type
+from overtaking.analysis.logic import clauses as programs
+from overtaking.analysis.logic.bounds import overflows, range_of, ranges_of
+from overtaking.analysis.logic.clauses import kind, reasoner, within
+from overtaking.analysis.logic.vocabulary import LARGEST, PREDICATES, Type
 from overtaking.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from overtaking.analysis.logic.facts import Demand
 
 ANSWER = "answer__"
 """The predicate of the answers."""
@@ -43,13 +38,13 @@ _MOST_SUMMED = 2000
 """A sum over every frame of this much stays within 32 bits."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Column:
     """A variable of a question.
 
     Attributes:
         name: Its name.
-        kind: Its type, None where it is worked out.
+        kind: Its type; None: computed.
     """
 
     name: str
@@ -62,12 +57,12 @@ class Question:
 
     Attributes:
         columns: Its variables, in the order in which they occur.
-        needed: The rules that may have a part in the answer, and the facts that they read.
-        program: Those rules, and the question as one that concludes `ANSWER`.
+        demand: The facts that the answer may depend on.
+        program: The rules that it may depend on, and the question as one that concludes `ANSWER`.
     """
 
     columns: tuple[Column, ...]
-    needed: Needed
+    demand: Demand
     program: str
 
 
@@ -78,41 +73,37 @@ def question(text: str) -> Question:
         text: Such as `overtakes(S,ego,P,F), collides(S,ego,_,_)`.
 
     Raises:
-        ConfigError: It is none, or says what cannot be.
+        ConfigError: It is no question, or cannot be true.
         MissingExtraError: clingo is not installed.
     """
     asked = text.strip().removesuffix(".").strip()
     _check_text(asked)
     tree = _parsed(asked)
-    _check_atoms(tree)
-    types = _types(tree)
+    types = _checked_types(tree)
     for one in overflows([tree.head, *tree.body]):
         raise refused(f"{one.text}, which may be {max(one.high, -one.low):.3g}", _WITHIN)
     _check_sums(tree)
     names = list(variables_of(tree.body))
-    columns = tuple(Column(name=name, kind=types.get(name)) for name in names)
+    columns = tuple(Column(name, types.get(name)) for name in names)
     head = f"{ANSWER}({','.join(names)})" if names else ANSWER
     rule = f"{head} :-\n{asked}\n."
-    (own,) = clauses(rule)
-    found = needed((*knowledge(), own), [(ANSWER, (None,) * len(names))])
-    rules = Needed(
-        clauses=tuple(one for one in found.clauses if one is not own), demand=found.demand
-    )
-    return Question(columns=columns, needed=rules, program=rules.text + rule + "\n")
+    rules = (*programs.knowledge(), *programs.clauses(rule))
+    found = programs.needed(rules, [(ANSWER, (None,) * len(names))])
+    return Question(columns=columns, demand=found.demand, program=found.text)
 
 
 _WITHIN = f"numbers up to {LARGEST}, which is all that clingo's integers hold"
 
 
 def refused(got: str, expected: str, next_step: str = "correct the query") -> ConfigError:
-    """What to say of a question that is none."""
+    """The error of a question that is none."""
     return ConfigError.of(
         what="query", where="ask", expected=expected, got=got, next_step=next_step
     )
 
 
 def _check_text(text: str) -> None:
-    """Refuse whatever could be more than a condition, before anything reads it."""
+    """Refuse any text that could be more than a condition, before clingo reads it."""
     if not text:
         raise refused("nothing", "a condition such as overtakes(S,A,B,F)")
     if len(text) > MAX_CHARACTERS:
@@ -131,14 +122,14 @@ def _check_text(text: str) -> None:
 
 
 def _check_numbers(text: str) -> None:
-    """Refuse numbers that clingo would read as others."""
+    """Refuse numbers that clingo would wrap."""
     for found in _NUMBER.finditer(text):
         if len(found[0]) > len(str(LARGEST)) or int(found[0]) > LARGEST:
             raise refused(found[0], _WITHIN)
 
 
 def _check_depth(text: str) -> None:
-    """Refuse brackets so deep that a reader of them could fail."""
+    """Refuse brackets nested so deeply that a parser could fail."""
     depth = 0
     for character in text:
         depth += (character in "([{|") - (character in ")]}")
@@ -155,14 +146,14 @@ def _parsed(text: str) -> Any:
         )
     except RuntimeError:
         raise refused(located(said, text), "a condition in clingo's language") from None
-    rules = [tree for tree in trees if tree.ast_type != ast.ASTType.Program]
-    if len(rules) != 1 or rules[0].ast_type != ast.ASTType.Rule:
+    rules = [tree for tree in trees if kind(tree) != "Program"]
+    if len(rules) != 1 or kind(rules[0]) != "Rule":
         raise refused(f"{len(rules)} statements", "one condition")
     return rules[0]
 
 
 def located(said: list[str], text: str) -> str:
-    """What clingo says, with the column in the question."""
+    """A message of clingo, with the column in the question."""
     for line in said:
         found = _PLACE.search(line)
         if found is None:
@@ -177,35 +168,46 @@ def located(said: list[str], text: str) -> str:
     return "an error"
 
 
-def _check_atoms(tree: Any) -> None:
-    """Refuse predicates that there are not, and constants that an argument cannot be."""
+def _checked_types(tree: Any) -> dict[str, Type]:
+    """The type of each variable of a question.
+
+    Raises:
+        ConfigError: A predicate is unknown, an argument cannot be a constant, or a variable has
+            two types.
+    """
+    types, where = dict[str, Type](), dict[str, str]()
     for function in _functions(tree.body):
-        name, arity = function.name, len(function.arguments)
-        found = predicates().get((name, arity))
+        signature = function.name, len(function.arguments)
+        found = PREDICATES.get(signature)
         if found is None:
-            raise _unknown(name, arity, function.location.begin.column)
-        for argument, (label, kind) in zip(function.arguments, found.arguments, strict=True):
-            _check_constant(argument, label, kind, found.head)
+            raise _unknown(*signature, function.location.begin.column)
+        for argument, (label, of) in zip(function.arguments, found.arguments, strict=True):
+            if kind(argument) == "SymbolicTerm":
+                _check_constant(argument.symbol, label, of, found.head)
+            if kind(argument) != "Variable" or argument.name == "_":
+                continue
+            name = argument.name
+            if types.setdefault(name, of) != of:
+                old = types[name].name
+                got = f"{name}, a {old} in {where[name]}, and a {of.name} in {found.head}"
+                raise refused(got, "each variable to be one kind of thing")
+            where.setdefault(name, found.head)
+    return types
 
 
-def _check_constant(argument: Any, label: str, kind: Type, head: str) -> None:
-    clingo = reasoner()
-    if argument.ast_type != clingo.ast.ASTType.SymbolicTerm:
-        return
-    symbol = argument.symbol
-    if kind.names and str(symbol) not in kind.names:
-        expected = f"{label} in {head} to be one of {', '.join(kind.names)}"
-        raise refused(str(symbol), expected)
-    is_number = symbol.type == clingo.SymbolType.Number or str(symbol) == "ego"
-    if not kind.names and not is_number:
-        raise refused(str(symbol), f"{label} in {head} to be a number, {kind.about}")
+def _check_constant(symbol: Any, label: str, of: Type, head: str) -> None:
+    if of.names and str(symbol) not in of.names:
+        raise refused(str(symbol), f"{label} in {head} to be one of {', '.join(of.names)}")
+    is_number = symbol.type == reasoner().SymbolType.Number or str(symbol) == "ego"
+    if not of.names and not is_number:
+        raise refused(str(symbol), f"{label} in {head} to be a number, {of.about}")
 
 
 def _unknown(name: str, arity: int, column: int) -> ConfigError:
-    known = predicates()
-    of_name = [one.head for one in known.values() if one.name == name]
-    near = difflib.get_close_matches(name, [one.name for one in known.values()], n=3, cutoff=0.5)
-    guesses = of_name or [one.head for one in known.values() if one.name in near]
+    known = PREDICATES.values()
+    near = difflib.get_close_matches(name, [one.name for one in known], n=3, cutoff=0.5)
+    same = [one.head for one in known if one.name == name]
+    guesses = same or [one.head for one in known if one.name in near]
     expected = " or ".join(guesses[:3]) or "a predicate of facts, theory or law"
     return refused(
         f"{name} with {arity} argument{'' if arity == 1 else 's'} at column {column}",
@@ -216,46 +218,21 @@ def _unknown(name: str, arity: int, column: int) -> ConfigError:
 
 def _functions(trees: Any) -> Iterator[Any]:
     """The atoms of a question."""
-    kind = reasoner().ast.ASTType
-    for tree in trees:
-        if tree.ast_type == kind.SymbolicAtom:
-            if tree.symbol.ast_type != kind.Function:
+    for tree in within(trees):
+        if kind(tree) == "SymbolicAtom":
+            if kind(tree.symbol) != "Function":
                 raise refused(str(tree), "plain atoms, without pools and without minus")
             yield tree.symbol
-        else:
-            yield from _functions(children(tree))
-
-
-def _types(tree: Any) -> dict[str, Type]:
-    """The type of each variable.
-
-    Raises:
-        ConfigError: A variable is of two types.
-    """
-    kind, types, where = reasoner().ast.ASTType, dict[str, Type](), dict[str, str]()
-    for function in _functions(tree.body):
-        found = predicates()[function.name, len(function.arguments)]
-        for argument, (_, of) in zip(function.arguments, found.arguments, strict=True):
-            if argument.ast_type != kind.Variable or argument.name == "_":
-                continue
-            name = argument.name
-            old = types.setdefault(name, of)
-            if old.name != of.name:
-                got = f"{name}, a {old.name} in {where[name]}, and a {of.name} in {found.head}"
-                raise refused(got, "each variable to be one kind of thing")
-            where.setdefault(name, found.head)
-    return types
 
 
 def variables_of(trees: Any) -> Iterator[str]:
     """The variables outside of aggregates and conditions, each once, in order.
 
-    Those that are only in what is negated are left out: nothing gives a value to them.
+    Variables that occur in negated literals only are left out: nothing binds them.
     """
-    kind = reasoner().ast.ASTType
     seen = {"_"}
     for tree in trees:
-        is_negated = tree.ast_type == kind.Literal and tree.sign
+        is_negated = kind(tree) == "Literal" and tree.sign
         for name in () if is_negated else _variables_in(tree):
             if name not in seen:
                 seen.add(name)
@@ -263,24 +240,23 @@ def variables_of(trees: Any) -> Iterator[str]:
 
 
 def _variables_in(tree: Any) -> Iterator[str]:
-    """The variables of a literal, those that are an aggregate's own left out."""
-    kind = reasoner().ast.ASTType
-    if tree.ast_type == kind.Variable:
+    """The variables of a literal, without those that are local to an aggregate."""
+    if kind(tree) == "Variable":
         yield tree.name
-    elif tree.ast_type == kind.BodyAggregate:
+    elif kind(tree) == "BodyAggregate":
         for guard in (tree.left_guard, tree.right_guard):
             if guard is not None:
                 yield from _variables_in(guard.term)
-    elif tree.ast_type not in (kind.ConditionalLiteral, kind.Aggregate):
-        for part in children(tree):
+    elif kind(tree) not in ("ConditionalLiteral", "Aggregate"):
+        for part in programs.children(tree):
             yield from _variables_in(part)
 
 
 def _check_sums(tree: Any) -> None:
-    """Refuse sums of what may be large: over all frames they could wrap."""
+    """Refuse sums of large numbers: over all frames they could wrap."""
     ranges = ranges_of([tree.head, *tree.body])
     for part in within(tree.body):
-        if part.ast_type == reasoner().ast.ASTType.BodyAggregate and part.function in _SUMS:
+        if kind(part) == "BodyAggregate" and part.function in _SUMS:
             for element in part.elements:
                 low, high = range_of(element.terms[0], ranges) if element.terms else (0, 0)
                 if max(-low, high) > _MOST_SUMMED:

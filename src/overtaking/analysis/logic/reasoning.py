@@ -1,4 +1,4 @@
-"""A reasoner that works beside this process: facts in, conclusions out, within bounds."""
+"""Clingo in a process beside this one: facts in, conclusions out, within limits."""
 
 from __future__ import annotations
 
@@ -10,28 +10,26 @@ from overtaking.core.bounds import check_bounds, over
 from overtaking.core.worker import ENDED, Worker
 
 if TYPE_CHECKING:
-    from types import TracebackType
-
     from overtaking.analysis.logic.vocabulary import Signature
 
 MAX_ROWS = 10_000
 TIMEOUT_S = 600.0
 MEMORY_MIB = 2048
-"""Bounds of a question, unless others are asked for."""
+"""Default limits of a question."""
 
 _MOST_READ = 32 * 1024 * 1024
-"""Bytes of facts that a process reads: clingo keeps every term that it has ever seen."""
+"""Bytes of facts after which the process is replaced: clingo never frees a term."""
 
 
 class Reasoner:
-    """A program that is asked of one group of facts after the other; used as a context.
+    """A program that is applied to one group of facts after the other; a context.
 
     Args:
         program: Rules.
-        predicates: Whose atoms are given back; their arguments are the rows.
-        max_rows: How many rows of a group to give at most, and one more.
-        timeout_s: How long it may reason, all groups together [s].
-        memory_mib: How much memory it may use [MiB].
+        predicates: Predicates whose atoms are returned; their arguments are the rows.
+        max_rows: Most rows of a group; one more shows that there are others.
+        timeout_s: Time limit for all groups together [s].
+        memory_mib: Memory limit [MiB].
     """
 
     def __init__(
@@ -46,7 +44,7 @@ class Reasoner:
         """Start the process.
 
         Raises:
-            ConfigError: A bound is none.
+            ConfigError: A limit is out of range.
             MissingExtraError: clingo is not installed.
         """
         reasoner()
@@ -70,20 +68,16 @@ class Reasoner:
         """The reasoner itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """End the process."""
         self._worker.close()
 
     def rows(self, facts: bytes) -> list[list[Any]]:
-        """What follows from some facts: the arguments of each atom that is asked for.
+        """The arguments of each atom of the predicates that follows from some facts.
 
         Raises:
-            ConfigError: It needs more time or memory than it may, or the program is wrong.
+            ConfigError: It exceeds its time or memory.
+            ProgramError: The program is wrong.
         """
         if self._read > _MOST_READ:
             self._worker.close()
@@ -103,14 +97,9 @@ class Reasoner:
         if answer.get("error") == "memory":
             raise over("ask", f"at most {self._memory} MiB of memory", "one that needs more")
         if "error" in answer:
-            raise ProgramError(answer["said"])
+            raise ProgramError(" ".join(answer["said"]))
         return answer["rows"]
 
 
 class ProgramError(Exception):
-    """What clingo says of a program that it cannot use."""
-
-    def __init__(self, said: list[str]) -> None:
-        """Keep what it says, line by line."""
-        super().__init__(" ".join(said))
-        self.said = said
+    """Clingo cannot use a program; the text is what it says."""

@@ -1,26 +1,22 @@
-"""Simulations of a data set in groups, with what facts are made of."""
+"""Simulations of a data set in groups, with recordings, signals, events and classes."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.analysis.logic.facts import Classes
 from overtaking.analysis.logic.vocabulary import CLASS, OUTCOME, POLICY
 from overtaking.data.tables.files import read_rows
-from overtaking.labels.events import find_events
-from overtaking.labels.signals.engine import signals
-from overtaking.labels.signals.target import target_signals
-from overtaking.model.labels import Case
+from overtaking.labels.events import case_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from overtaking.data.load import Dataset
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.labels import Case
 
 I64 = NDArray[np.int64]
 
@@ -35,21 +31,33 @@ class Group:
     Attributes:
         numbers: Their numbers in the data set, shape (simulation,).
         case: Their recordings, with signals and events.
-        labels: Their classes.
-        done: How many simulations of the data set have been looked at, this group included.
+        classes: `OvertakeClass`, shape (simulation, policy); None: not labelled.
+        outcome: `Outcome`, shape (simulation,); None: not labelled.
+        done: Simulations of the data set read so far, this group included.
     """
 
     numbers: I64
     case: Case
-    labels: Classes
-    done: int
+    classes: NDArray[np.integer] | None = None
+    outcome: NDArray[np.integer] | None = None
+    done: int = 0
+
+    def select(self, chosen: NDArray[Any]) -> Group:
+        """Some of them, by a mask or by their places."""
+        return replace(
+            self,
+            numbers=self.numbers[chosen],
+            case=self.case.select(chosen),
+            classes=None if self.classes is None else self.classes[chosen],
+            outcome=None if self.outcome is None else self.outcome[chosen],
+        )
 
 
 def groups(data: Dataset, chosen: I64 | None = None, size: int = GROUP_SIZE) -> Iterator[Group]:
     """The chosen simulations in order, some at a time.
 
     Args:
-        data: The data set; what it did not keep is simulated again.
+        data: The data set; recordings that it did not keep are simulated again.
         chosen: Their numbers in order, all by default.
         size: Most simulations of a group.
 
@@ -57,39 +65,25 @@ def groups(data: Dataset, chosen: I64 | None = None, size: int = GROUP_SIZE) -> 
         DatasetError: A file is damaged, or the simulator has changed.
     """
     for numbers, trajectories in data.batches(chosen):
-        labels = labels_of(data, int(numbers[0]), int(numbers[-1]), numbers)
+        classes, outcome = _labels(data, numbers)
         for begin in range(0, len(numbers), size):
             some = np.arange(begin, min(begin + size, len(numbers)))
             yield Group(
                 numbers=numbers[some],
                 case=case_of(trajectories.select(some)),
-                labels=Classes(classes=labels.classes[some], outcome=labels.outcome[some]),
+                classes=classes[some],
+                outcome=outcome[some],
                 done=int(numbers[some[-1]]) + 1,
             )
 
 
-def case_of(trajectories: Trajectories) -> Case:
-    """All that facts are made of, from recordings of any origin."""
-    seen = signals(trajectories)
-    events = find_events(trajectories, seen)
-    target = target_signals(trajectories, seen, events)
-    return Case(trajectories=trajectories, signals=seen, events=events, target=target)
-
-
-def labels_of(data: Dataset, first: int, last: int, numbers: I64) -> Classes:
-    """The labels of simulations of one file.
-
-    Args:
-        data: The data set.
-        first: The first of them.
-        last: The last of them.
-        numbers: Which of those between.
-    """
+def _labels(data: Dataset, numbers: I64) -> tuple[I64, I64]:
+    """Classes and outcomes of simulations of one file, in the order of their numbers."""
+    first, policies = int(numbers[0]), len(POLICY.names)
     shard = first // data.manifest.identity.shard_size
-    rows = read_rows(data.files("labels")[shard], "labels", first, last)
-    classes = np.array(
-        [CLASS.names.index(name.lower()) for name in rows["class"].to_pylist()]
-    ).reshape(-1, len(POLICY.names))
-    names = rows["outcome"].to_pylist()[:: len(POLICY.names)]
+    rows = read_rows(data.files("labels")[shard], "labels", first, int(numbers[-1]))
+    codes = [CLASS.names.index(name.lower()) for name in rows["class"].to_pylist()]
+    classes = np.array(codes).reshape(-1, policies)
+    names = rows["outcome"].to_pylist()[::policies]
     outcome = np.array([OUTCOME.names.index(name) for name in names])
-    return Classes(classes=classes[numbers - first], outcome=outcome[numbers - first])
+    return classes[numbers - first], outcome[numbers - first]

@@ -1,4 +1,4 @@
-"""The inputs of our simulations that stand beside those of the paper."""
+"""The inputs of our simulations that are compared with those of the paper."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def designs(spec: Spec, road: Road) -> dict[str, float]:
-    """Our inputs by the names that `paper.toml` asks for, in SI.
+    """Our inputs by their names in `paper.toml`, in SI.
 
     Raises:
         ConfigError: The specification places no vehicles, or takes no weather from presets.
@@ -62,5 +62,5 @@ def designs(spec: Spec, road: Road) -> dict[str, float]:
 
 
 def _used(weights: dict[str, float]) -> int:
-    """How many kinds may occur."""
+    """Number of kinds that may occur."""
     return sum(weight > 0.0 for weight in weights.values())

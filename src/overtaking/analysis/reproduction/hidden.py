@@ -1,8 +1,8 @@
-"""What a label hides: which weathers a class must have had, and who overtakes lawfully at night.
+"""The weather that the paper's means imply for each class, and legal overtakes by light.
 
 The paper prints means of fog and rain by class. Its weather comes from a few presets of CARLA, so
-such a mean can only come from some numbers of simulations of each preset; there may be one such
-split, or all of them may agree on how many were at night.
+only some splits of a class over the presets have these means. There may be one split, or all of
+them may agree on the number of nights.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ COMPLETED = (OvertakeClass.SUCCESS_I, OvertakeClass.SUCCESS_L, OvertakeClass.SUC
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inference:
-    """What the means of a class say of its weather, if the presets were used as CARLA has them.
+    """The weather that the means of a class imply, if CARLA's presets were used unmodified.
 
     Attributes:
         scope: The class.
         simulations: Its size.
-        means: The printed means that were used, by feature, as they are printed.
-        splits: How many different splits over weathers have these means.
+        means: The printed means, by feature.
+        splits: Number of splits over weathers that have these means.
         nights: The fewest and the most nights among these splits; None without one.
     """
 
@@ -45,13 +45,13 @@ class Inference:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lawful:
-    """Completed overtakes of one light that a policy calls legal, over all replicates.
+    """Completed overtakes by day or by night, and the legal ones, over all replicates.
 
     Attributes:
-        policy: The policy.
+        policy: The policy that decides on legality.
         is_night: Whether it is night.
-        completed: Completed overtakes.
-        legal: Those of them that are legal.
+        completed: Number of completed overtakes.
+        legal: Number of legal ones among them.
     """
 
     policy: str
@@ -61,7 +61,7 @@ class Lawful:
 
 
 def inferences() -> tuple[Inference, ...]:
-    """Those of the classes whose mean fog is printed."""
+    """The inferences of the classes whose mean fog is printed."""
     found = [one for one in statements().values() if one.of == "FOG" and one.measure == "mean"]
     return tuple(_inference(one.scope) for one in found)
 

@@ -1,4 +1,4 @@
-"""What is computed of each replicate to stand beside a number of the paper."""
+"""The number of each replicate that is compared with a number of the paper."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 POLICY = "paper"
-"""The policy whose classes are compared: it decides by what the paper's columns hold."""
+"""The policy whose classes are compared: it decides by the paper's columns."""
 
 
 def measured(of: Replicates, statement: Statement) -> F64:
-    """The number that a statement is about, in each replicate.
+    """The number of a statement, in each replicate.
 
     Args:
         of: The replicates.
@@ -46,7 +46,7 @@ def measured(of: Replicates, statement: Statement) -> F64:
 
 
 def _within(values: F64, statement: Statement) -> Mask:
-    """Which values lie in a range, ends included; a hair wider, as features are 32-bit numbers."""
+    """Which values lie in a closed range, widened slightly because features are 32-bit numbers."""
     hair = 1e-6 * max(abs(statement.low), abs(statement.high), 1.0)
     return (values >= statement.low - hair) & (values <= statement.high + hair)
 

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from overtaking.data.recipe import Simulator
-    from overtaking.model.events import Events
     from overtaking.model.road import Road
-    from overtaking.model.trajectory import Trajectories
     from overtaking.scenarios import Spec
 
 Array = NDArray[Any]
@@ -45,8 +43,7 @@ FEATURES = {
     "NIGHT": "night",
     "HORIZON": "horizon_line",
 }
-"""What is kept of each simulation, by the paper's names, in SI; weather is in percent there and
-here a share."""
+"""Columns that are kept, by the paper's names, in SI; weather as shares, not percent."""
 
 _PERCENT = ("PREC", "WIND", "FOG")
 _OF_TARGET = ("SP", "DSEP", "D")
@@ -59,8 +56,7 @@ class Replicates:
     Attributes:
         classes: `OvertakeClass` under each policy, by its name.
         columns: `FEATURES` under the paper's reading, and FLYING: 1 for an overtake whose ego never
-            came down to the speed of its target, 0 for another, NaN for none; NaN where there is
-            nothing to measure.
+            slowed down to the speed of its target, 0 for another; NaN: nothing to measure.
     """
 
     classes: dict[str, Array]
@@ -78,17 +74,17 @@ def replicates(
     seed: int,
     number: int,
     simulator: Simulator,
-    progress: Callable[[int, int], None] | None = None,
+    step: Callable[[int], None] | None = None,
 ) -> Replicates:
     """Simulate and label sets of `SIZE` simulations.
 
     Args:
-        spec: What to sample.
-        road: Where.
+        spec: The specification.
+        road: Its road.
         seed: Seed of the random numbers.
-        number: How many sets.
-        simulator: What simulates.
-        progress: Called with the number of simulations that are done, and of all.
+        number: Number of sets.
+        simulator: The simulator.
+        step: Called with the number of further simulations that are done.
     """
     total = number * SIZE
 
@@ -98,23 +94,18 @@ def replicates(
 
     size = min(CHUNK_SIZE, simulator.chunk_size)
     parts: list[dict[str, Array]] = []
-    done = 0
     for part in in_order(work, runs(0, total, size), simulator.threads):
         parts.append(part)
-        done += len(part["SE"])
-        if progress is not None:
-            progress(done, total)
+        if step is not None:
+            step(len(part["SE"]))
     whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     shaped = {name: values.reshape(number, SIZE) for name, values in whole.items()}
-    names = [one.name for one in POLICIES]
-    return Replicates(
-        classes={name: shaped.pop(name) for name in names},
-        columns=shaped,
-    )
+    classes = {one.name: shaped.pop(one.name) for one in POLICIES}
+    return Replicates(classes=classes, columns=shaped)
 
 
 def _kept(labelled: Labelled) -> dict[str, Array]:
-    """What is kept of a piece, by name: features, and classes by policy."""
+    """The columns that are kept of a chunk: features, and classes by policy."""
     found = labelled.paper
     kept: dict[str, Array] = {
         name: np.asarray(getattr(found, field), np.float64) for name, field in FEATURES.items()
@@ -123,18 +114,12 @@ def _kept(labelled: Labelled) -> dict[str, Array]:
         kept[name] = kept[name] / 100.0
     for name in _OF_TARGET:
         kept[name] = np.where(found.has_target, kept[name], np.nan)
-    kept["FLYING"] = _flying(labelled.trajectories, labelled.events)
+    at, is_flying = flying(labelled.trajectories, labelled.events)
+    kept["FLYING"] = np.full(len(kept["SE"]), np.nan)
+    kept["FLYING"][at] = is_flying
     for place, name in enumerate(labelled.labels.policies):
         kept[name] = labelled.labels.classes[:, place]
     return kept
-
-
-def _flying(runs: Trajectories, events: Events) -> Array:
-    """Whether each overtake was flying; NaN where there is none that came alongside."""
-    found = np.full(len(runs.num_frames), np.nan)
-    at, is_flying = flying(runs, events)
-    found[at] = is_flying
-    return found
 
 
 def members(classes: Array, scope: str) -> Array:

@@ -1,11 +1,11 @@
-"""Simulates many sets as large as the paper's, and puts its numbers among theirs."""
+"""Compares the paper's numbers with those of many simulated sets of the same size."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,14 +16,15 @@ from overtaking.analysis.reproduction.designs import designs
 from overtaking.analysis.reproduction.measures import POLICY, measured
 from overtaking.analysis.reproduction.replicates import SIZE, Replicates, members, replicates
 from overtaking.analysis.stats.columns import PAPER_CLASSES
+from overtaking.core.checks import check_least
 from overtaking.core.errors import ConfigError
+from overtaking.core.plain import plain
+from overtaking.core.steps import Progress, Steps
 from overtaking.core.summary import Summarized
 from overtaking.knowledge.paper import COUNTS, Measure, Statement, calibration, statements
 from overtaking.knowledge.reader import load
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from overtaking.data.recipe import Simulator
     from overtaking.model.road import Road
     from overtaking.scenarios import Spec
@@ -31,25 +32,24 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 
 STUDIES = ("pinto2023",)
-"""What can be reproduced: studies that are profiles too."""
+"""Studies that can be reproduced; each is a profile too."""
 
 MOST_REPLICATES = 100_000
 
 _OTHERS = 10
-"""One replicate with the other treatment of starts for so many with the profile's own."""
+"""Replicates with the profile's starts for each one with the other treatment of starts."""
 
 _REACH = 0.025  # Share of the replicates beyond either end of the interval.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """A number of the paper beside ours; all in the unit of the paper.
+    """A number of the paper and ours, in the unit of the paper.
 
     Attributes:
         name: Its name in `paper.toml`.
-        statement: The number and what it is to us.
-        replicates: Ours in each replicate, NaN where there was nothing to measure; a design has
-            one value.
+        statement: The number and its standing.
+        replicates: Our number in each replicate, NaN: nothing to measure; one value for a design.
     """
 
     name: str
@@ -58,27 +58,27 @@ class Comparison:
 
     @property
     def known(self) -> F64:
-        """Replicates that have a value."""
+        """The numbers of replicates that have one."""
         return self.replicates[~np.isnan(self.replicates)]
 
     @property
     def is_design(self) -> bool:
-        """Whether it is an input, which does not vary."""
+        """Whether it is an input."""
         return self.statement.measure == Measure.DESIGN
 
     @property
     def is_count(self) -> bool:
-        """Whether it is a number of simulations of a replicate."""
+        """Whether it is a number of simulations."""
         return self.statement.measure in COUNTS
 
     @property
     def ours(self) -> float:
-        """Our value: the median of the replicates."""
+        """Median of the replicates."""
         return float(np.median(self.known)) if len(self.known) else math.nan
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Where 95 % of the replicates lie."""
+        """The interval of 95 % of the replicates."""
         if not len(self.known):
             return math.nan, math.nan
         low, high = np.quantile(self.known, (_REACH, 1.0 - _REACH))
@@ -99,7 +99,7 @@ class Comparison:
 
     @property
     def is_inside(self) -> bool | None:
-        """Whether our 95 % hold the paper's number, or our design is its own; None if unknown."""
+        """Whether the interval holds the paper's number, within its rounding; None if unknown."""
         if not len(self.known):
             return None
         low, high = self.interval
@@ -107,34 +107,33 @@ class Comparison:
         return low - near <= self.statement.quoted <= high + near
 
     def values(self) -> dict[str, Any]:
-        """The same for machines; NaN is null."""
+        """The comparison for JSON."""
         one, (low, high) = self.statement, self.interval
-        return {
-            "name": self.name,
-            "about": one.about,
-            "text": one.text,
-            "scope": one.scope,
-            "standing": one.standing,
-            "unit": one.unit,
-            "paper": one.quoted,
-            "ours": _plain(self.ours),
-            "low": _plain(low),
-            "high": _plain(high),
-            "percentile": _plain(self.percentile),
-            "inside": self.is_inside,
-            "replicates": len(self.known),
-            "note": one.note,
-            "derived": one.stated.rationale,
-        }
+        return plain(
+            {
+                "name": self.name,
+                **{name: getattr(one, name) for name in ("about", "text", "scope", "standing")},
+                "unit": one.unit,
+                "paper": one.quoted,
+                "ours": self.ours,
+                "low": low,
+                "high": high,
+                "percentile": self.percentile,
+                "inside": self.is_inside,
+                "replicates": len(self.known),
+                "note": one.note,
+                "derived": one.stated.rationale,
+            }
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Starts:
-    """What becomes of simulations by how their starts are treated.
+    """Classes of simulations with one treatment of starts.
 
     Attributes:
         allow_doomed: Whether starts are as drawn, also where no braking avoids a collision.
-        simulations: How many.
+        simulations: Number of simulations.
         shares: Share of each class of the paper.
     """
 
@@ -145,18 +144,18 @@ class Starts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reproduction(Summarized):
-    """What was found.
+    """A study and our replicates of its data set.
 
     Attributes:
         study: The paper, by the name of its profile.
         seed: Seed of the replicates.
-        num_replicates: How many sets of `SIZE` simulations.
-        simulator: Name and version of what simulated.
-        parameters_sha256: Hash over drivers and profile, as they are now.
-        is_frozen: Whether they are those that were fitted.
+        num_replicates: Number of sets of `SIZE` simulations.
+        simulator: Name and version of the simulator.
+        parameters_sha256: Hash over the present drivers and profile.
+        is_frozen: Whether they are the fitted ones.
         comparisons: Every number of the paper.
-        inferences: What its labels say of the weather.
-        lawful: Who is legal by day and by night here.
+        inferences: The weather that its means imply, by class.
+        lawful: Legal overtakes by day and by night in our replicates.
         starts: Classes with the profile's starts, and with the other treatment of starts.
     """
 
@@ -172,7 +171,7 @@ class Reproduction(Summarized):
     starts: tuple[Starts, Starts]
 
     def values(self) -> dict[str, Any]:
-        """The same for machines."""
+        """Everything for JSON."""
         return {
             "study": self.study,
             "policy": POLICY,
@@ -184,9 +183,9 @@ class Reproduction(Summarized):
             "parameters_sha256": self.parameters_sha256,
             "frozen": self.is_frozen,
             "numbers": [one.values() for one in self.comparisons],
-            "inferences": [asdict(one) for one in self.inferences],
-            "lawful": [asdict(one) for one in self.lawful],
-            "starts": [asdict(one) for one in self.starts],
+            "inferences": plain(self.inferences),
+            "lawful": plain(self.lawful),
+            "starts": plain(self.starts),
         }
 
 
@@ -196,16 +195,16 @@ def reproduce(
     num_replicates: int,
     seed: int,
     simulator: Simulator,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Reproduction:
-    """Simulate replicates of the paper's data set, and put its numbers among theirs.
+    """Simulate replicates of the paper's data set, and compare its numbers with theirs.
 
     Args:
         spec: The profile of the study.
         road: Its road.
-        num_replicates: How many sets as large as the paper's.
+        num_replicates: Number of sets as large as the paper's.
         seed: Seed of the random numbers; none that the drivers were fitted with.
-        simulator: What simulates.
+        simulator: The simulator.
         progress: Called with the number of simulations that are done, and of all.
 
     Raises:
@@ -215,10 +214,9 @@ def reproduce(
     inputs = designs(spec, road)
     other = _other_starts(spec)
     num_others = -(-num_replicates // _OTHERS)
-    steps = _Steps((num_replicates + num_others) * SIZE, progress)
-    found = replicates(spec, road, seed, num_replicates, simulator, steps)
-    steps.begin_at(num_replicates * SIZE)
-    contrast = replicates(other, road, seed, num_others, simulator, steps)
+    step = Steps((num_replicates + num_others) * SIZE, progress)
+    found = replicates(spec, road, seed, num_replicates, simulator, step)
+    contrast = replicates(other, road, seed, num_others, simulator, step)
     digest = parameter_hash(spec)
     return Reproduction(
         study=spec.name,
@@ -232,23 +230,6 @@ def reproduce(
         lawful=hidden.lawful(found),
         starts=(_starts(spec, found), _starts(other, contrast)),
     )
-
-
-class _Steps:
-    """The progress of two runs as that of one."""
-
-    def __init__(self, total: int, progress: Callable[[int, int], None] | None) -> None:
-        """Begin with the first."""
-        self._total, self._progress, self._before = total, progress, 0
-
-    def begin_at(self, done: int) -> None:
-        """Begin with the other, after so many simulations."""
-        self._before = done
-
-    def __call__(self, done: int, _: int) -> None:
-        """Say how many of all are done."""
-        if self._progress is not None:
-            self._progress(self._before + done, self._total)
 
 
 def _compared(found: Replicates, inputs: dict[str, float]) -> tuple[Comparison, ...]:
@@ -289,14 +270,7 @@ def parameter_hash(spec: Spec) -> str:
 
 
 def _check(num_replicates: int, seed: int) -> None:
-    if not 1 <= num_replicates <= MOST_REPLICATES:
-        raise ConfigError.of(
-            what="replicates",
-            where="reproduce",
-            expected=f"1 to {MOST_REPLICATES:,}",
-            got=num_replicates,
-            next_step="choose a number in that range",
-        )
+    check_least(num_replicates, 1, MOST_REPLICATES, what="replicates", where="reproduce")
     if seed in calibration().seeds:
         used = ", ".join(f"{one:g}" for one in calibration().seeds)
         raise ConfigError.of(
@@ -306,7 +280,3 @@ def _check(num_replicates: int, seed: int) -> None:
             got=seed,
             next_step="choose another",
         )
-
-
-def _plain(value: float) -> float | None:
-    return None if math.isnan(value) else value

@@ -1,4 +1,4 @@
-"""What a reproduction says in sentences. They depend on the numbers, and claim no more."""
+"""A reproduction in sentences, which depend on its numbers and claim no more."""
 
 from overtaking.analysis.reproduction.hidden import Inference
 from overtaking.analysis.reproduction.measures import POLICY
@@ -11,7 +11,7 @@ _SHORT = 16  # Digits of a hash: enough to compare, short enough to read.
 
 
 def lead(found: Reproduction) -> str:
-    """One line on what this is."""
+    """A summary in one line."""
     judged = [one for one in found.comparisons if not one.is_design and one.is_inside is not None]
     inside = sum(one.is_inside is True for one in judged)
     return (
@@ -22,7 +22,7 @@ def lead(found: Reproduction) -> str:
 
 
 def warnings(found: Reproduction) -> list[str]:
-    """What a reader must know before believing a number."""
+    """Warnings that a reader of the numbers needs."""
     said: list[str] = []
     if not found.is_frozen:
         said.append(
@@ -63,7 +63,7 @@ def _class(scope: str) -> str:
 
 
 def notes(found: Reproduction) -> list[str]:
-    """How the numbers came about."""
+    """The method in three notes."""
     seeds = " and ".join(f"{seed:g}" for seed in calibration().seeds)
     return [
         "Fitted were, by hand and a search by coordinates, the class sizes and the printed means "
@@ -87,7 +87,7 @@ def standings() -> list[tuple[str, str]]:
 
 
 def remarks_on_numbers(found: Reproduction) -> list[tuple[str, str]]:
-    """What there is to say of single numbers, with which number it is about."""
+    """Remarks on single numbers, each with its number."""
     said: list[tuple[str, str]] = []
     for one in found.comparisons:
         derived = one.statement.stated.rationale
@@ -99,7 +99,7 @@ def remarks_on_numbers(found: Reproduction) -> list[tuple[str, str]]:
 
 
 def hidden(found: Reproduction) -> list[str]:
-    """What the label of the paper hides."""
+    """What the labels of the paper imply about its weather."""
     said = [_inferred(one) for one in found.inferences]
     said.append(
         "Both inferences assume that CARLA's presets were used unmodified, in which fog is never "
@@ -133,7 +133,7 @@ def _inferred(one: Inference) -> str:
 
 
 def about_starts(found: Reproduction) -> str:
-    """What the treatment of starts has to do with collisions."""
+    """The effect of the treatment of starts on collisions."""
     shares = {one.allow_doomed: one.shares[_COLLISION] for one in found.starts}
     return (
         "The paper places vehicles and draws their speeds at random, and says nothing of starts "

@@ -1,4 +1,4 @@
-"""How strongly features go together, and how surprising that would be if they did not.
+"""Associations of features, their p-values, and both as tables.
 
 The measures are those of `dython.nominal.associations(nom_nom_assoc="cramer",
 num_num_assoc="spearman", nom_num_assoc="correlation_ratio")`, with gaps left out pair by pair; a
@@ -17,24 +17,45 @@ from numpy.typing import NDArray
 
 from overtaking.analysis.stats.columns import ALL_CLASSES, BY_NAME, CLASS, FEATURES
 from overtaking.analysis.stats.moments import sums
-from overtaking.analysis.stats.sample import Sample
+from overtaking.analysis.stats.sample import Mask, Sample
+from overtaking.analysis.stats.table import Style, Table
 from overtaking.core.errors import MissingExtraError
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-Codes = I64
 
 ALPHA = 0.05
 """The paper's level of significance."""
 
-# Small, medium, large: J. Cohen, Statistical Power Analysis for the Behavioral Sciences, 2nd
-# edition, 1988: sections 3.2 (r) and 7.2 (w), and 8.2 for shares of variance.
-_LIMITS_OF_R = (0.1, 0.3, 0.5)
-_LIMITS_OF_SHARES = (0.01, 0.06, 0.14)
-_WORDS = ("negligible", "small", "medium", "large")
-
 FEWEST = 3
-"""Simulations that a pair needs before anything is said of it."""
+"""Least simulations of a pair."""
+
+MAX_STRONGEST = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """How the association of a kind of pair is measured and tested.
+
+    Attributes:
+        measure: Name of the measure of association.
+        test: Name of the test.
+        effect_name: Name of the effect size.
+        limits: Effect sizes from which an effect is small, medium and large: J. Cohen, Statistical
+            Power Analysis for the Behavioral Sciences, 2nd edition, 1988, sections 3.2 (r), 7.2 (w)
+            and 8.2 (shares of variance).
+    """
+
+    measure: str
+    test: str
+    effect_name: str
+    limits: tuple[float, float, float]
+
+
+NUMBERS = Method("Spearman's ρ", "t-test of ρ", "|ρ|", (0.1, 0.3, 0.5))
+NAME_AND_NUMBER = Method("correlation ratio η", "Kruskal–Wallis", "ε²", (0.01, 0.06, 0.14))
+_WORDS = ("negligible", "small", "medium", "large")
+NAMES = Method("Cramér's V", "χ²", "V", (0.1, 0.3, 0.5))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,27 +63,22 @@ class Pair:
     """Two variables.
 
     Attributes:
-        first: The one.
-        second: The other.
-        measure: Name of the measure of association.
-        value: The association: -1 to 1 for two numbers, 0 to 1 otherwise; NaN if a variable is
-            constant.
-        test: Name of the test.
-        p_value: Its p-value, NaN likewise.
-        effect: Size of the effect, on the scale of `effect_name`.
-        effect_name: What the effect is measured by.
-        size: The effect in a word, by convention.
-        count: Simulations that have both.
+        first: The first.
+        second: The second.
+        method: How their association is measured.
+        value: The association: [-1, 1] for two numbers, else [0, 1]; NaN if a variable is constant.
+        p_value: P-value of the test, NaN likewise.
+        effect: Effect size.
+        size: The effect size in a word, by convention.
+        count: Number of simulations that have both.
     """
 
     first: str
     second: str
-    measure: str
+    method: Method
     value: float
-    test: str
     p_value: float
     effect: float
-    effect_name: str
     size: str
     count: int
 
@@ -72,12 +88,12 @@ class Associations:
     """The associations of all variables; matrices have shape (variable, variable).
 
     Attributes:
-        names: The variables, those that go together beside each other.
+        names: The variables, associated ones beside each other.
         values: Associations, 1 on the diagonal, NaN where a variable is constant.
         p_values: P-values, NaN on the diagonal.
         q_values: P-values adjusted by Benjamini and Hochberg, which bound the share of false
             discoveries among all pairs.
-        constant: Variables with one value only, which go together with nothing.
+        constant: Variables with one value only.
         pairs: Every pair once.
     """
 
@@ -87,6 +103,10 @@ class Associations:
     q_values: F64
     constant: tuple[str, ...]
     pairs: tuple[Pair, ...]
+
+    def q_value(self, pair: Pair) -> float:
+        """The adjusted p-value of a pair."""
+        return float(self.q_values[self.names.index(pair.first), self.names.index(pair.second)])
 
 
 def associations(sample: Sample) -> Associations:
@@ -99,32 +119,29 @@ def associations(sample: Sample) -> Associations:
         MissingExtraError: SciPy is not installed.
     """
     needs_scipy()
-    variables = _variables(sample)
-    ranked: dict[tuple[str, bytes], F64] = {}
-    pairs = tuple(
-        _pair(variables[one], variables[other], ranked) for one, other in combinations(variables, 2)
-    )
-    names = tuple(variables)
-    values, p_values = _matrix(names, pairs, "value"), _matrix(names, pairs, "p_value")
+    variables = [_Variable(sample, name) for name in (*BY_NAME, CLASS)]
+    pairs = tuple(_pair(one, other) for one, other in combinations(variables, 2))
+    names = [one.name for one in variables]
+    p_values = _matrix(names, {(one.first, one.second): one.p_value for one in pairs})
+    values = _matrix(names, {(one.first, one.second): one.value for one in pairs})
     np.fill_diagonal(values, 1.0)
     order = _clustered(values)
-    q_values = _adjusted(p_values)
     square = np.ix_(order, order)
     return Associations(
         names=tuple(names[number] for number in order),
         values=values[square],
         p_values=p_values[square],
-        q_values=q_values[square],
-        constant=tuple(name for name, one in variables.items() if one.is_constant),
+        q_values=_adjusted(p_values)[square],
+        constant=tuple(one.name for one in variables if one.is_constant),
         pairs=pairs,
     )
 
 
 def needs_scipy() -> None:
-    """Make sure that SciPy is there.
+    """Make sure that SciPy is installed.
 
     Raises:
-        MissingExtraError: It is not installed.
+        MissingExtraError: It is not.
     """
     try:
         import scipy.stats  # noqa: F401  # pyright: ignore[reportUnusedImport]
@@ -134,138 +151,94 @@ def needs_scipy() -> None:
         ) from None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _Variable:
-    """A column: codes of its levels, -1 for none, or numbers, NaN for none."""
+    """A column: its numbers, NaN for none, or the codes of its names, -1 for none."""
 
-    name: str
-    codes: Codes | None
-    numbers: F64 | None
-    known: NDArray[np.bool_]
-    is_constant: bool
+    def __init__(self, sample: Sample, name: str) -> None:
+        self.name = name
+        self.is_nominal = name not in BY_NAME or BY_NAME[name].is_nominal
+        values = sample.codes(name) if self.is_nominal else sample.values(name)
+        self.values: NDArray[Any] = values[sample.is_rated]
+        self.known: Mask = self.values >= 0 if self.is_nominal else ~np.isnan(self.values)
+        known = self.values[self.known]
+        self.is_constant = not len(known) or known.min() == known.max()
+        self._ranks: dict[bytes, F64] = {}
 
-
-def _variables(sample: Sample) -> dict[str, _Variable]:
-    """All columns, the class last, without censored simulations."""
-    rated = sample.is_rated
-    found: dict[str, _Variable] = {}
-    for name in [*BY_NAME, CLASS]:
-        if name in BY_NAME and not BY_NAME[name].is_nominal:
-            numbers = sample.values(name)[rated]
-            known = ~np.isnan(numbers)
-            few = known.sum() == 0 or numbers[known].min() == numbers[known].max()
-            codes = None
-        else:
-            codes, numbers = sample.codes(name)[rated], None
-            known = codes >= 0
-            few = len(np.unique(codes[known])) < 2
-        found[name] = _Variable(
-            name=name, codes=codes, numbers=numbers, known=known, is_constant=bool(few)
-        )
-    return found
+    def ranks(self, both: Mask) -> F64:
+        """Ranks of the numbers of a pair, from 1, ties sharing their mean rank."""
+        key = np.packbits(both).tobytes()  # Most pairs have the same gaps: rank once.
+        if key not in self._ranks:
+            ranks = pd.Series(self.values[both]).rank()
+            self._ranks[key] = np.asarray(ranks, dtype=np.float64)
+        return self._ranks[key]
 
 
-def _pair(one: _Variable, other: _Variable, ranked: dict[tuple[str, bytes], F64]) -> Pair:
-    """Measure two variables."""
+def _pair(one: _Variable, other: _Variable) -> Pair:
+    """Measure two variables; of a number and a name, the number comes first."""
+    if one.is_nominal and not other.is_nominal:
+        one, other = other, one
     both = one.known & other.known
-    if one.codes is not None and other.codes is not None:
-        return _of_names(one, other, both)
-    if one.numbers is not None and other.numbers is not None:
-        return _of_numbers(one, other, both, ranked)
-    names, numbers = (one, other) if one.codes is not None else (other, one)
-    return _of_name_and_number(names, numbers, both, ranked)
+    sized: float | None = None
+    if one.is_nominal:
+        method = NAMES
+        value, p_value, sized = _of_names(one.values[both], other.values[both])
+        effect = value
+    elif other.is_nominal:
+        method = NAME_AND_NUMBER
+        value, p_value, effect = _of_number_and_name(one, other.values[both], both)
+    else:
+        method = NUMBERS
+        value, p_value = _of_numbers(one.ranks(both), other.ranks(both))
+        effect = abs(value)
+    size = effect if sized is None else sized
+    word = "unknown" if math.isnan(size) else _WORDS[sum(size >= least for least in method.limits)]
+    return Pair(
+        first=one.name,
+        second=other.name,
+        method=method,
+        value=value,
+        p_value=p_value,
+        effect=effect,
+        size=word,
+        count=int(both.sum()),
+    )
 
 
-def _ranks(
-    variable: _Variable, both: NDArray[np.bool_], ranked: dict[tuple[str, bytes], F64]
-) -> F64:
-    """Ranks of the numbers that are in a pair, from 1, equal ones sharing their mean rank."""
-    assert variable.numbers is not None
-    key = (variable.name, np.packbits(both).tobytes())
-    if key not in ranked:
-        ranks = pd.Series(variable.numbers[both]).rank()
-        ranked[key] = np.asarray(ranks, dtype=np.float64)
-    return ranked[key]
-
-
-def _of_numbers(
-    one: _Variable,
-    other: _Variable,
-    both: NDArray[np.bool_],
-    ranked: dict[tuple[str, bytes], F64],
-) -> Pair:
-    """Spearman's rho, and its t-test.
+def _of_numbers(x: F64, y: F64) -> tuple[float, float]:
+    """Spearman's rho from ranks, and the p-value of its t-test.
 
     Source: M. G. Kendall and A. Stuart, The Advanced Theory of Statistics, section 31.19.
     """
     from scipy.stats import t
 
-    x, y = _ranks(one, both, ranked), _ranks(other, both, ranked)
-    count = len(x)
-    rho = p_value = math.nan
-    if count >= FEWEST and np.ptp(x) > 0.0 and np.ptp(y) > 0.0:
-        x, y = x - x.mean(), y - y.mean()
-        rho = float(np.clip((x * y).sum() / math.sqrt((x * x).sum() * (y * y).sum()), -1.0, 1.0))
-        rest = max(1.0 - rho * rho, 0.0)
-        statistic = abs(rho) * math.sqrt((count - 2) / rest) if rest > 0.0 else math.inf
-        p_value = float(2.0 * t.sf(statistic, count - 2))
-    return Pair(
-        first=one.name,
-        second=other.name,
-        measure="Spearman's ρ",
-        value=rho,
-        test="t-test of ρ",
-        p_value=p_value,
-        effect=abs(rho),
-        effect_name="|ρ|",
-        size=_in_a_word(abs(rho), _LIMITS_OF_R),
-        count=count,
-    )
+    freedom = len(x) - 2
+    if len(x) < FEWEST or not (np.ptp(x) > 0.0 and np.ptp(y) > 0.0):
+        return math.nan, math.nan
+    x, y = x - x.mean(), y - y.mean()
+    rho = float(np.clip((x * y).sum() / math.sqrt((x * x).sum() * (y * y).sum()), -1.0, 1.0))
+    rest = max(1.0 - rho * rho, 0.0)
+    statistic = abs(rho) * math.sqrt(freedom / rest) if rest > 0.0 else math.inf
+    return rho, float(2.0 * t.sf(statistic, freedom))
 
 
-def _of_name_and_number(
-    names: _Variable,
-    numbers: _Variable,
-    both: NDArray[np.bool_],
-    ranked: dict[tuple[str, bytes], F64],
-) -> Pair:
-    """The correlation ratio, and the test of Kruskal and Wallis with its effect size.
+def _of_number_and_name(number: _Variable, codes: I64, both: Mask) -> tuple[float, float, float]:
+    """The correlation ratio, the p-value of Kruskal and Wallis, and its effect size.
 
     Source: W. H. Kruskal and W. A. Wallis, J. Am. Stat. Assoc. 47 (1952) 583-621; effect:
     M. Tomczak and E. Tomczak, Trends in Sport Sciences 1 (2014) 19-25.
     """
     from scipy.stats import chi2
 
-    assert names.codes is not None
-    assert numbers.numbers is not None
-    codes, values = names.codes[both], numbers.numbers[both]
-    count, groups = len(values), len(np.unique(codes))
-    eta = p_value = effect = math.nan
-    if count >= FEWEST and groups > 1 and np.ptp(values) > 0.0:
-        eta = math.sqrt(_between(codes, values))
-        # The between share of the ranks is H / (n - 1), with the correction for ties in it.
-        effect = _between(codes, _ranks(numbers, both, ranked))
-        p_value = float(chi2.sf(effect * (count - 1), groups - 1))
-    return Pair(
-        first=numbers.name,
-        second=names.name,
-        measure="correlation ratio η",
-        value=eta,
-        test="Kruskal–Wallis",
-        p_value=p_value,
-        effect=effect,
-        effect_name="ε²",
-        size=_in_a_word(effect, _LIMITS_OF_SHARES),
-        count=count,
-    )
+    values, groups = number.values[both], len(np.unique(codes))
+    if len(values) < FEWEST or groups < 2 or not np.ptp(values) > 0.0:
+        return math.nan, math.nan, math.nan
+    # The between share of the ranks is H / (n - 1), with the correction for ties in it.
+    effect = _between(codes, number.ranks(both))
+    p_value = float(chi2.sf(effect * (len(values) - 1), groups - 1))
+    return math.sqrt(_between(codes, values)), p_value, effect
 
 
-def _in_a_word(effect: float, limits: tuple[float, float, float]) -> str:
-    """The size of an effect by convention."""
-    return "unknown" if math.isnan(effect) else _WORDS[sum(effect >= limit for limit in limits)]
-
-
-def _between(codes: Codes, values: F64) -> float:
+def _between(codes: I64, values: F64) -> float:
     """Share of the variance of values that lies between groups, 0 to 1."""
     centred = values - values.mean()
     sizes, totals = np.bincount(codes), sums(codes, centred)
@@ -273,62 +246,34 @@ def _between(codes: Codes, values: F64) -> float:
     return min(between / float((centred * centred).sum()), 1.0)
 
 
-def _of_names(one: _Variable, other: _Variable, both: NDArray[np.bool_]) -> Pair:
-    """Cramer's V, corrected for its bias, and the chi-squared test.
+def _of_names(one: I64, other: I64) -> tuple[float, float, float]:
+    """Cramer's V, corrected for its bias, the p-value of the chi-squared test, and Cohen's w.
 
     Source: W. Bergsma, A bias-correction for Cramer's V and Tschuprow's T, J. Korean Stat. Soc. 42
     (2013) 323-328. Two by two levels get the correction of Yates for continuity.
     """
-    assert one.codes is not None
-    assert other.codes is not None
-    counts = _crossed(one.codes[both], other.codes[both])
-    value, p_value = _cramers_v(counts)
-    return Pair(
-        first=one.name,
-        second=other.name,
-        measure="Cramér's V",
-        value=value,
-        test="χ²",
-        p_value=p_value,
-        effect=value,
-        effect_name="V",
-        # Cohen's w is V times the root of the smaller number of levels less one.
-        size=_in_a_word(value * math.sqrt(max(min(counts.shape) - 1, 1)), _LIMITS_OF_R),
-        count=int(counts.sum()),
-    )
-
-
-def _crossed(one: Codes, other: Codes) -> F64:
-    """How often each two levels occur together, levels that do not occur left out."""
-    width = len(ALL_CLASSES) + max(len(feature.levels) for feature in FEATURES)
-    counts = np.bincount(one * width + other, minlength=width * width).reshape(width, width)
-    return counts[counts.any(axis=1)][:, counts.any(axis=0)].astype(np.float64)
-
-
-def _cramers_v(counts: F64) -> tuple[float, float]:
-    """Cramer's V of a table of counts, and the p-value of its chi-squared test."""
     from scipy.stats import chi2_contingency
 
+    width = len(ALL_CLASSES) + max(len(feature.levels) for feature in FEATURES)
+    counts = np.bincount(one * width + other, minlength=width * width).reshape(width, width)
+    counts = counts[counts.any(axis=1)][:, counts.any(axis=0)].astype(np.float64)
     rows, columns = counts.shape
     total = float(counts.sum())
     if min(rows, columns) < 2 or total < FEWEST:
-        return math.nan, math.nan
+        return math.nan, math.nan, math.nan
     tested: Any = chi2_contingency(counts)
     phi2 = max(0.0, tested.statistic / total - (rows - 1) * (columns - 1) / (total - 1.0))
-    rows_left = rows - (rows - 1) ** 2 / (total - 1.0)
-    columns_left = columns - (columns - 1) ** 2 / (total - 1.0)
-    room = min(rows_left, columns_left) - 1.0
-    value = min(1.0, math.sqrt(phi2 / room)) if room > 0.0 else math.nan
-    return value, float(tested.pvalue)
+    levels = min(size - (size - 1) ** 2 / (total - 1.0) for size in (rows, columns))
+    value = min(1.0, math.sqrt(phi2 / (levels - 1.0))) if levels > 1.0 else math.nan
+    return value, float(tested.pvalue), value * math.sqrt(min(rows, columns) - 1)
 
 
-def _matrix(names: tuple[str, ...], pairs: tuple[Pair, ...], attribute: str) -> F64:
-    """Something of all pairs as a symmetric matrix, NaN on the diagonal."""
+def _matrix(names: list[str], values: dict[tuple[str, str], float]) -> F64:
+    """The values of all pairs as a symmetric matrix, NaN on the diagonal."""
     matrix = np.full((len(names), len(names)), np.nan)
-    place = {name: number for number, name in enumerate(names)}
-    for pair in pairs:
-        one, other = place[pair.first], place[pair.second]
-        matrix[one, other] = matrix[other, one] = getattr(pair, attribute)
+    for (first, second), value in values.items():
+        one, other = names.index(first), names.index(second)
+        matrix[one, other] = matrix[other, one] = value
     return matrix
 
 
@@ -342,9 +287,7 @@ def _adjusted(p_values: F64) -> F64:
     adjusted = np.full_like(p_values, np.nan)
     upper = np.triu(~np.isnan(p_values), k=1)
     if upper.any():
-        kept: F64 = false_discovery_control(p_values[upper]).astype(np.float64)
-        adjusted[upper] = kept
-        adjusted.T[upper] = kept
+        adjusted[upper] = adjusted.T[upper] = false_discovery_control(p_values[upper])
     return adjusted
 
 
@@ -358,3 +301,72 @@ def _clustered(values: F64) -> I64:
     condensed = distance[np.triu_indices(len(values), k=1)]
     tree = linkage(condensed, method="average", optimal_ordering=True)
     return leaves_list(tree).astype(np.int64)
+
+
+def class_associations(found: Associations) -> Table:
+    """Every feature with CLASS, the strongest association first."""
+    pairs = [one for one in found.pairs if CLASS in (one.first, one.second)]
+    pairs.sort(key=lambda one: -1.0 if math.isnan(one.value) else abs(one.value), reverse=True)
+    return _table(
+        found,
+        {one.first if one.second == CLASS else one.second: one for one in pairs},
+        of="feature",
+        name="associations-with-class",
+        title="Features and CLASS",
+        note="Effect: ε² for numbers (share of the variance of the ranks that lies between "
+        "classes), V for names; its size in a word by Cohen's conventions.",
+    )
+
+
+def strongest_pairs(found: Associations) -> Table:
+    """The pairs of features with the strongest associations."""
+    pairs = [one for one in found.pairs if CLASS not in (one.first, one.second)]
+    pairs = [one for one in pairs if not math.isnan(one.value)]
+    pairs.sort(key=lambda one: abs(one.value), reverse=True)
+    return _table(
+        found,
+        {f"{one.first}, {one.second}": one for one in pairs[:MAX_STRONGEST]},
+        of="features",
+        name="strongest-associations",
+        title="Features that go together most",
+        note="The strongest associations among features. DSEP is computed from SE and SP, so what "
+        "it shares with them is partly algebra.",
+    )
+
+
+def reading(p_value: float, q_value: float) -> str:
+    """What a p-value allows to say, and no more."""
+    if math.isnan(p_value):
+        return "cannot be tested"
+    if q_value < ALPHA:
+        return "stands out, also after correction"
+    if p_value < ALPHA:
+        return "stands out alone, not after correction"
+    return "compatible with no association"
+
+
+def _table(
+    found: Associations, pairs: dict[str, Pair], *, of: str, name: str, title: str, note: str
+) -> Table:
+    number, p_value = Style.NUMBER, Style.P_VALUE
+    return Table.of(
+        name=name,
+        title=title,
+        note=f"{note} q is p after the correction of Benjamini and Hochberg for all pairs.",
+        columns={
+            **dict.fromkeys((of, "test", "effect size", "reading"), Style.TEXT),
+            "association": number,
+            "effect": number,
+            "p": p_value,
+            "q": p_value,
+            "n": Style.COUNT,
+        },
+        rows=[
+            (
+                *(label, one.method.test, f"{one.size} ({one.method.effect_name})"),
+                reading(one.p_value, found.q_value(one)),
+                *(one.value, one.effect, one.p_value, found.q_value(one), one.count),
+            )
+            for label, one in pairs.items()
+        ],
+    )

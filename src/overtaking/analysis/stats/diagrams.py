@@ -26,7 +26,19 @@ MARKS = (
     ("collision", "collision"),
     ("road_departure", "off the road"),
 )
-"""Events with the symbols that the figures show, in the paper's manner."""
+"""Events with their symbols in the figures, in the paper's manner."""
+
+
+PHASES = {
+    "attempt": "pulls out",
+    "line_crossed": "in the other lane",
+    "return_begin": "returns",
+    "return_end": "done",
+    "abort": "gives up",
+    "back": "follows again",
+    "collision": "collided",
+}
+"""Events that begin a phase, with the name of the phase."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +46,7 @@ class Phase:
     """A span of the simulation.
 
     Attributes:
-        name: What the ego is doing.
+        name: The action of the ego.
         begin: Start [s].
         end: End [s].
     """
@@ -77,7 +89,7 @@ class Diagram:
         reference_speed: Speed of the moving mark that `ahead` is measured from [m/s].
         tracks: The vehicles near the ego, the ego first, then the target.
         lines: Position across the road of each line, with whether it is solid, slow edge first [m].
-        phases: What the ego does, in order, without gaps.
+        phases: The actions of the ego, in order, without gaps.
         marks: Instants of the events that happened, with their symbols [s].
         has_contact: Whether the ego collided.
     """
@@ -156,35 +168,20 @@ def _lines(trajectories: Trajectories) -> tuple[tuple[float, bool], ...]:
     """Where the lines of the road are, measured from its slow edge."""
     road = trajectories.road
     across = (np.asarray(road.boundaries) - road.boundaries[0]) * int(road.side)
-    return tuple(
-        (float(place), number in (0, len(across) - 1) or _is_solid(trajectories, number - 1))
-        for number, place in enumerate(across)
-    )
-
-
-def _is_solid(trajectories: Trajectories, lane: int) -> bool:
-    """Whether the line at the fast side of a lane is not broken."""
-    road = trajectories.road
-    mark = road.lanes[lane].left_mark if int(road.side) > 0 else road.lanes[lane].right_mark
-    return mark in (RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN)
+    marks = [one.left_mark if int(road.side) > 0 else one.right_mark for one in road.lanes[:-1]]
+    solid = (RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN)
+    is_solid = [True, *(one in solid for one in marks), True]
+    return tuple((float(place), known) for place, known in zip(across, is_solid, strict=True))
 
 
 def _phases(events: Events, time: F64) -> tuple[Phase, ...]:
-    """What the ego does, from its events; without an attempt it follows all the time."""
+    """The actions of the ego, from its events; without an attempt it follows all the time."""
     starts = [("follows", int(events.first[0]))]
-    names = {
-        "attempt": "pulls out",
-        "line_crossed": "in the other lane",
-        "return_begin": "returns",
-        "return_end": "done",
-        "abort": "gives up",
-        "back": "follows again",
-        "collision": "collided",
-    }
-    for attribute, name in names.items():
-        frame = int(getattr(events, attribute)[0])
-        if frame != NEVER:
-            starts.append((name, frame))
+    starts += [
+        (name, int(getattr(events, event)[0]))
+        for event, name in PHASES.items()
+        if getattr(events, event)[0] != NEVER
+    ]
     starts.sort(key=lambda one: one[1])
     ends = [frame for _, frame in starts[1:]] + [min(int(events.last[0]), len(time) - 1)]
     return tuple(

@@ -1,4 +1,4 @@
-"""Histograms, boxes, swarms and points: what the figures of single features show."""
+"""Histograms, boxes, swarms and points: the numbers in the figures of features."""
 
 import math
 from dataclasses import dataclass
@@ -24,15 +24,15 @@ _WHISKER = 1.5  # Interquartile ranges: J. W. Tukey, Exploratory Data Analysis, 
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Histogram:
-    """How often the values of a feature occur in each class.
+    """The frequency of the values of a feature in each class.
 
     Attributes:
         feature: Which feature.
         edges: Edges of the bins of a numeric feature, shape (bin + 1,); empty for names.
-        levels: What each bar stands for if they are not bins, empty for bins.
-        counts: Weight of the simulations, shape (class, bin), classes as in the sample.
+        levels: Labels of the bars if they are not bins; empty for bins.
+        counts: Sum of weights, shape (class, bin), classes as in the sample.
         num_missing: Simulations without a value.
     """
 
@@ -62,13 +62,7 @@ def histogram(sample: Sample, name: str) -> Histogram:
     counts = [
         np.histogram(values[of], edges, weights=sample.weight[of])[0] for _, of in sample.groups()
     ]
-    return Histogram(
-        feature=feature,
-        edges=edges,
-        levels=(),
-        counts=np.array(counts),
-        num_missing=len(values) - len(there),
-    )
+    return Histogram(feature, edges, (), np.array(counts), len(values) - len(there))
 
 
 def _counted(
@@ -79,13 +73,7 @@ def _counted(
         sums(codes[known], sample.weight[known], len(levels))
         for known in (of & (codes >= 0) for _, of in sample.groups())
     ]
-    return Histogram(
-        feature=feature,
-        edges=np.array([]),
-        levels=levels,
-        counts=np.array(counts),
-        num_missing=int((codes < 0).sum()),
-    )
+    return Histogram(feature, np.array([]), levels, np.array(counts), int((codes < 0).sum()))
 
 
 def nice_edges(values: F64) -> F64:
@@ -115,7 +103,7 @@ def _round_up(width: float) -> float:
     return next(power * step for step in _STEPS if power * step >= width * (1.0 - 1e-9))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Box:
     """A box plot in numbers.
 
@@ -141,12 +129,8 @@ def box(values: F64, weight: F64 | None = None) -> Box:
     inside = values[(values >= lower - reach) & (values <= upper + reach)]
     beyond = values[(values < lower - reach) | (values > upper + reach)]
     ends = (float(inside.min()), float(inside.max())) if len(inside) else (math.nan, math.nan)
-    return Box(
-        count=len(values),
-        quartiles=(float(lower), float(median), float(upper)),
-        whiskers=ends,
-        outliers=np.unique(beyond),
-    )
+    quartiles = float(lower), float(median), float(upper)
+    return Box(len(values), quartiles, ends, np.unique(beyond))
 
 
 def boxes_by_class(sample: Sample, name: str) -> dict[str, Box]:
@@ -172,19 +156,22 @@ def min_max(values: F64) -> F64:
     return (values - low) / (spread if spread > 0.0 else 1.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Points:
     """Some simulations, drawn as points.
 
     Attributes:
         simulations: Their positions in the sample, growing, shape (point,).
-        is_sampled: Whether they are not all.
-        num_all: How many there are.
+        num_all: Number of all simulations.
     """
 
     simulations: NDArray[np.int64]
-    is_sampled: bool
     num_all: int
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether some simulations are left out."""
+        return len(self.simulations) < self.num_all
 
 
 def every_kth(members: Mask, most: int) -> NDArray[np.int64]:
@@ -203,11 +190,7 @@ def swarm_points(sample: Sample, name: str, most: int = MAX_SWARM) -> dict[str, 
     """The values of a feature to be drawn one by one, class by class."""
     known = ~np.isnan(sample.values(name))
     return {
-        one: Points(
-            simulations=(chosen := every_kth(of & known, most)),
-            is_sampled=len(chosen) < int((of & known).sum()),
-            num_all=int((of & known).sum()),
-        )
+        one: Points(every_kth(of & known, most), int((of & known).sum()))
         for one, of in sample.groups()
     }
 
@@ -220,11 +203,7 @@ def pair_points(sample: Sample, most: int = MAX_PAIRS) -> Points:
         for _, of in sample.groups()
     ]
     simulations = np.sort(np.concatenate(chosen)) if len(sample) > most else np.arange(len(sample))
-    return Points(
-        simulations=simulations,
-        is_sampled=len(simulations) < len(sample),
-        num_all=len(sample),
-    )
+    return Points(simulations, len(sample))
 
 
 def typical(sample: Sample) -> dict[str, int]:

@@ -13,30 +13,27 @@ from overtaking.analysis.stats.table import Style, Table, write
 from overtaking.knowledge import terms
 
 FORMATS = ("text", "csv", "json", "latex")
-"""How statistics can be printed."""
+"""The formats of statistics."""
 
-_LATEX = {
-    "\\": r"\textbackslash{}",
-    "&": r"\&",
-    "%": r"\%",
-    "$": r"\$",
-    "#": r"\#",
-    "_": r"\_",
-    "{": r"\{",
-    "}": r"\}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "<": r"$<$",
-    ">": r"$>$",
-    "–": "--",
-    "−": "$-$",
-    "σ": r"$\sigma$",
-    "ρ": r"$\rho$",
-    "η": r"$\eta$",
-    "ε": r"$\varepsilon$",
-    "χ": r"$\chi$",
-    "²": r"$^2$",
-}
+_TIDY = ["table", "feature", "unit", "statistic", "class", "value"]
+_LATEX = str.maketrans(
+    {letter: f"\\{letter}" for letter in "&%$#_{}"}
+    | {
+        "\\": r"\textbackslash{}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        "<": r"$<$",
+        ">": r"$>$",
+        "–": "--",
+        "−": "$-$",
+        "σ": r"$\sigma$",
+        "ρ": r"$\rho$",
+        "η": r"$\eta$",
+        "ε": r"$\varepsilon$",
+        "χ": r"$\chi$",
+        "²": r"$^2$",
+    }
+)
 
 
 def to_text(statistics: Statistics) -> str:
@@ -56,7 +53,7 @@ def to_text(statistics: Statistics) -> str:
 
 
 def _legend(group: str, names: Iterable[str]) -> str:
-    """What names mean, a line each."""
+    """The meanings of names, a line each."""
     known, names = terms(group), list(names)
     width = max(map(len, names))
     return "\n".join(f"{name:<{width}}  {known[name].meaning}" for name in names)
@@ -89,13 +86,11 @@ def _without_repeats(table: Table) -> list[list[str]]:
 
 
 def _waiting_to_text(waiting: Survival) -> str:
-    """The waiting time in a few words."""
-    shares = (0.25, 0.5, 0.75)
-    found = [(share, waiting.quantile(share)) for share in shares]
+    """The waiting time in three lines."""
     spans = ", ".join(
-        f"{share:.0%} after {write(seconds, Style.NUMBER)} s"
-        for share, seconds in found
-        if not math.isnan(seconds)
+        f"{share:.0%} after {write(waiting.quantile(share), Style.NUMBER)} s"
+        for share in (0.25, 0.5, 0.75)
+        if not math.isnan(waiting.quantile(share))
     )
     return (
         f"Waiting time (Kaplan-Meier)\n{waiting.num_events:,} drivers began, "
@@ -124,24 +119,14 @@ def _tidy(table: Table) -> pd.DataFrame:
     else:
         texts = list(table.header[: table.num_texts])
         long = table.rows.melt(id_vars=texts, var_name="class")
-    return long.assign(table=table.name).reindex(
-        columns=["table", "feature", "unit", "statistic", "class", "value"]
-    )
+    return long.assign(table=table.name).reindex(columns=_TIDY)
 
 
 def _tidy_waiting(waiting: Survival) -> pd.DataFrame:
     """The curve of waiting times with one value per row."""
     long = waiting.rows().melt(id_vars="time_s", var_name="statistic")
-    return pd.DataFrame(
-        {
-            "table": "waiting-time",
-            "feature": "WT",
-            "unit": "s",
-            "statistic": long["statistic"],
-            "class": [f"t = {time:g}" for time in long["time_s"]],
-            "value": long["value"],
-        }
-    )
+    names = [f"t = {time:g}" for time in long["time_s"]]
+    return long.assign(table="waiting-time", feature="WT", unit="s", **{"class": names})[_TIDY]
 
 
 def to_latex(statistics: Statistics) -> str:
@@ -175,12 +160,12 @@ def _latex_row(cells: Iterable[str]) -> str:
 
 
 def latex(text: str) -> str:
-    """Text with everything escaped that LaTeX would take for a command."""
-    return "".join(_LATEX.get(letter, letter) for letter in text)
+    """Text with LaTeX's special characters escaped."""
+    return text.translate(_LATEX)
 
 
 def written(statistics: Statistics, name: str) -> str:
-    """All of it in one of the `FORMATS`."""
+    """Everything in one of the `FORMATS`."""
     if name == "json":
         return json.dumps(statistics.values(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     return {"text": to_text, "csv": to_csv, "latex": to_latex}[name](statistics)

@@ -1,4 +1,4 @@
-"""Where a label says more than it should: classes that a stratum of the data cannot hold."""
+"""Label leaks: classes that do not occur in a stratum of the data where they should."""
 
 import math
 from dataclasses import dataclass
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_CHANCE = 0.01
-"""A stratum without a class is reported if chance would leave it out less often than this."""
+"""Largest probability by chance of a missing class that is reported."""
 
 MAX_VALUES = 12
-"""Numbers that take no more values than this are strata too: the weather of presets."""
+"""Most values of a number whose values are strata: the weather of presets."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Leak:
     """A class that does not occur in a stratum, where it should by its frequency.
 
@@ -28,8 +28,8 @@ class Leak:
         level: Its level or value.
         name: The class that is missing.
         size: Simulations in the stratum.
-        expected: How many of the class were to be expected there.
-        chance: Probability that none is there if class and feature were independent.
+        expected: Expected number of the class in the stratum.
+        chance: Probability of none if class and feature were independent.
     """
 
     feature: str
@@ -54,8 +54,8 @@ class Leak:
 def leaks(sample: Sample) -> tuple[Leak, ...]:
     """Find classes that are missing where they should occur; the least probable first.
 
-    Unweighted: what is asked is whether a combination was seen at all. Censored simulations are
-    left out.
+    Weights are not applied: the question is whether a combination occurs at all. Censored
+    simulations are left out.
     """
     rated = sample.is_rated
     found: list[Leak] = []
@@ -75,7 +75,7 @@ def leaks(sample: Sample) -> tuple[Leak, ...]:
 def _leak(
     feature: str, level: str, name: str, stratum: Mask, members: Mask, number: int
 ) -> Leak | None:
-    """What is wrong with a class in a stratum, if anything is."""
+    """The leak of a class in a stratum, if there is one."""
     size, total = int(stratum.sum()), len(stratum)
     if not 0 < size < total or (stratum & members).any():
         return None
@@ -83,18 +83,11 @@ def _leak(
     chance = math.exp(_log_choose(total - size, number) - _log_choose(total, number))
     if chance > MAX_CHANCE:
         return None
-    return Leak(
-        feature=feature,
-        level=level,
-        name=name,
-        size=size,
-        expected=number * size / total,
-        chance=chance,
-    )
+    return Leak(feature, level, name, size, number * size / total, chance)
 
 
 def _strata(sample: Sample) -> list[tuple[str, str, Mask]]:
-    """Each level of what is a name, and each value of what takes few, with its simulations."""
+    """Each level of a name, and each value of weather that takes few, with its simulations."""
     strata: list[tuple[str, str, Mask]] = []
     for feature in NOMINAL:
         codes = sample.codes(feature.name)
@@ -116,5 +109,5 @@ def _log_choose(total: int, chosen: int) -> float:
 
 
 def _small(chance: float) -> str:
-    """A small probability as a person reads it."""
+    """A small probability in words."""
     return f"{chance:.2g}" if chance >= 1e-6 else "below one in a million"

@@ -1,4 +1,4 @@
-"""Mean, spread, quantiles and shares, with weights and without, from one definition each."""
+"""Mean, spread, quantiles and shares, with weights and without."""
 
 import math
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
-_Z95 = 1.959963984540054  # The 97.5 % point of the normal distribution.
+Z95 = 1.959963984540054  # The 97.5 % point of the normal distribution.
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Moments:
-    """What is said of the values of a feature in a class; NaN where it has no meaning.
+    """Moments of the values of a feature in a class; NaN where undefined.
 
     Attributes:
         count: Number of values.
@@ -33,24 +33,21 @@ class Moments:
 
 
 def moments(values: F64, weight: F64) -> Moments:
-    """Describe the values that are there.
+    """Moments of the known values.
 
     Args:
-        values: One per simulation, NaN where there is none, shape (simulation,).
+        values: One per simulation, NaN: missing, shape (simulation,).
         weight: Weight of each, same shape.
 
     Returns:
-        Their moments. The variance is the unbiased one, which divides by n - 1; with weights by
-        sum(w) - sum(w^2) / sum(w), the same where all weights are equal (`numpy.cov` with
-        `aweights`).
+        The moments. The variance is unbiased: it divides by n - 1, with weights by
+        sum(w) - sum(w^2) / sum(w), as `numpy.cov` with `aweights`.
     """
     there = ~np.isnan(values) & (weight > 0.0)
     values, weight = values[there], weight[there]
     total = float(weight.sum())
     if not len(values):
-        return Moments(
-            count=0, weight=0.0, minimum=math.nan, mean=math.nan, maximum=math.nan, sigma=math.nan
-        )
+        return Moments(0, 0.0, math.nan, math.nan, math.nan, math.nan)
     mean = float((weight * values).sum()) / total
     freedom = total - float((weight**2).sum()) / total
     squares = float((weight * (values - mean) ** 2).sum())
@@ -83,14 +80,14 @@ def quantiles(values: F64, probabilities: tuple[float, ...], weight: F64 | None 
 
 
 def wilson(share: float, size: float) -> tuple[float, float]:
-    """Limits between which a share lies with 95 % confidence.
+    """95 % confidence interval of a share.
 
     Args:
-        share: The share that was observed, 0 to 1.
-        size: Of how many observations; the effective number if they are weighted.
+        share: The observed share, 0 to 1.
+        size: Number of observations; the effective number if they are weighted.
 
     Returns:
-        The lower and the upper limit; 0 and 1 if there is no observation.
+        The limits; 0 and 1 without observations.
 
     Source:
         E. B. Wilson, Probable inference, the law of succession, and statistical inference,
@@ -98,7 +95,7 @@ def wilson(share: float, size: float) -> tuple[float, float]:
     """
     if size <= 0.0:
         return 0.0, 1.0
-    z2 = _Z95**2 / size
+    z2 = Z95**2 / size
     centre = (share + z2 / 2.0) / (1.0 + z2)
     reach = math.sqrt(share * (1.0 - share) * z2 + z2**2 / 4.0) / (1.0 + z2)
     return max(0.0, centre - reach), min(1.0, centre + reach)

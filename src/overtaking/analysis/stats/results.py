@@ -1,6 +1,5 @@
-"""What `overtaking stats` says: the paper's tables, the waiting time, and warnings."""
+"""The statistics of a data set: the paper's tables, the waiting time, notes and warnings."""
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +11,7 @@ from overtaking.analysis.stats.sample import Sample, prepare
 from overtaking.analysis.stats.survival import Survival, waiting_time
 from overtaking.analysis.stats.table import Table
 from overtaking.analysis.stats.tables import class_table, dynamic_table, static_table
+from overtaking.core.plain import plain
 from overtaking.core.summary import Summarized
 
 _DECENT_SHARE = 0.3  # Below this share of effective simulations, weighted numbers are coarse.
@@ -22,13 +22,13 @@ class Statistics(Summarized):
     """The statistics of a labelled data set.
 
     Attributes:
-        sample: What they are about.
-        classes: How often each class occurs.
+        sample: The simulations.
+        classes: The frequency of each class.
         static: The paper's table of static features.
         dynamic: The paper's table of dynamic features.
-        waiting: How long drivers wait before they begin, None if that cannot be told.
+        waiting: The waiting time until drivers begin; None: unknown.
         leaks: Classes that are missing where they should occur.
-        notes: What a reader has to know before believing the numbers.
+        notes: Remarks that a reader of the numbers needs.
     """
 
     sample: Sample
@@ -66,11 +66,11 @@ def statistics(
     reading: str | None = None,
     weighted: bool = False,
 ) -> Statistics:
-    """Compute all of it.
+    """Compute the statistics.
 
     Args:
         frame: One row per simulation: the paper's features, CLASS, and `weight` if `weighted`.
-        policy: The policy that decided about the classes.
+        policy: The policy that decided on the classes.
         reading: How the features were measured; `paper` for the policy of that name, else
             `matched`.
         weighted: Whether to count each simulation by its importance weight.
@@ -91,12 +91,12 @@ def statistics(
 
 
 def _notes(sample: Sample) -> list[str]:
-    """What a reader has to know."""
+    """Remarks that a reader of the numbers needs."""
     notes: list[str] = []
     empty = [name for name, of in sample.groups() if not of.any()]
     if empty:
         notes.append(f"No simulation is of class {', '.join(empty)}.")
-    constant = _constant(sample)
+    constant = [one.name for one in NUMERIC if sample.frame[one.name].nunique() < 2]
     if constant:
         notes.append(f"The same in all simulations, or missing in all: {', '.join(constant)}.")
     censored = int(sample.members(CENSORED).sum())
@@ -117,13 +117,8 @@ def _notes(sample: Sample) -> list[str]:
     return notes
 
 
-def _constant(sample: Sample) -> list[str]:
-    """Numeric features with one value or none."""
-    return [one.name for one in NUMERIC if sample.frame[one.name].nunique() < 2]
-
-
 def _weight_note(sample: Sample) -> str:
-    """How much the weights cost."""
+    """The loss of precision by weights."""
     size, number = sample.num_effective, len(sample)
     coarse = " Expect coarse numbers." if size < _DECENT_SHARE * number else ""
     return f"Weighted: {number:,} simulations say as much as {size:,.0f} unweighted ones.{coarse}"
@@ -133,10 +128,9 @@ def _waiting_values(waiting: Survival | None) -> dict[str, Any] | None:
     """The curve of waiting times as plain values."""
     if waiting is None:
         return None
-    median = waiting.median
     return {
         "events": waiting.num_events,
         "censored": waiting.num_censored,
-        "median_s": None if math.isnan(median) else median,
+        "median_s": plain(waiting.median),
         "curve": waiting.rows().to_dict(orient="list"),
     }

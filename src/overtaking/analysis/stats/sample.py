@@ -1,4 +1,4 @@
-"""The features of some simulations, checked once, so that everything else can trust them."""
+"""The features of some simulations, checked once at the door."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -31,13 +31,13 @@ class Sample:
     """The features of some simulations.
 
     Attributes:
-        frame: One row per simulation. Numeric features are float64, NaN where there is none;
-            nominal ones and CLASS are categorical, with all their levels in order.
+        frame: One row per simulation. Numeric features are float64, NaN: missing; nominal features
+            and CLASS are categorical, with all their levels in order.
         weight: Weight of each simulation, mean 1; all ones unless weights were asked for.
-        policy: The policy that decided about the classes.
-        reading: How the features were measured, `paper` or `matched`.
+        policy: The policy that decided on the classes.
+        reading: The definition of the features, `paper` or `matched`.
         is_weighted: Whether `weight` holds the importance weights.
-        classes: The classes to show: the paper's five, and those beside them that occur.
+        classes: The classes to show: the paper's five, and others that occur.
     """
 
     frame: pd.DataFrame
@@ -76,7 +76,7 @@ class Sample:
 
     @property
     def num_effective(self) -> float:
-        """Effective sample size: as many unweighted simulations would say as much.
+        """Effective sample size.
 
         Source: L. Kish, Survey Sampling, 1965, section 11.7.
         """

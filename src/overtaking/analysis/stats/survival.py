@@ -1,4 +1,4 @@
-"""How long drivers wait before they begin to overtake, with those who never began as censored."""
+"""Waiting times until drivers begin to overtake; those who never begin are censored."""
 
 import math
 from dataclasses import dataclass
@@ -8,13 +8,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from overtaking.analysis.stats.columns import CLASS, NO_ATTEMPT
-from overtaking.analysis.stats.moments import sums
+from overtaking.analysis.stats.moments import Z95, sums
 from overtaking.analysis.stats.sample import Sample
 
 F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-_Z95 = 1.959963984540054
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,12 +21,14 @@ class Survival:
 
     Attributes:
         time: The instants, growing [s].
-        at_risk: Weight of those who were still waiting just before.
+        at_risk: Weight of those who still waited just before.
         events: Weight of those who began then.
-        survival: Share that is still waiting just after.
+        survival: Share that still waits just after.
         error: Standard error of `survival`.
+        low: Lower limit of its 95 % confidence interval.
+        high: Upper limit.
         num_events: Number of drivers who began.
-        num_censored: Number of those whose waiting ended with the recording.
+        num_censored: Number of drivers who had not begun when the recording ended.
     """
 
     time: F64
@@ -36,65 +36,34 @@ class Survival:
     events: F64
     survival: F64
     error: F64
+    low: F64
+    high: F64
     num_events: int
     num_censored: int
 
     @property
-    def low(self) -> F64:
-        """Lower limit with 95 % confidence."""
-        return self._limits()[0]
-
-    @property
-    def high(self) -> F64:
-        """Upper limit with 95 % confidence."""
-        return self._limits()[1]
-
-    @property
     def median(self) -> float:
-        """When half of all have begun [s]; NaN if that was not observed."""
+        """Time at which half of all have begun [s]; NaN if that was not observed."""
         return self.quantile(0.5)
 
     def quantile(self, share: float) -> float:
-        """When a share of all have begun [s]; NaN if that was not observed."""
+        """Time at which a share of all have begun [s]; NaN if that was not observed."""
         begun = np.flatnonzero(self.survival <= 1.0 - share + 1e-12)
         return float(self.time[begun[0]]) if len(begun) else math.nan
 
-    def _limits(self) -> tuple[F64, F64]:
-        """Limits on the scale of log(-log), where they stay between 0 and 1.
-
-        Source:
-            J. D. Kalbfleisch and R. L. Prentice, The Statistical Analysis of Failure Time Data,
-            2nd edition, 2002, section 1.4.
-        """
-        inside = (self.survival > 0.0) & (self.survival < 1.0)
-        safe = np.where(inside, self.survival, 0.5)
-        reach = np.exp(_Z95 * self.error / (safe * np.abs(np.log(safe))))
-        low = np.where(inside, safe**reach, self.survival)
-        high = np.where(inside, safe ** (1.0 / reach), self.survival)
-        return low, high
-
     def rows(self) -> pd.DataFrame:
         """The curve as a table, one row per instant."""
-        return pd.DataFrame(
-            {
-                "time_s": self.time,
-                "at_risk": self.at_risk,
-                "events": self.events,
-                "survival": self.survival,
-                "error": self.error,
-                "low": self.low,
-                "high": self.high,
-            }
-        )
+        names = ("at_risk", "events", "survival", "error", "low", "high")
+        return pd.DataFrame({"time_s": self.time} | {name: getattr(self, name) for name in names})
 
 
 def kaplan_meier(time: F64, is_event: Mask, weight: F64 | None = None) -> Survival:
-    """Estimate which share is still waiting.
+    """Estimate the share that still waits.
 
     Args:
-        time: How long each waited, at least 0, without gaps, shape (simulation,) [s].
-        is_event: Whether the waiting ended by itself, not with the recording, same shape.
-        weight: Weight of each, all ones by default.
+        time: Waiting time, at least 0, without gaps, shape (simulation,) [s].
+        is_event: Whether the driver began, same shape; else the time is censored.
+        weight: Weight of each simulation, all ones by default.
 
     Returns:
         The curve. Its error is Greenwood's; with weights the one of Xie and Liu, in which the
@@ -118,15 +87,32 @@ def kaplan_meier(time: F64, is_event: Mask, weight: F64 | None = None) -> Surviv
     effective = at_risk**2 / squares
     with np.errstate(divide="ignore", invalid="ignore"):
         error = survival * np.sqrt(np.cumsum((1.0 - stay) / (stay * effective)))
+    error = np.where(survival > 0.0, error, 0.0)
+    low, high = _limits(survival, error)
     return Survival(
         time=instants[shown],
         at_risk=at_risk,
         events=events,
         survival=survival,
-        error=np.where(survival > 0.0, error, 0.0),
+        error=error,
+        low=low,
+        high=high,
         num_events=int(is_event.sum()),
         num_censored=int((~is_event).sum()),
     )
+
+
+def _limits(survival: F64, error: F64) -> tuple[F64, F64]:
+    """95 % confidence limits on the scale of log(-log), where they stay between 0 and 1.
+
+    Source:
+        J. D. Kalbfleisch and R. L. Prentice, The Statistical Analysis of Failure Time Data, 2nd
+        edition, 2002, section 1.4.
+    """
+    inside = (survival > 0.0) & (survival < 1.0)
+    safe = np.where(inside, survival, 0.5)
+    reach = np.exp(Z95 * error / (safe * np.abs(np.log(safe))))
+    return np.where(inside, safe**reach, survival), np.where(inside, safe ** (1 / reach), survival)
 
 
 def _remaining(per_instant: F64) -> F64:

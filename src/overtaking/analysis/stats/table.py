@@ -1,11 +1,14 @@
 """A table as it will be read: exact values, and how each is written."""
 
 import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, Self
 
 import pandas as pd
+
+from overtaking.core.plain import plain
 
 NO_VALUE = "–"
 
@@ -43,6 +46,35 @@ class Table:
     num_texts: int
     by_column: bool = False
 
+    @classmethod
+    def of(
+        cls,
+        *,
+        name: str,
+        title: str,
+        note: str,
+        columns: Mapping[str, Style],
+        rows: Iterable[Sequence[object]],
+    ) -> Self:
+        """A table whose columns each have a style; those of text come first.
+
+        Args:
+            name: As in `Table`.
+            title: As in `Table`.
+            note: As in `Table`.
+            columns: The style of each column by its name.
+            rows: The values of each row.
+        """
+        return cls(
+            name=name,
+            title=title,
+            note=note,
+            rows=pd.DataFrame(list(rows), columns=list(columns)),
+            styles=tuple(columns.values()),
+            num_texts=list(columns.values()).count(Style.TEXT),
+            by_column=True,
+        )
+
     @property
     def header(self) -> tuple[str, ...]:
         """Names of the columns."""
@@ -64,10 +96,7 @@ class Table:
 
     def records(self) -> list[dict[str, Any]]:
         """Every row as plain values for JSON; null where there is none."""
-        return [
-            {str(name): _plain(value) for name, value in row.items()}
-            for row in self.rows.to_dict(orient="records")
-        ]
+        return plain(self.rows.to_dict(orient="records"))
 
 
 def write(value: Any, style: Style) -> str:
@@ -84,13 +113,3 @@ def write(value: Any, style: Style) -> str:
         return f"{value:,.0f}" if float(value).is_integer() else f"{value:,.1f}"
     text = f"{value:,.3f}" if style is Style.COEFFICIENT else f"{value:,.2f}"
     return text.lstrip("-") if not text.strip("-0.") else text.replace("-", "−")
-
-
-def _plain(value: Any) -> Any:
-    """A value that JSON knows."""
-    if isinstance(value, str) or value is None:
-        return value
-    number = float(value)
-    if math.isnan(number):
-        return None
-    return int(number) if number.is_integer() and not isinstance(value, float) else number

@@ -1,8 +1,8 @@
-"""The paper's two tables, and how often each class occurs.
+"""The paper's two tables, and the frequency of each class.
 
-Of the paper's tables the captions are known and what its text says of them: counts for the static
+Known of the paper's tables are the captions and the description in its text: counts for static
 features that are names; minimum, mean, maximum and standard deviation for the others; absolute (af)
-and relative frequency (rf) beside the dynamic ones.
+and relative frequency (rf) for dynamic features.
 """
 
 from collections.abc import Iterator
@@ -25,27 +25,25 @@ Row = tuple[Style, tuple[str, str, str], list[float]]
 
 
 def class_table(sample: Sample) -> Table:
-    """How often each class occurs, with the limits of its share at 95 % confidence."""
+    """The frequency of each class, with the 95 % confidence interval of its share."""
     rated, total = sample.is_rated, float(sample.weight[sample.is_rated].sum())
     size = effective_size(sample.weight[rated])
-    rows: list[dict[str, object]] = []
+    rows: list[tuple[object, ...]] = []
     for name, members in sample.groups():
-        share = float(sample.weight[members].sum()) / total if total else np.nan
-        if name == CENSORED:
-            share = np.nan
-        low, high = (np.nan, np.nan) if np.isnan(share) else wilson(share, size)
-        count = int(members.sum())
-        rows.append({"class": name, "count": count, "share": share, "from": low, "to": high})
+        shares = np.nan, np.nan, np.nan
+        if total and name != CENSORED:
+            share = float(sample.weight[members].sum()) / total
+            shares = share, *wilson(share, size)
+        rows.append((name, int(members.sum()), *shares))
     weighted = "The shares are weighted, the counts are not. " if sample.is_weighted else ""
-    return Table(
+    return Table.of(
         name="classes",
         title="Frequency of classes",
         note=f"{weighted}The last two columns limit the share with 95 % confidence "
         "(Wilson's interval).",
-        rows=pd.DataFrame(rows),
-        styles=(Style.TEXT, Style.COUNT, Style.SHARE, Style.SHARE, Style.SHARE),
-        num_texts=1,
-        by_column=True,
+        columns={"class": Style.TEXT, "count": Style.COUNT}
+        | dict.fromkeys(("share", "from", "to"), Style.SHARE),
+        rows=rows,
     )
 
 
@@ -107,28 +105,30 @@ def _columns(sample: Sample) -> Iterator[tuple[str, Mask]]:
 
 
 def _level_rows(sample: Sample, feature: Feature) -> Iterator[Row]:
-    """A row for each level of a nominal feature, and one for what is not known."""
+    """A row for each level of a nominal feature, and one for missing values."""
     codes = sample.codes(feature.name)
     levels = list(enumerate(feature.levels))
     if (codes < 0).any():
         levels.append((-1, "none"))
     for code, level in levels:
-        counts = [float(sample.weight[of & (codes == code)].sum()) for _, of in _columns(sample)]
-        if counts[-1] or feature.name != "TE" or level in EGO_TYPES:
-            yield Style.COUNT, (feature.name, "", level), counts
+        row = _count_row(sample, feature.name, level, codes == code)
+        if row[2][-1] or feature.name != "TE" or level in EGO_TYPES:
+            yield row
 
 
 def _number_rows(sample: Sample) -> Iterator[Row]:
     """A row for each number of vehicles, or four numbers where there are many."""
-    feature = BY_NAME["NV"]
     values = sample.values("NV")
     numbers = np.unique(values[~np.isnan(values)])
     if len(numbers) > 10:
-        yield from _moment_rows(sample, feature)
-        return
-    for number in numbers:
-        counts = [float(sample.weight[of & (values == number)].sum()) for _, of in _columns(sample)]
-        yield Style.COUNT, ("NV", "", f"{number:g}"), counts
+        yield from _moment_rows(sample, BY_NAME["NV"])
+    else:
+        yield from (_count_row(sample, "NV", f"{one:g}", values == one) for one in numbers)
+
+
+def _count_row(sample: Sample, name: str, level: str, members: Mask) -> Row:
+    counts = [float(sample.weight[of & members].sum()) for _, of in _columns(sample)]
+    return Style.COUNT, (name, "", level), counts
 
 
 def _moment_rows(sample: Sample, feature: Feature) -> Iterator[Row]:
@@ -153,6 +153,6 @@ def _frequency_rows(sample: Sample, feature: Feature) -> Iterator[Row]:
 
 
 def _described(sample: Sample, feature: Feature) -> list[Moments]:
-    """What is said of a feature in each column."""
+    """The moments of a feature in each column."""
     values = sample.values(feature.name)
     return [moments(values[of], sample.weight[of]) for _, of in _columns(sample)]

@@ -1,8 +1,8 @@
-"""Weighted rates of an enriched profile beside the rates of the profile that it enriches.
+"""Compares the weighted rates of an enriched profile with those of its natural profile.
 
-Weights undo the proposal exactly if it is drawn as it says. So every rate that both profiles have
-often enough must be the same but for chance; one that is not means that a quantity is drawn in a
-way that its weight does not know.
+Weights undo the proposal exactly if scenarios are drawn from it. So every rate that is common
+enough in both profiles must agree but for chance; a rate that does not shows that a quantity is
+drawn from another distribution than its weight assumes.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from overtaking.analysis.validation.tally import GROUPS, Tally, ratio
 from overtaking.model.labels import OvertakeClass
 
 LEAST_GROUPS = 15
-"""A rate is common enough to compare if what it counts was met in so many of the groups of
-simulations, in both profiles: with fewer, leaving out groups says nothing of its spread."""
+"""A rate is compared if both profiles have it in at least so many groups of simulations: with
+fewer, the jackknife says nothing of its spread."""
 
 LEVEL = 0.05
-"""How often at most one of all rates of a comparison disagrees by chance."""
+"""Family-wise error rate of a comparison."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,11 +30,11 @@ class Rate:
     """A rate of both profiles.
 
     Attributes:
-        title: What it is, in words.
+        title: Its description.
         unit: Unit of all its numbers; empty for a share.
-        weighted: Of the enriched profile, by its weights.
-        natural: Of the profile without its proposal.
-        low: Lower limit of the difference, weighted minus natural; of the simultaneous interval.
+        weighted: The weighted rate of the enriched profile.
+        natural: The rate of the profile without its proposal.
+        low: Lower limit of the simultaneous interval of the difference, weighted minus natural.
         high: Upper limit.
     """
 
@@ -47,11 +47,11 @@ class Rate:
 
     @property
     def agrees(self) -> bool:
-        """Whether the difference may be chance."""
+        """Whether the interval of the difference holds 0."""
         return self.low <= 0.0 <= self.high
 
     def values(self) -> dict[str, Any]:
-        """The same for machines."""
+        """The rate for JSON."""
         return asdict(self) | {"agrees": self.agrees}
 
 
@@ -59,12 +59,12 @@ def compare(weighted: Tally, natural: Tally) -> tuple[Rate, ...]:
     """Every rate that is common enough in both, with Bonferroni's simultaneous intervals.
 
     Args:
-        weighted: What was counted of the enriched profile.
-        natural: What was counted of the profile without its proposal, with other seeds.
+        weighted: The tally of the enriched profile.
+        natural: The tally of the profile without its proposal, with another seed.
 
     Source:
         R. G. Miller, Simultaneous Statistical Inference (1981), section 2.3 (Bonferroni); degrees
-        of freedom are the fewer of the two, on the safe side of Welch's.
+        of freedom are those of one profile, on the safe side of Welch's.
     """
     both = (weighted, natural)
     common = [
@@ -90,8 +90,7 @@ def student(probability: float, freedom: int) -> float:
 
 
 def _rate(one: Definition, weighted: Tally, natural: Tally, reach: float) -> Rate:
-    there, spread = weighted.spread(one.statistic)
-    here, other = natural.spread(one.statistic)
+    (there, spread), (here, other) = (tally.spread(one.statistic) for tally in (weighted, natural))
     half = reach * math.hypot(spread, other)
     return Rate(
         title=one.title,
@@ -104,28 +103,23 @@ def _rate(one: Definition, weighted: Tally, natural: Tally, reach: float) -> Rat
 
 
 def _candidates() -> list[tuple[Definition, str, int]]:
-    """What may be compared, each with the sum and the bin that must not be empty."""
+    """The rates that may be compared, each with the sum and the bin that must not be empty."""
     found = [(one, one.counts, -1) for one in DEFINITIONS if one.counts]
     for row, stratum in enumerate(STRATA):
         if row > 0:
             share = Definition(
-                name=f"{stratum} share", title=f"simulations: {stratum}", statistic=_weather(row)
+                f"{stratum} share", f"simulations: {stratum}", _share("stratum", row, 0)
             )
             found.append((share, "stratum", row))
+        there = f", {stratum}" if row > 0 else ""
         for kind in OvertakeClass:
-            there = f", {stratum}" if row > 0 else ""
-            share = Definition(
-                name=f"{stratum} {kind.title}",
-                title=f"{kind.title}{there}",
-                statistic=_class_in(row, kind),
-            )
-            found.append((share, "classes", cell(row, kind)))
+            place = cell(row, kind)
+            title = f"{kind.title}{there}"
+            share = Definition(f"{stratum} {kind.title}", title, _share("classes", place, row))
+            found.append((share, "classes", place))
     return found
 
 
-def _weather(row: int) -> Statistic:
-    return lambda tally: ratio(tally.total("stratum")[row], tally.total("stratum")[0])
-
-
-def _class_in(row: int, kind: OvertakeClass) -> Statistic:
-    return lambda tally: ratio(tally.total("classes")[cell(row, kind)], tally.total("stratum")[row])
+def _share(name: str, place: int, row: int) -> Statistic:
+    """One bin of a sum as a share of the simulations of a stratum."""
+    return lambda tally: ratio(tally.total(name)[place], tally.total("stratum")[row])

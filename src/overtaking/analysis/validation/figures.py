@@ -1,21 +1,27 @@
-"""The figures that a profile is held against, each with its interval, target and verdict."""
+"""The figures of a profile: declarations, and values with interval, target and verdict.
+
+A figure is declared once, in `DEFINITIONS`. Its target, with limits and source, is the entry of the
+same name in `validation.toml`; the sums that its statistic reads are added in `traffic` and
+`overtakes`.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from overtaking.analysis.validation.tally import F64, Tally, quantile, ratio
 from overtaking.analysis.validation.traffic import ACCEL_WIDTH, CHANGE_WIDTH, GAP_WIDTH
+from overtaking.core.plain import plain
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge import Quantity, quantities
 
 Statistic = Callable[[Tally], float]
-"""A number that follows from a tally."""
+"""A number computed from a tally."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,14 +30,14 @@ class Figure:
 
     Attributes:
         name: Its name, as in `validation.toml` where it has a target.
-        title: What it is, in words.
+        title: Its description.
         unit: Unit of all its numbers; empty for a share or a count.
-        value: The number; NaN if there was nothing to count.
-        low: Lower limit of its interval of 95 %, not below zero as no figure is.
+        value: The number; NaN if nothing was counted.
+        low: Lower limit of its 95 % confidence interval, at least 0.
         high: Upper limit.
-        target_low: What it must reach, None if nothing.
-        target_high: What it must not exceed, None if nothing.
-        source: Where the target comes from; empty without one.
+        target_low: Lower limit of the target, None without one.
+        target_high: Upper limit of the target, None without one.
+        source: Source of the target; empty without one.
     """
 
     name: str
@@ -54,33 +60,29 @@ class Figure:
 
     @property
     def is_sure(self) -> bool:
-        """Whether all of the interval says the same as the value."""
+        """Whether both ends of the interval lie on the same sides of the target."""
         ends = (self.low, self.high)
         lows = {self.target_low is None or end >= self.target_low for end in ends}
         highs = {self.target_high is None or end <= self.target_high for end in ends}
         return len(lows) == len(highs) == 1
 
     def values(self) -> dict[str, Any]:
-        """The same for machines; NaN is null."""
-        values = asdict(self) | {"met": self.met, "sure": self.is_sure}
-        return {
-            name: None if isinstance(value, float) and math.isnan(value) else value
-            for name, value in values.items()
-        }
+        """The figure for JSON."""
+        return plain(self) | {"met": self.met, "sure": self.is_sure}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Definition:
-    """How a figure is made.
+    """The declaration of a figure; `validation.toml` has the limits and source of its target.
 
     Attributes:
-        name: Its name.
-        title: What it is, in words.
-        statistic: What is computed.
-        unit: Unit of what is shown.
-        scale: That unit over the SI one.
-        counts: The sum that must not be empty for two profiles to be compared in it; empty for what
-            is not a property of the traffic.
+        name: Its name, as in `validation.toml` where it has a target.
+        title: Its description.
+        statistic: The number, from a tally.
+        unit: Unit in which it is shown; empty for a share or a count.
+        scale: The number in that unit over the number in SI.
+        counts: The sum in the tally that must not be empty for two profiles to be compared in it;
+            empty for a figure that is not a property of the traffic.
     """
 
     name: str
@@ -90,55 +92,26 @@ class Definition:
     scale: float = 1.0
     counts: str = ""
 
+    def target(self, side: str) -> Quantity | None:
+        """The `low` or `high` limit that published measurements set [SI]; None without one."""
+        entry = quantities("validation.toml").get(f"targets.{self.name}.{side}")
+        return entry if isinstance(entry, Quantity) else None
 
-def figures(open_road: Tally, ring: Tally | None) -> list[Figure]:
-    """All figures.
-
-    Args:
-        open_road: What was counted in the profile's simulations.
-        ring: What was counted on rings; None if the profile cannot be put on one, and the rate of
-            lane changes of the open road is held against the target.
-    """
-    rate = Definition(
-        name="lane_changes_per_km",
-        title="lane changes per vehicle-km, steady at 15 to 25 vehicles/km/lane"
-        if ring
-        else "lane changes per vehicle-km",
-        statistic=_rate,
-        unit="1/km",
-        scale=1e3,
-    )
-    first = _figure(rate, ring or open_road)
-    rest = [one for one in DEFINITIONS if ring or one.name != _OWN_RATE]
-    return [first, *(_figure(definition, open_road) for definition in rest)]
-
-
-def _figure(definition: Definition, tally: Tally) -> Figure:
-    value, low, high = (
-        definition.scale * float(number) for number in tally.estimate(definition.statistic)
-    )
-    known = quantities("validation.toml")
-    ends: dict[str, float] = {}
-    source = ""
-    for side in ("low", "high"):
-        entry = known.get(f"targets.{definition.name}.{side}")
-        if isinstance(entry, Quantity):
-            ends[f"target_{side}"] = definition.scale * entry.number
-            source = entry.source
-    return Figure(
-        name=definition.name,
-        title=definition.title,
-        unit=definition.unit,
-        value=value,
-        low=low if math.isnan(low) else max(low, 0.0),
-        high=high,
-        source=source,
-        **ends,
-    )
-
-
-def _rate(tally: Tally) -> float:
-    return ratio(tally.total("changes"), tally.total("metres"))
+    def measured(self, tally: Tally) -> Figure:
+        """The figure of a tally, with its interval and target."""
+        value, low, high = (float(self.scale * number) for number in tally.estimate(self.statistic))
+        limits = least, most = self.target("low"), self.target("high")
+        return Figure(
+            name=self.name,
+            title=self.title,
+            unit=self.unit,
+            value=value,
+            low=low if math.isnan(low) else max(low, 0.0),
+            high=high,
+            target_low=least and self.scale * least.number,
+            target_high=most and self.scale * most.number,
+            source=next((one.source for one in reversed(limits) if one), ""),
+        )
 
 
 def _share(part: str, whole: str) -> Statistic:
@@ -151,7 +124,7 @@ def _mean_duration(tally: Tally) -> float:
 
 
 def _distance_from_lognormal(tally: Tally) -> float:
-    """Largest distance of the distribution of the durations from the fitted lognormal."""
+    """Largest distance of the distribution of durations from the fitted lognormal."""
     histogram: F64 = tally.total("durations")
     total = histogram.sum()
     if not total > 0.0:
@@ -166,109 +139,132 @@ def _distance_from_lognormal(tally: Tally) -> float:
     return float(np.abs(below - np.array(normal)).max())
 
 
-def effective_share(tally: Tally) -> float:
+def _effective_share(tally: Tally) -> float:
     """Effective number of simulations over their number (Kish 1965)."""
     weights, squares = tally.total("simulations").sum(), tally.total("squares").sum()
     number = tally.total("number").sum()
     return float(weights * weights / (squares * number)) if number else float("nan")
 
 
-_OWN_RATE = "own_lane_changes_per_km"
+RATE = Definition(
+    "lane_changes_per_km", "lane changes per vehicle-km", _share("changes", "metres"), "1/km", 1e3
+)
+"""Measured on rings where there are some, because the published rates are of steady traffic."""
+
+RING_TITLE = "lane changes per vehicle-km, steady at 15 to 25 vehicles/km/lane"
+
+OWN_RATE = Definition(
+    "own_lane_changes_per_km",
+    "lane changes per vehicle-km at the profile's own densities",
+    _share("changes", "metres"),
+    "1/km",
+    1e3,
+    counts="changes",
+)
+"""Shown beside a rate that was measured on rings."""
 
 DEFINITIONS = (
+    OWN_RATE,
     Definition(
-        name=_OWN_RATE,
-        title="lane changes per vehicle-km at the profile's own densities",
-        statistic=_rate,
-        unit="1/km",
-        scale=1e3,
-        counts="changes",
-    ),
-    Definition(
-        name="lane_change_duration",
-        title="mean duration of a lane change",
-        statistic=_mean_duration,
-        unit="s",
+        "lane_change_duration",
+        "mean duration of a lane change",
+        _mean_duration,
+        "s",
         counts="durations",
     ),
     Definition(
-        name="lane_change_lognormal",
-        title="distance of the durations from a lognormal",
-        statistic=_distance_from_lognormal,
+        "lane_change_lognormal",
+        "distance of the durations from a lognormal",
+        _distance_from_lognormal,
     ),
     Definition(
-        name="gap_time",
-        title="median time gap of who follows",
-        statistic=lambda tally: quantile(tally.total("gap_times"), 0.5, GAP_WIDTH),
-        unit="s",
+        "gap_time",
+        "median time gap of who follows",
+        lambda tally: quantile(tally.total("gap_times"), 0.5, GAP_WIDTH),
+        "s",
         counts="gap_times",
     ),
     Definition(
-        name="short_ttc",
-        title="time to collision below 3 s, share of the time behind another",
-        statistic=_share("critical", "behind"),
+        "short_ttc",
+        "time to collision below 3 s, share of the time behind another",
+        _share("critical", "behind"),
         counts="critical",
     ),
     Definition(
-        name="passing_speed",
-        title="how much faster a car is than the car it begins to pass",
-        statistic=_share("passing_speed", "passing"),
-        unit="km/h",
-        scale=kmh_from_mps(1.0),
+        "passing_speed",
+        "how much faster a car is than the car it begins to pass",
+        _share("passing_speed", "passing"),
+        "km/h",
+        kmh_from_mps(1.0),
         counts="passing",
     ),
     Definition(
-        name="lateral_accel",
-        title="95th percentile of the lateral acceleration",
-        statistic=lambda tally: quantile(tally.total("lateral"), 0.95, ACCEL_WIDTH),
-        unit="m/s^2",
+        "lateral_accel",
+        "95th percentile of the lateral acceleration",
+        lambda tally: quantile(tally.total("lateral"), 0.95, ACCEL_WIDTH),
+        "m/s^2",
         counts="lateral",
     ),
     Definition(
-        name="usual_accel",
-        title="longitudinal acceleration in -3 to 2 m/s^2, share of the uncritical time",
-        statistic=_share("usual", "calm"),
+        "usual_accel",
+        "longitudinal acceleration in -3 to 2 m/s^2, share of the uncritical time",
+        _share("usual", "calm"),
         counts="usual",
     ),
     Definition(
-        name="impossible_accel",
-        title="simulations with more than 11 m/s^2",
-        statistic=_share("impossible", "simulations"),
+        "impossible_accel",
+        "simulations with more than 11 m/s^2",
+        _share("impossible", "simulations"),
     ),
     Definition(
-        name="flying_share",
-        title="flying overtakes, share of all",
-        statistic=_share("flying", "overtakes"),
+        "flying_share",
+        "flying overtakes, share of all",
+        _share("flying", "overtakes"),
         counts="flying",
     ),
     Definition(
-        name="open_at_end",
-        title="overtakes that are open at the end",
-        statistic=_share("open", "attempts"),
+        "open_at_end",
+        "overtakes that are open at the end",
+        _share("open", "attempts"),
         counts="open",
     ),
     Definition(
-        name="effective_share",
-        title="effective number of simulations over their number",
-        statistic=effective_share,
+        "effective_share",
+        "effective number of simulations over their number",
+        _effective_share,
     ),
     Definition(
-        name="contacts",
-        title="contacts per 1,000 vehicle-km",
-        statistic=_share("contacts", "metres"),
-        unit="1/Mm",
-        scale=1e6,
+        "contacts",
+        "contacts per 1,000 vehicle-km",
+        _share("contacts", "metres"),
+        "1/Mm",
+        1e6,
         counts="contacts",
     ),
     Definition(
-        name="edges",
-        title="time in which the ego sees where the traffic ends",
-        statistic=_share("edges", "frames"),
+        "edges",
+        "time in which the ego sees where the traffic ends",
+        _share("edges", "frames"),
     ),
     Definition(
-        name="attempts",
-        title="simulations with an attempt",
-        statistic=_share("attempts", "simulations"),
+        "attempts",
+        "simulations with an attempt",
+        _share("attempts", "simulations"),
         counts="attempts",
     ),
 )
+"""The figures, in the order in which they are shown."""
+
+
+def figures(open_road: Tally, ring: Tally | None) -> list[Figure]:
+    """All figures.
+
+    Args:
+        open_road: The tally of the profile's simulations.
+        ring: The tally of the rings; None if the profile cannot be put on one. Then the rate of
+            lane changes of the open road is compared with the target.
+    """
+    if ring is None:
+        return [one.measured(open_road) for one in (RATE, *DEFINITIONS) if one is not OWN_RATE]
+    rate = replace(RATE, title=RING_TITLE).measured(ring)
+    return [rate, *(one.measured(open_road) for one in DEFINITIONS)]

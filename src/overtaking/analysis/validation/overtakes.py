@@ -1,4 +1,4 @@
-"""Counts what the egos do: how they overtake, what becomes of it, and in which weather."""
+"""Counts overtakes of the egos: how they begin and end, and in which weather."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 CARS = (VehicleKind.S, VehicleKind.M, VehicleKind.L)
 
 STRATA = ("any weather", "dry day", "night", "rain", "fog", "wind", "low sun")
-"""Kinds of weather that classes are counted in; a simulation may belong to several."""
+"""Strata of weather; a simulation may belong to several."""
 
 POLICY = "default"
-"""Whose classes are counted."""
+"""The policy whose classes are counted."""
 
 UNDER_WAY = (Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.ABORT)
 """An overtake whose ego is in one of these stages in the last frame is open."""
@@ -51,7 +51,7 @@ def count(tally: Tally, batch: Batch) -> None:
         group, weight, place = (
             batch.group[inside],
             batch.weight[inside],
-            cell(number, ended)[inside],
+            cell(number, ended[inside]),
         )
         bins = len(STRATA) * len(OvertakeClass)
         tally.add_binned("classes", group, place, weight, bins)
@@ -74,7 +74,7 @@ def strata(weather: Weather) -> list[Array]:
 
 
 def _passing(tally: Tally, batch: Batch, events: Events) -> None:
-    """Add how much faster a car is than the car that it begins to pass."""
+    """Add the speed difference of a car and the car that it begins to pass."""
     kind = batch.runs.scenario.vehicles.kind
     at = np.flatnonzero(events.overlap_begin != NEVER)
     target, frame = events.target[at], events.overlap_begin[at]
@@ -94,11 +94,11 @@ def _approach(tally: Tally, batch: Batch, events: Events) -> None:
 
 
 def flying(runs: Trajectories, events: Events) -> tuple[Array, Array]:
-    """Overtakes whose ego never came down to the speed of the other before it pulled out.
+    """Overtakes whose ego never slowed down to the speed of its target before it pulled out.
 
     Args:
         runs: Recorded simulations.
-        events: What happened in them.
+        events: Their events.
 
     Returns:
         The simulations with an overtake that came alongside, and whether each was flying.

@@ -1,8 +1,8 @@
-"""The traffic of a profile on a road that closes on itself, for the rate of lane changes.
+"""The traffic of a profile on a ring road, for the rate of lane changes.
 
-Between two open ends dense traffic does not stay dense, and the published rates are of traffic at
-15 to 25 vehicles on a kilometre of a lane. On a ring it stays as dense as it was put there. The
-vehicles and drivers are the profile's; it is dry and day, as where the rates were counted.
+The published rates are of traffic at 15 to 25 vehicles per kilometre and lane. Between two open
+ends dense traffic does not stay dense; on a ring it does. The vehicles and drivers are the
+profile's; it is dry and day, as in the published measurements.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from overtaking.scenarios import Spec
 
 DENSITIES = (15.0, 25.0)
-"""Vehicles on a kilometre of a lane."""
+"""Vehicles per kilometre and lane."""
 
 VEHICLES = (24, 32)
 """Fewest and most vehicles on the ring."""
 
 WARM_UP_S, COUNTED_S = 40.0, 60.0
-"""Traffic settles first, then changes are counted [s]."""
+"""Time in which traffic settles, then time in which changes are counted [s]."""
 
 CHUNK = 48
 """Simulations at a time."""
@@ -51,10 +51,10 @@ _DRY_DAY = {
 
 
 def count(tally: Tally, spec: Spec, road: Road, seed: int, simulations: int) -> None:
-    """Add changes of lane and distances on rings to a tally.
+    """Add lane changes and distances on rings to a tally.
 
     Args:
-        tally: What is added to.
+        tally: The tally.
         spec: A specification with a flow of traffic and independent weather.
         road: Its road.
         seed: Seed of the random numbers.
@@ -87,7 +87,7 @@ def on_ring(drawn: Scenario, density: F32) -> tuple[Scenario, Parameters]:
 
     Args:
         drawn: Any batch.
-        density: Vehicles on a kilometre of a lane, shape (simulation,).
+        density: Vehicles per kilometre and lane, shape (simulation,).
 
     Returns:
         The batch, and its parameters; no simulation ends early.
@@ -114,6 +114,6 @@ def on_ring(drawn: Scenario, density: F32) -> tuple[Scenario, Parameters]:
 
 
 def _endless(given: Parameters) -> Parameters:
-    """Neither an overtake nor a collision of the ego ends the others' drive."""
+    """Parameters with which neither an overtake nor a collision of the ego ends a simulation."""
     constants = given.constants.replace(after_overtake=_NEVER_S, after_collision=_NEVER_S)
     return dataclasses.replace(given, constants=constants)

@@ -1,8 +1,7 @@
-"""Simulates a profile and holds it against what is known of real traffic."""
+"""Simulates a profile and compares it with published measurements of real traffic."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,8 @@ from overtaking.analysis.validation.figures import Figure, figures
 from overtaking.analysis.validation.tally import Tally
 from overtaking.analysis.validation.traffic import Batch
 from overtaking.core.memory import Buffers
+from overtaking.core.plain import plain
+from overtaking.core.steps import Progress, Steps
 from overtaking.core.summary import Summarized
 from overtaking.model.labels import OvertakeClass
 from overtaking.scenarios import sample
@@ -24,22 +25,14 @@ if TYPE_CHECKING:
     from overtaking.model.road import Road
     from overtaking.scenarios import Spec
 
-Progress = Callable[[int, int], None]
-
 CHUNK = 48
 """Simulations at a time."""
 
-STUDIED = (
-    OvertakeClass.NO_ATTEMPT,
-    OvertakeClass.SUCCESS_I,
-    OvertakeClass.SUCCESS_L,
-    OvertakeClass.UNSUCCESS_COL,
-    OvertakeClass.UNSUCCESS_NCOL,
-)
+STUDIED = tuple(OvertakeClass)[: OvertakeClass.UNSUCCESS_NCOL + 1]
 """The study's five classes."""
 
 RING_SHARE = 8
-"""One ring for so many simulations: it has all its vehicles for longer."""
+"""Simulations per ring: a ring keeps all its vehicles for longer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,15 +52,15 @@ class Stratum:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Validation(Summarized):
-    """What was found.
+    """The figures of a profile, its classes by weather, and its weights.
 
     Attributes:
         profile: Name of the profile.
-        simulations: How many were simulated.
+        simulations: Number of simulations.
         seed: Seed of their random numbers.
         figures: Every figure.
         strata: Classes by weather.
-        comparison: Weighted rates beside those of the profile without its proposal; empty for a
+        comparison: Weighted rates and those of the profile without its proposal; empty for a
             profile that has none.
     """
 
@@ -95,7 +88,7 @@ class Validation(Summarized):
         )
 
     def values(self) -> dict[str, Any]:
-        """The same for machines."""
+        """Everything for JSON."""
         return {
             "profile": self.profile,
             "simulations": self.simulations,
@@ -113,23 +106,21 @@ class Validation(Summarized):
 def validate(
     spec: Spec, road: Road, simulations: int, seed: int, progress: Progress | None = None
 ) -> Validation:
-    """Simulate a profile and work out every figure.
+    """Simulate a profile and compute every figure.
 
     A profile with a proposal is simulated once more without it, with the next seed, to compare.
 
     Args:
-        spec: What to sample.
-        road: Where.
-        simulations: How many.
+        spec: The specification.
+        road: Its road.
+        simulations: Number of simulations.
         seed: Seed of the random numbers.
         progress: Called with the number of simulations that are done, and of all.
     """
     natural = natural_of(spec)
     runs = [(spec, seed)] + ([(natural, seed + 1)] if natural else [])
-    tallies: list[Tally] = []
-    for number, (drawn, own_seed) in enumerate(runs):
-        done = _onwards(progress, number * simulations, len(runs) * simulations)
-        tallies.append(_counted(drawn, road, simulations, own_seed, done))
+    step = Steps(len(runs) * simulations, progress)
+    tallies = [_counted(drawn, road, simulations, own_seed, step) for drawn, own_seed in runs]
     tally = tallies[0]
     rings = Tally() if isinstance(spec.traffic, Flow) else None
     if rings is not None:
@@ -149,41 +140,29 @@ def natural_of(spec: Spec) -> Spec | None:
     return spec.model_copy(update={"proposal": None}) if spec.proposal else None
 
 
-def _onwards(progress: Progress | None, before: int, total: int) -> Callable[[int], None]:
-    def tell(done: int) -> None:
-        if progress is not None:
-            progress(before + done, total)
-
-    return tell
-
-
-def _counted(
-    spec: Spec, road: Road, simulations: int, seed: int, tell: Callable[[int], None]
-) -> Tally:
-    """What was counted in the simulations of a specification."""
+def _counted(spec: Spec, road: Road, simulations: int, seed: int, step: Steps) -> Tally:
+    """The tally of the simulations of a specification."""
     tally, buffers = Tally(), Buffers()
     for first in range(0, simulations, CHUNK):
-        last = min(first + CHUNK, simulations)
-        index = np.arange(first, last, dtype=np.uint64)
+        index = np.arange(first, min(first + CHUNK, simulations), dtype=np.uint64)
         batch = Batch.of(engine.simulate(sample(spec, road, seed, index), buffers=buffers))
         traffic.count(tally, batch)
         overtakes.count(tally, batch)
-        tell(last)
+        step(len(index))
     return tally
 
 
 def _strata(tally: Tally) -> tuple[Stratum, ...]:
     shape = (len(overtakes.STRATA), len(OvertakeClass))
     raw, weighted = (tally.total(name).reshape(shape) for name in ("raw_classes", "classes"))
-    names = [kind.title for kind in OvertakeClass]
-    return tuple(
-        Stratum(
-            name=name,
-            counts=dict(zip(names, map(int, raw[row]), strict=True)),
-            shares={
-                kind: float(weight / weighted[row].sum()) if raw[row].any() else None
-                for kind, weight in zip(names, weighted[row], strict=True)
-            },
+    found: list[Stratum] = []
+    for name, numbers, weights in zip(overtakes.STRATA, raw, weighted, strict=True):
+        total = weights.sum() if numbers.any() else np.nan
+        found.append(
+            Stratum(
+                name=name,
+                counts={kind.title: int(numbers[kind]) for kind in OvertakeClass},
+                shares={kind.title: plain(weights[kind] / total) for kind in OvertakeClass},
+            )
         )
-        for row, name in enumerate(overtakes.STRATA)
-    )
+    return tuple(found)

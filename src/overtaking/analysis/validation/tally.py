@@ -1,9 +1,9 @@
-"""Sums over simulations in groups, from which statistics and their uncertainty follow.
+"""Sums over groups of simulations, for statistics and their uncertainty.
 
-What happens in one simulation is not independent, simulations are. So everything is summed in
-groups of whole simulations, and the spread of a statistic follows from leaving out one group after
-the other (jackknife). That holds for ratios, quantiles and distances of distributions alike, takes
-memory for the groups only, and gives the same numbers in any order.
+Events within one simulation depend on each other; simulations are independent. So everything is
+summed in groups of whole simulations, and the standard error of a statistic is the jackknife's:
+leave out one group after the other. That works for ratios, quantiles and distances of distributions
+alike, takes memory for the groups only, and gives the same numbers in any order.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ F64: TypeAlias = NDArray[np.float64]
 Array: TypeAlias = NDArray[Any]
 
 GROUPS = 20
-"""Groups that simulations are dealt to by their number."""
+"""Number of groups; a simulation belongs to the one of its number modulo this."""
 
 _T95 = 2.093  # Student's t of 95 % with 19 degrees of freedom.
 
@@ -32,19 +32,18 @@ class Tally:
         """Begin with nothing."""
         self._sums: dict[str, F64] = {}
 
-    def add(self, name: str, group: Array, values: Array, bins: int = 1) -> None:
+    def add(self, name: str, group: Array, values: Array) -> None:
         """Add weights.
 
         Args:
-            name: What is counted.
+            name: Name of the sum.
             group: Group of each entry.
             values: Weight of each entry, broadcast against `group`.
-            bins: 1: there are no bins.
         """
-        self.add_binned(name, group, np.zeros(np.shape(group), np.int64), values, bins)
+        self.add_binned(name, group, np.zeros(np.shape(group), np.int64), values, 1)
 
     def add_binned(self, name: str, group: Array, place: Array, values: Array, bins: int) -> None:
-        """Add weights to the bins at `place`; what lies beyond is added to the outermost."""
+        """Add weights to the bins at `place`; places beyond are added to the outermost bin."""
         inside = np.clip(place, 0, bins - 1).astype(np.int64) + bins * group.astype(np.int64)
         weights = np.broadcast_to(values, inside.shape)
         found = np.bincount(inside.ravel(), weights.ravel(), GROUPS * bins).reshape(GROUPS, bins)
@@ -55,13 +54,7 @@ class Tally:
         return self._of(name).sum(axis=0)
 
     def estimate(self, statistic: Callable[[Tally], float]) -> tuple[float, float, float]:
-        """A statistic, and the limits of its interval of 95 %.
-
-        Args:
-            statistic: A function of a tally, which it asks for `total`.
-
-        Returns:
-            The value, and the lower and upper limit.
+        """A statistic, and the limits of its 95 % confidence interval.
 
         Source:
             B. Efron, C. Stein, The jackknife estimate of variance, Ann. Statist. 9 (1981) 586-596.
@@ -76,7 +69,7 @@ class Tally:
         return statistic(self), variance**0.5
 
     def groups_with(self, name: str, place: int = -1) -> int:
-        """In how many groups something was counted, in the bin at `place` or in any."""
+        """Number of groups with a positive sum, in the bin at `place` or in any."""
         sums = self._of(name)
         return int(((sums if place < 0 else sums[:, place : place + 1]) > 0.0).any(axis=1).sum())
 

@@ -1,4 +1,4 @@
-"""Counts what all vehicles do: distances, gaps, accelerations, changes of lane."""
+"""Counts the traffic of all vehicles: distances, gaps, accelerations, lane changes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 EVERY_S = 0.5
-"""Gaps and accelerations are looked at this often [s]: they change little in between."""
+"""Interval at which gaps and accelerations are counted [s]: they change little in between."""
 
 GAP_BINS, GAP_WIDTH = 400, 0.01
 """Bins of time gaps [s]."""
@@ -40,14 +40,15 @@ def limit(name: str) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Batch:
-    """A recorded batch with what is needed to count in it.
+    """A recorded batch, prepared for counting.
 
     Attributes:
-        runs: What was recorded.
+        runs: The recordings.
         group: Group of each simulation.
         weight: Weight of each simulation.
-        sound: Vehicles that are there and have touched nobody, (simulation, vehicle, time).
-        interval_s: Time between frames.
+        sound: Whether a vehicle is present and has touched nobody yet, shape
+            (simulation, vehicle, time).
+        interval_s: Time between frames [s].
     """
 
     runs: Trajectories
@@ -55,6 +56,11 @@ class Batch:
     weight: NDArray[np.float64]
     sound: NDArray[np.bool_]
     interval_s: float
+
+    @property
+    def sampled(self) -> slice:
+        """Every so many frames, in which gaps and accelerations are counted."""
+        return slice(None, None, max(1, round(EVERY_S / self.interval_s)))
 
     @classmethod
     def of(cls, runs: Trajectories) -> Batch:
@@ -80,7 +86,7 @@ def count(tally: Tally, batch: Batch) -> None:
 
 
 def count_changes(tally: Tally, batch: Batch, counted: Array) -> None:
-    """Add changes of lane of the vehicles and frames that count, and their durations."""
+    """Add lane changes of the counted vehicles and frames, with durations and distances."""
     lane = batch.runs.states.lane
     crossed = (lane[:, :, 1:] != lane[:, :, :-1]) & counted[:, :, 1:] & counted[:, :, :-1]
     simulation, vehicle, frame = np.nonzero(crossed)
@@ -96,7 +102,7 @@ def count_changes(tally: Tally, batch: Batch, counted: Array) -> None:
 def _durations(
     batch: Batch, simulation: Array, vehicle: Array, frame: Array
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """How long each change of lane moves to one side [s], and which began and ended in view."""
+    """Duration of each sideways motion [s], and whether it was recorded from begin to end."""
     reach = round(LONGEST_CHANGE_S / batch.interval_s)
     half = max(1, round(_SMOOTHING_S / batch.interval_s))
     last = batch.runs.num_frames[simulation] - 1
@@ -118,12 +124,11 @@ def _durations(
 def _distances(tally: Tally, batch: Batch) -> None:
     """Add vehicle-frames, accelerations and contacts."""
     states, sound = batch.runs.states, batch.sound
-    per_frame = slice(None, None, max(1, round(EVERY_S / batch.interval_s)))
-    seen = sound[:, :, per_frame]
-    simulation, _, _ = np.nonzero(seen)
-    group, weight = batch.group[simulation], batch.weight[simulation]
-    lateral = np.abs(states.accel_lat[:, :, per_frame][seen].astype(np.int64))
+    seen = sound[:, :, batch.sampled]
+    simulation = np.nonzero(seen)[0]
+    lateral = np.abs(states.accel_lat[:, :, batch.sampled][seen].astype(np.int64))
     place = (1e-3 / ACCEL_WIDTH * lateral).astype(np.int64)
+    group, weight = batch.group[simulation], batch.weight[simulation]
     tally.add_binned("lateral", group, place, weight, ACCEL_BINS)
     hardest = 1e3 * limit("hardest")
     along, across = (values.astype(np.float32) for values in (states.accel_lon, states.accel_lat))
@@ -137,14 +142,12 @@ def _distances(tally: Tally, batch: Batch) -> None:
 def _following(tally: Tally, batch: Batch) -> None:
     """Add time gaps, times to collision, and whether accelerations are usual."""
     states = batch.runs.states
-    per_frame = slice(None, None, max(1, round(EVERY_S / batch.interval_s)))
-    speed = 1e-3 * states.speed[:, :, per_frame].transpose(0, 2, 1)
-    accel = states.accel_lon[:, :, per_frame].transpose(0, 2, 1)
-    sound = batch.sound[:, :, per_frame].transpose(0, 2, 1)
-    gap, closing = _leaders(batch, per_frame)
-    shape = sound.shape
-    group = np.broadcast_to(batch.group[:, None, None], shape)
-    weight = np.broadcast_to(batch.weight[:, None, None], shape)
+    speed = 1e-3 * _by_frame(states.speed, batch.sampled)
+    accel, sound = (_by_frame(one, batch.sampled) for one in (states.accel_lon, batch.sound))
+    gap, closing = _leaders(batch, batch.sampled)
+    group, weight = (
+        np.broadcast_to(one[:, None, None], sound.shape) for one in (batch.group, batch.weight)
+    )
     time = gap / np.maximum(speed, 1.0)
     behind = sound & (time < limit("fastest_gap_time"))
     critical = behind & (closing * limit("critical_ttc") > gap)
@@ -159,30 +162,31 @@ def _following(tally: Tally, batch: Batch) -> None:
     tally.add("usual", group[usual], weight[usual])
 
 
-def _leaders(batch: Batch, per_frame: slice) -> tuple[Array, Array]:
+def _leaders(batch: Batch, frames: slice) -> tuple[Array, Array]:
     """Gap to the next vehicle ahead in the lane [m] and speed of approach [m/s].
 
     Returns:
         Both of shape (simulation, time, vehicle); the gap is infinite where nobody is ahead.
     """
     states, scenario = batch.runs.states, batch.runs.scenario
-    s = 1e-3 * states.s[:, :, per_frame].transpose(0, 2, 1)
-    speed = 1e-3 * states.speed[:, :, per_frame].transpose(0, 2, 1)
-    lane = states.lane[:, :, per_frame].transpose(0, 2, 1).astype(np.float64)
-    sound = batch.sound[:, :, per_frame].transpose(0, 2, 1)
+    s, speed = (1e-3 * _by_frame(one, frames) for one in (states.s, states.speed))
+    lane = _by_frame(states.lane, frames).astype(np.float64)
     half = 0.5 * scenario.vehicles.length[:, None, :]
-    key = np.where(sound, 1e6 * lane + s, np.inf)
+    # One sort for all lanes: by lane, then by place; vehicles that do not count come last.
+    key = np.where(_by_frame(batch.sound, frames), 1e6 * lane + s, np.inf)
     order = np.argsort(key, axis=2)
-    ordered = np.take_along_axis(key, order, axis=2)
-    rear = np.take_along_axis(s - half, order, axis=2)
-    front = np.take_along_axis(s + half, order, axis=2)
-    pace = np.take_along_axis(speed, order, axis=2)
+    ordered, rear, front, pace = (
+        np.take_along_axis(one, order, axis=2) for one in (key, s - half, s + half, speed)
+    )
     with np.errstate(invalid="ignore"):
         same = ordered[:, :, 1:] // 1e6 == ordered[:, :, :-1] // 1e6
     gap, closing = np.full(s.shape, np.inf), np.zeros(s.shape)
     gap[:, :, :-1] = np.where(same, rear[:, :, 1:] - front[:, :, :-1], np.inf)
     closing[:, :, :-1] = np.where(same, pace[:, :, :-1] - pace[:, :, 1:], 0.0)
-    found_gap, found_closing = np.empty_like(gap), np.empty_like(closing)
-    np.put_along_axis(found_gap, order, gap, axis=2)
-    np.put_along_axis(found_closing, order, closing, axis=2)
-    return found_gap, found_closing
+    back = np.argsort(order, axis=2)
+    return np.take_along_axis(gap, back, axis=2), np.take_along_axis(closing, back, axis=2)
+
+
+def _by_frame(values: Array, frames: slice) -> Array:
+    """Some frames of (simulation, vehicle, time), as (simulation, time, vehicle)."""
+    return values[:, :, frames].transpose(0, 2, 1)

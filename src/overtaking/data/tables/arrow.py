@@ -77,7 +77,7 @@ def column_to_numpy(column: pa.ChunkedArray, missing: Any = 0) -> Array:
 
 
 def missing_in(chunk: pa.Array) -> Mask:
-    """Where an array is null."""
+    """Mask of the nulls of an array."""
     validity = chunk.buffers()[0]
     if validity is None:
         return np.zeros(len(chunk), dtype=np.bool_)

@@ -1,14 +1,17 @@
-"""Arrow tables from NumPy columns."""
+"""Arrow tables from batches: columns are read from their paths, or an encoder computes them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
+from functools import cache
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 
 from overtaking.data.tables.arrow import Array, Mask, Masked, to_arrow, to_names
-from overtaking.data.tables.columns import names_of
-from overtaking.data.tables.schemas import SCHEMAS
+from overtaking.data.tables.columns import Column, names_of
+from overtaking.data.tables.schemas import COLUMNS, schema_of
+from overtaking.model.batch import Batch
 
 
 class Texts(NamedTuple):
@@ -33,16 +36,66 @@ class Texts(NamedTuple):
 Given = Array | Masked | Texts
 """A column before it is encoded: of an enumeration its codes, of fixed-size bytes all bytes."""
 
+Rows = Callable[[Array], Array]
+"""Takes the rows of a table from an attribute of its batch."""
 
-def build(table: str, given: Mapping[str, Given]) -> pa.Table:
-    """A table of one of the `SCHEMAS`.
+
+def build(
+    table: str,
+    batch: Batch,
+    rows: Rows,
+    computed: Mapping[str, Given],
+    unknown: Collection[str] = (),
+) -> pa.Table:
+    """A table of a batch.
 
     Args:
         table: Its name.
-        given: Its columns by name, in any order.
+        batch: Where the paths of its columns begin.
+        rows: Takes the rows of the table from an attribute.
+        computed: Columns by name that are not attributes of the batch, a key first.
+        unknown: What is not known of a recording.
     """
-    schema = SCHEMAS[table]
-    return pa.Table.from_arrays([_array(given[one.name], one) for one in schema], schema=schema)
+    schema, count = schema_of(table, unknown), len(next(iter(computed.values())))
+    known = [one for one in COLUMNS[table] if not one.is_silent(unknown)]
+    read = read_columns([one for one in known if one.name not in computed], batch, rows)
+    given = {one.name: computed.get(one.name, read.get(one.name)) for one in known}
+    arrays = [
+        pa.nulls(count, field.type) if one is None else _array(one, field)
+        for field in schema
+        for one in [given.get(field.name)]
+    ]
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def read_columns(columns: Iterable[Column], batch: Batch, rows: Rows) -> dict[str, Given]:
+    """Columns that are attributes of a batch, by name; null where they have no finite value.
+
+    Args:
+        columns: Which.
+        batch: Where their paths begin.
+        rows: Takes the rows of the table from an attribute.
+    """
+
+    @cache
+    def absent(path: str, place: int | None, nothing: int) -> Mask:
+        return rows(_attribute(batch, path, place)) == nothing
+
+    given: dict[str, Given] = {}
+    for one in columns:
+        values = rows(_attribute(batch, one.path, one.place))
+        missing = absent(one.present, one.place, one.nothing) if one.present else None
+        if one.field.nullable and values.dtype.kind == "f":
+            infinite = ~np.isfinite(values)
+            missing = infinite if missing is None else missing | infinite
+        given[one.name] = values if missing is None else Masked(values, missing)
+    return given
+
+
+def _attribute(batch: Batch, path: str, place: int | None) -> Array:
+    """An attribute; arrays of shape (simulation,) have no last axis to choose from."""
+    found: Array = attrgetter(path)(batch)
+    return found if place is None or found.ndim == 1 else found[..., place]
 
 
 def _array(given: Given, field: pa.Field) -> pa.Array:

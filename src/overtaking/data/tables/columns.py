@@ -1,46 +1,30 @@
-"""How a column is named, and what its unit means.
+"""Declarations of columns: name, type, unit, meaning, and the attribute that has the values.
 
-A name ends in its unit, so that no file leaves a reader guessing. Integer columns are counts of a
-step and carry the step in the name: `x_mm`, `heading_100urad`. Read through this package they come
-back as SI numbers under the SI name: `x_m`, `heading_rad`.
+A name ends in its unit. Integer columns count steps of a unit and carry the step in their name:
+`x_mm`, `heading_100urad`. Read through this package they come back as SI numbers under the SI name:
+`x_m`, `heading_rad`.
 """
 
+import dataclasses
 import json
-from collections.abc import Iterable
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from types import MappingProxyType
+from typing import Any, get_type_hints
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from overtaking.core.elementary import F32, Mask
+from overtaking.core.units import SUFFIXES
 from overtaking.data.tables.arrow import missing_in, to_numpy
+from overtaking.model.batch import Batch
+from overtaking.model.values import Declaration, declarations
 
-SUFFIXES = {
-    "1": "",
-    "%": "_percent",
-    "m": "_m",
-    "m^2": "_m2",
-    "mm": "_mm",
-    "mm/h": "_mmph",
-    "s": "_s",
-    "s^2": "_s2",
-    "ms": "_ms",
-    "m/s": "_mps",
-    "mm/s": "_mmps",
-    "m/s^2": "_mps2",
-    "mm/s^2": "_mmps2",
-    "rad": "_rad",
-    "0.1 mrad": "_100urad",
-    "rad/s": "_radps",
-    "0.1 mrad/s": "_100uradps",
-    "1/rad": "_per_rad",
-    "kg": "_kg",
-    "kg m^2": "_kgm2",
-    "N s": "_newton_s",
-    "W": "_w",
-}
-"""The ending of a column's name for each unit; `1` marks counts, numbers, names and yes or no."""
+FLOAT, DOUBLE, BOOL, TEXT = pa.float32(), pa.float64(), pa.bool_(), pa.string()
+BYTE, SHORT, INT, LONG, ULONG = pa.uint8(), pa.int16(), pa.int32(), pa.int64(), pa.uint64()
 
 STEPS = {
     "mm": ("m", 1000),
@@ -52,51 +36,175 @@ STEPS = {
 }
 """The SI unit and the number of steps in it, for each unit of an integer column."""
 
+_TYPES = {F32: FLOAT, Mask: BOOL, NDArray[np.uint8]: BYTE}
+"""Arrow types for the annotations of fields."""
+
+Names = tuple[str, ...]
+"""The names that an enumeration column can hold, in the order of their codes in memory."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Enumeration:
-    """A column that names one of a few things.
+class Column:
+    """A column of a table, and where the batch that the table is made from has its values.
 
     Attributes:
-        names: What it can name, in the order of their codes in memory.
+        field: Name and type; the metadata has unit and meaning.
+        path: Attribute of the batch, dotted. What is no attribute is computed by the encoder.
+        place: Index on the last axis of the attribute; None if the table has every axis of it.
+        present: Attribute that tells where there is a value, dotted; empty if there always is one.
+        nothing: Value of `present` where the column is null.
+        needs: Names among `model.trajectory.UNKNOWNS`. The column is null throughout in recordings
+            that do not tell one of them.
+        is_key: Whether it is one of the columns that identify a row.
     """
 
-    names: tuple[str, ...]
+    field: pa.Field
+    path: str
+    place: int | None = None
+    present: str = ""
+    nothing: int = 0
+    needs: tuple[str, ...] = ()
+    is_key: bool = False
 
     @property
-    def type(self) -> pa.DataType:
-        """The column's type; Parquet gives dictionaries back with this index type."""
-        return pa.dictionary(pa.int32(), pa.string())
+    def name(self) -> str:
+        """The name, with the ending of the unit."""
+        return self.field.name
+
+    def is_silent(self, unknown: Collection[str]) -> bool:
+        """Whether it is null throughout where some things are unknown."""
+        return any(name in unknown for name in self.needs)
 
 
 def column(
     name: str,
-    kind: pa.DataType | Enumeration,
-    unit: str,
-    description: str,
+    kind: pa.DataType | Names,
+    meaning: str,
+    unit: str = "1",
     *,
+    path: str = "",
     nullable: bool = False,
-    flags: Iterable[str] = (),
-) -> pa.Field:
-    """A field with its unit and meaning in its metadata.
+    flags: Names = (),
+    needs: Sequence[str] = (),
+    present: str = "",
+    nothing: int = 0,
+    is_key: bool = False,
+) -> Column:
+    """Declare a column.
 
     Args:
-        name: The name, with the ending that belongs to the unit.
-        kind: An Arrow type, or an enumeration, whose names are then listed in the metadata.
+        name: Its name, to which the ending of the unit is added.
+        kind: An Arrow type; or the names of an enumeration, which the metadata then lists.
+        meaning: One sentence without a full stop.
         unit: A key of `SUFFIXES`.
-        description: One sentence.
+        path: As in `Column`; the name if left out.
         nullable: Whether the column may hold nulls.
-        flags: Names of the bits of an integer column, from the lowest; empty where it has none.
+        flags: Names of the bits of an integer column, from the lowest.
+        needs: As in `Column`.
+        present: As in `Column`.
+        nothing: As in `Column`.
+        is_key: As in `Column`.
     """
-    if not name.endswith(SUFFIXES[unit]):
-        raise ValueError(f"column {name}: expected an ending {SUFFIXES[unit]!r} for unit {unit!r}")
-    metadata = {"unit": unit, "description": description}
-    if isinstance(kind, Enumeration):
-        metadata["names"] = json.dumps(kind.names)
-    if names := list(flags):
-        metadata["flags"] = json.dumps(names)
-    type_ = kind.type if isinstance(kind, Enumeration) else kind
-    return pa.field(name, type_, nullable=nullable, metadata=metadata)
+    metadata = {"unit": unit, "description": meaning}
+    if isinstance(kind, tuple):
+        # Parquet gives dictionaries back with this type of index.
+        kind, metadata["names"] = pa.dictionary(pa.int32(), pa.string()), json.dumps(kind)
+    if flags:
+        metadata["flags"] = json.dumps(flags)
+    return Column(
+        field=pa.field(name + SUFFIXES[unit], kind, nullable=nullable, metadata=metadata),
+        path=path or name,
+        present=present,
+        nothing=nothing,
+        needs=tuple(needs),
+        is_key=is_key,
+    )
+
+
+def attributes(
+    path: str, *columns: Column, prefix: str = "", nullable: bool = False, **shared: Any
+) -> list[Column]:
+    """Columns that are attributes of one part of a batch.
+
+    Args:
+        path: The part, dotted.
+        columns: The columns, with names and paths relative to that part.
+        prefix: What all names begin with.
+        nullable: Whether all of these columns may hold nulls.
+        shared: Fields that these columns have in common, unless a column has a value of its own.
+    """
+    return [
+        dataclasses.replace(
+            one,
+            field=one.field.with_name(prefix + one.name).with_nullable(
+                nullable or one.field.nullable
+            ),
+            path=f"{path}.{one.path}".lstrip("."),
+            **{name: getattr(one, name) or value for name, value in shared.items()},
+        )
+        for one in columns
+    ]
+
+
+def declared(
+    path: str,
+    cls: type[Batch],
+    *,
+    only: Collection[str] = (),
+    without: Collection[str] = (),
+    kinds: Mapping[str, pa.DataType] = MappingProxyType({}),
+    units: Mapping[str, str] = MappingProxyType({}),
+    needs: Sequence[str] = (),
+    nullable: bool | Collection[str] = False,
+) -> list[Column]:
+    """Columns that the fields of a batch declare themselves, in the order of the fields.
+
+    Args:
+        path: Where the table's batch has this one, dotted; empty if it is the same.
+        cls: Its class; see `model.values.Declaration`.
+        only: Names of the fields that are wanted; all of them if empty.
+        without: Names of fields that are left out.
+        kinds: Types of columns that are not those of their fields.
+        units: The same for units.
+        needs: What all of these columns need, as in `Column`.
+        nullable: Whether columns may hold nulls, or names of the fields that may. A column that
+            needs something, or has no value everywhere, always may.
+    """
+    found: list[Column] = []
+    hints = get_type_hints(cls)
+    for name, one in declarations(cls).items():
+        if one.column is None or name in without or (only and name not in only):
+            continue
+        where = f"{path}.{name}".lstrip(".")
+        if isinstance(hint := hints[name], type) and issubclass(hint, Batch):
+            found += _nested(where, hint, one)
+            continue
+        present = f"{path}{one.present}".lstrip(".") if one.present[:1] == "." else one.present
+        is_nullable = nullable if isinstance(nullable, bool) else name in nullable
+        found.append(
+            column(
+                one.column,
+                tuple(one.names) or kinds.get(name) or _TYPES[hint],
+                one.meaning,
+                units.get(name, one.unit),
+                path=where,
+                nullable=is_nullable or bool(present or one.needs),
+                present=present,
+                needs=[*needs, *one.needs],
+            )
+        )
+    return found
+
+
+def _nested(path: str, cls: type[Batch], outer: Declaration) -> list[Column]:
+    """The columns of a batch in a batch, whose names and meanings extend those of its parts."""
+    found: list[Column] = []
+    for one in declared(path, cls):
+        meaning = f"{one.field.metadata[b'description'].decode()}; {outer.meaning}"
+        metadata = one.field.metadata | {b"description": meaning.encode()}
+        field = one.field.with_name(f"{outer.column}_{one.name}").with_metadata(metadata)
+        found.append(dataclasses.replace(one, field=field))
+    return found
 
 
 def unit_of(field: pa.Field) -> str:
@@ -104,12 +212,12 @@ def unit_of(field: pa.Field) -> str:
     return field.metadata[b"unit"].decode()
 
 
-def names_of(field: pa.Field) -> tuple[str, ...]:
+def names_of(field: pa.Field) -> Names:
     """The names that an enumeration column can hold, in the order of their codes; else empty."""
     return _listed(field, b"names")
 
 
-def flags_of(field: pa.Field) -> tuple[str, ...]:
+def flags_of(field: pa.Field) -> Names:
     """The names of the bits of a column, from the lowest; empty where it has none."""
     return _listed(field, b"flags")
 
@@ -122,7 +230,7 @@ def si_name(field: pa.Field) -> str:
     return field.name.removesuffix(SUFFIXES[unit]) + SUFFIXES[STEPS[unit][0]]
 
 
-def codes(values: pa.ChunkedArray | pa.Array, names: tuple[str, ...]) -> NDArray[np.int64]:
+def codes(values: pa.ChunkedArray | pa.Array, names: Names) -> NDArray[np.int64]:
     """The codes of an enumeration column, -1 where it is null.
 
     The dictionary of a column may hold its names in any order, as other writers list those that
@@ -139,7 +247,7 @@ def codes(values: pa.ChunkedArray | pa.Array, names: tuple[str, ...]) -> NDArray
     return np.concatenate(parts)
 
 
-def short_codes(chunk: pa.Array, names: tuple[str, ...]) -> NDArray[np.int8]:
+def short_codes(chunk: pa.Array, names: Names) -> NDArray[np.int8]:
     """The codes of an enumeration column of few names, as `codes`."""
     if chunk.dictionary.to_pylist() != list(names):
         return codes(chunk, names).astype(np.int8)
@@ -149,12 +257,12 @@ def short_codes(chunk: pa.Array, names: tuple[str, ...]) -> NDArray[np.int8]:
     return found
 
 
-def _listed(field: pa.Field, key: bytes) -> tuple[str, ...]:
+def _listed(field: pa.Field, key: bytes) -> Names:
     text = (field.metadata or {}).get(key)
     return _read_list(text) if text else ()
 
 
 @cache
-def _read_list(text: bytes) -> tuple[str, ...]:
+def _read_list(text: bytes) -> Names:
     """The names in a text of metadata; the same few are asked for with every column."""
     return tuple(json.loads(text))

@@ -48,7 +48,7 @@ _NULLABLE = {
     pa.uint64(): pd.UInt64Dtype(),
     pa.bool_(): pd.BooleanDtype(),
 }
-"""How integers that are no counts of a step, and yes or no, come back if they may be null."""
+"""Pandas types of nullable booleans, and of nullable integers that do not count steps."""
 
 
 def _bits(values: pa.ChunkedArray, flags: tuple[str, ...]) -> dict[str, pd.Series]:

@@ -1,4 +1,4 @@
-"""What the weather means in numbers, as the simulation takes it, for the `weather` table."""
+"""Physical quantities that follow from CARLA's weather settings, for the `weather` table."""
 
 import numpy as np
 

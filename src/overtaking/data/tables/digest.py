@@ -1,7 +1,6 @@
 """A hash over what a table says, whatever the file or the batches it comes in."""
 
 import hashlib
-from collections.abc import Iterable
 
 import numpy as np
 import pyarrow as pa
@@ -39,23 +38,11 @@ class ContentDigest:
 
     def hexdigest(self) -> str:
         """The hash over all rows so far, 64 hexadecimal digits."""
-        pairs = zip(self._values, self._nulls, strict=True)
-        return total_of(
-            titles_of(self._schema),
-            ((values.hexdigest(), nulls.hexdigest()) for values, nulls in pairs),
-        )
-
-
-def total_of(titles: Iterable[str], digests: Iterable[tuple[str, str]]) -> str:
-    """The hash of a table from the hashes over the values and over the nulls of its columns."""
-    pairs = zip(titles, digests, strict=True)
-    text = "".join(f"{title}{values}\0{nulls}\0" for title, (values, nulls) in pairs)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def titles_of(schema: pa.Schema) -> tuple[str, ...]:
-    """Name and type of each column, as the hash of a table has them."""
-    return tuple(f"{field.name}\0{field.type}\0" for field in schema)
+        total = hashlib.sha256()
+        for field, values, nulls in zip(self._schema, self._values, self._nulls, strict=True):
+            parts = (field.name, field.type, values.hexdigest(), nulls.hexdigest())
+            total.update("".join(f"{part}\0" for part in parts).encode())
+        return total.hexdigest()
 
 
 def content_of(table: pa.Table) -> str:

@@ -3,10 +3,9 @@
 import contextlib
 import hashlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Self, TypeVar
 
 import pyarrow as pa
@@ -29,7 +28,7 @@ _DENSE = frozenset({"states"})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileFacts:
-    """What is known of a file once it is written.
+    """Size and hashes of a finished file.
 
     Attributes:
         rows: Number of rows.
@@ -69,12 +68,7 @@ class TableWriter:
         """The writer itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the file; without `finish` it stays incomplete and is of no use."""
         self._waiting.clear()
         with contextlib.suppress(OSError):  # On a full disk the footer does not fit either.
@@ -151,17 +145,6 @@ def _parquet_writer(path: Path, table: str, schema: pa.Schema) -> pq.ParquetWrit
     )
 
 
-def sync_folder(folder: Path) -> None:
-    """Force the names in a folder to the disk, where the system knows how to."""
-    if os.name == "nt":  # Windows cannot open folders.
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
 def sha256_of(path: Path) -> str:
     """Hash over the bytes of a file, 64 hexadecimal digits."""
     with path.open("rb") as file:
@@ -218,7 +201,7 @@ def read_notes(path: Path, table: str) -> dict[str, str]:
 
 
 def _read(path: Path, action: Callable[[], T]) -> T:
-    """Do something with a file, and say in one line what is wrong with it if that fails."""
+    """Run an action on a file; turn any failure into one `SchemaError`."""
     try:
         return action()
     except FileNotFoundError:
@@ -266,7 +249,8 @@ def _check_version(path: Path, table: str, metadata: dict[bytes, bytes]) -> None
 
 
 def _check_columns(path: Path, expected: pa.Schema, got: pa.Schema) -> None:
-    for want, have in zip_fields(expected, got):
+    for want in expected:
+        have = got.field(want.name) if want.name in got.names else None
         if have is None or have.type != want.type:
             raise SchemaError.of(
                 what=f"column {want.name}",
@@ -275,12 +259,6 @@ def _check_columns(path: Path, expected: pa.Schema, got: pa.Schema) -> None:
                 got="no such column" if have is None else f"type {have.type}",
                 next_step="restore the file from a copy, or generate the data set again",
             )
-
-
-def zip_fields(expected: pa.Schema, got: pa.Schema) -> list[tuple[pa.Field, pa.Field | None]]:
-    """Each expected field with the one of its name, or None."""
-    names: Sequence[str] = got.names
-    return [(field, got.field(field.name) if field.name in names else None) for field in expected]
 
 
 def _overlaps(file: pq.ParquetFile, group: int, first: int, last: int) -> bool:

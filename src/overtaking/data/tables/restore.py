@@ -1,8 +1,8 @@
 """From tables back to memory: the same values, so that labels from memory and from file agree."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -10,21 +10,10 @@ from numpy.typing import NDArray
 
 from overtaking.core.errors import SchemaError
 from overtaking.data.tables.arrow import column_to_numpy, to_arrow
-from overtaking.data.tables.columns import codes
-from overtaking.data.tables.schemas import (
-    BODY_FIELDS,
-    COLOURS,
-    DECISIONS,
-    DRIVER_FIELDS,
-    INDICATORS,
-    KINDS,
-    NEIGHBOURS,
-    NUM_INDICATOR_BITS,
-    STAGES,
-    STATE_FIELDS,
-    WEATHER_FIELDS,
-)
-from overtaking.data.tables.surroundings import lane_codes
+from overtaking.data.tables.columns import Column, codes, names_of
+from overtaking.data.tables.lanes import lane_codes
+from overtaking.data.tables.names import INDICATORS, KINDS, STAGES
+from overtaking.data.tables.schemas import COLUMNS, NUM_INDICATOR_BITS
 from overtaking.knowledge import presets
 from overtaking.model.drivers import Drivers
 from overtaking.model.road import Road
@@ -44,7 +33,6 @@ from overtaking.world.constants import constants
 
 Array = NDArray[Any]
 Tables = Mapping[str, pa.Table]
-B = TypeVar("B", VehicleSpecs, Drivers)
 
 
 def restore_scenario(tables: Tables, road: Road, unknown: Collection[str] = ()) -> Scenario:
@@ -62,7 +50,7 @@ def restore_scenario(tables: Tables, road: Road, unknown: Collection[str] = ()) 
         SchemaError: The simulations do not fit into one batch.
     """
     rows = tables["simulations"]
-    vehicles = _Grid.of_vehicles(tables)
+    vehicles = _Grid.of(tables, "vehicles", "vehicle")
     start_lane = _one(tables["vehicles"], "start_lane_id")
     lane = lane_codes(road, start_lane, np.zeros(len(start_lane), dtype=np.int32))
     return Scenario(
@@ -75,7 +63,9 @@ def restore_scenario(tables: Tables, road: Road, unknown: Collection[str] = ()) 
         attempt_deadline=_numbers(rows, "attempt_deadline_s"),
         weight=_numbers(rows, "weight"),
         vehicles=_bodies(tables["vehicles"], vehicles, unknown),
-        drivers=_drivers(tables["vehicles"], vehicles, unknown),
+        drivers=assumed_drivers((vehicles.shape[0], vehicles.shape[1]))
+        if "drivers" in unknown
+        else Drivers(**_read("vehicles", tables, "scenario.drivers", vehicles.like_ego)),
         weather=assumed_weather(len(rows)) if "weather" in unknown else _weather(tables),
         start_s=vehicles.like_ego(_numbers(tables["vehicles"], "start_s_m")),
         start_lane=vehicles.like_ego(lane),
@@ -98,27 +88,28 @@ def restore(tables: Tables, road: Road, unknown: Collection[str] = ()) -> Trajec
         SchemaError: The simulations do not fit into one batch.
     """
     rows, frames = tables["simulations"], tables["frames"]
-    grid = _Grid.of(tables, frames, "frame")
+    in_frames = _Grid.of(tables, "frames", "frame")
+    in_vehicles = _Grid.of(tables, "vehicles", "vehicle")
     hashes = b"".join(rows["trace_hash"].to_pylist())
     restored = Trajectories(
         scenario=restore_scenario(tables, road, unknown),
         num_frames=_numbers(rows, "num_frames"),
         states=_states(tables, road),
-        stage=grid.filled(_codes(frames, "stage", STAGES.names)),
-        collided_with=grid.filled(_numbers(frames, "collided_with", NO_VEHICLE), NO_VEHICLE),
-        contacts=_contacts(tables),
+        stage=in_frames.filled(_codes(frames, "stage", STAGES)),
+        collided_with=in_frames.filled(_numbers(frames, "collided_with", NO_VEHICLE), NO_VEHICLE),
+        contacts=Contacts(**_read("vehicles", tables, "contacts", in_vehicles.filled)),
         percepts=_percepts(tables),
         trace_hash=np.frombuffer(hashes, dtype="<u4").reshape(-1, 4).astype(np.uint32),
         unknown=frozenset(unknown),
     )
     if tables["states"].num_rows == np.count_nonzero(restored.state_valid):
         return restored
-    return restored.replace(present=_present(tables))
+    return restored.replace(present=_Grid.of(tables, "states", "vehicle", "frame").present)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Grid:
-    """Where the rows of a table lie in arrays that lead with the simulation axis.
+    """Positions of the rows of a table in arrays whose first axis is the simulation.
 
     Attributes:
         place: Index arrays of the rows, one for each axis, shape (row,).
@@ -129,8 +120,9 @@ class _Grid:
     shape: tuple[int, ...]
 
     @classmethod
-    def of(cls, tables: Tables, table: pa.Table, *axes: str) -> "_Grid":
-        """Arrays over the simulations and the keys named in `axes`, as long as needed."""
+    def of(cls, tables: Tables, name: str, *axes: str) -> "_Grid":
+        """Arrays over the simulations and the keys of a table named in `axes`, long enough."""
+        table = tables[name]
         numbers = _numbers(tables["simulations"], "simulation")
         places = [_numbers(table, axis) for axis in axes]
         # A table knows nothing of slots without a vehicle, which a sampled batch has.
@@ -142,15 +134,10 @@ class _Grid:
         simulation = np.searchsorted(numbers, _numbers(table, "simulation"))
         return cls(place=(simulation, *places), shape=(len(numbers), *lengths))
 
-    @classmethod
-    def of_vehicles(cls, tables: Tables) -> "_Grid":
-        """Arrays over simulations and vehicles."""
-        return cls.of(tables, tables["vehicles"], "vehicle")
-
     @property
-    def num_rows(self) -> int:
-        """Number of rows of the table."""
-        return len(self.place[0])
+    def present(self) -> NDArray[np.bool_]:
+        """Mask of the positions that have a row."""
+        return self.filled(np.ones(len(self.place[0]), dtype=np.bool_))
 
     def filled(self, values: Array, padding: Any = 0) -> Array:
         """Values at their places; rows of (row, n) give arrays with a last axis of n."""
@@ -158,15 +145,14 @@ class _Grid:
         array[self.place] = values
         return array
 
-    def like_ego(self, values: Array) -> Array:
+    def like_ego(self, values: Array, padding: Any = 0) -> Array:
         """Values per vehicle, where a slot without a vehicle looks like the ego.
 
-        Slots without one are not looked at, but their values have to be ones that can be computed
-        with: a body of zero mass would divide by zero.
+        The values of such slots are not used, but they have to be ones that can be computed with: a
+        body of zero mass would divide by zero.
         """
-        array = self.filled(values)
-        present = self.filled(np.ones(len(values), dtype=np.bool_))
-        return np.where(present, array, array[:, Role.EGO, None])
+        array = self.filled(values, padding)
+        return np.where(self.present, array, array[:, Role.EGO, None])
 
 
 def _one(table: pa.Table, column: str) -> pa.Array:
@@ -194,42 +180,50 @@ def _shared(table: pa.Table, column: str) -> Any:
     return values[0]
 
 
-def _attributes(
-    table: pa.Table, fields: Iterable[tuple[str, str]], grid: _Grid
-) -> dict[str, Array]:
-    return {name: grid.like_ego(_numbers(table, column)) for name, column in fields}
-
-
 def _codes(table: pa.Table, column: str, names: tuple[str, ...], missing: int = 0) -> Array:
     """The codes of an enumeration, with one for its nulls."""
     found = codes(table[column], names)
     return np.where(found < 0, missing, found).astype(np.uint8)
 
 
-def _present(tables: Tables) -> NDArray[np.bool_]:
-    """Where there is a row of the states, shape (simulation, vehicle, time)."""
-    grid = _Grid.of(tables, tables["states"], "vehicle", "frame")
-    return grid.filled(np.ones(grid.num_rows, dtype=np.bool_), padding=False)
+def _read(
+    name: str, tables: Tables, path: str, put: Callable[[Array, Any], Array], **missing: int
+) -> dict[str, Array]:
+    """The attributes of a part of a batch, from the columns that declare their paths in it.
+
+    Args:
+        name: Name of the table.
+        tables: The tables.
+        path: The part, dotted.
+        put: Makes an array of the batch from the rows of a column, and a value for padding.
+        missing: Values of nulls and padding, by attribute, where `Column.nothing` is not meant.
+    """
+    found: dict[str, list[Array]] = {}
+    for one in COLUMNS[name]:
+        part, _, attribute = one.path.rpartition(".")
+        if part == path:
+            null = missing.get(attribute, one.nothing if one.present == one.path else 0)
+            found.setdefault(attribute, []).append(put(_values(tables[name], one, null), null))
+    return {
+        attribute: np.stack(arrays, axis=-1) if len(arrays) > 1 else arrays[0]
+        for attribute, arrays in found.items()
+    }
+
+
+def _values(table: pa.Table, column: Column, missing: int) -> Array:
+    """The rows of a column, an enumeration as its codes."""
+    if names := names_of(column.field):
+        return _codes(table, column.name, names, missing)
+    return _numbers(table, column.name, missing)
 
 
 def _bodies(table: pa.Table, grid: _Grid, unknown: Collection[str]) -> VehicleSpecs:
-    valid = grid.filled(np.ones(grid.num_rows, dtype=np.bool_))
-    kind = grid.like_ego(_codes(table, "kind", KINDS.names, KIND))
     if "bodies" in unknown:
+        kind = grid.like_ego(_codes(table, "kind", KINDS, KIND))
         length, width = (grid.like_ego(_numbers(table, name)) for name in ("length_m", "width_m"))
-        return assumed_bodies(valid, kind, length, width)
-    return VehicleSpecs(
-        valid=valid,
-        kind=kind,
-        colour=grid.like_ego(_codes(table, "colour", COLOURS.names)),
-        **_attributes(table, BODY_FIELDS, grid),
-    )
-
-
-def _drivers(table: pa.Table, grid: _Grid, unknown: Collection[str]) -> Drivers:
-    if "drivers" in unknown:
-        return assumed_drivers((grid.shape[0], grid.shape[1]))
-    return Drivers(**_attributes(table, DRIVER_FIELDS, grid))
+        return assumed_bodies(grid.present, kind, length, width)
+    read = _read("vehicles", {"vehicles": table}, "scenario.vehicles", grid.like_ego, kind=KIND)
+    return VehicleSpecs(valid=grid.present, **read)
 
 
 def _weather(tables: Tables) -> Weather:
@@ -238,53 +232,25 @@ def _weather(tables: Tables) -> Weather:
     table = tables["weather"].take(to_arrow(rows))
     code = {name: number for number, name in enumerate(presets())} | {None: NO_PRESET}
     preset = np.array([code[name] for name in table["preset"].to_pylist()], dtype=np.uint8)
-    return Weather(
-        preset=preset, **{name: _numbers(table, column) for name, column in WEATHER_FIELDS}
-    )
+    read = _read("weather", {"weather": table}, "scenario.weather", lambda values, _: values)
+    return Weather(preset=preset, **read)
 
 
 def _states(tables: Tables, road: Road) -> States:
     table = tables["states"]
-    grid = _Grid.of(tables, table, "vehicle", "frame")
+    grid = _Grid.of(tables, "states", "vehicle", "frame")
     lights = _numbers(table, "lights") << NUM_INDICATOR_BITS
-    indicator = _codes(table, "indicator", INDICATORS.names)
+    indicator = _codes(table, "indicator", INDICATORS)
     lane = lane_codes(road, _one(table, "lane_id"), _numbers(table, "d_mm"))
     return States(
         lane=grid.filled(lane),
         lights=grid.filled(lights | indicator),
-        **{name: grid.filled(_numbers(table, column)) for name, column in STATE_FIELDS},
-    )
-
-
-def _contacts(tables: Tables) -> Contacts:
-    table, grid = tables["vehicles"], _Grid.of_vehicles(tables)
-    partner = _numbers(table, "contact_vehicle", NO_VEHICLE)
-    return Contacts(
-        partner=grid.filled(partner, NO_VEHICLE),
-        time=grid.filled(_numbers(table, "contact_time_ms")),
-        impulse=grid.filled(_numbers(table, "contact_impulse_newton_s")),
-        closing_speed=grid.filled(_numbers(table, "contact_closing_speed_mmps")),
+        **_read("states", tables, "states", grid.filled),
     )
 
 
 def _percepts(tables: Tables) -> Percepts:
-    table = tables["percepts"]
-    grid = _Grid.of(tables, table, "decision")
-
-    def of_neighbours(column: str, missing: Any = 0) -> Array:
-        values = [_numbers(table, f"{who}_{column}", missing) for who in NEIGHBOURS]
-        return grid.filled(np.stack(values, axis=-1), missing)
-
+    grid = _Grid.of(tables, "percepts", "decision")
     unseen_mm = round(float(constants().unseen_gap) / METRES_PER_STEP)
-
-    return Percepts(
-        valid=grid.filled(np.ones(grid.num_rows, dtype=np.bool_)),
-        kind=grid.filled(codes(table["kind"], DECISIONS.names).astype(np.uint8)),
-        time=grid.filled(_numbers(table, "time_ms")),
-        vehicle=of_neighbours("vehicle", NO_VEHICLE),
-        detected=of_neighbours("detected"),
-        gap=of_neighbours("gap_mm", unseen_mm),
-        closing_speed=of_neighbours("closing_speed_mmps"),
-        true_gap=of_neighbours("true_gap_mm"),
-        true_closing_speed=of_neighbours("true_closing_speed_mmps"),
-    )
+    read = _read("percepts", tables, "percepts", grid.filled, gap=unseen_mm)
+    return Percepts(valid=grid.present, **read)

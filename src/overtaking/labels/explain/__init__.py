@@ -1,7 +1,6 @@
 """Why a simulation is judged as it is: what was broken, believed, and would have been lawful."""
 
-from overtaking.labels.explain.breach import Breach
-from overtaking.labels.explain.change import Change, Quantity, Remedy
+from overtaking.labels.explain.breach import Breach, Change, Quantity, Remedy
 from overtaking.labels.explain.explanation import Doubt, Explanation, explain
 from overtaking.labels.explain.thoughts import Thought
 

@@ -10,7 +10,7 @@ from overtaking.labels.explain.remedies import remedies_of
 from overtaking.labels.explain.thoughts import Thought, thoughts
 from overtaking.labels.label import Labelled
 from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, Rule
-from overtaking.labels.signals.target import target_signals
+from overtaking.labels.signals import target_signals
 from overtaking.model.labels import Belief, Case, Severity, Verdict
 
 
@@ -82,7 +82,7 @@ def explain(
 def case_of(labelled: Labelled) -> Case:
     """What rules look at."""
     runs, seen, events = labelled.trajectories, labelled.signals, labelled.events
-    target = target_signals(runs, seen, events)
+    target = target_signals(runs, seen, events.target)
     return Case(trajectories=runs, signals=seen, events=events, target=target)
 
 

@@ -3,14 +3,15 @@
 import numpy as np
 
 from overtaking.core.elementary import F32, as_f32
-from overtaking.labels.explain.breach import Index, Scene
-from overtaking.labels.explain.change import Change, Quantity, Remedy
+from overtaking.labels.explain.breach import Change, Quantity, Remedy, Scene
+from overtaking.labels.instants import Index
 from overtaking.labels.law.beliefs import Margin
 from overtaking.labels.law.distances import margin_behind, margin_of_gap, sure_decel
-from overtaking.labels.law.limits import speed_limits
+from overtaking.labels.law.frames import time_to_regain
 from overtaking.labels.law.others import others_at
-from overtaking.labels.law.reference import recapturing
+from overtaking.labels.law.speeds import speed_limits
 from overtaking.model.events import NEVER
+from overtaking.model.labels import Case
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.world.constants import known
@@ -25,7 +26,7 @@ _NONE = np.float32(-1.0)
 def safe_distance(scene: Scene) -> tuple[Remedy, ...]:
     """L3: more distance throughout, or so much slower at the same distances."""
     frames = scene.beside(Around.LEADER)
-    frames = frames[~np.isin(frames, recapturing(scene.case)[1])]
+    frames = frames[~np.isin(frames, _after_cut_ins(scene.case))]
     margins = _margins(scene, Around.LEADER, frames, margin_of_gap)
     worst, broken = int(margins.argmin()), frames[margins < 0]
     farther = _farther(scene, Around.LEADER, int(frames[worst]), float(margins[worst]))
@@ -89,13 +90,30 @@ def oncoming(scene: Scene) -> tuple[Remedy, ...]:
     gap = float(others.gap[0, slot])
     change = Change(
         quantity=Quantity.GAP_ONCOMING,
-        unit="m",
         actual=gap,
         needed=gap - scene.margin,
         frame=scene.first,
         vehicle=slot,
     )
     return ((change,),)
+
+
+def _after_cut_ins(case: Case) -> list[int]:
+    """Frames in which the leader has cut in so lately that it may still be too near.
+
+    A vehicle cuts in where it comes from another lane and becomes the leader of an ego that keeps
+    its own.
+    """
+    run, own, leader = case.trajectories, case.signals.lane[0], case.signals.vehicle[0, 0]
+    found: list[int] = []
+    for frame in range(1, len(leader)):
+        slot, before = leader[frame], frame - 1
+        is_new = slot not in (leader[before], NO_VEHICLE) and own[frame] == own[before]
+        there = is_new and (run.present is None or run.present[0, slot, before])
+        if there and run.states.lane[0, slot, before] != own[before]:
+            lately = range(frame, min(frame + time_to_regain(case) + 1, len(leader)))
+            found += [each for each in lately if leader[each] == slot]
+    return found
 
 
 def _slower(scene: Scene, frames: Index, allowed: F32) -> tuple[Remedy, ...]:
@@ -130,9 +148,7 @@ def _speed_before(gap: F32, rear: F32, decel: F32) -> F32:
 def _speed(scene: Scene, frame: int, needed: np.floating) -> Change:
     """The ego at another speed."""
     actual = float(scene.case.signals.speed[0, frame])
-    return Change(
-        quantity=Quantity.SPEED, unit="m/s", actual=actual, needed=float(needed), frame=frame
-    )
+    return Change(quantity=Quantity.SPEED, actual=actual, needed=float(needed), frame=frame)
 
 
 def _farther(scene: Scene, place: Around, frame: int, margin: float) -> Change:
@@ -141,7 +157,6 @@ def _farther(scene: Scene, place: Around, frame: int, margin: float) -> Change:
     ahead = place in (Around.LEADER, Around.LEFT_LEADER)
     return Change(
         quantity=Quantity.GAP_AHEAD if ahead else Quantity.GAP_BEHIND,
-        unit="m",
         actual=gap,
         needed=gap - margin,
         frame=frame,

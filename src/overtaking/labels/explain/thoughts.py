@@ -5,13 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.elementary import as_f32
+from overtaking.labels.instants import METRES, at
 from overtaking.labels.law.beliefs import FRONT, LEADER, REAR, Decision, Margin, belief
 from overtaking.labels.law.distances import margin_ahead, margin_behind, margin_of_gap, sure_decel
-from overtaking.labels.signals.frames import at
 from overtaking.model.labels import Belief, Case
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
 
-_METRES = np.float32(1e-3)
 _LAW: dict[tuple[DecisionKind, int], tuple[str, Margin]] = {
     (DecisionKind.PULL_OUT, LEADER): ("L3", margin_of_gap),
     (DecisionKind.PULL_OUT, FRONT): ("L4", margin_ahead),
@@ -71,7 +70,7 @@ def _thought(case: Case, row: int, whom: int, code: str, margin: Margin) -> Thou
     decision = _decision(case, row)
 
     def by(gap_mm: np.ndarray, closing_mmps: np.ndarray) -> float:
-        gap, closing = as_f32(gap_mm[place]) * _METRES, as_f32(closing_mmps[place]) * _METRES
+        gap, closing = as_f32(gap_mm[place]) * METRES, as_f32(closing_mmps[place]) * METRES
         return float(margin(gap, decision.speed, closing, decision.decel)[0])
 
     noticed = bool(percepts.detected[0, row, whom])

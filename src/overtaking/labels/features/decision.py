@@ -5,40 +5,56 @@ number comes from one frame, that of the instant, or from a decision before it.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, as_f32
-from overtaking.labels.features.common import unless_under_way
-from overtaking.labels.features.decision_lanes import lane_around, left_lane, next_ahead
-from overtaking.labels.features.encounters import Index, Side
-from overtaking.labels.features.engine import encounter
-from overtaking.labels.features.margins import stop_margins
-from overtaking.labels.features.matched import moment
+from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.labels.features.safety import stop_margins
+from overtaking.labels.features.study import moment, unless_under_way
+from overtaking.labels.instants import (
+    I32,
+    METRES,
+    OCCUPANCY_REACH_MM,
+    Index,
+    at,
+    left_lane_at,
+    seconds_of,
+    side_of,
+    slot_of,
+)
 from overtaking.labels.law.distances import (
+    beside,
     lawful_gap,
     margin_ahead,
     margin_behind,
     margin_of_gap,
     sure_decel,
 )
-from overtaking.labels.law.limits import speed_limits
-from overtaking.labels.signals.frames import at, seconds_of
-from overtaking.labels.signals.reference import METRES, side_of
-from overtaking.model.decisions import Believed, Decisions, LawAhead, OwnState, VehicleAhead
+from overtaking.labels.law.lanes import closed_borders
+from overtaking.labels.law.speeds import speed_limits
+from overtaking.model.decisions import (
+    Believed,
+    Decisions,
+    LawAhead,
+    LeftLane,
+    OwnState,
+    Surround,
+    VehicleAhead,
+)
 from overtaking.model.labels import Case
 from overtaking.model.safety import Encounter
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import DecisionKind, Lights
 from overtaking.model.vehicles import Role
+from overtaking.world.conditions import outlook
 from overtaking.world.constants import known
 from overtaking.world.measures import looming, ttc_accel
-
-I32 = NDArray[np.int32]
+from overtaking.world.visibility import meteorological_range
 
 _INDICATORS = np.uint8(Lights.INDICATOR_LEFT | Lights.INDICATOR_RIGHT)
 _PERCEIVED = 3
 _LEAST_SPEED = np.float32(0.1)
 """Below this a power would mean an endless force [m/s]."""
+_PERCENT = np.float32(0.01)
+_ZERO = np.float32(0.0)
 
 
 def decision_features(case: Case) -> Decisions:
@@ -54,7 +70,7 @@ def features_at(case: Case, frame: I32) -> Decisions:
         frame: A recorded frame of each simulation, shape (simulation,).
     """
     rows, frames = np.arange(len(frame)), frame.astype(np.intp)
-    around, left = lane_around(case, frames), left_lane(case, frames)
+    around, left = _lane_around(case, frames), _left_lane(case, frames)
     ego = _ego(case, rows, frames)
     ahead = _ahead(case, rows, frames, ego)
     limit = speed_limits(case)[1]
@@ -121,11 +137,10 @@ def _ego(case: Case, rows: Index, frames: Index) -> OwnState:
 
 def _ahead(case: Case, rows: Index, frames: Index, ego: OwnState) -> VehicleAhead:
     run, bodies = case.trajectories, case.trajectories.scenario.vehicles
-    one = encounter(case, Around.LEADER, Side.AHEAD, rows, frames)
-    slot = np.where(one.valid, case.signals.vehicle[rows, Around.LEADER, frames], Role.EGO)
-    slot = slot.astype(np.intp)
+    one = beside(case, Around.LEADER, frames)
+    slot = slot_of(case.signals.vehicle[rows, Around.LEADER, frames])
     length, speed = bodies.length[rows, slot], ego.speed - one.closing_speed
-    has_next, return_gap = next_ahead(case, slot, frames)
+    has_next, return_gap = _next_ahead(case, slot, frames)
     time, distance = _overtaking(case, one, ego, length, frames)
     across = side_of(run.road) * as_f32(run.states.d[rows, slot, frames]) * METRES
     return VehicleAhead(
@@ -153,7 +168,7 @@ def _overtaking(
     ego accelerates evenly by what it has now: less is left at higher speed, so this is a bound.
     """
     lengths = length + case.trajectories.scenario.vehicles.length[:, Role.EGO]
-    decel = sure_decel(at(case.signals.friction, frames.astype(np.int32)))
+    decel = sure_decel(at(case.signals.friction, frames))
     clear = lawful_gap(ego.speed - one.closing_speed, np.float32(0.0), decel)
     way = np.maximum(one.gap, np.float32(0.0)) + lengths + clear
     time = ttc_accel(way, one.closing_speed, ego.available_accel)
@@ -192,3 +207,105 @@ def _nothing(count: int) -> Believed:
     """Nothing believed in any simulation."""
     zero, wide = np.zeros(count, np.float32), np.zeros((count, _PERCEIVED), np.float32)
     return Believed(exists=zero > 0, age=zero, detected=wide > 0, gap=wide, closing_speed=wide)
+
+
+def _lane_around(case: Case, frames: Index) -> Surround:
+    """Road, weather and light of each simulation at one frame each."""
+    road, weather, seen = case.trajectories.road, case.trajectories.scenario.weather, case.signals
+    rows = np.arange(len(frames))
+    lane = seen.lane[rows, frames]
+    on_road = lane < road.num_lanes
+    widths = np.array([one.width for one in road.lanes])
+    return Surround(
+        on_road=on_road,
+        lane=lane,
+        lanes_to_left=np.where(on_road, road.num_lanes - 1 - lane.astype(np.int32), 0).astype(
+            np.uint8
+        ),
+        lane_width=widths[np.minimum(lane, road.num_lanes - 1)],
+        speed_limit=np.full(len(frames), road.speed_limit),
+        night=weather.night,
+        low_sun=weather.horizon_line,
+        rain=outlook(case.trajectories.scenario).rain_rate,
+        optical_range=meteorological_range(weather.fog),
+        wind=known("weather.wind.full_speed") * (weather.wind * _PERCENT),
+        friction=seen.friction[rows, frames],
+        sight_lit=seen.sight_lit[rows, frames],
+        sight_unlit=seen.sight_unlit[rows, frames],
+    )
+
+
+def _left_lane(case: Case, frames: Index) -> LeftLane:
+    """The lane to the left of each ego at one frame each."""
+    run, seen = case.trajectories, case.signals
+    rows = np.arange(len(frames))
+    lane = seen.lane[rows, frames].astype(np.int32)
+    inside = _in_lane(case, lane + 1, frames) & _near(case, frames)
+    speed = as_f32(run.states.speed[rows, :, frames]) * METRES
+    count, total = inside.sum(axis=1), _sum(speed, inside)
+    return LeftLane(
+        exists=lane + 1 < run.road.num_lanes,
+        front=beside(case, Around.LEFT_LEADER, frames),
+        rear=beside(case, Around.LEFT_FOLLOWER, frames),
+        occupancy=left_lane_at(run, frames).occupancy,
+        count=count.astype(np.uint8),
+        space_mean_speed=total / as_f32(np.maximum(count, 1)),
+        # Fast vehicles pass a place more often: Wardrop (1952), sum of squares over sum.
+        time_mean_speed=_sum(speed * speed, inside) / np.where(total > 0, total, np.float32(1.0)),
+        crossable=_crossable(case)[np.minimum(lane, run.road.num_lanes)],
+    )
+
+
+def _next_ahead(case: Case, slot: Index, frames: Index) -> tuple[Mask, F32]:
+    """The gap ahead of a vehicle to the next one in the ego's lane.
+
+    Args:
+        case: The batch.
+        slot: The vehicle, shape (simulation,).
+        frames: A frame of each simulation, same shape.
+
+    Returns:
+        Whether there is a next one, and the gap between their bumpers, same shape [m].
+    """
+    run, rows = case.trajectories, np.arange(len(frames))
+    s = run.states.s[rows, :, frames]
+    way = as_f32(s - s[rows, slot][:, None]) * METRES
+    half = np.float32(0.5) * run.scenario.vehicles.length
+    gap = way - half - half[rows, slot][:, None]
+    lane = case.signals.lane[rows, frames].astype(np.int32)
+    there = _in_lane(case, lane, frames) & (way > 0)
+    gap = np.where(there, gap, np.float32(np.inf)).min(axis=1)
+    has_next = np.asarray(there.any(axis=1))
+    return has_next, np.where(has_next, gap, _ZERO)
+
+
+def _in_lane(case: Case, lane: I32, frames: Index) -> Mask:
+    """Which vehicles are in a lane, shape (simulation, vehicle)."""
+    run, rows = case.trajectories, np.arange(len(frames))
+    inside = run.states.lane[rows, :, frames] == lane[:, None]
+    inside &= run.scenario.vehicles.valid & (lane < run.road.num_lanes)[:, None]
+    if run.present is not None:
+        inside &= run.present[rows, :, frames]
+    return inside
+
+
+def _near(case: Case, frames: Index) -> Mask:
+    """Which centres are within the reach of the occupancy, shape (simulation, vehicle)."""
+    s = case.trajectories.states.s[np.arange(len(frames)), :, frames]
+    return np.abs(s - s[:, [Role.EGO]]) <= OCCUPANCY_REACH_MM
+
+
+def _sum(values: F32, counted: Mask) -> F32:
+    """Sum over the vehicles that count, one after the other, shape (simulation,)."""
+    total = np.zeros(len(values), np.float32)
+    for j in range(values.shape[1]):
+        total = total + np.where(counted[:, j], values[:, j], _ZERO)
+    return total
+
+
+def _crossable(case: Case) -> Mask:
+    """Whether the line to the left may be crossed, for each lane and for beyond the fast edge."""
+    road = case.trajectories.road
+    closed = closed_borders(road)
+    lanes = [not closed.get(lane + 1, (False, False))[0] for lane in range(road.num_lanes)]
+    return np.array([*lanes, False], np.bool_)

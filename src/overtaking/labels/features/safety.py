@@ -7,18 +7,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, as_f32
-from overtaking.labels.features import engine
-from overtaking.labels.features.encounters import Index, Side
-from overtaking.labels.features.encroachment import entry_encroachment, return_encroachment
-from overtaking.labels.features.engine import encounter
-from overtaking.labels.features.margins import front_margins, stop_margins
-from overtaking.labels.law.frames import Span, conduct
-from overtaking.labels.law.stops import stop_for_lit, stop_for_unlit
+from overtaking.labels.instants import I32, METRES, U8, Index, at, half_lengths, slot_of
+from overtaking.labels.law.distances import margin_of_gap, sure_decel
+from overtaking.labels.law.frames import Span, conduct, stretches
+from overtaking.labels.signals import encounter
 from overtaking.model.batch import Batch
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.safety import MOMENTS, Encounter, Safety
 from overtaking.model.signals import Around
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.vehicles import Role
+from overtaking.world.constants import known
+from overtaking.world.friction import stopping_distance
+from overtaking.world.measures import headway, picud, rss_longitudinal
 
 B = TypeVar("B", Encounter, "_Margins")
 
@@ -115,14 +117,14 @@ def _at_events(case: Case) -> _Events:
     ahead, behind = _entered_places()
     enters = np.isin(MOMENTS[1:], list(_ENTERED))[event]
     entered = rows[enters], frames[enters]
-    front = encounter(case, Around.LEADER, Side.AHEAD, rows, frames)
+    front = encounter(case, Around.LEADER, rows, frames)
     cells = rows * len(MOMENTS) + event + 1  # The manoeuvre is the first moment.
     return _Events(
         front=front,
-        rear=encounter(case, Around.FOLLOWER, Side.BEHIND, rows, frames),
+        rear=encounter(case, Around.FOLLOWER, rows, frames),
         margins=_Margins(**front_margins(case, front, rows, frames), **_stops(case, rows, frames)),
-        entered_front=encounter(case, ahead[event[enters]], Side.AHEAD, *entered),
-        entered_rear=encounter(case, behind[event[enters]], Side.BEHIND, *entered),
+        entered_front=encounter(case, ahead[event[enters]], *entered),
+        entered_rear=encounter(case, behind[event[enters]], *entered),
         cells=cells,
         entered_cells=cells[enters],
     )
@@ -137,7 +139,8 @@ def _entered_places() -> tuple[Index, Index]:
 
 def _manoeuvre(case: Case, span: Span) -> _Worst:
     """The worst of each measure over the frames of a span."""
-    found = engine.worst(case, span)
+    answers = stretches(case)
+    found = answers.worst
     interval = np.float32(case.signals.frame_interval_ms / 1000.0)
     lasted, never = np.maximum(span.stop - span.start + 1, 1), np.float32(np.inf)
     return _Worst(
@@ -148,8 +151,8 @@ def _manoeuvre(case: Case, span: Span) -> _Worst:
             picud=found["picud"],
             rss_margin=found["rss_margin"],
             lawful_margin=found["lawful_margin"],
-            stop_margin_lit=np.where(span.exists, stop_for_lit(case).low, never),
-            stop_margin_unlit=np.where(span.exists, stop_for_unlit(case).low, never),
+            stop_margin_lit=np.where(span.exists, answers.stop_lit.low, never),
+            stop_margin_unlit=np.where(span.exists, answers.stop_unlit.low, never),
         ),
         close_share=found["num_close"] / as_f32(lasted),
         time_exposed=found["num_critical"] * interval,
@@ -189,3 +192,107 @@ def _joined(worst: B | None, at_events: B, cells: Index, count: int) -> B:
         return whole
 
     return at_events.replace(**{f.name: joined(f.name) for f in fields(at_events)})
+
+
+def entry_encroachment(case: Case) -> F32:
+    """PET of entering the lane on the left.
+
+    From the frame in which the ego crosses the line to the arrival of the vehicle behind in that
+    lane at the place where the ego's rear bumper was then, shape (simulation,) [s]. 0 alongside;
+    infinite where nobody is behind, or it does not arrive in that lane within the recording.
+
+    Source:
+        Allen, Shin, Cooper (1978), Analysis of traffic conflicts and collisions.
+    """
+    frame = case.events.line_crossed
+    row = np.arange(len(frame))
+    behind = case.signals.vehicle[row, Around.LEFT_FOLLOWER, np.maximum(frame, 0)]
+    lane = at(case.signals.lane, frame) + np.uint8(1)
+    return _encroachment(case, behind, frame, lane, stretches(case).entry_arrival)
+
+
+def return_encroachment(case: Case) -> F32:
+    """PET of the return: of the overtaken vehicle, from `return_end`; as `entry_encroachment`."""
+    events, arrival = case.events, stretches(case).return_arrival
+    return _encroachment(case, events.target, events.return_end, events.original_lane, arrival)
+
+
+def _encroachment(case: Case, vehicle: U8, frame: I32, lane: U8, arrival: I32) -> F32:
+    """Time until the front of a vehicle is in a lane where the ego's rear is at a frame."""
+    rows = np.flatnonzero((vehicle != NO_VEHICLE) & (frame != NEVER))
+    time = np.full(len(frame), np.inf, np.float32)
+    slot, begin, found = slot_of(vehicle[rows]), frame[rows], arrival[rows]
+    first = np.maximum(found, begin)
+    in_lane = case.trajectories.states.lane[rows, slot, first] == lane[rows]
+    # Between two frames both drive on evenly.
+    before = np.maximum(first - 1, begin)
+    missing = -_past(case, rows, slot, begin, before)
+    step = _past(case, rows, slot, begin, first) + missing
+    part = np.maximum(missing, np.float32(0.0)) / np.where(step > 0, step, np.float32(1.0))
+    frames = as_f32(before - begin) + part
+    interval = np.float32(case.signals.frame_interval_ms / 1000.0)
+    time[rows] = np.where((found != NEVER) & in_lane, frames * interval, np.float32(np.inf))
+    return time
+
+
+def _past(case: Case, rows: Index, slot: Index, begin: I32, frame: I32) -> F32:
+    """How far a front bumper is past the place of the ego's rear bumper at an earlier frame [m].
+
+    Args:
+        case: The batch.
+        rows: Simulations.
+        slot: A vehicle of each.
+        begin: When the ego's rear bumper was there.
+        frame: When the front bumper is looked at.
+    """
+    s = case.trajectories.states.s
+    way = as_f32(s[rows, slot, frame] - s[rows, Role.EGO, begin]) * METRES
+    return way + half_lengths(case.trajectories, rows, slot)
+
+
+def front_margins(case: Case, front: Encounter, rows: Index, frames: Index) -> dict[str, F32]:
+    """What else there is to say of the vehicle ahead."""
+    seen = case.signals
+    speed, slot = seen.speed[rows, frames], slot_of(seen.vehicle[rows, Around.LEADER, frames])
+    length = case.trajectories.scenario.vehicles.length[rows, slot]
+    lead_speed = speed - front.closing_speed
+    decel = known("labels.safety.picud_decel")
+    safe = rss_longitudinal(
+        speed,
+        lead_speed,
+        reaction_time=known("law.rss.reaction_time"),
+        accel=known("law.rss.accel"),
+        rear_decel=known("law.rss.rear_decel"),
+        lead_decel=known("law.rss.lead_decel"),
+    )
+    return {
+        "headway": headway(front.gap, length, speed),
+        "picud": picud(
+            front.gap,
+            speed,
+            lead_speed,
+            reaction_time=known("labels.safety.picud_reaction_time"),
+            rear_decel=decel,
+            lead_decel=decel,
+        ),
+        "rss_margin": front.gap - safe,
+        "lawful_margin": margin_of_gap(
+            front.gap, speed, front.closing_speed, sure_decel(seen.friction[rows, frames])
+        ),
+    }
+
+
+def stop_margins(speed: F32, friction: F32, lit: F32, unlit: F32) -> dict[str, F32]:
+    """Distance at which something is seen minus the stopping distance [m].
+
+    Args:
+        speed: Of the ego [m/s].
+        friction: Peak friction under it, same shape [1].
+        lit: Distance at which a lit vehicle is seen, same shape [m].
+        unlit: Distance at which an unlit one is seen, same shape [m].
+    """
+    # Beyond the end of a recording there is no friction, and none of this counts.
+    grip = np.maximum(friction, known("friction.table.floor"))
+    decel = known("friction.table.usable_share") * known("model.nature.gravity") * grip
+    stop = stopping_distance(speed, as_f32(known("law.sight.reaction_time")), decel)
+    return {"stop_margin_lit": lit - stop, "stop_margin_unlit": unlit - stop}

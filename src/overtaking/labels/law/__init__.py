@@ -1,9 +1,8 @@
 """Rules of law: what each says of each simulation, and which of them a policy requires."""
 
-from overtaking.labels.law.pack import Pack, check
 from overtaking.labels.law.policies import POLICIES, Legality, Policy, legality, policy
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.rule import Check, Grade, Rule, judge
+from overtaking.labels.law.rule import Check, Grade, Pack, Rule, check, judge
 
 __all__ = [
     "POLICIES",

@@ -1,22 +1,34 @@
-"""Ego and target side by side, and who is around the ego at single frames."""
+"""Rules about ego and target side by side: L1, L10, L11, L22."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask
-from overtaking.labels.law import engine
-from overtaking.labels.law.frames import Span, driving_end
-from overtaking.labels.signals.engine import neighbours_at
-from overtaking.labels.signals.reference import Neighbours
+from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.labels.instants import (
+    METRES,
+    U8,
+    Index,
+    across_at,
+    at,
+    half_lengths,
+    lead_at,
+    slot_of,
+    vehicle_at,
+)
+from overtaking.labels.law.frames import ENDLESS, Span, always_at, driving_end
+from overtaking.labels.law.others import num_slow, target_may_be
+from overtaking.labels.law.rule import Check, Grade, Rule
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.once import once
-from overtaking.model.signals import Around
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.world.constants import known
 
-I32 = NDArray[np.int32]
-Index = NDArray[np.intp]
+_HALF_LANE = np.float32(0.5)
+_LANE_AND_HALF = np.float32(1.5)
+_LEAST_SPEED = np.float32(1e-3)
+"""One step of recorded speed, so that a start from rest can be divided by [m/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,40 +45,150 @@ class Alongside:
 
     rows: Index
     frames: Index
-    lane: NDArray[np.uint8]
+    lane: U8
     lateral_gap: F32
     accel: F32
 
-    def where(self, holds: Mask) -> "Alongside":
-        """Some of these frames."""
-        if holds.all():
-            return self
-        kept = np.flatnonzero(holds)
-        return Alongside(
-            rows=self.rows[kept],
-            frames=self.frames[kept],
-            lane=self.lane[kept],
-            lateral_gap=self.lateral_gap[kept],
-            accel=self.accel[kept],
-        )
+    def check(self, case: Case, margin: F32, about: Mask | None = None) -> Check:
+        """A margin of these frames that may never be negative, in the simulations that count."""
+        rows, frames = self.rows, self.frames
+        if about is not None:
+            counted = about[rows]
+            rows, frames, margin = rows[counted], frames[counted], margin[counted]
+        return always_at(margin, rows, frames, case.signals.num_simulations)
 
 
 @once
 def alongside(case: Case) -> Alongside:
     """The frames in which ego and target overlap, in the overtake."""
-    events, end = case.events, driving_end(case)
+    run, events, end = case.trajectories, case.events, driving_end(case)
     over = np.where(events.overlap_end != NEVER, np.minimum(events.overlap_end, end), end)
-    begun = events.overlap_begin != NEVER
-    span = Span(start=np.where(begun, events.overlap_begin, over + 1), stop=over)
-    rows, frames = span.frames()
-    found = engine.of_target(case, span)
-    overlaps = found.pop("overlaps")
-    return Alongside(rows=rows, frames=frames, **found).where(overlaps)
-
-
-def beside(case: Case, place: Around, frame: I32) -> Neighbours:
-    """The neighbour in a place at one frame of each simulation; the first where that is `NEVER`."""
-    rows = np.arange(len(frame))
-    return neighbours_at(
-        case.trajectories, case.signals, place, rows, np.maximum(frame, 0).astype(np.intp)
+    begun = (events.overlap_begin != NEVER) & (case.target.vehicle != NO_VEHICLE)
+    rows, frames = Span(start=np.where(begun, events.overlap_begin, over + 1), stop=over).frames()
+    targets = slot_of(case.target.vehicle)
+    halves = half_lengths(run, np.arange(len(targets)), targets)
+    slot = targets[rows]
+    beside = np.abs(lead_at(run, rows, slot, frames)) - halves[rows] < 0
+    if run.present is not None:
+        beside &= run.present[rows, slot, frames]
+    rows, frames, slot = rows[beside], frames[beside], slot[beside]
+    return Alongside(
+        rows=rows,
+        frames=frames,
+        lane=run.states.lane[rows, slot, frames],
+        lateral_gap=across_at(run, case.signals, rows, slot, frames)[1],
+        accel=as_f32(run.states.accel_lon[rows, slot, frames]) * METRES,
     )
+
+
+def lane_index(lane: U8) -> np.ndarray:
+    """Lane indices as signed numbers, with -1 for what is beyond the slow edge."""
+    return lane.view(np.int8)
+
+
+def _on_the_left(case: Case) -> Check:
+    """While alongside the target the ego is in the lane to its left, unless both are in queues."""
+    found = alongside(case)
+    own = lane_index(case.signals.lane)[found.rows, found.frames]
+    other = lane_index(found.lane)
+    # A target that makes room to the right puts nobody in the wrong.
+    entered = np.maximum(other, lane_index(case.events.original_lane)[found.rows])
+    margin = np.minimum(own - other - _HALF_LANE, entered + _LANE_AND_HALF - own)
+    wrong = np.flatnonzero(margin < 0)
+    margin[wrong[_in_queue(case, found.rows[wrong], found.frames[wrong])]] = ENDLESS
+    return found.check(case, margin)
+
+
+def _in_queue(case: Case, rows: Index, frames: Index) -> Mask:
+    """Whether queues go on side by side at different speeds, which is no overtaking (42)."""
+    below, reach = float(known("law.queue.speed")), float(known("law.queue.reach"))
+    slow = num_slow(case, rows, frames, below=below, reach=reach)
+    target = vehicle_at(case.trajectories, case.target.vehicle[rows], rows, frames)
+    faster = case.signals.speed[rows, frames] - target.speed
+    return (slow >= known("law.queue.vehicles")) & (faster <= known("law.queue.faster"))
+
+
+L1 = Rule(
+    id="pt.ce.36@2013",
+    code="L1",
+    law="Articles 36 and 38(3); exceptions 37 and 42",
+    title="Overtake on the left",
+    gloss="Overtaking is done on the left, in the lane next to that of the overtaken vehicle. "
+    "Parallel queues that move at different speeds do not overtake each other.",
+    predicate="While ego and target overlap: lane(ego) is left of lane(target), and at most one "
+    "lane left of it or of the lane from which the overtake began, for the target may make room. "
+    "Not where at least 3 others within 100 m are slower than 30 km/h and the ego is at most 20 "
+    "km/h faster than the target.",
+    unit="lanes",
+    grade=Grade.BY_ROAD,
+    check=_on_the_left,
+)
+
+
+def _apart_from_motor(case: Case) -> Check:
+    """Alongside a motor vehicle, the bodies are at least 0.8 m apart."""
+    found = alongside(case)
+    margin = found.lateral_gap - known("law.side.motor")
+    return found.check(case, margin, target_may_be(case, bicycle=False))
+
+
+L10 = Rule(
+    id="pt.ce.18-2@2013",
+    code="L10",
+    law="Article 18(2)",
+    title="Lateral distance",
+    gloss="Keep a lateral distance to vehicles on the same carriageway that avoids accidents.",
+    predicate="While ego and target overlap, the target being no bicycle: distance between their "
+    "sides >= 0.8 m.",
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["kinds"]),
+    check=_apart_from_motor,
+)
+
+
+def _apart_from_bicycle(case: Case) -> Check:
+    """Alongside a bicycle, the bodies are 1.5 m apart and the ego no faster than at the start."""
+    found, speed, limit = alongside(case), case.signals.speed, known("law.side.bicycle")
+    start = np.maximum(at(speed, case.events.attempt), _LEAST_SPEED)[found.rows]
+    room = (found.lateral_gap - limit) / limit
+    slower = (start - speed[found.rows, found.frames]) / start
+    return found.check(case, np.minimum(room, slower), target_may_be(case, bicycle=True))
+
+
+L11 = Rule(
+    id="pt.ce.18-3@2013",
+    code="L11",
+    law="Articles 18(3) and 38(2)(e)",
+    title="Overtaking a bicycle",
+    gloss="Motor vehicles keep at least 1.5 m to the side of bicycles, and slow down to overtake "
+    "them.",
+    predicate="While ego and target overlap, the target being a bicycle: distance between their "
+    "sides >= 1.5 m, and speed <= that at attempt. The margin is the smaller of the two, each as "
+    "a share of its limit.",
+    unit="1",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["kinds"]),
+    check=_apart_from_bicycle,
+)
+
+
+def _target_keeps_speed(case: Case) -> Check:
+    """While ego and target overlap, the target accelerates at no more than 0.3 m/s^2."""
+    found = alongside(case)
+    return found.check(case, known("law.overtaken.accel") - found.accel)
+
+
+L22 = Rule(
+    id="pt.ce.39@2013",
+    code="L22",
+    law="Article 39",
+    title="Let others overtake",
+    gloss="Who is overtaken gives way to the right as far as possible and does not accelerate.",
+    predicate="While ego and target overlap: acceleration of the target <= 0.3 m/s^2. The duty is"
+    " the target's; a breach never makes the ego's overtake illegal.",
+    unit="m/s^2",
+    grade=Grade.BY_ROAD,
+    of_ego=False,
+    check=_target_keeps_speed,
+)

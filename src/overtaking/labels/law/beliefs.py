@@ -4,24 +4,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.labels.instants import I32, METRES, U8, Index, at
 from overtaking.labels.law.distances import sure_decel
 from overtaking.labels.law.frames import frames_of
-from overtaking.labels.signals.frames import at
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Belief, Case
 from overtaking.model.once import once
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
 
-I32 = NDArray[np.int32]
-U8 = NDArray[np.uint8]
-
 LEADER, FRONT, REAR = 0, 1, 2
 """Whom percepts are about: the leader, and the two in the lane that is entered."""
 
-_METRES = np.float32(1e-3)
 _LATEST_PULL_OUT = 1.0
 """A pull-out is decided before it can be seen, and gusts may be taken for its start [s]."""
 
@@ -40,7 +35,7 @@ class Decision:
         decel: `sure_decel` there [m/s^2], same shape.
     """
 
-    row: NDArray[np.intp]
+    row: Index
     exists: Mask
     speed: F32
     decel: F32
@@ -93,7 +88,7 @@ def belief(case: Case, decision: Decision, conditions: dict[int, Margin]) -> U8:
 
 
 def _margin(decision: Decision, margin: Margin, gap_mm: I32, closing_mmps: I32) -> F32:
-    gap, closing = as_f32(gap_mm) * _METRES, as_f32(closing_mmps) * _METRES
+    gap, closing = as_f32(gap_mm) * METRES, as_f32(closing_mmps) * METRES
     return margin(gap, decision.speed, closing, decision.decel)
 
 

@@ -1,8 +1,13 @@
-"""The distances of the law, with its numbers."""
+"""The distances of the law, with its numbers, and how much room the slower lane has."""
 
 import numpy as np
 
-from overtaking.core.elementary import F32, F32Like
+from overtaking.core.elementary import F32, F32Like, clamp, maximum, minimum
+from overtaking.labels.instants import Frames
+from overtaking.labels.signals import encounter
+from overtaking.model.labels import Case
+from overtaking.model.safety import Encounter
+from overtaking.model.signals import Around
 from overtaking.world.constants import known
 from overtaking.world.measures import safe_distance, usable_decel
 
@@ -62,3 +67,31 @@ def margin_behind(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
     # Braking of v^2 / (2 gap) is within the limit where the gap is at least v^2 / (2 limit).
     braked = approach * approach / (np.float32(2.0) * known("law.entry.braking"))
     return gap - np.maximum(lawful_gap(speed + closing_speed, closing_speed, decel), braked)
+
+
+def beside(case: Case, place: Around, frame: Frames) -> Encounter:
+    """The neighbour in a place at one frame of each simulation; the first where that is `NEVER`."""
+    return encounter(case, place, np.arange(len(frame)), np.maximum(frame, 0).astype(np.intp))
+
+
+def slow_lane_room(case: Case, frame: Frames) -> F32:
+    """Room for the ego in the lane to its right, negative where it is taken, (simulation,) [m].
+
+    The smallest of three margins: to the safe distance ahead and behind, and to the vehicle ahead
+    being reached within 10 s; at most 200 m either way. A lane that does not exist counts as empty.
+
+    Args:
+        case: The batch.
+        frame: A frame of each simulation.
+    """
+    own, reach = (np.arange(len(frame)), frame), known("law.return.reach")
+    speed, decel = case.signals.speed[own], sure_decel(case.signals.friction[own])
+    ahead = beside(case, Around.RIGHT_LEADER, frame)
+    behind = beside(case, Around.RIGHT_FOLLOWER, frame)
+    soon = known("law.return.free_time") * ahead.closing_speed
+    before = maximum(lawful_gap(speed, ahead.closing_speed, decel), soon)
+    after = lawful_gap(speed + behind.closing_speed, behind.closing_speed, decel)
+    room = np.full(len(frame), reach, np.float32)
+    room = np.where(ahead.valid, minimum(room, ahead.gap - before), room)
+    room = np.where(behind.valid, minimum(room, behind.gap - after), room)
+    return clamp(room, -reach, reach)

@@ -1,23 +1,22 @@
 """Stretches of frames in which rules look, and what they find there."""
 
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking import _core
 from overtaking.core.elementary import F32, Mask
+from overtaking.labels.instants import I32, U8, Index
 from overtaking.labels.law.rule import Check, decided
+from overtaking.labels.signals import Arrays, pack_seen, packed
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.once import once
 from overtaking.model.road import Road
+from overtaking.world.compiled import chosen_level
 from overtaking.world.constants import known
-
-I32 = NDArray[np.int32]
-S = TypeVar("S", bound=np.generic)
-U8 = NDArray[np.uint8]
-Index = NDArray[np.intp]
 
 ENDLESS = np.float32(3.0e38)
 """Larger than any margin."""
@@ -56,11 +55,6 @@ class Span:
 def frames_of(case: Case, seconds: float | np.floating) -> int:
     """Number of frames in a duration, the nearest."""
     return round(float(seconds) * 1000.0 / case.signals.frame_interval_ms)
-
-
-def time_to_regain(case: Case) -> int:
-    """Number of frames in which a distance that another has taken may be regained."""
-    return frames_of(case, known("law.safe_distance.recapture"))
 
 
 def is_two_way(road: Road) -> bool:
@@ -110,44 +104,26 @@ def conduct(case: Case) -> Span:
     )
 
 
-def lowest(values: NDArray[S], span: Span) -> NDArray[S]:
-    """Smallest of `values` (simulation, time) in a span; means nothing where that is empty."""
-    return reduced(np.minimum, values, span)
+@once
+def settled(case: Case) -> Span:
+    """`conduct` without the time in which a distance that another has taken may be regained.
 
-
-def reduced(by: np.ufunc, values: NDArray[S], span: Span) -> NDArray[S]:
-    """`values` (simulation, time) of a span, reduced by a ufunc, without a mask of their size."""
-    first = np.arange(len(values)) * values.shape[1]
-    some = span.exists
-    index = np.empty(2 * len(values), np.intp)
-    index[::2] = first + np.where(some, span.start, 0)
-    index[1::2] = first + np.where(some, span.stop + 1, 1)
-    flat = values.reshape(-1)
-    # `reduceat` takes no end beyond the array, and needs none after the last start.
-    return by.reduceat(flat, index[index < flat.size])[::2]
-
-
-def ends(broken: Mask) -> tuple[I32, I32]:
-    """First and last frame of a mask, `NEVER` where it has none, shape (simulation,)."""
-    some = broken.any(axis=1)
-    first = broken.argmax(axis=1)
-    last = broken.shape[1] - 1 - broken[:, ::-1].argmax(axis=1)
-    return (
-        np.where(some, first, NEVER).astype(np.int32),
-        np.where(some, last, NEVER).astype(np.int32),
-    )
-
-
-def ends_in(span: Span, rows: Index, broken: Mask) -> tuple[I32, I32]:
-    """First and last frame of a mask (row, time) of some simulations within a span.
-
-    Returns:
-        Shape (simulation,), `NEVER` for all others.
+    What came before a recording is not known: its beginning is like a cut-in.
     """
-    first = np.full(len(span.start), NEVER)
-    last = first.copy()
-    first[rows], last[rows] = ends(span.mask(rows, broken.shape[1]) & broken)
-    return first, last
+    span, begin = conduct(case), case.events.first + time_to_regain(case) + 1
+    return Span(start=np.maximum(span.start, begin), stop=span.stop)
+
+
+@once
+def passed(case: Case) -> Span:
+    """From the frame in which the target was passed to the end of the manoeuvre."""
+    end, stop = case.events.overlap_end, manoeuvre(case).stop
+    return Span(start=np.where(end != NEVER, end, stop + 1), stop=stop)
+
+
+def time_to_regain(case: Case) -> int:
+    """Number of frames in which a distance that another has taken may be regained."""
+    return frames_of(case, known("law.safe_distance.recapture"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,26 +142,166 @@ class Stretch:
     last: I32
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stretches:
+    """What the compiled engine answers about stretches of frames; arrays have shape (simulation,).
+
+    Attributes:
+        stop_lit: Distance at which something lit is seen minus the stopping distance, over
+            `conduct` [m].
+        stop_unlit: The same for something unlit [m].
+        follow: Gap to the leader minus the lawful gap, over `settled`, but for the time after a
+            cut-in [m].
+        braking: Braking that is allowed minus what is forced on the follower in the time after each
+            change of lane, over `manoeuvre` [m/s^2].
+        due: Over `passed`, the longest run of frames in which the ego could have returned: its
+            first frame, `NEVER` without one, and its number of frames.
+        entry_arrival: When the vehicle behind on the left came where the ego's rear was as the ego
+            crossed the line, `NEVER` if it did not.
+        return_arrival: When the target came where the ego's rear was at the end of the return.
+        worst: Worst measures over `conduct`, by name: `front` and `rear` with the fields of
+            `Encounter`; headway, picud, rss_margin and lawful_margin to the vehicle ahead;
+            num_close, num_critical and shortfall, the frames under the lawful distance, those with
+            a critical time to collision, and the sum of what these lack [s]. 0 without a vehicle.
+        sums: Sums of recorded integers up to a collision, by name, of simulations without an
+            attempt: frames; led, those with a leader; ego_speed [mm/s] and left_count over all;
+            target_speed, speed_difference [mm/s] and distance [mm] to the leader over those with
+            one, the latter two without sign.
+    """
+
+    stop_lit: Stretch
+    stop_unlit: Stretch
+    follow: Stretch
+    braking: Stretch
+    due: tuple[I32, I32]
+    entry_arrival: I32
+    return_arrival: I32
+    worst: dict[str, F32]
+    sums: dict[str, NDArray[np.int64]]
+
+
+@once
+def stretches(case: Case) -> Stretches:
+    """All that rules and features ask about stretches of frames."""
+    events = case.events
+    until = np.where(events.collision == NEVER, events.last, events.collision)
+    until = np.where(events.attempted, NEVER, until).astype(np.int32)
+    spans = {
+        "conduct": conduct(case),
+        "settled": settled(case),
+        "passed": passed(case),
+        "manoeuvre": manoeuvre(case),
+        "counted": Span(start=np.zeros_like(until), stop=until),
+    }
+    return answers(case, spans)
+
+
+def answers(case: Case, spans: dict[str, Span]) -> Stretches:
+    """The answers of the compiled engine, whatever the spans.
+
+    Args:
+        case: The batch.
+        spans: Where to look, by the names that `stretches` gives them.
+    """
+    count, names = case.signals.num_simulations, dict(_core.stretch_fields())
+    ends = [end for name in names["spans"] for end in (spans[name].start, spans[name].stop)]
+    moments = [getattr(case.events, name) for name in names["moments"]]
+    kinds = {"measures": np.float32, "frames": np.int32, "sums": np.int64}
+    out = {name: np.empty((len(names[name]), count), kind) for name, kind in kinds.items()}
+    _core.stretches(
+        recorded=packed(case),
+        seen=pack_seen(case.signals),
+        spans=np.concatenate(ends, dtype=np.int32),
+        moments=np.concatenate(moments, dtype=np.int32),
+        numbers=_numbers(case),
+        out=out,
+        level=chosen_level(),
+    )
+    return _read({name: dict(zip(names[name], rows, strict=True)) for name, rows in out.items()})
+
+
+def _read(said: dict[str, Arrays]) -> Stretches:
+    frames, measures = said["frames"], said["measures"]
+
+    def margin(name: str) -> Stretch:
+        first, last = frames[f"{name}.first"], frames[f"{name}.last"]
+        return Stretch(low=measures[name], first=first, last=last)
+
+    return Stretches(
+        stop_lit=margin("stop_lit"),
+        stop_unlit=margin("stop_unlit"),
+        follow=margin("follow"),
+        braking=margin("braking"),
+        due=(frames["due.first"], frames["due.length"]),
+        entry_arrival=frames["entry.arrival"],
+        return_arrival=frames["return.arrival"],
+        worst=measures,
+        sums=said["sums"],
+    )
+
+
+_NUMBERS = {
+    "floor": "friction.table.floor",
+    "decel_limit": "law.safe_distance.decel_limit",
+    "reaction_time": "law.safe_distance.reaction_time",
+    "stop_reaction_time": "law.sight.reaction_time",
+    "time_gap": "law.return.time_gap",
+    "free_time": "law.return.free_time",
+    "reach": "law.return.reach",
+    "allowed_braking": "law.obstruction.braking",
+    "most_braking": "law.obstruction.most",
+    "picud_reaction_time": "labels.safety.picud_reaction_time",
+    "picud_decel": "labels.safety.picud_decel",
+    "rss_reaction_time": "law.rss.reaction_time",
+    "rss_accel": "law.rss.accel",
+    "rss_rear_decel": "law.rss.rear_decel",
+    "rss_lead_decel": "law.rss.lead_decel",
+    "critical_ttc": "labels.safety.critical_ttc",
+}
+
+
+def _numbers(case: Case) -> dict[str, Any]:
+    usable = known("friction.table.usable_share") * known("model.nature.gravity")
+    return {
+        **{name: float(known(path)) for name, path in _NUMBERS.items()},
+        "usable": float(usable),
+        "regain": time_to_regain(case),
+        "lasting": frames_of(case, known("law.obstruction.duration")),
+    }
+
+
+def reduced(by: np.ufunc, values: NDArray[Any], span: Span) -> NDArray[Any]:
+    """`values` (simulation, time) of a span, reduced by a ufunc; any value where it is empty."""
+    first, some = np.arange(len(values)) * values.shape[1], span.exists
+    index = np.empty(2 * len(values), np.intp)
+    index[::2] = first + np.where(some, span.start, 0)
+    index[1::2] = first + np.where(some, span.stop + 1, 1)
+    flat = values.reshape(-1)
+    # `reduceat` takes no end beyond the array, and needs none after the last start.
+    return by.reduceat(flat, index[index < flat.size])[::2]
+
+
+def ends_in(span: Span, rows: Index, broken: Mask) -> tuple[I32, I32]:
+    """First and last frame of a mask (row, time) of some simulations within a span.
+
+    Returns:
+        Shape (simulation,), `NEVER` for all others.
+    """
+    inside = span.mask(rows, broken.shape[1]) & broken
+    kept = inside.any(axis=1)
+    some, inside = rows[kept], inside[kept]
+    first = np.full(len(span.start), NEVER)
+    last = first.copy()
+    first[some] = inside.argmax(axis=1)
+    last[some] = broken.shape[1] - 1 - inside[:, ::-1].argmax(axis=1)
+    return first, last
+
+
 def stretch(margin: F32, span: Span) -> Stretch:
     """A margin (simulation, time) over a span; `ENDLESS` where it does not count."""
-    low = lowest(margin, span)
+    low = reduced(np.minimum, margin, span)
     rows = np.flatnonzero(span.exists & (low < 0))
     first, last = ends_in(span, rows, margin[rows] < 0)
-    return Stretch(low=low, first=first, last=last)
-
-
-def stretch_of_instants(margin: F32, rows: Index, frames: Index, num_simulations: int) -> Stretch:
-    """The same of a margin at single frames; arguments as in `always_at`."""
-    low = np.full(num_simulations, ENDLESS)
-    first = np.full(num_simulations, NEVER)
-    last = first.copy()
-    if rows.size:
-        begins = np.append(0, np.flatnonzero(rows[1:] != rows[:-1]) + 1)
-        low[rows[begins]] = np.minimum.reduceat(margin, begins)
-        broken = np.flatnonzero(margin < 0)
-        row, frame = rows[broken], frames[broken]
-        # Of several frames of a simulation the one that is written last stays.
-        first[row[::-1]], last[row] = frame[::-1], frame
     return Stretch(low=low, first=first, last=last)
 
 
@@ -201,9 +317,9 @@ def never_negative(found: Stretch, span: Span, *, belief: U8 | None = None) -> C
     return decided(about, found.low, found.first, found.last, belief=belief)
 
 
-def always(margin: F32, span: Span, *, belief: U8 | None = None) -> Check:
+def always(margin: F32, span: Span) -> Check:
     """`never_negative` of a margin of shape (simulation, time)."""
-    return never_negative(stretch(margin, span), span, belief=belief)
+    return never_negative(stretch(margin, span), span)
 
 
 def always_at(margin: F32, rows: Index, frames: Index, num_simulations: int) -> Check:
@@ -215,8 +331,17 @@ def always_at(margin: F32, rows: Index, frames: Index, num_simulations: int) -> 
         frames: Frame of each, in order within a simulation.
         num_simulations: Length of the results.
     """
-    found = stretch_of_instants(margin, rows, frames, num_simulations)
-    return decided(found.low < ENDLESS, found.low, found.first, found.last)
+    low = np.full(num_simulations, ENDLESS)
+    first = np.full(num_simulations, NEVER)
+    last = first.copy()
+    if rows.size:
+        begins = np.append(0, np.flatnonzero(rows[1:] != rows[:-1]) + 1)
+        low[rows[begins]] = np.minimum.reduceat(margin, begins)
+        broken = np.flatnonzero(margin < 0)
+        row, frame = rows[broken], frames[broken]
+        # Of several frames of a simulation the one that is written last stays.
+        first[row[::-1]], last[row] = frame[::-1], frame
+    return decided(low < ENDLESS, low, first, last)
 
 
 def instant(

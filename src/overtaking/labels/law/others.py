@@ -1,4 +1,4 @@
-"""All vehicles at one instant of each simulation."""
+"""The other vehicles at single frames: where they are, what they are, how fast they move across."""
 
 from dataclasses import dataclass
 
@@ -6,17 +6,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask, as_f32, sincos
+from overtaking.labels.instants import (
+    I32,
+    METRES,
+    RADIANS,
+    U8,
+    Frames,
+    Index,
+    half_window,
+    lateral_speed_at,
+    slot_of,
+)
 from overtaking.model.labels import Case
 from overtaking.model.road import DrivingSide
-from overtaking.model.trajectory import Lights, Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.trajectory import NO_VEHICLE, Lights, Trajectories
+from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.world.constants import known
 
-I32 = NDArray[np.int32]
-U8 = NDArray[np.uint8]
-Index = NDArray[np.intp]
-
-_STEP = np.float32(1e-3)
-_RADIANS = np.float32(1e-4)
+_THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
+"""A third difference: 0 for a parabola, with 20 times the variance of the noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,44 +58,46 @@ def others_at(case: Case, frame: I32, rows: Index | None = None) -> Others:
         frame: A frame of each, shape (simulation,).
         rows: Which simulations, same shape; all of them if left out.
     """
-    trajectories, states = case.trajectories, case.trajectories.states
-    rows = np.arange(len(frame)) if rows is None else rows
-    frame = np.maximum(frame, 0)
+    run, states = case.trajectories, case.trajectories.states
+    rows, frame = np.arange(len(frame)) if rows is None else rows, np.maximum(frame, 0)
     place = (rows[:, None], np.arange(states.s.shape[1])[None, :], frame[:, None])
-    half = trajectories.scenario.vehicles.length[rows] * np.float32(0.5)
+    half = run.scenario.vehicles.length[rows] * np.float32(0.5)
     s = states.s[place]
-    lead = as_f32(s[:, [Role.EGO]] - s) * _STEP
-    heading = as_f32(states.heading[place]) * _RADIANS - np.float32(trajectories.road.heading)
+    lead = as_f32(s[:, [Role.EGO]] - s) * METRES
+    heading = as_f32(states.heading[place]) * RADIANS - np.float32(run.road.heading)
     return Others(
-        valid=_recorded(trajectories, place),
+        valid=_others_there(run, rows, frame),
         lead=lead,
         gap=np.abs(lead) - (half + half[:, [Role.EGO]]),
-        speed=as_f32(states.speed[place]) * _STEP,
+        speed=as_f32(states.speed[place]) * METRES,
         lane=states.lane[place],
         lights=states.lights[place],
         oncoming=sincos(heading)[1] < 0,
     )
 
 
-def num_slow(case: Case, row: NDArray[np.intp], frame: I32, *, below: float, reach: float) -> I32:
+def num_slow(case: Case, rows: Index, frames: Frames, *, below: float, reach: float) -> I32:
     """Number of others slower than `below` [m/s] and nearer than `reach` [m] at single frames.
 
     Args:
         case: The batch.
-        row: Simulations, shape (instant,).
-        frame: A frame of each, same shape.
+        rows: Simulations, shape (instant,).
+        frames: A frame of each, same shape.
         below: [m/s].
         reach: Along the road, from centre to centre [m].
     """
-    trajectories, states = case.trajectories, case.trajectories.states
-    speed = states.speed[row, :, frame]
-    away = np.abs(states.s[row, :, frame] - states.s[row, Role.EGO, frame][:, None])
-    there = trajectories.scenario.vehicles.valid[row].copy()
-    there[:, Role.EGO] = False
-    if trajectories.present is not None:
-        there &= trajectories.present[row, :, frame]
-    slow = there & (speed < below * 1000.0) & (away <= reach * 1000.0)
+    states, s = case.trajectories.states, case.trajectories.states.s[rows, :, frames]
+    near = np.abs(s - s[:, [Role.EGO]]) <= reach * 1000.0
+    slow = near & (states.speed[rows, :, frames] < below * 1000.0)
+    slow &= _others_there(case.trajectories, rows, frames)
     return slow.sum(axis=1, dtype=np.int32)
+
+
+def _others_there(run: Trajectories, rows: Index, frames: Frames) -> Mask:
+    """Which vehicles but the ego are recorded at single frames, shape (instant, vehicle)."""
+    valid = run.scenario.vehicles.valid[rows]
+    valid[:, Role.EGO] = False
+    return valid if run.present is None else valid & run.present[rows, :, frames]
 
 
 def out_indicator(case: Case) -> int:
@@ -102,10 +112,61 @@ def back_indicator(case: Case) -> int:
     return both - out_indicator(case)
 
 
-def _recorded(trajectories: Trajectories, place: tuple[Index, Index, I32]) -> Mask:
-    """Which vehicles but the ego are there, (simulation, vehicle)."""
-    valid = trajectories.scenario.vehicles.valid[place[0][:, 0]]
-    valid[:, Role.EGO] = False
-    if trajectories.present is not None:
-        valid &= trajectories.present[place]
-    return valid
+def ego_may_be(case: Case, kind: VehicleKind) -> Mask:
+    """Whether the ego is of a kind, or its kind is unknown, shape (simulation,)."""
+    is_one = case.trajectories.scenario.vehicles.kind[:, Role.EGO] == kind
+    return is_one | ("kinds" in case.trajectories.unknown)
+
+
+def target_may_be(case: Case, *, bicycle: bool) -> Mask:
+    """Whether there is a target that is a bicycle, or is none, or may be; shape (simulation,)."""
+    vehicle, kind = case.target.vehicle, case.trajectories.scenario.vehicles.kind
+    is_bicycle = kind[np.arange(len(vehicle)), slot_of(vehicle)] == VehicleKind.B
+    unknown = "kinds" in case.trajectories.unknown
+    return (vehicle != NO_VEHICLE) & ((is_bicycle == bicycle) | unknown)
+
+
+def steady_speed_at(
+    run: Trajectories, rows: Index, slot: Index, frames: Frames, limit: float
+) -> F32:
+    """Speed of vehicles to the left at single frames, all arrays of shape (instant,) [m/s].
+
+    In a recording the central difference over about 0.2 s is widened, up to 2 s, until its standard
+    error is a quarter of the limit. The noise of a position is the root mean square of its third
+    differences within a second, over the root of 20; the error of a difference over 2 h is the
+    noise times the root of 2, over 2 h. Simulations have no noise.
+
+    Args:
+        run: The batch.
+        rows: Simulations.
+        slot: A vehicle of each.
+        frames: A frame of each in which it is recorded.
+        limit: The speed with which it is compared [m/s].
+    """
+    if not run.unknown:
+        return lateral_speed_at(run, rows, slot, frames)
+    interval = run.scenario.frame_interval_ms
+    around = int(float(known("law.others.noise_time")) * 1000.0 / interval)
+    accepted = float(known("law.others.error_share")) * limit
+    wanted = np.sqrt(2.0) * _noise(run, rows, slot, frames, max(2, around)) / accepted
+    half = np.ceil(wanted / 2.0 * 1000.0 / interval)
+    narrow = half_window(interval)
+    half = np.clip(half, narrow, max(narrow, around)).astype(np.int32)
+    return lateral_speed_at(run, rows, slot, frames, half)
+
+
+def _noise(
+    run: Trajectories, rows: Index, slot: Index, frames: Frames, around: int
+) -> NDArray[np.float64]:
+    """Standard deviation of what is noise in a lateral position, from frames around it [m]."""
+    frame = frames[:, None] + np.arange(-around, around + 1)
+    inside = (frame >= 0) & (frame < run.num_frames[rows, None])
+    place = (rows[:, None], slot[:, None], np.where(inside, frame, 0))
+    inside &= run.state_valid[place]
+    d = run.states.d[place] * float(METRES)
+    count = frame.shape[1] - len(_THIRD) + 1
+    pieces = [(d[:, k : k + count], inside[:, k : k + count]) for k in range(len(_THIRD))]
+    third = sum(weight * values for weight, (values, _) in zip(_THIRD, pieces, strict=True))
+    whole = np.logical_and.reduce([there for _, there in pieces])
+    squares = np.where(whole, third**2, 0.0).sum(axis=1)
+    return np.sqrt(squares / np.maximum(whole.sum(axis=1), 1) / (_THIRD**2).sum())

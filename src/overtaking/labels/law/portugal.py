@@ -1,62 +1,20 @@
 """The Portuguese rules of overtaking: an interpretation, not legal advice."""
 
-from overtaking.labels.law import (
-    l01_side,
-    l02_line,
-    l03_follow,
-    l04_entry_front,
-    l05_entry_rear,
-    l06_overtakers,
-    l07_intention,
-    l08_return,
-    l09_duty_to_return,
-    l10_side,
-    l11_bicycle,
-    l12_limit,
-    l13_minimum,
-    l14_visible_stop,
-    l15_insufficient_sight,
-    l16_width,
-    l17_places,
-    l18_signal,
-    l19_lamps,
-    l20_trucks,
-    l21_keep_right,
-    l22_overtaken,
-    l23_obstruction,
-    l24_oncoming,
-)
-from overtaking.labels.law.pack import Pack
+from overtaking.labels.law.alongside import L1, L10, L11, L22
+from overtaking.labels.law.gaps import L3, L4, L5, L8, L23, L24
+from overtaking.labels.law.lamps import L18, L19
+from overtaking.labels.law.lanes import L2, L16, L17, L20
+from overtaking.labels.law.rule import Pack
+from overtaking.labels.law.sight import L14, L15, L14s, L15s
+from overtaking.labels.law.speeds import L12, L13
+from overtaking.labels.law.when import L6, L7, L9, L21
 
+# fmt: off
 PORTUGAL = Pack(
     name="pt",
     version="pt-2@2013",
     rules=(
-        l01_side.RULE,
-        l02_line.RULE,
-        l03_follow.RULE,
-        l04_entry_front.RULE,
-        l05_entry_rear.RULE,
-        l06_overtakers.RULE,
-        l07_intention.RULE,
-        l08_return.RULE,
-        l09_duty_to_return.RULE,
-        l10_side.RULE,
-        l11_bicycle.RULE,
-        l12_limit.RULE,
-        l13_minimum.RULE,
-        l14_visible_stop.RULE,
-        l14_visible_stop.STRICT_RULE,
-        l15_insufficient_sight.RULE,
-        l15_insufficient_sight.STRICT_RULE,
-        l16_width.RULE,
-        l17_places.RULE,
-        l18_signal.RULE,
-        l19_lamps.RULE,
-        l20_trucks.RULE,
-        l21_keep_right.RULE,
-        l22_overtaken.RULE,
-        l23_obstruction.RULE,
-        l24_oncoming.RULE,
+        L1, L2, L3, L4, L5, L6, L7, L8, L9, L10, L11, L12, L13, L14, L14s, L15, L15s, L16, L17, L18,
+        L19, L20, L21, L22, L23, L24,
     ),
 )

@@ -1,5 +1,6 @@
-"""What a rule is, and what it says of a batch."""
+"""What a rule and a pack of rules are, and what they say of a batch."""
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
@@ -8,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask
+from overtaking.labels.instants import I32, U8
 from overtaking.model.batch import Batch
 from overtaking.model.events import NEVER
-from overtaking.model.labels import Belief, Case, Severity, Verdict
-
-I32 = NDArray[np.int32]
-U8 = NDArray[np.uint8]
+from overtaking.model.labels import Belief, Case, Findings, Severity, Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,3 +155,41 @@ def _undecided(found: Check) -> Check:
     nothing = np.zeros(n, np.float32)
     never = np.full(n, NEVER)
     return decided(about, nothing, never, never, doubtful=np.ones(n, np.bool_))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pack:
+    """The rules of one jurisdiction; another one is another list.
+
+    Attributes:
+        name: Short name.
+        version: Changes whenever a verdict may.
+        rules: The rules, in the order of every table.
+    """
+
+    name: str
+    version: str
+    rules: tuple[Rule, ...]
+
+    @property
+    def codes(self) -> tuple[str, ...]:
+        """The codes of the rules, in order."""
+        return tuple(rule.code for rule in self.rules)
+
+
+def check(pack: Pack, case: Case) -> Findings:
+    """What each rule of a pack says of each simulation.
+
+    Args:
+        pack: The rules.
+        case: Recordings of any source, with their signals and events.
+
+    Returns:
+        Arrays of shape (simulation, rule).
+    """
+    found = [judge(rule, case) for rule in pack.rules]
+    columns = {
+        field.name: np.stack([getattr(one, field.name) for one in found], axis=1)
+        for field in dataclasses.fields(Check)
+    }
+    return Findings(rules=pack.codes, version=pack.version, **columns)

@@ -68,13 +68,13 @@ def draw_reliability(found: FactorsFound) -> Figure:
     figure = new_figure(2.6)
     panels = np.atleast_1d(figure.subplots(1, len(found.models), sharey=True))
     for axes, model in zip(panels, found.models, strict=True):
-        filled = model.counts > 0
         axes.plot([0.0, 1.0], [0.0, 1.0], color=LINE, linewidth=0.9, zorder=1)
-        sizes = 6.0 + 90.0 * model.counts[filled] / model.counts.sum()
-        axes.plot(model.said[filled], model.was[filled], color=ACCENT, linewidth=0.9, zorder=2)
-        axes.scatter(
-            model.said[filled], model.was[filled], s=sizes, color=ACCENT, linewidth=0.0, zorder=3
-        )
+        confidence = [one.confidence for one in model.reliability]
+        right = [one.right for one in model.reliability]
+        counts = np.array([one.examples for one in model.reliability])
+        sizes = 6.0 + 90.0 * counts / counts.sum()
+        axes.plot(confidence, right, color=ACCENT, linewidth=0.9, zorder=2)
+        axes.scatter(confidence, right, s=sizes, color=ACCENT, linewidth=0.0, zorder=3)
         axes.set_title(model.name)
         axes.set_xlabel("confidence")
         axes.set_xlim(0.0, 1.02)
@@ -83,7 +83,7 @@ def draw_reliability(found: FactorsFound) -> Figure:
             axis.set_major_formatter(PercentFormatter(1.0, decimals=0))
         axes.grid(visible=True, axis="both")
         axes.text(
-            0.97, 0.05, f"error {100.0 * model.error:.1f} %", ha="right", color=QUIET,
+            0.97, 0.05, f"error {100.0 * model.calibration_error:.1f} %", ha="right", color=QUIET,
             transform=axes.transAxes,
         )  # fmt: skip
     panels[0].set_ylabel("foretold rightly")
@@ -102,16 +102,16 @@ def draw_ranking(found: FactorsFound) -> Figure:
     axes = figure.add_subplot()
     places = np.arange(len(found.ranking))
     middle = np.array([one.accuracy for one in found.ranking])
-    low = np.array([one.low for one in found.ranking])
-    high = np.array([one.high for one in found.ranking])
+    low = np.array([one.accuracy_low for one in found.ranking])
+    high = np.array([one.accuracy_high for one in found.ranking])
     axes.fill_betweenx(places, low, high, color=ACCENT, alpha=0.16, linewidth=0.0)
     axes.plot(middle, places, color=ACCENT, linewidth=1.4, marker="o", markersize=3.6)
-    axes.axvline(found.most_frequent, color=LINE, linewidth=0.9, linestyle="--")
+    axes.axvline(found.most_frequent_accuracy, color=LINE, linewidth=0.9, linestyle="--")
     axes.text(
-        found.most_frequent, len(places) - 0.6, " always the most frequent", color=QUIET,
+        found.most_frequent_accuracy, len(places) - 0.6, " always the most frequent", color=QUIET,
         va="bottom",
     )  # fmt: skip
-    names = [one.name if not n else f"+ {one.name}" for n, one in enumerate(found.ranking)]
+    names = [one.factor if not n else f"+ {one.factor}" for n, one in enumerate(found.ranking)]
     axes.set_yticks(places, names)
     axes.tick_params(axis="y", labelcolor=INK)
     axes.set_ylim(len(places) - 0.4, -0.6)

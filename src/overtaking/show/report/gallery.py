@@ -1,8 +1,7 @@
 """The figures of a report: what draws each, and the words below it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from overtaking.analysis.stats import distributions
 from overtaking.analysis.stats.associations import Associations
@@ -16,8 +15,7 @@ if TYPE_CHECKING:
     from overtaking.analysis.learning.factors import FactorsFound
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
+class Picture(NamedTuple):
     """A figure that can be drawn.
 
     Attributes:
@@ -33,7 +31,7 @@ class Picture:
 
 def class_picture(found: Statistics) -> Picture:
     """How often each class occurs."""
-    from overtaking.show.plots.classes import draw_classes
+    from overtaking.show.plots.distributions import draw_classes
 
     return Picture(
         name="classes",
@@ -44,7 +42,7 @@ def class_picture(found: Statistics) -> Picture:
 
 def waiting_picture(found: Statistics) -> Picture:
     """The curve of waiting times."""
-    from overtaking.show.plots.waiting import draw_waiting
+    from overtaking.show.plots.distributions import draw_waiting
 
     curve = found.waiting
     assert curve is not None
@@ -59,8 +57,11 @@ def waiting_picture(found: Statistics) -> Picture:
 
 def distribution_pictures(found: Statistics) -> list[Picture]:
     """Histograms, scaled boxes, and the ego's speed by class."""
-    from overtaking.show.plots.boxes import draw_boxes_and_swarm, draw_scaled_boxes
-    from overtaking.show.plots.histograms import draw_histograms
+    from overtaking.show.plots.distributions import (
+        draw_boxes_and_swarm,
+        draw_histograms,
+        draw_scaled_boxes,
+    )
 
     sample = found.sample
     counted = [distributions.histogram(sample, one.name) for one in FEATURES]
@@ -129,7 +130,7 @@ def pair_pictures(found: Statistics) -> list[Picture]:
 
 def association_pictures(found: Associations) -> list[Picture]:
     """The two matrices."""
-    from overtaking.show.plots.matrices import draw_associations, draw_p_values
+    from overtaking.show.plots.pairs import draw_associations, draw_p_values
 
     return [
         Picture(

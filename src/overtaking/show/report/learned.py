@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from overtaking.core.errors import DatasetError, MissingExtraError
+from overtaking.show.report import gallery
 from overtaking.show.report.page import Section, paragraph
 
 if TYPE_CHECKING:
@@ -80,15 +81,15 @@ def learn(data: "Dataset", policy: str) -> Learned:
 def sections(writer: "Writer", learned: Learned) -> Sequence[Section]:
     """The sections about rules and factors."""
     return (
-        Section(name="rules", title="Rules that were learned", blocks=_rules(writer, learned)),
-        Section(name="factors", title="What decides", blocks=_factors(writer, learned)),
+        Section("rules", "Rules that were learned", _rules(writer, learned)),
+        Section("factors", "What decides", _factors(writer, learned)),
     )
 
 
 def _rules(writer: "Writer", learned: Learned) -> tuple[str, ...]:
     blocks = [paragraph(_ABOUT_RULES)]
     for found in learned.rules:
-        from overtaking.analysis.learning.tables_of_rules import comparison_table, rule_table
+        from overtaking.analysis.learning.tables import comparison_table, rule_table
 
         blocks += [writer.table(rule_table(found)), writer.table(comparison_table(found))]
     blocks += [writer.lacking(one) for one in learned.remarks]
@@ -99,13 +100,13 @@ def _factors(writer: "Writer", learned: Learned) -> tuple[str, ...]:
     found = learned.factors
     if found is None:
         return (writer.lacking("Which factors decide could not be found out, see above."),)
-    from overtaking.analysis.learning.tables_of_factors import model_table, ranking_table
+    from overtaking.analysis.learning.tables import model_table, ranking_table
 
     return (
         paragraph(_ABOUT_FACTORS),
         writer.table(model_table(found)),
-        writer.pictures("model_pictures", found),
+        writer.pictures(lambda: gallery.model_pictures(found)),
         paragraph(_ABOUT_RANKING),
-        writer.pictures("ranking_picture", found),
+        writer.pictures(lambda: [gallery.ranking_picture(found)]),
         writer.table(ranking_table(found)),
     )

@@ -2,10 +2,10 @@
 
 import base64
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 from itertools import pairwise
+from typing import NamedTuple
 
 from overtaking.analysis.stats.table import Table
 
@@ -16,8 +16,7 @@ _FEW_NUMBERS = 4  # Columns of numbers that fit a phone with their names written
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Section:
+class Section(NamedTuple):
     """A part of the page.
 
     Attributes:
@@ -28,7 +27,7 @@ class Section:
 
     name: str
     title: str
-    blocks: tuple[str, ...]
+    blocks: Sequence[str]
 
 
 def page(

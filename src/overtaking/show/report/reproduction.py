@@ -1,24 +1,15 @@
 """The page on a reproduction: every number of the paper among ours, and what its labels hide."""
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from overtaking.analysis.reproduction import tables, words
 from overtaking.analysis.reproduction.replicates import SIZE
 from overtaking.analysis.reproduction.run import Reproduction
-from overtaking.analysis.stats.table import Table
 from overtaking.core.errors import MissingExtraError
-from overtaking.show.report import files
-from overtaking.show.report.page import (
-    Section,
-    definitions,
-    figure_block,
-    missing,
-    page,
-    paragraph,
-    remarks,
-    table_block,
-)
+from overtaking.show.report.files import ReportFolder
+from overtaking.show.report.page import Section, definitions, page, paragraph, remarks
 from overtaking.show.report.prose import FOOT
 
 FITTED, OTHERS = "paper-means", "paper-others"
@@ -61,25 +52,16 @@ def write_reproduction(found: Reproduction, out: Path) -> Written:
     Raises:
         OSError: A file cannot be written.
     """
-    files.make_folders(out)
-    drawn: dict[str, bytes] = {}
-    lacking: list[str] = []
-    try:
-        drawn = _figures(found, out)
-    except MissingExtraError as error:
-        lacking.append(f"Figures are left out: {error}")
-    written = tables.tables(found)
-    for one in written:
-        files.put_table(out, one)
+    folder = ReportFolder(out)
+    drawn = _figures(found, folder)
+    sections = _sections(found, folder, drawn)
     title = f"{found.study}, number by number"
-    text = page(title, words.lead(found), _facts(found), _sections(found, drawn, lacking), FOOT)
-    files.put(out / files.PAGE, text.encode())
-    files.remove_stale(out, set(drawn), {one.name for one in written})
+    path = folder.finish(page(title, words.lead(found), _facts(found), sections, FOOT))
     return Written(
-        path=out / files.PAGE,
-        figures=tuple(drawn),
-        tables=tuple(one.name for one in written),
-        remarks=tuple(lacking),
+        path=path,
+        figures=tuple(folder.figures),
+        tables=tuple(folder.tables),
+        remarks=tuple(folder.remarks),
     )
 
 
@@ -94,71 +76,38 @@ def _facts(found: Reproduction) -> list[tuple[str, str]]:
     ]
 
 
-def _sections(
-    found: Reproduction, drawn: dict[str, bytes], lacking: list[str]
-) -> tuple[Section, ...]:
+def _sections(found: Reproduction, folder: ReportFolder, drawn: list[str]) -> list[Section]:
     """The parts of the page."""
-    pictures = [figure_block(name, svg, _CAPTIONS[name]) for name, svg in drawn.items()]
-    gaps = [missing(one) for one in lacking]
-    return (
-        Section(
-            name="first",
-            title="To know first",
-            blocks=(remarks(words.notes(found), words.warnings(found)),),
-        ),
-        Section(name="figures", title="The paper among our replicates", blocks=(*pictures, *gaps)),
-        Section(
-            name="numbers",
-            title="Every number",
-            blocks=(
-                definitions(words.standings()),
-                _shown(tables.numbers(found)),
-                _shown(tables.design(found)),
-            ),
-        ),
-        Section(
-            name="remarks",
-            title="Remarks on single numbers",
-            blocks=(definitions(words.remarks_on_numbers(found)),),
-        ),
-        Section(
-            name="hidden",
-            title="What the label hides",
-            blocks=(
-                *(paragraph(text) for text in words.hidden(found)),
-                _shown(tables.lawful(found)),
-            ),
-        ),
-        Section(
-            name="starts",
-            title="What a start decides",
-            blocks=(paragraph(words.about_starts(found)), _shown(tables.starts(found))),
-        ),
-    )
+    numbers = [
+        definitions(words.standings()),
+        folder.table(tables.numbers(found)),
+        folder.table(tables.design(found)),
+    ]
+    hidden = [*map(paragraph, words.hidden(found)), folder.table(tables.lawful(found))]
+    starts = [paragraph(words.about_starts(found)), folder.table(tables.starts(found))]
+    notes = definitions(words.remarks_on_numbers(found))
+    return [
+        Section("first", "To know first", [remarks(words.notes(found), words.warnings(found))]),
+        Section("figures", "The paper among our replicates", drawn),
+        Section("numbers", "Every number", numbers),
+        Section("remarks", "Remarks on single numbers", [notes]),
+        Section("hidden", "What the label hides", hidden),
+        Section("starts", "What a start decides", starts),
+    ]
 
 
-def _shown(table: Table) -> str:
+def _figures(found: Reproduction, folder: ReportFolder) -> list[str]:
+    """The figures, or why they are left out."""
     try:
-        from overtaking.show.plots.style import CLASS_COLOURS
-    except MissingExtraError:
-        return table_block(table, {})
-    return table_block(table, CLASS_COLOURS)
-
-
-def _figures(found: Reproduction, out: Path) -> dict[str, bytes]:
-    """Draw and write the figures; MissingExtraError without the extra that draws."""
-    from overtaking.show.plots.reproduction import draw_ridges, panels
-    from overtaking.show.plots.style import to_png, to_svg
-
+        from overtaking.show.plots.comparison import draw_ridges, panels
+    except MissingExtraError as error:
+        return [folder.lacking(f"Figures are left out: {error}")]
     every = panels(found.comparisons)
     parts = {
         FITTED: [one for one in every if one.title.startswith(_FIRST)],
         OTHERS: [one for one in every if not one.title.startswith(_FIRST)],
     }
-    drawn: dict[str, bytes] = {}
-    for name, shown in parts.items():
-        figure = draw_ridges(shown)
-        drawn[name] = to_svg(figure)
-        files.put(out / files.FIGURES / f"{name}.svg", drawn[name])
-        files.put(out / files.FIGURES / f"{name}.png", to_png(figure))
-    return drawn
+    return [
+        folder.figure(name, _CAPTIONS[name], partial(draw_ridges, shown), for_phone=False)
+        for name, shown in parts.items()
+    ]

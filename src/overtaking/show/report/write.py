@@ -6,29 +6,22 @@ from pathlib import Path
 
 import pandas as pd
 
-from overtaking.analysis.stats.association_tables import class_associations, strongest_pairs
-from overtaking.analysis.stats.associations import Associations, associations
+from overtaking.analysis.stats.associations import (
+    associations,
+    class_associations,
+    strongest_pairs,
+)
 from overtaking.analysis.stats.diagrams import diagram
 from overtaking.analysis.stats.distributions import typical
 from overtaking.analysis.stats.results import Statistics, statistics
-from overtaking.analysis.stats.table import Table
 from overtaking.core.errors import MissingExtraError, OvertakingError
 from overtaking.core.summary import Summarized
 from overtaking.model.events import Events
 from overtaking.model.trajectory import Trajectories
-from overtaking.show.report import files, prose
+from overtaking.show.report import files, gallery, prose
 from overtaking.show.report.learned import Learned
 from overtaking.show.report.learned import sections as sections_of
-from overtaking.show.report.page import (
-    Section,
-    definitions,
-    figure_block,
-    missing,
-    page,
-    paragraph,
-    remarks,
-    table_block,
-)
+from overtaking.show.report.page import Section, definitions, page, paragraph, remarks
 
 Example = Callable[[int], tuple[Trajectories, Events]]
 """A simulation by its number: a batch of one, and what happened in it."""
@@ -90,27 +83,25 @@ def write_report(
         OSError: A file cannot be written.
     """
     found = statistics(frame, policy=policy, reading=reading, weighted=weighted)
-    files.make_folders(out)
     writer = Writer(out, found, progress)
     sections = [
-        writer.to_know_first(),
-        writer.classes(),
-        writer.tables_of_features(),
-        writer.waiting(),
-        writer.distributions(),
-        writer.pairs(),
-        writer.associations(),
-        writer.examples(example),
+        Section("first", "To know first", writer.to_know_first()),
+        Section("classes", "Classes", writer.classes()),
+        Section("features", "Statistics of the features", writer.tables_of_features()),
+        Section("waiting", "Waiting time", writer.waiting()),
+        Section("distributions", "Distributions", [writer.distributions()]),
+        Section("pairs", "Features against each other", [writer.pairs()]),
+        Section("associations", "Associations", writer.associations()),
+        Section("examples", "A typical overtake of each class", writer.examples(example)),
         *(sections_of(writer, learned) if learned else ()),
-        Section(name="methods", title="How the numbers were made", blocks=prose.methods()),
-        Section(name="glossary", title="Glossary", blocks=tuple(prose.glossary())),
+        Section("methods", "How the numbers were made", prose.methods()),
+        Section("glossary", "Glossary", list(prose.glossary())),
     ]
     text = page(title, prose.lead(found), [*facts, *prose.facts(found)], sections, prose.FOOT)
-    files.put(out / files.PAGE, text.encode())
-    files.remove_stale(out, set(writer.figures), set(writer.tables))
+    path = writer.finish(text)
     writer.step(_NUM_PARTS)
     return Report(
-        path=out / files.PAGE,
+        path=path,
         figures=tuple(writer.figures),
         tables=tuple(writer.tables),
         remarks=tuple(writer.remarks),
@@ -118,16 +109,13 @@ def write_report(
     )
 
 
-class Writer:
+class Writer(files.ReportFolder):
     """Makes the sections, and writes their figures and tables on the way."""
 
     def __init__(self, out: Path, found: Statistics, progress: Progress | None) -> None:
         """Begin with nothing written."""
-        self.figures: list[str] = []
-        self.tables: list[str] = []
-        self.remarks: list[str] = []
-        self._out, self._found, self._progress = out, found, progress
-        self._colours = _colours()
+        super().__init__(out)
+        self._found, self._progress = found, progress
         self._done = 0
 
     def step(self, done: int | None = None) -> None:
@@ -136,89 +124,70 @@ class Writer:
         if self._progress is not None:
             self._progress(self._done, _NUM_PARTS)
 
-    def to_know_first(self) -> Section:
+    def to_know_first(self) -> list[str]:
         """What a reader has to know before believing a number."""
         found = self._found
         notes = [*found.notes, *prose.known_leaks(found)]
-        warnings = [leak.sentence for leak in found.leaks]
-        return Section(
-            name="first",
-            title="To know first",
-            blocks=(prose.about_leaks(found), remarks(notes, warnings)),
-        )
+        return [prose.about_leaks(found), remarks(notes, [leak.sentence for leak in found.leaks])]
 
-    def classes(self) -> Section:
+    def classes(self) -> list[str]:
         """How often each class occurs."""
-        blocks = (
-            paragraph(prose.about_policy(self._found)),
-            definitions(prose.meanings("classes", self._found.sample.classes), self._colours),
-            self.pictures("class_picture", self._found),
-            self.table(self._found.classes),
-        )
-        return Section(name="classes", title="Classes", blocks=blocks)
+        found = self._found
+        return [
+            paragraph(prose.about_policy(found)),
+            definitions(prose.meanings("classes", found.sample.classes), self.colours),
+            self.pictures(lambda: [gallery.class_picture(found)]),
+            self.table(found.classes),
+        ]
 
-    def tables_of_features(self) -> Section:
+    def tables_of_features(self) -> list[str]:
         """The paper's two tables."""
-        blocks = (
+        return [
             paragraph(prose.about_reading(self._found)),
             definitions(prose.meanings("features")),
             self.table(self._found.static),
             self.table(self._found.dynamic),
-        )
-        return Section(name="features", title="Statistics of the features", blocks=blocks)
+        ]
 
-    def waiting(self) -> Section:
+    def waiting(self) -> list[str]:
         """How long drivers wait."""
-        curve = self._found.waiting
-        if curve is None:
-            blocks = (self.lacking("No curve of waiting times can be estimated from these data."),)
-        else:
-            drawn = self.pictures("waiting_picture", self._found)
-            blocks = (paragraph(prose.about_waiting(curve)), drawn)
-        return Section(name="waiting", title="Waiting time", blocks=blocks)
+        found = self._found
+        if found.waiting is None:
+            return [self.lacking("No curve of waiting times can be estimated from these data.")]
+        drawn = self.pictures(lambda: [gallery.waiting_picture(found)])
+        return [paragraph(prose.about_waiting(found.waiting)), drawn]
 
-    def distributions(self) -> Section:
+    def distributions(self) -> str:
         """Histograms and boxes."""
-        drawn = self.pictures("distribution_pictures", self._found)
-        return Section(name="distributions", title="Distributions", blocks=(drawn,))
+        return self.pictures(lambda: gallery.distribution_pictures(self._found))
 
-    def pairs(self) -> Section:
+    def pairs(self) -> str:
         """Features against each other."""
-        drawn = self.pictures("pair_pictures", self._found)
-        return Section(name="pairs", title="Features against each other", blocks=(drawn,))
+        return self.pictures(lambda: gallery.pair_pictures(self._found))
 
-    def associations(self) -> Section:
-        """Associations and p-values."""
+    def associations(self) -> list[str]:
+        """The two matrices, and the strongest pairs in words."""
         try:
             measured = associations(self._found.sample)
         except MissingExtraError as error:
-            blocks = (self.lacking(f"Associations and p-values are left out: {error}"),)
-        else:
-            self.step()
-            blocks = self._of_associations(measured)
-        return Section(name="associations", title="Associations", blocks=blocks)
-
-    def _of_associations(self, measured: Associations) -> tuple[str, ...]:
-        """The two matrices, and the strongest pairs in words."""
-        return (
+            return [self.lacking(f"Associations and p-values are left out: {error}")]
+        self.step()
+        return [
             *(paragraph(text) for text in prose.about_associations(self._found, measured)),
-            self.pictures("association_pictures", measured),
+            self.pictures(lambda: gallery.association_pictures(measured)),
             self.table(class_associations(measured)),
             self.table(strongest_pairs(measured)),
-        )
+        ]
 
-    def examples(self, example: Example | None) -> Section:
+    def examples(self, example: Example | None) -> list[str]:
         """A typical simulation of each class in space and time."""
-        blocks = [paragraph(prose.ABOUT_EXAMPLES)]
+        about = paragraph(prose.ABOUT_EXAMPLES)
         if example is None:
-            blocks.append(self.lacking("These data have no simulations to draw, only features."))
-        else:
-            numbers = self._found.sample.frame.index
-            for name, place in typical(self._found.sample).items():
-                blocks.append(self._example(name, int(numbers[place]), example))
-        return Section(
-            name="examples", title="A typical overtake of each class", blocks=tuple(blocks)
-        )
+            return [about, self.lacking("These data have no simulations to draw, only features.")]
+        numbers = self._found.sample.frame.index
+        chosen = typical(self._found.sample).items()
+        drawn = [self._example(name, int(numbers[place]), example) for name, place in chosen]
+        return [about, *drawn]
 
     def _example(self, name: str, simulation: int, example: Example) -> str:
         """One of them, or the reason why it cannot be drawn."""
@@ -226,51 +195,16 @@ class Writer:
             one = diagram(*example(simulation))
         except OvertakingError as error:
             return self.lacking(f"Simulation {simulation} ({name}) cannot be drawn: {error}")
-        return self.pictures("overtake_picture", name, simulation, one)
+        return self.pictures(lambda: [gallery.overtake_picture(name, simulation, one)])
 
-    def pictures(self, maker: str, *arguments: object) -> str:
-        """Draw the figures that a function of `gallery` makes, and write them."""
-        from overtaking.show.report import gallery
-
+    def pictures(self, made: Callable[[], Sequence[gallery.Picture]]) -> str:
+        """Draw figures and write them, unless the extra that draws is missing."""
         try:
-            made = getattr(gallery, maker)(*arguments)
+            pictures = made()
         except MissingExtraError as error:
             return self.lacking(f"Figures are left out: {error}")
-        return "".join(self._picture(one) for one in (made if isinstance(made, list) else [made]))
-
-    def _picture(self, one: object) -> str:
-        """Draw a figure and write it."""
-        from overtaking.show.plots.style import narrow, to_png, to_svg
-        from overtaking.show.report.gallery import Picture
-
-        assert isinstance(one, Picture)
-        figure = one.draw()
-        svg = to_svg(figure)
-        files.put(self._out / files.FIGURES / f"{one.name}.svg", svg)
-        files.put(self._out / files.FIGURES / f"{one.name}.png", to_png(figure))
-        self.figures.append(one.name)
-        self.step()
-        with narrow():
-            for_phone = to_svg(one.draw())
-        return figure_block(one.name, svg, one.caption, for_phone)
-
-    def table(self, table: Table) -> str:
-        """Write a table."""
-        files.put_table(self._out, table)
-        self.tables.append(table.name)
-        return table_block(table, self._colours)
-
-    def lacking(self, why: str) -> str:
-        """Note what cannot be shown."""
-        if why not in self.remarks:
-            self.remarks.append(why)
-        return missing(why)
-
-
-def _colours() -> dict[str, str]:
-    """The colours of the classes, none where nothing can be drawn."""
-    try:
-        from overtaking.show.plots.style import CLASS_COLOURS
-    except MissingExtraError:
-        return {}
-    return CLASS_COLOURS
+        blocks: list[str] = []
+        for one in pictures:
+            blocks.append(self.figure(one.name, one.caption, one.draw))
+            self.step()
+        return "".join(blocks)

@@ -10,7 +10,7 @@ import numpy as np
 
 from overtaking import _core
 from overtaking.core.errors import DatasetError, MissingExtraError
-from overtaking.data.tables.files import sync_folder
+from overtaking.core.folders import sync_folder
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas
 from overtaking.show.video.scene import RATE
 

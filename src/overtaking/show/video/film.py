@@ -1,12 +1,12 @@
 """A film of one simulation: a pure function from the number of a frame to its picture."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 from overtaking.knowledge.terms import terms
-from overtaking.labels.law import POLICIES
+from overtaking.labels.law import POLICIES, Policy
+from overtaking.model.events import Events
+from overtaking.model.labels import Findings, OvertakeClass
+from overtaking.model.trajectory import Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.show.video import notes, sky
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas
@@ -15,15 +15,8 @@ from overtaking.show.video.panel import Header, Timeline
 from overtaking.show.video.road import strip
 from overtaking.show.video.scene import scene
 from overtaking.show.video.text import line
-from overtaking.show.video.traffic import Traffic
+from overtaking.show.video.traffic import OnScreen, Traffic
 from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, view
-
-if TYPE_CHECKING:
-    from overtaking.labels.law import Policy
-    from overtaking.model.events import Events
-    from overtaking.model.labels import Findings, OvertakeClass
-    from overtaking.model.trajectory import Trajectories
-    from overtaking.show.video.traffic import Place
 
 _SIGN_EVERY = 100  # Metres between two distances beside the road.
 _SIGN = "#e4e8e6"
@@ -105,7 +98,7 @@ class Film:
         self._timeline.draw(canvas, frame)
         return canvas
 
-    def _hide(self, canvas: Canvas, places: list[Place], frame: int) -> None:
+    def _hide(self, canvas: Canvas, places: list[OnScreen], frame: int) -> None:
         """Night, low sun and fog; lamps are drawn later, as they are seen through all of them."""
         rows = SCENE_TOP, SCENE_BOTTOM
         if self._glare is not None:

@@ -1,9 +1,7 @@
 """Which simulations become films, and what is known of each."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,14 +10,10 @@ from overtaking.data.load import Dataset
 from overtaking.labels.label import Labelled, label
 from overtaking.labels.law import POLICIES, Policy, policy
 from overtaking.model.labels import OvertakeClass
+from overtaking.model.trajectory import Trajectories
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from overtaking.model.trajectory import Trajectories
-
-    Source = Dataset | Trajectories | Labelled
-    """A data set, or a batch in memory; labels are computed if they are missing."""
+Source = Dataset | Trajectories | Labelled
+"""A data set, or a batch in memory; labels are computed if they are missing."""
 
 ALL, ONE_PER_CLASS = "all", "one-per-class"
 """Choices that name no numbers."""

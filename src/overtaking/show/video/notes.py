@@ -1,34 +1,24 @@
 """What is told of a film on the road itself: what is being broken, and how it ends badly."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from overtaking.labels.law import POLICIES, PORTUGAL
+from overtaking.labels.law import POLICIES, PORTUGAL, Policy
 from overtaking.model.events import NEVER
-from overtaking.model.labels import Severity, Verdict
+from overtaking.model.labels import Findings, Severity, Verdict
 from overtaking.model.vehicles import Role
 from overtaking.show.video import palette
-from overtaking.show.video.canvas import WIDTH, Drawing
-from overtaking.show.video.scene import RATE
+from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
+from overtaking.show.video.scene import RATE, Scene
 from overtaking.show.video.text import Picture, lettering
-from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP
+from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, Camera
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from overtaking.labels.law import Policy
-    from overtaking.model.labels import Findings
-    from overtaking.show.video.canvas import Canvas
-    from overtaking.show.video.scene import Scene
-    from overtaking.show.video.view import View
-
-    Contact = tuple[int, float, float]
-    """First frame after a contact, and its place along and across the road."""
+Contact = tuple[int, float, float]
+"""First frame after a contact, and its place along and across the road."""
 
 _FLASH_FRAMES = 14
 _NOTE_GAP = 8
@@ -64,14 +54,14 @@ def tell(canvas: Canvas, notes: Sequence[Note], frame: int) -> None:
             column += picture.width + _NOTE_GAP
 
 
-def flash(canvas: Canvas, contact: Contact | None, view: View, frame: int) -> None:
+def flash(canvas: Canvas, contact: Contact | None, camera: Camera, frame: int) -> None:
     """Draw the flash of a collision, which fades."""
     if contact is None:
         return
     first, s, d = contact
     if first <= frame < first + _FLASH_FRAMES:
-        place = view.x(frame, s), SCENE_TOP + view.y(d)
-        canvas.draw_all([(_burst(frame - first), *place, 0.0)], view.scale)
+        place = camera.x(frame, s), SCENE_TOP + camera.y(d)
+        canvas.draw_all([(_burst(frame - first), *place, 0.0)], camera.scale)
 
 
 def endings(scene: Scene, contact: Contact | None) -> Iterator[Note]:

@@ -1,9 +1,7 @@
 """What stands above and below the road: who and where, stages, speeds and gap over time."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +9,7 @@ from overtaking.core.units import kmh_from_mps
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas, Drawing
+from overtaking.show.video.notes import Note
 from overtaking.show.video.palette import (
     ASIDE,
     EGO,
@@ -25,14 +24,9 @@ from overtaking.show.video.palette import (
     TEXT,
     WARNING,
 )
+from overtaking.show.video.scene import F64, Scene
 from overtaking.show.video.text import lettering, line, write_number
 from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from overtaking.show.video.notes import Note
-    from overtaking.show.video.scene import F64, Scene
 
 _LEFT, _RIGHT = 80, 1096  # Columns of the plots.
 _SPEED_ROWS, _GAP_ROWS = (9.0, 41.0), (61.0, 93.0)

@@ -1,23 +1,17 @@
 """Many films, several at a time."""
 
-from __future__ import annotations
-
 import os
 import threading
+from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from overtaking.show.video.canvas import HEIGHT, WIDTH
 from overtaking.show.video.encode import PARTIAL, require, write_film
 from overtaking.show.video.film import Film
+from overtaking.show.video.jobs import Job
 from overtaking.show.video.scene import RATE
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-    from pathlib import Path
-
-    from overtaking.show.video.jobs import Job
 
 _WAITING = 2
 """Films that wait for each that is being made: more would only fill the memory."""

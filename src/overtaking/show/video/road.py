@@ -1,21 +1,15 @@
 """The road as a strip that is painted once and scrolls by."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from overtaking.model.road import RoadMark
+from overtaking.model.road import Road, RoadMark
 from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
 from overtaking.show.video.palette import mixed, tinted
 from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, shown_width
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from overtaking.model.road import Road
 
 DASH, DASH_PERIOD = 4.0, 12.0
 """Length of a painted dash, and of dash and gap [m]; a choice, as maps do not tell."""

@@ -1,31 +1,25 @@
 """One recorded simulation in metres and seconds, at the instants of a film."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError
+from overtaking.model.events import Events
+from overtaking.model.road import Road
 from overtaking.model.trajectory import (
     METRES_PER_SECOND_PER_STEP,
     METRES_PER_STEP,
     NO_VEHICLE,
     RADIANS_PER_STEP,
     DecisionKind,
+    Trajectories,
 )
 from overtaking.model.vehicles import Colour, Role, VehicleKind
 from overtaking.show.video.vehicles import Body
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from overtaking.model.events import Events
-    from overtaking.model.road import Road
-    from overtaking.model.trajectory import Trajectories
-
-    F64 = NDArray[np.float64]
+F64 = NDArray[np.float64]
 
 RATE = 20
 """Frames of a film a second; films run in real time."""

@@ -1,16 +1,16 @@
 """Weather and light as they are seen: tone, shadows, veil of fog or sun, rain, and the night."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.core.philox import Draws
 from overtaking.knowledge import presets
+from overtaking.model.trajectory import Trajectories
 from overtaking.model.weather import NO_PRESET
 from overtaking.show.video.canvas import WIDTH, Drawing
 from overtaking.show.video.road import Tone
@@ -18,12 +18,7 @@ from overtaking.world.constants import known
 from overtaking.world.film import rain_rate
 from overtaking.world.visibility import fog_extinction, rain_extinction
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from overtaking.model.trajectory import Trajectories
-
-    U8 = NDArray[np.uint8]
+U8 = NDArray[np.uint8]
 
 _NIGHT, _DAY, _OVERCAST, _SUNSET = (
     (0.80, 0.88, 1.10),

@@ -1,31 +1,24 @@
 """The vehicles of a film: bodies, lamps and their light on the road, rings and names."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.trajectory import Lights
 from overtaking.model.vehicles import Role
 from overtaking.show.video import palette, sky
-from overtaking.show.video.canvas import WIDTH, Drawing
+from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
+from overtaking.show.video.scene import F64, Scene
+from overtaking.show.video.sky import Light
 from overtaking.show.video.text import Picture, lettering
 from overtaking.show.video.vehicles import lamps, mark, painted
-from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP
+from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, Camera
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from overtaking.show.video.canvas import Canvas
-    from overtaking.show.video.scene import F64, Scene
-    from overtaking.show.video.sky import Light
-    from overtaking.show.video.view import View
-
-    Bools = NDArray[np.bool_]
+Bools = NDArray[np.bool_]
 
 _BLINK = 14  # Frames from one flash of an indicator to the next: 86 a minute (UN R6: 60 to 120).
 _INDICATORS = np.uint8(Lights.INDICATOR_LEFT | Lights.INDICATOR_RIGHT)
@@ -38,7 +31,7 @@ _TAG_PITCH = 20
 _TAG_GAP = 8.0
 
 
-class Place(NamedTuple):
+class OnScreen(NamedTuple):
     """Where a vehicle is in a frame.
 
     Attributes:
@@ -65,36 +58,36 @@ class Traffic:
 
     Args:
         scene: The vehicles.
-        view: Where they are on the screen.
+        camera: Where they are on the screen.
         shade: Shadow of the vehicles, as in `Sky`.
         spray: 0 none to 1.
     """
 
     def __init__(
-        self, scene: Scene, view: View, shade: tuple[float, float, float], spray: float
+        self, scene: Scene, camera: Camera, shade: tuple[float, float, float], spray: float
     ) -> None:
         """Work out the places of all vehicles in all frames."""
-        self._scene, self._scale = scene, view.scale
-        self.x: F64 = scene.s * view.scale - view.left
-        self.y: F64 = SCENE_TOP + view.y(scene.d)
-        margin = _MARGIN * view.scale
+        self._scene, self._scale = scene, camera.scale
+        self.x: F64 = scene.s * camera.scale - camera.left
+        self.y: F64 = SCENE_TOP + camera.y(scene.d)
+        margin = _MARGIN * camera.scale
         self.seen: Bools = scene.is_there & (-margin < self.x) & (self.x < WIDTH + margin)
         is_dark = np.arange(scene.num_frames) % _BLINK >= _BLINK // 2
         self.lit = np.where(is_dark, scene.lights & ~_INDICATORS, scene.lights)
         self._bodies = [painted(body, shade, spray) for body in scene.bodies]
 
-    def at(self, frame: int) -> list[Place]:
+    def at(self, frame: int) -> list[OnScreen]:
         """The vehicles that are seen in a frame: others first, so that ego and target lie above."""
         seen = np.flatnonzero(self.seen[:, frame])
         columns = (seen, *(one[seen, frame] for one in (self.x, self.y, self._scene.angle)))
-        places = [Place(*one) for one in zip(*(each.tolist() for each in columns), strict=True)]
+        places = [OnScreen(*one) for one in zip(*(each.tolist() for each in columns), strict=True)]
         return sorted(places, key=lambda one: -self._rank(one.vehicle))
 
-    def draw_bodies(self, canvas: Canvas, places: list[Place]) -> None:
+    def draw_bodies(self, canvas: Canvas, places: list[OnScreen]) -> None:
         """Draw bodies with their shadows and the spray behind them."""
         canvas.draw_all([(self._bodies[one.vehicle], *one[1:]) for one in places], self._scale)
 
-    def draw_lamps(self, canvas: Canvas, places: list[Place], frame: int) -> None:
+    def draw_lamps(self, canvas: Canvas, places: list[OnScreen], frame: int) -> None:
         """Draw the lamps that are lit."""
         lit = [int(self.lit[one.vehicle, frame]) for one in places]
         bodies = self._scene.bodies
@@ -105,7 +98,7 @@ class Traffic:
         ]
         canvas.draw_all(shown, self._scale)
 
-    def lights(self, places: list[Place], frame: int) -> list[tuple[Light, float, float]]:
+    def lights(self, places: list[OnScreen], frame: int) -> list[tuple[Light, float, float]]:
         """Headlamps that light the road, and a little light around every vehicle."""
         glimmer, shining = sky.glimmer(self._scale), list[tuple[sky.Light, float, float]]()
         for index, x, y, angle in places:
@@ -119,7 +112,7 @@ class Traffic:
                 shining.append((beam, *ahead))
         return shining
 
-    def draw_marks(self, canvas: Canvas, places: list[Place], frame: int) -> None:
+    def draw_marks(self, canvas: Canvas, places: list[OnScreen], frame: int) -> None:
         """Draw rings and names."""
         away: dict[bool, list[int]] = {}
         for place in places:
@@ -136,7 +129,7 @@ class Traffic:
         return 1 if index == self._scene.target else _OTHER
 
     def _draw_name(
-        self, canvas: Canvas, place: Place, frame: int, away: dict[bool, list[int]]
+        self, canvas: Canvas, place: OnScreen, frame: int, away: dict[bool, list[int]]
     ) -> None:
         """Draw the name of a vehicle beside it, or at the edge of the picture that it has left by.
 
@@ -154,7 +147,7 @@ class Traffic:
             row = _free(away.setdefault(x < 0.0, []), row, lowest)
         canvas.draw(name.drawing, column, row)
 
-    def _name(self, place: Place, frame: int) -> Picture:
+    def _name(self, place: OnScreen, frame: int) -> Picture:
         """What is written beside a vehicle."""
         scene, index, rank = self._scene, place.vehicle, self._rank(place.vehicle)
         name = ("EGO", "TARGET", str(scene.slots[index]))[rank]

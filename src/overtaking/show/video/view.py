@@ -1,23 +1,18 @@
 """Where things are on the screen: a camera along the road, and one scale for both axes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from overtaking.model.road import Road
 from overtaking.model.vehicles import Role
 from overtaking.show.video.canvas import WIDTH
+from overtaking.show.video.scene import Scene
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from overtaking.model.road import Road
-    from overtaking.show.video.scene import Scene
-
-Place = TypeVar("Place", float, "NDArray[np.float64]")
-"""One place, or many."""
+Metres = TypeVar("Metres", float, "NDArray[np.float64]")
+"""One offset, or many."""
 
 SCENE_TOP, SCENE_BOTTOM = 40, 284
 """Rows of the frame that show the road."""
@@ -31,7 +26,7 @@ _ALONE = 0.16  # The same without a target: more road ahead than behind.
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class Camera:
     """From metres to pixels.
 
     Attributes:
@@ -53,13 +48,13 @@ class View:
         """Column of a place along the road."""
         return s * self.scale - int(self.left[frame])
 
-    def y(self, d: Place) -> Place:
+    def y(self, d: Metres) -> Metres:
         """Row of a place across the road, from the top of the picture of the road."""
         return 0.5 * self.height - (d - self.middle_d) * self.scale
 
 
-def view(scene: Scene) -> View:
-    """A view that keeps the whole width of the road, and ego and target as long as both fit."""
+def view(scene: Scene) -> Camera:
+    """A camera that keeps the whole width of the road, and ego and target as long as both fit."""
     low, high = shown_width(scene.road)
     fitting = (SCENE_BOTTOM - SCENE_TOP) / (high - low + 2.0 * _MARGIN)
     scale = max(min(MAX_SCALE, fitting), _MIN_SCALE)
@@ -72,7 +67,7 @@ def view(scene: Scene) -> View:
         middle = ego + away
     # Even columns: then the road moves by whole pixels of luma and chroma, and moves sharply.
     left = 2 * np.rint(0.5 * (middle - 0.5 * metres) * scale).astype(np.int64)
-    return View(scale=scale, middle_d=0.5 * (low + high), left=left)
+    return Camera(scale=scale, middle_d=0.5 * (low + high), left=left)
 
 
 def shown_width(road: Road) -> tuple[float, float]:

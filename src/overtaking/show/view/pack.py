@@ -18,7 +18,8 @@ from overtaking.model.labels import Verdict
 from overtaking.model.signals import Around
 from overtaking.model.vehicles import Colour
 from overtaking.show import wording
-from overtaking.show.description import describe, present
+from overtaking.show.description import describe
+from overtaking.show.judgement import EVENTS
 from overtaking.show.video.palette import PAINT
 from overtaking.show.view.ghosts import ghosts
 
@@ -54,7 +55,9 @@ def pack(labelled: Labelled, number: int) -> Values:
         "values": values,
         "told": _told(values),
         "road": _road(run),
-        "vehicles": [_vehicle(run, int(slot)) for slot in present(run)],
+        "vehicles": [
+            _vehicle(run, int(slot)) for slot in np.flatnonzero(run.scenario.vehicles.valid[0])
+        ],
         "gap_mm": _gap(labelled),
         "sight_dm": _sight(labelled),
         "law": _law(labelled),
@@ -100,7 +103,7 @@ def _told(values: Values) -> Values:
         "vehicles": [wording.vehicle_words(one) for one in values["vehicles"]],
         "events": [
             {
-                "letter": wording.LETTERS[one["event"]],
+                "letter": EVENTS[one["event"]].letter,
                 "name": wording.words(one["event"]),
                 "sentence": wording.sentence(one["event"], values),
             }

@@ -4,7 +4,6 @@ Vehicles head anywhere, so the wind has other axes for each.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from overtaking.core.elementary import F32, clamp, maximum, minimum, sincos
 from overtaking.sim.reference import dynamics, environment
 from overtaking.sim.reference.state import Fields, State
 from overtaking.world.constants import Constants
-from overtaking.world.parameters import Parameters
+from overtaking.world.parameters import Parameters, SimulationParameters
 
 WHEEL_RATE = np.float32(6.0)
 """How fast the front wheels turn [rad/s]; CARLA's follow the control almost at once."""
@@ -40,7 +39,9 @@ class Controls:
     angle: F32
 
 
-def weather(state: State, given: Parameters, p: Fields, q: Fields, decision: int) -> None:
+def weather(
+    state: State, given: Parameters, p: Fields, q: SimulationParameters, decision: int
+) -> None:
     """Gusts, friction under the wheels and wind on the side, as they are for the next tick."""
     turned = _turned(state, q)
     environment.move_random_processes(state, given, turned, decision)
@@ -56,13 +57,13 @@ def drive(state: State, c: Constants, p: Fields, controls: Controls, steps: int)
         dynamics.move(state, c, p)
 
 
-def _turned(state: State, q: Fields) -> Fields:
+def _turned(state: State, q: SimulationParameters) -> SimulationParameters:
     """The weather with the wind in the axes of each vehicle."""
-    sky: dict[str, Any] = dict(vars(q))
     sine, cosine = sincos(state.psi)
-    sky["wind_along"] = q.wind_along * cosine + q.wind_across * sine
-    sky["wind_across"] = q.wind_across * cosine - q.wind_along * sine
-    return Fields(sky.keys(), sky.values())
+    return q._replace(
+        wind_along=q.wind_along * cosine + q.wind_across * sine,
+        wind_across=q.wind_across * cosine - q.wind_along * sine,
+    )
 
 
 def _press(state: State, c: Constants, p: Fields, controls: Controls) -> None:

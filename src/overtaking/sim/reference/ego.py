@@ -24,7 +24,7 @@ from overtaking.sim.reference.state import (
     State,
     pick,
 )
-from overtaking.world.parameters import Parameters
+from overtaking.world.parameters import Parameters, SimulationParameters
 
 
 @dataclass(slots=True, kw_only=True)
@@ -166,7 +166,7 @@ def decide(
     state: State,
     given: Parameters,
     p: Fields,
-    q: Fields,
+    q: SimulationParameters,
     near: Neighbours,
     believed: Beliefs,
     recorder: Recorder,
@@ -204,7 +204,9 @@ def _wait(state: State, given: Parameters, view: View) -> None:
     state.waited = np.where(waits, state.waited + c.decision, state.waited)
 
 
-def _intend(state: State, given: Parameters, p: Fields, q: Fields, view: View) -> Intent:
+def _intend(
+    state: State, given: Parameters, p: Fields, q: SimulationParameters, view: View
+) -> Intent:
     """What the ego wants, and what of it is done now that it has signalled long enough."""
     c = given.constants
     arrived = state.path_time[Role.EGO] >= state.path_duration[Role.EGO]
@@ -227,7 +229,9 @@ def _intend(state: State, given: Parameters, p: Fields, q: Fields, view: View) -
     )
 
 
-def _starts(state: State, given: Parameters, q: Fields, view: View, arrived: Mask) -> Mask:
+def _starts(
+    state: State, given: Parameters, q: SimulationParameters, view: View, arrived: Mask
+) -> Mask:
     """Whether an overtake is wanted and looks possible, or is forced by a branch."""
     c = given.constants
     rested = state.since_change[Role.EGO] >= c.abort_cooldown
@@ -239,7 +243,9 @@ def _starts(state: State, given: Parameters, q: Fields, view: View, arrived: Mas
     return wanted | (free & (q.command == Decision.PULL_OUT) & (state.attempted == 0))
 
 
-def _turns_back(state: State, given: Parameters, q: Fields, view: View, passed: Mask) -> Mask:
+def _turns_back(
+    state: State, given: Parameters, q: SimulationParameters, view: View, passed: Mask
+) -> Mask:
     """Whether the ego may return: past the target, or stuck beside it, or forced by a branch."""
     c = given.constants
     has_lane = _in_stage(state, Stage.PASS) & (state.lane[Role.EGO] >= np.float32(1.0))
@@ -249,7 +255,7 @@ def _turns_back(state: State, given: Parameters, q: Fields, view: View, passed: 
     return wanted | (has_lane & (q.command == Decision.RETURN))
 
 
-def _gives_up(state: State, given: Parameters, q: Fields, view: View) -> Mask:
+def _gives_up(state: State, given: Parameters, q: SimulationParameters, view: View) -> Mask:
     """Whether the ego goes back while pulling out: in danger, or forced by a branch."""
     halfway = given.constants.abort_until * state.path_duration[Role.EGO]
     early = state.path_time[Role.EGO] < halfway
@@ -298,7 +304,12 @@ def _show(state: State, view: View, intent: Intent, moved: Mask) -> None:
 
 
 def _end(
-    state: State, given: Parameters, q: Fields, intent: Intent, next_stage: F32, step: int
+    state: State,
+    given: Parameters,
+    q: SimulationParameters,
+    intent: Intent,
+    next_stage: F32,
+    step: int,
 ) -> None:
     """End the simulation some time after the overtake, or at the deadline without an attempt."""
     c = given.constants

@@ -6,7 +6,7 @@ from overtaking.core.elementary import F32, atan, clamp, exp, maximum, minimum, 
 from overtaking.core.philox import Stream, uniform, words
 from overtaking.sim.reference.state import Fields, State
 from overtaking.world import film, friction
-from overtaking.world.parameters import Parameters
+from overtaking.world.parameters import Parameters, SimulationParameters
 
 _ROOT_3 = np.float32(1.732_050_8)  # A uniform number of unit variance lies within +- sqrt(3).
 _TURN = np.float32(6.283_185_5)
@@ -24,7 +24,9 @@ def _relaxed(process: F32, keep: F32, word: F32) -> F32:
     return keep * process + np.sqrt(np.float32(1.0) - keep * keep) * innovation
 
 
-def move_random_processes(state: State, given: Parameters, q: Fields, decision: int) -> None:
+def move_random_processes(
+    state: State, given: Parameters, q: SimulationParameters, decision: int
+) -> None:
     """Advance gusts, errors of judgement and wander in the lane by one decision."""
     c = given.constants
     slots = np.arange(state.s.shape[0], dtype=np.uint32)[:, None] + np.uint32(Stream.MOTION)
@@ -49,7 +51,7 @@ def lane_value(values: F32, lane: F32, count: int) -> F32:
     return chosen
 
 
-def grip(state: State, given: Parameters, p: Fields, q: Fields) -> None:
+def grip(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> None:
     """Friction under the wheels of either side."""
     c, road = given.constants, given.road
     lane = np.zeros_like(state.d)
@@ -69,7 +71,7 @@ def grip(state: State, given: Parameters, p: Fields, q: Fields) -> None:
     state.mu_fast, state.mu_slow = sides
 
 
-def shelter(state: State, given: Parameters, p: Fields, q: Fields) -> F32:
+def shelter(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> F32:
     """Share of the side wind left beside high-sided vehicles upwind, (vehicle, simulation).
 
     Source:
@@ -96,7 +98,7 @@ def shelter(state: State, given: Parameters, p: Fields, q: Fields) -> F32:
     return share
 
 
-def gust_bump(state: State, given: Parameters, q: Fields) -> F32:
+def gust_bump(state: State, given: Parameters, q: SimulationParameters) -> F32:
     """The single gusts of bridges and cuttings, 0 to 1: one every `gust_spacing`, 1 - cos shaped.
 
     Source:
@@ -111,7 +113,7 @@ def gust_bump(state: State, given: Parameters, q: Fields) -> F32:
     )
 
 
-def wind(state: State, given: Parameters, p: Fields, q: Fields) -> None:
+def wind(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> None:
     """Side force, yaw moment and tail wind of each vehicle.
 
     Source:

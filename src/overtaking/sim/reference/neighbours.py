@@ -7,7 +7,7 @@ import numpy as np
 from overtaking.core.elementary import F32, Mask
 from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.state import NOBODY, Fields, State, pick
-from overtaking.world.parameters import SIMULATION_FIELDS, Parameters
+from overtaking.world.parameters import Parameters
 
 _FAR = np.float32(1e9)  # Where nobody is [m].
 _SHIFTS = (0.0, 1.0, -1.0)  # The own, the faster and the slower lane, from the own.
@@ -79,8 +79,8 @@ def find_neighbours(state: State, given: Parameters, p: Fields) -> Neighbours:
 
 def along(given: Parameters, distance: F32) -> F32:
     """A distance along the road; on a ring that to the nearest image [m]."""
-    ring = given.simulation[SIMULATION_FIELDS.index("ring")]
-    inverse = given.simulation[SIMULATION_FIELDS.index("inverse_ring")]
+    q = given.of_simulations
+    ring, inverse = q.ring, q.inverse_ring
     return distance - ring * np.rint(distance * inverse)
 
 

@@ -18,7 +18,7 @@ from overtaking.sim.reference.state import (
 )
 from overtaking.world import film
 from overtaking.world.constants import Constants
-from overtaking.world.parameters import Parameters
+from overtaking.world.parameters import Parameters, SimulationParameters
 
 # The engine has these numbers too.
 _NEAREST = np.float32(1.0)  # Who touches is as visible, and looms as much, as at this gap [m].
@@ -55,7 +55,7 @@ def remember(state: State, decision: int) -> None:
 
 
 def optical_depth(
-    state: State, given: Parameters, p: Fields, q: Fields, near: Neighbours
+    state: State, given: Parameters, p: Fields, q: SimulationParameters, near: Neighbours
 ) -> tuple[F32, F32]:
     """Extinction around each driver and that of the spray ahead, (vehicle, simulation) [1/m]."""
     c = given.constants
@@ -85,7 +85,7 @@ def strain(
     state: State,
     given: Parameters,
     p: Fields,
-    q: Fields,
+    q: SimulationParameters,
     near: Neighbours,
     role: int,
     depths: tuple[F32, F32],
@@ -124,7 +124,7 @@ def notice(
     state: State,
     given: Parameters,
     p: Fields,
-    q: Fields,
+    q: SimulationParameters,
     near: Neighbours,
     role: int,
     depths: tuple[F32, F32],
@@ -158,7 +158,12 @@ def notice(
 
 
 def perceive(
-    state: State, given: Parameters, p: Fields, q: Fields, near: Neighbours, decision: int
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: SimulationParameters,
+    near: Neighbours,
+    decision: int,
 ) -> Beliefs:
     """What each driver believes about the six neighbours.
 

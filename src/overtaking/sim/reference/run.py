@@ -18,10 +18,9 @@ from overtaking.sim.reference.neighbours import find_neighbours
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import Fields, State, initial_state
 from overtaking.world.parameters import (
-    SIMULATION_FIELDS,
     SUBSTEPS,
-    VEHICLE_FIELDS,
     Parameters,
+    SimulationParameters,
     parameters,
 )
 
@@ -46,16 +45,12 @@ def run(
     """Simulate a batch from its parameters; from step `switch` on with the parameters `later`."""
     state = initial_state(given)
     recorder = Recorder(scenario, given)
-    p, q = Fields(VEHICLE_FIELDS, given.vehicle), Fields(SIMULATION_FIELDS, given.simulation)
+    p, q = given.of_vehicles, given.of_simulations
     pairs: Pairs = {}
     step = 0
     while (np.float32(step) <= state.end_step).any():
         if later is not None and step == switch:
-            given, p, q = (
-                later,
-                Fields(VEHICLE_FIELDS, later.vehicle),
-                Fields(SIMULATION_FIELDS, later.simulation),
-            )
+            given, p, q = later, later.of_vehicles, later.of_simulations
         if step % SUBSTEPS == 0:
             pairs = decide(state, given, p, q, recorder, step)
         if step % given.record_every == 0:
@@ -66,7 +61,12 @@ def run(
 
 
 def decide(
-    state: State, given: Parameters, p: Fields, q: Fields, recorder: Recorder, step: int
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: SimulationParameters,
+    recorder: Recorder,
+    step: int,
 ) -> Pairs:
     """Everything that happens 20 times a second: weather, perception, decisions."""
     c = given.constants
@@ -92,7 +92,9 @@ def decide(
     return {(i, j): collisions.is_near(state, c, p, i, j) for i, j in every}
 
 
-def advance(state: State, given: Parameters, p: Fields, q: Fields, pairs: Pairs, step: int) -> None:
+def advance(
+    state: State, given: Parameters, p: Fields, q: SimulationParameters, pairs: Pairs, step: int
+) -> None:
     """One step of 10 ms: steer, move, collide."""
     c = given.constants
     before = (state.s.copy(), state.d.copy())

@@ -1,13 +1,12 @@
 """The state of a batch between two steps, and named access to its parameters."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from overtaking.core.elementary import F32, sincos
 from overtaking.model.trajectory import Stage
-from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Parameters
+from overtaking.world.parameters import Parameters, VehicleParameters
 
 HISTORY = 64
 """Decisions whose kinematics are remembered; longer than any reaction time."""
@@ -26,20 +25,8 @@ _LONG_AGO = np.float32(10.0)
 _ANY_FRICTION = np.float32(0.8)
 
 
-class Fields:
-    """Rows of a parameter array by name, as attributes."""
-
-    def __init__(self, names: Iterable[str], rows: Iterable[F32]) -> None:
-        """Name the rows of an array of shape (field, ...)."""
-        self.__dict__.update(zip(names, rows, strict=True))
-
-    def __getattr__(self, name: str) -> F32:
-        """Only reached for a name that does not exist."""
-        raise AttributeError(name)
-
-    def of(self, slot: int) -> "Fields":
-        """The same rows, of one vehicle only."""
-        return Fields(self.__dict__, [row[slot] for row in self.__dict__.values()])
+Fields = VehicleParameters
+"""Short name for the signatures of the step."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -132,8 +119,7 @@ class State:
 
 def initial_state(given: Parameters) -> State:
     """The state at the first frame: everybody drives straight in lane at constant speed."""
-    p = Fields(VEHICLE_FIELDS, given.vehicle)
-    q = Fields(SIMULATION_FIELDS, given.simulation)
+    p, q = given.of_vehicles, given.of_simulations
     zero = np.zeros_like(p.start_s)
     ego = np.zeros_like(q.last_step)
     path = np.zeros((6, *zero.shape), np.float32)

@@ -57,7 +57,7 @@ def _missing(got: str) -> MissingExtraError:
 
 
 def chosen_server() -> str:
-    """What `OVERTAKING_CARLA` says, `headless` if nothing."""
+    """The server that `OVERTAKING_CARLA` names, `headless` by default."""
     return os.environ.get(SERVER_VARIABLE, "").strip() or HEADLESS
 
 
@@ -88,7 +88,7 @@ def connect(carla: Any, address: Address, *, patience: float = 5.0) -> Any:
         patience: For how long a server that is still starting is waited for [s].
 
     Raises:
-        ConfigError: Nobody answers there, or a server of another version.
+        ConfigError: No server answers there, or one of another version.
     """
     where = f"{address.host}:{address.port}"
     client = carla.Client(address.host, address.port)

@@ -12,7 +12,7 @@ from typing import Any
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import Road
-from overtaking.simulators.carla.stage import TICK, fresh_world, synchronous
+from overtaking.simulators.carla.world import TICK, fresh_world, leave
 
 SPEEDS_KMH = (20.0, 30.0, 34.0, 36.0, 38.0, 40.0, 42.0, 50.0)
 """Speeds at which a lane change is asked for."""
@@ -28,7 +28,7 @@ _START, _SPACING = 30.0, 41.25  # Waypoints of the Traffic Manager lie 5 m apart
 _LANE = 2
 _SETTLING, _WATCHING = 2.0, 5.0  # Before lane changes are asked for, and after [s].
 _LONGEST_WAIT = 25.0
-_SIDEWAYS = 0.25  # Lateral speed from which somebody is changing lanes [m/s].
+_SIDEWAYS = 0.25  # Lateral speed from which a vehicle is changing lanes [m/s].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +48,25 @@ class Limits:
     again_after: float | None
 
 
+@dataclass(frozen=True, slots=True)
+class LimitsJob:
+    """Measure the limits of the Traffic Manager.
+
+    Attributes:
+        port: A free port for it.
+    """
+
+    port: int
+
+    def do(self, carla: Any, client: Any, sign: Callable[[], None]) -> Limits:
+        """Measure them, see `measure`."""
+        return measure(carla, client, self.port, sign)
+
+    def __str__(self) -> str:
+        """Its name in messages."""
+        return "limits"
+
+
 def measure(carla: Any, client: Any, port: int, sign: Callable[[], None]) -> Limits:
     """Measure both limits.
 
@@ -59,7 +78,6 @@ def measure(carla: Any, client: Any, port: int, sign: Callable[[], None]) -> Lim
     """
     road = known_road("town06")
     world = fresh_world(client, road)
-    synchronous(world)
     manager = client.get_trafficmanager(port)
     manager.set_synchronous_mode(True)
     manager.set_random_device_seed(1)
@@ -69,9 +87,7 @@ def measure(carla: Any, client: Any, port: int, sign: Callable[[], None]) -> Lim
         again = track.again_after(AGAIN_AT_KMH)
     finally:
         manager.shut_down()
-        settings = world.get_settings()
-        settings.synchronous_mode, settings.fixed_delta_seconds = False, None
-        world.apply_settings(settings)
+        leave(world, [], [])
     return Limits(speeds_kmh=SPEEDS_KMH, changed=changed, trials=TRIALS, again_after=again)
 
 
@@ -86,7 +102,7 @@ class _Track:
     sign: Callable[[], None]
 
     def changes_at(self, speed_kmh: float) -> int:
-        """How many of several vehicles change lanes when they are told to."""
+        """The number of vehicles that change lanes on command."""
         cars = [self._car(_START + k * _SPACING, speed_kmh) for k in range(TRIALS)]
         self._pass(_SETTLING)
         for car in cars:
@@ -107,7 +123,7 @@ class _Track:
         for tick in range(round((_LONGEST_WAIT - _WATCHING) / TICK)):
             self.manager.force_lane_change(car, False)
             self._pass(TICK)
-            # CARLA's y points to the right: who goes back to the left has a negative speed.
+            # CARLA's y points to the right: a return to the left has a negative speed.
             velocity = car.get_velocity()
             heading = self.road.heading
             leftwards = -velocity.y * math.cos(heading) - velocity.x * math.sin(heading)
@@ -148,13 +164,3 @@ class _Track:
             car.set_autopilot(False, self.manager.get_port())
             car.destroy()
         self._pass(2.0 * TICK)
-
-
-def highest_working(limits: Limits) -> float | None:
-    """The highest speed up to which every vehicle changed lanes at every speed [km/h]."""
-    best: float | None = None
-    for speed, changed in zip(limits.speeds_kmh, limits.changed, strict=True):
-        if changed < limits.trials:
-            break
-        best = speed
-    return best

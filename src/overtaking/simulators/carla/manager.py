@@ -5,8 +5,8 @@ change lanes with `force_lane_change`. That fails above 36 km/h, so everything d
 the speed, and the recording was converted: speeds by 3, accelerations by 9, time by a third. Here
 every third tick is kept, so that positions, speeds and time agree again: dx / dt is the speed.
 
-What the study does not state is chosen here, in this file: when the ego starts, and how hard rain
-and wind push.
+This file chooses what the study does not state: when the ego starts, and how strongly rain and
+wind push.
 """
 
 import math
@@ -21,18 +21,19 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Stage, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.recording import Recorder
-from overtaking.sim.reference.state import Fields, initial_state
+from overtaking.sim.reference.state import initial_state
 from overtaking.simulators.carla.own import Sign, check_interval, note_contacts, take_over
-from overtaking.simulators.carla.stage import TICK, CarlaStage
+from overtaking.simulators.carla.stage import CarlaStage
+from overtaking.simulators.carla.world import TICK
 from overtaking.simulators.sumo.stage import Sight, Watch
 from overtaking.world.clock import SUBSTEPS
-from overtaking.world.parameters import VEHICLE_FIELDS, parameters
+from overtaking.world.parameters import parameters
 
 SLOWER = 3
 """By what speeds are divided: 120 km/h become 40 km/h."""
 
 SIGHT = 60.0
-"""How far ahead of its front the ego looks for somebody to overtake [m]; a choice."""
+"""Distance ahead of its front in which the ego looks for a vehicle to overtake [m]; a choice."""
 
 POOR_SIGHT = 30.0
 """The same under clouds or towards a low sun [m]; the study cuts the vision, not saying by what."""
@@ -88,7 +89,7 @@ class _Drive:
         self._stage, self._manager = stage, managers[0]
         scenario = stage.scenario
         self._given = parameters(scenario)
-        self._p = Fields(VEHICLE_FIELDS, self._given.vehicle)
+        self._p = self._given.of_vehicles
         self._state = initial_state(self._given)
         self._recorder = Recorder(scenario, self._given)
         self._watch = Watch(settled=float(self._given.constants.settled_offset))
@@ -164,7 +165,7 @@ class _Drive:
         self._state.indicator[Role.EGO, 0] = towards.get(stage, 0.0)
 
     def _sight(self) -> Sight:
-        """What the stage is told from, at the speeds of the recording."""
+        """The state of the traffic from which the stage follows, at the speeds of the recording."""
         state, p, road = self._state, self._p, self._given.road
         valid = [slot for slot in self._stage.actors if slot != Role.EGO]
         s, d = state.s[:, 0].tolist(), state.d[:, 0].tolist()
@@ -192,7 +193,7 @@ class _Drive:
         return int(np.searchsorted(borders, np.float32(d), side="right"))
 
     def _push(self, ticks: int) -> None:
-        """Rain and wind push everybody to one side or the other, for one tick at a time."""
+        """Push all vehicles to one side by rain and wind, for one tick at a time."""
         strength = push_accel(self._stage.scenario)
         if strength == 0.0 or ticks % round(PUSH_INTERVAL / TICK):
             return
@@ -209,7 +210,7 @@ class _Drive:
 
 
 UNKNOWN = frozenset({"percepts", "wheel_angle"})
-"""What the Traffic Manager does not say: what it believed, and how far the front wheels turned."""
+"""What the Traffic Manager does not report: its beliefs and the angle of the front wheels."""
 
 
 def far_sight(scenario: Scenario) -> float:

@@ -1,8 +1,8 @@
 """Our drivers at the wheel of CARLA's vehicles, at true speed.
 
 Whoever moves the vehicles, the drivers of the model see, decide and steer as in a simulation: the
-same functions of `sim.reference`, 20 times a second, on what CARLA says. What they ask for goes out
-as throttle, brake and steering.
+same functions of `sim.reference`, 20 times a second, from the states that CARLA reports. Their
+wishes become throttle, brake and steering.
 """
 
 import dataclasses
@@ -23,10 +23,11 @@ from overtaking.sim.reference import collisions, steering
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.run import decide
 from overtaking.sim.reference.state import Fields, State, initial_state, road_velocity
-from overtaking.simulators.carla.stage import TICK, CarlaStage, Contact, Reading
+from overtaking.simulators.carla.stage import CarlaStage, Contact, Reading
+from overtaking.simulators.carla.world import TICK
 from overtaking.world.clock import SUBSTEPS
 from overtaking.world.constants import Constants
-from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, Parameters, parameters
+from overtaking.world.parameters import SIMULATION_FIELDS, Parameters, parameters
 
 TICK_MS = 50
 SPEED_GAIN = 2.0
@@ -74,8 +75,8 @@ class _Drive:
         check_interval(scenario)
         self._stage = stage
         self._given = _without_wind(parameters(scenario))
-        self._p = Fields(VEHICLE_FIELDS, self._given.vehicle)
-        self._q = Fields(SIMULATION_FIELDS, self._given.simulation)
+        self._p = self._given.of_vehicles
+        self._q = self._given.of_simulations
         self._state = initial_state(self._given)
         self._recorder = Recorder(scenario, self._given)
         self._lock = {slot: _Lock(actor) for slot, actor in stage.actors.items()}
@@ -106,7 +107,7 @@ class _Drive:
         """Set pedals, steering and lamps of every vehicle."""
         state, p, stage = self._state, self._p, self._stage
         number = step // self._given.record_every
-        # Who leans does so with the lag of the vehicle, which is the server's.
+        # A two-wheeler leans with the lag of the vehicle, which is the server's.
         c = self._given.constants.replace(step=TICK, two_wheeler_lag=TICK)
         state.trim = self._trim(c)
         steering.steer(state, c, p, self._q.side_accel)
@@ -160,7 +161,7 @@ class _Drive:
         )
 
     def _wheel_angle(self, slot: int, speed: float) -> float:
-        """Angle of the front wheels; who leans has one that goes with the curve [rad]."""
+        """Angle of the front wheels; for a two-wheeler the one of its curve [rad]."""
         wanted = float(self._state.wheel[slot, 0])
         if not self._p.two_wheeler[slot, 0]:
             return wanted
@@ -206,7 +207,7 @@ def check_interval(scenario: Scenario) -> None:
 
 
 def take_over(state: State, reading: Reading, scenario: Scenario, *, faster: float = 1.0) -> None:
-    """Put what CARLA says into the state; the lateral axis there points to the fast side.
+    """Copy CARLA's reading into the state, whose lateral axis points to the fast side.
 
     Args:
         state: Of one simulation, changed in place.

@@ -1,6 +1,8 @@
 """Requests to CARLA's client, which runs in a worker process, and the retries of lost ones."""
 
+import contextlib
 import dataclasses
+import os
 import socket
 import time
 from typing import Any
@@ -8,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from overtaking.core.errors import ConfigError, OvertakingError
-from overtaking.core.worker import Worker
+from overtaking.core.worker import ENDED, Worker
 from overtaking.model.batch import Batch, concatenate
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import NO_VEHICLE, States, Trajectories
 from overtaking.sim.version import MODEL_VERSION
+from overtaking.simulators.carla.jobs import LOADING, Alive, Job, Request, Result, lost
 from overtaking.simulators.carla.library import (
     HEADLESS,
     VERSION,
@@ -21,19 +24,9 @@ from overtaking.simulators.carla.library import (
     library,
     parse_address,
 )
-from overtaking.simulators.carla.limits import Limits
-from overtaking.simulators.carla.messages import (
-    LOADING,
-    Alive,
-    Job,
-    LimitsJob,
-    Request,
-    Result,
-    lost,
-)
-from overtaking.simulators.carla.ports import free_port
+from overtaking.simulators.carla.limits import Limits, LimitsJob
 from overtaking.simulators.carla.replay import Replayed, ReplayJob, encoder
-from overtaking.simulators.carla.stage import SimulationLostError
+from overtaking.simulators.carla.world import SimulationLostError
 
 ATTEMPTS = 3
 """How often a simulation is tried before it is given up."""
@@ -45,7 +38,7 @@ _ADAPTER = "1"
 
 
 def version(driver: str) -> str:
-    """What identifies the results: who drives, which client, and which server."""
+    """The identity of the results: driver, client and server."""
     kind = HEADLESS if chosen_server() == HEADLESS else "server"
     return f"{_ADAPTER}+{driver}+{MODEL_VERSION}+carla{VERSION}+{kind}"
 
@@ -62,14 +55,16 @@ def simulate(scenario: Scenario, driver: str) -> Trajectories:
         ConfigError: The server is not there, of another version, or has no such map.
         SimulationLostError: Some could not be run; the message names them.
     """
-    library()  # What is missing is said before any work.
+    library()  # A missing package is reported before any work.
     done: list[Trajectories] = []
     missing: list[tuple[int, str]] = []
     for row in range(scenario.num_simulations):
         one = scenario.select(slice(row, row + 1))
         try:
             job = Job(driver, one, (free_port(), free_port()))
-            done.append(_simulated(_with_patience(job, keep=driver == "own")))
+            found = _with_patience(job, keep=driver == "own")
+            assert isinstance(found, Trajectories)
+            done.append(found)
         except SimulationLostError as error:
             missing.append((int(scenario.index[row]), str(error)))
     if missing:
@@ -98,11 +93,6 @@ def replay(job: ReplayJob) -> Replayed:
     encoder()
     found = _with_patience(job, keep=True)
     assert isinstance(found, Replayed)
-    return found
-
-
-def _simulated(found: Result) -> Trajectories:
-    assert isinstance(found, Trajectories)
     return found
 
 
@@ -171,6 +161,32 @@ def _padded(part: Trajectories, frames: int) -> Trajectories:
         states=States(**states),
         stage=pad(part.stage),
         collided_with=pad(part.collided_with, int(NO_VEHICLE)),
+    )
+
+
+# --- ports for Traffic Managers, which the client opens and does not share ---
+
+_PORTS = range(8000, 20_000)
+_HANDED_OUT: list[int] = []
+
+
+def free_port() -> int:
+    """An unused port, outside the range from which outgoing connections get theirs."""
+    start = os.getpid() % len(_PORTS)
+    for port in (*_PORTS[start:], *_PORTS[:start]):
+        if port in _HANDED_OUT:
+            continue
+        with contextlib.suppress(OSError), socket.socket() as plug:
+            plug.bind(("", port))
+            _HANDED_OUT.append(port)
+            del _HANDED_OUT[: -len(_PORTS) // 2]
+            return port
+    raise SimulationLostError.of(
+        what="port for a Traffic Manager",
+        where="this machine",
+        expected=f"a free one from {_PORTS.start} to {_PORTS.stop - 1}",
+        got="none",
+        next_step="end what uses them",
     )
 
 
@@ -256,12 +272,12 @@ def _run(job: Request) -> Result:
     patience = LOADING
     while True:
         answer = _next_answer(worker, address, job, patience)
-        if isinstance(answer, Trajectories | Limits | Replayed):
-            return answer
+        if answer is ENDED:
+            raise lost(job, f"the client ended {worker.ending()}")
         if isinstance(answer, OvertakingError):
             raise answer
         if not isinstance(answer, Alive):
-            raise lost(job, f"the client ended {worker.ending()}")
+            return answer
         patience = answer.patience
 
 

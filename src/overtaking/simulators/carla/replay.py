@@ -1,7 +1,7 @@
 """Plays a recorded simulation in CARLA, pose by pose, and films it with CARLA's cameras.
 
-Nothing is simulated: physics is off, every vehicle stands in each frame where it was recorded. On a
-real server the films, and whatever other sensors see, are photorealistic with our physics.
+Physics is off: in each frame every vehicle has its recorded pose. On a real server the films, and
+the data of other sensors, are photorealistic.
 """
 
 import contextlib
@@ -19,9 +19,17 @@ import numpy as np
 from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.model.trajectory import METRES_PER_STEP, RADIANS_PER_STEP, Trajectories
 from overtaking.model.vehicles import Role
-from overtaking.simulators.carla import cast
 from overtaking.simulators.carla.library import CALL_TIME, LOAD_TIME
-from overtaking.simulators.carla.stage import MAPS, SimulationLostError, fresh_world, synchronous
+from overtaking.simulators.carla.world import (
+    MAPS,
+    Lamps,
+    SimulationLostError,
+    blueprint_of,
+    fresh_world,
+    leave,
+    set_weather,
+    synchronous,
+)
 
 VIEWS = ("behind", "above")
 """The cameras: after the ego, and over it."""
@@ -34,11 +42,12 @@ _HIDDEN_DEPTH = -60.0  # Where vehicles wait that are not there yet [m].
 _HEIGHT_ABOVE = 32.0
 _FOV_DEG = 90.0
 _CRF = "20"
+_WHERE = "carla replay"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayJob:
-    """What a worker is asked to play.
+    """A simulation to play.
 
     Attributes:
         run: A batch of one.
@@ -53,6 +62,14 @@ class ReplayJob:
     name: str
     size: tuple[int, int]
     opendrive: str | None
+
+    def do(self, carla: Any, client: Any, sign: Callable[[], None]) -> "Replayed":
+        """Play and film it, see `replay`."""
+        return replay(carla, client, self, sign)
+
+    def __str__(self) -> str:
+        """Its name in messages."""
+        return f"film {self.name}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,12 +150,14 @@ def replay(carla: Any, client: Any, job: ReplayJob, sign: Callable[[], None]) ->
 
 
 def _world(client: Any, job: ReplayJob) -> Any:
-    """The world of the map with the road, without anybody in it."""
+    """An empty world of the map with the road, with a tick for each frame."""
+    delta = 1e-3 * job.run.scenario.frame_interval_ms
     if job.opendrive is None:
-        return fresh_world(client, job.run.road)
+        return fresh_world(client, job.run.road, delta=delta)
     client.set_timeout(LOAD_TIME)
     world = client.generate_opendrive_world(job.opendrive)
     client.set_timeout(CALL_TIME)
+    synchronous(world, delta=delta)
     return world
 
 
@@ -157,14 +176,14 @@ class _Scene:
     _actors: dict[int, Any] = field(default_factory=dict)
     _offsets: dict[int, float] = field(default_factory=dict)
     _cameras: list[Any] = field(default_factory=list)
-    _lit: dict[int, int] = field(default_factory=dict)
+    _lamps: Lamps = field(init=False)
     _ground: float = 0.0
 
     def __post_init__(self) -> None:
         """Set weather and vehicles."""
         scenario, carla = self.run.scenario, self.carla
-        synchronous(self.world, delta=1e-3 * scenario.frame_interval_ms)
-        self.world.set_weather(carla.WeatherParameters(**cast.weather_fields(scenario)))
+        set_weather(carla, self.world, scenario)
+        self._lamps = Lamps(carla, self._actors)
         here = self.world.get_map().get_waypoint(self._pose(int(Role.EGO), 0).location)
         self._ground = here.transform.location.z if here else 0.0
         for slot in np.flatnonzero(scenario.vehicles.valid[0]).tolist():
@@ -181,13 +200,10 @@ class _Scene:
         return round(1000 / self.run.scenario.frame_interval_ms)
 
     def show(self, frame: int) -> int:
-        """Put everybody where they were recorded; the number of the tick."""
+        """Move all vehicles to their recorded poses; the number of the tick."""
         for slot, actor in self._actors.items():
             actor.set_transform(self._pose(slot, frame))
-            lights = int(self.run.states.lights[0, slot, frame])
-            if self._lit.get(slot) != lights:
-                self._lit[slot] = lights
-                actor.set_light_state(cast.lamps(self.carla, lights))
+            self._lamps.switch(slot, int(self.run.states.lights[0, slot, frame]))
         self.world.get_spectator().set_transform(self._over(frame))
         return int(self.world.tick())
 
@@ -195,45 +211,29 @@ class _Scene:
         """A camera on the ego, and where its pictures come."""
         carla = self.carla
         blueprint = self.world.get_blueprint_library().find("sensor.camera.rgb")
-        for name, value in (
-            ("image_size_x", size[0]),
-            ("image_size_y", size[1]),
-            ("fov", _FOV_DEG),
-        ):
+        values = {"image_size_x": size[0], "image_size_y": size[1], "fov": _FOV_DEG}
+        for name, value in values.items():
             blueprint.set_attribute(name, str(value))
         tall = float(self.run.scenario.vehicles.height[0, Role.EGO])
         back = 4.0 + float(self.run.scenario.vehicles.length[0, Role.EGO])
-        places = {
-            "behind": carla.Transform(
-                carla.Location(x=-back, z=tall + 2.0), carla.Rotation(pitch=-12.0)
-            ),
-            "above": carla.Transform(
-                carla.Location(x=8.0, z=_HEIGHT_ABOVE), carla.Rotation(pitch=-90.0)
-            ),
-        }
-        ego = self._actors[Role.EGO]
-        camera = self.world.spawn_actor(blueprint, places[view], attach_to=ego)
+        if view == "behind":
+            place, pitch = carla.Location(x=-back, z=tall + 2.0), -12.0
+        else:
+            place, pitch = carla.Location(x=8.0, z=_HEIGHT_ABOVE), -90.0
+        pose = carla.Transform(place, carla.Rotation(pitch=pitch))
+        camera = self.world.spawn_actor(blueprint, pose, attach_to=self._actors[Role.EGO])
         pictures: queue.Queue[Any] = queue.Queue()
         camera.listen(pictures.put)
         self._cameras.append(camera)
         return pictures
 
     def tear_down(self) -> None:
-        """Let the server run freely, as it was found."""
-        for camera in self._cameras:
-            camera.stop()
-        for actor in [*self._cameras, *self._actors.values()]:
-            actor.destroy()
-        settings = self.world.get_settings()
-        settings.synchronous_mode, settings.fixed_delta_seconds = False, None
-        self.world.apply_settings(settings)
+        """Remove all actors and let the server run freely, as before."""
+        leave(self.world, self._cameras, list(self._actors.values()))
 
     def _spawn(self, slot: int) -> None:
-        """Bring a vehicle in, high up where nobody is in the way, and switch its physics off."""
-        scenario = self.run.scenario
-        blueprint = self.world.get_blueprint_library().find(cast.blueprint_for(scenario, slot))
-        if blueprint.has_attribute("color"):
-            blueprint.set_attribute("color", cast.paint(scenario, slot))
+        """Spawn a vehicle above the traffic and switch its physics off."""
+        blueprint = blueprint_of(self.world, self.run.scenario, slot)
         pose = self._pose(slot, 0)
         pose.location.z += 2.0
         actor = self.world.try_spawn_actor(blueprint, pose)
@@ -241,13 +241,8 @@ class _Scene:
             pose.location.y += 40.0 + 20.0 * slot
             actor = self.world.try_spawn_actor(blueprint, pose)
         if actor is None:
-            raise SimulationLostError.of(
-                what=f"vehicle {slot}",
-                where="carla replay",
-                expected="room for it",
-                got="a refusal of the server",
-                next_step="try again",
-            )
+            refusal = "a refusal of the server"
+            raise SimulationLostError.because(_WHERE, f"vehicle {slot}", "room for it", refusal)
         actor.set_simulate_physics(False)
         self._actors[slot] = actor
         self._offsets[slot] = float(actor.bounding_box.location.x)
@@ -279,13 +274,8 @@ def _picture(pictures: "queue.Queue[Any]", frame: int) -> Any:
             if picture.frame >= frame:
                 break
     except queue.Empty:
-        raise SimulationLostError.of(
-            what="camera",
-            where="carla replay",
-            expected=f"a picture within {_PATIENCE:g} s",
-            got="none",
-            next_step="try again",
-        ) from None
+        expected = f"a picture within {_PATIENCE:g} s"
+        raise SimulationLostError.because(_WHERE, "camera", expected, "none") from None
     rows = np.frombuffer(picture.raw_data, np.uint8)
     return rows.reshape(picture.height, picture.width, 4)[:, :, :3]
 

@@ -1,4 +1,4 @@
-"""One scenario on a CARLA server: a world is set up, ticked and read; nothing is assumed of it."""
+"""One scenario on a CARLA server: the world is set up, ticked and read."""
 
 import dataclasses
 import math
@@ -8,17 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.errors import ConfigError, OvertakingError
+from overtaking.core.errors import ConfigError
 from overtaking.model.road import Lane, Road, RoadMark
 from overtaking.model.scenario import Scenario
-from overtaking.simulators.carla import cast
-from overtaking.simulators.carla.library import CALL_TIME, LOAD_TIME
-
-TICK = 0.05
-"""Length of a tick [s]: as far apart as the decisions of our drivers."""
-
-MAPS = {"town06": "Town06", "motorway": "motorway"}
-"""Name of the map that has a road of ours; the second only the headless server has."""
+from overtaking.simulators.carla.world import (
+    TICK,
+    Lamps,
+    SimulationLostError,
+    blueprint_of,
+    fresh_world,
+    leave,
+    nature,
+    set_weather,
+)
 
 SPAWN_HEIGHTS = (0.3, 0.6, 1.2)
 """Heights at which a spawn is tried, one after the other [m]."""
@@ -27,10 +29,6 @@ _OFF_LANE = 0.5  # A waypoint farther than this from where our lane is, is of an
 _LOOK = 10.0  # Distance of the points at which the road is looked at [m].
 
 F64 = NDArray[np.float64]
-
-
-class SimulationLostError(OvertakingError, RuntimeError):
-    """A simulation that the server could not run; another attempt may succeed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +78,7 @@ class CarlaStage:
     Attributes:
         carla: The module.
         client: A connected client.
-        scenario: A batch of one, with road and bodies as CARLA says they are.
+        scenario: A batch of one, with road and bodies as CARLA reports them.
         world: The world.
         actors: Vehicles by slot.
         end: Station at which the straight road ends [m].
@@ -95,7 +93,11 @@ class CarlaStage:
     _sensors: list[Any] = field(default_factory=list)
     _events: list[Contact] = field(default_factory=list)
     _offsets: dict[int, tuple[float, float]] = field(default_factory=dict)
-    _lit: dict[int, int] = field(default_factory=dict)
+    _lamps: Lamps = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Know no lamp yet."""
+        self._lamps = Lamps(self.carla, self.actors)
 
     @classmethod
     def set_up(
@@ -114,8 +116,7 @@ class CarlaStage:
             SimulationLostError: A vehicle could not be put where it starts.
         """
         world = fresh_world(client, scenario.road)
-        synchronous(world)
-        world.set_weather(carla.WeatherParameters(**cast.weather_fields(scenario)))
+        set_weather(carla, world, scenario)
         road, end = _road_there(carla, world.get_map(), scenario.road)
         stage = cls(carla, client, scenario.replace(road=road), world, {}, end)
         speeds = scenario.start_speed[0] / slower
@@ -128,49 +129,44 @@ class CarlaStage:
             actor.set_target_velocity(stage.velocity(float(speeds[slot])))
         return stage
 
+    @property
+    def _name(self) -> str:
+        return f"simulation {int(self.scenario.index[0])}"
+
     def velocity(self, speed: float) -> Any:
         """A velocity along the road [m/s]."""
         heading = self.scenario.road.heading
         return self.carla.Vector3D(speed * math.cos(heading), -speed * math.sin(heading), 0.0)
 
     def tick(self) -> Reading:
-        """Let one tick pass, and see where everybody is."""
+        """Simulate one tick and read all vehicles."""
         self.world.tick()
         return self._read(self.world.get_snapshot())
 
     def contacts(self, before: int) -> list[Contact]:
-        """What the collision sensors have said of the ticks before one, in order, once.
+        """The events of the collision sensors before a tick, in order; each is returned once.
 
-        They speak in threads of their own: of a tick that is just over it is not yet sure that all
-        has been heard.
+        Sensors report from threads of their own, so the events of the last tick may be incomplete.
         """
-        found = sorted((one for one in self._events if one.frame < before), key=_order)
+        found = sorted(
+            (one for one in self._events if one.frame < before),
+            key=lambda one: (one.frame, one.own, one.other),
+        )
         self._events[:] = [one for one in self._events if one.frame >= before]
         return found
 
     def show(self, slot: int, lights: int) -> None:
         """Switch the lamps of a vehicle to our `Lights` bits."""
-        if self._lit.get(slot) != lights:
-            self._lit[slot] = lights
-            self.actors[slot].set_light_state(cast.lamps(self.carla, lights))
+        self._lamps.switch(slot, lights)
 
     def tear_down(self) -> None:
-        """Stop the sensors and let the server run freely, as it was found."""
-        for sensor in self._sensors:
-            sensor.stop()
-        for actor in [*self._sensors, *self.actors.values()]:
-            actor.destroy()
-        settings = self.world.get_settings()
-        settings.synchronous_mode, settings.fixed_delta_seconds = False, None
-        self.world.apply_settings(settings)
+        """Remove all actors and let the server run freely, as before."""
+        leave(self.world, self._sensors, list(self.actors.values()))
 
     def _spawn(self, slot: int, speed: float) -> None:
         """Put a vehicle one tick before where it starts."""
         scenario, carla = self.scenario, self.carla
-        name = cast.blueprint_for(scenario, slot)
-        blueprint = self.world.get_blueprint_library().find(name)
-        if blueprint.has_attribute("color"):
-            blueprint.set_attribute("color", cast.paint(scenario, slot))
+        blueprint = blueprint_of(self.world, scenario, slot)
         blueprint.set_attribute("role_name", "hero" if slot == 0 else "scenario")
         road, lane = scenario.road, int(scenario.start_lane[0, slot])
         s = float(scenario.start_s[0, slot]) - speed * TICK
@@ -182,13 +178,8 @@ class CarlaStage:
             if actor is not None:
                 self.actors[slot] = actor
                 return
-        raise SimulationLostError.of(
-            what=f"vehicle {slot} ({name})",
-            where=f"simulation {int(scenario.index[0])}",
-            expected=f"room at x = {x:.1f} m, y = {-y:.1f} m",
-            got="a refusal of the server",
-            next_step="try again",
-        )
+        what, room = f"vehicle {slot} ({blueprint.id})", f"room at x = {x:.1f} m, y = {-y:.1f} m"
+        raise SimulationLostError.because(self._name, what, room, "a refusal of the server")
 
     def _measure_bodies(self) -> None:
         """Take length, width and height from the bounding boxes."""
@@ -206,7 +197,7 @@ class CarlaStage:
     def _listen(self) -> None:
         """Attach a collision sensor to every vehicle."""
         blueprint = self.world.get_blueprint_library().find("sensor.other.collision")
-        blueprint.set_attribute("role_name", cast.nature(self.scenario))
+        blueprint.set_attribute("role_name", nature(self.scenario))
         slots = {actor.id: slot for slot, actor in self.actors.items()}
         heading = self.scenario.road.heading
         cosine, sine = math.cos(heading), math.sin(heading)
@@ -230,13 +221,8 @@ class CarlaStage:
         for slot, actor in self.actors.items():
             seen = snapshot.find(actor.id)
             if seen is None:
-                raise SimulationLostError.of(
-                    what=f"vehicle {slot}",
-                    where=f"simulation {int(self.scenario.index[0])}",
-                    expected="to be in the snapshot",
-                    got="gone",
-                    next_step="try again",
-                )
+                what = f"vehicle {slot}"
+                raise SimulationLostError.because(self._name, what, "to be in the snapshot", "gone")
             rows[slot] = self._row(seen, self._offsets.get(slot, (0.0, 0.0)))
         return Reading(snapshot.frame, *rows.T)
 
@@ -254,45 +240,6 @@ class CarlaStage:
             row += [ahead * cosine + aside * sine, aside * cosine - ahead * sine]
         turning = -math.radians(seen.get_angular_velocity().z)
         return [*row[:5], turning, *row[5:]]
-
-
-def _order(contact: Contact) -> tuple[int, int, int]:
-    return contact.frame, contact.own, contact.other
-
-
-def fresh_world(client: Any, road: Road) -> Any:
-    """The world of the map that has this road, without anybody in it."""
-    client.set_timeout(LOAD_TIME)
-    world = _loaded_world(client, road)
-    client.set_timeout(CALL_TIME)
-    return world
-
-
-def _loaded_world(client: Any, road: Road) -> Any:
-    name = MAPS.get(road.name)
-    world = client.get_world()
-    here = world.get_map().name.rsplit("/", 1)[-1]
-    if name is None or here == name:
-        return client.reload_world()
-    every = [one.rsplit("/", 1)[-1] for one in client.get_available_maps()]
-    if name not in every:
-        raise ConfigError.of(
-            what=f"map {name}",
-            where="the CARLA server",
-            expected="to be there",
-            got=", ".join(every[:8]),
-            next_step="start a server that has it, or choose another road",
-        )
-    return client.load_world(name)
-
-
-def synchronous(world: Any, *, delta: float = TICK) -> None:
-    """Let time pass by ticks only, each `delta` long [s]."""
-    settings = world.get_settings()
-    settings.synchronous_mode, settings.fixed_delta_seconds = True, delta
-    # Real servers divide a tick into steps of their own; ours does so anyway.
-    settings.substepping, settings.max_substep_delta_time, settings.max_substeps = True, 0.01, 10
-    world.apply_settings(settings)
 
 
 def _road_there(carla: Any, place: Any, road: Road) -> tuple[Road, float]:

@@ -28,7 +28,7 @@ def simulate(scenario: Scenario) -> Trajectories:
         scenario: A batch of scenarios.
 
     Returns:
-        The recorded simulations, converted to true speed; `unknown` names what is not said.
+        The recorded simulations, converted to true speed; `unknown` names what is missing.
 
     Raises:
         MissingExtraError: CARLA's client is not installed.

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from overtaking.core.errors import ConfigError
 from overtaking.knowledge import COLOUR_ORDER, VEHICLE_CLASS_ORDER, colours, vehicle_classes
 from overtaking.knowledge.blueprints import blueprints
 from overtaking.model.drivers import Drivers
@@ -18,6 +17,8 @@ from overtaking.model.weather import NO_PRESET, Weather
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
 
     from overtaking.model.road import Road
 
@@ -119,25 +120,25 @@ def scenario_of(
 def weather_of(values: Sequence[float], wind_direction: float) -> Weather:
     """Our weather from `carla.WeatherParameters`, percentages cut to 0 to 100."""
     cloudiness, rain, puddles, wind, azimuth, altitude, fog, *_ = values
-    angles = {
-        "wind_direction": wind_direction,
-        "sun_altitude": math.radians(altitude),
-        "sun_azimuth": math.remainder(math.radians(azimuth), math.tau),
-    }
-    percent = {
-        "cloudiness": cloudiness,
-        "rain": rain,
-        "puddles": puddles,
-        "wind": wind,
-        "fog": fog,
-    }
-    cut = {name: min(max(value, 0.0), 100.0) for name, value in percent.items()}
-    numbers = {name: np.array([value], np.float32) for name, value in (angles | cut).items()}
+
+    def number(value: float) -> NDArray[np.float32]:
+        return np.array([value], np.float32)
+
+    def percent(value: float) -> NDArray[np.float32]:
+        return number(min(max(value, 0.0), 100.0))
+
     return Weather(
         preset=np.array([NO_PRESET]),
+        cloudiness=percent(cloudiness),
+        rain=percent(rain),
+        puddles=percent(puddles),
+        wind=percent(wind),
+        fog=percent(fog),
+        wind_direction=number(wind_direction),
+        sun_altitude=number(math.radians(altitude)),
+        sun_azimuth=number(math.remainder(math.radians(azimuth), math.tau)),
         night=np.array([altitude < 0.0]),
         horizon_line=np.array([False]),
-        **numbers,
     )
 
 
@@ -150,19 +151,3 @@ def _specs(bodies: Sequence[Body]) -> VehicleSpecs:
         else:
             columns[field.name] = values.astype(_WHOLE.get(field.name, np.float32))
     return VehicleSpecs(**columns)
-
-
-def check_blueprint(blueprint: str) -> None:
-    """Refuse the name of a vehicle that does not exist.
-
-    Raises:
-        ConfigError: CARLA 0.9.16 has no such vehicle.
-    """
-    if blueprint not in blueprints():
-        raise ConfigError.of(
-            what="blueprint",
-            where="carla_server",
-            expected=f"one of {len(blueprints())} vehicles, such as {next(iter(blueprints()))}",
-            got=repr(blueprint),
-            next_step="choose one from the blueprint library",
-        )

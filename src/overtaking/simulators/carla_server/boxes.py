@@ -18,12 +18,13 @@ if TYPE_CHECKING:
 
 Points = NDArray[np.float64]
 Colour = tuple[float, float, float]
+"""Red, green and blue, 0 to 255."""
 
-GLASS: Colour = (70.0, 58.0, 48.0)
-TYRE: Colour = (38.0, 36.0, 34.0)
-_RED: Colour = (40.0, 40.0, 235.0)
-_WHITE: Colour = (225.0, 245.0, 250.0)
-_AMBER: Colour = (30.0, 150.0, 250.0)
+GLASS: Colour = (48.0, 58.0, 70.0)
+TYRE: Colour = (34.0, 36.0, 38.0)
+_RED: Colour = (235.0, 40.0, 40.0)
+_WHITE: Colour = (250.0, 245.0, 225.0)
+_AMBER: Colour = (250.0, 150.0, 30.0)
 _SHADES = {"top": 1.0, "front": 0.82, "rear": 0.74, "left": 0.62, "right": 0.68}
 _BONNET = 0.56  # Height of bonnet and boot over that of the body.
 _CABIN = (-0.62, 0.32)  # Where a car's cabin begins and ends, over half its length.
@@ -98,7 +99,7 @@ def _paint(vehicle: Vehicle) -> Colour:
         red, green, blue = (float(x) for x in vehicle.attribute("color", "").split(","))
     except ValueError:
         return (160.0, 160.0, 160.0)
-    return (blue, green, red)
+    return (red, green, blue)
 
 
 def _sides(box: Box, eye: Points) -> Iterator[tuple[str, Points]]:
@@ -143,14 +144,8 @@ def _lamps(
 
 
 def _square(x: float, y: float, z: float, size: float) -> Points:
-    return np.array(
-        [
-            (x, y - size, z - size),
-            (x, y + size, z - size),
-            (x, y + size, z + size),
-            (x, y - size, z + size),
-        ]
-    )
+    low, high = z - size, z + size
+    return _flat((x, y - size, low), (x, y + size, low), (x, y + size, high))
 
 
 def _turned(vehicle: Vehicle) -> Points:

@@ -1,223 +1,361 @@
-"""The calls about the server, its maps, time, weather and Traffic Managers.
+"""The calls of CARLA's clients. Importing this module declares all of them, those of batches too.
 
-A call is a function of the session and its arguments; its decorator says which arguments it takes.
-What it returns goes to the client as it is.
+A call is a function of the world, or of the session where it needs the connection; the types of its
+other arguments are those that the client has to send. A parameter `_` is ignored.
 """
 
-from __future__ import annotations
+# No `from __future__ import annotations`: `call` reads the types when a function is declared.
 
-from typing import TYPE_CHECKING, Any
+import math
+from typing import Annotated, Any
 
-from overtaking.simulators.carla_server import rays
-from overtaking.simulators.carla_server.answers import NOTHING, Refused, value
+from overtaking.simulators.carla_server import commands, physics, rays
+from overtaking.simulators.carla_server.actors import EMPTY_BOX, bounding_box
 from overtaking.simulators.carla_server.arguments import (
-    anything,
-    number,
-    record,
-    settings,
-    text,
-    unsigned,
-    vector,
-    weather,
-    whole,
-    yes_or_no,
+    Control,
+    Description,
+    Gains,
+    Id,
+    Settings,
+    Target,
+    Transform,
+    Vector,
+    Weather,
+    one_of,
 )
-from overtaking.simulators.carla_server.protocol import VERSION, call
+from overtaking.simulators.carla_server.catalogue import definitions
+from overtaking.simulators.carla_server.protocol import CALLS, VERSION, Refused, Session, call
+from overtaking.simulators.carla_server.telemetry import telemetry
+from overtaking.simulators.carla_server.world import World
 
-if TYPE_CHECKING:
-    from overtaking.simulators.carla_server.answers import Answer
-    from overtaking.simulators.carla_server.arguments import Settings, Vector
-    from overtaking.simulators.carla_server.protocol import Session
+__all__ = ["CALLS", "commands"]
 
 PACE = 0.002
-"""Least time between a tick being asked for and its snapshot where Traffic Managers run [s].
+"""Shortest time from the request of a tick to its snapshot where Traffic Managers run [s].
 
-The client of 0.9.16 wakes its Traffic Manager without holding the lock that the manager waits with,
-so a tick that comes too soon after the last is never seen and the client waits for ever.
+The client of 0.9.16 wakes its Traffic Manager without holding the lock that the manager waits with.
+It never notices a tick that comes too soon after the last one, and waits for ever.
 """
+
+Rows = list[Any]
 
 # --- server and map ---
 
 
 @call()
-def version(_: Session) -> Answer:
+def version(_: World) -> str:
     """The version of the server."""
-    return value(VERSION)
+    return VERSION
 
 
 @call()
-def get_episode_info(session: Session) -> Answer:
-    """Number of the episode, and where its snapshots come from."""
-    world = session.world
-    return value([world.episode, [world.streams.token(world.world_stream)]])
-
-
-@call(unsigned)
-def get_sensor_token(session: Session, stream: int) -> Answer:
-    """Where a stream is; who asks is about to listen."""
-    session.world.streams.announce(stream)
-    return value([session.world.streams.token(stream)])
+def get_episode_info(world: World) -> Rows:
+    """Number of the episode, and the stream of its snapshots."""
+    return [world.episode, [world.streams.token(world.world_stream)]]
 
 
 @call()
-def get_episode_settings(session: Session) -> Answer:
+def get_sensor_token(world: World, stream: Id) -> Rows:
+    """Address of a stream, for a client that is about to listen."""
+    world.streams.announce(stream)
+    return [world.streams.token(stream)]
+
+
+@call()
+def get_episode_settings(world: World) -> Rows:
     """Settings of the world."""
-    now = session.world.settings
-    delta = [False] if now.fixed_delta is None else [True, now.fixed_delta]
-    return value(now._replace(fixed_delta=delta))  # type: ignore[arg-type]
-
-
-@call(settings)
-def set_episode_settings(session: Session, wanted: Settings) -> Answer:
-    """Change the settings; the frame from which on they hold."""
-    session.world.settings = wanted
-    return value(session.world.frame)
+    synchronous, no_rendering, delta, *others = world.settings
+    return [synchronous, no_rendering, [False] if delta is None else [True, delta], *others]
 
 
 @call()
-def get_map_info(session: Session) -> Answer:
+def set_episode_settings(world: World, settings: Settings) -> int:
+    """Change the settings; the frame from which they hold."""
+    world.settings = settings
+    return world.frame
+
+
+@call()
+def get_map_info(world: World) -> Rows:
     """Name and spawn points of the map."""
-    place = session.world.place
-    return value([f"Carla/Maps/{place.name}", place.spawn_points()])
+    return [f"Carla/Maps/{world.place.name}", world.place.spawn_points()]
 
 
 @call()
-def get_map_data(session: Session) -> Answer:
+def get_map_data(world: World) -> str:
     """OpenDRIVE text of the map."""
-    return value(session.world.place.opendrive)
-
-
-@call(text)
-def get_required_files(_: Session, __: str) -> Answer:
-    """Files that a client should fetch: none, it works everything out from the OpenDRIVE."""
-    return value([])
+    return world.place.opendrive
 
 
 @call()
-def get_available_maps(session: Session) -> Answer:
+def get_required_files(_: World, __: str) -> Rows:
+    """Files that a client has to fetch: none, the OpenDRIVE text is enough."""
+    return []
+
+
+@call()
+def get_available_maps(world: World) -> Rows:
     """Names of the maps."""
-    return value([f"/Game/Carla/Maps/{name}" for name in session.world.atlas.names()])
+    return [f"/Game/Carla/Maps/{name}" for name in world.atlas.names()]
 
 
-@call(text, yes_or_no, whole, void=True)
-def load_new_episode(session: Session, name: str, reset_settings: bool, _: int) -> Answer:
+@call()
+def load_new_episode(world: World, name: str, reset_settings: bool, _: int) -> None:
     """Load a map, or the same one again."""
-    session.world.load(name, reset_settings=reset_settings)
-    return NOTHING
+    world.load(name, reset_settings=reset_settings)
 
 
-@call(text, anything, void=True)
-def copy_opendrive_to_file(session: Session, opendrive: str, _: Any) -> Answer:
+@call()
+def copy_opendrive_to_file(world: World, opendrive: str, _: Any) -> None:
     """Take an OpenDRIVE text as the map that is loaded next."""
-    session.world.atlas.learn(opendrive)
-    return NOTHING
+    world.atlas.learn(opendrive)
 
 
 # --- time ---
 
 
 @call()
-def tick_cue(session: Session) -> Answer:
-    """Let one tick pass."""
+def tick_cue(session: Session) -> int:
+    """Simulate one tick where the client decides when; the frame."""
     world = session.world
     if world.settings.synchronous:
         world.tick(pace=PACE if session.managers else 0.0)
-    return value(world.frame)
+    return world.frame
 
 
-# --- weather and what stands in the world ---
+# --- weather and surroundings ---
 
 
 @call()
-def get_weather_parameters(session: Session) -> Answer:
+def get_weather_parameters(world: World) -> Rows:
     """The weather."""
-    return value(list(session.world.weather))
+    return list(world.weather)
 
 
-@call(weather, void=True)
-def set_weather_parameters(session: Session, wanted: tuple[float, ...]) -> Answer:
+@call()
+def set_weather_parameters(world: World, weather: Weather) -> None:
     """Change the weather."""
-    session.world.set_weather(wanted)
-    return NOTHING
+    world.set_weather(weather)
 
 
-@call(anything)
-def query_lights_state(_: Session, __: Any) -> Answer:
-    """Street lamps: there are none."""
-    return value([])
+@call()
+def query_lights_state(_: World, __: Any) -> Rows:
+    """Street lamps: none."""
+    return []
 
 
-@call(anything)
-def get_environment_objects(_: Session, __: Any) -> Answer:
-    """Houses and trees: there are none."""
-    return value([])
+@call()
+def get_environment_objects(_: World, __: Any) -> Rows:
+    """Houses and trees: none."""
+    return []
 
 
-@call(anything)
-def get_all_level_BBs(_: Session, __: Any) -> Answer:
-    """Boxes of houses and trees: there are none."""
-    return value([])
+@call()
+def get_all_level_BBs(_: World, __: Any) -> Rows:
+    """Boxes of houses and trees: none."""
+    return []
 
 
-@call(vector, vector, number)
-def project_point(session: Session, location: Vector, direction: Vector, distance: float) -> Answer:
-    """The first thing on the way from a point in a direction."""
-    hit = rays.project(session.world, location, direction, distance)
-    return value([hit is not None, hit or [[0.0, 0.0, 0.0], 0]])
+@call()
+def project_point(world: World, location: Vector, direction: Vector, distance: float) -> Rows:
+    """The first hit of a ray from a point in a direction."""
+    hit = rays.project(world, location, direction, distance)
+    return [hit is not None, hit or [[0.0, 0.0, 0.0], 0]]
 
 
-@call(vector, vector)
-def cast_ray(session: Session, start: Vector, end: Vector) -> Answer:
-    """Everything on the way from one point to another."""
-    return value(rays.cast(session.world, start, end))
+@call()
+def cast_ray(world: World, start: Vector, end: Vector) -> Rows:
+    """All hits of a ray between two points."""
+    return list(rays.cast(world, start, end))
 
 
-@call(void=True)
-def reset_all_traffic_lights(_: Session) -> Answer:
+@call()
+def reset_all_traffic_lights(_: World) -> None:
     """Nothing: there are no traffic lights."""
-    return NOTHING
 
 
-@call(yes_or_no, void=True)
-def freeze_all_traffic_lights(_: Session, __: bool) -> Answer:
+@call()
+def freeze_all_traffic_lights(_: World, __: bool) -> None:
     """Nothing: there are no traffic lights."""
-    return NOTHING
 
 
-@call(anything, void=True)
-def draw_debug_shape(_: Session, __: Any) -> Answer:
-    """Nothing: there is no window."""
+@call()
+def draw_debug_shape(_: World, __: Any) -> None:
+    """Refused: there is no window."""
     raise Refused("this headless server has no window to draw in")
+
+
+@call()
+def show_vehicle_debug_telemetry(_: World, __: Id, ___: bool) -> None:
+    """Refused: there is no window."""
+    raise Refused("this headless server has no window to show it in")
 
 
 # --- Traffic Managers, which run in the clients ---
 
 
-@call(unsigned)
-def is_traffic_manager_running(session: Session, port: int) -> Answer:
-    """Whether a client has one at this port."""
-    return value(port in session.managers)
+@call()
+def is_traffic_manager_running(session: Session, port: Id) -> bool:
+    """Whether a client runs one at this port."""
+    return port in session.managers
 
 
-@call(unsigned)
-def get_traffic_manager_running(session: Session, port: int) -> Answer:
-    """Where it is."""
-    return value([session.managers.get(port, ""), port if port in session.managers else 0])
+@call()
+def get_traffic_manager_running(session: Session, port: Id) -> Rows:
+    """Its address."""
+    return [session.managers.get(port, ""), port if port in session.managers else 0]
 
 
-@call(record(lambda *pair: pair, text, unsigned))
-def add_traffic_manager_running(session: Session, where: tuple[str, int]) -> Answer:
+@call()
+def add_traffic_manager_running(session: Session, address: tuple[str, Id]) -> bool:
     """A client has started one; whether the port was free."""
-    host, port = where
+    host, port = address
     if port in session.managers:
-        return value(False)
+        return False
     session.managers[port] = host
     session.own_managers.add(port)
-    return value(True)
+    return True
 
 
-@call(unsigned)
-def destroy_traffic_manager(session: Session, port: int) -> Answer:
-    """A client has stopped one; whether it was there."""
+@call()
+def destroy_traffic_manager(session: Session, port: Id) -> bool:
+    """A client has stopped one; whether it was registered."""
     session.own_managers.discard(port)
-    return value(session.managers.pop(port, None) is not None)
+    return session.managers.pop(port, None) is not None
+
+
+# --- actors ---
+
+
+@call()
+def get_actor_definitions(_: World) -> Rows:
+    """The blueprints."""
+    return definitions()
+
+
+@call()
+def get_spectator(world: World) -> Rows:
+    """The camera of the window that a real server has."""
+    return world.layout(world.spectator)
+
+
+@call()
+def get_actors_by_id(world: World, ids: tuple[Id, ...]) -> Rows:
+    """The actors among `ids` that exist."""
+    return [world.layout(world.actors[one]) for one in ids if one in world.actors]
+
+
+@call()
+def spawn_actor(world: World, wanted: Description, pose: Transform) -> Rows:
+    """Add an actor."""
+    return world.layout(world.spawn(wanted, pose))
+
+
+@call()
+def spawn_actor_with_parent(
+    world: World, wanted: Description, pose: Transform, parent: Id, _: Any, __: str
+) -> Rows:
+    """Attach a new actor to another; all attachments are rigid."""
+    return world.layout(world.spawn(wanted, pose, parent))
+
+
+@call(command=1)
+def destroy_actor(world: World, actor: Id) -> bool:
+    """Remove an actor; the client turns the error for a missing one into `False`."""
+    if not world.destroy(actor):
+        raise Refused(f"unable to destroy actor {actor}: not found")
+    return True
+
+
+@call()
+def get_actor_bounding_box(world: World, actor: Id) -> Rows:
+    """The box of an actor; an empty one if it does not exist.
+
+    Traffic Managers ask for vehicles that have just been destroyed. An error would end the client.
+    """
+    found = world.actors.get(actor)
+    return bounding_box(found) if found else EMPTY_BOX
+
+
+@call(command=6)
+def set_actor_transform(world: World, actor: Id, pose: Transform) -> None:
+    """Move an actor to a pose."""
+    world.place_actor(actor, pose)
+
+
+@call(command=19)
+def set_actor_location(world: World, actor: Id, location: Vector) -> None:
+    """Move an actor to a location; it keeps its rotation."""
+    world.place_actor(actor, world.actor(actor).pose._replace(location=location))
+
+
+# --- vehicles ---
+
+
+@call(command=14)
+def set_actor_simulate_physics(world: World, actor: Id, moves: bool) -> None:
+    """Whether physics moves a vehicle."""
+    world.fleet.set_moves(world.vehicle(actor).actor_id, moves=moves)
+
+
+@call(command=2)
+def apply_control_to_vehicle(world: World, actor: Id, control: Control) -> None:
+    """Set pedals and steering."""
+    world.vehicle(actor).drive(control)
+
+
+@call(command=3)
+def apply_ackermann_control_to_vehicle(world: World, actor: Id, target: Target) -> None:
+    """Let CARLA's Ackermann controller set pedals and steering."""
+    world.vehicle(actor).make_for(target)
+
+
+@call()
+def get_ackermann_controller_settings(world: World, actor: Id) -> Gains:
+    """Gains of the Ackermann controller."""
+    return world.vehicle(actor).gains
+
+
+@call()
+def apply_ackermann_controller_settings(world: World, actor: Id, gains: Gains) -> None:
+    """Change the gains of the Ackermann controller."""
+    world.vehicle(actor).gains = gains
+
+
+@call()
+def get_physics_control(world: World, actor: Id) -> Rows:
+    """`carla.VehiclePhysicsControl` of a vehicle."""
+    return list(physics.physics_control(world, world.vehicle(actor)))
+
+
+@call()
+def get_telemetry_data(world: World, actor: Id) -> Rows:
+    """`carla.VehicleTelemetryData` of a vehicle."""
+    return telemetry(world, world.vehicle(actor))
+
+
+@call()
+def get_wheel_steer_angle(
+    world: World, actor: Id, wheel: Annotated[int, one_of(range(4))]
+) -> float:
+    """Angle of a wheel, to the right [degrees]; 0 and 1 are in front."""
+    angle = world.fleet.driven(world.vehicle(actor).actor_id).angle
+    return -math.degrees(angle) if wheel < 2 else 0.0
+
+
+@call()
+def get_vehicle_light_state(world: World, actor: Id) -> Rows:
+    """The lamps of a vehicle that are on."""
+    return [world.vehicle(actor).lights]
+
+
+@call()
+def set_vehicle_light_state(world: World, actor: Id, lights: tuple[Id]) -> None:
+    """Switch the lamps of a vehicle."""
+    world.vehicle(actor).lights = lights[0]
+
+
+@call()
+def get_vehicle_light_states(world: World) -> Rows:
+    """The lamps of every vehicle that are on."""
+    return [[one.actor_id, one.lights] for one in world.vehicles]

@@ -1,7 +1,7 @@
-"""The picture of a camera: lanes, lines and boxes in plain colours, with a line that says so.
+"""The picture of a camera: lanes, lines and boxes in plain colours, with a note.
 
-It shows where things are and what the weather is, so that code which looks at pictures can be run.
-It is no substitute for CARLA's own camera, and every picture says that.
+It shows positions and weather, so that code which reads pictures can run. It is no substitute for
+CARLA's own camera, and the note in each picture says that.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.simulators.carla_server.boxes import Face, faces
+from overtaking._core import Canvas, Drawing
+from overtaking.simulators.carla_server.boxes import Colour, Face, faces
 from overtaking.simulators.carla_server.lettering import stamp
-from overtaking.simulators.carla_server.raster import Lens, fill, project, projected
+from overtaking.simulators.carla_server.raster import Lens, project, projected
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 
 Image = NDArray[np.uint8]
 Points = NDArray[np.float64]
-Colour = tuple[float, float, float]
-"""Blue, green and red, 0 to 255."""
 
 NOTE = "OVERTAKING: DRAWN, NOT UNREAL"
 
@@ -35,12 +34,12 @@ FAR = 300.0
 
 _LINE_WIDTH = 0.15
 _DASH, _PERIOD = 4.0, 10.0  # Of broken lines [m].
-_ASPHALT: Colour = (92.0, 90.0, 88.0)
-_VERGE: Colour = (78.0, 118.0, 92.0)
-_PAINT: Colour = (235.0, 238.0, 240.0)
-_SKY_HIGH: Colour = (214.0, 158.0, 96.0)
-_SKY_LOW: Colour = (238.0, 218.0, 192.0)
-_CLOUD: Colour = (176.0, 172.0, 168.0)
+_ASPHALT: Colour = (88.0, 90.0, 92.0)
+_VERGE: Colour = (92.0, 118.0, 78.0)
+_PAINT: Colour = (240.0, 238.0, 235.0)
+_SKY_HIGH: Colour = (96.0, 158.0, 214.0)
+_SKY_LOW: Colour = (192.0, 218.0, 238.0)
+_CLOUD: Colour = (168.0, 172.0, 176.0)
 _LEAST_LIGHT = 0.28
 _FOG_RANGE = 50.0  # Where the thickest fog leaves 1/e of the contrast [m].
 _RAIN_WETS = 0.35  # By how much water darkens the road.
@@ -99,15 +98,17 @@ class Scene:
         Returns:
             Blue, green, red and opacity of each pixel, shape (height, width, 4).
         """
-        lens = Lens.of(pose, size, fov_deg)
-        air = air_of(weather)
-        image = np.full((size[1], size[0], 4), 255, np.uint8)
-        _backdrop(image, lens, air)
+        lens, air, drawing = Lens.of(pose, size, fov_deg), air_of(weather), Drawing()
+        _backdrop(drawing, lens, air)
         asphalt = (1.0 - _RAIN_WETS * air.wet) * np.array(_ASPHALT)
-        _flat(image, lens, air, self._asphalt, asphalt)
-        _flat(image, lens, air, self._lines, np.array(_PAINT))
-        _vehicles(image, lens, air, vehicles)
-        stamp(image, NOTE)
+        _flat(drawing, lens, air, self._asphalt, asphalt)
+        _flat(drawing, lens, air, self._lines, np.array(_PAINT))
+        _vehicles(drawing, lens, air, vehicles)
+        stamp(drawing, size, NOTE)
+        canvas = Canvas(*size, "#000000")
+        canvas.draw(drawing)
+        image = np.full((size[1], size[0], 4), 255, np.uint8)
+        image[:, :, :3] = canvas.rgb()[:, :, ::-1]
         return image
 
 
@@ -164,30 +165,29 @@ def _lines(lanes: Lanes) -> Points:
     return np.concatenate(found)
 
 
-def _backdrop(image: Image, lens: Lens, air: Air) -> None:
-    """Sky above the horizon, verge below."""
-    height = image.shape[0]
-    rows = np.arange(height)
-    horizon = int(np.clip(lens.horizon, 0, height))
+def _backdrop(drawing: Drawing, lens: Lens, air: Air) -> None:
+    """Draw sky above the horizon and verge below, row by row."""
+    rows = np.arange(lens.height)
+    horizon = int(np.clip(lens.horizon, 0, lens.height))
     high = air.light * _mixed(_SKY_HIGH, _CLOUD, air.cloud)
-    share = np.clip((horizon - rows) / max(0.6 * height, 1.0), 0.0, 1.0)[:, None]
-    image[:, :, :3] = (air.horizon * (1.0 - share) + high * share).astype(np.uint8)[:, None]
+    share = np.clip((horizon - rows) / max(0.6 * lens.height, 1.0), 0.0, 1.0)[:, None]
+    colours = air.horizon * (1.0 - share) + high * share
     # The nearer the horizon, the farther the ground and the thicker the haze before it.
     depth = lens.focal * max(lens.place[2], 1.0) / np.maximum(rows[horizon:] - lens.horizon, 0.5)
     clear = np.exp(-air.haze * np.minimum(depth, 2.0 * FAR))[:, None]
-    ground = air.light * np.array(_VERGE)
-    image[horizon:, :, :3] = (ground * clear + air.horizon * (1.0 - clear)).astype(np.uint8)[
-        :, None
-    ]
+    colours[horizon:] = air.light * np.array(_VERGE) * clear + air.horizon * (1.0 - clear)
+    for row, colour in enumerate(colours):
+        drawing.rect((0.0, lens.width), (row, row + 1), _named(colour))
 
 
-def _flat(image: Image, lens: Lens, air: Air, quads: Points, colour: Points) -> None:
-    """Draw what lies on the ground and is near enough."""
+def _flat(drawing: Drawing, lens: Lens, air: Air, quads: Points, colour: Points) -> None:
+    """Draw flat shapes on the ground that are near enough."""
     centre = quads.mean(axis=1) - np.array(lens.place)
     distance = np.hypot(centre[:, 0], centre[:, 1])
     near = distance < FAR
     for k, corners in projected(lens, quads[near]):
-        fill(image, corners, _faded(air, air.light * colour, float(distance[near][k])))
+        paint = _faded(air, air.light * colour, float(distance[near][k]))
+        _fill(drawing, corners, paint)
 
 
 def _faded(air: Air, colour: Points, distance: float) -> Points:
@@ -195,7 +195,18 @@ def _faded(air: Air, colour: Points, distance: float) -> Points:
     return colour * clear + air.horizon * (1.0 - clear)
 
 
-def _vehicles(image: Image, lens: Lens, air: Air, vehicles: Iterable[Vehicle]) -> None:
+def _fill(drawing: Drawing, corners: Points, colour: Points) -> None:
+    """Add a polygon on the picture."""
+    points: list[tuple[float, float]] = [(x, y) for x, y in corners.tolist()]
+    drawing.polygon(points, _named(colour))
+
+
+def _named(colour: Points) -> str:
+    """Red, green and blue, 0 to 255, as `#rrggbb`."""
+    return f"#{bytes(np.clip(colour, 0.0, 255.0).astype(np.uint8)).hex()}"
+
+
+def _vehicles(drawing: Drawing, lens: Lens, air: Air, vehicles: Iterable[Vehicle]) -> None:
     """Draw vehicles, the farthest first."""
     eye = np.array(lens.place)
     for vehicle in sorted(vehicles, key=lambda one: -math.dist(one.pose.location, lens.place)):
@@ -207,4 +218,5 @@ def _vehicles(image: Image, lens: Lens, air: Air, vehicles: Iterable[Vehicle]) -
             corners = project(lens, face.corners)
             light = 1.0 if face.glows else air.light
             if corners is not None and distance < FAR:
-                fill(image, corners, _faded(air, light * np.array(face.colour), distance))
+                paint = _faded(air, light * np.array(face.colour), distance)
+                _fill(drawing, corners, paint)

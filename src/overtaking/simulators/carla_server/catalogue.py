@@ -8,7 +8,6 @@ from functools import cache
 
 from overtaking.knowledge import colours
 from overtaking.knowledge.blueprints import Blueprint, blueprints
-from overtaking.simulators.carla_server.wire import Encoded, encode
 
 COLLISION = "sensor.other.collision"
 LANE_INVASION = "sensor.other.lane_invasion"
@@ -61,13 +60,13 @@ _ROLES = ("autopilot", "scenario", "ego_vehicle", "hero")
 
 
 @cache
-def definitions() -> Encoded:
+def definitions() -> list[list[object]]:
     """All blueprints as the answer to `get_actor_definitions`."""
     rows: list[list[object]] = []
     for uid, (name, choices) in enumerate(catalogue().items(), 1):
         tags = name.replace(".", ",")
         rows.append([uid, name, tags, [choice.layout() for choice in choices]])
-    return Encoded(encode(rows))
+    return rows
 
 
 @cache

@@ -1,4 +1,4 @@
-"""A headless server as a worker process, on free ports; it tells its parent its port of calls."""
+"""A headless server as a worker process, on free ports; it sends its parent the port of calls."""
 
 from overtaking.core.parent import Parent
 from overtaking.simulators.carla_server.running import run_server

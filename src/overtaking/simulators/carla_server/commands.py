@@ -1,182 +1,35 @@
-"""The commands of a batch."""
+"""Batches of commands: most are calls that exist by themselves as well (`protocol.COMMANDS`)."""
 
-from __future__ import annotations
+# No `from __future__ import annotations`: `call` reads the types when a function is declared.
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from overtaking.core.errors import OvertakingError
-from overtaking.simulators.carla_server import answers, physics
-from overtaking.simulators.carla_server.answers import Refused
 from overtaking.simulators.carla_server.arguments import (
     ArgumentError,
-    Control,
     Description,
-    Kind,
-    Target,
+    Id,
     Transform,
-    Vector,
-    ackermann_target,
-    anything,
     check,
-    control,
-    description,
+    kind_of,
     listed,
     optional,
-    physics_control,
-    transform,
-    unsigned,
-    vector,
-    yes_or_no,
 )
-
-if TYPE_CHECKING:
-    from overtaking.simulators.carla_server.answers import Answer
-    from overtaking.simulators.carla_server.protocol import Session
-    from overtaking.simulators.carla_server.world import World
+from overtaking.simulators.carla_server.protocol import (
+    BATCH,
+    COMMANDS,
+    RESULT,
+    Answer,
+    Refused,
+    Session,
+    call,
+    declared,
+)
+from overtaking.simulators.carla_server.world import World
 
 SPAWN = 0
 MAX_THEN = 16
 """Most commands that one spawn may bring with it."""
-
-
-class Command(NamedTuple):
-    """A command of a batch: its number in the protocol and its fields."""
-
-    number: int
-    fields: tuple[Any, ...]
-
-
-Deed = Callable[..., object]
-
-
-def command(value: Any) -> Command:
-    """A command in our types: `[[number, [fields]]]`."""
-    match value:
-        case [[int(number), [*fields]]] if number in _KINDS:
-            return Command(number, tuple(check(_KINDS[number][0], fields)))
-        case [[int(number), list()]] if number in LACKING:
-            return Command(number, ())
-        case _:
-            raise ArgumentError("a command of the protocol")
-
-
-def _then(value: Any) -> tuple[Command, ...]:
-    """What a spawn brings with it; none of it may spawn again."""
-    found = listed(_plain)(value)
-    if len(found) > MAX_THEN:
-        raise ArgumentError(f"at most {MAX_THEN} commands after a spawn")
-    return found
-
-
-def _plain(value: Any) -> Command:
-    one = command(value) if not _is_spawn(value) else None
-    if one is None:
-        raise ArgumentError("a command that does not spawn")
-    return one
-
-
-def _is_spawn(value: Any) -> bool:
-    match value:
-        case [[int(number), _]]:
-            return number == SPAWN
-        case _:
-            return False
-
-
-def apply(session: Session, one: Command) -> Answer:
-    """Do it; the id of the actor, or the reason why not."""
-    try:
-        actor = _spawn(session, *one.fields) if one.number == SPAWN else _do(session.world, one)
-    except (Refused, OvertakingError) as error:
-        return answers.refusal(str(error))
-    return answers.value(actor)
-
-
-def _do(world: World, one: Command) -> int:
-    if one.number in LACKING:
-        raise Refused(f"the headless server does not offer the command {LACKING[one.number]}")
-    _KINDS[one.number][1](world, *one.fields)
-    return one.fields[0] if isinstance(one.fields[0], int) else 0
-
-
-def _spawn(
-    session: Session,
-    wanted: Description,
-    pose: Transform,
-    parent: int | None,
-    _: Any,
-    __: Any,
-    then: tuple[Command, ...],
-) -> int:
-    actor = session.world.spawn(wanted, pose, parent or 0).actor_id
-    for one in then:
-        try:
-            # Inside, the actor is called 0: it had no id when the command was written.
-            _do(session.world, one._replace(fields=(actor, *one.fields[1:])))
-        except Refused as error:
-            # The actor is there, so its id is the answer, as in CARLA.
-            session.unseen.append(str(error))
-    return actor
-
-
-def _destroy(world: World, actor: int) -> None:
-    if not world.destroy(actor):
-        raise Refused(f"there is no actor {actor}")
-
-
-def _control(world: World, actor: int, wanted: Control) -> None:
-    world.vehicle(actor).drive(wanted)
-
-
-def _make_for(world: World, actor: int, wanted: Target) -> None:
-    world.vehicle(actor).make_for(wanted)
-
-
-def _place(world: World, actor: int, pose: Transform) -> None:
-    world.place_actor(actor, pose)
-
-
-def _locate(world: World, actor: int, location: Vector) -> None:
-    world.place_actor(actor, world.actor(actor).pose._replace(location=location))
-
-
-def _velocity(world: World, actor: int, velocity: Vector) -> None:
-    world.set_velocity(actor, velocity)
-
-
-def _moves(world: World, actor: int, moves: bool) -> None:
-    world.fleet.set_moves(world.vehicle(actor).actor_id, moves=moves)
-
-
-def _lights(world: World, actor: int, lights: int) -> None:
-    world.vehicle(actor).lights = lights
-
-
-def _nothing(*_: Any) -> None:
-    """For the autopilot: the client tells its Traffic Manager as well, and that one drives."""
-
-
-_KINDS: dict[int, tuple[tuple[Kind, ...], Deed]] = {
-    SPAWN: ((description, transform, optional(unsigned), anything, anything, _then), _nothing),
-    1: ((unsigned,), _destroy),
-    2: ((unsigned, control), _control),
-    3: ((unsigned, ackermann_target), _make_for),
-    5: ((unsigned, physics_control), physics.apply_physics_control),
-    6: ((unsigned, transform), _place),
-    8: ((unsigned, vector), _velocity),
-    9: ((unsigned, vector), physics.set_turning),
-    10: ((unsigned, vector), physics.push),
-    11: ((unsigned, vector), physics.force),
-    12: ((unsigned, vector), physics.spin),
-    13: ((unsigned, vector), physics.twist),
-    14: ((unsigned, yes_or_no), _moves),
-    15: ((unsigned, yes_or_no), physics.set_gravity),
-    16: ((unsigned, yes_or_no), _nothing),
-    18: ((unsigned, unsigned), _lights),
-    19: ((unsigned, vector), _locate),
-}
-"""Fields of each command, and what it does; the numbers are the protocol's."""
 
 LACKING = {
     4: "ApplyWalkerControl",
@@ -186,3 +39,94 @@ LACKING = {
     21: "SetTrafficLightState",
 }
 """Commands that are refused one by one, so that the others of their batch are done."""
+
+
+class Command(NamedTuple):
+    """A command of a batch: its number in the protocol and its fields."""
+
+    number: int
+    fields: tuple[Any, ...]
+
+
+def command(value: Any) -> Command:
+    """A command in our types: `[[number, [fields]]]`."""
+    match value:
+        case [[int(number), [*fields]]] if number in COMMANDS:
+            return Command(number, tuple(check(COMMANDS[number].kinds, fields)))
+        case [[int(number), list()]] if number in LACKING:
+            return Command(number, ())
+        case _:
+            raise ArgumentError("a command of the protocol")
+
+
+def _plain(value: Any) -> Command:
+    match value:
+        case [[int(number), _]] if number == SPAWN:
+            raise ArgumentError("a command that does not spawn")
+        case _:
+            return command(value)
+
+
+def _then(value: Any) -> tuple[Command, ...]:
+    """The commands that follow a spawn; none of them may spawn again."""
+    found = listed(_plain)(value)
+    if len(found) > MAX_THEN:
+        raise ArgumentError(f"at most {MAX_THEN} commands after a spawn")
+    return found
+
+
+def _run(session: Session, one: Command) -> int:
+    """Carry out a command; the id of its actor."""
+    if one.number in LACKING:
+        raise Refused(f"the headless server does not offer the command {LACKING[one.number]}")
+    found = COMMANDS[one.number].run(session, list(one.fields))
+    return found if one.number == SPAWN else one.fields[0]
+
+
+def _spawn(
+    session: Session,
+    wanted: Description,
+    pose: Transform,
+    parent: Annotated[int | None, optional(kind_of(Id))],
+    _: Any,
+    __: Any,
+    then: Annotated[tuple[Command, ...], _then],
+) -> int:
+    actor = session.world.spawn(wanted, pose, parent or 0).actor_id
+    for one in then:
+        try:
+            # Inside, the actor is called 0: it had no id when the command was written.
+            _run(session, one._replace(fields=(actor, *one.fields[1:])))
+        except Refused as error:
+            # The actor exists, so its id is the answer, as in CARLA.
+            session.unseen.append(str(error))
+    return actor
+
+
+def _set_autopilot(_: World, __: Id, ___: bool) -> None:
+    """Nothing: the client tells its Traffic Manager as well, and that one drives."""
+
+
+def _set_lights(world: World, actor: Id, lights: Id) -> None:
+    world.vehicle(actor).lights = lights
+
+
+COMMANDS[SPAWN] = declared(_spawn)
+COMMANDS[16] = declared(_set_autopilot)
+COMMANDS[18] = declared(_set_lights)
+
+
+@call(shape=BATCH)
+def apply_batch(
+    session: Session, commands: tuple[Annotated[Command, command], ...], ticks: bool
+) -> Answer:
+    """Carry out several commands: the id of an actor or an error for each."""
+    done: Answer = []
+    for one in commands:
+        try:
+            done.append(RESULT.result(_run(session, one)))
+        except (Refused, OvertakingError) as error:
+            done.append(RESULT.error(str(error)))
+    if ticks and session.world.settings.synchronous:
+        session.world.tick()
+    return done

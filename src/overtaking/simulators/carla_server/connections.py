@@ -1,4 +1,4 @@
-"""The connections that calls come over, and which of them gives way when there are too many."""
+"""The connections of clients, and the one to close when there are too many."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 MAX_CONNECTIONS = 64
 
 IDLE_TIME = 300.0
-"""A client that has been silent this long gives way to a new one where there is no room [s]."""
+"""A client silent for this long may be closed for a new one [s]."""
 
 
 class CrowdedError(Exception):
@@ -29,7 +29,7 @@ class Connection:
         name: Address of the client.
         heard: Time of its last call, or of its beginning [s].
         has_called: Whether it ever made a call.
-        told: What was said of its calls that had no effect.
+        told: Logged messages about its calls without effect.
     """
 
     writer: asyncio.StreamWriter
@@ -55,7 +55,7 @@ class Connections:
     """
 
     def __init__(self, log: Callable[[str], None]) -> None:
-        """Nobody is connected."""
+        """Start without connections."""
         self._log = log
         self._open: list[Connection] = []
 
@@ -64,7 +64,7 @@ class Connections:
         """Take in a new connection, for as long as the context lasts.
 
         Raises:
-            CrowdedError: There is no room, and nobody has been silent long enough to give way.
+            CrowdedError: There is no room, and no client has been silent long enough to be closed.
         """
         now = asyncio.get_running_loop().time()
         if len(self._open) >= MAX_CONNECTIONS:
@@ -89,7 +89,7 @@ class Connections:
             )
         longest = min(candidates, key=lambda one: one.heard)
         self._log(
-            f"client {longest.name} was let go to make room: of {MAX_CONNECTIONS} clients it was"
+            f"client {longest.name} was closed to make room: of {MAX_CONNECTIONS} clients it was"
             f" silent for the longest time, {now - longest.heard:.0f} s"
         )
         self._open.remove(longest)

@@ -3,7 +3,7 @@
 Vehicles live in the frame of the road (`Ground`): s along it, d to its left, heading
 anticlockwise. On a road of ours that is the road's own frame, so films, puddles and the shelter of
 lorries are where they are in a simulation. On another map it is the map's, water lies as on a
-single lane and nobody shelters anybody.
+single lane and no vehicle shelters another.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from overtaking.core.units import kmh_from_mps
 from overtaking.sim.driven import Mover, mover
 from overtaking.sim.reference import collisions
 from overtaking.sim.reference.driven import MOVING, Controls
-from overtaking.sim.reference.state import NOBODY, Fields, State, initial_state
+from overtaking.sim.reference.state import NOBODY, State, initial_state
 from overtaking.simulators.carla_server.arguments import Control
 from overtaking.simulators.carla_server.bodies import Body, Nature, scenario_of
 from overtaking.simulators.carla_server.motion import (
@@ -30,7 +30,7 @@ from overtaking.simulators.carla_server.motion import (
     overlap,
 )
 from overtaking.simulators.carla_server.steering import Steering
-from overtaking.world.parameters import VEHICLE_FIELDS, Parameters, parameters
+from overtaking.world.parameters import Parameters, parameters
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -66,11 +66,11 @@ class Fleet:
         nature: What they leave open.
 
     Attributes:
-        heights: How high vehicles are [m]; who is on another level is never touched.
+        heights: Heights of the vehicles [m]; those on different levels never touch.
     """
 
     def __init__(self, ground: Ground, weather: Sequence[float], nature: Nature) -> None:
-        """Nobody is there yet."""
+        """Start without vehicles."""
         self._ground, self._weather, self._nature = ground, tuple(weather), nature
         self._ids: list[int] = []
         self._bodies: list[Body] = []
@@ -86,7 +86,7 @@ class Fleet:
         self._movers: dict[float, Mover] = {}
 
     def __contains__(self, vehicle: int) -> bool:
-        """Whether this vehicle is there."""
+        """Whether this vehicle exists."""
         return vehicle in self._rows
 
     def body(self, vehicle: int) -> Body:
@@ -132,7 +132,7 @@ class Fleet:
         self._prepare()
 
     def set_moves(self, vehicle: int, *, moves: bool) -> None:
-        """Whether physics moves a vehicle, or only who places it."""
+        """Set whether physics moves a vehicle, or only `place`."""
         (self._still.discard if moves else self._still.add)(vehicle)
 
     def moves(self, vehicle: int) -> bool:
@@ -214,13 +214,13 @@ class Fleet:
             found[vehicle] = Motion(s, d, math.remainder(psi, math.tau), along, across, r)
         return found
 
-    def overlapped(self, body: Body, motion: Motion, height: float = 0.0) -> int | None:
-        """A vehicle that stands where another would be put, or None."""
-        for row, (vehicle, at) in enumerate(self.motions().items()):
-            on_level = abs(self.heights.get(vehicle, 0.0) - height) < LEVELS_APART
-            if on_level and overlap(body, motion, self._bodies[row], at):
-                return vehicle
-        return None
+    def is_free(self, body: Body, motion: Motion, height: float) -> bool:
+        """Whether no vehicle is in the place of a new one at some height [m]."""
+        return not any(
+            abs(self.heights.get(vehicle, 0.0) - height) < LEVELS_APART
+            and overlap(body, motion, self.body(vehicle), at)
+            for vehicle, at in self.motions().items()
+        )
 
     def advance(self, duration: float, controls: Mapping[int, Control]) -> list[Touch]:
         """Move every vehicle.
@@ -230,7 +230,7 @@ class Fleet:
             controls: Pedals and steering of each vehicle.
 
         Returns:
-            Who pushed whom.
+            The contacts.
         """
         if not self._ids:
             return []
@@ -264,7 +264,7 @@ class Fleet:
             scenario_of(self._ground.road, self._bodies, self._weather, self._nature)
         )
         self._given: Parameters = given
-        self._fields = Fields(VEHICLE_FIELDS, given.vehicle)
+        self._fields = given.of_vehicles
         if not self._ground.shelters:
             self._fields.shelters[:] = _ZERO
         self._movers.clear()
@@ -321,7 +321,7 @@ class Fleet:
         return Controls(_column(throttle), _column(brake), _column(angle))
 
     def _drive(self, mover: Mover, wanted: Controls, steps: int) -> None:
-        """Let physics move the vehicles, but for those that only who places them moves."""
+        """Let physics move the vehicles, except those that only `place` moves."""
         state = self._state
         still = [self._rows[vehicle] for vehicle in self._ids if vehicle in self._still]
         held = {name: getattr(state, name)[still].copy() for name in ("s", "d", "psi")}
@@ -352,7 +352,7 @@ class Fleet:
         return [(i, j) for i, j in np.argwhere(close).tolist() if i < j]
 
     def _collide(self, mover: Mover, wanted: Controls, pairs: list[tuple[int, int]]) -> list[Touch]:
-        """One step, and the exchange of momentum; unlike in a simulation, who was hit drives on."""
+        """One step with exchange of momentum; unlike in a simulation, vehicles drive on."""
         state = self._state
         before = (state.s.copy(), state.d.copy())
         self._drive(mover, wanted, 1)

@@ -1,4 +1,4 @@
-"""A few letters of five by seven dots, so that a picture can say what it is."""
+"""A few letters of five by seven dots, for the note in each picture."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from overtaking.simulators.carla_server.camera import Drawing
 
 _ROWS = 7
 _COLUMNS = 5
@@ -35,7 +37,7 @@ _MARGIN = 2
 
 
 def dots(text: str) -> NDArray[np.bool_]:
-    """A text as dots, shape (7, 6 per letter); KeyError for a letter that there is not."""
+    """A text as dots, shape (7, 6 per letter); KeyError for other letters."""
     columns = [
         [bool(row >> (_COLUMNS - 1 - k) & 1) for row in _LETTERS[letter]]
         if k < _COLUMNS
@@ -46,16 +48,18 @@ def dots(text: str) -> NDArray[np.bool_]:
     return np.array(columns).T
 
 
-def stamp(image: NDArray[np.uint8], text: str) -> None:
+def stamp(drawing: Drawing, size: tuple[int, int], text: str) -> None:
     """Write a text on a dark strip at the bottom left, twice as large on a large picture.
 
     Args:
-        image: Shape (height, width, 4), changed in place; what does not fit is cut off.
-        text: Letters that there are.
+        drawing: Gets the shapes.
+        size: Width and height of the picture [pixels]; what does not fit is cut off.
+        text: Of the letters in this module.
     """
-    height, width = image.shape[:2]
+    width, height = size
     scale = max(1, min(width // 360, height // 180))
     pattern = np.kron(np.pad(dots(text), _MARGIN), np.ones((scale, scale), np.bool_))
-    pattern = pattern[:height, :width]
-    corner = image[height - pattern.shape[0] :, : pattern.shape[1], :3]
-    corner[:] = np.where(pattern[:, :, None], 255, corner // 3)
+    top, columns = max(height - len(pattern), 0), min(pattern.shape[1], width)
+    drawing.rect((0.0, columns), (top, height), "#000000", opacity=0.67)
+    covered = np.where(pattern[: height - top, :columns], np.uint8(255), np.uint8(0))
+    drawing.mask(np.ascontiguousarray(covered), (0, top), "#ffffff")

@@ -1,21 +1,17 @@
-"""What clients do to the physics of a vehicle, and what the server says about it."""
+"""The calls that change the motion and the body of a vehicle, and the description of its body."""
 
-from __future__ import annotations
+# No `from __future__ import annotations`: `call` reads the types when a function is declared.
 
 import math
-from typing import TYPE_CHECKING
 
-from overtaking.simulators.carla_server.actors import UPRIGHT
-from overtaking.simulators.carla_server.answers import Refused
-from overtaking.simulators.carla_server.arguments import Physics, Transform, Vector, Wheel
+from overtaking.simulators.carla_server.actors import UPRIGHT, Vehicle
+from overtaking.simulators.carla_server.arguments import Id, Physics, Transform, Vector, Wheel
+from overtaking.simulators.carla_server.protocol import Refused, call
 from overtaking.simulators.carla_server.steering import Steering
-
-if TYPE_CHECKING:
-    from overtaking.simulators.carla_server.actors import Vehicle
-    from overtaking.simulators.carla_server.world import World
+from overtaking.simulators.carla_server.world import World
 
 WHEEL_RADIUS = 0.35
-"""Radius of every wheel that the server tells of [m]."""
+"""Radius of every wheel that the server reports [m]."""
 
 _CM_PER_M = 100.0
 _LIGHTEST, _HEAVIEST = 50.0, 100_000.0
@@ -24,63 +20,81 @@ _TURN = math.radians(1.0) / _CM_PER_M**2
 """From CARLA's unit of angular momentum, kg cm^2 degrees/s, to kg m^2/s."""
 
 
-def set_turning(world: World, actor: int, turning: Vector) -> None:
-    """Give a vehicle a yaw rate, clockwise seen from above [degrees/s]."""
+@call(command=8)
+def set_actor_target_velocity(world: World, actor: Id, velocity: Vector) -> None:
+    """Set the velocity of a vehicle [m/s]."""
+    world.set_velocity(actor, velocity)
+
+
+@call(command=9)
+def set_actor_target_angular_velocity(world: World, actor: Id, turning: Vector) -> None:
+    """Set the yaw rate of a vehicle, clockwise seen from above [degrees/s]."""
     world.fleet.set_yaw_rate(world.vehicle(actor).actor_id, -math.radians(turning.z))
 
 
-def push(world: World, actor: int, impulse: Vector) -> None:
-    """Push a vehicle [N s]; what points upwards is lost."""
+@call(command=10)
+def add_actor_impulse(world: World, actor: Id, impulse: Vector) -> None:
+    """Push a vehicle [N s]; the upward part has no effect."""
     world.fleet.push(world.vehicle(actor).actor_id, *world.place.to_ground(impulse))
 
 
-def push_at(world: World, actor: int, impulse: Vector, location: Vector) -> None:
-    """Push a vehicle at a place of the world [N s]."""
-    push(world, actor, impulse)
+@call()
+def add_actor_impulse_at_location(
+    world: World, actor: Id, impulse: Vector, location: Vector
+) -> None:
+    """Push a vehicle at a point of the world [N s]."""
+    add_actor_impulse(world, actor, impulse)
     world.fleet.spin(actor, _moment(world, actor, impulse, location))
 
 
-def force(world: World, actor: int, wanted: Vector) -> None:
-    """Let a force act on a vehicle during the next tick [N]."""
-    world.fleet.force(world.vehicle(actor).actor_id, *world.place.to_ground(wanted))
+@call(command=11)
+def add_actor_force(world: World, actor: Id, force: Vector) -> None:
+    """Apply a force to a vehicle during the next tick [N]."""
+    world.fleet.force(world.vehicle(actor).actor_id, *world.place.to_ground(force))
 
 
-def force_at(world: World, actor: int, wanted: Vector, location: Vector) -> None:
-    """Let a force act at a place of the world during the next tick [N]."""
-    force(world, actor, wanted)
-    world.fleet.twist(actor, _moment(world, actor, wanted, location))
+@call()
+def add_actor_force_at_location(world: World, actor: Id, force: Vector, location: Vector) -> None:
+    """Apply a force at a point of the world during the next tick [N]."""
+    add_actor_force(world, actor, force)
+    world.fleet.twist(actor, _moment(world, actor, force, location))
 
 
-def spin(world: World, actor: int, impulse: Vector) -> None:
+@call(command=12)
+def add_actor_angular_impulse(world: World, actor: Id, impulse: Vector) -> None:
     """Spin a vehicle about the vertical, clockwise seen from above [kg cm^2 degrees/s]."""
     world.fleet.spin(world.vehicle(actor).actor_id, -_TURN * impulse.z)
 
 
-def twist(world: World, actor: int, torque: Vector) -> None:
-    """Let a torque act during the next tick, as `spin` [kg cm^2 degrees/s^2]."""
+@call(command=13)
+def add_actor_torque(world: World, actor: Id, torque: Vector) -> None:
+    """Apply a torque about the vertical during the next tick, clockwise [kg cm^2 degrees/s^2]."""
     world.fleet.twist(world.vehicle(actor).actor_id, -_TURN * torque.z)
 
 
-def _moment(world: World, actor: int, wanted: Vector, location: Vector) -> float:
-    """Moment about the vertical of what acts at a place, anticlockwise."""
+def _moment(world: World, actor: int, force: Vector, location: Vector) -> float:
+    """Moment about the vertical of a force or impulse at a point, anticlockwise."""
     here, there = world.fleet.motion(actor), world.place.motion(Transform(location, UPRIGHT))
-    along, across = world.place.to_ground(wanted)
+    along, across = world.place.to_ground(force)
     return (there.s - here.s) * across - (there.d - here.d) * along
 
 
-def hold_velocity(world: World, actor: int, velocity: Vector) -> None:
+@call()
+def enable_actor_constant_velocity(world: World, actor: Id, velocity: Vector) -> None:
     """Keep a velocity in the axes of a vehicle, whatever pedals and forces do [m/s]."""
     # CARLA's y axis points to the right.
     world.fleet.hold_velocity(world.vehicle(actor).actor_id, velocity.x, -velocity.y)
 
 
-def release_velocity(world: World, actor: int) -> None:
-    """Leave the velocity of a vehicle to pedals and forces again."""
+@call()
+def disable_actor_constant_velocity(world: World, actor: Id) -> None:
+    """Let pedals and forces decide about the velocity of a vehicle again."""
     world.fleet.release_velocity(world.vehicle(actor).actor_id)
 
 
-def set_gravity(world: World, actor: int, enabled: bool) -> None:
-    """Refuse to let a vehicle float."""
+@call(command=15)
+def set_actor_enable_gravity(world: World, actor: Id, enabled: bool) -> None:
+    """Refused where it switches gravity off: vehicles stay on the ground."""
     world.actor(actor)
     if not enabled:
         raise Refused("vehicles of this headless server stay on the ground")
@@ -114,7 +128,8 @@ def physics_control(world: World, vehicle: Vehicle) -> Physics:
     )
 
 
-def apply_physics_control(world: World, actor: int, wanted: Physics) -> None:
+@call(command=5)
+def apply_physics_control(world: World, actor: Id, wanted: Physics) -> None:
     """Change mass, drag and steering of a vehicle.
 
     A heavier vehicle has the same engine and turns as slowly as its mass asks; its brakes stop it

@@ -1,4 +1,4 @@
-"""The maps of the headless server: a road of ours, or somebody's OpenDRIVE file."""
+"""The maps of the headless server: roads of the package and OpenDRIVE files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from overtaking.simulators.carla_server.arguments import Rotation, Transform, Ve
 from overtaking.simulators.carla_server.motion import LEVELS_APART, Ground, Motion
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -185,7 +185,7 @@ class Place:
 
 _CELL = 10.0
 _ON_LANE = 2.5
-"""Who is nearer than this to the centre of a lane stands on it [m]."""
+"""A point nearer than this to the centre of a lane is on the lane [m]."""
 _LEVEL_REACH = 0.5
 """How much farther than the nearest lane one of another level may be [m]."""
 
@@ -209,13 +209,7 @@ def known_place(name: str) -> Place:
     """
     key = name.lower()
     if key not in ROAD_NAMES:
-        raise ConfigError.of(
-            what="map",
-            where="the headless server",
-            expected=" or ".join(ROAD_NAMES),
-            got=repr(name),
-            next_step="choose one of them, or start the server with an OpenDRIVE file",
-        )
+        raise _no_map(name, ROAD_NAMES, "an OpenDRIVE file")
     road = known_road(key)
     road = road.extended(max(road.length, ROAD_LENGTH))
     carla_name, road_id = _CARLA_NAMES.get(key, (key, "1"))
@@ -224,6 +218,16 @@ def known_place(name: str) -> Place:
         write_opendrive(road, road_id=road_id),
         Ground(road, shelters=True),
         _sampled(road),
+    )
+
+
+def _no_map(name: str, names: Iterable[str], otherwise: str) -> ConfigError:
+    return ConfigError.of(
+        what="map",
+        where="the headless server",
+        expected=" or ".join(names),
+        got=repr(name),
+        next_step=f"choose one of them, or start the server with {otherwise}",
     )
 
 
@@ -256,13 +260,7 @@ class Atlas:
             return self._learned[name]
         if name.lower() in ROAD_NAMES:
             return known_place(name)
-        raise ConfigError.of(
-            what="map",
-            where="the headless server",
-            expected=" or ".join(self.names()),
-            got=repr(name),
-            next_step=f"choose one of them, or start the server with --map {name}.xodr as well",
-        )
+        raise _no_map(name, self.names(), f"--map {name}.xodr as well")
 
     def learn(self, opendrive: str) -> None:
         """Take an OpenDRIVE text as the map that clients call `OpenDriveMap`.
@@ -283,7 +281,8 @@ def _sampled(road: Road) -> Lanes:
     every = len(stations)
     s = np.tile(stations, road.num_lanes)
     x, y = road.world(s, np.repeat(road.centres, every))
-    marks = [[_kind(lane.left_mark.value), _kind(lane.right_mark.value)] for lane in road.lanes]
+    pairs = [(lane.left_mark.value, lane.right_mark.value) for lane in road.lanes]
+    marks = [[drawn_mark(left), drawn_mark(right)] for left, right in pairs]
     return Lanes(
         place=np.stack([x, -y, np.zeros_like(x)], axis=1),
         yaw=np.full(len(s), -road.heading),
@@ -296,8 +295,8 @@ def _sampled(road: Road) -> Lanes:
     )
 
 
-def _kind(mark: str) -> int:
-    """How a mark, spelled as CARLA does, is drawn."""
+def drawn_mark(mark: str) -> int:
+    """How a line is drawn whose mark is spelled as CARLA does."""
     if mark in ("NONE", "Other", "Curb", "Grass"):
         return _NO_MARK
     return _BROKEN if mark.startswith(("Broken", "Botts")) else _SOLID

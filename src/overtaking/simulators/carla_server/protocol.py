@@ -1,33 +1,49 @@
-"""How a call is declared: its name, the arguments it takes, and what it does."""
+"""The table of calls: what each takes, what it does, and how the client reads its answers."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple, get_type_hints
 
-from overtaking.simulators.carla_server.answers import Answer, refusal, void_refusal
+from overtaking.core.errors import OvertakingError
+from overtaking.simulators.carla_server.arguments import ArgumentError, Kind, check, kind_of
 
 if TYPE_CHECKING:
-    from overtaking.simulators.carla_server.arguments import Kind
     from overtaking.simulators.carla_server.world import World
 
 VERSION = "0.9.16"
 """The version of CARLA whose clients are served."""
 
-Body = Callable[..., Answer]
-Refuse = Callable[[str], Answer]
+Answer = list[Any]
+Body = Callable[..., Any]
+
+
+class Refused(Exception):
+    """The server refuses what a client asked for; the client gets the message."""
+
+
+class Shape(NamedTuple):
+    """How the client reads an answer: functions that wrap a result and the message of an error."""
+
+    result: Callable[[Any], Answer]
+    error: Callable[[str], Answer]
+
+
+RESULT = Shape(lambda result: [[1, result]], lambda message: [[0, [message]]])
+NO_RESULT = Shape(lambda _: [[False]], lambda message: [[True, [message]]])
+BATCH = Shape(lambda results: results, lambda message: [RESULT.error(message)])
 
 
 @dataclass(slots=True)
 class Session:
-    """What a call may look at.
+    """The connection that a call came over.
 
     Attributes:
         world: The state of the server.
         managers: Address of each Traffic Manager that runs in a client, by port.
-        own_managers: Ports of those that came over this connection.
-        unseen: What was refused without the client being able to see it, until the server says it.
+        own_managers: Ports of those that this client runs.
+        unseen: Errors that the client cannot see, until the server logs them.
     """
 
     world: World
@@ -38,18 +54,43 @@ class Session:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """One call: the arguments it takes, what it does, and the shape of its errors."""
+    """One call.
 
-    arguments: tuple[Kind, ...]
+    Attributes:
+        body: Carries it out. Its first argument is the session or the world, the others are those
+            of the client.
+        kinds: Kinds of the client's arguments.
+        shape: Shape of its answers.
+        needs_session: Whether the first argument is the session.
+    """
+
     body: Body
-    refuse: Refuse = refusal
+    kinds: tuple[Kind, ...]
+    shape: Shape
+    needs_session: bool = False
+
+    def run(self, session: Session, arguments: list[Any]) -> Any:
+        """Its result; the arguments are checked already."""
+        return self.body(session if self.needs_session else session.world, *arguments)
+
+    def answer(self, session: Session, name: str, values: list[Any]) -> Answer:
+        """The answer to arguments as they were decoded."""
+        try:
+            return self.shape.result(self.run(session, check(self.kinds, values)))
+        except ArgumentError as error:
+            return self.shape.error(f"{name}: {error}")
+        except (Refused, OvertakingError) as error:
+            return self.shape.error(str(error))
 
 
 CALLS: dict[str, Call] = {}
+"""Every call that is offered, by name."""
+
+COMMANDS: dict[int, Call] = {}
+"""The calls that a batch may contain as well, by their number there."""
 
 SLOW = frozenset(("copy_opendrive_to_file",))
 """Calls that may take seconds and touch nothing that others use; they run in a thread."""
-
 
 LACKING_VOID = frozenset(
     (
@@ -57,26 +98,56 @@ LACKING_VOID = frozenset(
         "load_map_layer", "set_actor_collisions", "set_ignored_vehicles", "unload_map_layer",
     )
 )  # fmt: skip
-"""Calls that are not offered, that clients wait for, and whose errors have the shape of `void`."""
+"""Calls without result that are not offered, and whose answers clients wait for."""
+
+
+def declared(body: Body, shape: Shape | None = None) -> Call:
+    """A call from a function: the types of its arguments, and whether it has a result.
+
+    Args:
+        body: Its first argument, `world` or `session`, comes from the server.
+        shape: Shape of its answers, where a result alone does not tell.
+    """
+    hints = get_type_hints(body, include_extras=True)
+    has_result = hints.pop("return") is not type(None)
+    first, *arguments = hints
+    return Call(
+        body=body,
+        kinds=tuple(kind_of(hints[name]) for name in arguments),
+        shape=shape or (RESULT if has_result else NO_RESULT),
+        needs_session=first == "session",
+    )
+
+
+def call(*, command: int | None = None, shape: Shape | None = None) -> Callable[[Body], Body]:
+    """Declare a call under the name of a function, see `declared`.
+
+    Args:
+        command: Its number in a batch, if it may be part of one.
+        shape: Shape of its answers, where a result alone does not tell.
+    """
+
+    def declare(body: Body) -> Body:
+        made = CALLS[body.__name__] = declared(body, shape)
+        if command is not None:
+            COMMANDS[command] = made
+        return body
+
+    return declare
 
 
 def refuse_unknown(name: str) -> Answer:
     """The answer to a call that is not offered, in the shape that the client reads."""
-    text = f"{name}: the headless server does not offer this call"
-    return (void_refusal if name in LACKING_VOID else refusal)(text)
+    shape = NO_RESULT if name in LACKING_VOID else RESULT
+    return shape.error(f"{name}: the headless server does not offer this call")
 
 
-def call(*arguments: Kind, void: bool = False, refuse: Refuse = refusal) -> Callable[[Body], Body]:
-    """Declare a call under the name of its function.
-
-    Args:
-        arguments: The kinds of its arguments.
-        void: Whether it only does something; then an error has another shape.
-        refuse: Makes an error of a message where it is not `void`.
-    """
-
-    def declare(body: Body) -> Body:
-        CALLS[body.__name__] = Call(arguments, body, void_refusal if void else refuse)
-        return body
-
-    return declare
+def errors(answer: Answer) -> list[str]:
+    """The error in an answer, or all those in the answer to a batch."""
+    match answer:
+        case [[0 | True, [str(message)]]]:
+            return [message]
+        case [[int(), *_]]:
+            return []
+        case _:
+            return [message for one in answer for message in errors(one)]

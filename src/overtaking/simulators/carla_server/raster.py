@@ -1,4 +1,4 @@
-"""A pinhole camera and the filling of convex polygons, in NumPy."""
+"""A pinhole camera: from the world to pixels."""
 
 from __future__ import annotations
 
@@ -62,57 +62,53 @@ class Lens(NamedTuple):
 
 
 def project(lens: Lens, corners: Points) -> Points | None:
-    """A polygon of the world on the picture, shape (corner, 2); None if it cannot be seen.
+    """A polygon of the world on the picture, shape (corner, 2); None if it is out of view.
 
     Args:
         lens: The camera.
         corners: Shape (corner, 3) [m].
     """
-    axes = np.array((lens.right, lens.down, lens.forward))
-    seen = _before((corners - np.array(lens.place)) @ axes.T)
+    seen = _before(_seen(lens, corners))
     if len(seen) < 3:
         return None
-    scale = lens.focal / seen[:, 2]
-    across = 0.5 * lens.width + seen[:, 0] * scale
-    below = 0.5 * lens.height + seen[:, 1] * scale
-    outside = (
-        across.max() < 0
-        or across.min() > lens.width
-        or below.max() < 0
-        or below.min() > lens.height
-    )
-    if outside:
-        return None
-    return np.clip(np.stack([across, below], axis=1), -_BEYOND, _BEYOND)
+    found = _pixels(lens, seen)
+    return found if _overlaps(lens, found) else None
 
 
 def projected(lens: Lens, polygons: Points) -> Iterator[tuple[int, Points]]:
-    """Those of many polygons that can be seen, with their place in the list, on the picture.
+    """The polygons in view, with their place in the list, on the picture.
 
     Args:
         lens: The camera.
         polygons: Shape (polygon, corner, 3) [m].
     """
+    seen = _seen(lens, polygons)
+    found, nearest = _pixels(lens, seen), seen[:, :, 2].min(axis=1)
+    is_cut = (nearest < NEAR) & (seen[:, :, 2].max(axis=1) > NEAR)
+    in_view = (nearest >= NEAR) & _overlaps(lens, found)
+    for k in np.flatnonzero(in_view | is_cut).tolist():
+        one = found[k] if in_view[k] else project(lens, polygons[k])
+        if one is not None:
+            yield k, one
+
+
+def _seen(lens: Lens, points: Points) -> Points:
+    """World points in the axes of the camera: right, down and forward [m]."""
     axes = np.array((lens.right, lens.down, lens.forward))
-    seen = (polygons - np.array(lens.place)) @ axes.T
-    depth = seen[:, :, 2]
-    whole = (depth >= NEAR).all(axis=1)
-    scale = lens.focal / np.maximum(depth, NEAR)
-    across = 0.5 * lens.width + seen[:, :, 0] * scale
-    below = 0.5 * lens.height + seen[:, :, 1] * scale
-    inside = (across.max(axis=1) > 0) & (across.min(axis=1) < lens.width)
-    inside &= (below.max(axis=1) > 0) & (below.min(axis=1) < lens.height)
-    # What lies between two middles of rows or columns covers no pixel.
-    rows = np.ceil(below.max(axis=1) - 0.5) > np.ceil(below.min(axis=1) - 0.5)
-    columns = np.ceil(across.max(axis=1) - 0.5) > np.ceil(across.min(axis=1) - 0.5)
-    corners = np.clip(np.stack([across, below], axis=2), -_BEYOND, _BEYOND)
-    drawn = whole & inside & rows & columns
-    uncut = frozenset(np.flatnonzero(whole).tolist())
-    cut = ~whole & (depth.max(axis=1) > NEAR)
-    for k in np.flatnonzero(drawn | cut).tolist():
-        found = corners[k] if k in uncut else project(lens, polygons[k])
-        if found is not None:
-            yield k, found
+    return (points - np.array(lens.place)) @ axes.T
+
+
+def _pixels(lens: Lens, seen: Points) -> Points:
+    """Points in the axes of the camera on the picture, shape (..., 2)."""
+    scale = lens.focal / np.maximum(seen[..., 2:], NEAR)
+    middle = (0.5 * lens.width, 0.5 * lens.height)
+    return np.clip(seen[..., :2] * scale + middle, -_BEYOND, _BEYOND)
+
+
+def _overlaps(lens: Lens, found: Points) -> NDArray[np.bool_]:
+    """Whether polygons on the picture overlap it, shape (...) for (..., corner, 2)."""
+    low, high = found.min(axis=-2), found.max(axis=-2)
+    return ((high > 0) & (low < (lens.width, lens.height))).all(axis=-1)
 
 
 def _before(points: Points) -> Points:
@@ -127,43 +123,3 @@ def _before(points: Points) -> Points:
             share = (NEAR - here[2]) / (there[2] - here[2])
             kept.append(here + share * (there - here))
     return np.array(kept).reshape(-1, 3)
-
-
-def fill(image: NDArray[np.uint8], corners: Points, colour: Points) -> None:
-    """Fill a convex polygon.
-
-    Args:
-        image: Shape (height, width, 4), changed in place.
-        corners: Column and row of each corner [pixels].
-        colour: Blue, green, red, 0 to 255.
-    """
-    height, width = image.shape[:2]
-    points: list[tuple[float, float]] = corners.tolist()
-    rows = [y for _, y in points]
-    first, last = max(math.ceil(min(rows) - 0.5), 0), min(math.ceil(max(rows) - 0.5), height)
-    if first >= last:
-        return
-    left, right = [math.inf] * (last - first), [-math.inf] * (last - first)
-    for k, (x, y) in enumerate(points):
-        _cross(((x, y), points[k - 1]), first, last, left, right)
-    paint = np.clip(colour, 0.0, 255.0).astype(np.uint8)
-    for row, (low, high) in enumerate(zip(left, right, strict=True), first):
-        begin, end = max(math.ceil(low - 0.5), 0), min(math.ceil(high - 0.5), width)
-        if begin < end:
-            image[row, begin:end, :3] = paint
-
-
-Edge = tuple[tuple[float, float], tuple[float, float]]
-
-
-def _cross(edge: Edge, first: int, last: int, left: list[float], right: list[float]) -> None:
-    """Widen the span of each row whose middle an edge crosses; loops are short, so in Python."""
-    (x1, y1), (x2, y2) = sorted(edge, key=lambda point: point[1])
-    if y1 == y2:
-        return
-    slope = (x2 - x1) / (y2 - y1)
-    for row in range(max(math.ceil(y1 - 0.5), first), min(math.ceil(y2 - 0.5), last)):
-        x = x1 + (row + 0.5 - y1) * slope
-        at = row - first
-        left[at] = min(left[at], x)
-        right[at] = max(right[at], x)

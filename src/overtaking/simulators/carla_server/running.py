@@ -39,7 +39,7 @@ def run_server(
         port: For calls, 0 to 65535; streams get the next one. 0 lets the system choose both.
         host: Address to listen on; whoever can reach it can use the server.
         maps: Each one of `knowledge.roads.ROAD_NAMES`, or an OpenDRIVE file, which clients load by
-            its name without the suffix. The first is there from the beginning.
+            its name without the suffix. The first is loaded at the start.
         seed: Seed of gusts and puddles, 0 <= seed < 2**64.
         ready: Called with both ports when clients may come.
         log: Called with a line when something happens that a person may want to know.
@@ -49,13 +49,7 @@ def run_server(
         MissingExtraError: A map is a file, and CARLA's wheel is not there to read it.
     """
     if not 0 <= seed < 2**64:
-        raise ConfigError.of(
-            what="seed",
-            where="run_server",
-            expected="0 to 2**64 - 1",
-            got=seed,
-            next_step="choose another seed",
-        )
+        raise _refused("seed", "0 to 2**64 - 1", seed, "choose another seed")
     atlas = Atlas(_places(maps), survey)
 
     async def until_told() -> None:
@@ -81,13 +75,9 @@ def _places(maps: Sequence[str | Path]) -> list[Place]:
     found = [_place(one) for one in maps]
     names = [place.name for place in found]
     if not names or len(set(names)) < len(names):
-        raise ConfigError.of(
-            what="maps",
-            where="run_server",
-            expected="one or more, each with a name of its own",
-            got=", ".join(names) or "none",
-            next_step="name each map once; rename a file that has the name of another map",
-        )
+        expected = "one or more, each with a name of its own"
+        next_step = "name each map once; rename a file that has the name of another map"
+        raise _refused("maps", expected, ", ".join(names) or "none", next_step)
     return found
 
 
@@ -96,22 +86,18 @@ def _place(place: str | Path) -> Place:
     path = Path(place)
     if not path.suffix and not path.is_file():
         return known_place(str(place))
-    if path.stat().st_size > _MAX_FILE_BYTES:
-        raise ConfigError.of(
-            what="map",
-            where=str(path),
-            expected=f"at most {_MAX_FILE_BYTES >> 20} MB",
-            got=f"{path.stat().st_size >> 20} MB",
-            next_step="cut the map to what is needed",
-        )
+    if (size := path.stat().st_size) > _MAX_FILE_BYTES:
+        most, got = f"at most {_MAX_FILE_BYTES >> 20} MB", f"{size >> 20} MB"
+        raise _refused("map", most, got, "cut the map to what is needed", where=str(path))
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
-        raise ConfigError.of(
-            what="map",
-            where=str(path),
-            expected="an OpenDRIVE file in UTF-8",
-            got="other bytes",
-            next_step="choose an OpenDRIVE file",
-        ) from None
+        expected, next_step = "an OpenDRIVE file in UTF-8", "choose an OpenDRIVE file"
+        raise _refused("map", expected, "other bytes", next_step, where=str(path)) from None
     return survey(path.stem, text)
+
+
+def _refused(
+    what: str, expected: str, got: object, next_step: str, *, where: str = "run_server"
+) -> ConfigError:
+    return ConfigError.of(what=what, where=where, expected=expected, got=got, next_step=next_step)

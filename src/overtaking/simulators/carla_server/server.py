@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from overtaking.core.errors import ConfigError, OvertakingError
-from overtaking.simulators.carla_server import actor_calls, answers, calls
-from overtaking.simulators.carla_server.answers import Refused
-from overtaking.simulators.carla_server.arguments import ArgumentError, check
+from overtaking.core.errors import ConfigError
+from overtaking.simulators.carla_server import protocol
+from overtaking.simulators.carla_server.calls import CALLS
 from overtaking.simulators.carla_server.connections import Connection, Connections, CrowdedError
-from overtaking.simulators.carla_server.protocol import CALLS, SLOW, Session, refuse_unknown
-from overtaking.simulators.carla_server.streams import Streams
+from overtaking.simulators.carla_server.protocol import Session
+from overtaking.simulators.carla_server.streams import SETTLING_TIME, Streams
 from overtaking.simulators.carla_server.wire import Budget, Decoder, ProtocolError, encode
 from overtaking.simulators.carla_server.world import World
 
@@ -26,18 +26,24 @@ SILENCE = 10.0
 """A synchronous client with Traffic Managers that is silent this long is reported [s]."""
 
 MAX_COMPLAINTS = 1000
-"""Bad messages that are told one by one; who sends many thousands shall not fill a disk."""
+"""Bad messages that are logged one by one, so that a client cannot fill a disk."""
 
 MAX_TOLD, MAX_TOLD_CHARACTERS = 20, 200
-"""Calls without effect that are told for each client, and how long their names may be."""
+"""Logged calls without effect of each client, and longest log line."""
+
+LOADING_TIME = 0.1
+"""From the last snapshot before a new episode to the answer to the call that began it [s].
+
+On a real server loading takes seconds. The client of 0.9.16 relies on that: it drops its old
+episode when the answer comes. If a thread of its pool is in the callback of a snapshot then, that
+thread drops it later, and with it the stream of the new episode, which has the same number. The
+client dies of signal 11 or 6. So no snapshot is sent either until it asks for the new episode.
+"""
 
 _READ_BYTES = 1 << 14
 _CALL, _ANSWER = 0, 1
 
 Log = Callable[[str], None]
-
-DECLARED = (calls, actor_calls)
-"""The modules whose calls are answered; importing them puts the calls into the table."""
 
 
 @dataclass(slots=True)
@@ -46,7 +52,7 @@ class Server:
 
     Attributes:
         world: Its state.
-        log: Where it says what happens.
+        log: Receives lines about what happens.
     """
 
     world: World
@@ -56,16 +62,18 @@ class Server:
     _budget: Budget = field(default_factory=Budget)
     _last_call: float = 0.0
     _complaints: int = 0
+    _loader: Connection | None = None
+    _still_until: float = 0.0
 
     def __post_init__(self) -> None:
-        """Nobody is connected."""
+        """Start without connections."""
         self.connections = Connections(self.log)
 
     async def serve_calls(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Answer the calls of one connection until it ends or sends what no client sends.
 
-        What a client does not take is not produced: at most one answer is beyond the few kilobytes
-        that a connection buffers, and until it is taken no further call is answered.
+        At most one answer is produced beyond the few kilobytes that a connection buffers. Until the
+        client reads it no further call is answered.
         """
         session = Session(self.world, self.managers)
         decoder = Decoder(self._budget)
@@ -78,7 +86,7 @@ class Server:
                         writer.write(await self._answer(session, connection, message))
                         await writer.drain()
                     if len(data) == _READ_BYTES:
-                        await asyncio.sleep(0)  # The others come to their turn.
+                        await asyncio.sleep(0)  # Other connections get their turn.
         except CrowdedError as error:
             self._complain(f"a client was turned away: {error}")
         except ProtocolError as error:
@@ -97,21 +105,38 @@ class Server:
         self._last_call = asyncio.get_running_loop().time()
         if name == "tick_cue":
             await self.world.streams.settle()
-        if name in SLOW:
-            answer = await asyncio.to_thread(self._result, session, name, parameters)
+        wanted = CALLS.get(name)
+        if wanted is None:
+            answer = protocol.refuse_unknown(name)
+        elif name in protocol.SLOW:
+            answer = await asyncio.to_thread(wanted.answer, session, name, parameters)
+        elif name == "load_new_episode":
+            answer = await self._load(session, connection, parameters)
         else:
-            answer = self._result(session, name, parameters)
+            answer = wanted.answer(session, name, parameters)
+        if name == "get_episode_info" and self._loader is connection:
+            self._loader = None
         if is_async:
-            session.unseen += answers.errors(answer)
+            session.unseen += protocol.errors(answer)
         for error in session.unseen:
             self._tell_unseen(connection, name, error)
         session.unseen.clear()
         return encode([_ANSWER, number, None, answer])
 
-    def _tell_unseen(self, connection: Connection, name: str, error: str) -> None:
-        """Say once for each client what it asked for in vain and cannot see.
+    async def _load(self, session: Session, connection: Connection, parameters: list[Any]) -> Any:
+        """Begin an episode; free time stands still until its client asks for the new one."""
+        loop = asyncio.get_running_loop()
+        self._loader, self._still_until = connection, math.inf
+        try:
+            await asyncio.sleep(LOADING_TIME)
+            return CALLS["load_new_episode"].answer(session, "load_new_episode", parameters)
+        finally:
+            self._still_until = loop.time() + SETTLING_TIME
 
-        The genuine client throws the answers to many of its calls away, so its user sees nothing.
+    def _tell_unseen(self, connection: Connection, name: str, error: str) -> None:
+        """Log once for each client a call whose error it cannot see.
+
+        The genuine client discards the answers to many of its calls, so its user sees nothing.
         """
         text = (error if error.startswith(name) else f"{name}: {error}")[:MAX_TOLD_CHARACTERS]
         if text not in connection.told and len(connection.told) < MAX_TOLD:
@@ -119,37 +144,26 @@ class Server:
             self._complain(f"client {connection.name} cannot see that a call had no effect: {text}")
 
     def _complain(self, text: str) -> None:
-        """Tell of a bad message, unless there were too many."""
+        """Log a bad message, unless there were too many."""
         self._complaints += 1
         if self._complaints <= MAX_COMPLAINTS:
             self.log(text)
         if self._complaints == MAX_COMPLAINTS:
             self.log("there were many bad messages; no more are told")
 
-    def _result(self, session: Session, name: str, parameters: list[Any]) -> answers.Answer:
-        """What a call gives back."""
-        wanted = CALLS.get(name)
-        if wanted is None:
-            return refuse_unknown(name)
-        try:
-            return wanted.body(session, *check(wanted.arguments, parameters))
-        except ArgumentError as error:
-            return wanted.refuse(f"{name}: {error}")
-        except (Refused, OvertakingError) as error:
-            return wanted.refuse(str(error))
-
     async def run_free(self) -> None:
-        """Let time pass, as fast as it does, while no client wants to say when."""
+        """Tick in real time while no client ticks."""
         loop = asyncio.get_running_loop()
         due = loop.time()
         while True:
             due = max(due + self.world.delta, loop.time() - self.world.delta)
             await asyncio.sleep(max(due - loop.time(), 0.001))
-            if not self.world.settings.synchronous:
+            is_loading = self._loader is not None and loop.time() < self._still_until
+            if not self.world.settings.synchronous and not is_loading:
                 self.world.tick()
 
     async def watch(self) -> None:
-        """Say it once when a client has fallen silent in the middle of its ticks."""
+        """Log once that a client has fallen silent in the middle of its ticks."""
         loop = asyncio.get_running_loop()
         told = False
         while True:
@@ -224,12 +238,18 @@ async def _listen(
     serve_one: Callable[..., Any], host: str, port: int, *, fallback: bool = False
 ) -> asyncio.Server:
     """A listening socket; with `fallback` on any port where this one is taken."""
+
+    async def until_ended(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        # When the server ends, Python 3.11 prints a traceback of each connection that is cancelled.
+        with contextlib.suppress(asyncio.CancelledError):
+            await serve_one(reader, writer)
+
     if fallback:
         with contextlib.suppress(OSError):
-            return await asyncio.start_server(serve_one, host, port)
+            return await asyncio.start_server(until_ended, host, port)
         port = 0
     try:
-        return await asyncio.start_server(serve_one, host, port)
+        return await asyncio.start_server(until_ended, host, port)
     except (OSError, OverflowError) as error:
         raise ConfigError.of(
             what="address",

@@ -1,4 +1,4 @@
-"""Streams of sensor data: who listens to which, and what becomes of those who do not keep up."""
+"""Streams of sensor data and their listeners; slow listeners are closed."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 MAX_WAITING_BYTES = 64 << 20
-"""A listener for whom more than this has piled up is let go; a picture has up to 8 MB."""
+"""A listener with more unsent bytes than this is closed; a picture has up to 8 MB."""
 
 MAX_ALL_WAITING_BYTES = 4 * MAX_WAITING_BYTES
-"""Where more has piled up for all listeners together, the slowest is let go."""
+"""If all listeners together have more unsent bytes than this, the slowest is closed."""
 
 MAX_LISTENERS = 512
 """Most listeners at a time; a genuine client has one for each sensor."""
 
 SETTLING_TIME = 0.5
-"""A listener that was announced and has not come by then is not waited for any more [s]."""
+"""Longest wait for an announced listener [s]."""
 
 HANDSHAKE_TIME = 10.0
-"""A connection that has not said by then which stream it wants is closed [s]."""
+"""A connection that has not named its stream by then is closed [s]."""
 
 _LENGTH = struct.Struct("<I")
 
 
 def _waiting(writer: asyncio.StreamWriter) -> int:
-    """Bytes that a listener has not taken yet."""
+    """Unsent bytes of a listener."""
     return writer.transport.get_write_buffer_size()
 
 
@@ -55,7 +55,7 @@ class Streams:
         return self._next
 
     def close(self, stream: int) -> None:
-        """End a stream; who listens to it is let go."""
+        """End a stream and close its listeners."""
         self._announced.discard(stream)
         for writer in self._listeners.pop(stream, set()):
             writer.close()
@@ -65,12 +65,12 @@ class Streams:
         return snapshot.token(stream, self.port)
 
     def announce(self, stream: int) -> None:
-        """Somebody has asked where a stream is, and is about to listen to it."""
+        """Expect a listener: a client has asked for the address of a stream."""
         if stream in self._listeners:
             self._announced.add(stream)
 
     async def settle(self) -> None:
-        """Wait for those who are about to listen, so that they miss nothing of the next tick."""
+        """Wait for expected listeners, so that they miss nothing of the next tick."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(SETTLING_TIME):
                 while self._announced:
@@ -79,11 +79,11 @@ class Streams:
         self._announced.clear()
 
     def is_heard(self, stream: int) -> bool:
-        """Whether anybody listens."""
+        """Whether a stream has listeners."""
         return bool(self._listeners.get(stream))
 
     def send(self, stream: int, message: bytes) -> None:
-        """Send a message to all who listen."""
+        """Send a message to all listeners."""
         data = _LENGTH.pack(len(message)) + message
         piled_up = False
         for writer in self._listeners.get(stream, ()):
@@ -94,7 +94,7 @@ class Streams:
             self._let_go_of_the_slow()
 
     def _let_go_of_the_slow(self) -> None:
-        """End the listeners for whom too much has piled up, the slowest first."""
+        """Close the listeners with too many unsent bytes, the slowest first."""
         slow = [
             (_waiting(writer), stream, writer)
             for stream, listeners in self._listeners.items()

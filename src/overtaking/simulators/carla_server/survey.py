@@ -1,6 +1,6 @@
-"""Looks at an OpenDRIVE file of somebody else with CARLA's own reader, in a process of its own.
+"""Reads an OpenDRIVE file of unknown origin with CARLA's own reader, in a separate process.
 
-The reader is C++ that was not made for hostile files; where it falls over, the server stays up.
+The reader is C++ that was not made for hostile files; the server survives its crashes.
 Run as `python -m overtaking.simulators.carla_server.survey`, it reads the text from its standard
 input and writes the samples of all lanes to its standard output, as NumPy's .npz.
 """
@@ -21,7 +21,7 @@ from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.simulators.carla_server.motion import Ground
-from overtaking.simulators.carla_server.places import Lanes, Place, cells_of
+from overtaking.simulators.carla_server.places import Lanes, Place, cells_of, drawn_mark
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -148,17 +148,13 @@ def _station(point: Any) -> float:
 def _row(point: Any) -> list[float]:
     """One waypoint as numbers; the station grows in the direction of travel."""
     where, turned = point.transform.location, point.transform.rotation
-    marks = [_kind(str(mark.type)) for mark in (point.left_lane_marking, point.right_lane_marking)]
+    marks = [
+        drawn_mark(str(mark.type)) for mark in (point.left_lane_marking, point.right_lane_marking)
+    ]
     # CARLA's reader takes the rise for each metre for an angle, and adds a turn in left lanes.
     slope = math.remainder(math.radians(turned.pitch), math.tau)
     place = [where.x, where.y, where.z, math.radians(turned.yaw), slope]
     return [*place, point.lane_width, *marks, _station(point), not point.is_junction]
-
-
-def _kind(mark: str) -> float:
-    if mark in ("NONE", "Other", "Curb", "Grass"):
-        return 0.0
-    return 2.0 if mark.startswith(("Broken", "Botts")) else 1.0
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge import presets
 from overtaking.knowledge.blueprints import blueprints
-from overtaking.simulators.carla_server import snapshot
+from overtaking.simulators.carla_server import catalogue, snapshot
 from overtaking.simulators.carla_server.ackermann import Seen
 from overtaking.simulators.carla_server.actors import (
     ORIGIN,
@@ -22,23 +22,11 @@ from overtaking.simulators.carla_server.actors import (
     bounding_box,
     world_pose,
 )
-from overtaking.simulators.carla_server.answers import Refused
 from overtaking.simulators.carla_server.arguments import Description, Settings, Transform, Vector
 from overtaking.simulators.carla_server.bodies import Nature, body_of
 from overtaking.simulators.carla_server.camera import Scene
-from overtaking.simulators.carla_server.catalogue import (
-    CAMERA,
-    COLLISION,
-    MAX_FOV_DEG,
-    MAX_PIXELS,
-    MIN_FOV_DEG,
-    SEMANTIC_TAGS,
-    SPECTATOR,
-    WALKER,
-    WALKER_CONTROLLER,
-    catalogue,
-)
 from overtaking.simulators.carla_server.fleet import Fleet
+from overtaking.simulators.carla_server.protocol import Refused
 from overtaking.simulators.carla_server.snapshot import ActorState, SensorType
 
 if TYPE_CHECKING:
@@ -49,10 +37,10 @@ if TYPE_CHECKING:
     from overtaking.simulators.carla_server.streams import Streams
 
 FREE_RUNNING_DELTA = 0.05
-"""Length of a tick that nobody has fixed [s]."""
+"""Length of a tick without a fixed one [s]."""
 
 SCENARIO_NAME = re.compile(r"overtaking\.scenario (\d{1,20}) (\d{1,20}) (-?\d\.\d{1,12})")
-"""Role name of an actor that says what CARLA's weather leaves open."""
+"""Role name of an actor with what CARLA's weather has no field for."""
 
 MAX_ACTORS = 500
 _FIRST_ID = 20
@@ -91,7 +79,7 @@ class World:
         """Begin a new episode.
 
         Args:
-            name: Of the map, with or without folders; empty for the one that is there.
+            name: Of the map, with or without folders; empty for the loaded one.
             reset_settings: Whether clients find the settings of a new server.
 
         Raises:
@@ -118,7 +106,11 @@ class World:
         self._scene: Scene | None = None
         above = Transform(Vector(0.0, 0.0, 50.0), UPRIGHT)
         self.spectator = self._enter(
-            Actor(actor_id=self._take_id(), description=Description(0, SPECTATOR, ()), pose=above)
+            Actor(
+                actor_id=self._take_id(),
+                description=Description(0, catalogue.SPECTATOR, ()),
+                pose=above,
+            )
         )
 
     def _take_id(self) -> int:
@@ -150,9 +142,9 @@ class World:
         Raises:
             Refused: There is no such blueprint or parent, no room, or no more actors are taken.
         """
-        if wanted.blueprint not in catalogue():
+        if wanted.blueprint not in catalogue.catalogue():
             raise Refused(f"this headless server has no blueprint {wanted.blueprint}")
-        if wanted.blueprint in (WALKER, WALKER_CONTROLLER):
+        if wanted.blueprint in (catalogue.WALKER, catalogue.WALKER_CONTROLLER):
             raise Refused("this headless server has no walkers")
         if len(self.actors) >= MAX_ACTORS:
             raise Refused(f"this headless server takes at most {MAX_ACTORS} actors")
@@ -166,18 +158,18 @@ class World:
 
     def _new_vehicle(self, wanted: Description, pose: Transform) -> Vehicle:
         body, motion = body_of(wanted.blueprint), self.place.motion(pose)
-        if self.fleet.overlapped(body, motion, pose.location.z) is not None:
+        if not self.fleet.is_free(body, motion, pose.location.z):
             raise Refused("Spawn failed because of collision at spawn position")
         actor_id = self._take_id()
         self.fleet.add(actor_id, body, motion)
         self.fleet.heights[actor_id] = pose.location.z
-        tag = SEMANTIC_TAGS[blueprints()[wanted.blueprint].base_type]
+        tag = catalogue.SEMANTIC_TAGS[blueprints()[wanted.blueprint].base_type]
         return Vehicle(actor_id=actor_id, description=wanted, pose=pose, body=body, tag=tag)
 
     def _new_sensor(self, wanted: Description, pose: Transform, parent: int) -> Actor:
         actor_id = self._take_id()
         sensor = Actor(actor_id=actor_id, description=wanted, pose=pose, parent=parent)
-        if wanted.blueprint == CAMERA:
+        if wanted.blueprint == catalogue.CAMERA:
             picture = _picture(sensor)
             sensor = Camera(
                 actor_id=actor_id, description=wanted, pose=pose, parent=parent, picture=picture
@@ -221,9 +213,9 @@ class World:
     def _take_nature(self, name: str) -> None:
         """Take what CARLA's weather leaves open from the role name of an actor.
 
-        `overtaking.scenario SEED NUMBER WIND_DIRECTION` says which gusts and puddles there are, and
-        where the wind blows to, anticlockwise from the direction of travel [rad]. To a real server
-        it is a role name like any other.
+        `overtaking.scenario SEED NUMBER WIND_DIRECTION` sets the seed of gusts and puddles, and the
+        direction of the wind, anticlockwise from the direction of travel [rad]. A real server takes
+        it for a role name like any other.
         """
         match = SCENARIO_NAME.fullmatch(name)
         if match is None:
@@ -242,10 +234,10 @@ class World:
     # --- time ---
 
     def tick(self, *, pace: float = 0.0) -> None:
-        """Let one tick pass, and tell all who listen.
+        """Simulate one tick and send its data to all listeners.
 
         Args:
-            pace: They are not told before this time has passed since now [s].
+            pace: Shortest time from now until the data are sent [s].
         """
         begin, delta = monotonic(), self.delta
         self.frame += 1
@@ -293,7 +285,7 @@ class World:
             totals[pair] = Vector(*(a + b for a, b in zip(old, gain, strict=True)))
         for (own, other), impulse in totals.items():
             for sensor in list(self.actors.values()):
-                if sensor.blueprint == COLLISION and sensor.parent == own:
+                if sensor.blueprint == catalogue.COLLISION and sensor.parent == own:
                     pair = (self.layout(self.actors[own]), self.layout(self.actors[other]))
                     body = snapshot.collision(*pair, impulse)
                     self._send(sensor, SensorType.COLLISION, body)
@@ -323,7 +315,7 @@ class World:
             self.streams.send(sensor.stream, head + body)
 
     def _take_pictures(self) -> None:
-        """Draw for every camera that somebody looks at."""
+        """Draw for every camera with a listener."""
         if self.settings.no_rendering:
             return
         for camera in list(self.actors.values()):
@@ -350,8 +342,8 @@ def _picture(sensor: Actor) -> Picture:
         interval = float(sensor.attribute("sensor_tick", "0"))
     except ValueError:
         raise Refused("an attribute of the camera is no number") from None
-    if not (width > 0 and height > 0 and width * height <= MAX_PIXELS):
-        raise Refused(f"the picture has no pixels, or more than {MAX_PIXELS}")
-    if not MIN_FOV_DEG <= fov <= MAX_FOV_DEG or not 0.0 <= interval < math.inf:
+    if not (width > 0 and height > 0 and width * height <= catalogue.MAX_PIXELS):
+        raise Refused(f"the picture has no pixels, or more than {catalogue.MAX_PIXELS}")
+    if not catalogue.MIN_FOV_DEG <= fov <= catalogue.MAX_FOV_DEG or not 0.0 <= interval < math.inf:
         raise Refused("the field of view or the interval of the camera is out of range")
     return Picture(width, height, fov, interval)

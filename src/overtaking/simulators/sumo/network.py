@@ -1,4 +1,4 @@
-"""From a road to a network of SUMO: one edge with our lanes, long enough that nobody meets its end.
+"""From a road to a network of SUMO: one edge with our lanes, longer than any vehicle drives.
 
 SUMO's x is `s` and its y is `d`, turned so that the fast side is on the left: in left-hand traffic
 SUMO sees the mirror image, as the step of this package does (ADR 6). No netconvert is needed, as an
@@ -22,7 +22,7 @@ _LOOK_AHEAD = 60.0
 
 
 def length_for(farthest_start: float, horizon: float) -> float:
-    """Length of the edge after s = 0 that nobody reaches the end of [m].
+    """Length of the edge after s = 0, so that no vehicle reaches its end [m].
 
     Args:
         farthest_start: Largest `s` at the first frame [m].

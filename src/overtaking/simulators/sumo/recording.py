@@ -1,4 +1,4 @@
-"""From what SUMO says of its vehicles to the recorded integers, rounded once."""
+"""From SUMO's states of vehicles to the recorded integers, rounded once."""
 
 import hashlib
 from dataclasses import dataclass
@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import (
-    METRES_PER_SECOND_PER_STEP,
-    METRES_PER_SECOND_SQUARED_PER_STEP,
-    METRES_PER_STEP,
+    BEYOND_SLOW_EDGE,
     NO_VEHICLE,
-    RADIANS_PER_STEP,
+    STEPS,
     Contacts,
     Lights,
     Percepts,
@@ -23,7 +21,7 @@ from overtaking.model.trajectory import (
 )
 
 UNKNOWN = frozenset({"lamps", "wheel_angle", "yaw_rate", "impulse", "percepts"})
-"""What SUMO cannot say: it has no wheels, no headlamps, no masses that meet and no beliefs."""
+"""Quantities that SUMO lacks: it has no wheels, headlamps, colliding masses or beliefs."""
 
 RAW = ("front", "d", "speed", "drift", "accel", "angle", "signals")
 """What is read of a vehicle in each frame, lateral axis towards the fast side, angle in degrees."""
@@ -32,9 +30,8 @@ F64 = NDArray[np.float64]
 
 _RIGHT, _LEFT, _BRAKE = 1, 2, 8  # SUMO's VEH_SIGNAL_BLINKER_RIGHT, _BLINKER_LEFT, _BRAKELIGHT.
 _NORTH = 90.0  # SUMO counts angles clockwise from y; its x is our `s`.
-_BEYOND_SLOW_EDGE = 255
 _WIDE, _HALF, _BYTE = np.int32, np.int16, np.uint8
-_TYPES: dict[str, type[np.generic]] = {
+_TYPES: dict[str, type[np.integer[Any]]] = {
     **dict.fromkeys(("x", "y", "s", "d", "speed"), _WIDE),
     **dict.fromkeys(("heading", "wheel_angle", "accel_lon", "accel_lat", "yaw_rate"), _HALF),
     **dict.fromkeys(("lane", "lights"), _BYTE),
@@ -90,7 +87,7 @@ class Recording:
         for slot, (partner, time_ms, closing) in run.contacts.items():
             self._partner[row, slot] = partner
             self._contact["time"][row, slot] = time_ms
-            self._contact["closing_speed"][row, slot] = _steps(closing, METRES_PER_SECOND_PER_STEP)
+            self._contact["closing_speed"][row, slot] = _steps(closing, "speed")
         self._hash[row] = self._digest(row, count)
 
     def finish(self) -> Trajectories:
@@ -136,25 +133,26 @@ def _values(scenario: Scenario, row: int, raw: F64, frame_time: float) -> dict[s
     # Lateral acceleration is what the lateral speed changed by since the frame before.
     sideways = np.diff(drift, axis=1, prepend=drift[:, :1]) / frame_time
     filled = scenario.vehicles.valid[row][:, None]
-    values = {
-        "x": _steps(x, METRES_PER_STEP),
-        "y": _steps(y, METRES_PER_STEP),
-        "s": _steps(s, METRES_PER_STEP),
-        "d": _steps(left, METRES_PER_STEP),
-        "speed": _steps(np.sqrt(speed * speed + drift * drift), METRES_PER_SECOND_PER_STEP),
-        "heading": _steps(_wrapped(heading), RADIANS_PER_STEP),
-        "accel_lon": _steps(accel, METRES_PER_SECOND_SQUARED_PER_STEP, _HALF),
-        "accel_lat": _steps(road.side * sideways, METRES_PER_SECOND_SQUARED_PER_STEP, _HALF),
-        "lane": _lane(road, left),
-        "lights": _lights(road, signals),
+    numbers = {
+        "x": x,
+        "y": y,
+        "s": s,
+        "d": left,
+        "speed": np.sqrt(speed * speed + drift * drift),
+        "heading": _wrapped(heading),
+        "accel_lon": accel,
+        "accel_lat": road.side * sideways,
     }
+    values = {name: _steps(value, name) for name, value in numbers.items()}
+    values |= {"lane": _lane(road, left), "lights": _lights(road, signals)}
     return {name: np.where(filled, array, 0) for name, array in values.items()}
 
 
-def _steps(value: Any, step: float, kind: type[np.signedinteger[Any]] = _WIDE) -> Any:
-    """A value in whole steps, half to even, clamped to what the type holds."""
-    limit = np.iinfo(kind).max
-    return np.rint(np.clip(np.asarray(value) * (1.0 / step), -limit, limit)).astype(kind)
+def _steps(value: Any, name: str) -> Any:
+    """A number in steps of a column of `States`, half to even, clamped to what it holds."""
+    limit = np.iinfo(_TYPES[name]).max
+    steps = np.clip(np.asarray(value) * (1.0 / STEPS[name]), -limit, limit)
+    return np.rint(steps).astype(_TYPES[name])
 
 
 def _wrapped(angle: F64) -> F64:
@@ -164,7 +162,7 @@ def _wrapped(angle: F64) -> F64:
 
 def _lane(road: Road, d: F64) -> NDArray[np.int64]:
     index = road.lane_index(d)
-    return np.where(index < 0, _BEYOND_SLOW_EDGE, index)
+    return np.where(index < 0, BEYOND_SLOW_EDGE, index)
 
 
 def _lights(road: Road, signals: F64) -> NDArray[np.int64]:

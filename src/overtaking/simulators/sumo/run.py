@@ -7,7 +7,6 @@ depends on nothing but its scenario: not on the batch, nor on what ran before.
 import bisect
 import math
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +30,7 @@ CHUNK_SIZE = 32
 """Simulations to ask for at a time, so that a second or so passes between two signs of life."""
 
 SHARD_SIZE = 256
-"""Simulations that are lost at most when somebody ends the work: some ten seconds of it."""
+"""Largest number of simulations lost by an interruption: about ten seconds of work."""
 
 LARGEST_STEP_MS = 50
 """The EIDM is made for steps of 0.05 to 0.5 s; our own drivers decide as often [ms]."""
@@ -55,13 +54,13 @@ def simulate(scenario: Scenario) -> Trajectories:
         scenario: A batch of scenarios.
 
     Returns:
-        The recorded simulations; `unknown` names what SUMO cannot say.
+        The recorded simulations; `unknown` names what SUMO lacks.
 
     Raises:
         MissingExtraError: libsumo is not installed.
         ConfigError: libsumo is in use by others in this process, or refuses the scenario.
     """
-    library()  # What is missing is said before any work.
+    library()  # A missing package is reported before any work.
     interval = scenario.frame_interval_ms
     ends = np.floor(scenario.horizon.astype(np.float64) * 1000.0 / interval + 1e-6)
     frames = int(ends.max()) + 1 if scenario.num_simulations else 0
@@ -87,7 +86,7 @@ def _run(traffic: Traffic, row: int, last_frame: int, folder: Path) -> Run:
     net.write_text(network(scenario.road, ahead, traffic.friction[row].tolist()), encoding="utf-8")
     demand.write_text(routes(traffic, row), encoding="utf-8")
     with running(_options(scenario, row, net, demand)) as sumo:
-        return _Simulation.of(traffic, row, sumo).run(last_frame)
+        return _Simulation(traffic, row, sumo).run(last_frame)
 
 
 def _options(scenario: Scenario, row: int, net: Path, demand: Path) -> list[str]:
@@ -98,7 +97,7 @@ def _options(scenario: Scenario, row: int, net: Path, demand: Path) -> list[str]
         "step-length": step_ms(scenario.frame_interval_ms) / 1000.0,
         "lateral-resolution": LATERAL_RESOLUTION,
         "seed": word >> 1,  # SUMO takes 31 bits.
-        "collision.action": "warn",  # Noticed, and nobody vanishes.
+        "collision.action": "warn",  # Reported, and no vehicle is removed.
         "collision.mingap-factor": 0,
         "time-to-teleport": -1,
         "xml-validation": "never",
@@ -110,54 +109,28 @@ def _options(scenario: Scenario, row: int, net: Path, demand: Path) -> list[str]
     return [word for name, value in given.items() for word in (f"--{name}", str(value))]
 
 
-@dataclass(slots=True, kw_only=True)
 class _Simulation:
     """A simulation that SUMO has loaded.
 
-    Attributes:
+    Args:
         traffic: The batch.
-        row: Which simulation of it.
+        row: Row of the simulation in it.
         sumo: The module `libsumo`.
-        names: SUMO's name of each vehicle, by slot.
-        length: Of each vehicle, by slot [m].
-        borders: Lane borders, lateral axis towards the fast side [m].
-        centres: Lane centres [m].
-        lanes: Lane of each vehicle, by slot.
-        reach: How far ahead a leader is looked for [m].
-        watch: What the ego is doing.
-        contacts: First contact of each vehicle: partner, time [ms], speed of approach [m/s].
     """
 
-    traffic: Traffic
-    row: int
-    sumo: Any
-    names: dict[int, str]
-    length: dict[int, float]
-    borders: list[float]
-    centres: list[float]
-    lanes: dict[int, int]
-    reach: float
-    watch: Watch
-    contacts: dict[int, tuple[int, int, float]]
-
-    @classmethod
-    def of(cls, traffic: Traffic, row: int, sumo: Any) -> "_Simulation":
+    def __init__(self, traffic: Traffic, row: int, sumo: Any) -> None:
         """Begin."""
         road, vehicles = traffic.scenario.road, traffic.scenario.vehicles
         slots = np.flatnonzero(vehicles.valid[row]).tolist()
-        return cls(
-            traffic=traffic,
-            row=row,
-            sumo=sumo,
-            names={slot: str(slot) for slot in slots},
-            length={slot: float(vehicles.length[row, slot]) for slot in slots},
-            borders=(road.side * road.boundaries).tolist(),
-            centres=(road.side * road.centres).tolist(),
-            lanes={},
-            reach=float(constants().sight_range),
-            watch=Watch(settled=float(constants().settled_offset)),
-            contacts={},
-        )
+        self.traffic, self.row, self.sumo = traffic, row, sumo
+        self.names = {slot: str(slot) for slot in slots}  # SUMO's.
+        self.length = {slot: float(vehicles.length[row, slot]) for slot in slots}
+        # Lateral axis towards the fast side.
+        self.borders: list[float] = (road.side * road.boundaries).tolist()
+        self.centres: list[float] = (road.side * road.centres).tolist()
+        self.lanes: dict[int, int] = {}
+        self.watch = Watch(settled=float(constants().settled_offset))
+        self.contacts: dict[int, tuple[int, int, float]] = {}
 
     @property
     def scenario(self) -> Scenario:
@@ -165,7 +138,7 @@ class _Simulation:
         return self.traffic.scenario
 
     def run(self, last_frame: int) -> Run:
-        """Step to the end; frame 0 is what SUMO says after the step that inserts the vehicles."""
+        """Step to the end; frame 0 is SUMO's state after the step that inserts the vehicles."""
         interval = self.scenario.frame_interval_ms
         step = step_ms(interval)
         raw = np.zeros((len(RAW), self.scenario.num_slots, last_frame + 1))
@@ -201,7 +174,7 @@ class _Simulation:
         return {slot: _state(vehicle, name) for slot, name in self.names.items()}
 
     def _adapt(self, seen: dict[int, tuple[float, ...]]) -> None:
-        """Everybody wants their own speed, from the first frame on and in each new lane."""
+        """Set the desired speed of each vehicle at the first frame and in each new lane."""
         for slot, (_, d, *_) in seen.items():
             lane = self._lane(d)
             if self.lanes.get(slot) != lane:
@@ -217,7 +190,7 @@ class _Simulation:
             self.contacts.setdefault(other, (one, time_ms, closing))
 
     def _end(self, seen: dict[int, tuple[float, ...]], time_ms: int) -> int:
-        """When the simulation is over, as far as can be told now [ms]."""
+        """End of the simulation as known now [ms]."""
         before = self.watch.stage
         if before is Stage.CRASHED:
             return time_ms + _EVER
@@ -232,10 +205,10 @@ class _Simulation:
         return time_ms if idle and late else time_ms + _EVER
 
     def _sight(self, seen: dict[int, tuple[float, ...]]) -> Sight:
-        """What the stage of the ego is told from."""
+        """The state of the traffic from which the stage of the ego follows."""
         front, d, _, drift, *_ = seen[Role.EGO]
         lane, rear = self._lane(d), front - self.length[Role.EGO]
-        reach = front + self.reach
+        reach = front + float(constants().sight_range)
         ahead = [
             (other[0] - self.length[slot], slot)
             for slot, other in seen.items()

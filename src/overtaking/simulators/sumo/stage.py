@@ -1,14 +1,14 @@
-"""What the ego is doing, told from its movement: SUMO's drivers have no stages of an overtake."""
+"""The stage of the ego, derived from its movement: SUMO's drivers have no stages of an overtake."""
 
 from dataclasses import dataclass
 
 from overtaking.model.trajectory import Stage
 
 SIDEWAYS = 0.15
-"""Lateral speed from which somebody is changing lanes [m/s].
+"""Lateral speed from which a vehicle is changing lanes [m/s].
 
-The one that tells an attempt from keeping the lane in this package's labels; in SUMO nobody wanders
-within a lane.
+The labels use the same speed to distinguish an attempt from keeping the lane; in SUMO no vehicle
+drifts within a lane.
 """
 
 
@@ -67,8 +67,7 @@ class Watch:
         returns = self.stage in (Stage.RETURN, Stage.ABORT) or (self.stage is Stage.PASS and back)
         if not returns:
             return self.stage
-        # In SUMO the target may make way itself, and the ego go back before it is past: what counts
-        # is who is ahead in the end.
+        # In SUMO the target may fall back, and the ego return before it is past.
         if self.target in sight.passed:
             return Stage.DONE if settled else Stage.RETURN
         return Stage.FOLLOW if settled else Stage.ABORT

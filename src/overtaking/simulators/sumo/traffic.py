@@ -37,13 +37,13 @@ _KEEP_RIGHT_TIME = 5.0
 """Time after which SL2015 keeps right where nothing is in the way, over `lcKeepRight` [s]."""
 
 _DECISION_TIME = 1.0
-"""In which a driver decides to overtake who would gain exactly `passing_gain` [s]; our choice."""
+"""Time of the decision to overtake at a gain of exactly `passing_gain` [s]; our choice."""
 
 _LEAST_SIGNAL_TIME = 0.5
-"""Keeps `lcKeepRight` within ten times its default where nobody signals [s]; our choice."""
+"""Keeps `lcKeepRight` within ten times its default without a signal [s]; our choice."""
 
 _DEPARTURE_FACTOR = 20.0
-"""Speed limits over which vehicles may start: SUMO refuses who is faster than it wants to be."""
+"""Speed limits over which vehicles may start: SUMO refuses a vehicle above its desired speed."""
 
 _LEAST = 1e-3
 
@@ -125,7 +125,7 @@ def _body(traffic: Traffic, row: int, slot: int) -> Attributes:
         "width": v.width[row, slot],
         "height": v.height[row, slot],
         "mass": v.mass[row, slot],
-        "maxSpeed": top,  # SUMO refuses who starts faster than this.
+        "maxSpeed": top,  # SUMO refuses a faster start.
         "desiredMaxSpeed": top,  # Else that of the class: 20 km/h for bicycles.
     }
 

@@ -1,7 +1,7 @@
-"""What SUMO can take of the weather: friction of each lane, and how well drivers judge distances.
+"""The weather in SUMO: friction of each lane, and how well drivers judge distances.
 
 SUMO has no wind, no spray, no sun in the eyes and no range of sight: its drivers see everything
-near them at any time, so an overtake there never fails because somebody was not seen.
+near them at any time, so no overtake there fails because a vehicle was not seen.
 """
 
 import numpy as np

@@ -27,7 +27,7 @@ def test_a_planted_rule_is_found_in_words():
     assert len(found.rules) == 1
     parts = set(found.rules[0].text.split(" and "))
     assert "it is night" in parts
-    gap = next(one for one in found.rules[0].conditions if one.attribute.unit == "m")
+    gap = next(one for one in found.rules[0].conditions if one.attribute.scale.unit == "m")
     assert gap.value == pytest.approx(40.0, abs=2.0)
     assert not gap.is_least
 
@@ -80,7 +80,7 @@ def test_the_beam_finds_the_best_pair_of_conditions():
         hits = int((covered & positive).sum())
         return hits - cost * (int(covered.sum()) - hits)
 
-    task = covering._Task(
+    search = covering._Search(
         is_negated=False,
         holds=holds.astype(np.float32),
         may_join=covering._may_join(
@@ -90,8 +90,10 @@ def test_the_beam_finds_the_best_pair_of_conditions():
         gain=1.0,
         cost=cost,
         least=least,
+        max_rules=1,
+        max_conditions=2,
     )
-    found = covering._best_rule(task, np.ones(len(EXAMPLES), np.bool_), 2)
+    found = search.best_rule(np.ones(len(EXAMPLES), np.bool_))
     best = max(gain(pair) for pair in combinations(range(len(conditions)), 2))
     assert gain(found) >= best - least
 
@@ -99,23 +101,22 @@ def test_the_beam_finds_the_best_pair_of_conditions():
 def test_a_rule_that_came_out_too_broad_is_looked_for_again():
     positive = about("Unsuccess_col")
     conditions = conditions_of(EXAMPLES, positive)
-    task = next(
-        one for one in covering._tasks(positive, conditions, EXAMPLES) if not one.is_negated
-    )
+    searches = covering._searches(EXAMPLES, positive, conditions, (1, 2))
+    search = next(one for one in searches if not one.is_negated)
     night = next(n for n, one in enumerate(conditions) if one.text == "it is night")
-    found = covering._bettered(task, [(night,)], max_rules=1, max_conditions=2)
-    assert found == covering._rules(task, 1, 2)
-    assert covering._worth(task, found) > covering._worth(task, [(night,)]) + task.least
+    found = search.bettered([(night,)])
+    assert found == search.rules()
+    assert search.worth(found) > search.worth([(night,)]) + search.least
 
 
 def test_looking_again_costs_no_more_than_what_is_dropped():
     positive = about("Success_L")
     conditions = conditions_of(EXAMPLES, positive)
-    for task in covering._tasks(positive, conditions, EXAMPLES):
-        once = covering._rules(task, 4, 2)
-        again = covering._bettered(task, once, 4, 2)
+    for search in covering._searches(EXAMPLES, positive, conditions, (4, 2)):
+        once = search.rules()
+        again = search.bettered(once)
         assert len(again) <= 4
-        assert covering._worth(task, again) > covering._worth(task, once) - task.least
+        assert search.worth(again) > search.worth(once) - search.least
 
 
 def test_the_rule_that_is_worth_most_comes_first():

@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from overtaking.analysis.learning.attributes import ATTRIBUTES, FACTORS
-from overtaking.analysis.learning.derived import time_to_safe_gap
+from overtaking.analysis.learning.attributes import ATTRIBUTES, FACTORS, time_to_safe_gap
 from overtaking.analysis.learning.examples import groups_of, refuse_too_few
 from overtaking.analysis.learning.leakage import LEAKS, chosen_factors
 from overtaking.analysis.learning.targets import TARGETS, is_asked, target_of

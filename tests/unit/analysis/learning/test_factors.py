@@ -7,9 +7,8 @@ import pytest
 from tests.support.learning import planted
 
 from overtaking.analysis.learning.factors import calibration_error, learn_factors, reliability
-from overtaking.analysis.learning.models import MODELS, model_of
+from overtaking.analysis.learning.models import MODELS, folds, model_of, split
 from overtaking.analysis.learning.rules import BASELINE, learn_rules
-from overtaking.analysis.learning.splits import folds, split
 from overtaking.analysis.learning.targets import TARGETS
 
 NUMBER = 600
@@ -29,30 +28,30 @@ def found():
 
 
 def test_what_decides_comes_first_and_what_does_not_comes_last(found):
-    order = [one.name for one in found.ranking]
+    order = [one.factor for one in found.ranking]
     assert order[0] == "speed"
     assert order[3] == "rain"
     assert abs(found.ranking[3].gain) < 0.03
     assert found.ranking[0].gain > found.ranking[2].gain
-    assert found.ranking[1].low > found.most_frequent
+    assert found.ranking[1].accuracy_low > found.most_frequent_accuracy
 
 
 def test_every_model_beats_the_most_frequent_outcome(found):
     assert [one.name for one in found.models] == list(MODELS)
-    assert all(one.low > found.most_frequent for one in found.models)
+    assert all(one.accuracy_low > found.most_frequent_accuracy for one in found.models)
     assert found.models[1].accuracy > 0.9
 
 
 def test_confusion_adds_up_to_what_was_kept_back(found):
     for one in found.models:
-        assert one.confusion.sum() == found.num_kept
-        assert np.trace(one.confusion) == round(one.accuracy * found.num_kept)
-    assert found.num_learned_from + found.num_kept == NUMBER
+        assert one.confusion.sum() == found.held_out
+        assert np.trace(one.confusion) == round(one.accuracy * found.held_out)
+    assert found.learned_from + found.held_out == NUMBER
 
 
 def test_a_leak_shows(found):
-    assert [one.name for one in found.faked] == ["C"]
-    assert found.faked[0].gain > 0.0
+    assert [one.feature for one in found.leakage] == ["C"]
+    assert found.leakage[0].gain > 0.0
 
 
 def test_the_same_seed_gives_the_same_numbers():
@@ -73,11 +72,10 @@ def test_kin_stay_on_one_side():
 def test_calibration_is_judged_as_on_paper():
     sure = np.array([[0.95, 0.05]] * 4 + [[0.55, 0.45]] * 4)
     truth = np.array([0, 0, 0, 1, 0, 0, 1, 1])
-    said, was, counts = reliability(sure, truth)
-    assert (counts[9], counts[5]) == (4, 4)
-    assert (was[9], was[5]) == (0.75, 0.5)
-    assert np.isnan(said[0])
-    assert calibration_error(said, was, counts) == pytest.approx(0.5 * 0.2 + 0.5 * 0.05)
+    bins = reliability(sure, truth)
+    assert [(one.right, one.examples) for one in bins] == [(0.5, 4), (0.75, 4)]
+    assert [one.confidence for one in bins] == pytest.approx([0.55, 0.95])
+    assert calibration_error(bins) == pytest.approx(0.5 * 0.2 + 0.5 * 0.05)
 
 
 def test_every_model_calibrates_with_threads_of_any_number():

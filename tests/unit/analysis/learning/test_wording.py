@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from overtaking.analysis.learning.attributes import ATTRIBUTES, BY_NAME, FACTORS
+from overtaking.analysis.learning.attributes import (
+    ATTRIBUTES,
+    BY_NAME,
+    DERIVED,
+    FACTORS,
+    UNITS,
+)
 from overtaking.analysis.learning.conditions import Condition
-from overtaking.analysis.learning.wording import UNITS, condition_text, rounded
-from overtaking.data.tables.decision_columns import DECISION_COLUMNS
+from overtaking.analysis.learning.wording import condition_text, rounded
+from overtaking.data.tables.schemas import SCHEMAS
 
 
 @pytest.mark.parametrize(
@@ -67,11 +73,9 @@ def test_the_ends_of_a_limit_do_not_blur():
 
 
 def test_every_attribute_has_a_unit_and_comes_from_the_table_of_decisions():
-    from overtaking.analysis.learning.derived import DERIVED
-
-    columns = {one.field.name for one in DECISION_COLUMNS}
+    columns = set(SCHEMAS["decisions"].names)
     for one in ATTRIBUTES:
-        assert one.unit in UNITS
+        assert one.scale.unit in UNITS
         assert one.name in columns or one.name in DERIVED, one.name
         assert not one.name.startswith("believed")
 

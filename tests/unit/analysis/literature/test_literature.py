@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from overtaking.analysis.literature import datasets, factors, reading, references, studies, systems
-from overtaking.analysis.literature.answers import TABLES, answer
+from overtaking.analysis.literature.answers import TABLES, WORDS, answer, doubts, select
 from overtaking.analysis.literature.records import MEMBERS
-from overtaking.analysis.literature.selection import WORDS, doubts, select
 from overtaking.core.errors import ConfigError, KnowledgeError
 from overtaking.data.tables.schemas import SCHEMAS
 from overtaking.knowledge import reader
@@ -186,13 +185,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 @pytest.mark.parametrize(
     ("file", "old", "new", "said"),
     [
-        ("systems", "sae_level = 4", "sae_level = 6", "0, 1, 2, 3, 4, 5"),
-        ("systems", 'comfort = "+"', 'comfort = "nice"', "comfort"),
+        ("systems", "sae_level = 4", "sae_level = 6", "sae_level: .*5, got 6"),
+        ("systems", 'comfort = "+"', 'comfort = "nice"', "comfort: .*got nice"),
         ("systems", "value = 0", "value = 2", "another value than the printed one"),
         ("systems", 'source = "sae-j3016"', 'source = "hearsay"', "got hearsay"),
-        ("datasets", "year = 2012", 'year = "2012"', "expected int"),
-        ("datasets", "year = 2012", "years = 2012", "an unknown years"),
-        ("datasets", "boxes_3d = true", "boxes_3d = 1", "expected bool"),
+        ("datasets", "year = 2012", 'year = "2012"', "year: .*a valid integer, got 2012"),
+        ("datasets", "year = 2012", "years = 2012", "years: .*[Uu]nexpected"),
+        ("datasets", "boxes_3d = true", "boxes_3d = 1", "boxes_3d: .*a valid boolean, got 1"),
         ("datasets", '"night"', '"nite"', "got nite"),
         ("factors", 'kind = "implicit"', 'kind = "vague"', "got vague"),
         ("studies", 'category = "A"', 'category = "D"', "got D"),

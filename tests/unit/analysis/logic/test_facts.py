@@ -11,13 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.cases import LEFT, Track, case, ramp
-from tests.support.logic import ALL, program_of, solved
+from tests.support.logic import ALL, group_of, program_of, solved
 
 from overtaking.analysis.logic import facts as writing
-from overtaking.analysis.logic import rounding
+from overtaking.analysis.logic import integers
 from overtaking.analysis.logic.export import PROGRAMS
-from overtaking.analysis.logic.facts import Demand, everything
-from overtaking.analysis.logic.header import header
+from overtaking.analysis.logic.facts import Demand, everything, header
 from overtaking.analysis.logic.vocabulary import FACTS, LARGEST, THEORY
 from overtaking.core.errors import SchemaError
 
@@ -62,7 +61,7 @@ def test_what_happens_is_found_in_the_same_frame_however_few_are_written(name: s
 @given(METRES, METRES)
 def test_a_limit_compares_with_what_it_limits_as_before(limit: float, value: float):
     limits, values = (np.array([each], np.float32) for each in (limit, value))
-    whole, given_ = int(rounding.beside(limits, values)[0]), int(rounding.down(values)[0])
+    whole, given_ = int(integers.beside(limits, values)[0]), int(integers.down(values)[0])
     assert (whole > given_, whole < given_) == (limits[0] > values[0], limits[0] < values[0])
     assert abs(whole - 1000.0 * limit) <= 2.0
 
@@ -71,8 +70,8 @@ def test_a_limit_compares_with_what_it_limits_as_before(limit: float, value: flo
 def test_rounding_keeps_the_side_of_every_whole_threshold(metres: float, threshold: int):
     value = np.array([metres], np.float32)
     exact = float(value[0]) * 1000.0
-    assert (rounding.down(value)[0] >= threshold) == (exact >= threshold)
-    assert (rounding.up(value)[0] <= threshold) == (exact <= threshold)
+    assert (integers.down(value)[0] >= threshold) == (exact >= threshold)
+    assert (integers.up(value)[0] <= threshold) == (exact <= threshold)
 
 
 def test_a_value_outside_its_declared_range_is_refused():
@@ -84,10 +83,10 @@ def test_a_value_outside_its_declared_range_is_refused():
 def test_only_what_is_asked_for_is_written():
     recorded = over_and_back()
     demand = Demand(patterns={"spacing": frozenset([(None, "leader", None, None, None, None)])})
-    found = writing.facts(recorded, np.array([0]), demand)
+    found = writing.facts(group_of(recorded), demand)
     assert set(found) == {"spacing"}
     assert set(found["spacing"][1].tolist()) == {0}
-    assert len(found["spacing"][0]) < len(writing.facts(recorded, np.array([0]), ALL)["spacing"][0])
+    assert len(found["spacing"][0]) < len(writing.facts(group_of(recorded), ALL)["spacing"][0])
 
 
 def test_every_predicate_is_declared_above_the_facts_and_no_measurement_of_the_law_is_a_verdict():

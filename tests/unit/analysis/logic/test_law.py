@@ -7,13 +7,12 @@ from functools import cache
 import numpy as np
 import pytest
 from tests.support.law_fixtures import FIXTURES
-from tests.support.logic import program_of, solved
+from tests.support.logic import group_of, program_of, solved
 
 from overtaking import sample, simulate
 from overtaking.analysis.logic.export import PROGRAMS
-from overtaking.analysis.logic.facts import Classes
 from overtaking.analysis.logic.law import CODES, judged, law, lawyer
-from overtaking.analysis.logic.source import Group, case_of
+from overtaking.labels.events import case_of
 from overtaking.labels.law import PORTUGAL, check
 from overtaking.model.labels import Case, Verdict
 
@@ -63,11 +62,8 @@ def test_both_say_the_same_of_every_fixture(place: int):
 @pytest.mark.parametrize(("profile", "number"), [("pinto2023", 176), ("motorway-risk", 24)])
 def test_both_say_the_same_of_simulations(profile: str, number: int):
     case = case_of(simulate(sample(profile, number, seed=23)))
-    nothing = np.zeros(number, np.uint8)
-    labels = Classes(classes=np.stack([nothing] * 3, axis=1), outcome=nothing)
-    group = Group(numbers=np.arange(number), case=case, labels=labels, done=number)
     with lawyer() as reasoner:
-        said = judged(reasoner, group)
+        said = judged(reasoner, group_of(case))
     findings = check(PORTUGAL, case)
     place = [findings.rules.index(code) for code in CODES]
     verdict = findings.verdict[:, place]

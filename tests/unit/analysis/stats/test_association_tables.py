@@ -7,12 +7,13 @@ import math
 import pytest
 from tests.support.features import synthetic_features
 
-from overtaking.analysis.stats.association_tables import (
+from overtaking.analysis.stats.associations import (
+    Associations,
+    associations,
     class_associations,
     reading,
     strongest_pairs,
 )
-from overtaking.analysis.stats.associations import Associations, associations
 from overtaking.analysis.stats.sample import prepare
 
 

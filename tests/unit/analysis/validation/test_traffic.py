@@ -9,9 +9,10 @@ import pytest
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.analysis.validation import traffic
-from overtaking.analysis.validation.figures import figures
+from overtaking.analysis.validation.figures import DEFINITIONS, RATE, figures
 from overtaking.analysis.validation.tally import Tally, quantile
 from overtaking.analysis.validation.traffic import Batch
+from overtaking.knowledge import quantities
 from overtaking.sim import engine
 from overtaking.world.parameters import parameters
 
@@ -103,3 +104,10 @@ def test_figures_are_plain_numbers_for_machines():
     tally = counted(*follower(45.0, 30.0, 30.0))
     rows = [figure.values() for figure in figures(tally, None)]
     assert json.loads(json.dumps(rows, allow_nan=False)) == rows
+
+
+def test_every_target_belongs_to_a_declared_figure():
+    names = [one.name for one in (RATE, *DEFINITIONS)]
+    assert len(set(names)) == len(names)
+    limits = [name.split(".") for name in quantities("validation.toml")]
+    assert {name for kind, name, *_ in limits if kind == "targets"} <= set(names)

@@ -85,7 +85,7 @@ def test_writing_a_data_set_does_not_load_pandas(module: str):
         "from overtaking.data.tables import arrow, digest, columns\n"
         "import pyarrow as pa\n"
         "table = pa.table({'a': arrow.to_arrow(np.arange(3, dtype=np.int32))})\n"
-        "field = columns.column('a', pa.int32(), '1', 'A')\n"
+        "field = columns.column('a', pa.int32(), 'A').field\n"
         "digest.content_of(table.cast(pa.schema([field])))\n"
         "print('pandas' in sys.modules)"
     )

@@ -6,47 +6,67 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from overtaking.core.units import SUFFIXES
 from overtaking.data.tables.columns import (
+    BYTE,
+    INT,
     STEPS,
-    SUFFIXES,
-    Enumeration,
+    attributes,
     codes,
     column,
+    declared,
     flags_of,
     names_of,
     short_codes,
     si_name,
     unit_of,
 )
+from overtaking.model.decisions import VehicleAhead
 
 
-def test_a_column_knows_its_unit_and_meaning():
-    field = column("gap_mm", pa.int32(), "mm", "Bumper gap", nullable=True)
+def test_a_column_knows_its_unit_and_meaning_and_ends_in_its_unit():
+    field = column("gap", INT, "Bumper gap", "mm", nullable=True).field
+    assert field.name == "gap_mm"
     assert unit_of(field) == "mm"
     assert field.metadata[b"description"] == b"Bumper gap"
     assert field.type == pa.int32()
     assert field.nullable
 
 
-def test_a_name_without_its_unit_is_refused():
-    with pytest.raises(ValueError, match="column gap: expected an ending '_mm' for unit 'mm'"):
-        column("gap", pa.int32(), "mm", "Bumper gap")
-
-
 def test_an_unknown_unit_is_refused():
     with pytest.raises(KeyError, match="furlong"):
-        column("gap", pa.int32(), "furlong", "Bumper gap")
+        column("gap", INT, "Bumper gap", "furlong")
 
 
 def test_an_enumeration_lists_its_names_in_order():
-    field = column("kind", Enumeration(names=("b", "a")), "1", "Kind")
+    field = column("kind", ("b", "a"), "Kind").field
     assert names_of(field) == ("b", "a")
     assert flags_of(field) == ()
     assert field.type == pa.dictionary(pa.int32(), pa.string())
 
 
 def test_flags_are_listed_from_the_lowest_bit():
-    assert flags_of(column("lights", pa.uint8(), "1", "Lights", flags=("a", "b"))) == ("a", "b")
+    assert flags_of(column("lights", BYTE, "Lights", flags=("a", "b")).field) == ("a", "b")
+
+
+def test_columns_of_a_part_of_a_batch_have_its_path():
+    given = column("gap", INT, "Gap", "mm"), column("age", INT, "Age", "ms", needs=["stage"])
+    gap, age = attributes("a.b", *given, prefix="x_", nullable=True, needs=("lamps",))
+    assert (gap.name, gap.path, gap.needs) == ("x_gap_mm", "a.b.gap", ("lamps",))
+    assert (age.name, age.path, age.needs) == ("x_age_ms", "a.b.age", ("stage",))
+    assert gap.field.nullable
+    assert gap.is_silent({"lamps"})
+    assert not age.is_silent({"lamps"})
+
+
+def test_columns_follow_from_what_the_fields_of_a_batch_declare():
+    found = {one.name: one for one in declared("ahead", VehicleAhead, nullable=True)}
+    assert found["ahead_ttc_s"].path == "ahead.encounter.ttc"
+    assert found["ahead_ttc_s"].present == "ahead.encounter.valid"
+    assert found["ahead_kind"].needs == ("kinds",)
+    assert names_of(found["ahead_kind"].field)[0] == "S"
+    assert found["return_gap_m"].present == "ahead.has_next"
+    assert "ahead_has_next" not in found
 
 
 @pytest.mark.parametrize(
@@ -63,7 +83,9 @@ def test_flags_are_listed_from_the_lowest_bit():
     ],
 )
 def test_the_name_in_si_ends_in_the_si_unit(name: str, unit: str, expected: str):
-    assert si_name(column(name, pa.int32(), unit, "Something")) == expected
+    field = column(name.removesuffix(SUFFIXES[unit]), INT, "Something", unit).field
+    assert field.name == name
+    assert si_name(field) == expected
 
 
 def test_every_step_has_an_ending_and_so_has_its_si_unit():

@@ -9,8 +9,8 @@ import pyarrow as pa
 import pytest
 
 from overtaking import _core
-from overtaking.data.contents import contents
 from overtaking.data.tables.digest import ContentDigest, content_of
+from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.schemas import SCHEMAS
 
 

@@ -7,11 +7,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
 
-from overtaking.data.contents import contents
 from overtaking.data.tables.columns import codes, names_of
 from overtaking.data.tables.encode import encode, overtaking
+from overtaking.data.tables.encode_labels import contents
+from overtaking.data.tables.lanes import lane_columns
 from overtaking.data.tables.schemas import KEYS, SCHEMAS
-from overtaking.data.tables.surroundings import Surroundings
 from overtaking.model.known_roads import known_road
 from overtaking.model.trajectory import Lights, Stage
 
@@ -36,22 +36,22 @@ def row(table: pa.Table, **keys: int) -> dict[str, object]:
     return found
 
 
-@pytest.mark.parametrize("name", SCHEMAS)
-def test_a_table_has_exactly_its_schema(name: str, tables):
-    assert tables[name].schema.equals(SCHEMAS[name], check_metadata=True)
-    tables[name].validate(full=True)
+def test_every_table_is_valid_and_has_exactly_its_schema(tables):
+    for name, schema in SCHEMAS.items():
+        assert tables[name].schema.equals(schema, check_metadata=True), name
+        tables[name].validate(full=True)
 
 
-@pytest.mark.parametrize("name", SCHEMAS)
-def test_no_column_that_may_not_be_null_is(name: str, tables):
-    nulls = {field.name for field in SCHEMAS[name] if tables[name][field.name].null_count}
-    assert nulls <= {field.name for field in SCHEMAS[name] if field.nullable}
+def test_no_column_that_may_not_be_null_is(tables):
+    for name, schema in SCHEMAS.items():
+        nulls = {field.name for field in schema if tables[name][field.name].null_count}
+        assert nulls <= {field.name for field in schema if field.nullable}, name
 
 
-@pytest.mark.parametrize("name", SCHEMAS)
-def test_rows_are_sorted_by_key_and_no_key_comes_twice(name: str, tables):
-    keys = list(zip(*(places(tables[name], key) for key in KEYS[name]), strict=True))
-    assert keys == sorted(set(keys))
+def test_rows_are_sorted_by_key_and_no_key_comes_twice(tables):
+    for name, table in tables.items():
+        keys = list(zip(*(places(table, key) for key in KEYS[name]), strict=True))
+        assert keys == sorted(set(keys)), name
 
 
 def places(table: pa.Table, key: str) -> list[int]:
@@ -125,30 +125,23 @@ def test_trace_hashes_are_their_words_in_little_endian_order(recorded, tables):
 def test_the_lanes_of_town06_are_those_of_the_papers_frame_70():
     """Frame 70 of Pinto et al.: lane -7, right Solid, left Broken, widths 3.5, 0.5 and 3.5 m."""
     road = known_road("town06")
-    around = Surroundings.of(road)
     lane = [lane.lane_id for lane in road.lanes].index(-7)
-    assert road.lanes[0].lane_id == around.lane_id[lane] == -7
+    found = {name: one.values[lane] for name, one in lane_columns(road).items()}
+    assert road.lanes[0].lane_id == found["lane_id"] == -7
     marks = [mark.value for mark in type(road.lanes[0].left_mark)]
-    assert (marks[around.right_mark[lane]], marks[around.left_mark[lane]]) == ("Solid", "Broken")
-    assert (around.width[lane], around.right_width[lane], around.left_width[lane]) == (
-        3.5,
-        0.5,
-        3.5,
-    )
-    assert (around.right_id[lane], around.left_id[lane]) == (-8, -6)
+    assert (marks[found["right_line"]], marks[found["left_line"]]) == ("Solid", "Broken")
+    widths = (found[f"{name}_width_m"] for name in ("lane", "right_lane", "left_lane"))
+    assert tuple(widths) == (3.5, 0.5, 3.5)
+    assert (found["right_lane_id"], found["left_lane_id"]) == (-8, -6)
 
 
 def test_right_and_left_change_places_in_a_mirrored_world():
     road = known_road("town06")
-    here, there = Surroundings.of(road), Surroundings.of(road.mirrored())
-    lanes = slice(road.num_lanes)
-    assert np.array_equal(there.lane_id[lanes], -here.lane_id[lanes])
-    for right, left in (
-        ("right_mark", "left_mark"),
-        ("has_right", "has_left"),
-        ("right_width", "left_width"),
-    ):
-        assert np.array_equal(getattr(there, right)[lanes], getattr(here, left)[lanes])
+    here, there = lane_columns(road), lane_columns(road.mirrored())
+    assert np.array_equal(there["lane_id"].values, -here["lane_id"].values)
+    for name in ("line", "lane_width_m"):
+        for mine, other in zip(here[f"left_{name}"], there[f"right_{name}"], strict=True):
+            assert np.array_equal(mine, other), name
 
 
 def stages(recorder, *names: str) -> list[bool]:

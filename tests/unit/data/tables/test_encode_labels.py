@@ -7,8 +7,8 @@ import pytest
 
 from overtaking.data.tables.decode import decode
 from overtaking.data.tables.encode_labels import encode_labels
-from overtaking.data.tables.label_schemas import EVENTS_IN_ORDER, LABEL_TABLES
-from overtaking.data.tables.schemas import KEYS, SCHEMAS
+from overtaking.data.tables.names import EVENTS
+from overtaking.data.tables.schemas import KEYS, LABEL_TABLES, SCHEMAS
 from overtaking.labels.label import Labelled, label
 from overtaking.model.events import NEVER, Detail, Outcome
 from overtaking.model.labels import OvertakeClass, Severity, Verdict
@@ -46,7 +46,7 @@ def test_a_table_is_sorted_by_its_key_and_has_its_schema(name, tables, frames):
 
 def test_every_event_that_happened_has_a_row_and_no_other(labelled, frames):
     rows = frames["events"].set_index(["simulation", "event"])["frame"]
-    for name in EVENTS_IN_ORDER:
+    for name in EVENTS:
         happened = getattr(labelled.events, name)
         for k in range(SIZE):
             key = (FIRST + k, name)

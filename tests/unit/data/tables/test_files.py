@@ -13,9 +13,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from overtaking.core.errors import SchemaError
-from overtaking.data.contents import contents
 from overtaking.data.tables import files
 from overtaking.data.tables.digest import content_of
+from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.files import (
     FileFacts,
     TableWriter,

@@ -12,8 +12,7 @@ from overtaking.data.tables.decode import decode
 from overtaking.data.tables.encode import encode
 from overtaking.data.tables.files import TableWriter, read_table
 from overtaking.data.tables.restore import restore
-from overtaking.data.tables.schemas import KEYS, RECORDED_TABLES, SCHEMAS
-from overtaking.data.tables.unknown import SILENT, schema_of, silent_columns
+from overtaking.data.tables.schemas import COLUMNS, KEYS, RECORDED_TABLES, SCHEMAS, schema_of
 from overtaking.model.trajectory import UNKNOWNS
 from overtaking.scenarios.assumed import assumed_bodies, assumed_drivers, assumed_weather
 
@@ -35,20 +34,21 @@ def tables(silent):
     return encode(silent, np.arange(5), sources=SOURCES)
 
 
-def test_every_name_of_what_may_be_unknown_says_which_columns_it_empties():
-    assert set(SILENT) == set(UNKNOWNS)
+def test_a_column_needs_only_what_may_be_unknown():
+    needs = {name for columns in COLUMNS.values() for one in columns for name in one.needs}
+    assert needs == set(UNKNOWNS)
 
 
-@pytest.mark.parametrize("table", RECORDED_TABLES)
-def test_what_is_unknown_is_null_and_nothing_else_is(table, tables):
-    empty = silent_columns(table, UNKNOWNS)
-    assert not empty & set(KEYS[table])
-    for field in tables[table].schema:
-        column = tables[table][field.name]
-        if field.name in empty:
-            assert column.null_count == len(column)
-        elif not SCHEMAS[table].field(field.name).nullable and field.name != "seed":
-            assert column.null_count == 0
+def test_what_is_unknown_is_null_and_nothing_else_is(tables):
+    for name in RECORDED_TABLES:
+        empty = {one.name for one in COLUMNS[name] if one.is_silent(UNKNOWNS)}
+        assert not empty & set(KEYS[name])
+        for field in tables[name].schema:
+            column = tables[name][field.name]
+            if field.name in empty:
+                assert column.null_count == len(column), field.name
+            elif not SCHEMAS[name].field(field.name).nullable and field.name != "seed":
+                assert column.null_count == 0, field.name
 
 
 def test_only_known_lengths_and_widths_are_left_of_a_body(tables):

@@ -9,7 +9,7 @@ import pytest
 from tests.support.cases import Track, case, ramp, seen_case, two_way_road
 from tests.support.worlds import wide_road
 
-from overtaking.labels.events.outcome import detail, outcome
+from overtaking.labels.events import detail, outcome
 from overtaking.model.events import NEVER, Detail, Outcome
 from overtaking.model.trajectory import NO_VEHICLE
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.support.cases import Track, case, ramp, two_way_road
+from tests.support.cases import Track, case, ramp, two_way_road, with_events
 from tests.support.law_fixtures import FIXTURES
 from tests.support.overtakes import BESIDE, CROSSED, against, alone, crossing, overtake, passing
 
-from overtaking.labels.explain.breach import Scene
-from overtaking.labels.explain.change import Change, Quantity, Remedy
+from overtaking.labels.events import case_of
+from overtaking.labels.explain.breach import Change, Quantity, Remedy, Scene
 from overtaking.labels.explain.remedies import REMEDIES, remedies_of
 from overtaking.labels.law import PORTUGAL, judge
 from overtaking.model.labels import Verdict
@@ -29,8 +30,6 @@ BREACHES = [
     for code, verdict, what, make in FIXTURES
     if verdict is Verdict.ILLEGAL
 ]
-LEADERS = [Around.LEADER, Around.LEFT_LEADER, Around.RIGHT_LEADER]
-FOLLOWERS = [Around.FOLLOWER, Around.LEFT_FOLLOWER, Around.RIGHT_FOLLOWER]
 GAPS = (Quantity.GAP_AHEAD, Quantity.GAP_BEHIND)
 IN_UNIT_OF_THE_MARGIN = {
     *GAPS,
@@ -54,26 +53,28 @@ def remedies(code: str, one: Case) -> tuple[Remedy, ...]:
 
 
 def put_in(one: Case, change: Change, by: float) -> Case:
-    """The case with one quantity of its signals changed, everything else being as it was."""
-    seen, target = one.signals, one.target
+    """The case as if one quantity had been recorded otherwise, everything else being as it was."""
+    run, seen, vehicle = one.trajectories, one.signals, change.vehicle
+    steps = math.copysign(math.ceil(abs(by) * 1000.0), by)  # Recorded in thousandths.
+    name, slot, frames = "speed", 0, np.ones(seen.num_frames, np.bool_)
     if change.quantity in GAPS:
-        gap = seen.gap.copy()
-        gap[seen.vehicle == change.vehicle] += np.float32(by)
-        return one.replace(signals=seen.replace(gap=gap))
-    if change.quantity is Quantity.SPEED:
-        closing = seen.closing_speed.copy()
-        closing[:, LEADERS] += np.float32(by)
-        closing[:, FOLLOWERS] -= np.float32(by)
-        speed = seen.speed + np.float32(by)
-        return one.replace(signals=seen.replace(speed=speed, closing_speed=closing))
-    if change.quantity is Quantity.LATERAL_GAP:
-        apart = target.lateral_gap + np.float32(by)
-        return one.replace(target=target.replace(lateral_gap=apart))
-    if change.quantity is Quantity.TARGET_ACCEL:
-        return one.replace(target=target.replace(accel=target.accel + np.float32(by)))
-    assert change.quantity in (Quantity.LANE, Quantity.LANES_LEFT)
-    lane = (seen.lane.view(np.int8) + round(by)).astype(np.int8).view(np.uint8)
-    return one.replace(signals=seen.replace(lane=lane))
+        ahead = change.quantity is Quantity.GAP_AHEAD
+        name, slot, steps = "s", vehicle, steps if ahead else -steps
+        frames = (seen.vehicle[0, 0 if ahead else 1 :: 2] == vehicle).any(axis=0)
+    elif change.quantity is Quantity.LATERAL_GAP:
+        is_left = one.target.lateral[0, change.frame] > seen.lateral[0, change.frame]
+        name, slot, steps = "d", vehicle, steps if is_left else -steps
+    elif change.quantity is Quantity.TARGET_ACCEL:
+        name, slot = "accel_lon", vehicle
+    elif change.quantity is not Quantity.SPEED:
+        assert change.quantity in (Quantity.LANE, Quantity.LANES_LEFT)
+        name, steps = "lane", round(by)
+    values = getattr(run.states, name).copy()
+    moved = values[0, slot].astype(np.int64) + np.where(frames, int(steps), 0)
+    values[0, slot] = moved.astype(values.dtype)
+    changed = case_of(run.replace(states=run.states.replace(**{name: values})))
+    changed = changed.replace(signals=changed.signals.replace(friction=seen.friction))
+    return with_events(changed, one.events)
 
 
 def all_put_in(one: Case, remedy: Remedy, share: float) -> Case:

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.support.cases import Belief, Track, case, ramp
+from tests.support.cases import Belief, Track, case, ramp, with_events
 from tests.support.worlds import wide_road
 
 from overtaking import api
 from overtaking.data.tables.encode_labels import decisions as decision_table
+from overtaking.labels.events import case_of
 from overtaking.labels.features import decision_features
 from overtaking.labels.features.decision import features_at
 from overtaking.labels.label import label
-from overtaking.labels.signals.engine import signals
-from overtaking.labels.signals.target import target_signals
 from overtaking.model.batch import Batch
-from overtaking.model.labels import Case
 from overtaking.model.vehicles import Role, VehicleKind
+
+if TYPE_CHECKING:
+    from overtaking.model.labels import Case
 
 FRAMES = 500
 ROAD = wide_road(lanes=3)
@@ -64,22 +66,12 @@ def known_until(one: Case, frame: np.ndarray) -> Case:
     cut = run.replace(
         states=states, percepts=percepts, num_frames=(frame + 1).astype(run.num_frames.dtype)
     )
-    seen = signals(cut)
-    return Case(
-        trajectories=cut,
-        signals=seen,
-        events=one.events,
-        target=target_signals(cut, seen, one.events),
-    )
+    return with_events(case_of(cut), one.events)
 
 
 @pytest.fixture(scope="module")
 def simulated() -> Case:
-    said = label(api.simulate(api.sample("pinto2023", 96, 3)))
-    run, seen, events = said.trajectories, said.signals, said.events
-    return Case(
-        trajectories=run, signals=seen, events=events, target=target_signals(run, seen, events)
-    )
+    return case_of(api.simulate(api.sample("pinto2023", 96, 3)))
 
 
 def test_nothing_in_them_is_later_than_the_decision(simulated):

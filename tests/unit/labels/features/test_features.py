@@ -8,7 +8,7 @@ from tests.support.cases import NIGHT, Track, case, ramp
 from tests.support.worlds import wide_road
 
 from overtaking.labels.features import matched_features, paper_features
-from overtaking.labels.features.matched import pseudo_attempt
+from overtaking.labels.features.study import pseudo_attempt
 from overtaking.model.events import NEVER
 from overtaking.model.vehicles import VehicleKind
 

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.support.cases import with_events
 from tests.support.recordings import OVERTAKE, commonroad
 
 from overtaking.data.tables.encode_labels import encode_labels
-from overtaking.labels.events import engine, reference
+from overtaking.labels.events import case_of
+from overtaking.labels.features import matched_features
 from overtaking.labels.label import label
-from overtaking.labels.signals.engine import signals
 from overtaking.model.events import NEVER
 from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.scenes import scenes
@@ -80,19 +81,9 @@ def test_a_leader_that_is_no_longer_recorded_is_not_overtaken(judged):
     run = judged(*OVERTAKE).trajectories
     present = run.state_valid.copy()
     present[0, 1:, 20:] = False
-    seen = signals(run.replace(present=present))
-    for finder in (reference, engine):
-        found = finder.find_events(run.replace(present=present), seen)
-        assert found.attempt[0] == NEVER
+    assert case_of(run.replace(present=present)).events.attempt[0] == NEVER
 
 
 def features_of(found, events, run=None):
     """The matched features if these were the events."""
-    from overtaking.labels.features import matched_features
-    from overtaking.labels.signals.target import target_signals
-    from overtaking.model.labels import Case
-
-    run = run or found.trajectories
-    target = target_signals(run, found.signals, events)
-    case = Case(trajectories=run, signals=found.signals, events=events, target=target)
-    return matched_features(case)
+    return matched_features(with_events(case_of(run or found.trajectories), events))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 from tests.support.cases import Track, case, ramp
@@ -9,16 +11,18 @@ from tests.support.worlds import wide_road
 
 from overtaking import api
 from overtaking.data.tables.encode_labels import safety as safety_table
+from overtaking.labels.events import case_of
 from overtaking.labels.features import safety_measures
-from overtaking.labels.features.encounters import Side, encounter
 from overtaking.labels.label import label
 from overtaking.labels.law.frames import conduct
-from overtaking.labels.signals.target import target_signals
+from overtaking.labels.signals import encounter
 from overtaking.model.events import NEVER
-from overtaking.model.labels import Case
 from overtaking.model.safety import MOMENTS
 from overtaking.model.signals import Around
 from overtaking.world.measures import looming
+
+if TYPE_CHECKING:
+    from overtaking.model.labels import Case
 
 FRAMES = 500
 ROAD = wide_road(lanes=3)
@@ -143,19 +147,13 @@ def simulated():
 
 
 def test_the_worst_is_the_worst_of_every_frame(simulated):
-    run, seen, events = simulated.trajectories, simulated.signals, simulated.events
-    one = Case(
-        trajectories=run, signals=seen, events=events, target=target_signals(run, seen, events)
-    )
+    one = case_of(simulated.trajectories)
     span = conduct(one)
     for k in range(0, 64, 5):
         frames = np.arange(span.start[k], span.stop[k] + 1)
         rows = np.full(len(frames), k)
-        for name, place, side in (
-            ("front", Around.LEADER, Side.AHEAD),
-            ("rear", Around.FOLLOWER, Side.BEHIND),
-        ):
-            each = encounter(one, place, side, rows, frames)
+        for name, place in (("front", Around.LEADER), ("rear", Around.FOLLOWER)):
+            each = encounter(one, place, rows, frames)
             worst = getattr(simulated.safety, name)
             assert worst.valid[k, 0] == each.valid.any()
             if not each.valid.any():

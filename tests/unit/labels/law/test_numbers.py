@@ -25,7 +25,6 @@ from overtaking.knowledge import quantities
 from overtaking.labels import law
 from overtaking.labels.law import PORTUGAL, judge
 from overtaking.labels.law.frames import conduct, driving_end, manoeuvre
-from overtaking.labels.law.reference import longest_run
 from overtaking.model import labels
 from overtaking.model.labels import Severity, Verdict
 from overtaking.model.road import RoadMark
@@ -150,14 +149,6 @@ def test_l9_counts_the_longest_time_on_end():
     assert found.margin[0] == pytest.approx(8.0 - (420 - due) * 0.05, abs=1e-3)
 
 
-def test_the_first_of_several_longest_runs_is_told():
-    rows = np.array([0, 0, 0, 2, 2, 2, 2, 2])
-    frames = np.array([3, 4, 9, 1, 2, 7, 8, 10])
-    first, length = longest_run(rows, frames, 4)
-    assert first.tolist() == [3, -1, 1, -1]
-    assert length.tolist() == [2, 0, 2, 0]
-
-
 def test_l10_is_the_distance_between_the_sides():
     found = judge(RULES["L10"], passing(2.5 / 3.75))
     assert found.margin[0] == pytest.approx(2.5 - 1.8 - 0.8, abs=2e-3)
@@ -246,8 +237,7 @@ def test_on_a_two_way_road_the_other_lane_is_no_departure():
 
 def test_after_a_collision_nothing_is_judged():
     speed = np.where(np.arange(200) < 120, 30.0, 5.0)
-    one = crossing(ego={"speed": 30.0}, events=CROSSED | {"collision": 120})
-    crashed = one.replace(signals=one.signals.replace(speed=speed[None].astype(np.float32)))
+    crashed = crossing(ego={"speed": speed}, events=CROSSED | {"collision": 120})
     assert judge(RULES["L13"], crashed).verdict[0] == Verdict.LEGAL
 
 

@@ -9,11 +9,9 @@ import pytest
 from tests.support.cases import Track, ramp, seen_case
 from tests.support.overtakes import crossing
 
-from overtaking.labels.law import PORTUGAL
-from overtaking.labels.law.rule import judge
-from overtaking.labels.law.steady import steady_speed_at
-from overtaking.labels.signals.reference import lateral_speed_at
-from overtaking.labels.signals.target import signals_of
+from overtaking.labels.instants import lateral_speed_at
+from overtaking.labels.law import PORTUGAL, judge
+from overtaking.labels.law.others import steady_speed_at
 from overtaking.model.labels import Verdict
 from overtaking.recordings.recording import NEVER_RECORDED
 
@@ -50,7 +48,7 @@ def test_speeds_beside_a_gap_are_one_sided_for_single_frames_and_for_all():
     case = recorded(np.arange(200) * 0.01, ATTEMPT)
     run = case.trajectories
     rows, slot = np.zeros(1, np.intp), np.ones(1, np.intp)
-    expected = signals_of(run, case.signals, np.array([1], np.uint8)).lateral_speed[0]
+    expected = case.target.lateral_speed[0]
     for frame in range(ATTEMPT, 200):
         speed = lateral_speed_at(run, rows, slot, np.array([frame]))
         assert speed[0] == pytest.approx(0.2, abs=1e-3)

@@ -16,7 +16,8 @@ from overtaking.analysis.stats.associations import associations
 from overtaking.analysis.stats.columns import ALL_CLASSES, BY_NAME, FEATURES, NUMERIC
 from overtaking.analysis.stats.results import Statistics, statistics
 from overtaking.analysis.stats.survival import kaplan_meier
-from overtaking.show.plots import boxes, classes, histograms, matrices, pairs, style, waiting
+from overtaking.show.plots import distributions as single
+from overtaking.show.plots import pairs, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,14 +34,14 @@ def texts(figure: Figure) -> set[str]:
 
 
 def test_bars_are_as_long_as_the_shares(result: Statistics):
-    axes = classes.draw_classes(result.classes).axes[0]
+    axes = single.draw_classes(result.classes).axes[0]
     widths = [bar.get_width() for bar in axes.patches]  # type: ignore[attr-defined]
     assert widths == pytest.approx(result.classes.rows["share"].tolist())
 
 
 def test_stacked_bars_end_at_the_number_of_simulations(result: Statistics):
     counted = [distributions.histogram(result.sample, one.name) for one in FEATURES]
-    figure = histograms.draw_histograms(counted, result.sample.classes)
+    figure = single.draw_histograms(counted, result.sample.classes)
     for axes, one in zip(figure.axes, counted, strict=False):
         tops: dict[float, float] = {}
         for bar in axes.patches:
@@ -54,7 +55,7 @@ def test_stacked_bars_end_at_the_number_of_simulations(result: Statistics):
 def test_boxes_stand_at_the_quartiles(result: Statistics):
     numbers = distributions.boxes_by_class(result.sample, "SE")
     points = distributions.swarm_points(result.sample, "SE")
-    figure = boxes.draw_boxes_and_swarm(result.sample, BY_NAME["SE"], numbers, points)
+    figure = single.draw_boxes_and_swarm(result.sample, BY_NAME["SE"], numbers, points)
     left, right = figure.axes
     for patch, one in zip(left.patches, numbers.values(), strict=True):
         corners: Any = patch.get_path().vertices
@@ -66,7 +67,7 @@ def test_boxes_stand_at_the_quartiles(result: Statistics):
 
 def test_points_of_a_swarm_do_not_hide_each_other():
     heights = np.sort(np.random.default_rng(4).normal(0.0, 30.0, 150))
-    offsets = boxes.swarm_offsets(heights, 3.0)
+    offsets = single.swarm_offsets(heights, 3.0)
     apart = np.hypot(heights[:, None] - heights, offsets[:, None] - offsets)
     np.fill_diagonal(apart, np.inf)
     assert apart.min() >= 3.0 - 1e-6
@@ -74,12 +75,12 @@ def test_points_of_a_swarm_do_not_hide_each_other():
 
 
 def test_a_swarm_of_points_far_apart_is_a_line():
-    assert boxes.swarm_offsets(np.arange(10) * 5.0, 3.0).tolist() == [0.0] * 10
+    assert single.swarm_offsets(np.arange(10) * 5.0, 3.0).tolist() == [0.0] * 10
 
 
 def test_the_matrix_shows_every_association(result: Statistics):
     found = associations(result.sample)
-    figure = matrices.draw_associations(found)
+    figure = pairs.draw_associations(found)
     image = figure.axes[0].images[0].get_array()
     np.testing.assert_array_equal(np.asarray(image), found.values)
     assert {*found.names, ".93"} <= texts(figure)
@@ -87,7 +88,7 @@ def test_the_matrix_shows_every_association(result: Statistics):
 
 def test_p_values_that_survive_correction_are_bold(result: Statistics):
     found = associations(result.sample)
-    figure = matrices.draw_p_values(found)
+    figure = pairs.draw_p_values(found)
     bold = sum(one.get_fontweight() == "bold" for one in figure.axes[0].texts)
     assert bold == int((found.q_values < 0.05).sum())
     assert len(figure.axes[0].texts) == 16 * 15
@@ -100,7 +101,7 @@ def test_p_values_that_survive_correction_are_bold(result: Statistics):
 def test_an_association_is_short(result: Statistics, value: float, text: str):
     found = associations(result.sample)
     found.values[0, 1] = found.values[1, 0] = value
-    assert text in texts(matrices.draw_associations(found))
+    assert text in texts(pairs.draw_associations(found))
 
 
 def test_the_pair_plot_has_a_panel_for_each_pair(result: Statistics):
@@ -115,7 +116,7 @@ def test_the_pair_plot_has_a_panel_for_each_pair(result: Statistics):
 
 def test_the_curve_goes_through_its_points():
     curve = kaplan_meier(np.array([1.0, 2.0, 3.0, 4.0]), np.array([True, True, False, True]))
-    axes = waiting.draw_waiting(curve, 5.0).axes[0]
+    axes = single.draw_waiting(curve, 5.0).axes[0]
     x, y = (np.asarray(one) for one in axes.lines[0].get_data())
     assert x.tolist() == [0, 1, 2, 4, 5]
     assert y == pytest.approx([1.0, 0.75, 0.5, 0.0, 0.0])
@@ -124,7 +125,7 @@ def test_the_curve_goes_through_its_points():
 
 def test_a_late_median_is_named_within_the_axes():
     curve = kaplan_meier(np.array([0.95]), np.array([True]))
-    figure = waiting.draw_waiting(curve, 0.95)
+    figure = single.draw_waiting(curve, 0.95)
     figure.draw_without_rendering()
     axes = figure.axes[0]
     written = [one.get_window_extent() for one in axes.texts]
@@ -138,27 +139,27 @@ def test_a_late_median_is_named_within_the_axes():
 def test_few_simulations_are_counted_in_whole_numbers(simulations: int):
     sample = statistics(synthetic_features(simulations)).sample
     counted = [distributions.histogram(sample, one.name) for one in FEATURES]
-    figure = histograms.draw_histograms(counted, sample.classes)
+    figure = single.draw_histograms(counted, sample.classes)
     for axes in figure.axes[: len(counted)]:
         assert all(tick == round(tick) for tick in axes.get_yticks() if axes.patches)
 
 
 def test_the_same_figure_has_the_same_bytes(result: Statistics):
-    one, other = (classes.draw_classes(result.classes) for _ in range(2))
+    one, other = (single.draw_classes(result.classes) for _ in range(2))
     assert style.to_svg(one) == style.to_svg(other)
     assert style.to_png(one) == style.to_png(other)
     assert b"<dc:date>" not in style.to_svg(one)
 
 
 def test_a_users_settings_change_nothing_and_are_left_alone(result: Statistics):
-    plain = style.to_svg(classes.draw_classes(result.classes))
+    plain = style.to_svg(single.draw_classes(result.classes))
     with mpl.rc_context({"font.size": 30.0, "axes.labelpad": 40.0}):
-        assert style.to_svg(classes.draw_classes(result.classes)) == plain
+        assert style.to_svg(single.draw_classes(result.classes)) == plain
         assert mpl.rcParams["font.size"] == 30.0
 
 
 def test_a_figure_needs_nothing_from_outside(result: Statistics):
-    svg = style.to_svg(classes.draw_classes(result.classes)).decode()
+    svg = style.to_svg(single.draw_classes(result.classes)).decode()
     links = set(re.findall(r'(?:href|src)="([^"#]+)', svg)) | set(re.findall(r"url\((?!#)", svg))
     assert links == set()
     assert "<text" not in svg
@@ -172,10 +173,10 @@ def test_hardly_any_simulations_can_be_drawn(rows: int):
     points = distributions.pair_points(sample)
     found = associations(sample)
     figures = [
-        classes.draw_classes(result.classes),
-        histograms.draw_histograms(counted, sample.classes),
-        boxes.draw_scaled_boxes(distributions.scaled_boxes(sample)),
-        boxes.draw_boxes_and_swarm(
+        single.draw_classes(result.classes),
+        single.draw_histograms(counted, sample.classes),
+        single.draw_scaled_boxes(distributions.scaled_boxes(sample)),
+        single.draw_boxes_and_swarm(
             sample,
             BY_NAME["SE"],
             distributions.boxes_by_class(sample, "SE"),
@@ -183,8 +184,8 @@ def test_hardly_any_simulations_can_be_drawn(rows: int):
         ),
         pairs.draw_pairs(sample, [one for one in counted if not one.feature.is_nominal], points),
         pairs.draw_details(sample, points),
-        matrices.draw_associations(found),
-        matrices.draw_p_values(found),
+        pairs.draw_associations(found),
+        pairs.draw_p_values(found),
     ]
     for one in figures:
         one.draw_without_rendering()

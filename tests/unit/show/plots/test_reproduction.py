@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from overtaking.show.plots.reproduction import Panel, Ridge, draw_ridges, percent
+from overtaking.show.plots.comparison import Panel, Ridge, draw_ridges, percent
 
 
 def ridge(values: list[float], paper: float, *, is_count: bool = False) -> Ridge:

@@ -7,7 +7,6 @@ import math
 import pytest
 
 from overtaking.simulators.carla_server.ackermann import Ackermann, Seen
-from overtaking.simulators.carla_server.answers import Refused
 from overtaking.simulators.carla_server.arguments import (
     Attribute,
     Control,
@@ -19,16 +18,17 @@ from overtaking.simulators.carla_server.arguments import (
     Vector,
 )
 from overtaking.simulators.carla_server.physics import (
+    add_actor_angular_impulse,
+    add_actor_force_at_location,
+    add_actor_impulse_at_location,
+    add_actor_torque,
     apply_physics_control,
-    force_at,
-    hold_velocity,
+    disable_actor_constant_velocity,
+    enable_actor_constant_velocity,
     physics_control,
-    push_at,
-    release_velocity,
-    spin,
-    twist,
 )
 from overtaking.simulators.carla_server.places import Atlas, known_place
+from overtaking.simulators.carla_server.protocol import Refused
 from overtaking.simulators.carla_server.streams import Streams
 from overtaking.simulators.carla_server.survey import survey
 from overtaking.simulators.carla_server.world import World
@@ -102,14 +102,14 @@ def test_the_controller_reaches_its_speed_and_a_pedal_ends_it():
 def test_a_velocity_is_kept_in_the_axes_of_the_vehicle_until_it_is_released():
     world, car = car_in_the_calm()
     vehicle = world.vehicle(car)
-    hold_velocity(world, car, Vector(12.0, 0.5, 0.0))
+    enable_actor_constant_velocity(world, car, Vector(12.0, 0.5, 0.0))
     vehicle.drive(Control(brake=1.0))
     for _ in range(20):
         world.tick()
     assert vehicle.forward_speed == pytest.approx(12.0, abs=1e-3)
     # Sliding sideways turns it meanwhile.
     assert math.hypot(*vehicle.velocity) == pytest.approx(math.hypot(12.0, 0.5), abs=1e-3)
-    release_velocity(world, car)
+    disable_actor_constant_velocity(world, car)
     for _ in range(100):
         world.tick()
     assert vehicle.velocity == Vector(0.0, 0.0, 0.0)
@@ -119,7 +119,7 @@ def test_an_angular_impulse_turns_by_impulse_over_inertia():
     world, car = car_in_the_calm()
     inertia = world.vehicle(car).body["yaw_inertia"]
     # 10 degrees/s clockwise, in CARLA's kg cm^2.
-    spin(world, car, Vector(0.0, 0.0, 10.0 * inertia * 1e4))
+    add_actor_angular_impulse(world, car, Vector(0.0, 0.0, 10.0 * inertia * 1e4))
     assert math.degrees(world.fleet.motion(car).yaw_rate) == pytest.approx(-10.0, rel=1e-4)
 
 
@@ -127,19 +127,19 @@ def test_a_torque_acts_in_the_next_tick_and_not_after():
     turned: list[float] = []
     for torque in (0.0, 4e8):
         world, car = car_in_the_calm()
-        twist(world, car, Vector(0.0, 0.0, torque))
+        add_actor_torque(world, car, Vector(0.0, 0.0, torque))
         world.tick()
         turned.append(world.vehicle(car).turning)
         assert world.fleet._torques == {}
     assert turned[1] > turned[0] + 0.5
 
 
-@pytest.mark.parametrize("push", [push_at, force_at])
+@pytest.mark.parametrize("push", [add_actor_impulse_at_location, add_actor_force_at_location])
 def test_what_acts_on_the_right_rear_corner_forwards_turns_to_the_left(push: object):
     world, car = car_in_the_calm()
     where = world.vehicle(car).pose.location
     push(world, car, Vector(2000.0, 0.0, 0.0), where._replace(y=where.y + 0.8))  # type: ignore[operator]
-    if push is force_at:
+    if push is add_actor_force_at_location:
         assert world.fleet._torques[car] == pytest.approx(0.8 * 2000.0, rel=1e-3)
     else:
         inertia = world.vehicle(car).body["yaw_inertia"]

@@ -36,7 +36,7 @@ def test_where_all_have_called_the_longest_idle_gives_way_and_nobody_else(
 
     asyncio.run(come_and_go())
     (line,) = log
-    assert "was let go to make room" in line
+    assert "was closed to make room" in line
 
 
 async def _connected(count: int) -> list[asyncio.StreamWriter]:

@@ -1,4 +1,4 @@
-"""The picture of the camera: polygons against Shapely, and that it says what it is."""
+"""The picture of the camera: what is in it where, and that it says what it is."""
 
 from __future__ import annotations
 
@@ -6,18 +6,15 @@ import math
 
 import numpy as np
 import pytest
-import shapely
-from hypothesis import given
-from hypothesis import strategies as st
 
+from overtaking._core import Canvas, Drawing
 from overtaking.knowledge import presets
 from overtaking.simulators.carla_server.arguments import Rotation, Transform, Vector
 from overtaking.simulators.carla_server.camera import NOTE, Scene, air_of
 from overtaking.simulators.carla_server.lettering import dots, stamp
 from overtaking.simulators.carla_server.places import known_place
-from overtaking.simulators.carla_server.raster import Lens, fill, project
+from overtaking.simulators.carla_server.raster import Lens, project
 
-SIZE = (64, 48)
 PLACE = known_place("town06")
 
 
@@ -27,26 +24,6 @@ def weather(name: str) -> tuple[float, ...]:
 
 def looking(x: float, y: float, z: float, pitch: float = 0.0, yaw: float = 0.0) -> Transform:
     return Transform(Vector(x, y, z), Rotation(pitch, yaw, 0.0))
-
-
-def places(low: int, high: int) -> st.SearchStrategy[float]:
-    """Places in thousandths of a pixel: finer ones only test the oracle with tiny numbers."""
-    return st.integers(low * 1000, high * 1000).map(lambda place: place / 1000.0)
-
-
-@given(corners=st.lists(st.tuples(places(-30, 90), places(-30, 70)), min_size=3, max_size=7))
-def test_a_convex_polygon_covers_the_pixels_whose_middles_lie_in_it(
-    corners: list[tuple[float, float]],
-):
-    hull = shapely.convex_hull(shapely.MultiPoint(corners))
-    if not isinstance(hull, shapely.Polygon):
-        return
-    image = np.zeros((SIZE[1], SIZE[0], 4), np.uint8)
-    fill(image, np.array(hull.exterior.coords)[:-1], np.array([255.0, 255.0, 255.0]))
-    x, y = np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5)
-    inside = shapely.contains_xy(hull, x, y)
-    doubtful = shapely.distance(hull.exterior, shapely.points(x, y)) < 1e-6
-    assert ((image[:, :, 0] > 0) == inside)[~doubtful].all()
 
 
 def test_a_point_ahead_is_in_the_middle_and_one_to_the_right_is_right_of_it():
@@ -82,9 +59,10 @@ def test_every_picture_says_that_it_is_not_unreal():
 
 
 def test_the_note_fits_in_a_picture_of_a_few_pixels():
-    image = np.full((4, 10, 4), 90, np.uint8)
-    stamp(image, NOTE)
-    assert image.shape == (4, 10, 4)
+    canvas, drawing = Canvas(10, 4, "#ffffff"), Drawing()
+    stamp(drawing, (10, 4), NOTE)
+    canvas.draw(drawing)
+    assert canvas.rgb().min() < 128
 
 
 def test_night_is_darker_than_day_and_fog_hides_the_road_far_ahead():
@@ -107,7 +85,7 @@ def test_all_presets_give_a_picture_from_above_and_below_and_backwards():
 def test_lines_are_seen_from_above_where_the_map_has_them():
     image = picture(looking(300.0, 244.65, 20.0, -90.0))
     row = image[90, :, :3].astype(int).min(axis=1)
-    white = np.flatnonzero(row > 200)
+    white = np.flatnonzero(row > 160)  # A line is 1.2 pixels wide, its edges are smooth.
     # 20 m up with 90 degrees of view, 40 m of road fill 320 pixels: 8 pixels a metre. The solid
     # edges are 8.75 m from the middle of the third lane.
     assert abs(white.min() - (160 - 70)) <= 2

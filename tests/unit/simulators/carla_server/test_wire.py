@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import tracemalloc
 
 import msgpack
 import pytest
@@ -10,12 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from overtaking.simulators.carla_server.wire import (
-    MAX_DEPTH,
-    MAX_ITEMS,
+    MAX_FEW,
     MAX_MESSAGE_BYTES,
+    MAX_VALUES_BYTES,
     Budget,
     Decoder,
-    Encoded,
     ProtocolError,
     encode,
 )
@@ -66,7 +66,7 @@ def test_no_bytes_do_more_than_end_a_connection(data: bytes):
         b"\xa2\xff\xfe",  # no UTF-8,
         b"\xdd\xff\xff\xff\xff",  # an array that would not fit,
         b"\xc6\x7f\xff\xff\xff",  # bytes that would not fit,
-        b"\x91" * (MAX_DEPTH + 1),  # and nesting without end.
+        b"\x91" * 2000,  # and nesting without end.
     ],
 )
 def test_what_the_protocol_does_not_have_is_refused(data: bytes):
@@ -74,19 +74,52 @@ def test_what_the_protocol_does_not_have_is_refused(data: bytes):
         Decoder().feed(data)
 
 
-def test_nesting_up_to_the_limit_is_read():
-    data = b"\x91" * MAX_DEPTH + b"\x01"
+@pytest.mark.parametrize(
+    "head",
+    [
+        b"\x91\xdd\xff\xff\xff\xff",  # An array that would not fit in another,
+        b"\xdd\x00\x10\x00\x00" * 1000,  # many in each other,
+        b"\x91\xc6\x7f\xff\xff\xff",  # and bytes that would not fit.
+    ],
+)
+def test_what_is_declared_and_not_sent_takes_no_memory(head: bytes):
+    tracemalloc.start()
+    try:
+        assert Decoder().feed(head) == []
+        assert tracemalloc.get_traced_memory()[1] < 1 << 20
+    finally:
+        tracemalloc.stop()
+
+
+def test_nesting_as_deep_as_any_batch_is_read():
+    data = b"\x91" * 24 + b"\x01"
     (value,) = Decoder().feed(data)
-    for _ in range(MAX_DEPTH):
+    for _ in range(24):
         (value,) = value
     assert value == 1
 
 
-def test_many_small_values_are_refused_before_they_fill_the_memory():
-    decoder = Decoder()
-    inner = encode([1] * 1000)
-    with pytest.raises(ProtocolError, match="values"):
-        decoder.feed(b"\xdc\xff\xff" + inner * (MAX_ITEMS // 1000 + 1))
+def test_a_long_message_has_few_values():
+    long = "x" * MAX_VALUES_BYTES
+    assert Decoder().feed(encode([long, [1] * MAX_FEW])) == [[long, [1] * MAX_FEW]]
+    with pytest.raises(ProtocolError, match="max_array_len"):
+        Decoder().feed(encode([long, [1] * (MAX_FEW + 1)]))
+
+
+def test_the_values_of_a_hostile_message_take_bounded_memory():
+    # Arrays in each other, so that none is complete before the last, full of the values that grow
+    # most: two bytes of text become an object of 51.
+    level = b"\xdd" + (501).to_bytes(4, "big") + b"\xa2ab" * 500
+    data = level * 1000 + b"\x01"
+    assert len(data) <= MAX_VALUES_BYTES
+    tracemalloc.start()
+    try:
+        Decoder().feed(data)
+        assert tracemalloc.get_traced_memory()[1] < 64 * MAX_VALUES_BYTES
+    finally:
+        tracemalloc.stop()
+    with pytest.raises(ProtocolError):
+        Decoder().feed(level * 1020 + encode("x" * MAX_VALUES_BYTES))
 
 
 def test_a_message_that_never_ends_is_refused():
@@ -112,7 +145,3 @@ def test_finished_messages_give_back_what_they_took():
     decoder = Decoder(budget)
     for _ in range(50):
         assert decoder.feed(msgpack.packb("x" * 60)) == ["x" * 60]
-
-
-def test_what_is_encoded_already_is_sent_as_it_is():
-    assert encode([1, Encoded(encode(["a", 2.0]))]) == encode([1, ["a", 2.0]])

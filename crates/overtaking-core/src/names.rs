@@ -1,0 +1,49 @@
+// Made by crates/fields.py from world/parameters.py and world/constants.py; do not edit.
+
+lane_fields! {
+    /// Parameters of one vehicle slot.
+    Vehicle, VEHICLE_NAMES {
+        valid, half_length, half_width, tall, mass, inverse_mass, inverse_inertia, cg_front,
+        cg_rear, inverse_wheelbase, wheelbase, cg_height, front_stiffness, rear_stiffness,
+        launch_force, power, drag, rolling, max_speed, brake_force, front_drive, half_track,
+        understeer, moment_angle, two_wheeler, side_wind, wind_centre, wind_arm, wear, truck,
+        shelters, spray, loom_width, contrast, inverse_tail_lamp, inverse_head_lamp, lights,
+        desired_speed, pass_speed, time_gap, min_gap, accel, decel, interaction, overspeed_exponent,
+        hardest_decel, reaction_ticks, politeness, threshold, bias, safe_decel,
+        lane_change_duration, passing_gain, inverse_patience, pull_out_time, gap_acceptance,
+        return_time_gap, signal_time, uses_indicator, checks_blind_spot, start_s, start_d,
+        start_speed, start_lane,
+    }
+}
+
+lane_fields! {
+    /// Parameters of a simulation.
+    Simulation, SIMULATION_NAMES {
+        last_step, deadline_step, fog_extinction, rain_extinction, sight_front, sight_rear,
+        lamp_threshold, inverse_lit_range, detection_time, distance_error, speed_error, wind_along,
+        wind_across, gust_gain, gust_phase, gust_length, least_film, film_rain, texture,
+        puddle_reach, puddle_film, puddle_phase_1, puddle_phase_2, side_accel, command, ring,
+        inverse_ring,
+    }
+}
+
+number_fields! {
+    /// Constants of the model.
+    Constants {
+        step, decision, after_overtake, after_collision, smallest_gap, jerk_up, jerk_down,
+        jerk_emergency, jerk_release, coolness, signalling_time_gap, emergency_decel,
+        corridor_margin, footprint_margin, clear_fraction, clear_margin, visible_fraction, cooldown,
+        mobil_interval, no_passing_right_speed, smallest_rear_gap, free_ahead_time, patience_floor,
+        close_time_gap, waiting_time_gap, accelerate_gain, abort_until, abort_factor,
+        abort_cooldown, give_up_after, stay_time, clear_ahead, settled_offset, sight_range,
+        mirror_range, unseen_gap, seen_before, brake_memory, stop_lamp_decel, detection_growth,
+        blind_spot, looming_threshold, lane_deviation, error_time, lane_time, inverse_puddle_wave_1,
+        inverse_puddle_wave_2, puddle_slope, spray_coefficient, spray_film, spray_speed,
+        spray_reach, rain_speed, inverse_stop_lamp, position_gain, velocity_gain, yaw_gain,
+        slip_share, wind_lag, steering_lag, steering_rate, steering_limit, slip_speed, abs_share,
+        traction_share, governor_band, two_wheeler_lag, standstill, restitution, near_gap,
+        near_side, edge_margin, spin_angle, sliding_ratio, friction_floor, truck_dry_factor,
+        truck_loss_factor, turbulence_intensity, gust_length_scale, wind_angle_factor, gust_spacing,
+        shelter_factor, shelter_reach, shelter_release, gravity, half_air_density,
+    }
+}

@@ -1,0 +1,86 @@
+"""Chooses what makes the shards of a data set: threads, processes or a Ray cluster."""
+
+import sys
+
+from overtaking.core import processors
+from overtaking.core.errors import ConfigError
+from overtaking.data.place import Folder, Place
+from overtaking.data.processes import ProcessExecutor
+from overtaking.data.recipe import Recipe, Simulator
+from overtaking.data.work import Executor, in_this_process
+
+ENGINES = ("auto", "threads", "processes", "ray")
+"""Choices: automatic by size, threads of this process, processes of this machine, a Ray cluster."""
+
+MIN_PIECES = 40
+"""Least number of batches of a simulator for which starting processes pays."""
+
+
+def executor_of(
+    engine: str,
+    recipe: Recipe,
+    simulator: Simulator,
+    place: Place,
+    *,
+    address: str | None = None,
+    workers: int | None = None,
+) -> Executor:
+    """The executor of an engine.
+
+    Args:
+        engine: One of `ENGINES`.
+        recipe: What is to be made.
+        simulator: What simulates.
+        place: Where it is to lie.
+        address: Of a Ray cluster.
+        workers: How many processes; with `auto` it asks for processes.
+
+    Raises:
+        ConfigError: One of them cannot be used, they do not go together, or there is no cluster.
+    """
+    if engine not in ENGINES:
+        raise ConfigError.not_among("engine", "generate", ENGINES, engine)
+    if engine == "ray":
+        from overtaking.data.ray_executor import RayExecutor
+
+        executor = RayExecutor(address=address, workers=workers)
+        executor.refuse_unreachable()
+        return executor
+    _refuse_beside(engine, "address", address, "ray")
+    if engine == "threads":
+        _refuse_beside(engine, "workers", workers, "processes or ray")
+        return in_this_process
+    if engine == "auto" and workers is None and not _pays(recipe, simulator, place):
+        return in_this_process
+    if simulator.shares_world:
+        next_step = f"leave it out: all processes share the world of {simulator.name}"
+        raise _refused("engine", "threads", "processes", next_step)
+    return ProcessExecutor(workers=processors.wanted() if workers is None else workers)
+
+
+def _pays(recipe: Recipe, simulator: Simulator, place: Place) -> bool:
+    """Whether processes can do the work for sure, and sooner than threads.
+
+    Access to a store may have been set up in this process alone.
+    """
+    return (
+        processors.wanted() > 1
+        and bool(sys.executable)  # Not a program with Python inside.
+        and isinstance(place, Folder)
+        and not simulator.shares_world
+        and recipe.num_simulations > recipe.shard_size
+        and recipe.num_simulations >= MIN_PIECES * simulator.chunk_size
+    )
+
+
+def _refuse_beside(engine: str, what: str, value: object, others: str) -> None:
+    """Refuse an option that only other engines have."""
+    if value is not None:
+        got, next_step = f"{value} with {engine}", f"add --engine {others}, or leave it out"
+        raise _refused(what, f"the engine {others} beside it", got, next_step)
+
+
+def _refused(what: str, expected: str, got: object, next_step: str) -> ConfigError:
+    return ConfigError.of(
+        what=what, where="generate", expected=expected, got=got, next_step=next_step
+    )

@@ -1,0 +1,276 @@
+"""The files of a shard: written all or not at all, and compared with what was written when read.
+
+Files grow in a staging folder and are put into place when they are complete and on the disk. That
+of the `simulations` comes last and is the commit mark: it carries what is known of the others, and
+without it the shard does not exist.
+"""
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Future, wait
+from contextlib import ExitStack
+from functools import partial
+from io import BufferedIOBase
+from pathlib import Path
+
+import pyarrow as pa
+
+from overtaking.core.errors import DatasetError, SchemaError
+from overtaking.data import plan
+from overtaking.data.ahead import pool_of
+from overtaking.data.manifest import Manifest, ShardRecord
+from overtaking.data.place import Place
+from overtaking.data.plan import Shard
+from overtaking.data.tables.digest import content_of
+from overtaking.data.tables.files import (
+    FileFacts,
+    TableWriter,
+    read_notes,
+    read_table,
+    sha256_of,
+)
+
+MARK = "simulations"
+"""The table whose file is the commit mark of its shard."""
+
+WRITING_THREADS = 4
+"""Tables that are written beside each other; one of them takes most of the time."""
+
+_FACTS, _SEAL = "overtaking.facts", "overtaking.seal"
+
+
+def name_of(table: str, shard: Shard) -> str:
+    """Name of the file of a shard in its place."""
+    return f"{table}/{shard.file_name}"
+
+
+def write_shard(
+    place: Place,
+    shard: Shard,
+    pieces: Iterable[Mapping[str, pa.Table]],
+    *,
+    schemas: Mapping[str, pa.Schema],
+    fingerprint: str,
+    on_piece: Callable[[int], None],
+) -> ShardRecord:
+    """Write the files of a shard and put them into place.
+
+    Args:
+        place: Where the data set lies, prepared for its tables.
+        shard: Which simulations.
+        pieces: Their tables, a few simulations at a time, in order.
+        schemas: The schema of each table to write.
+        fingerprint: Of the identity that the shard belongs to.
+        on_piece: Called with the number of simulations of each piece that was written.
+
+    Raises:
+        OSError: The disk is full or cannot be written.
+    """
+    with place.staging() as staging:
+        with ExitStack() as stack:
+            writers = {
+                name: stack.enter_context(TableWriter(unfinished(staging, name, shard), name, one))
+                for name, one in schemas.items()
+            }
+            _write_pieces(pieces, writers, on_piece)
+            facts = _finish(writers, fingerprint)
+        put_into_place(place, staging, shard, schemas)
+    return _record(shard, facts)
+
+
+def unfinished(staging: Path, table: str, shard: Shard) -> Path:
+    """Path of an unfinished file of a shard."""
+    return staging / f"{table}-{shard.file_name}"
+
+
+def put_into_place(place: Place, staging: Path, shard: Shard, tables: Iterable[str]) -> None:
+    """Put the finished files of a shard where they belong, the commit mark last."""
+    for name in sorted(tables, key=lambda name: name == MARK):
+        place.put(unfinished(staging, name, shard), name_of(name, shard))
+
+
+def finished_shard(
+    place: Place, shard: Shard, *, tables: tuple[str, ...], fingerprint: str
+) -> ShardRecord | None:
+    """The record of a shard that is there and intact; None if it has to be written.
+
+    Every file is read, so that what was damaged since it was written is written again.
+
+    Args:
+        place: Where the data set lies.
+        shard: Which simulations.
+        tables: The tables that it must have.
+        fingerprint: Of the identity that it must belong to.
+    """
+    try:
+        mark = place.fetch(name_of(MARK, shard))
+        notes, rows = read_notes(mark, MARK), read_table(mark, MARK)
+    except (FileNotFoundError, SchemaError):
+        return None
+    known, content = notes.get(_FACTS, ""), content_of(rows)
+    if notes.get(_SEAL) != _seal(fingerprint, known, content):
+        return None
+    facts = {name: FileFacts(**one) for name, one in json.loads(known).items()}
+    facts[MARK] = FileFacts(
+        rows=rows.num_rows,
+        size_bytes=mark.stat().st_size,
+        sha256=sha256_of(mark),
+        content=content,
+    )
+    if not facts.keys() >= set(tables):  # Made before there were all of these tables.
+        return None
+    intact = (is_intact(partial(place.open, name_of(name, shard)), facts[name]) for name in tables)
+    return _record(shard, facts) if all(intact) else None
+
+
+def is_intact(opened: Callable[[], BufferedIOBase], facts: FileFacts) -> bool:
+    """Whether a file is there and its bytes are those that were written.
+
+    Args:
+        opened: Opens it.
+        facts: What was written.
+    """
+    try:
+        with opened() as file:
+            return hashlib.file_digest(file, "sha256").hexdigest() == facts.sha256
+    except OSError:
+        return False
+
+
+def _finish(writers: Mapping[str, TableWriter], fingerprint: str) -> dict[str, FileFacts]:
+    """Complete the files, with what is known of all the others in the commit mark."""
+    facts = _finished({name: writer for name, writer in writers.items() if name != MARK})
+    known = json.dumps({name: dataclasses.asdict(one) for name, one in facts.items()})
+    seal = _seal(fingerprint, known, writers[MARK].content)
+    return {**facts, MARK: writers[MARK].finish({_FACTS: known, _SEAL: seal})}
+
+
+def _finished(writers: Mapping[str, TableWriter]) -> dict[str, FileFacts]:
+    """Complete some files, beside each other: each of them waits for the disk."""
+    pool = pool_of("write", WRITING_THREADS)
+    underway = {name: pool.submit(writer.finish) for name, writer in writers.items()}
+    try:
+        return {name: future.result() for name, future in underway.items()}
+    finally:
+        wait(underway.values())  # Nobody may close a file that is being written.
+
+
+def _write_pieces(
+    pieces: Iterable[Mapping[str, pa.Table]],
+    writers: Mapping[str, TableWriter],
+    on_piece: Callable[[int], None],
+) -> None:
+    """Write each piece, the tables beside each other, while the next piece is being made."""
+    pool = pool_of("write", WRITING_THREADS)
+    underway: list[Future[None]] = []
+    simulations = 0
+
+    def finish() -> None:
+        for future in underway:
+            future.result()
+        if underway:
+            on_piece(simulations)
+
+    try:
+        for piece in pieces:
+            finish()
+            underway = [pool.submit(one.write, piece[name]) for name, one in writers.items()]
+            simulations = piece[MARK].num_rows
+        finish()
+    finally:
+        wait(underway)  # Nobody may close a file that is being written.
+
+
+def _seal(fingerprint: str, facts: str, content: str) -> str:
+    """Hash over all that a commit mark says: of which identity, of the other files, of its own."""
+    return hashlib.sha256(f"{fingerprint}\n{facts}\n{content}".encode()).hexdigest()
+
+
+def _record(shard: Shard, facts: Mapping[str, FileFacts]) -> ShardRecord:
+    return ShardRecord(
+        number=shard.number,
+        first=shard.first,
+        simulations=shard.num_simulations,
+        tables={name: facts[name] for name in sorted(facts)},
+    )
+
+
+class ShardFiles:
+    """Gives the files of a data set to whoever reads them.
+
+    Args:
+        place: Where they lie.
+        manifest: What is known of them.
+    """
+
+    def __init__(self, place: Place, manifest: Manifest) -> None:
+        """Read nothing yet."""
+        self._place, self._manifest = place, manifest
+        self._intact: set[str] = set()
+        self.shards = plan.shards(manifest.num_simulations, manifest.identity.shard_size)
+
+    def one(self, table: str, shard: Shard) -> Path:
+        """A file, once its bytes have been compared with what was written.
+
+        Raises:
+            DatasetError: It is missing or damaged, or there never was such a table.
+        """
+        name = name_of(table, shard)
+        path = self._fetched(table, shard)
+        if name not in self._intact:
+            facts = self._manifest.shards[shard.number].tables[table]
+            if not is_intact(partial(path.open, "rb"), facts):
+                raise self._damaged(name, "others")
+            self._intact.add(name)
+        return path
+
+    def of(self, table: str, *, is_checked: bool = True) -> list[Path]:
+        """The files of a table, in the order of their simulations.
+
+        Args:
+            table: Name of a table that was kept.
+            is_checked: Whether their bytes are compared with what was written.
+        """
+        give = self.one if is_checked else self._fetched
+        return [give(table, shard) for shard in self.shards]
+
+    def verify(self) -> None:
+        """Read every file and compare it with what was written.
+
+        Raises:
+            DatasetError: One of them is missing or damaged.
+        """
+        self._intact.clear()
+        for shard in self.shards:
+            for table in self._manifest.shards[shard.number].tables:
+                self.one(table, shard)
+
+    def _fetched(self, table: str, shard: Shard) -> Path:
+        if table not in self._manifest.shards[shard.number].tables:
+            raise self._older(table)
+        name = name_of(table, shard)
+        try:
+            return self._place.fetch(name)
+        except OSError as error:
+            raise self._damaged(name, error.strerror or str(error)) from None
+
+    def _damaged(self, name: str, got: str) -> DatasetError:
+        return DatasetError.of(
+            what="file",
+            where=self._place.at(name),
+            expected="the bytes that were written",
+            got=got,
+            next_step=f"run: overtaking generate --resume --out {self._place}",
+        )
+
+    def _older(self, table: str) -> DatasetError:
+        """The error for a table that is newer than the data set."""
+        return DatasetError.of(
+            what=f"table {table}",
+            where=str(self._place),
+            expected="one of this version",
+            got="a data set that was made before there was such a table",
+            next_step=f"run: overtaking label {self._place}",
+        )

@@ -1,0 +1,75 @@
+"""The columns about a lane and the lanes beside it, and lane codes from them."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from overtaking.data.tables.arrow import Masked, missing_in, to_numpy
+from overtaking.data.tables.names import MARKS
+from overtaking.model.road import DrivingSide, Lane, Road
+from overtaking.model.trajectory import BEYOND_SLOW_EDGE
+
+NUM_LANE_CODES = 256
+"""Number of values that `States.lane` can have."""
+
+
+def lane_columns(road: Road) -> dict[str, Masked]:
+    """The columns that follow from the lane of a vehicle, for each value of `States.lane`.
+
+    Returns:
+        Columns of the table `frames` by name, each of shape (256,); null where there is no such
+        lane. Right and left are those of the direction of travel.
+    """
+    lanes = road.lanes
+    slower = (road.slow_side_neighbour, *lanes[:-1])
+    faster = (*lanes[1:], road.fast_side_neighbour)
+    keeps_right = road.driving_side is DrivingSide.RIGHT
+    right, left = (slower, faster) if keeps_right else (faster, slower)
+    return {
+        "lane_id": _table([lane.lane_id for lane in lanes], np.int16),
+        "speed_limit_mps": _table([road.speed_limit for _ in lanes], np.float64),
+        "right_line": _table([MARKS.index(lane.right_mark.value) for lane in lanes], np.int32),
+        "left_line": _table([MARKS.index(lane.left_mark.value) for lane in lanes], np.int32),
+        "lane_width_m": _table([lane.width for lane in lanes], np.float64),
+        **_beside("right", right),
+        **_beside("left", left),
+    }
+
+
+def lane_codes(road: Road, lane_id: pa.Array, d: NDArray[np.integer]) -> NDArray[np.uint8]:
+    """The values of `States.lane` that a `lane_id` column was written from.
+
+    Args:
+        road: The road.
+        lane_id: OpenDRIVE ids, null outside the driving lanes.
+        d: Position across the road, which tells the two sides apart, same length [mm].
+    """
+    ids = np.array([lane.lane_id for lane in road.lanes])
+    order = np.argsort(ids)
+    missing = missing_in(lane_id)
+    given = np.where(missing, ids[0], to_numpy(lane_id))
+    code = order[np.searchsorted(ids, given, sorter=order)].astype(np.uint8)
+    middle = (road.boundaries[0] + road.boundaries[-1]) * 0.5
+    is_fast = road.side * (np.asarray(d) - middle * 1000.0) > 0
+    outside = np.where(is_fast, np.uint8(road.num_lanes), np.uint8(BEYOND_SLOW_EDGE))
+    return np.where(missing, outside, code)
+
+
+def _beside(side: str, lanes: Iterable[Lane | None]) -> dict[str, Masked]:
+    """The columns about the lane on one side, of any type."""
+    known = list(lanes)
+    return {
+        f"{side}_lane_id": _table([lane and lane.lane_id for lane in known], np.int16),
+        f"{side}_lane_width_m": _table([lane and lane.width for lane in known], np.float64),
+    }
+
+
+def _table(values: Sequence[float | None], kind: type[np.generic]) -> Masked:
+    """Values of the lanes as a look-up table; null where there is none, and beyond the lanes."""
+    known = np.array([value is not None for value in values])
+    table, missing = np.zeros(NUM_LANE_CODES, kind), np.ones(NUM_LANE_CODES, np.bool_)
+    table[: len(values)] = [value or 0 for value in values]
+    missing[: len(values)] = ~known
+    return Masked(table, missing)

@@ -1,0 +1,41 @@
+"""The names that enumeration columns can hold, in the order of their codes in memory."""
+
+from overtaking.labels.law import POLICIES, PORTUGAL
+from overtaking.model.events import Detail, Outcome
+from overtaking.model.labels import Belief, OvertakeClass, Severity, Verdict
+from overtaking.model.road import RoadMark
+from overtaking.model.trajectory import DecisionKind, Stage
+from overtaking.model.vehicles import Colour, VehicleKind
+
+ROLES = ("ego", "other")
+KINDS = tuple(kind.name for kind in VehicleKind)
+COLOURS = tuple(colour.name.lower() for colour in Colour)
+MARKS = tuple(mark.value for mark in RoadMark)
+STAGES = tuple(stage.name for stage in Stage)
+DECISIONS = tuple(kind.name for kind in DecisionKind)
+INDICATORS = ("off", "left", "right", "both")
+"""In the order of the two indicator bits of `Lights`."""
+
+FLAGS = ("brake", "low_beam", "high_beam", "rear_fog")
+"""The bits of the `lights` column: those of `Lights` above the two of the indicator."""
+
+NEIGHBOURS = ("leader", "front", "rear")
+"""Last axis of `Percepts`: the vehicle ahead, and in the target lane those ahead and behind."""
+
+EVENTS = (
+    *("follow", "attempt", "line_crossed", "overlap_begin", "overlap_end"),
+    *("return_begin", "return_end", "abort", "back"),
+    *("collision", "road_departure", "drift", "under_way"),
+)
+"""The attributes of `model.events.Events` that have a row each if they happened."""
+
+RULES = PORTUGAL.codes
+ARTICLES = tuple(dict.fromkeys(rule.law for rule in PORTUGAL.rules))
+POLICY_NAMES = tuple(policy.name for policy in POLICIES)
+READINGS = ("paper", "matched")
+VERDICTS = tuple(one.name.lower() for one in Verdict)
+BELIEFS = tuple(one.name.lower() for one in Belief)
+SEVERITIES = tuple(one.name.lower() for one in Severity)
+OUTCOMES = tuple(one.name.lower() for one in Outcome)
+DETAILS = tuple(one.name.lower() for one in Detail)
+CLASSES = tuple(one.title for one in OvertakeClass)

@@ -1,0 +1,163 @@
+"""The work on one shard, as data: carried out in this process or sent to another one."""
+
+import dataclasses
+import socket
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Protocol
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from overtaking.core.errors import DatasetError
+from overtaking.data import plan, shards
+from overtaking.data.ahead import in_order
+from overtaking.data.manifest import ShardRecord, read_manifest
+from overtaking.data.place import Place, place_of
+from overtaking.data.plan import Shard
+from overtaking.data.recipe import Keep, Recipe, Simulator
+from overtaking.data.tables.encode_labels import contents
+from overtaking.data.tables.schemas import schema_of
+from overtaking.scenarios import sample
+
+OnDone = Callable[[int], None]
+"""Called with a number of simulations that have just been written."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """The part of the work that all shards share. With a `Task` it decides every byte of a shard.
+
+    Attributes:
+        recipe: What to make.
+        simulator: What simulates.
+        fingerprint: Of the identity of the data set.
+        is_resumed: Whether a shard that is there already is kept.
+    """
+
+    recipe: Recipe
+    simulator: Simulator
+    fingerprint: str
+    is_resumed: bool
+
+    def for_one_core(self) -> "Job":
+        """The same job for a process that has one core: simulated with one thread."""
+        return dataclasses.replace(self, simulator=dataclasses.replace(self.simulator, threads=1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """One shard.
+
+    Attributes:
+        shard: Which simulations.
+        index: Number of each among the candidates, shape (simulation,); None where all are taken.
+        weight: Weight of the cell of each in a balanced data set, shape (simulation,); or None.
+        known: What a complete data set says of it; a shard that differs is made again.
+    """
+
+    shard: Shard
+    index: NDArray[np.uint64] | None = None
+    weight: NDArray[np.float64] | None = None
+    known: ShardRecord | None = None
+
+
+class Executor(Protocol):
+    """Carries out tasks, in any processes and in any order."""
+
+    def __call__(
+        self, job: Job, tasks: Iterable[Task], place: Place, on_done: OnDone
+    ) -> Generator[ShardRecord]:
+        """Make shards.
+
+        Args:
+            job: What all shards share.
+            tasks: The shards.
+            place: Where to put them.
+            on_done: Called whenever some simulations are done.
+
+        Yields:
+            The record of each shard, once it is in its place.
+        """
+        ...
+
+
+def in_this_process(
+    job: Job, tasks: Iterable[Task], place: Place, on_done: OnDone
+) -> Generator[ShardRecord]:
+    """The `Executor` that carries out one task after the other, with the simulator's threads."""
+    for task in tasks:
+        yield make_shard(job, task, place, on_done)
+
+
+def make_shard(job: Job, task: Task, place: Place, on_done: OnDone) -> ShardRecord:
+    """Put a shard into its place, unless it is there and intact.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    tables = job.recipe.keep.tables
+    if job.is_resumed:
+        known = shards.finished_shard(place, task.shard, tables=tables, fingerprint=job.fingerprint)
+        if known is not None and task.known in (None, known):
+            on_done(task.shard.num_simulations)
+            return known
+    return shards.write_shard(
+        place,
+        task.shard,
+        _pieces(job, task),
+        fingerprint=job.fingerprint,
+        on_piece=on_done,
+        schemas={name: schema_of(name, job.simulator.unknown) for name in tables},
+    )
+
+
+@cache
+def visible_place(where: str, fingerprint: str) -> Place:
+    """The place of a data set, if this process sees the same one as the process that sent a task.
+
+    Args:
+        where: The text of its resolved place.
+        fingerprint: Of the identity of the data set.
+
+    Raises:
+        DatasetError: Something else is there, or nothing.
+    """
+    place = place_of(where)
+    try:
+        found = read_manifest(place).identity.fingerprint
+    except DatasetError:
+        found = None
+    if found == fingerprint:
+        return place
+    raise DatasetError.of(
+        what="place",
+        where=where,
+        expected="one that every worker sees",
+        got=f"{'nothing' if found is None else 'another data set'} there on {socket.gethostname()}",
+        next_step="choose a folder that all machines share, or a store, such as s3://bucket/data",
+    )
+
+
+def _pieces(job: Job, task: Task) -> Iterator[Mapping[str, pa.Table]]:
+    """The tables of a shard, as many simulations at a time as memory is meant to hold."""
+    spec, keeps_frames = job.recipe.spec.resolved(), job.recipe.keep is Keep.FRAMES
+    size = plan.batch_size(spec, job.simulator.chunk_size, keeps_frames=keeps_frames)
+
+    def piece(chunk: range) -> Mapping[str, pa.Table]:
+        return _tables(job, task, chunk)
+
+    return in_order(piece, plan.chunks(task.shard, size), job.simulator.threads)
+
+
+def _tables(job: Job, task: Task, chunk: range) -> Mapping[str, pa.Table]:
+    """The tables of some simulations of a shard."""
+    recipe, numbers = job.recipe, np.arange(chunk.start, chunk.stop)
+    part = slice(chunk.start - task.shard.first, chunk.stop - task.shard.first)
+    index = numbers.astype(np.uint64) if task.index is None else task.index[part]
+    scenario = sample(recipe.spec, recipe.road, recipe.seed, index)
+    run = job.simulator.simulate(scenario)
+    weight = scenario.weight if task.weight is None else scenario.weight * task.weight[part]
+    return contents(run, numbers, recipe.keep.tables, class_weight=weight)

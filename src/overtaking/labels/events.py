@@ -1,0 +1,206 @@
+"""What happened: the events of an overtake, how it ended, and its class under a policy.
+
+Events are found in what was recorded, never in what the ego meant to do. The compiled engine finds
+them; `tests/reference/labels/events.py` reads like `docs/explanation/events.md` defines them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.labels.instants import (
+    I32,
+    U8,
+    across_at,
+    lateral_speed_at,
+    side_of,
+    slot_of,
+    vehicle_at,
+)
+from overtaking.labels.signals import target_signals, watch
+from overtaking.model.events import NEVER, Detail, Events, Outcome
+from overtaking.model.labels import Case, Labels, OvertakeClass
+from overtaking.model.road import Road
+from overtaking.model.signals import Signals
+from overtaking.model.trajectory import Trajectories
+from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.world.constants import known
+
+_NARROW = frozenset(
+    ["target", "original_lane", "num_attempts", "num_passed", "partner", "num_drifts"]
+)
+"""Events that are bytes; the others are frames."""
+
+
+def case_of(trajectories: Trajectories) -> Case:
+    """A recording of any origin with its signals, its events and its targets.
+
+    Raises:
+        ConfigError: `OVERTAKING_SIMD` is no SIMD level of this CPU.
+    """
+    seen, found = watch(trajectories, thresholds(trajectories))
+    columns: dict[str, Any] = {
+        name: row.astype(np.uint8) if name in _NARROW else row for name, row in found.items()
+    }
+    # A movement that is there in the first frame of a recording had begun; in a simulation it
+    # begins.
+    attempt = columns["attempt"]
+    begun = np.where((attempt == 0) & trajectories.is_excerpt, attempt, NEVER)
+    by_other = _struck(trajectories, seen, columns["partner"], columns["collision"])
+    return Case(
+        trajectories=trajectories,
+        signals=seen,
+        events=Events(struck=by_other, under_way=begun, **columns),
+        target=target_signals(trajectories, seen, columns["target"]),
+    )
+
+
+def thresholds(trajectories: Trajectories) -> dict[str, Any]:
+    """What makes a movement an attempt, and where the lanes lie; numbers of `labels.toml`."""
+    road, kind = trajectories.road, trajectories.scenario.vehicles.kind[:, Role.EGO]
+
+    def frames(name: str) -> int:
+        seconds = float(known(f"labels.{name}"))
+        return max(1, round(seconds * 1000.0 / trajectories.scenario.frame_interval_ms))
+
+    advances = [known(f"labels.attempt.advance.{each.name}") for each in VehicleKind]
+    beyond = road.fast_side_neighbour
+    return {
+        "least_advance": np.array(advances)[kind],
+        "borders": [float(each) for each in borders_of(road)],
+        "lanes_with_left": road.num_lanes - 1 + (beyond is not None and beyond.kind == "driving"),
+        "least_frames": frames("motion.least_time"),
+        "window": frames("motion.median_window"),
+        "advance": frames("attempt.advance_time"),
+        "follow_up": frames("attempt.back_time"),
+        "least_speed": float(known("labels.motion.least_speed")),
+        "least_shift": float(known("labels.motion.least_shift")),
+        "settled_shift": float(known("labels.motion.settled_shift")),
+        "over_line": float(known("labels.attempt.over_line")),
+        "follow_time_gap": float(known("labels.phases.follow_time_gap")),
+    }
+
+
+def borders_of(road: Road) -> F32:
+    """Lane borders from the right to the left, shape (lane + 1,) [m]."""
+    return side_of(road) * as_f32(road.boundaries)
+
+
+def _struck(trajectories: Trajectories, seen: Signals, partner: U8, collision: I32) -> Mask:
+    """Whether the other one ran into the ego, shape (simulation,); not where nobody did.
+
+    In the last frame before the contact: where the two are apart along the road, the one behind
+    runs into the one ahead; where they are side by side, the one that moves towards the other
+    faster does.
+    """
+    rows = np.flatnonzero(collision != NEVER)
+    before, slot = np.maximum(collision[rows] - 1, 0), slot_of(partner[rows])
+    along = vehicle_at(trajectories, partner[rows], rows, before)
+    lateral, lateral_gap = across_at(trajectories, seen, rows, slot, before)
+    is_left = seen.lateral[rows, before] > lateral
+    own = seen.lateral_speed[rows, before]
+    others = lateral_speed_at(trajectories, rows, slot, before)
+    # Towards the other: to the right for the one on the left.
+    towards, towards_ego = np.where(is_left, -own, own), np.where(is_left, others, -others)
+    beside = (along.gap < 0) & (lateral_gap > along.gap)
+    struck = np.zeros(len(collision), np.bool_)
+    struck[rows] = np.where(beside, towards_ego > towards, along.lead > 0)
+    return struck
+
+
+def outcome(events: Events) -> U8:
+    """`Outcome` of each simulation.
+
+    A collision counts at any time that was recorded, also before an attempt and after the return:
+    recordings of this package end three seconds after the overtake, and what happens until then
+    belongs to it.
+    """
+    ended = np.where(events.completed, Outcome.COMPLETED, Outcome.NOT_COMPLETED)
+    tried = np.where(events.attempted, ended, Outcome.NO_ATTEMPT)
+    return np.where(events.collision != NEVER, Outcome.COLLISION, tried).astype(np.uint8)
+
+
+def detail(events: Events, frame_interval_ms: int) -> U8:
+    """`Detail` of each simulation.
+
+    Args:
+        events: Events of the batch.
+        frame_interval_ms: Time between frames [ms].
+    """
+    how, collided, back = outcome(events), events.collision != NEVER, events.back != NEVER
+    # Passed, and in the other lane for good.
+    frames = float(known("labels.phases.stay_time")) * 1000.0 / frame_interval_ms
+    stayed = (events.overlap_end != NEVER) & (events.last - events.overlap_end >= frames)
+    cases: list[tuple[Mask, Detail]] = [
+        (collided & ~events.attempted, Detail.COLLISION_BEFORE_ATTEMPT),
+        (collided & events.struck, Detail.STRUCK_BY_OTHER),
+        (collided, Detail.RAN_INTO_OTHER),
+        (how == Outcome.COMPLETED, Detail.NONE),
+        (events.road_departure != NEVER, Detail.LEFT_ROAD),
+        (how == Outcome.NO_ATTEMPT, Detail.NONE),
+        (back & (events.line_crossed == NEVER), Detail.ABORTED_BEFORE_CROSSING),
+        (back, Detail.ABORTED_AFTER_CROSSING),
+        (stayed, Detail.PASSED_NOT_RETURNED),
+    ]
+    conditions, details = zip(*cases, strict=True)
+    return np.select(conditions, details, Detail.OPEN_AT_HORIZON).astype(np.uint8)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judgement:
+    """What a policy makes of the rules; every array has shape (simulation,).
+
+    Attributes:
+        policy: Its name.
+        allows_undecided: Whether an overtake counts as legal although a rule is undecidable.
+        censors_open: Whether an overtake that the recording cuts off is left out.
+        is_legal: Whether no required rule is broken, as far as can be decided.
+        num_broken: Required rules that are broken.
+        num_undecidable: Required rules that apply and cannot be decided.
+    """
+
+    policy: str
+    allows_undecided: bool
+    censors_open: bool
+    is_legal: Mask
+    num_broken: U8
+    num_undecidable: U8
+
+
+def classify(events: Events, judgements: Sequence[Judgement], frame_interval_ms: int) -> Labels:
+    """The labels of a batch.
+
+    Args:
+        events: What happened.
+        judgements: What each policy makes of the law.
+        frame_interval_ms: Time between frames [ms].
+    """
+    how, way = outcome(events), detail(events, frame_interval_ms)
+    return Labels(
+        policies=tuple(each.policy for each in judgements),
+        outcome=how,
+        detail=way,
+        classes=np.stack([_classes(how, way, each) for each in judgements], axis=1),
+        is_legal=np.stack([each.is_legal for each in judgements], axis=1),
+        num_broken=np.stack([each.num_broken for each in judgements], axis=1),
+        num_undecidable=np.stack([each.num_undecidable for each in judgements], axis=1),
+    )
+
+
+def _classes(how: U8, way: U8, judged: Judgement) -> U8:
+    undecided = (judged.num_undecidable > 0) & (not judged.allows_undecided)
+    completed = how == Outcome.COMPLETED
+    cut_off = (way == Detail.OPEN_AT_HORIZON) & judged.censors_open
+    cases: list[tuple[Mask, OvertakeClass]] = [
+        (how == Outcome.COLLISION, OvertakeClass.UNSUCCESS_COL),
+        (how == Outcome.NO_ATTEMPT, OvertakeClass.NO_ATTEMPT),
+        (completed & (judged.num_broken > 0), OvertakeClass.SUCCESS_I),
+        (completed & undecided, OvertakeClass.SUCCESS_U),
+        (completed, OvertakeClass.SUCCESS_L),
+        (cut_off, OvertakeClass.CENSORED),
+    ]
+    conditions, classes = zip(*cases, strict=True)
+    return np.select(conditions, classes, OvertakeClass.UNSUCCESS_NCOL).astype(np.uint8)

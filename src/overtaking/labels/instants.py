@@ -1,0 +1,224 @@
+"""Single frames of a recording: where vehicles are, how fast they move across, who is on the left.
+
+Distances are subtracted as recorded integers and become metres afterwards: no digit is lost far
+along the road.
+"""
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import F32, Mask, as_f32, sincos
+from overtaking.model.labels import Case
+from overtaking.model.road import DrivingSide, Road
+from overtaking.model.signals import Signals
+from overtaking.model.trajectory import NO_VEHICLE, Trajectories
+from overtaking.model.vehicles import Role
+
+I32 = NDArray[np.int32]
+U8 = NDArray[np.uint8]
+Index = NDArray[np.intp]
+Frames = NDArray[np.integer]
+T = TypeVar("T", bound=np.generic)
+
+METRES = np.float32(1e-3)
+RADIANS = np.float32(1e-4)
+
+OCCUPANCY_REACH_MM = 100_000
+"""How far ahead and behind a lane's occupancy is counted [mm]."""
+
+_SMOOTHING_MS = 100
+"""Half of the time over which the lateral speed is measured [ms]."""
+
+
+def at(values: NDArray[T], frames: Frames) -> NDArray[T]:
+    """`values` (simulation, time) at one frame each; where that is `NEVER`, at the first frame."""
+    return values[np.arange(len(frames)), np.maximum(frames, 0)]
+
+
+def seconds_of(case: Case, frames: Frames) -> F32:
+    """Duration of a number of frames, of the same shape [s]."""
+    return as_f32(frames * np.int32(case.signals.frame_interval_ms)) / np.float32(1000.0)
+
+
+def side_of(road: Road) -> np.float32:
+    """+1 where `d` grows to the left in the law's sense, -1 in left-hand traffic."""
+    return np.float32(1.0 if road.driving_side is DrivingSide.RIGHT else -1.0)
+
+
+def slot_of(vehicle: U8) -> Index:
+    """Slot of each vehicle; the ego's where there is none."""
+    return np.where(vehicle == NO_VEHICLE, Role.EGO, vehicle).astype(np.intp)
+
+
+def half_lengths(run: Trajectories, rows: Index, slot: Index) -> F32:
+    """Half of the lengths of the ego and a vehicle together, shape (instant,) [m]."""
+    length = run.scenario.vehicles.length
+    return np.float32(0.5) * (length[rows, Role.EGO] + length[rows, slot])
+
+
+def footprint(road: Road, d: Frames, heading: Frames, length: F32, width: F32) -> tuple[F32, F32]:
+    """Where bodies lie across the road; all arrays of one shape.
+
+    Args:
+        road: The road.
+        d: Recorded lateral position [mm].
+        heading: Recorded heading [0.1 mrad].
+        length: Of the bodies [m].
+        width: Of the bodies [m].
+
+    Returns:
+        Position of the centre, growing to the left, and how far the corners reach to either side
+        of that [m].
+    """
+    across = side_of(road) * (as_f32(d) * METRES)
+    sine, cosine = sincos(as_f32(heading) * RADIANS - np.float32(road.heading))
+    half_length, half_width = length * np.float32(0.5), width * np.float32(0.5)
+    return across, half_length * np.abs(sine) + half_width * np.abs(cosine)
+
+
+def half_window(interval_ms: int) -> int:
+    """Frames on either side over which the lateral speed is measured."""
+    return max(1, round(_SMOOTHING_MS / interval_ms))
+
+
+def lateral_speed_at(
+    run: Trajectories, rows: Index, slot: Index, frames: Frames, half: Frames | int | None = None
+) -> F32:
+    """Speed to the left of vehicles at single frames; all arrays of one shape [m/s].
+
+    Args:
+        run: The batch.
+        rows: Simulations.
+        slot: A vehicle of each.
+        frames: A frame of each in which it is recorded.
+        half: Frames on either side over which to measure, where there are as many; those over
+            about 0.2 s by default.
+
+    Returns:
+        A central difference, one-sided beside frames without the vehicle.
+    """
+    interval, d = run.scenario.frame_interval_ms, run.states.d
+    half = half_window(interval) if half is None else half
+    earlier, later = _recorded_around(run, rows, slot, frames, half)
+    moved = d[rows, slot, later] - d[rows, slot, earlier]
+    elapsed = np.maximum((later - earlier) * interval, np.int32(1))
+    return side_of(run.road) * (as_f32(moved) / as_f32(elapsed))
+
+
+def _recorded_around(
+    run: Trajectories, rows: Index, slot: Index, frames: Frames, half: Frames | int
+) -> tuple[I32, I32]:
+    """The farthest frames within `half` of some that the vehicle is recorded up to."""
+    last = np.maximum(run.num_frames[rows] - 1, np.int32(0))
+    later = np.minimum(frames + half, last).astype(np.int32)
+    earlier = np.minimum(np.maximum(frames - half, 0), last).astype(np.int32)
+    if run.present is None:
+        return earlier, later
+    ends = [frames.astype(np.int32)] * 2
+    for step in range(1, int(np.max(half, initial=0)) + 1):
+        for place, (sign, limit) in enumerate(((-1, earlier), (1, later))):
+            next_one = ends[place] + np.int32(sign)
+            inside = (limit - next_one) * sign >= 0
+            there = run.present[rows, slot, np.where(inside, next_one, ends[place])]
+            reached = np.abs(ends[place] - frames) == step - 1
+            ends[place] = np.where(inside & there & reached, next_one, ends[place])
+    return ends[0], ends[1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Along:
+    """A vehicle along the road, as in `TargetSignals`; arrays have shape (instant,).
+
+    `valid` says where there is one and it is recorded; elsewhere the values mean nothing.
+    """
+
+    valid: Mask
+    lead: F32
+    gap: F32
+    speed: F32
+
+
+def vehicle_at(run: Trajectories, vehicle: U8, rows: Index, frames: Frames) -> Along:
+    """A vehicle along the road at single frames; the first frame where one is negative.
+
+    Args:
+        run: The batch.
+        vehicle: Slot of the vehicle at each instant, `NO_VEHICLE` for none, shape (instant,).
+        rows: Simulations, same shape.
+        frames: A frame of each, same shape.
+    """
+    frame, slot = np.maximum(frames, 0), slot_of(vehicle)
+    lead = lead_at(run, rows, slot, frame)
+    there = (vehicle != NO_VEHICLE) & (frame < run.num_frames[rows])
+    if run.present is not None:
+        there &= run.present[rows, slot, frame]
+    return Along(
+        valid=there,
+        lead=lead,
+        gap=np.abs(lead) - half_lengths(run, rows, slot),
+        speed=as_f32(run.states.speed[rows, slot, frame]) * METRES,
+    )
+
+
+def lead_at(run: Trajectories, rows: Index, slot: Index, frames: Frames) -> F32:
+    """Centre of the ego minus that of a vehicle along the road at single frames [m]."""
+    s = run.states.s
+    return as_f32(s[rows, Role.EGO, frames] - s[rows, slot, frames]) * METRES
+
+
+def across_at(
+    run: Trajectories, seen: Signals, rows: Index, slot: Index, frames: Frames
+) -> tuple[F32, F32]:
+    """Vehicles across the road at single frames: `lateral` and `lateral_gap` of `TargetSignals`.
+
+    Args:
+        run: The batch.
+        seen: Its signals.
+        rows: Simulations, shape (instant,).
+        slot: A vehicle of each, same shape.
+        frames: A frame of each, same shape.
+    """
+    states, bodies, own = run.states, run.scenario.vehicles, (rows, frames)
+    place = (rows, slot, frames)
+    across, reach = footprint(
+        run.road,
+        states.d[place],
+        states.heading[place],
+        bodies.length[rows, slot],
+        bodies.width[rows, slot],
+    )
+    own_reach = (seen.left_reach[own] - seen.right_reach[own]) * np.float32(0.5)
+    return across, np.abs(across - seen.lateral[own]) - (own_reach + reach)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftLane:
+    """The lane to the left at one frame of each simulation, as in `Signals`."""
+
+    occupancy: F32
+    count: U8
+
+
+def left_lane_at(run: Trajectories, frames: Frames) -> LeftLane:
+    """The lane to the left at one recorded frame of each simulation.
+
+    Lengths are summed in whole half-millimetres: the order of the vehicles is irrelevant.
+    """
+    place, bodies = (np.arange(len(frames)), slice(None), frames), run.scenario.vehicles
+    lane, s = run.states.lane[place].astype(np.int32), run.states.s[place]
+    there = bodies.valid & (lane == lane[:, [Role.EGO]] + 1) & (lane < run.road.num_lanes)
+    if run.present is not None:
+        there &= run.present[place]
+    limit = np.int32(2 * OCCUPANCY_REACH_MM)
+    length = np.rint(bodies.length * np.float32(1000.0)).astype(np.int32)
+    # Twice the distance, cut so that a vehicle miles away cannot overflow.
+    centre = np.clip(s - s[:, [Role.EGO]], -limit, limit) * np.int32(2)
+    front, rear = np.minimum(centre + length, limit), np.maximum(centre - length, -limit)
+    inside = np.where(there, np.maximum(front - rear, np.int32(0)), np.int32(0))
+    return LeftLane(
+        occupancy=as_f32(inside.sum(axis=1, dtype=np.int32)) * np.float32(0.5 / limit),
+        count=there.sum(axis=1, dtype=np.uint8),
+    )

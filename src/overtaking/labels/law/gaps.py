@@ -1,0 +1,181 @@
+"""Rules about gaps along the road: L3, L4, L5, L8, L23, L24."""
+
+import numpy as np
+
+from overtaking.core.elementary import maximum, minimum
+from overtaking.labels.instants import at
+from overtaking.labels.law.beliefs import FRONT, LEADER, REAR, belief, going_back, pull_out
+from overtaking.labels.law.distances import (
+    beside,
+    margin_ahead,
+    margin_behind,
+    margin_of_gap,
+    sure_decel,
+)
+from overtaking.labels.law.frames import (
+    ENDLESS,
+    instant,
+    is_two_way,
+    manoeuvre,
+    never_negative,
+    settled,
+    stretches,
+)
+from overtaking.labels.law.others import others_at
+from overtaking.labels.law.rule import Check, Grade, Rule, inapplicable
+from overtaking.model.events import NEVER
+from overtaking.model.labels import Case
+from overtaking.model.signals import Around
+from overtaking.world.constants import known
+
+
+def _follows_safely(case: Case) -> Check:
+    """The gap to the leader is lawful, but for 3 s after it cut in or all began."""
+    believed = belief(case, pull_out(case), {LEADER: margin_of_gap})
+    return never_negative(stretches(case).follow, settled(case), belief=believed)
+
+
+L3 = Rule(
+    id="pt.ce.18-1@2013",
+    code="L3",
+    law="Article 18(1)",
+    title="Safe distance",
+    gloss="Keep a distance to the vehicle ahead that avoids a collision if it stops or slows "
+    "suddenly.",
+    predicate="At every frame: gap to the leader in the ego's lane >= v t + v^2 / (2 b) - "
+    "v_lead^2 / (2 b), t = 1 s, b = min(8 m/s^2, 0.9 mu g); not in the 3 s after the leader cut "
+    "in or the recording began.",
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["weather"]),
+    without_attempt=True,
+    check=_follows_safely,
+)
+
+
+def _room_ahead(case: Case) -> Check:
+    """When the line is crossed, the leader on the left is at a lawful gap, 3 s or more away."""
+    seen, frame = case.signals, case.events.line_crossed
+    other, decel = beside(case, Around.LEFT_LEADER, frame), sure_decel(at(seen.friction, frame))
+    margin = margin_ahead(other.gap, at(seen.speed, frame), other.closing_speed, decel)
+    believed = belief(case, pull_out(case), {FRONT: margin_ahead})
+    return instant(frame, margin, other.valid, belief=believed)
+
+
+L4 = Rule(
+    id="pt.ce.38-1.front@2013",
+    code="L4",
+    law="Article 38(1) and (2)(a)",
+    title="Room ahead in the lane entered",
+    gloss="Do not begin to overtake unless sure of no danger of colliding with traffic in the "
+    "same direction; the carriageway must be free over the length that is needed.",
+    predicate="At line_crossed: gap to the leader in the lane on the left >= safe distance (as "
+    "L3), and time to collision >= 3 s.",
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["weather"]),
+    check=_room_ahead,
+)
+
+
+def _room_behind(case: Case) -> Check:
+    """When the line is crossed, the follower on the left has a lawful gap and need not brake."""
+    seen, frame = case.signals, case.events.line_crossed
+    other, decel = beside(case, Around.LEFT_FOLLOWER, frame), sure_decel(at(seen.friction, frame))
+    margin = margin_behind(other.gap, at(seen.speed, frame), other.closing_speed, decel)
+    believed = belief(case, pull_out(case), {REAR: margin_behind})
+    return instant(frame, margin, other.valid, belief=believed)
+
+
+L5 = Rule(
+    id="pt.ce.35@2013",
+    code="L5",
+    law="Articles 35 and 38(2)(c)",
+    title="Room behind in the lane entered",
+    gloss="Change lane only where no danger to or obstruction of traffic results.",
+    predicate="At line_crossed: gap to the follower in the lane on the left >= its safe distance "
+    "(as L3), and the braking that is forced on it, closing speed^2 / (2 gap), <= 2 m/s^2.",
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["weather"]),
+    check=_room_behind,
+)
+
+
+def _safe_return(case: Case) -> Check:
+    """When the ego is back, the gaps behind and ahead of it are lawful."""
+    seen, frame = case.signals, case.events.return_end
+    speed, decel = at(seen.speed, frame), sure_decel(at(seen.friction, frame))
+    behind, ahead = (beside(case, place, frame) for place in (Around.FOLLOWER, Around.LEADER))
+    room_behind = margin_behind(behind.gap, speed, behind.closing_speed, decel)
+    room_ahead = margin_of_gap(ahead.gap, speed, ahead.closing_speed, decel)
+    margin = minimum(
+        np.where(behind.valid, room_behind, ENDLESS), np.where(ahead.valid, room_ahead, ENDLESS)
+    )
+    believed = belief(case, going_back(case), {REAR: margin_behind, FRONT: margin_of_gap})
+    return instant(frame, margin, behind.valid | ahead.valid, belief=believed)
+
+
+L8 = Rule(
+    id="pt.ce.38-2-b@2013",
+    code="L8",
+    law="Article 38(2)(b)",
+    title="Safe return",
+    gloss="Overtake only if one can return to the right without danger to those who drive there.",
+    predicate="At return_end: gap to the vehicle behind, the overtaken one or whoever came "
+    "between, >= its safe distance (as L3); the braking forced on it <= 2 m/s^2; gap to the "
+    "vehicle ahead >= the ego's safe distance.",
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["weather"]),
+    check=_safe_return,
+)
+
+
+def _no_hard_braking(case: Case) -> Check:
+    """For 3 s after the ego has come into a lane, it forces no hard braking on its follower."""
+    return never_negative(stretches(case).braking, manoeuvre(case))
+
+
+L23 = Rule(
+    id="pt.ce.35.obstruction@2013",
+    code="L23",
+    law="Article 35",
+    title="No obstruction",
+    gloss="Change lane only where no danger to or obstruction of traffic results.",
+    predicate="In the 3 s after each change of lane: closing speed^2 / (2 gap) of the vehicle "
+    "behind the ego <= 2 m/s^2.",
+    unit="m/s^2",
+    grade=Grade.BY_ROAD,
+    check=_no_hard_braking,
+)
+
+
+def _back_before_oncoming(case: Case) -> Check:
+    """When the ego is back, the first oncoming vehicle is 1 s of both speeds and 2 s away."""
+    if not is_two_way(case.trajectories.road):
+        return inapplicable(case.signals.num_simulations)
+    events = case.events
+    back = np.where(events.return_end != NEVER, events.return_end, events.back)
+    others = others_at(case, back)
+    meets = others.valid & others.oncoming & (others.lead < 0)
+    both = known("law.oncoming.time") * (others.speed + at(case.signals.speed, back)[:, None])
+    alone = known("law.oncoming.encroachment") * others.speed
+    margin = np.where(meets, others.gap - maximum(both, alone), ENDLESS).min(axis=1)
+    was_out = events.line_crossed != NEVER
+    return instant(back, margin, was_out & meets.any(axis=1))
+
+
+L24 = Rule(
+    id="pt.ce.38-1.oncoming@2013",
+    code="L24",
+    law="Article 38(1)",
+    title="Oncoming traffic",
+    gloss="Do not begin to overtake unless sure of no danger of colliding with traffic from the "
+    "opposite direction.",
+    predicate="On two-way roads, at return_end or back: gap to each oncoming vehicle >= 1 s (v + "
+    "v_oncoming), and it reaches the place that the ego has left after 2 s or more.",
+    unit="m",
+    grade=Grade.BY_ROAD,
+    check=_back_before_oncoming,
+)

@@ -1,0 +1,148 @@
+"""Rules about lamps: L18 and L19."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from overtaking.core.elementary import Mask
+from overtaking.labels.instants import I32, U8, Index, at, seconds_of
+from overtaking.labels.law.frames import Span, conduct, driving_end, ends_in, frames_of, reduced
+from overtaking.labels.law.others import back_indicator, others_at, out_indicator
+from overtaking.labels.law.rule import Check, Grade, Rule, decided
+from overtaking.labels.law.sight import optical_range
+from overtaking.labels.signals import encounter
+from overtaking.model.events import NEVER
+from overtaking.model.labels import Case
+from overtaking.model.signals import Around
+from overtaking.model.trajectory import Lights
+from overtaking.model.vehicles import Role
+from overtaking.world.constants import known
+
+_HIGH = int(Lights.HIGH_BEAM)
+_BEAMS = int(Lights.LOW_BEAM) | _HIGH
+_FOG = int(Lights.REAR_FOG)
+
+
+def _indicates(case: Case) -> Check:
+    """The indicator is on from 2 s before either line is crossed to 1 s after."""
+    out, back = case.events.line_crossed, _return_crossed(case)
+    dark_out = _dark(case, out, out_indicator(case))
+    dark_back = _dark(case, back, back_indicator(case))
+    missing = seconds_of(case, dark_out.count + dark_back.count)
+    # In a short overtake the way back begins before the way out is done.
+    first = np.minimum(dark_out.first, dark_back.first)
+    last = np.maximum(dark_out.last, dark_back.last)
+    return decided((out != NEVER) | (back != NEVER), -missing, first, last)
+
+
+def _return_crossed(case: Case) -> I32:
+    """First frame of the return with a corner over the line back, `NEVER` without one."""
+    events, road = case.events, case.trajectories.road
+    begin = events.return_begin
+    end = np.where(events.return_end != NEVER, events.return_end, events.last)
+    span = Span(start=np.where(begin != NEVER, begin, end + 1), stop=end)
+    # Of the lane in which the return begins, the border on its slow side.
+    lane = np.minimum(at(case.signals.lane, begin), road.num_lanes)
+    border = (road.side * road.boundaries).astype(np.float32)[lane]
+    rows = np.flatnonzero(span.exists)
+    return ends_in(span, rows, case.signals.right_reach[rows] < border[rows, None])[0]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Dark:
+    """Frames around a crossing without a lamp: their number, the first and the last.
+
+    Without any, the first is beyond all frames and the last is `NEVER`; shape (simulation,).
+    """
+
+    count: I32
+    first: Index
+    last: Index
+
+
+def _dark(case: Case, crossed: I32, bit: int) -> _Dark:
+    """Frames around a crossing in which a lamp of the ego is not on."""
+    before = frames_of(case, known("law.signal.before"))
+    after = frames_of(case, known("law.signal.after"))
+    around = Span(
+        start=np.where(crossed != NEVER, np.maximum(crossed - before, case.events.first), 0),
+        stop=np.where(crossed != NEVER, np.minimum(crossed + after, driving_end(case)), NEVER),
+    )
+    rows, frames = around.frames()
+    off = (case.trajectories.states.lights[rows, Role.EGO, frames] & bit) == 0
+    rows, frames = rows[off], frames[off]
+    first = np.full(len(crossed), case.signals.num_frames)
+    last = np.full(len(crossed), int(NEVER))
+    # Of several frames of a simulation the one that is written last stays.
+    first[rows[::-1]], last[rows] = frames[::-1], frames
+    count = np.bincount(rows, minlength=len(crossed)).astype(np.int32)
+    return _Dark(count=count, first=first, last=last)
+
+
+L18 = Rule(
+    id="pt.ce.21@2013",
+    code="L18",
+    law="Article 21",
+    title="Indicate",
+    gloss="Signal a lane change and the start of an overtake with due anticipation, and "
+    "throughout.",
+    predicate="From 2 s before to 1 s after line_crossed: left indicator on. The same with the "
+    "right one around the first corner over the line back. The margin is the time without it.",
+    unit="s",
+    grade=Grade.LIGHT,
+    needs=frozenset(["indicators"]),
+    check=_indicates,
+)
+
+
+def _right_lamps(case: Case) -> Check:
+    """Low beam by night and in thick fog, fog lamps in that alone, no high beam that dazzles."""
+    span, thick = conduct(case), optical_range(case) < known("law.lamps.sight")
+    lights = case.trajectories.states.lights[:, Role.EGO]
+    needed = case.trajectories.scenario.weather.night | thick
+    rows = np.flatnonzero(span.exists & _suspect(lights, span, needed, thick))
+    wrong = needed[rows, None] & ((lights[rows] & _BEAMS) == 0)
+    wrong |= ((lights[rows] & _FOG) != 0) != thick[rows, None]
+    row, frames = np.nonzero((lights[rows] & _HIGH) != 0)
+    if row.size:
+        wrong[row, frames] |= _dazzles(case, rows[row], frames)
+    first, last = ends_in(span, rows, wrong)
+    breach = np.zeros(len(thick), np.int32)
+    breach[rows] = (wrong & span.mask(rows, lights.shape[1])).sum(axis=1, dtype=np.int32)
+    return decided(span.exists, -seconds_of(case, breach), first, last)
+
+
+def _suspect(lights: U8, span: Span, needed: Mask, thick: Mask) -> Mask:
+    """Whether a frame may be wrong, from what is on ever and always, shape (simulation,)."""
+    ever, always_on = (reduced(by, lights, span) for by in (np.bitwise_or, np.bitwise_and))
+    dark = needed & ((always_on & _BEAMS) == 0)
+    fog = np.where(thick, (always_on & _FOG) == 0, (ever & _FOG) != 0)
+    return dark | fog | ((ever & _HIGH) != 0)
+
+
+def _dazzles(case: Case, rows: Index, frames: Index) -> Mask:
+    """Whether high beam would dazzle somebody ahead or oncoming, at single frames."""
+    ahead = encounter(case, Around.LEADER, rows, frames)
+    behind = ahead.valid & (ahead.gap < known("law.lamps.high_beam_behind"))
+    others = others_at(case, frames.astype(np.int32), rows)
+    meets = others.valid & others.oncoming & (others.lead < 0)
+    near = others.gap < known("law.lamps.high_beam_oncoming")
+    return behind | (meets & near).any(axis=1)
+
+
+L19 = Rule(
+    id="pt.ce.61@2013",
+    code="L19",
+    law="Articles 60 and 61",
+    title="Lamps",
+    gloss="Low beam from dusk to dawn and wherever visibility asks for it; no high beam when "
+    "meeting or less than 100 m behind another; rear fog lamps when required and only then.",
+    predicate="At every frame: low or high beam at night and where the meteorological range is "
+    "below 100 m; rear fog lamps exactly there; no high beam under 100 m behind the leader or "
+    "under 200 m from an oncoming vehicle. The margin is the time in breach.",
+    unit="s",
+    grade=Grade.LIGHT,
+    needs=frozenset(["lamps", "weather"]),
+    without_attempt=True,
+    check=_right_lamps,
+)

@@ -1,0 +1,208 @@
+"""Rules about lines and lanes: L2, L16, L17, L20."""
+
+import numpy as np
+
+from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.labels.instants import METRES, Index, slot_of
+from overtaking.labels.law.alongside import lane_index
+from overtaking.labels.law.frames import Span, conduct, ends_in, instant, is_two_way, reduced
+from overtaking.labels.law.others import ego_may_be
+from overtaking.labels.law.rule import Check, Grade, Rule, decided, inapplicable
+from overtaking.model.labels import Case, Severity, Verdict
+from overtaking.model.road import DrivingSide, Road, RoadMark
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.world.constants import known
+
+_HALF = np.float32(0.5)
+_CLOSED = frozenset(
+    [RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN, RoadMark.CURB, RoadMark.GRASS]
+)
+"""What must not be trodden on, as seen from the lane: of a mixed line the nearer one rules."""
+
+
+def _off_the_line(case: Case) -> Check:
+    """No corner of the ego is beyond a line that is continuous for it."""
+    road, span = case.trajectories.road, conduct(case)
+    if not (closed := closed_borders(road)):
+        return inapplicable(case.signals.num_simulations)
+    tolerance = known("law.line.tolerance")
+    clear = [_lowest_clearance(case, span, k, sides) for k, sides in closed.items()]
+    low = np.minimum.reduce(clear) + tolerance
+    rows = np.flatnonzero(span.exists & (low < 0))
+    broken = [_clearance(case, rows, k, sides) + tolerance < 0 for k, sides in closed.items()]
+    first, last = ends_in(span, rows, np.logical_or.reduce(broken))
+    found = decided(span.exists, low, first, last)
+    # Very serious where the line separates the directions of travel (146(o)), else light.
+    between = is_two_way(road) and road.num_lanes in closed
+    beyond = (clear[-1] + tolerance < 0) & between
+    worst = np.where(beyond, Severity.VERY_SERIOUS, Severity.LIGHT)
+    illegal = found.verdict == Verdict.ILLEGAL
+    return found.replace(severity=np.where(illegal, worst, Severity.NONE).astype(np.uint8))
+
+
+def closed_borders(road: Road) -> dict[int, tuple[bool, bool]]:
+    """The borders with a line that is continuous from the right, from the left, or from both."""
+    marks = [(one.right_mark, one.left_mark) for one in road.lanes]
+    if road.driving_side is not DrivingSide.RIGHT:
+        marks = [(left, right) for right, left in marks]
+    kept = {}
+    for k in range(road.num_lanes + 1):
+        from_right = k > 0 and marks[k - 1][1] in _CLOSED
+        from_left = k < road.num_lanes and marks[k][0] in _CLOSED
+        if from_right or from_left:
+            kept[k] = (from_right, from_left)
+    return kept
+
+
+def _lowest_clearance(case: Case, span: Span, k: int, sides: tuple[bool, bool]) -> F32:
+    """Smallest distance of the ego's body from border k in a span, shape (simulation,) [m]."""
+    seen, road = case.signals, case.trajectories.road
+    border = as_f32(road.side * road.boundaries)[k]
+    if k == 0:
+        return reduced(np.minimum, seen.right_reach, span) - border
+    if k == road.num_lanes:
+        return border - reduced(np.maximum, seen.left_reach, span)
+    every = np.arange(seen.num_simulations)
+    return reduced(np.minimum, _clearance(case, every, k, sides), span)
+
+
+def _clearance(case: Case, rows: Index, k: int, sides: tuple[bool, bool]) -> F32:
+    """Distance of the ego's body from border k, negative where it treads on it, (row, time) [m].
+
+    Beyond an edge of the road it stays negative. A line that may be crossed from one side is looked
+    at only while the ego comes from the other.
+    """
+    seen, road = case.signals, case.trajectories.road
+    border = as_f32(road.side * road.boundaries)[k]
+    on_right, on_left = border - seen.left_reach[rows], seen.right_reach[rows] - border
+    if k in (0, road.num_lanes):
+        return on_left if k == 0 else on_right
+    clear = np.maximum(on_right, on_left)
+    from_right, from_left = sides
+    if from_right and from_left:
+        return clear
+    came_from_right = _came_from_right(on_right >= 0, on_left >= 0)
+    return np.where(came_from_right == from_right, clear, np.abs(clear))
+
+
+def _came_from_right(right: Mask, left: Mask) -> Mask:
+    """Whether the ego was last wholly on the right of a border, shape (simulation, time)."""
+    frame = np.arange(right.shape[1], dtype=np.int32)
+    last_right = np.maximum.accumulate(np.where(right, frame, -1), axis=1)
+    last_left = np.maximum.accumulate(np.where(left, frame, -1), axis=1)
+    return last_right >= last_left
+
+
+L2 = Rule(
+    id="pt.rst.60-m1-m3@2019",
+    code="L2",
+    law="Regulation of signs, Article 60 (marks M1 and M3); Highway Code, Article 146(o)",
+    title="Continuous line",
+    gloss="A continuous line must be neither trodden on nor crossed; of a continuous and a broken"
+    " line side by side the one nearer to the driver rules.",
+    predicate="At every frame: no corner of the ego is more than 0.05 m over a line that is "
+    "continuous for the lane it comes from, nor over a kerb or grass.",
+    unit="m",
+    grade=Grade.BY_BREACH,
+    source="pt-signs-2019",
+    needs=frozenset(["marks"]),
+    without_attempt=True,
+    check=_off_the_line,
+)
+
+
+def _wide_enough(case: Case) -> Check:
+    """At the start there is a driving lane on the left, with 0.2 m to spare on either side."""
+    events = case.events
+    widths = left_widths(case.trajectories.road)
+    lane = np.minimum(events.original_lane, len(widths) - 1)
+    spare = np.float32(2.0) * known("law.width.border")
+    needed = case.trajectories.scenario.vehicles.width[:, Role.EGO] + spare
+    return instant(events.attempt, widths[lane] - needed, events.attempted)
+
+
+def left_widths(road: Road) -> F32:
+    """Width of the driving lane to the left of each lane, 0 where there is none [m]."""
+    beyond = road.fast_side_neighbour
+    last = beyond.width if beyond is not None and beyond.kind == "driving" else 0.0
+    return np.array([lane.width for lane in road.lanes[1:]] + [last], np.float32)
+
+
+L16 = Rule(
+    id="pt.ce.41-1-g@2013",
+    code="L16",
+    law="Articles 41(1)(g) and 38(2)(a)",
+    title="Sufficient width",
+    gloss="Do not overtake where the carriageway is not wide enough.",
+    predicate="At attempt: the lane on the left is a driving lane and at least 0.4 m wider than "
+    "the ego.",
+    unit="m",
+    grade=Grade.BY_ROAD,
+    check=_wide_enough,
+)
+
+
+def _target_off_the_line(case: Case) -> Check:
+    """On a two-way road the target is not itself over the line between the directions."""
+    run, events, road = case.trajectories, case.events, case.trajectories.road
+    if not (is_two_way(road) or "road_kind" in run.unknown):
+        return inapplicable(case.signals.num_simulations)
+    vehicle, row = case.target.vehicle, np.arange(case.signals.num_simulations)
+    slot = slot_of(vehicle)
+    d = run.states.d[row, slot, np.maximum(events.attempt, 0)]
+    across = np.float32(road.side) * as_f32(d) * METRES
+    reach = run.scenario.vehicles.width[row, slot] * _HALF
+    line = np.float32(road.side * road.boundaries[-1])
+    return instant(events.attempt, line - (across + reach), vehicle != NO_VEHICLE)
+
+
+L17 = Rule(
+    id="pt.ce.41@2013",
+    code="L17",
+    law="Article 41(1)(a) to (e), (2) and (3)",
+    title="Places and targets",
+    gloss="Do not overtake on crests, at level crossings, junctions and crossings, in bends of "
+    "reduced visibility, nor a vehicle that overtakes a third. None of this holds where there are"
+    " two or more lanes in the same direction and the opposite side is not used.",
+    predicate="The roads of this package are straight and level, without junctions and signs. So,"
+    " on two-way roads, at attempt: the target's body is not over the line between the "
+    "directions.",
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["road_kind"]),
+    check=_target_off_the_line,
+)
+
+
+def _in_slow_lanes(case: Case) -> Check:
+    """On a motorway with three or more lanes a truck is in one of the two slowest."""
+    seen, road = case.signals, case.trajectories.road
+    trucks = ego_may_be(case, VehicleKind.T)
+    motorway = road.kind == "motorway" or "road_kind" in case.trajectories.unknown
+    if not (motorway and trucks.any() and road.num_lanes >= known("law.trucks.from_lanes")):
+        return inapplicable(seen.num_simulations)
+    # What is beyond the slow edge counts as below lane 0.
+    lane, span, lanes = lane_index(seen.lane), conduct(case), known("law.trucks.lanes")
+    margin = lanes - _HALF - as_f32(reduced(np.maximum, lane, span))
+    applies = trucks & span.exists
+    rows = np.flatnonzero(applies & (margin < 0))
+    first, last = ends_in(span, rows, lane[rows] >= lanes)
+    return decided(applies, margin, first, last)
+
+
+L20 = Rule(
+    id="pt.ce.74@2013",
+    code="L20",
+    law="Article 74",
+    title="Lanes for trucks",
+    gloss="On motorways with three or more lanes in one direction, goods vehicles over 3.5 t use "
+    "only the two right-most.",
+    predicate="At every frame, the ego being a truck on such a motorway: its lane is one of the "
+    "two slowest.",
+    unit="lanes",
+    grade=Grade.LIGHT,
+    needs=frozenset(["kinds", "road_kind"]),
+    without_attempt=True,
+    check=_in_slow_lanes,
+)

@@ -1,0 +1,165 @@
+"""Rules about sight: L14 and L15, each with a strict variant for obstacles without lamps."""
+
+import numpy as np
+
+from overtaking.core.elementary import F32
+from overtaking.labels.instants import at, seconds_of
+from overtaking.labels.law.frames import (
+    Span,
+    Stretch,
+    always,
+    conduct,
+    is_two_way,
+    manoeuvre,
+    never_negative,
+    stretches,
+)
+from overtaking.labels.law.rule import Check, Grade, Rule
+from overtaking.model.events import NEVER
+from overtaking.model.labels import Case
+from overtaking.model.once import once
+from overtaking.world.conditions import outlook
+from overtaking.world.constants import known
+
+
+@once
+def optical_range(case: Case) -> F32:
+    """Meteorological optical range in fog and falling rain, shape (simulation,) [m]."""
+    sight = outlook(case.trajectories.scenario).sight
+    air = sight["fog_extinction"] + sight["rain_extinction"]
+    return known("weather.fog.transmission_depth") / air
+
+
+def _stops_for_lit(case: Case) -> Check:
+    """The stopping distance is at most the distance at which a lit vehicle is seen."""
+    return never_negative(stretches(case).stop_lit, conduct(case))
+
+
+def _stops_for_unlit(case: Case) -> Check:
+    """The stopping distance is at most the distance at which an unlit obstacle is seen."""
+    return never_negative(stretches(case).stop_unlit, conduct(case))
+
+
+_STOP = (
+    "Adapt speed to road, weather and traffic, so that the vehicle can be stopped in the free "
+    "and visible space ahead."
+)
+_STOP_WITHIN = (
+    "At every frame: v t + v^2 / (2 0.9 mu g) <= {}, t = 1 s. A leader does not shorten the "
+    "visible space: its brake lamps announce what it meets, and L3 is the rule for it."
+)
+
+L14 = Rule(
+    id="pt.ce.24-1@2013",
+    code="L14",
+    law="Article 24(1)",
+    title="Stop in the visible space",
+    gloss=_STOP,
+    predicate=_STOP_WITHIN.format("the distance at which a lit vehicle is seen"),
+    unit="m",
+    grade=Grade.SERIOUS,
+    needs=frozenset(["weather"]),
+    without_attempt=True,
+    check=_stops_for_lit,
+)
+
+L14s = Rule(
+    id="pt.ce.24-1.unlit@2013",
+    code="L14s",
+    law="Article 24(1), strictly",
+    title="Stop in the visible space, for the unlit",
+    gloss=_STOP,
+    predicate=_STOP_WITHIN.format("the distance at which an unlit obstacle is seen"),
+    unit="m",
+    grade=Grade.SERIOUS,
+    needs=frozenset(["weather", "lamps"]),
+    without_attempt=True,
+    check=_stops_for_unlit,
+)
+
+
+def _sees_through_air(case: Case) -> Check:
+    """From the start until the target is passed, the air lets one see the carriageway."""
+    sight, span = optical_range(case), _until_passed(case)
+    if is_two_way(case.trajectories.road):
+        return _sees(case, np.broadcast_to(sight[:, None], case.signals.lane.shape))
+    # The air is the same in all frames.
+    found = Stretch(low=sight - known("law.sight.least"), first=span.start, last=span.stop)
+    return never_negative(found, span)
+
+
+def _sees_unlit(case: Case) -> Check:
+    """From the start until the target is passed, an unlit obstacle is seen far enough away."""
+    return _sees(case, case.signals.sight_unlit)
+
+
+def _until_passed(case: Case) -> Span:
+    """From the attempt until the target is passed, or to the end; empty without an attempt."""
+    events, stop = case.events, manoeuvre(case).stop
+    passed = np.where(events.overlap_end != NEVER, np.minimum(events.overlap_end, stop), stop)
+    return Span(start=np.where(events.attempted, events.attempt, passed + 1), stop=passed)
+
+
+def _sees(case: Case, sight: F32) -> Check:
+    """A sight (simulation, time) that is enough, at the attempt also against oncoming traffic."""
+    margin = sight - known("law.sight.least")
+    if is_two_way(case.trajectories.road):
+        row = np.flatnonzero(case.events.attempted)
+        first = case.events.attempt[row]
+        clear = case.signals.sight_lit[row, first] - passing_sight(case)[row]
+        margin[row, first] = np.minimum(margin[row, first], clear)
+    return always(margin, _until_passed(case))
+
+
+def passing_sight(case: Case) -> F32:
+    """Sight that an overtake against oncoming traffic takes, shape (simulation,) [m].
+
+    The ways of ego and an oncoming vehicle at the speed limit in the time that the ego was on the
+    left, and 1 s more. Where it did not come back, that time is nil.
+
+    Source:
+        AASHTO (2018), section 3.2.4, in the form of a time on the left at both speeds.
+    """
+    events = case.events
+    back = np.where(events.return_end != NEVER, events.return_end, events.back)
+    was_out = (events.line_crossed != NEVER) & (back != NEVER)
+    out = seconds_of(case, np.where(was_out, back - events.line_crossed, 0))
+    both = at(case.signals.speed, events.attempt) + np.float32(case.trajectories.road.speed_limit)
+    return both * (out + known("law.sight.oncoming_margin"))
+
+
+_SEE = (
+    "Do not overtake where visibility is insufficient, that is, where the carriageway cannot be"
+    " seen over 50 m; with oncoming traffic, where it is not clear over the length that is "
+    "needed."
+)
+_SEE_UNTIL = (
+    "From attempt to overlap_end, or to the end: {}. Two-way roads, at attempt: a lit vehicle "
+    "is seen at (v + limit) (time on the left + 1 s) or more."
+)
+
+L15 = Rule(
+    id="pt.ce.41-1-f@2013",
+    code="L15",
+    law="Articles 41(1)(f) and 19",
+    title="Sufficient visibility",
+    gloss=_SEE,
+    predicate=_SEE_UNTIL.format("the meteorological optical range is 50 m or more"),
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["weather"]),
+    check=_sees_through_air,
+)
+
+L15s = Rule(
+    id="pt.ce.41-1-f.unlit@2013",
+    code="L15s",
+    law="Articles 41(1)(f) and 19, strictly",
+    title="Sufficient visibility, for the unlit",
+    gloss=_SEE,
+    predicate=_SEE_UNTIL.format("an unlit obstacle is seen at 50 m or more"),
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["weather", "lamps"]),
+    check=_sees_unlit,
+)

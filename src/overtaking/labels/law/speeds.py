@@ -1,0 +1,169 @@
+"""Rules about the ego's speed: L12 and L13, and the highest speeds of Article 27."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import F32, Mask
+from overtaking.knowledge import number
+from overtaking.labels.instants import U8, Index
+from overtaking.labels.law.frames import (
+    ENDLESS,
+    conduct,
+    ends_in,
+    never_negative,
+    reduced,
+    stretch,
+)
+from overtaking.labels.law.others import num_slow
+from overtaking.labels.law.rule import Check, Grade, Rule, decided, inapplicable
+from overtaking.labels.signals import encounter
+from overtaking.model.labels import Case, Severity, Verdict
+from overtaking.model.signals import Around
+from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.world.constants import known
+
+ROAD_KINDS = ("motorway", "other", "town")
+CLASSES = ("light", "van", "heavy")
+
+_CLASS_OF = {VehicleKind.V: 1, VehicleKind.T: 2}
+"""Index into `CLASSES` of what is neither a light passenger vehicle nor a two-wheeler."""
+
+_ROUNDING = np.float32(5e-4)
+"""Half of the step in which speeds are recorded: 25 m/s must not be more than 90 km/h [m/s]."""
+
+_ANYWHERE = 1e6
+"""Metres; congestion is judged by all that were recorded."""
+
+
+def speed_limits(case: Case) -> tuple[F32, F32]:
+    """The lowest and the highest limit that may hold for each ego, shape (simulation,) [m/s].
+
+    They are equal where kind of road, kind of ego and posted limit are known.
+    """
+    unknown, road = case.trajectories.unknown, case.trajectories.road
+    general = _table()
+    if "road_kind" not in unknown:
+        row = ROAD_KINDS.index(road.kind if road.kind in ROAD_KINDS else "other")
+        general = general[row : row + 1]
+    low, high = general.min(axis=0), general.max(axis=0)
+    if "kinds" in unknown:
+        low, high = (np.full_like(low, low.min()), np.full_like(high, high.max()))
+    if "speed_limit" in unknown:
+        # Any sign may stand there, but none that allows more than the general limit.
+        low = np.zeros_like(low)
+    else:
+        low, high = (np.minimum(each, np.float32(road.speed_limit)) for each in (low, high))
+    column = class_of(case.trajectories.scenario.vehicles.kind[:, Role.EGO])
+    return low[column], high[column]
+
+
+def class_of(kind: NDArray[np.uint8]) -> NDArray[np.intp]:
+    """Index into `CLASSES` of vehicle kinds."""
+    classes = np.zeros(len(VehicleKind), np.intp)
+    for each, index in _CLASS_OF.items():
+        classes[each] = index
+    return classes[kind]
+
+
+def _table() -> F32:
+    """Limits by kind of road and class, shape (kind of road, class) [m/s]."""
+    rows = [[number("law.toml", f"limits.{road}.{of}") for of in CLASSES] for road in ROAD_KINDS]
+    return np.array(rows, np.float32)
+
+
+def _within_limit(case: Case) -> Check:
+    """Speed never exceeds the posted limit and that of the class of vehicle on this road."""
+    speed, span = case.signals.speed, conduct(case)
+    least, most = posted_limits(case)
+    fastest = reduced(np.maximum, speed, span)
+    rows = np.flatnonzero(span.exists & (fastest > most))
+    first, last = ends_in(span, rows, speed[rows] > most[rows, None])
+    found = decided(span.exists, most - fastest, first, last, doubtful=fastest > least)
+    return found.replace(severity=_severity(case, found))
+
+
+def posted_limits(case: Case) -> tuple[F32, F32]:
+    """`speed_limits`, with the rounding of recorded speeds allowed for."""
+    least, most = speed_limits(case)
+    return least + _ROUNDING, most + _ROUNDING
+
+
+def _severity(case: Case, found: Check) -> U8:
+    """By the excess: light, serious, or very serious."""
+    light = class_of(case.trajectories.scenario.vehicles.kind[:, Role.EGO]) < 2
+    severity = np.full(len(light), Severity.LIGHT, np.uint8)
+    for grade in ("serious", "very_serious"):
+        of_light, of_other = known(f"law.excess.light_{grade}"), known(f"law.excess.other_{grade}")
+        severity += (-found.margin > np.where(light, of_light, of_other)).astype(np.uint8)
+    return np.where(found.verdict == Verdict.ILLEGAL, severity, np.uint8(Severity.NONE))
+
+
+L12 = Rule(
+    id="pt.ce.27@2013",
+    code="L12",
+    law="Article 27",
+    title="Speed limit",
+    gloss="Keep to the limit that is posted and to the general limit of road and vehicle: on "
+    "motorways 120 km/h for light vehicles, 110 for vans, 90 for heavy goods vehicles.",
+    predicate="At every frame: speed <= min(posted limit, limit of the class on this kind of "
+    "road). No tolerance. Severe by excess: over 30 km/h serious, over 60 very serious; heavy "
+    "vehicles over 20 and 40.",
+    unit="m/s",
+    grade=Grade.BY_BREACH,
+    partly=frozenset(["speed_limit", "kinds", "road_kind"]),
+    without_attempt=True,
+    check=_within_limit,
+)
+
+
+def _above_minimum(case: Case) -> Check:
+    """On a motorway speed is at least 50 km/h, unless others are in the way or stand or crawl."""
+    seen, road_known = case.signals, "road_kind" not in case.trajectories.unknown
+    if road_known and case.trajectories.road.kind != "motorway":
+        return inapplicable(seen.num_simulations)
+    span, least = conduct(case), known("law.minimum.speed")
+    margin = seen.speed - least
+    slow = np.flatnonzero(span.exists & (reduced(np.minimum, margin, span) < 0))
+    inside = span.mask(slow, seen.num_frames) & (margin[slow] < 0)
+    row, frames = np.nonzero(inside)
+    held = _is_held_up(case, slow[row], frames)
+    margin[slow[row[held]], frames[held]] = ENDLESS
+    found = never_negative(stretch(margin, span), span)
+    return found if road_known else _perhaps(found)
+
+
+def _is_held_up(case: Case, rows: Index, frames: Index) -> Mask:
+    """Whether at single frames traffic is congested, or a slow leader has to be followed."""
+    crawl = float(known("law.minimum.congestion_speed"))
+    crawling = num_slow(case, rows, frames, below=crawl, reach=_ANYWHERE)
+    least = known("law.minimum.speed")
+    ahead = encounter(case, Around.LEADER, rows, frames)
+    leader_speed = case.signals.speed[rows, frames] - ahead.closing_speed
+    near = ahead.gap <= known("law.minimum.queue_time_gap") * least
+    congested = crawling >= known("law.minimum.congestion_vehicles")
+    return congested | (ahead.valid & near & (leader_speed < least))
+
+
+def _perhaps(found: Check) -> Check:
+    """The same where it may be no motorway: slow driving is then in doubt, not a breach."""
+    slow = found.margin < 0
+    margin = np.where(slow, np.float32(0.0), found.margin)
+    applies = found.verdict != Verdict.NOT_APPLICABLE
+    return decided(applies, margin, found.first, found.last, doubtful=slow)
+
+
+L13 = Rule(
+    id="pt.ce.27-6@2013",
+    code="L13",
+    law="Article 27(6)",
+    title="Lowest speed",
+    gloss="On motorways do not drive slower than 50 km/h.",
+    predicate="At every frame on a motorway: speed >= 50 km/h, unless at least 3 others are "
+    "slower than 10 km/h, or the leader in the ego's lane is slower than 50 km/h and no farther "
+    "ahead than 3 s at 50 km/h. Frames above 50 km/h count in congestion too.",
+    unit="m/s",
+    grade=Grade.LIGHT,
+    partly=frozenset(["road_kind"]),
+    without_attempt=True,
+    check=_above_minimum,
+)

@@ -1,0 +1,155 @@
+"""Rules about when to overtake and when to return: L6, L7, L9, L21."""
+
+import numpy as np
+
+from overtaking.core.elementary import F32, Mask, maximum
+from overtaking.labels.instants import Index, T, at, seconds_of, slot_of
+from overtaking.labels.law.distances import slow_lane_room
+from overtaking.labels.law.frames import driving_end, frames_of, instant, passed, stretches
+from overtaking.labels.law.others import Others, others_at, out_indicator, steady_speed_at
+from overtaking.labels.law.rule import Check, Grade, Rule, decided
+from overtaking.model.events import NEVER
+from overtaking.model.labels import Case
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.world.constants import known
+
+
+def _nobody_overtakes(case: Case) -> Check:
+    """At the start nobody comes up on the left within 4 s, and no follower is pulling out."""
+    frame, attempted = case.events.attempt, case.events.attempted
+    rows = np.flatnonzero(attempted)
+    others, own_lane = others_at(case, frame[rows], rows), case.signals.lane[rows, frame[rows]]
+    behind = others.valid & ~others.oncoming & (others.lead > 0)
+    left = behind & (others.lane == own_lane[:, None] + 1)
+    near = others.gap <= known("law.others.reach")
+    same = behind & (others.lane == own_lane[:, None]) & near
+    moving, limit = same.copy(), known("law.others.lateral_speed")
+    place, slot = np.nonzero(same)
+    start = (rows[place], slot, frame[rows[place]])
+    moving[same] = steady_speed_at(case.trajectories, *start, float(limit)) > limit
+    hidden = "indicators" in case.trajectories.unknown
+    shown = same & ((others.lights & out_indicator(case)) != 0) & (not hidden)
+    begun = (moving | shown).any(axis=1)
+    arrival = np.where(begun, np.float32(0.0), _arrival(case, others, left, rows))
+    return instant(
+        frame,
+        _spread(arrival - known("law.others.arrival"), attempted),
+        _spread((left | same).any(axis=1), attempted),
+        doubtful=_spread(same.any(axis=1) & hidden, attempted),
+    )
+
+
+def _spread(values: np.ndarray[tuple[int], np.dtype[T]], where: Mask) -> np.ndarray:
+    """Values of some simulations among all, 0 for the others."""
+    spread = np.zeros(len(where), values.dtype)
+    spread[where] = values
+    return spread
+
+
+def _arrival(case: Case, others: Others, left: Mask, rows: Index) -> F32:
+    """Time until the first on the left is beside the ego at constant speeds [s], at most 60."""
+    longest = known("law.others.longest_arrival")
+    own = case.signals.speed[rows, case.events.attempt[rows], None]
+    closing = others.speed - own
+    comes = left & (closing > 0)
+    time = maximum(others.gap, np.float32(0.0)) / np.where(comes, closing, np.float32(1.0))
+    return np.where(comes & (time < longest), time, longest).min(axis=1)
+
+
+L6 = Rule(
+    id="pt.ce.38-2-c@2013",
+    code="L6",
+    law="Article 38(2)(c)",
+    title="Nobody overtakes already",
+    gloss="Do not begin to overtake if a follower in the same lane or in the one on the left has "
+    "begun to.",
+    predicate="At attempt: nobody behind in the lane on the left arrives beside the ego within 4 "
+    "s, and nobody within 100 m behind in its lane signals left or moves left at over 0.2 m/s.",
+    unit="s",
+    grade=Grade.BY_ROAD,
+    partly=frozenset(["indicators"]),
+    check=_nobody_overtakes,
+)
+
+
+def _target_keeps_lane(case: Case) -> Check:
+    """At the start the target neither signals left nor moves left."""
+    run, frame, vehicle = case.trajectories, case.events.attempt, case.target.vehicle
+    there, slot, limit = vehicle != NO_VEHICLE, slot_of(vehicle), known("law.others.lateral_speed")
+    lights = run.states.lights[np.arange(len(slot)), slot, np.maximum(frame, 0)]
+    hidden = "indicators" in run.unknown
+    shown = there & ((lights & out_indicator(case)) != 0) & (not hidden)
+    # Without an attempt the target need not be recorded in the frame that is looked at.
+    speed, begun = np.zeros(len(slot), np.float32), np.flatnonzero(there & case.events.attempted)
+    speed[begun] = steady_speed_at(run, begun, slot[begun], frame[begun], float(limit))
+    margin = limit - speed
+    margin = np.where(shown, np.minimum(margin, -limit), margin)
+    return instant(frame, margin, there, doubtful=np.full(len(slot), hidden))
+
+
+L7 = Rule(
+    id="pt.ce.38-2-d@2013",
+    code="L7",
+    law="Article 38(2)(d)",
+    title="The driver ahead does not pull out",
+    gloss="Do not begin to overtake if the driver ahead has signalled to overtake a third vehicle"
+    " or to avoid an obstacle.",
+    predicate="At attempt: the target does not signal left, and moves left at no more than 0.2 "
+    "m/s. A signal alone counts as a margin of -0.2 m/s.",
+    unit="m/s",
+    grade=Grade.BY_ROAD,
+    partly=frozenset(["indicators"]),
+    check=_target_keeps_lane,
+)
+
+
+def _returns_soon(case: Case) -> Check:
+    """With the target behind and room in the slower lane, the ego does not stay for over 8 s."""
+    over, (first, length) = passed(case), stretches(case).due
+    within = known("law.return.within")
+    applies = (case.events.overlap_end != NEVER) & over.exists
+    # The frame in which it had been due for so long, up to the last in which it still was.
+    start = first + frames_of(case, within)
+    return decided(applies, within - seconds_of(case, length), start, first + length - 1)
+
+
+L9 = Rule(
+    id="pt.ce.38-4@2013",
+    code="L9",
+    law="Articles 38(4) and 13(3)",
+    title="Duty to return",
+    gloss="Return to the right as soon as the manoeuvre is done and this is safe.",
+    predicate="From overlap_end on: the ego never stays out of its original lane for more than 8 "
+    "s on end in which the target is max(2 s, safe distance) or more behind it and the lane to "
+    "the right is free: room ahead and behind, and no vehicle reached within 10 s. Not in the "
+    "lane of oncoming traffic, for which there is L24.",
+    unit="s",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["weather"]),
+    check=_returns_soon,
+)
+
+
+def _keeps_right(case: Case) -> Check:
+    """At the first frame the ego is in the slowest lane, or the next slower one is taken."""
+    frame = case.events.first
+    lane = at(case.signals.lane, frame)
+    applies = (lane > 0) & (lane < case.trajectories.road.num_lanes) & (driving_end(case) >= frame)
+    return instant(frame, -slow_lane_room(case, np.maximum(frame, 0)), applies)
+
+
+L21 = Rule(
+    id="pt.ce.13-3@2013",
+    code="L21",
+    law="Article 13(3)",
+    title="Keep right",
+    gloss="With two or more lanes in the same direction use the right-most; others only if there "
+    "is no room in it, to overtake or to change direction.",
+    predicate="At first, the ego not being in the slowest lane: the lane to the right is taken, "
+    "that is, without the room that L9 asks for. The margin is by how much, 200 m at most.",
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["weather"]),
+    without_attempt=True,
+    check=_keeps_right,
+)

@@ -1,0 +1,282 @@
+"""Signals by the compiled engine: one place packs recordings for it, one reads its answers.
+
+`tests/reference/labels` says the same one frame after the other.
+"""
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking import _core
+from overtaking.core.elementary import F32, as_f32, log, maximum
+from overtaking.core.memory import empty
+from overtaking.labels.instants import METRES, U8, Index, half_window, side_of, slot_of
+from overtaking.model.labels import Case
+from overtaking.model.once import once
+from overtaking.model.safety import Encounter
+from overtaking.model.signals import Around, Signals, TargetSignals
+from overtaking.model.trajectory import NO_VEHICLE, Trajectories
+from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.world.compiled import chosen_level, constant_values
+from overtaking.world.conditions import outlook
+from overtaking.world.constants import constants, known
+from overtaking.world.film import lane_film
+from overtaking.world.lanes import road_parameters
+
+Arrays = dict[str, NDArray[Any]]
+Later = dict[str, Callable[[], Arrays]]
+
+SEEN = {
+    "lane": np.uint8,
+    "lateral": np.float32,
+    "lateral_speed": np.float32,
+    "speed": np.float32,
+    "right_reach": np.float32,
+    "left_reach": np.float32,
+    "vehicle": np.uint8,
+    "friction": np.float32,
+    "sight_lit": np.float32,
+    "sight_unlit": np.float32,
+}
+"""Signals that further compiled functions read."""
+
+_SIGNALS = SEEN | {"accel": np.float32}
+_AROUND = {
+    "gap": np.float32,
+    "closing_speed": np.float32,
+    "lateral_gap": np.float32,
+    "left_occupancy": np.float32,
+    "left_count": np.uint8,
+}
+_TARGET = {
+    "valid": np.bool_,
+    "lead": np.float32,
+    "overlaps": np.bool_,
+    "gap": np.float32,
+    "lateral": np.float32,
+    "lateral_gap": np.float32,
+    "lane": np.uint8,
+    "speed": np.float32,
+    "accel": np.float32,
+    "lateral_speed": np.float32,
+}
+_OF_NEIGHBOURS = ("vehicle", "gap", "closing_speed", "lateral_gap")
+"""Signals of shape (simulation, neighbour, time)."""
+
+
+def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[Signals, Arrays]:
+    """Signals and events of a batch, in one compiled call.
+
+    Gaps to all neighbours and the lane to the left are computed when somebody asks for them.
+
+    Args:
+        trajectories: The batch, of any origin and rate; what it holds must not change.
+        limits: The thresholds of events.
+
+    Returns:
+        The signals, and most of the events by name, shape (simulation,).
+
+    Raises:
+        ConfigError: `OVERTAKING_SIMD` is no SIMD level of this CPU.
+    """
+    names, recorded = _core.event_fields(), pack(trajectories)
+    events = np.empty((len(names), len(trajectories.num_frames)), np.int32)
+    outputs = _room(trajectories, _SIGNALS, _OF_NEIGHBOURS)
+    _core.watch(
+        recorded=recorded,
+        conditions=conditions(trajectories),
+        limits=limits,
+        constants=constant_values(constants()),
+        signals=outputs,
+        events=events,
+        level=chosen_level(),
+    )
+    around = partial(_around, trajectories, outputs["vehicle"])
+    later: Later = {
+        "s": lambda: {"s": as_f32(trajectories.states.s[:, Role.EGO]) * METRES},
+        "valid": lambda: {"valid": trajectories.frame_valid},
+        **dict.fromkeys(_AROUND, around),
+    }
+    interval = trajectories.scenario.frame_interval_ms
+    seen = Signals.partly(later, frame_interval_ms=interval, **outputs)
+    return seen, dict(zip(names, events, strict=True))
+
+
+def target_signals(trajectories: Trajectories, seen: Signals, vehicle: U8) -> TargetSignals:
+    """The target of each simulation, computed frame by frame when somebody asks for it.
+
+    Args:
+        trajectories: The batch.
+        seen: Its signals.
+        vehicle: Slot of each target, `NO_VEHICLE` for none, shape (simulation,).
+
+    Raises:
+        ValueError: A target is no vehicle of the recording.
+    """
+    slot, length = slot_of(vehicle), trajectories.scenario.vehicles.length
+    if slot.size and slot.max() >= length.shape[1]:
+        raise ValueError(f"target: no vehicle {slot.max()}")
+    return TargetSignals.partly(
+        dict.fromkeys(_TARGET, partial(_target, trajectories, seen, vehicle)),
+        vehicle=vehicle,
+        length=length[np.arange(len(slot)), slot],
+    )
+
+
+def encounter(case: Case, place: Around | Index, rows: Index, frames: Index) -> Encounter:
+    """The ego and a neighbour at single frames; what their gap means for whoever is behind.
+
+    Args:
+        case: The batch.
+        place: Place around the ego, or one for each instant.
+        rows: Simulations, shape (instant,).
+        frames: A recorded frame of each, same shape.
+
+    Returns:
+        Arrays of shape (instant,).
+
+    Raises:
+        ValueError: A frame does not exist.
+    """
+    names, vehicle = _core.encounter_fields(), np.empty(len(rows), np.uint8)
+    out = np.empty((len(names), len(rows)), np.float32)
+    instants = np.empty((3, len(rows)), np.int64)
+    instants[:] = rows, np.broadcast_to(np.int64(place), np.shape(rows)), frames
+    _core.encounters(
+        recorded=packed(case),
+        neighbours=_flat(case.signals.vehicle),
+        instants=_flat(instants),
+        vehicle=vehicle,
+        out=out,
+        level=chosen_level(),
+    )
+    return Encounter(valid=vehicle != NO_VEHICLE, **dict(zip(names, out, strict=True)))
+
+
+@once
+def packed(case: Case) -> dict[str, Any]:
+    """`pack` of a case."""
+    return pack(case.trajectories)
+
+
+def pack(trajectories: Trajectories) -> dict[str, Any]:
+    """A recording as compiled functions take it."""
+    states, bodies, road = trajectories.states, trajectories.scenario.vehicles, trajectories.road
+    interval_ms, present = trajectories.scenario.frame_interval_ms, trajectories.present
+    recorded = {name: getattr(states, name) for name in ("s", "d", "speed", "heading", "lane")}
+    recorded |= {"accel": states.accel_lon, "hit": trajectories.collided_with}
+    return {
+        **{name: _adjacent(values) for name, values in recorded.items()},
+        "present": None if present is None else _adjacent(present),
+        "num_frames": np.ascontiguousarray(trajectories.num_frames),
+        **{name: _flat(getattr(bodies, name)) for name in ("valid", "length", "width")},
+        "num_lanes": road.num_lanes,
+        "side": float(side_of(road)),
+        "direction": float(np.float32(road.heading)),
+        "interval_ms": interval_ms,
+        "half_window": half_window(interval_ms),
+    }
+
+
+def pack_seen(seen: Signals) -> Arrays:
+    """Signals as compiled functions take them."""
+    return {name: _flat(getattr(seen, name)) for name in SEEN}
+
+
+def conditions(trajectories: Trajectories) -> dict[str, Any]:
+    """What signals need beside the states; arrays of shape (simulation,), flat.
+
+    A stop is judged on the mean film of the lane: nobody knows, nor must know, which wheel will be
+    in which puddle. Spray is left out: it hides only a vehicle whose own brake lamps announce it.
+
+    Returns:
+        film: Mean water film of each lane, puddles included, padded to eight lanes, shape
+            (simulation, lane) [mm].
+        wear, truck: Tread wear of the ego, and 1 for truck tyres.
+        fog, rain: Extinction of fog, and of rain to an observer at rest [1/m].
+        contrast_depth: Optical depth at which a vehicle of middling colour is lost.
+        lamp_depth, lamp_clear: Logarithm of a rear lamp's intensity over the threshold, and its
+            range in clear air [m].
+        unlit_limit: Range of the ego's own lamps by night, the limit of attention by day [m].
+        attention: That limit, a number [m].
+    """
+    scenario, attention = trajectories.scenario, known("model.perception.range")
+    ahead, bodies = outlook(scenario), scenario.vehicles
+    sight, film = ahead.sight, _mean_film(ahead.film, road_parameters(scenario.road).film_path)
+    lamp = np.full_like(ahead.rain_rate, known("weather.lamps.rear_position"))
+    lamp = lamp / sight["lamp_threshold"]
+    depth = sight["sight_front"] + log(known("model.speed_choice.contrast"))
+    inverse = maximum(sight["inverse_lit_range"], np.float32(1.0) / attention)
+    arrays = {
+        "film": film,
+        "wear": bodies.tyre_wear[:, Role.EGO],
+        "truck": as_f32(bodies.kind[:, Role.EGO] == VehicleKind.T),
+        "fog": sight["fog_extinction"],
+        "rain": sight["rain_extinction"],
+        "contrast_depth": maximum(depth, np.float32(0.0)),
+        "lamp_depth": log(lamp),
+        "lamp_clear": np.sqrt(lamp),
+        "unlit_limit": np.float32(1.0) / inverse,
+    }
+    flat = {name: _flat(values) for name, values in arrays.items()}
+    return {**flat, "attention": float(attention)}
+
+
+def _mean_film(water: dict[str, F32], film_path: F32) -> F32:
+    """Film of each lane with the puddles spread evenly over it, (simulation, lane) [mm]."""
+    film = lane_film(
+        water["least_film"][:, None],
+        water["film_rain"][:, None],
+        film_path[None, :],
+        water["texture"][:, None],
+    )
+    # See `film.puddle`: half the square of the threshold is the share that is under water.
+    covered = np.float32(0.5) * water["puddle_reach"] * water["puddle_reach"]
+    return film + (water["puddle_film"] * covered)[:, None]
+
+
+def _around(trajectories: Trajectories, vehicle: U8) -> Arrays:
+    outputs = _room(trajectories, _AROUND, _OF_NEIGHBOURS)
+    _core.around(
+        recorded=pack(trajectories), vehicle=_flat(vehicle), outputs=outputs, level=chosen_level()
+    )
+    return outputs
+
+
+def _target(trajectories: Trajectories, seen: Signals, vehicle: U8) -> Arrays:
+    outputs = _room(trajectories, _TARGET)
+    _core.target(
+        recorded=pack(trajectories),
+        seen=pack_seen(seen),
+        target=np.ascontiguousarray(vehicle, np.uint8),
+        outputs=outputs,
+        level=chosen_level(),
+    )
+    return outputs
+
+
+def _room(
+    trajectories: Trajectories, kinds: dict[str, Any], of_neighbours: tuple[str, ...] = ()
+) -> Arrays:
+    """Arrays whose content means nothing yet."""
+    simulations, frames = trajectories.stage.shape
+    whole, narrow = (simulations, len(Around), frames), (simulations, frames)
+    shapes = {name: whole if name in of_neighbours else narrow for name in kinds}
+    return {
+        name: empty(math.prod(shapes[name]), kind).reshape(shapes[name])
+        for name, kind in kinds.items()
+    }
+
+
+def _adjacent(values: NDArray[Any]) -> NDArray[Any]:
+    """`values` with the frames of a vehicle side by side; a copy only where they are not."""
+    return values if values.strides[-1] == values.itemsize else np.ascontiguousarray(values)
+
+
+def _flat(values: NDArray[Any]) -> NDArray[Any]:
+    """`values` in one row."""
+    return np.ascontiguousarray(values).reshape(-1)

@@ -1,0 +1,24 @@
+"""What the readers of all formats say when they refuse a file."""
+
+from overtaking.core.errors import ImportFormatError
+
+
+def refused(where: str, what: str, expected: str, got: str, next_step: str) -> ImportFormatError:
+    """The error for a file that cannot be used.
+
+    Args:
+        where: The file, and the line in it.
+        what: The part that is wrong.
+        expected: What would have been right.
+        got: What was there instead.
+        next_step: What the reader can do now, as an imperative.
+    """
+    return ImportFormatError.of(
+        where=where, what=what, expected=expected, got=got, next_step=next_step
+    )
+
+
+def shown(text: str, *, length: int = 40) -> str:
+    """A text of unknown origin for a message: printable, on one line and short."""
+    clean = "".join(character if character.isprintable() else "?" for character in text)
+    return clean if len(clean) <= length else clean[: length - 3] + "..."

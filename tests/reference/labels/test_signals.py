@@ -1,0 +1,144 @@
+"""The compiled signals are those of the readable reference, bit for bit, for any recording."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from tests.reference.labels.recordings import RECORDINGS, case, readable, same, written
+from tests.reference.labels.signals import One, Row, encounter, signals, target_signals
+
+from overtaking import _core
+from overtaking.core.errors import ConfigError
+from overtaking.labels import signals as compiled
+from overtaking.labels.events import case_of
+from overtaking.labels.instants import across_at, lateral_speed_at, left_lane_at, vehicle_at
+from overtaking.model.signals import Around, Signals
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.world.compiled import SIMD_VARIABLE
+
+LEVELS = [name for name, available in _core.simd_levels() if available]
+every_recording = pytest.mark.parametrize("name", RECORDINGS)
+
+
+def differences(seen: Signals, number: int, expected: dict[str, Row]) -> list[str]:
+    """The names of the signals of a simulation that differ in a recorded frame."""
+    frames = len(expected["lane"])
+    return [
+        name
+        for name, values in expected.items()
+        if not same(np.ascontiguousarray(getattr(seen, name)[number][..., :frames]), values)
+    ]
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@every_recording
+def test_every_signal_is_the_same(name, level, monkeypatch):
+    monkeypatch.setenv(SIMD_VARIABLE, level)
+    seen = case_of(case(name).trajectories).signals
+    for number, (_, expected) in enumerate(readable(name)):
+        assert not differences(seen, number, expected), number
+
+
+def test_signals_of_overtakes_written_by_hand_are_the_same():
+    for run in written():
+        assert not differences(case_of(run).signals, 0, signals(One(run, 0)))
+
+
+@every_recording
+def test_the_target_is_the_same(name):
+    given, found = case(name), 0
+    for number, (one, seen) in enumerate(readable(name)):
+        vehicle = given.target.vehicle[number]
+        if vehicle == NO_VEHICLE:
+            assert not given.target.valid[number].any()
+            continue
+        expected = target_signals(one, seen, int(vehicle))
+        there = expected["valid"]
+        found += there.sum()
+        for signal, values in expected.items():
+            row = getattr(given.target, signal)[number, : one.frames]
+            where = slice(None) if signal in ("valid", "overlaps") else there
+            assert same(row[where], values[where]), (number, signal)
+    assert found
+
+
+@every_recording
+def test_encounters_at_single_frames_are_the_same(name):
+    given, draw = case(name), np.random.default_rng(5)
+    rows = draw.integers(0, given.signals.num_simulations, 400)
+    frames = (given.events.last[rows] * draw.random(400)).astype(np.intp)
+    places = draw.integers(0, len(Around), 400)
+    found = compiled.encounter(given, places, rows, frames)
+    assert found.valid.any()
+    assert not found.valid.all()
+    for k, (row, place, frame) in enumerate(zip(rows, places, frames, strict=True)):
+        one, _ = readable(name)[row]
+        slot = one.neighbour(Around(place), int(frame))
+        assert found.valid[k] == (slot is not None)
+        if slot is not None:
+            expected = encounter(one, [(int(frame), slot)], ahead=place % 2 == 0)
+            for measure, value in expected.items():
+                assert same(getattr(found, measure)[k : k + 1], value)
+
+
+@every_recording
+def test_single_frames_are_what_they_are_among_all_frames(name):
+    given, draw = case(name), np.random.default_rng(6)
+    run, seen, count = given.trajectories, given.signals, len(given.events.last)
+    rows, vehicle = np.arange(count), given.target.vehicle
+    frames = (given.events.last * draw.random(count)).astype(np.int32)
+    lane = left_lane_at(run, frames)
+    assert same(lane.occupancy, seen.left_occupancy[rows, frames])
+    assert same(lane.count, seen.left_count[rows, frames])
+    there = given.target.valid[rows, frames]
+    rows, frames, slot = rows[there], frames[there], vehicle[there].astype(np.intp)
+    along = vehicle_at(run, vehicle[there], rows, frames)
+    assert along.valid.all()
+    lateral, lateral_gap = across_at(run, seen, rows, slot, frames)
+    found = {
+        "lead": along.lead,
+        "gap": along.gap,
+        "speed": along.speed,
+        "lateral": lateral,
+        "lateral_gap": lateral_gap,
+        "lateral_speed": lateral_speed_at(run, rows, slot, frames),
+    }
+    for signal, values in found.items():
+        assert same(values, getattr(given.target, signal)[rows, frames]), signal
+
+
+def test_what_is_not_recorded_is_zero_although_memory_is_used_again():
+    run = case("pinto2023").trajectories
+    last = case_of(run).signals.speed.copy()
+    assert last.any()
+    again = case_of(dataclasses.replace(run, num_frames=np.full_like(run.num_frames, 40))).signals
+    # Sixteen frames are worked out at a time, so only what lies beyond them is cleared.
+    assert not again.speed[:, 48:].any()
+    assert not again.gap[..., 48:].any()
+
+
+def test_an_unknown_level_is_refused(monkeypatch):
+    monkeypatch.setenv(SIMD_VARIABLE, "abacus")
+    with pytest.raises(ConfigError, match=r"SIMD level: .* got abacus"):
+        case_of(case("pinto2023").trajectories)
+
+
+def test_frames_that_do_not_exist_are_refused():
+    given = case("pinto2023")
+    rows = np.zeros(3, np.intp)
+    for frames in (rows + given.signals.num_frames, rows - 1):
+        with pytest.raises(ValueError, match="expected recorded frames"):
+            compiled.encounter(given, Around.LEADER, rows, frames)
+
+
+def test_a_vehicle_that_does_not_exist_is_refused():
+    given = case("pinto2023")
+    run, wrong = given.trajectories, given.signals.vehicle.copy()
+    wrong[0, Around.LEADER] = run.states.s.shape[1]
+    strange = given.signals.replace(vehicle=wrong)
+    with pytest.raises(ValueError, match="vehicle: no vehicle"):
+        compiled.target_signals(run, strange, given.target.vehicle).gap  # noqa: B018
+    with pytest.raises(ValueError, match="target: no vehicle"):
+        compiled.target_signals(run, given.signals, wrong[:, Around.LEADER, 0])
