@@ -2,11 +2,11 @@
 
     python benchmarks/engine.py
 
-The engine: five live vehicles, exactly 200 frames at 20 Hz without an early end, steps of 10 ms,
-the whole model, every field of the states into memory that is used again. libsumo: a process on
-each core, as `sumo.py` describes. The two take turns, so that both meet the same machine, and the
-best of the rounds counts for each. Beside the time on the clock stands the processor's: others on
-the machine make the first worse, and the second by much less.
+The engine: five live vehicles, exactly 200 frames at 20 Hz without an early end, the whole model,
+every field of the states into memory that is used again. libsumo: a process on each core, as
+`sumo.py` describes. The two take turns, so that both meet the same machine, and the best of the
+rounds counts for each. Beside the time on the clock stands the processor's: others on the machine
+make the first worse, and the second by much less.
 """
 
 import dataclasses

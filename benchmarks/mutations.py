@@ -40,7 +40,7 @@ class Mutation:
 
 MUTATIONS = (
     Mutation(
-        file="collisions.rs", marked="let hit = touching & approach«.simd_gt(0.0) & runs;",
+        file="collisions.rs", marked="let hit = near & within & approach«.simd_gt(0.0) & runs;",
         meaning="comparison: boxes that separate collide, boxes that approach do not",
     ),
     Mutation(
@@ -48,12 +48,12 @@ MUTATIONS = (
         meaning="comparison: the foot is fast for gentle braking and slow in an emergency",
     ),
     Mutation(
-        file="dynamics.rs", marked="let outer = choose(z.simd_lt(0.0), «-one, one);",
-        meaning="sign: a sliding tyre pushes to the same side whatever its slip",
+        file="dynamics.rs", marked="choose(z.simd_lt(0.0), size, «-size),",
+        meaning="sign: a tyre pushes to the same side whatever its slip",
     ),
     Mutation(
         file="dynamics.rs",
-        marked="let vy = state.vy[i] + c.step * (state.a_lat[i] «- state.vx[i] * state.r[i]);",
+        marked="let across = (side + rear_y + state.wind_force[i]) * p.inverse_mass «- speed * r;",
         meaning="sign: of the centripetal term of the lateral velocity",
     ),
     Mutation(

@@ -318,8 +318,8 @@ def test_places_change_as_fast_as_the_speed_says(seed: int, index: list[int]):
     moved = np.hypot(np.diff(ran.states.s, axis=2), np.diff(ran.states.d, axis=2)) / 0.05
     speed = ran.states.speed.astype(float)
     mean = 0.5 * (speed[:, :, 1:] + speed[:, :, :-1])
-    # A frame lasts 50 ms: rounding of two places by 0.5 mm each gives 28 mm/s, a change of speed by
-    # 11 m/s^2 within it, or half a step of 10 ms early, another 60 mm/s.
+    # A frame lasts 50 ms: rounding of two places by 0.5 mm each gives 28 mm/s, and the mean of
+    # two speeds is that of two velocities up to how far they turn.
     assert np.abs(moved - mean)[valid].max() <= 100.0
 
 

@@ -139,13 +139,13 @@ class Crash:
         before: State at the end of a step, the impact not yet dealt with.
         after: The same with momentum exchanged.
         p: Vehicle parameters.
-        relative: Where the second was, seen from the first, when the step began and when it ended.
+        hit: The contact.
     """
 
     before: State
     after: State
     p: Fields
-    relative: tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+    hit: collisions.Hit
 
 
 def crash(
@@ -179,10 +179,10 @@ def crash(
     )
     old = copied(state)
     near = {(0, 1): np.array([True])}
-    collisions.collide(state, given_.constants, p, near, before, 7)
-    then = (before[0][1] - before[0][0], before[1][1] - before[1][0])
-    relative = then, (old.s[1] - old.s[0], old.d[1] - old.d[0])
-    return Crash(before=old, after=state, p=p, relative=relative)
+    c, during = given_.constants, (7, np.float32(STEP))
+    hit = collisions._contact(copied(state), c, p, near[0, 1], before, during, (0, 1))
+    collisions.collide(state, c, p, near, before, *during)
+    return Crash(before=old, after=state, p=p, hit=hit)
 
 
 def copied(state: State) -> State:
@@ -218,16 +218,11 @@ def energy(state: State, p: Fields) -> float:
 
 def approach(ran: Crash, state: State) -> float:
     """Speed at which the touching points of a state approach each other along the normal [m/s]."""
-    boxes = [collisions._box(ran.after, ran.p, i) for i in range(2)]
-    _, _, along, across = first_contact(boxes[0], boxes[1], *ran.relative)
-    arms = collisions._contact_arms(boxes[0], boxes[1])
-    closing = 0.0
-    for i, sign in ((0, 1.0), (1, -1.0)):
+    hit, closing = ran.hit, 0.0
+    for i, lever, sign in ((0, hit.lever_a, 1.0), (1, hit.lever_b, -1.0)):
         ahead, aside = road_velocity(state, i)
-        spin = float(state.r[i, 0])
-        ahead -= spin * float(arms[i][1][0])
-        aside += spin * float(arms[i][0][0])
-        closing += sign * (ahead * float(along[0]) + aside * float(across[0]))
+        own = ahead * float(hit.along[0]) + aside * float(hit.across[0])
+        closing += sign * (own + float(state.r[i, 0]) * float(lever[0]))
     return closing
 
 

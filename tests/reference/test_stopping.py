@@ -17,8 +17,8 @@ from overtaking.world.friction import stoppable_speed, stopping_distance
 GRAVITY = 9.81
 ANTI_LOCK = 0.95
 
-# Each step holds its force for 10 ms, half a step of the start speed at most, and the last 0.1 m/s
-# are given up at once: together below 0.2 m of 12 to 600 m.
+# The step in which a vehicle comes to rest is not shortened, and the last 0.1 m/s are given up at
+# once: together below 0.1 m of 12 to 600 m.
 SAME = 0.01
 
 NO_RESISTANCE = {"drag_area": 0.0, "rolling_resistance": 0.0}

@@ -76,11 +76,13 @@ def test_a_head_wind_lifts_no_wheel_that_pulls_the_rider_back(simulator):
     ran = simulator.run(given, parameters(given, Effects(gusts=False)))
     body = body_of("B")
     # Newton's second law with the force of the pedals at zero or more.
-    air = ran.states.speed[0, 0] / 1000.0 + 0.15 + 20.0  # A frame tells what came of a step.
+    # A frame tells the acceleration of the step to it, and the speed was highest when that began.
+    air = ran.states.speed[0, 0, :-1] / 1000.0 + 20.0
     resistance = 0.5 * 1.2 * body["drag_area"] * air**2 / body["mass"]
     resistance += body["rolling_resistance"] * 9.81
     assert resistance.max() > 4.63  # At which the rear wheel lifts: g * 0.4725 m / 1 m.
-    assert (ran.states.accel_lon[0, 0] / 1000.0 >= -resistance).all()
+    # Recorded to 1 mm/s^2.
+    assert (ran.states.accel_lon[0, 0, 1:] / 1000.0 >= -resistance - 0.0005).all()
 
 
 def test_a_head_wind_brakes_and_does_not_push_aside():
@@ -104,7 +106,7 @@ def test_drag_is_that_of_the_air_not_of_the_road(direction: float):
         sky={"wind": 100.0, "wind_direction": direction},
         friction=2.0,
     )
-    accel = float(b.drive(0.01, lambda test, _: test.hold(accel=50.0))["a_lon"][-1, 0])
+    accel = float(b.drive(0.05, lambda test, _: test.hold(accel=50.0))["a_lon"][-1, 0])
     body = body_of("M")
     air = speed - wind * math.cos(direction)
     drag = 0.5 * 1.2 * body["drag_area"] * air * abs(air)

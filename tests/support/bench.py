@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.sim.reference import dynamics, environment
+from overtaking.sim.reference import dynamics, environment, steering
 from overtaking.sim.reference.state import Fields, State, initial_state
 from overtaking.world.parameters import (
-    SUBSTEPS,
     Effects,
     Parameters,
     SimulationParameters,
@@ -27,6 +26,9 @@ F64 = np.ndarray
 
 LANE = 7
 """Its centre lies 3 m from d = 0, where float32 is finest."""
+
+DECISION = 0.05
+"""Between two decisions, and so the longest step [s]."""
 
 RECORDED = ("s", "d", "psi", "vx", "vy", "r", "a_lon", "a_lat")
 
@@ -60,8 +62,8 @@ class Bench:
 
         Args:
             duration: Time to drive [s].
-            action: Called before each step with the time since the start of this call; it moves
-                the wheel and the pedals of the state.
+            action: Called before each step with the time of its middle since the start of this
+                call; it moves the wheel and the pedals of the state.
 
         Returns:
             What happened: `t` of shape (step + 1,) and the fields of `RECORDED` of shape
@@ -69,21 +71,30 @@ class Bench:
         """
         step = float(self.c.step)
         count = round(duration / step)
+        decision = round(DECISION / step)
         rows = {name: [getattr(self.state, name)[0].copy()] for name in RECORDED}
         for k in range(count):
-            if k % SUBSTEPS == 0:
+            if k % decision == 0:
                 self.decide()
             if action is not None:
-                action(self, k * step)
-            dynamics.move(self.state, self.c, self.p)
+                action(self, (k + 0.5) * step)
+            self.move(self.state.wheel)
             for name, values in rows.items():
                 values.append(getattr(self.state, name)[0].copy())
         history = {name: np.array(values, np.float64) for name, values in rows.items()}
         return history | {"t": np.arange(count + 1) * step}
 
-    def drive_one(self) -> dict[str, float]:
+    def move(self, wheel: F64) -> None:
+        """Advance everything by one step with this wheel angle in its middle."""
+        dynamics.move(self.state, self.c, self.p, wheel, self.c.step)
+
+    def steer(self, side_accel: F64) -> F64:
+        """Let drivers steer for one step; the wheel angle in its middle."""
+        return steering.steer(self.state, self.c, self.p, side_accel, self.c.step)
+
+    def drive_one(self, wheel: F64) -> dict[str, float]:
         """Advance the first simulation, and whatever else is there, by one step."""
-        dynamics.move(self.state, self.c, self.p)
+        self.move(wheel)
         return {name: float(getattr(self.state, name)[0, 0]) for name in RECORDED}
 
     def hold(self, *, wheel: float | F64 = 0.0, accel: float | F64 = 0.0) -> None:
@@ -104,7 +115,7 @@ def bench(
     *vehicles: Vehicle,
     friction: float | Sequence[float] | None = 0.9,
     sky: dict[str, float] | None = None,
-    step: float = 0.01,
+    step: float = DECISION,
 ) -> Bench:
     """Put vehicles on the bench, straight ahead at their start speed.
 

@@ -21,6 +21,10 @@ GRAVITY = 9.81
 AIR_DENSITY = 1.2
 ANTI_LOCK = 0.95
 """Part of the peak friction that the wheels transmit under braking."""
+TRACTION = 0.6
+"""The same under the engine's force."""
+SLIP_SPEED = 3.0
+"""Slip and the engine's force are those of this speed at least [m/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +70,7 @@ def within(value: float, bound: float) -> float:
 
 def engine(body: dict[str, float], speed: float) -> float:
     """Largest drive force [N]; the governor closes the throttle over half a metre a second."""
-    force = min(0.9 * body["power"] / speed, body["mass"] * body["launch_accel"])
+    force = min(0.9 * body["power"] / max(speed, SLIP_SPEED), body["mass"] * body["launch_accel"])
     return force * max(0.0, min(1.0, (body["max_speed"] + 0.5 - speed) / 0.5))
 
 
@@ -85,10 +89,11 @@ def accelerations(
     force = mass * drive.accel(time) + resistance
     force = max(min(force, engine(body, vx)), -mass * body["peak_decel"])
     share = load_f / (load_f + load_r) if force < 0.0 else body["front_drive_share"]
-    x_f = within(share * force, ANTI_LOCK * grip * load_f)
-    x_r = within((1.0 - share) * force, ANTI_LOCK * grip * load_r)
-    slip_f = math.atan((vy + a * r) / vx) - delta
-    slip_r = math.atan((vy - b * r) / vx)
+    control = ANTI_LOCK if force < 0.0 else TRACTION
+    x_f = within(share * force, control * grip * load_f)
+    x_r = within((1.0 - share) * force, control * grip * load_r)
+    slip_f = math.atan((vy + a * r) / max(vx, SLIP_SPEED)) - delta
+    slip_r = math.atan((vy - b * r) / max(vx, SLIP_SPEED))
     limit_f = math.sqrt((grip * load_f) ** 2 - x_f**2)
     limit_r = math.sqrt((grip * load_r) ** 2 - x_r**2)
     y_f = lateral_force(body["front_stiffness"] * load_f, slip_f, limit_f)

@@ -147,6 +147,13 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         minds: &mut Minds<S, N>,
     ) {
         let simd = self.world.simd;
+        // Frames at other times than decisions want a state at every step.
+        let rates = self.world.rates;
+        let (stride, steps) = if inputs.record_every.is_multiple_of(SUBSTEPS) {
+            (&rates.coarse, SUBSTEPS)
+        } else {
+            (&rates.fine, 1)
+        };
         let mut step = first;
         while step < end && runs(&self.state, simd, step) {
             if let Some(later) = later.filter(|later| later.switch == step) {
@@ -166,8 +173,8 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
                     recorder.frame(state, world, active, number, tile);
                 });
             }
-            advance(state, world, &self.pairs, &mut minds.before, step);
-            step += 1;
+            advance(state, world, &self.pairs, &mut minds.before, step, stride);
+            step += steps;
         }
         outlined!(simd, self.recorder.flush(&self.world, tile));
     }

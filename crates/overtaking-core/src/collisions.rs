@@ -3,8 +3,9 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
+use crate::elementary::sincos;
 use crate::lanes::{M, V, choose, clamp, clamp_to, max, min, splat};
-use crate::state::{EGO, Each, State, World, stage};
+use crate::state::{EGO, Each, State, Stride, World, stage};
 
 /// Keeps the instant of contact finite without relative motion [m].
 const TINY: f32 = 1e-6;
@@ -116,6 +117,7 @@ pub fn collide<S: Simd, const N: usize>(
     pairs: &Pairs<S, N>,
     before: &(Each<S, N>, Each<S, N>),
     step: u32,
+    stride: &Stride,
 ) {
     let was_sound = state.crashed[EGO].simd_eq(0.0);
     for i in 0..w.count {
@@ -123,7 +125,7 @@ pub fn collide<S: Simd, const N: usize>(
             if let Some(near) = pairs.near[i][j] {
                 w.simd.vectorize(
                     #[inline(always)]
-                    || collide_pair(state, w, near, before, step, i, j),
+                    || collide_pair(state, w, near, before, (step, stride), (i, j)),
                 );
             }
         }
@@ -138,9 +140,8 @@ fn collide_pair<S: Simd, const N: usize>(
     w: &World<'_, S, N>,
     near: M<S>,
     before: &(Each<S, N>, Each<S, N>),
-    step: u32,
-    i: usize,
-    j: usize,
+    (step, stride): (u32, &Stride),
+    (i, j): (usize, usize),
 ) {
     let (c, p) = (w.c, &w.p);
     let (a, b) = (corpus(state, w, i), corpus(state, w, j));
@@ -150,16 +151,26 @@ fn collide_pair<S: Simd, const N: usize>(
     if !near.any_true() {
         return;
     }
-    let (enter, leave, along, across) = first_contact(&a, &b, then, now);
-    let touching = near & enter.simd_le(leave) & enter.simd_le(1.0) & leave.simd_ge(0.0);
-    if !touching.any_true() {
+    let overlap = first_contact(&a, &b, then, now);
+    let near = near & is_within(overlap.0, overlap.1);
+    if !near.any_true() {
         return;
     }
+    let share = 1.0 - clamp_to(overlap.0, 0.0, 1.0);
+    let a = earlier(state, w, i, before, share, share * stride.length);
+    let b = earlier(state, w, j, before, share, share * stride.length);
+    let (enter, leave, along, across) = first_contact(&a, &b, then, now);
     let (arm_a, arm_b) = contact_arms(&a, &b);
-    let (velocity_a, velocity_b) = (velocity(state, &a, i, arm_a), velocity(state, &b, j, arm_b));
+    let (velocity_a, velocity_b) = (velocity(state, i, arm_a), velocity(state, j, arm_b));
     let approach = (velocity_a.0 - velocity_b.0) * along + (velocity_a.1 - velocity_b.1) * across;
-    let runs = splat(w.simd, step as f32).simd_lt(state.end_step);
-    let hit = touching & approach.simd_gt(0.0) & runs;
+    let within = is_within(enter, leave);
+    let enter = clamp_to(enter, 0.0, 1.0);
+    let instant = step as f32 * c.step + enter * stride.length;
+    let runs = instant.simd_lt(state.end_step * c.step);
+    let hit = near & within & approach.simd_gt(0.0) & runs;
+    if !hit.any_true() {
+        return;
+    }
     let lever_a = arm_a.0 * across - arm_a.1 * along;
     let lever_b = arm_b.0 * across - arm_b.1 * along;
     let softness = p[i].inverse_mass + p[j].inverse_mass;
@@ -168,9 +179,9 @@ fn collide_pair<S: Simd, const N: usize>(
         + lever_b * lever_b * p[j].inverse_inertia;
     let zero = splat(w.simd, 0.0);
     let impulse = choose(hit, (1.0 + c.restitution) * approach / softness, zero);
-    push(state, w, &a, i, -impulse, along, across, lever_a);
-    push(state, w, &b, j, impulse, along, across, lever_b);
-    let instant = (step as f32 + clamp_to(enter, 0.0, 1.0)) * c.step;
+    let left = (1.0 - enter) * stride.length;
+    push(state, w, i, -impulse, (along, across), lever_a, (hit, left));
+    push(state, w, j, impulse, (along, across), lever_b, (hit, left));
     for (own, other) in [(i, j), (j, i)] {
         let first = hit & state.contact_partner[own].simd_lt(0.0);
         let slot = splat(w.simd, other as f32);
@@ -180,6 +191,12 @@ fn collide_pair<S: Simd, const N: usize>(
         state.contact_speed[own] = choose(first, approach, state.contact_speed[own]);
         state.crashed[own] = choose(hit, splat(w.simd, 1.0), state.crashed[own]);
     }
+}
+
+/// Whether boxes overlap at some time of the step.
+#[inline(always)]
+fn is_within<S: Simd>(enter: V<S>, leave: V<S>) -> M<S> {
+    enter.simd_le(leave) & enter.simd_le(1.0) & leave.simd_ge(0.0)
 }
 
 /// Whether boxes along the road around both bodies are apart during the whole step: most near pairs
@@ -220,6 +237,27 @@ fn corpus<S: Simd, const N: usize>(
         cosine,
         half_length,
         half_width,
+    }
+}
+
+/// A vehicle as it was when a `share` of the step, a time `left`, was still to come.
+#[inline(always)]
+fn earlier<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    before: &(Each<S, N>, Each<S, N>),
+    share: V<S>,
+    left: V<S>,
+) -> Corpus<S> {
+    let (sine, cosine) = sincos(state.psi[i] - left * state.r[i]);
+    Corpus {
+        s: state.s[i] - share * (state.s[i] - before.0[i]),
+        d: state.d[i] - share * (state.d[i] - before.1[i]),
+        sine,
+        cosine,
+        half_length: w.p[i].half_length,
+        half_width: w.p[i].half_width,
     }
 }
 
@@ -296,32 +334,41 @@ fn nearest_point<S: Simd>(box_: &Corpus<S>, ahead: V<S>, aside: V<S>) -> Vector<
     )
 }
 
+/// Velocity along and across the road of a point of vehicle `i`.
 #[inline(always)]
 fn velocity<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
-    box_: &Corpus<S>,
     i: usize,
     arm: Vector<S>,
 ) -> Vector<S> {
-    let along = state.vx[i] * box_.cosine - state.vy[i] * box_.sine - state.r[i] * arm.1;
-    let across = state.vx[i] * box_.sine + state.vy[i] * box_.cosine + state.r[i] * arm.0;
+    let (sine, cosine) = (state.sine[i], state.cosine[i]);
+    let along = state.vx[i] * cosine - state.vy[i] * sine - state.r[i] * arm.1;
+    let across = state.vx[i] * sine + state.vy[i] * cosine + state.r[i] * arm.0;
     (along, across)
 }
 
-#[allow(clippy::too_many_arguments)]
+/// Change the motion of vehicle `i` by an impulse, and its place by what is left of the step.
 #[inline(always)]
 fn push<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
-    box_: &Corpus<S>,
     i: usize,
     impulse: V<S>,
-    along: V<S>,
-    across: V<S>,
+    normal: Vector<S>,
     lever: V<S>,
+    (hit, left): (M<S>, V<S>),
 ) {
+    let zero = splat(w.simd, 0.0);
     let change = impulse * w.p[i].inverse_mass;
-    state.vx[i] += change * (along * box_.cosine + across * box_.sine);
-    state.vy[i] += change * (across * box_.cosine - along * box_.sine);
-    state.r[i] += impulse * lever * w.p[i].inverse_inertia;
+    let (along, across) = velocity(state, i, (zero, zero));
+    let (along, across) = (along + change * normal.0, across + change * normal.1);
+    let spin = impulse * lever * w.p[i].inverse_inertia;
+    state.s[i] += left * (change * normal.0);
+    state.d[i] += left * (change * normal.1);
+    state.psi[i] += left * spin;
+    state.r[i] += spin;
+    let (sine, cosine) = sincos(state.psi[i]);
+    state.vx[i] = choose(hit, along * cosine + across * sine, state.vx[i]);
+    state.vy[i] = choose(hit, across * cosine - along * sine, state.vy[i]);
+    (state.sine[i], state.cosine[i]) = (sine, cosine);
 }

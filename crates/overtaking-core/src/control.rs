@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::following::follow;
-use crate::lanes::{M, V, choose, clamp, max, min, pick, splat};
+use crate::lanes::{M, V, at_least, choose, clamp, max, min, pick, splat};
 use crate::neighbours::Neighbours;
 use crate::perception::Beliefs;
 use crate::state::{EGO, FAST_LEAD, LEAD, SLOW_LEAD, State, World, stage};
@@ -66,7 +66,7 @@ pub fn behind_leader<S: Simd, const N: usize>(
         gap,
         closing,
         kept,
-        believed.leader_accel,
+        believed.accel[LEAD],
     );
     if i == EGO {
         let eager = is_passing(state) & wanted.simd_gt(0.0);
@@ -104,6 +104,11 @@ fn behind_old_leader<S: Simd, const N: usize>(
         believed.closing[SLOW_LEAD],
         believed.closing[FAST_LEAD],
     );
+    let accel = choose(
+        to_fast,
+        believed.accel[SLOW_LEAD],
+        believed.accel[FAST_LEAD],
+    );
     let aside = choose(to_fast, near.aside[SLOW_LEAD], near.aside[FAST_LEAD]).abs();
     let overlaps =
         aside.simd_lt(p.half_width + pick!(n, slot, |j| w.p[j].half_width) + c.footprint_margin);
@@ -121,7 +126,7 @@ fn behind_old_leader<S: Simd, const N: usize>(
         gap,
         closing,
         p.time_gap,
-        splat(w.simd, 0.0),
+        accel,
     );
     choose(matters, wanted, free)
 }
@@ -138,18 +143,16 @@ pub fn set_acceleration<S: Simd, const N: usize>(
 ) {
     let c = w.c;
     let old_leader = behind_old_leader(state, w, i, near, believed);
-    let wanted = max(min(leader, old_leader), -w.p[i].hardest_decel);
+    let wanted = max(
+        min(leader, old_leader),
+        -(w.p[i].brake_force * w.p[i].inverse_mass),
+    );
     let up = choose(
         state.accel[i].simd_lt(0.0),
         splat(w.simd, c.jerk_release),
         splat(w.simd, c.jerk_up),
     ) * c.decision;
-    let hard = wanted.simd_lt(-c.emergency_decel);
-    let down = choose(
-        hard,
-        splat(w.simd, c.jerk_emergency),
-        splat(w.simd, c.jerk_down),
-    ) * c.decision;
+    let down = at_least(-wanted / c.brake_ramp, c.jerk_down) * c.decision;
     let changed = state.accel[i] + clamp(wanted - state.accel[i], -down, up);
     state.accel[i] = choose(state.crashed[i].simd_gt(0.0), splat(w.simd, 0.0), changed);
 }

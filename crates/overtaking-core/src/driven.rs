@@ -205,11 +205,12 @@ fn drive<S: Simd, const N: usize>(
             }
             for _ in 0..steps {
                 for i in 0..w.count {
-                    press(&mut state, w, i, controls);
-                    turn(&mut state, w, i, controls);
-                    let inverse_speed = dynamics::inverse_speed(&state, w, i);
-                    let r = dynamics::accelerate(&mut state, w, i, inverse_speed);
-                    dynamics::integrate(&mut state, w, i, r);
+                    let stride = &w.rates.fine;
+                    let speed = at_least(state.vx[i] + stride.half * state.a_lon[i], 0.0);
+                    press(&mut state, w, i, controls, speed);
+                    let angle = turn(&mut state, w, i, controls, speed);
+                    let motion = dynamics::accelerate(&mut state, w, i, angle, stride);
+                    dynamics::integrate(&mut state, w, i, motion, stride);
                 }
             }
             give(&state, table, |_| Some(0));
@@ -217,41 +218,42 @@ fn drive<S: Simd, const N: usize>(
     );
 }
 
-/// From pedals to the acceleration that is asked for.
+/// From pedals, at a speed, to the acceleration that is asked for.
 #[inline(always)]
 fn press<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
     controls: Controls<'_>,
+    speed: V<S>,
 ) {
     let (c, p) = (w.c, &w.p[i]);
-    let air = state.vx[i] - state.tail_wind[i];
+    let air = speed - state.tail_wind[i];
     let resistance = p.drag * air * air.abs() + p.rolling;
-    let engine = min(
-        p.launch_force,
-        p.power / at_least(state.vx[i], c.slip_speed),
-    );
+    let engine = min(p.launch_force, p.power / at_least(speed, c.slip_speed));
     let force = controls.throttle[i] * engine - controls.brake[i] * p.brake_force - resistance;
     state.accel[i] = force * p.inverse_mass;
 }
 
-/// Turn the front wheels, or lean into the curve that they stand for.
+/// Turn the front wheels, or lean into the curve that they stand for; the angle in the middle of the step.
 #[inline(always)]
 fn turn<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
     controls: Controls<'_>,
-) {
+    speed: V<S>,
+) -> V<S> {
     let (c, p) = (w.c, &w.p[i]);
     let angle: V<S> = splat(w.simd, controls.angle[i]);
     let most = controls.wheel_rate * c.step;
-    let turned = state.wheel[i] + clamp_to(angle - state.wheel[i], -most, most);
+    let turn = clamp_to(angle - state.wheel[i], -most, most);
     let (sine, cosine) = sincos(angle);
-    let curve = state.vx[i] * state.vx[i] * sine / (cosine * p.wheelbase);
+    let curve = speed * speed * sine / (cosine * p.wheelbase);
     let grip = c.gravity * 0.5 * (state.mu_fast[i] + state.mu_slow[i]);
-    let lean = clamp(curve, -grip, grip);
-    let leaned = state.wheel[i] + (lean - state.wheel[i]) * w.rates.leaning;
-    state.wheel[i] = choose(p.two_wheeler.simd_gt(0.0), leaned, turned);
+    let lean = (clamp(curve, -grip, grip) - state.wheel[i]) * w.rates.fine.leaning;
+    let moved = choose(p.two_wheeler.simd_gt(0.0), lean, turn);
+    let before = state.wheel[i];
+    state.wheel[i] = before + moved;
+    before + 0.5 * moved
 }

@@ -6,7 +6,7 @@ use fearless_simd::prelude::*;
 use crate::elementary::exp;
 use crate::fields::Vehicle;
 use crate::following::forced_braking;
-use crate::lanes::{M, V, at_least, choose, min, pick, splat};
+use crate::lanes::{M, V, at_least, at_most, choose, min, pick, splat};
 use crate::mobil::turn_to_lane;
 use crate::neighbours::Neighbours;
 use crate::perception::Beliefs;
@@ -29,6 +29,7 @@ struct View<'a, S: Simd> {
     detected: &'a [M<S>; 6],
     leader_speed: V<S>,
     demand: V<S>,
+    imposes: V<S>,
     impatience: V<S>,
 }
 
@@ -82,7 +83,7 @@ fn wants_to_pass<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S
 fn may_pull_out<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) -> M<S> {
     let (c, own) = (w.c, view.own);
     let front = own_braking(w, view, FAST_LEAD).simd_ge(-own.decel);
-    let rear = their_braking(w, view, FAST_REAR).simd_ge(-(own.safe_decel / view.demand));
+    let rear = their_braking(w, view, FAST_REAR).simd_ge(-view.imposes);
     let rear = rear & view.gap[FAST_REAR].simd_gt(c.smallest_rear_gap * view.demand);
     let gain = ((view.speed - view.closing[FAST_LEAD]) - view.leader_speed)
         .simd_gt(own.passing_gain * view.impatience);
@@ -95,7 +96,7 @@ fn may_return<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) 
     let own = view.own;
     let follower_speed = view.speed + view.closing[SLOW_REAR];
     let left = view.gap[SLOW_REAR].simd_ge(own.return_time_gap * follower_speed * view.impatience);
-    let rear = left & their_braking(w, view, SLOW_REAR).simd_ge(-(own.safe_decel / view.demand));
+    let rear = left & their_braking(w, view, SLOW_REAR).simd_ge(-view.imposes);
     let front = own_braking(w, view, SLOW_LEAD).simd_ge(-own.decel);
     let worth = view.gap[SLOW_LEAD].simd_gt(w.c.stay_time * view.closing[SLOW_LEAD]);
     rear & front & worth
@@ -104,8 +105,7 @@ fn may_return<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) 
 #[inline(always)]
 fn must_abort<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) -> M<S> {
     let (c, own) = (w.c, view.own);
-    let bad_rear =
-        their_braking(w, view, REAR).simd_lt(-(c.abort_factor * own.safe_decel / view.demand));
+    let bad_rear = their_braking(w, view, REAR).simd_lt(-(c.abort_imposed * view.imposes));
     let bad_front = own_braking(w, view, LEAD).simd_lt(-(c.abort_factor * own.decel));
     let room = own_braking(w, view, SLOW_LEAD).simd_ge(-own.hardest_decel)
         & view.gap[SLOW_REAR].simd_gt(c.smallest_rear_gap);
@@ -142,6 +142,7 @@ pub fn decide<S: Simd, const N: usize>(
         exp(-(state.waited * own.inverse_patience)),
         w.c.patience_floor,
     );
+    let demand = own.gap_acceptance * impatience;
     let view = View {
         own,
         speed: state.vx[EGO],
@@ -149,7 +150,11 @@ pub fn decide<S: Simd, const N: usize>(
         closing: &believed.closing,
         detected: &believed.detected,
         leader_speed: state.vx[EGO] - believed.closing[LEAD],
-        demand: own.gap_acceptance * impatience,
+        demand,
+        imposes: min(
+            at_most(own.safe_decel / demand, w.c.most_imposed),
+            own.hardest_decel,
+        ),
         impatience,
     };
     state.stage_time += w.c.decision;

@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 
 use crate::elementary::{exp, log};
 use crate::fields::{Constants, Vehicle};
-use crate::lanes::{V, at_least, at_most, choose, clamp_to, splat};
+use crate::lanes::{V, at_least, at_most, choose, clamp_to, min, splat};
 
 /// Keeps the quotient finite behind a standing leader [m^2/s^2].
 const LEAST_WAY: f32 = 1e-3;
@@ -22,7 +22,7 @@ fn wanted_gap<S: Simd>(p: &Vehicle<S>, speed: V<S>, closing: V<S>, time_gap: V<S
     p.min_gap + at_least(dynamic, 0.0)
 }
 
-/// Acceleration behind a leader: the improved intelligent driver model, cooled [m/s^2].
+/// Acceleration behind a leader: the IIDM, cooled, and heedful of a leader that brakes [m/s^2].
 #[allow(clippy::too_many_arguments)]
 #[inline(always)]
 pub fn follow<S: Simd>(
@@ -38,13 +38,16 @@ pub fn follow<S: Simd>(
     speed.simd.vectorize(
         #[inline(always)]
         || {
+            let needed = needed_braking(c, speed, gap, closing, leader_accel);
             let wanted = iidm(c, p, speed, desired, gap, closing, time_gap);
-            cooled(
-                c,
-                p,
-                wanted,
-                needed_braking(c, speed, gap, closing, leader_accel),
-            )
+            let cool = cooled(c, p, wanted, needed);
+            let brakes = leader_accel.simd_lt(-c.stop_lamp_decel);
+            if !brakes.any_true() {
+                return cool;
+            }
+            let room = c.heed_until - gap / at_least(speed, c.slip_speed);
+            let heed = clamp_to(room / (c.heed_until - c.heed_wholly), 0.0, 1.0);
+            choose(brakes, min(cool, heed * needed), cool)
         },
     )
 }

@@ -29,8 +29,8 @@ pub struct Beliefs<S: Simd> {
     pub detected: [M<S>; ROLES],
     pub gap: [V<S>; ROLES],
     pub closing: [V<S>; ROLES],
-    /// Believed acceleration of the leader in the own lane, never positive [m/s^2].
-    pub leader_accel: V<S>,
+    /// Believed acceleration of those ahead, never positive [m/s^2].
+    pub accel: [V<S>; ROLES],
 }
 
 impl<S: Simd> Beliefs<S> {
@@ -42,7 +42,7 @@ impl<S: Simd> Beliefs<S> {
             detected: [zero.simd_lt(zero); ROLES],
             gap: [zero; ROLES],
             closing: [zero; ROLES],
-            leader_accel: zero,
+            accel: [zero; ROLES],
         }
     }
 }
@@ -293,13 +293,6 @@ pub fn perceive<S: Simd, const N: usize>(
             continue;
         }
         let (place, speed) = recall(state, w.simd, row, slot);
-        if role == LEAD {
-            let before = at_least(then - c.brake_memory, 0.0);
-            let row = before - HISTORY as f32 * floor(before * (1.0 / HISTORY as f32));
-            let (_, early) = recall(state, w.simd, row, slot);
-            let change = (speed - early) / (c.brake_memory * c.decision);
-            believed.leader_accel = choose(noticed, at_most(change, 0.0), zero);
-        }
         let place = place + speed * elapsed;
         let ahead = if is_front {
             place - state.s[i]
@@ -317,8 +310,19 @@ pub fn perceive<S: Simd, const N: usize>(
         let width = pick!(w.count, slot, |j| w.p[j].loom_width);
         let looming = (width * closing.abs()).simd_gt(c.looming_threshold * (distance * distance));
         let sensed = closing * (1.0 + q.speed_error * state.speed_error[i]);
+        let fading = at_least(closing * c.error_fade_time, NEAREST);
+        let error = (judged - 1.0) * at_most(distance / fading, 1.0);
+        if role == LEAD || (leaving && is_front) {
+            let before = at_least(then - c.brake_memory, 0.0);
+            let row = before - HISTORY as f32 * floor(before * (1.0 / HISTORY as f32));
+            let (_, early) = recall(state, w.simd, row, slot);
+            let change = at_most((speed - early) / (c.brake_memory * c.decision), 0.0);
+            let lamps = change.simd_lt(-c.stop_lamp_decel) & !looming;
+            let seen = choose(lamps, at_most(change, -c.lamp_decel), change);
+            believed.accel[role] = choose(noticed, seen, zero);
+        }
         believed.detected[role] = noticed;
-        believed.gap[role] = choose(noticed, gap * judged, splat(w.simd, c.unseen_gap));
+        believed.gap[role] = choose(noticed, gap + gap * error, splat(w.simd, c.unseen_gap));
         believed.closing[role] = choose(noticed & looming, sensed, zero);
     }
     believed

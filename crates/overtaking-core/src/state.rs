@@ -62,14 +62,46 @@ pub struct Road {
     pub pose: [f32; 5],
 }
 
-/// Quotients of constants: a division costs as much for one number as for sixteen.
+/// A length of step, and what follows from it.
 #[derive(Clone, Copy, Debug)]
-pub struct Rates {
-    /// Share of the way to the wanted wheel angle in a step.
+pub struct Stride {
+    /// Its length [s].
+    pub length: f32,
+    /// Half of it.
+    pub half: f32,
+    /// One over it [1/s].
+    pub per_second: f32,
+    /// Share of the way to the wanted wheel angle.
     pub steering: f32,
     /// The same of the lean of a two-wheeler.
     pub leaning: f32,
-    /// The same of the answer to the side wind, in a decision.
+    /// How far the front wheels turn at most [rad].
+    pub most: f32,
+}
+
+impl Stride {
+    /// A step of this length.
+    pub fn of(c: &Constants, length: f32) -> Self {
+        let half = 0.5 * length;
+        Self {
+            length,
+            half,
+            per_second: 1.0 / length,
+            steering: length / (c.steering_lag + half),
+            leaning: length / (c.two_wheeler_lag + half),
+            most: c.steering_rate * length,
+        }
+    }
+}
+
+/// Quotients of constants: a division costs as much for one number as for sixteen.
+#[derive(Clone, Copy, Debug)]
+pub struct Rates {
+    /// A step of 10 ms.
+    pub fine: Stride,
+    /// Five at once, from one decision to the next.
+    pub coarse: Stride,
+    /// Share of the answer to the side wind that is given in a decision.
     pub trimming: f32,
     /// Throttle that is taken back per speed above the limit [s/m].
     pub governing: f32,
@@ -81,8 +113,8 @@ impl Rates {
     /// The quotients.
     pub fn of(c: &Constants) -> Self {
         Self {
-            steering: c.step / c.steering_lag,
-            leaning: c.step / c.two_wheeler_lag,
+            fine: Stride::of(c, c.step),
+            coarse: Stride::of(c, c.decision),
             trimming: c.decision / c.wind_lag,
             governing: 1.0 / c.governor_band,
             inverse_gravity: 1.0 / c.gravity,
@@ -161,6 +193,7 @@ state_fields! {
     accel: Each<S, N>,
     a_lon: Each<S, N>,
     a_lat: Each<S, N>,
+    yaw_accel: Each<S, N>,
     crashed: Each<S, N>,
     path: [[V<S>; 6]; N],
     path_time: Each<S, N>,
@@ -222,6 +255,7 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
             accel: each(0.0),
             a_lon: each(0.0),
             a_lat: each(0.0),
+            yaw_accel: each(0.0),
             crashed: each(0.0),
             path,
             path_time: each(1.0),

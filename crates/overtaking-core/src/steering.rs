@@ -3,8 +3,8 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::lanes::{M, V, choose, clamp, clamp_to, min, splat};
-use crate::state::{State, World};
+use crate::lanes::{M, V, at_least, choose, clamp, clamp_to, min, splat};
+use crate::state::{State, Stride, World};
 
 /// Lay a quintic from where the path of vehicle `i` is now to the centre of another lane.
 #[inline(always)]
@@ -15,7 +15,7 @@ pub fn begin_path<S: Simd, const N: usize>(
     centre: V<S>,
     duration: V<S>,
 ) {
-    let (place, speed, accel) = path_now(state, i);
+    let (place, speed, accel) = path_at(state, i, 0.0);
     let t = duration;
     let rest = centre - place - speed * t - 0.5 * accel * (t * t);
     let lost = -(speed + accel * t);
@@ -37,10 +37,14 @@ pub fn begin_path<S: Simd, const N: usize>(
     state.since_change[i] = choose(moved, zero, state.since_change[i]);
 }
 
-/// Position, velocity and acceleration of the lateral path of vehicle `i` now.
+/// Position, velocity and acceleration of the lateral path of vehicle `i`, a time `ahead`.
 #[inline(always)]
-pub fn path_now<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> (V<S>, V<S>, V<S>) {
-    let t = min(state.path_time[i], state.path_duration[i]);
+pub fn path_at<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    i: usize,
+    ahead: f32,
+) -> (V<S>, V<S>, V<S>) {
+    let t = min(state.path_time[i] + ahead, state.path_duration[i]);
     let [c0, c1, c2, c3, c4, c5] = state.path[i];
     let place = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))));
     let speed = c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * (5.0 * c5))));
@@ -76,39 +80,57 @@ pub fn reach<S: Simd, const N: usize>(
     w.c.slip_share * 0.5 * (state.mu_fast[i] + state.mu_slow[i]) / w.p[i].front_stiffness
 }
 
-/// Turn the front wheels of vehicle `i`, or lean, towards the path for one step.
+/// Turn the front wheels of vehicle `i`, or lean, towards the path for one step; the angle in its middle.
 #[inline(always)]
 pub fn steer<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
-    inverse_speed: V<S>,
-) {
+    stride: &Stride,
+) -> V<S> {
+    let (angle, lean) = asked(state, w, i, stride.half);
+    let wheel = state.wheel[i];
+    let turn = clamp_to((angle - wheel) * stride.steering, -stride.most, stride.most);
+    let lean = (lean - wheel) * stride.leaning;
+    let moved = choose(w.p[i].two_wheeler.simd_gt(0.0), lean, turn);
+    let (is_sound, zero) = (state.crashed[i].simd_eq(0.0), splat(w.simd, 0.0));
+    state.wheel[i] = choose(is_sound, wheel + moved, zero);
+    state.path_time[i] += stride.length;
+    choose(is_sound, wheel + 0.5 * moved, zero)
+}
+
+/// Wheel angle and lean that the driver of vehicle `i` asks for, a time `ahead`.
+#[inline(always)]
+fn asked<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    ahead: f32,
+) -> (V<S>, V<S>) {
     let (c, p) = (w.c, &w.p[i]);
-    let (place, speed, accel) = path_now(state, i);
-    let sideways = state.vx[i] * state.sine[i] + state.vy[i] * state.cosine[i];
+    let (place, speed, accel) = path_at(state, i, ahead);
+    let (sine, cosine) = (state.sine[i], state.cosine[i]);
+    let (a_lon, a_lat) = (state.a_lon[i], state.a_lat[i]);
+    let sideways = state.vx[i] * sine + state.vy[i] * cosine;
+    let d = state.d[i] + ahead * sideways;
+    let sideways = sideways + ahead * (a_lon * sine + a_lat * cosine);
+    let vx = state.vx[i] + ahead * a_lon;
+    let vy = state.vy[i] + ahead * (a_lat - state.vx[i] * state.r[i]);
+    let r = state.r[i] + ahead * state.yaw_accel[i];
     let wanted = accel + c.velocity_gain * (speed - sideways);
-    let aim = place + c.lane_deviation * state.wander[i] - state.d[i];
+    let aim = place + c.lane_deviation * state.wander[i] - d;
     let wanted = wanted + c.position_gain * aim;
     let wanted = clamp(wanted, -w.q.side_accel, w.q.side_accel);
-    let felt = wanted + c.yaw_gain * (wanted - state.vx[i] * state.r[i]);
+    let inverse_speed = 1.0 / at_least(vx, c.slip_speed);
+    let felt = wanted + c.yaw_gain * (wanted - vx * r);
     let angle =
         felt * (p.wheelbase * (inverse_speed * inverse_speed) + p.understeer) + state.trim[i];
-    let slip = (state.vy[i] + p.cg_front * state.r[i]) * inverse_speed;
+    let slip = (vy + p.cg_front * r) * inverse_speed;
     let reach = state.reach[i];
     let angle = clamp_to(
         clamp(angle, slip - reach, slip + reach),
         -c.steering_limit,
         c.steering_limit,
     );
-    let turn = (angle - state.wheel[i]) * w.rates.steering;
-    let turn = clamp_to(turn, -c.steering_rate * c.step, c.steering_rate * c.step);
-    let lean = (wanted + state.trim[i] - state.wheel[i]) * w.rates.leaning;
-    let moved = choose(
-        p.two_wheeler.simd_gt(0.0),
-        state.wheel[i] + lean,
-        state.wheel[i] + turn,
-    );
-    state.wheel[i] = choose(state.crashed[i].simd_gt(0.0), splat(w.simd, 0.0), moved);
-    state.path_time[i] += c.step;
+    (angle, wanted + state.trim[i])
 }

@@ -3,11 +3,12 @@
 use fearless_simd::Simd;
 
 use crate::collisions::{Pairs, collide, leave_road, near_pairs};
+use crate::dynamics::Motion;
 use crate::lanes::{outlined, splat};
 use crate::neighbours::{Body, Neighbours, find_neighbours};
 use crate::perception::Beliefs;
 use crate::recording::Recorder;
-use crate::state::{EGO, Each, State, World};
+use crate::state::{EGO, Each, State, Stride, World};
 use crate::{control, dynamics, ego, environment, mobil, perception, steering};
 
 /// Steps between two decisions.
@@ -130,13 +131,14 @@ pub fn grip_again<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &Worl
     });
 }
 
-/// One step of 10 ms: steer, move, collide.
+/// Steer, move, collide: one step.
 pub fn advance<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
     pairs: &Pairs<S, N>,
     before: &mut Places<S, N>,
     step: u32,
+    stride: &Stride,
 ) {
     outlined!(w.simd, {
         if pairs.any {
@@ -145,20 +147,19 @@ pub fn advance<S: Simd, const N: usize>(
             }
         }
         // Short passes over all vehicles, so that the CPU works on several of them at once.
-        let mut inverse_speed = [splat(w.simd, 0.0); N];
+        let mut angle = [splat(w.simd, 0.0); N];
         for i in 0..w.count {
-            inverse_speed[i] = dynamics::inverse_speed(state, w, i);
-            steering::steer(state, w, i, inverse_speed[i]);
+            angle[i] = steering::steer(state, w, i, stride);
         }
-        let mut turned = inverse_speed;
+        let mut motion = [Motion::none(w.simd); N];
         for i in 0..w.count {
-            turned[i] = dynamics::accelerate(state, w, i, inverse_speed[i]);
+            motion[i] = dynamics::accelerate(state, w, i, angle[i], stride);
         }
         for i in 0..w.count {
-            dynamics::integrate(state, w, i, turned[i]);
+            dynamics::integrate(state, w, i, motion[i], stride);
         }
     });
     if pairs.any {
-        outlined!(w.simd, collide(state, w, pairs, before, step));
+        outlined!(w.simd, collide(state, w, pairs, before, step, stride));
     }
 }

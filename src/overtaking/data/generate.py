@@ -224,7 +224,9 @@ def _begun(place: Place, identity: Identity, *, resume: bool) -> Manifest | None
             where=str(place),
             expected=ours,
             got=theirs,
-            next_step="choose another folder, or ask for what it was begun with",
+            next_step=begun.how_to_simulate
+            if name == "simulator_version"
+            else "choose another folder, or ask for what it was begun with",
         )
     if not resume:
         raise DatasetError.of(

@@ -382,13 +382,12 @@ class Dataset(Summarized):
         return contents(self.trajectory(simulation), np.array([simulation]), tuple(SCHEMAS))
 
     def _changed(self, simulation: int) -> DatasetError:
-        identity = self._manifest.identity
         return DatasetError.of(
             what=f"simulation {simulation}, simulated again",
             where=self.where,
             expected="the recorded trace hash",
             got=f"another from {self._simulator.name} {self._simulator.version}",
-            next_step=f"simulate with {identity.simulator} {identity.simulator_version}",
+            next_step=self._manifest.how_to_simulate,
         )
 
 

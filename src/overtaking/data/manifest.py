@@ -292,6 +292,13 @@ class Manifest(_Record):
         """Simulations that are there; fewer than asked for where cells are short of some."""
         return sum(shard.simulations for shard in self.shards)
 
+    @property
+    def how_to_simulate(self) -> str:
+        """What to install to simulate as this data set was simulated, for a message."""
+        identity = self.identity
+        model = f"{identity.simulator} {identity.simulator_version}"
+        return f"install overtaking {self.provenance.package} with {model}, which made it"
+
 
 def content_hash(shards: tuple[ShardRecord, ...]) -> str:
     """Hash over the values of all tables, trace hashes among them, 64 hexadecimal digits."""

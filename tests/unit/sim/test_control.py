@@ -120,7 +120,7 @@ def test_traction_control_leaves_driven_axles_most_of_their_side_force(kind: str
     grip = float(m.state.mu_fast[0, 0]) * 8000.0
     for force, expected in ((1e6, share), (-1e6, -0.95)):
         asked = np.full_like(load, force)
-        along, _, left = dynamics.axle_forces(m.given.constants, m.p, m.state, asked, load)
-        assert float(along[0, 0]) == pytest.approx(expected * grip, rel=1e-5)
+        axle = dynamics.axle_forces(m.given.constants, m.p, m.state, asked, load)
+        assert float(axle.along[0, 0]) == pytest.approx(expected * grip, rel=1e-5)
         rest = np.sqrt(1.0 - expected * expected)
-        assert float(left[0, 0]) == pytest.approx(rest * grip, rel=1e-4)
+        assert float(axle.limit[0, 0]) == pytest.approx(rest * grip, rel=1e-4)

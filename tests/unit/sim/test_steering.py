@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.support.bench import RECORDED, Bench, bench
+from tests.support.bench import DECISION, RECORDED, Bench, bench
 from tests.support.worlds import FOUR_WHEELERS, Vehicle
 
 from overtaking.sim.reference import steering
-
-DECISION = 0.05
 
 SPEEDS = {"S": 33.0, "M": 33.0, "L": 33.0, "V": 30.0, "T": 24.0, "MC": 33.0}
 """What the classes drive at most in the study [m/s]."""
@@ -91,12 +89,10 @@ def test_the_peaks_of_a_lane_change_are_those_of_the_literature(duration: float)
 def drive(b: Bench, duration: float) -> dict[str, np.ndarray]:
     """Let the driver steer, without wander, and hold the speed."""
     rows = {name: [] for name in RECORDED}
-    for k in range(round(duration / 0.01)):
-        if k % 5 == 0:
-            b.decide()
-            steering.hold_against_wind(b.state, b.c, b.p, k)
-        steering.steer(b.state, b.c, b.p, np.full_like(b.q.side_accel, 4.0))
-        ran = b.drive_one()
+    for k in range(round(duration / DECISION)):
+        b.decide()
+        steering.hold_against_wind(b.state, b.c, b.p, k)
+        ran = b.drive_one(b.steer(np.full_like(b.q.side_accel, 4.0)))
         for name, values in rows.items():
             values.append(ran[name])
     return {name: np.array(values) for name, values in rows.items()}
@@ -110,8 +106,8 @@ def test_every_class_returns_to_its_lane_without_weaving(kind: str):
     away = drive(b, 15.0)["d"] - centre
     # A damping ratio of 0.4 lets a step overshoot by a quarter; weaving grows instead.
     assert away.min() > -0.25 * 0.5
-    assert np.abs(away[800:]).max() < 0.05
-    assert np.abs(away[1200:]).max() < 0.02
+    assert np.abs(away[160:]).max() < 0.05
+    assert np.abs(away[240:]).max() < 0.02
 
 
 @pytest.mark.parametrize("kind", SPEEDS)
@@ -125,7 +121,7 @@ def test_a_lane_change_ends_in_the_lane(kind: str):
     place = ran["d"] - float(centre[0, 0])
     # Half a metre too far at most, so that a lorry in a lane of 3.5 m keeps to it.
     assert place.max() < LANE_WIDTH + 0.5
-    assert np.abs(place[1300:] - LANE_WIDTH).max() < 0.05
+    assert np.abs(place[260:] - LANE_WIDTH).max() < 0.05
     # Who has fallen behind the path hurries by two thirds of its peak at most.
     assert np.abs(ran["a_lat"]).max() < 1.67 * 5.77 * LANE_WIDTH / duration**2
 
@@ -139,7 +135,7 @@ def test_a_steady_gale_is_steered_out(kind: str):
     # 12 m/s from the side: the driver answers it from the first frame on, the wheel and the slight
     # crab angle follow within a second. Nobody corrects the last decimetres.
     assert np.abs(away).max() < 0.4
-    assert np.abs(away[800:]).max() < 0.2
+    assert np.abs(away[160:]).max() < 0.2
 
 
 @pytest.mark.parametrize("kind", FOUR_WHEELERS)
@@ -155,18 +151,16 @@ def test_a_sudden_side_wind_blows_aside_and_is_then_steered_out(kind: str):
     away = drive_after_start(b, 12.0) - centre
     # Drivers answer after 0.4 s, so the wind is felt, and more by high vehicles.
     assert 0.05 < away.max() < 1.0
-    assert np.abs(away[1000:]).max() < 0.2
+    assert np.abs(away[200:]).max() < 0.2
 
 
 def drive_after_start(b: Bench, duration: float) -> np.ndarray:
     """The same as `drive`, but not from the first frame on, when the wind is held already."""
     places = []
-    for k in range(round(duration / 0.01)):
-        if k % 5 == 0:
-            b.decide()
-            steering.hold_against_wind(b.state, b.c, b.p, k + 5)
-        steering.steer(b.state, b.c, b.p, np.full_like(b.q.side_accel, 4.0))
-        places.append(b.drive_one()["d"])
+    for k in range(round(duration / DECISION)):
+        b.decide()
+        steering.hold_against_wind(b.state, b.c, b.p, k + 1)
+        places.append(b.drive_one(b.steer(np.full_like(b.q.side_accel, 4.0)))["d"])
     return np.array(places)
 
 
@@ -174,10 +168,11 @@ def test_wheels_turn_no_faster_than_hands_and_no_farther_than_their_stops():
     b = bench(Vehicle(speed=20.0))
     b.state.d = b.state.d + np.float32(30.0)
     before = 0.0
-    for _ in range(300):
-        steering.steer(b.state, b.c, b.p, np.full_like(b.q.side_accel, 50.0))
+    for _ in range(60):
+        middle = b.steer(np.full_like(b.q.side_accel, 50.0))
         wheel = float(b.state.wheel[0, 0])
-        assert abs(wheel - before) <= 0.4 * 0.01 + 1e-6
+        assert abs(wheel - before) <= 0.4 * DECISION + 1e-6
+        assert float(middle[0, 0]) == pytest.approx(0.5 * (wheel + before), abs=1e-6)
         assert abs(wheel) <= 0.5 + 1e-6
         before = wheel
 
@@ -189,8 +184,8 @@ def test_a_sliding_car_is_steered_into_the_slide():
     b.state.d = b.state.d - np.float32(1.0)
     b.state.vy = np.full_like(b.state.vy, -9.0)
     b.state.r = np.full_like(b.state.r, 0.3)
-    for _ in range(100):
-        steering.steer(b.state, b.c, b.p, np.full_like(b.q.side_accel, 3.0))
+    for _ in range(20):
+        b.steer(np.full_like(b.q.side_accel, 3.0))
     slip = (-9.0 + 0.3 * float(b.p.cg_front[0, 0])) / 25.0
     wheel = float(b.state.wheel[0, 0])
     assert wheel < 0.0
@@ -203,5 +198,5 @@ def test_a_wreck_is_not_steered():
     b = bench(Vehicle(speed=20.0))
     b.state.crashed = np.ones_like(b.state.crashed)
     b.state.d = b.state.d + np.float32(2.0)
-    steering.steer(b.state, b.c, b.p, np.full_like(b.q.side_accel, 4.0))
+    assert float(b.steer(np.full_like(b.q.side_accel, 4.0))[0, 0]) == 0.0
     assert float(b.state.wheel[0, 0]) == 0.0

@@ -63,8 +63,11 @@ def collide(
     pairs: dict[tuple[int, int], Mask],
     before: tuple[F32, F32],
     step: int,
+    length: np.float32,
 ) -> None:
     """Exchange momentum in every near pair that touched during the last step.
+
+    What is left of the step after a contact, the pair has moved with its new velocities.
 
     Args:
         state: State after the step.
@@ -73,11 +76,12 @@ def collide(
         pairs: Near pairs, `is_near` at the last decision.
         before: Positions `s` and `d` before the step.
         step: Number of the step that began at `before`.
+        length: Its length [s].
     """
     was_sound = state.crashed[Role.EGO] == 0
     for (i, j), near in pairs.items():
         if near.any():
-            _collide_pair(state, c, p, near, before, step, i, j)
+            _collide_pair(state, c, p, near, before, (step, length), (i, j))
     end_with_ego(state, c, was_sound & (state.crashed[Role.EGO] > 0), step)
 
 
@@ -91,6 +95,7 @@ class Hit:
         lever_a, lever_b: Levers of the impulse about both centres [m].
         approach: Speed of approach along the normal [m/s].
         instant: When they touched [s].
+        left: What was left of the step [s].
     """
 
     mask: Mask
@@ -100,6 +105,7 @@ class Hit:
     lever_b: F32
     approach: F32
     instant: F32
+    left: F32
 
 
 def _collide_pair(
@@ -108,15 +114,14 @@ def _collide_pair(
     p: Fields,
     near: Mask,
     before: tuple[F32, F32],
-    step: int,
-    i: int,
-    j: int,
+    during: tuple[int, np.float32],
+    pair: tuple[int, int],
 ) -> None:
-    a, b = _box(state, p, i), _box(state, p, j)
-    hit = _contact(state, c, a, b, near, before, step, (i, j))
+    i, j = pair
+    hit = _contact(state, c, p, near, before, during, pair)
     impulse = _impulse(c, p, hit, i, j)
-    _push(state, p, a, i, -impulse, hit.along, hit.across, hit.lever_a)
-    _push(state, p, b, j, impulse, hit.along, hit.across, hit.lever_b)
+    _push(state, p, hit, i, -impulse, hit.lever_a)
+    _push(state, p, hit, j, impulse, hit.lever_b)
     for own, other in ((i, j), (j, i)):
         _write_down(state, hit, impulse, own, other)
 
@@ -124,30 +129,44 @@ def _collide_pair(
 def _contact(
     state: State,
     c: Constants,
-    a: Box,
-    b: Box,
+    p: Fields,
     near: Mask,
     before: tuple[F32, F32],
-    step: int,
+    during: tuple[int, np.float32],
     pair: tuple[int, int],
 ) -> Hit:
-    """Whether, where and how fast a pair touched during the step; none once it is over."""
-    i, j = pair
+    """Whether, when, where and how fast a pair touched during the step; none once it is over.
+
+    Boxes keep their heading while they are swept: that of the end of the step, and then that of the
+    instant of contact that was found so.
+    """
+    (step, length), (i, j) = during, pair
+    one = np.float32(1.0)
     then = (before[0][j] - before[0][i], before[1][j] - before[1][i])
-    enter, leave, along, across = first_contact(a, b, then, (b.s - a.s, b.d - a.d))
-    touching = near & (enter <= leave) & (enter <= np.float32(1.0)) & (leave >= np.float32(0.0))
+    now = (state.s[j] - state.s[i], state.d[j] - state.d[i])
+    zero = np.zeros_like(now[0])
+    a, b = (_box(state, p, before, k, zero, zero) for k in pair)
+    overlap = first_contact(a, b, then, now)
+    near = near & _is_within(overlap)
+    share = one - clamp(overlap[0], np.float32(0.0), one)
+    a, b = (_box(state, p, before, k, share, share * length) for k in pair)
+    overlap = first_contact(a, b, then, now)
+    enter, _, along, across = overlap
     arm_a, arm_b = _contact_arms(a, b)
-    velocity_a, velocity_b = _velocity(state, a, i, arm_a), _velocity(state, b, j, arm_b)
+    velocity_a, velocity_b = _velocity(state, i, arm_a), _velocity(state, j, arm_b)
     approach = (velocity_a[0] - velocity_b[0]) * along + (velocity_a[1] - velocity_b[1]) * across
-    share = clamp(enter, np.float32(0.0), np.float32(1.0))
+    enter = clamp(enter, np.float32(0.0), one)
+    instant = np.float32(step) * c.step + enter * length
+    runs = instant < state.end_step * c.step
     return Hit(
-        mask=touching & (approach > 0) & (np.float32(step) < state.end_step),
+        mask=near & _is_within(overlap) & (approach > 0) & runs,
         along=along,
         across=across,
         lever_a=arm_a[0] * across - arm_a[1] * along,
         lever_b=arm_b[0] * across - arm_b[1] * along,
         approach=approach,
-        instant=(np.float32(step) + share) * c.step,
+        instant=instant,
+        left=(one - enter) * length,
     )
 
 
@@ -178,16 +197,23 @@ def _write_down(state: State, hit: Hit, impulse: F32, own: int, other: int) -> N
     state.crashed[own] = np.where(hit.mask, np.float32(1.0), state.crashed[own])
 
 
-def _box(state: State, p: Fields, i: int) -> Box:
-    sine, cosine = sincos(state.psi[i])
+def _box(state: State, p: Fields, before: tuple[F32, F32], i: int, share: F32, left: F32) -> Box:
+    """A vehicle as it was when a `share` of the step, a time `left` [s], was still to come."""
+    sine, cosine = sincos(state.psi[i] - left * state.r[i])
     return Box(
-        s=state.s[i],
-        d=state.d[i],
+        s=state.s[i] - share * (state.s[i] - before[0][i]),
+        d=state.d[i] - share * (state.d[i] - before[1][i]),
         sine=sine,
         cosine=cosine,
         half_length=p.half_length[i],
         half_width=p.half_width[i],
     )
+
+
+def _is_within(overlap: tuple[F32, F32, F32, F32]) -> Mask:
+    """Whether boxes overlap at some time of the step."""
+    enter, leave = overlap[:2]
+    return (enter <= leave) & (enter <= np.float32(1.0)) & (leave >= np.float32(0.0))
 
 
 def first_contact(
@@ -258,16 +284,25 @@ def _nearest_point(box: Box, ahead: F32, aside: F32) -> tuple[F32, F32]:
     return along * box.cosine - across * box.sine, along * box.sine + across * box.cosine
 
 
-def _velocity(state: State, box: Box, i: int, arm: tuple[F32, F32]) -> tuple[F32, F32]:
-    along = state.vx[i] * box.cosine - state.vy[i] * box.sine - state.r[i] * arm[1]
-    across = state.vx[i] * box.sine + state.vy[i] * box.cosine + state.r[i] * arm[0]
+def _velocity(state: State, i: int, arm: tuple[F32, F32]) -> tuple[F32, F32]:
+    """Velocity along and across the road of a point of a vehicle."""
+    sine, cosine = sincos(state.psi[i])
+    along = state.vx[i] * cosine - state.vy[i] * sine - state.r[i] * arm[1]
+    across = state.vx[i] * sine + state.vy[i] * cosine + state.r[i] * arm[0]
     return along, across
 
 
-def _push(
-    state: State, p: Fields, box: Box, i: int, impulse: F32, along: F32, across: F32, lever: F32
-) -> None:
+def _push(state: State, p: Fields, hit: Hit, i: int, impulse: F32, lever: F32) -> None:
+    """Change the motion of a vehicle by an impulse, and its place by what is left of the step."""
+    zero = np.zeros_like(lever)
     change = impulse * p.inverse_mass[i]
-    state.vx[i] = state.vx[i] + change * (along * box.cosine + across * box.sine)
-    state.vy[i] = state.vy[i] + change * (across * box.cosine - along * box.sine)
-    state.r[i] = state.r[i] + impulse * lever * p.inverse_inertia[i]
+    along, across = _velocity(state, i, (zero, zero))
+    along, across = along + change * hit.along, across + change * hit.across
+    spin = impulse * lever * p.inverse_inertia[i]
+    state.s[i] = state.s[i] + hit.left * (change * hit.along)
+    state.d[i] = state.d[i] + hit.left * (change * hit.across)
+    state.psi[i] = state.psi[i] + hit.left * spin
+    state.r[i] = state.r[i] + spin
+    sine, cosine = sincos(state.psi[i])
+    state.vx[i] = np.where(hit.mask, along * cosine + across * sine, state.vx[i])
+    state.vy[i] = np.where(hit.mask, across * cosine - along * sine, state.vy[i])

@@ -21,7 +21,7 @@ def behind_leader(state: State, given: Parameters, p: Fields, believed: Beliefs)
     c = given.constants
     gap, closing = believed.gap[LEAD], believed.closing[LEAD]
     kept = _time_gap(state, c, p)
-    wanted = follow(c, p, state.vx, desired, gap, closing, kept, believed.leader_accel)
+    wanted = follow(c, p, state.vx, desired, gap, closing, kept, believed.accel[LEAD])
     gain = np.where(_is_passing(state)[None, :] & (wanted > 0), c.accelerate_gain, np.float32(1.0))
     gain[1:] = np.float32(1.0)
     return wanted * gain
@@ -61,22 +61,30 @@ def behind_old_leader(
     slot = np.where(to_fast, near.slot[SLOW_LEAD], near.slot[FAST_LEAD])
     gap = np.where(to_fast, believed.gap[SLOW_LEAD], believed.gap[FAST_LEAD])
     closing = np.where(to_fast, believed.closing[SLOW_LEAD], believed.closing[FAST_LEAD])
+    accel = np.where(to_fast, believed.accel[SLOW_LEAD], believed.accel[FAST_LEAD])
     aside = np.abs(np.where(to_fast, near.aside[SLOW_LEAD], near.aside[FAST_LEAD]))
     overlaps = aside < p.half_width + pick(p.half_width, slot) + c.footprint_margin
     left = c.clear_fraction * state.path_duration - state.path_time
     clears = (left > 0) & (gap > p.min_gap + closing * (left + c.clear_margin))
     matters = changing & (slot >= 0) & overlaps & ~clears
-    wanted = follow(c, p, state.vx, _desired_speed(state, p), gap, closing, p.time_gap)
+    wanted = follow(c, p, state.vx, _desired_speed(state, p), gap, closing, p.time_gap, accel)
     return np.where(matters, wanted, _FREE)
 
 
 def set_acceleration(
     state: State, given: Parameters, p: Fields, leader: F32, old_leader: F32
 ) -> None:
-    """Move the pedals towards the wanted acceleration, within grip and jerk."""
+    """Move the pedals towards the wanted acceleration, as fast as it is urgent.
+
+    Nobody spares the brakes for the friction that they believe in when more is needed: anti-lock
+    brakes and the road decide.
+
+    Source:
+        Markkula and others 2016: the ramp of emergency braking grows with its urgency.
+    """
     c = given.constants
-    wanted = maximum(minimum(leader, old_leader), -p.hardest_decel)
+    wanted = maximum(minimum(leader, old_leader), -(p.brake_force * p.inverse_mass))
     up = np.where(state.accel < 0, c.jerk_release, c.jerk_up) * c.decision
-    down = np.where(wanted < -c.emergency_decel, c.jerk_emergency, c.jerk_down) * c.decision
+    down = maximum(-wanted / c.brake_ramp, c.jerk_down) * c.decision
     changed = state.accel + clamp(wanted - state.accel, -down, up)
     state.accel = np.where(state.crashed > 0, np.float32(0.0), changed)

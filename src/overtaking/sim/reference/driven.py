@@ -52,9 +52,10 @@ def weather(
 def drive(state: State, c: Constants, p: Fields, controls: Controls, steps: int) -> None:
     """Move every vehicle by some steps; contacts are not looked for."""
     for _ in range(steps):
-        _press(state, c, p, controls)
-        _turn(state, c, p, controls.angle)
-        dynamics.move(state, c, p)
+        speed = maximum(state.vx + np.float32(0.5) * c.step * state.a_lon, np.float32(0.0))
+        _press(state, c, p, controls, speed)
+        angle = _turn(state, c, p, controls.angle, speed)
+        dynamics.move(state, c, p, angle, c.step)
 
 
 def _turned(state: State, q: SimulationParameters) -> SimulationParameters:
@@ -66,26 +67,34 @@ def _turned(state: State, q: SimulationParameters) -> SimulationParameters:
     )
 
 
-def _press(state: State, c: Constants, p: Fields, controls: Controls) -> None:
-    """From pedals to the acceleration that the dynamics are asked for.
+def _press(state: State, c: Constants, p: Fields, controls: Controls, speed: F32) -> None:
+    """From pedals, at a speed, to the acceleration that the dynamics are asked for.
 
     They add what drag and rolling take and cut at engine, brakes and grip, so a foot off both
     pedals lets the vehicle coast.
     """
-    air = state.vx - state.tail_wind
+    air = speed - state.tail_wind
     resistance = p.drag * air * np.abs(air) + p.rolling
-    engine = minimum(p.launch_force, p.power / maximum(state.vx, c.slip_speed))
+    engine = minimum(p.launch_force, p.power / maximum(speed, c.slip_speed))
     force = controls.throttle * engine - controls.brake * p.brake_force - resistance
     state.accel = force * p.inverse_mass
 
 
-def _turn(state: State, c: Constants, p: Fields, angle: F32) -> None:
-    """Turn front wheels towards the wanted angle, or lean into the curve it stands for."""
+def _turn(state: State, c: Constants, p: Fields, angle: F32, speed: F32) -> F32:
+    """Turn front wheels towards the wanted angle, or lean into the curve it stands for.
+
+    Returns:
+        Wheel angle, or lean, in the middle of the step.
+    """
+    half = np.float32(0.5)
     most = WHEEL_RATE * c.step
-    turned = state.wheel + clamp(angle - state.wheel, -most, most)
+    turn = clamp(angle - state.wheel, -most, most)
     sine, cosine = sincos(angle)
-    curve = state.vx * state.vx * sine / (cosine * p.wheelbase)
-    grip = c.gravity * np.float32(0.5) * (state.mu_fast + state.mu_slow)
-    lean = clamp(curve, -grip, grip)
-    leaned = state.wheel + (lean - state.wheel) * (c.step / c.two_wheeler_lag)
-    state.wheel = np.where(p.two_wheeler > 0, leaned, turned)
+    curve = speed * speed * sine / (cosine * p.wheelbase)
+    grip = c.gravity * half * (state.mu_fast + state.mu_slow)
+    lean = clamp(curve, -grip, grip) - state.wheel
+    lean = lean * (c.step / (c.two_wheeler_lag + half * c.step))
+    moved = np.where(p.two_wheeler > 0, lean, turn)
+    before = state.wheel
+    state.wheel = before + moved
+    return before + half * moved

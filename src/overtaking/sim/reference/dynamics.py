@@ -1,4 +1,11 @@
-"""Motion over one step: single-track with Fiala tyres, point mass on two wheels, wreck."""
+"""Motion over one step: single-track with Fiala tyres, point mass on two wheels, wreck.
+
+Beside a step of 50 ms the sideways motion on four wheels is quick, and stiff at low speed. So side
+speed and yaw rate are advanced together by a linearly implicit step: forces and their slopes once,
+two linear equations solved once. The derivation is in docs/explanation/model.md.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -7,50 +14,84 @@ from overtaking.sim.reference.state import Fields, State
 from overtaking.world.constants import Constants
 
 _ONE = np.float32(1.0)
+_ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _TINY = np.float32(1e-3)  # Keeps the direction of a wreck at rest finite [m/s].
 _LEAST_GRIP = np.float32(1.0)  # Left sideways by full braking, squared, to divide by [N^2].
 
 
-def fiala(stiffness: F32, slope: F32, limit: F32) -> F32:
-    """Lateral force of an axle [N], against the slip.
+@dataclass(slots=True, kw_only=True)
+class Axle:
+    """Loads and forces of one axle; arrays of shape (vehicle, simulation).
+
+    Attributes:
+        load: Load [N].
+        along: Longitudinal force [N].
+        split: That of the slow side minus that of the fast side [N].
+        limit: Largest lateral force [N].
+    """
+
+    load: F32
+    along: F32
+    split: F32
+    limit: F32
+
+
+@dataclass(slots=True, kw_only=True)
+class Motion:
+    """What a step comes to; arrays of shape (vehicle, simulation).
+
+    Attributes:
+        a_lon, a_lat: Mean acceleration by tyre and wind forces in the vehicle's axes [m/s^2].
+        vx, vy, r: Velocity and yaw rate at its end.
+        mean_r: Mean yaw rate [rad/s].
+    """
+
+    a_lon: F32
+    a_lat: F32
+    vx: F32
+    vy: F32
+    r: F32
+    mean_r: F32
+
+
+def fiala(stiffness: F32, across: F32, along: F32, limit: F32) -> tuple[F32, F32]:
+    """Lateral force of an axle [N], against the slip, and how fast it grows with the slip [N].
 
     Args:
         stiffness: Cornering stiffness of the axle [N/rad].
-        slope: Tangent of its slip angle.
+        across: Velocity of its wheels across their planes, of any unit.
+        along: The same along them, > 0.
         limit: Largest lateral force, > 0 [N].
 
     Source:
-        Fiala 1954; the brush form in Pacejka, Tyre and Vehicle Dynamics (2012), section 3.2.
+        Fiala 1954; the brush form in Pacejka, Tyre and Vehicle Dynamics (2012), section 3.2: of the
+        contact patch the share `sticks`, the rest slides.
     """
-    z = stiffness * slope / (np.float32(3.0) * limit)
-    size = np.abs(z)
-    inner = np.float32(3.0) * z - np.float32(3.0) * z * size + z * z * z
-    outer = np.where(z < 0, -_ONE, _ONE)
-    return -limit * np.where(size < _ONE, inner, outer)
+    z = stiffness * across / (np.float32(3.0) * limit * along)
+    sticks = maximum(_ONE - np.abs(z), _ZERO)
+    size = limit * (_ONE - sticks * sticks * sticks)
+    return np.where(z < 0, size, -size), stiffness * (sticks * sticks)
 
 
-def drive_force(c: Constants, p: Fields, state: State, resistance: F32, inverse_speed: F32) -> F32:
+def drive_force(
+    c: Constants, p: Fields, accel: F32, resistance: F32, speed: F32, inverse_speed: F32
+) -> F32:
     """Force asked of the tyres for an acceleration, within engine, governor and brakes [N]."""
-    wanted = p.mass * state.accel + resistance
+    wanted = p.mass * accel + resistance
     engine = minimum(p.launch_force, p.power * inverse_speed)
-    left = (p.max_speed + c.governor_band - state.vx) * (_ONE / c.governor_band)
-    throttle = clamp(left, np.float32(0.0), _ONE)
+    left = (p.max_speed + c.governor_band - speed) * (_ONE / c.governor_band)
+    throttle = clamp(left, _ZERO, _ONE)
     return maximum(minimum(wanted, engine * throttle), -p.brake_force)
 
 
-def axle_forces(
-    c: Constants, p: Fields, state: State, force: F32, load: F32
-) -> tuple[F32, F32, F32]:
-    """Longitudinal force, its imbalance and the lateral limit of one axle.
+def axle_forces(c: Constants, p: Fields, state: State, force: F32, load: F32) -> Axle:
+    """Forces of one axle under a load [N] that is asked for a longitudinal force [N].
 
     Each side transmits what its own friction allows, which turns the vehicle on split friction. Of
     that, traction control lets the engine have less than anti-lock brakes let the brakes have:
     driven wheels that use all of it would have none left to keep the vehicle on its course.
 
-    Returns:
-        Force on the axle [N], force of the slow side minus that of the fast side [N], and the
-        lateral force left by the friction circle [N].
     """
     half_load = _HALF * load
     controlled = (force > 0) & (p.two_wheeler == 0)
@@ -62,102 +103,200 @@ def axle_forces(
     total = fast + slow
     grip = (state.mu_fast + state.mu_slow) * half_load
     left = maximum(grip * grip - total * total, _LEAST_GRIP)
-    return total, slow - fast, np.sqrt(left)
+    return Axle(load=load, along=total, split=slow - fast, limit=np.sqrt(left))
 
 
-def move(state: State, c: Constants, p: Fields) -> None:
-    """Advance every vehicle by one step: new velocity first, then the position by the trapezoid."""
-    air = state.vx - state.tail_wind
-    resistance = p.drag * air * np.abs(air) + p.rolling
-    inverse_speed = _ONE / maximum(state.vx, c.slip_speed)
-    force = drive_force(c, p, state, resistance, inverse_speed)
-    tyre = _tyre_forces(state, c, p, force, inverse_speed)
-    along, across, turn = _on_four_wheels(state, p, tyre, resistance)
-    lean = clamp(
-        state.wheel + state.wind_force * p.inverse_mass,
-        -c.gravity * _HALF * (state.mu_fast + state.mu_slow),
-        c.gravity * _HALF * (state.mu_fast + state.mu_slow),
-    )
-    rides = p.two_wheeler > 0
-    a_lon = np.where(rides, (tyre[0] + tyre[1] - resistance) * p.inverse_mass, along)
-    a_lat = np.where(rides, lean, across)
-    wreck_lon, wreck_lat, wreck_turn = _wreck(state, c, p)
+def move(state: State, c: Constants, p: Fields, angle: F32, length: np.float32) -> None:
+    """Advance every vehicle by one step: new velocity first, then the position by the trapezoid.
+
+    Args:
+        state: State; its acceleration is that of the last step.
+        c: Constants.
+        p: Parameters.
+        angle: Front wheel angle, or lean of a two-wheeler, in the middle of the step.
+        length: Length of the step [s].
+    """
     wrecked = state.crashed > 0
-    state.a_lon = np.where(wrecked, wreck_lon, a_lon)
-    state.a_lat = np.where(wrecked, wreck_lat, a_lat)
-    turned = np.where(rides, lean * inverse_speed, state.r + c.step * turn)
-    _integrate(state, c, np.where(wrecked, state.r + wreck_turn, turned), rides & ~wrecked, wrecked)
+    speed = maximum(state.vx + _HALF * length * state.a_lon, _ZERO)
+    inverse_speed = _ONE / maximum(speed, c.slip_speed)
+    air = speed - state.tail_wind
+    resistance = p.drag * air * np.abs(air) + p.rolling
+    force = drive_force(c, p, state.accel, resistance, speed, inverse_speed)
+    front, rear = _axles(state, c, p, force, resistance, angle)
+    drives = _on_four_wheels(
+        state, p, (front, rear), resistance, (speed, inverse_speed), angle, length
+    )
+    straight = (front.along + rear.along - resistance) * p.inverse_mass
+    leans = _on_two_wheels(state, c, p, straight, inverse_speed, angle, length)
+    motion = _chosen(p.two_wheeler > 0, leans, drives)
+    motion.vx = maximum(motion.vx, _ZERO)
+    _stand_still(state, c, motion)
+    _integrate(state, c, p, motion, wrecked, length)
 
 
-def _tyre_forces(
-    state: State, c: Constants, p: Fields, force: F32, inverse_speed: F32
-) -> tuple[F32, F32, F32, F32, F32]:
-    """Forces of the axles, and the yaw moment of split friction.
+def _axles(
+    state: State, c: Constants, p: Fields, force: F32, resistance: F32, angle: F32
+) -> tuple[Axle, Axle]:
+    """Loads and forces of the front and the rear axle.
 
-    Returns:
-        Longitudinal front and rear [N], lateral front and rear [N], moment [N m].
+    Loads follow the acceleration of this step, as far as it is known before the forces are: what
+    the pedals ask for and friction allows under the loads of the last step, less what the turned
+    wheels hold back of the side force, which is that of the last step.
 
     Source:
         The single-track model with load transfer of Althoff, Koschi and Manzinger (CommonRoad).
     """
-    # The load of an axle is never negative: it can leave the road, but not pull at it.
-    shift = clamp(state.a_lon * p.cg_height, -c.gravity * p.cg_front, c.gravity * p.cg_rear)
-    front_weight = p.inverse_wheelbase * (c.gravity * p.cg_rear - shift)
-    front_load = p.mass * front_weight
-    rear_load = p.mass * p.inverse_wheelbase * (c.gravity * p.cg_front + shift)
+    rides = p.two_wheeler > 0
+    weight = _front_weight(c, p, state.a_lon)
+    share = np.where(force < 0, weight, p.front_drive)
+    limit = np.where((force > 0) & ~rides, c.traction_share, c.abs_share) * _grip(state, c)
+    asked = force * p.inverse_mass
+    front, rear = limit * weight, limit * (_ONE - weight)
+    asked = clamp(share * asked, -front, front) + clamp((_ONE - share) * asked, -rear, rear)
+    held = np.where(rides, _ZERO, state.a_lat * weight * angle)
+    weight = _front_weight(c, p, asked - resistance * p.inverse_mass - held)
     # Brakes follow the load, so that no axle locks before the other (UN R13-H asks for it).
-    share = np.where(force < 0, front_weight * (_ONE / c.gravity), p.front_drive)
-    front_x, front_split, front_limit = axle_forces(c, p, state, share * force, front_load)
-    rear_x, rear_split, rear_limit = axle_forces(c, p, state, (_ONE - share) * force, rear_load)
-    sine, cosine = sincos(state.wheel)
-    slip = (state.vy + p.cg_front * state.r) * inverse_speed
-    front_slope = (slip * cosine - sine) / (cosine + slip * sine)
-    rear_slope = (state.vy - p.cg_rear * state.r) * inverse_speed
-    front_y = fiala(p.front_stiffness * front_load, front_slope, front_limit)
-    rear_y = fiala(p.rear_stiffness * rear_load, rear_slope, rear_limit)
-    moment = p.half_track * (front_split + rear_split)
-    return front_x, rear_x, front_y, rear_y, moment
+    share = np.where(force < 0, weight, p.front_drive)
+    whole = c.gravity * p.mass
+    return (
+        axle_forces(c, p, state, share * force, whole * weight),
+        axle_forces(c, p, state, (_ONE - share) * force, whole * (_ONE - weight)),
+    )
+
+
+def _front_weight(c: Constants, p: Fields, accel: F32) -> F32:
+    """Share of the load on the front axle at an acceleration, 0 to 1.
+
+    It is never negative: an axle can leave the road, but not pull at it.
+    """
+    lifted = accel * p.cg_height * (_ONE / c.gravity)
+    return p.inverse_wheelbase * (p.cg_rear - clamp(lifted, -p.cg_front, p.cg_rear))
+
+
+def _grip(state: State, c: Constants) -> F32:
+    """Largest acceleration that friction allows [m/s^2]."""
+    return c.gravity * _HALF * (state.mu_fast + state.mu_slow)
 
 
 def _on_four_wheels(
-    state: State, p: Fields, tyre: tuple[F32, F32, F32, F32, F32], resistance: F32
-) -> tuple[F32, F32, F32]:
-    """Accelerations along and across the vehicle and of yaw, from the tyre forces."""
-    front_x, rear_x, front_y, rear_y, moment = tyre
-    sine, cosine = sincos(state.wheel)
-    front_side = front_y * cosine + front_x * sine
-    a_lon = (front_x * cosine - front_y * sine + rear_x - resistance) * p.inverse_mass
-    a_lat = (front_side + rear_y + state.wind_force) * p.inverse_mass
-    yaw = p.cg_front * front_side - p.cg_rear * rear_y + state.wind_moment + moment
-    return a_lon, a_lat, yaw * p.inverse_inertia
+    state: State,
+    p: Fields,
+    axles: tuple[Axle, Axle],
+    resistance: F32,
+    speeds: tuple[F32, F32],
+    angle: F32,
+    length: np.float32,
+) -> Motion:
+    """A step of the single-track model; side speed and yaw rate by the linearised equations.
+
+    Source:
+        Hairer and Wanner, Solving Ordinary Differential Equations II (1996), section IV.7: the
+        Rosenbrock method of one stage with gamma = 1/2.
+    """
+    (front, rear), (speed, inverse_speed) = axles, speeds
+    half = _HALF * length
+    sine, cosine = sincos(angle)
+    u = (state.vy + p.cg_front * state.r) * inverse_speed
+    front_y, front_k = fiala(
+        p.front_stiffness * front.load, u * cosine - sine, cosine + u * sine, front.limit
+    )
+    u = (state.vy - p.cg_rear * state.r) * inverse_speed
+    rear_y, rear_k = fiala(p.rear_stiffness * rear.load, u, np.ones_like(u), rear.limit)
+    front_k, rear_k = front_k * inverse_speed, rear_k * inverse_speed
+    side = front_y * cosine + front.along * sine
+    moment = p.half_track * (front.split + rear.split)
+    across = (side + rear_y + state.wind_force) * p.inverse_mass - speed * state.r
+    turn = p.cg_front * side - p.cg_rear * rear_y + state.wind_moment + moment
+    turn = turn * p.inverse_inertia
+    ahead, behind = p.cg_front * (front_k * cosine), p.cg_rear * rear_k
+    by_mass, by_inertia = half * p.inverse_mass, half * p.inverse_inertia
+    a11 = _ONE + by_mass * (front_k * cosine + rear_k)
+    a12 = by_mass * (ahead - behind) + half * speed
+    a21 = by_inertia * (ahead - behind)
+    a22 = _ONE + by_inertia * (p.cg_front * ahead + p.cg_rear * behind)
+    share = length / (a11 * a22 - a12 * a21)
+    more_vy = share * (a22 * across - a12 * turn)
+    more_r = share * (a11 * turn - a21 * across)
+    r = state.r + _HALF * more_r
+    middle_y = front_y - front_k * (_HALF * (more_vy + p.cg_front * more_r))
+    along = front.along * cosine - middle_y * sine + rear.along - resistance
+    a_lon = along * p.inverse_mass
+    return Motion(
+        a_lon=a_lon,
+        a_lat=more_vy * (_ONE / length) + speed * r,
+        vx=state.vx + length * (a_lon + (state.vy + _HALF * more_vy) * r),
+        vy=state.vy + more_vy,
+        r=state.r + more_r,
+        mean_r=r,
+    )
 
 
-def _wreck(state: State, c: Constants, p: Fields) -> tuple[F32, F32, F32]:
-    """A wreck slides to rest with locked wheels: accelerations and change of yaw rate."""
-    friction = c.sliding_ratio * c.gravity * _HALF * (state.mu_fast + state.mu_slow)
-    speed = np.sqrt(state.vx * state.vx + state.vy * state.vy)
-    share = minimum(friction, speed / c.step) / maximum(speed, _TINY)
-    spin = friction * p.mass * p.inverse_inertia * _HALF * p.wheelbase * c.step
-    return -share * state.vx, -share * state.vy, -clamp(state.r, -spin, spin)
+def _on_two_wheels(
+    state: State,
+    c: Constants,
+    p: Fields,
+    a_lon: F32,
+    inverse_speed: F32,
+    angle: F32,
+    length: np.float32,
+) -> Motion:
+    """A step of a point mass that leans as far as its driver and the wind ask, and grip allows.
+
+    It turns at once as it leans, so its yaw rate is that of the middle of the step.
+    """
+    grip = _grip(state, c)
+    lean = clamp(angle + state.wind_force * p.inverse_mass, -grip, grip)
+    vx = state.vx + length * a_lon
+    r = lean * inverse_speed
+    return Motion(a_lon=a_lon, a_lat=lean, vx=vx, vy=np.zeros_like(vx), r=r, mean_r=r)
 
 
-def _integrate(state: State, c: Constants, r: F32, rides: np.ndarray, wrecked: np.ndarray) -> None:
-    """New velocity, then new position with the mean of the old and the new velocity."""
+def _chosen(mask: np.ndarray, a: Motion, b: Motion) -> Motion:
+    names = Motion.__slots__
+    return Motion(**{name: np.where(mask, getattr(a, name), getattr(b, name)) for name in names})
+
+
+def _stand_still(state: State, c: Constants, motion: Motion) -> None:
+    """Stop who hardly moves and is not asked to accelerate."""
+    creeps = (motion.vx < c.standstill) & (np.abs(motion.vy) < c.standstill)
+    stands = creeps & (state.accel <= 0)
+    for name in ("vx", "vy", "r"):
+        setattr(motion, name, np.where(stands, _ZERO, getattr(motion, name)))
+    motion.mean_r = np.where(stands, _HALF * state.r, motion.mean_r)
+
+
+def _integrate(
+    state: State,
+    c: Constants,
+    p: Fields,
+    motion: Motion,
+    wrecked: np.ndarray,
+    length: np.float32,
+) -> None:
+    """New place with the mean of the old and the new velocity.
+
+    A wreck slides straight on with locked wheels, however it turns, and comes to rest.
+    """
+    half = _HALF * length
     sine, cosine = sincos(state.psi)
     along = state.vx * cosine - state.vy * sine
     across = state.vx * sine + state.vy * cosine
-    turning = state.r
-    vx = state.vx + c.step * (state.a_lon + np.where(rides, np.float32(0.0), state.vy * state.r))
-    vy = state.vy + c.step * (state.a_lat - state.vx * state.r)
-    vy = np.where(rides, np.float32(0.0), vy)
-    creeps = (vx < c.standstill) & (np.abs(vy) < c.standstill)
-    stands = ~wrecked & creeps & (state.accel <= 0)
-    vx = np.where(wrecked, vx, maximum(vx, np.float32(0.0)))
-    state.vx = np.where(stands, np.float32(0.0), vx)
-    state.vy = np.where(stands, np.float32(0.0), vy)
-    state.r = np.where(stands, np.float32(0.0), r)
-    half = c.step * np.float32(0.5)
-    state.psi = state.psi + half * (turning + state.r)
+    friction = c.sliding_ratio * _grip(state, c)
+    speed = np.sqrt(along * along + across * across)
+    lost = minimum(friction * length, speed) / maximum(speed, _TINY)
+    spin = friction * p.mass * p.inverse_inertia * _HALF * p.wheelbase * length
+    r = np.where(wrecked, state.r - clamp(state.r, -spin, spin), motion.r)
+    state.a_lon = np.where(wrecked, -(lost * (_ONE / length)) * state.vx, motion.a_lon)
+    state.a_lat = np.where(wrecked, -(lost * (_ONE / length)) * state.vy, motion.a_lat)
+    mean_r = np.where(wrecked, _HALF * (state.r + r), motion.mean_r)
+    state.psi = state.psi + length * mean_r
     sine, cosine = sincos(state.psi)
-    state.s = state.s + half * (along + (state.vx * cosine - state.vy * sine))
-    state.d = state.d + half * (across + (state.vx * sine + state.vy * cosine))
+    kept = _ONE - lost
+    new_along = np.where(wrecked, along * kept, motion.vx * cosine - motion.vy * sine)
+    new_across = np.where(wrecked, across * kept, motion.vx * sine + motion.vy * cosine)
+    state.s = state.s + half * (along + new_along)
+    state.d = state.d + half * (across + new_across)
+    state.vx = np.where(wrecked, new_along * cosine + new_across * sine, motion.vx)
+    state.vy = np.where(wrecked, new_across * cosine - new_along * sine, motion.vy)
+    state.yaw_accel = (r - state.r) * (_ONE / length)
+    state.r = r

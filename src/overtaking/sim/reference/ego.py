@@ -39,6 +39,7 @@ class View:
         detected: Whether it has noticed the neighbour, by role.
         leader_speed: Believed speed of the leader [m/s].
         demand: Factor on the gaps that it asks for now [1].
+        imposes: Braking that it asks of others at most, positive [m/s^2].
         impatience: What waiting has left of its demands, 1 at first [1].
     """
 
@@ -49,6 +50,7 @@ class View:
     detected: Mask
     leader_speed: F32
     demand: F32
+    imposes: F32
     impatience: F32
 
 
@@ -59,6 +61,8 @@ def look(state: State, given: Parameters, p: Fields, believed: Beliefs) -> View:
         exp(-(state.waited * own.inverse_patience)), given.constants.patience_floor
     )
     gap, closing = believed.gap[:, Role.EGO], believed.closing[:, Role.EGO]
+    demand = own.gap_acceptance * impatience
+    bounded = minimum(own.safe_decel / demand, given.constants.most_imposed)
     return View(
         own=own,
         speed=state.vx[Role.EGO],
@@ -66,7 +70,8 @@ def look(state: State, given: Parameters, p: Fields, believed: Beliefs) -> View:
         closing=closing,
         detected=believed.detected[:, Role.EGO],
         leader_speed=state.vx[Role.EGO] - closing[LEAD],
-        demand=own.gap_acceptance * impatience,
+        demand=demand,
+        imposes=minimum(bounded, own.hardest_decel),
         impatience=impatience,
     )
 
@@ -102,7 +107,7 @@ def may_pull_out(given: Parameters, view: View) -> Mask:
     """Whether the next lane looks free enough, and faster, to this driver."""
     c, own = given.constants, view.own
     front = own_braking(given, view, FAST_LEAD) >= -own.decel
-    rear = their_braking(given, view, FAST_REAR) >= -(own.safe_decel / view.demand)
+    rear = their_braking(given, view, FAST_REAR) >= -view.imposes
     rear = rear & (view.gap[FAST_REAR] > c.smallest_rear_gap * view.demand)
     next_speed = view.speed - view.closing[FAST_LEAD]
     gain = next_speed - view.leader_speed > own.passing_gain * view.impatience
@@ -115,7 +120,7 @@ def may_return(given: Parameters, view: View) -> Mask:
     own = view.own
     follower_speed = view.speed + view.closing[SLOW_REAR]
     left = view.gap[SLOW_REAR] >= own.return_time_gap * follower_speed * view.impatience
-    rear = left & (their_braking(given, view, SLOW_REAR) >= -(own.safe_decel / view.demand))
+    rear = left & (their_braking(given, view, SLOW_REAR) >= -view.imposes)
     front = own_braking(given, view, SLOW_LEAD) >= -own.decel
     worth = view.gap[SLOW_LEAD] > given.constants.stay_time * view.closing[SLOW_LEAD]
     return rear & front & worth
@@ -124,7 +129,7 @@ def may_return(given: Parameters, view: View) -> Mask:
 def must_abort(given: Parameters, view: View) -> Mask:
     """Whether the lane being entered has turned dangerous, and the old one still has room."""
     c, own = given.constants, view.own
-    bad_rear = their_braking(given, view, REAR) < -(c.abort_factor * own.safe_decel / view.demand)
+    bad_rear = their_braking(given, view, REAR) < -(c.abort_imposed * view.imposes)
     bad_front = own_braking(given, view, LEAD) < -(c.abort_factor * own.decel)
     room = (own_braking(given, view, SLOW_LEAD) >= -own.hardest_decel) & (
         view.gap[SLOW_REAR] > c.smallest_rear_gap

@@ -121,12 +121,19 @@ def follow(
     time_gap: F32,
     leader_accel: F32 | np.float32 = _STEADY,
 ) -> F32:
-    """Acceleration behind a leader: the IIDM, cooled [m/s^2].
+    """Acceleration behind a leader: the IIDM, cooled, and heedful of a leader that brakes [m/s^2].
+
+    The IIDM answers a gap and its change, so it begins to brake when a braking leader has become
+    slower by what can be seen. A driver answers the stop lamps before that: with all that the
+    leader's braking needs when near, with less the more room there is.
 
     Arguments as in `iidm` and `needed_braking`.
     """
-    wanted = iidm(c, p, speed, desired, gap, closing, time_gap)
-    return cooled(c, p, wanted, needed_braking(c, speed, gap, closing, leader_accel))
+    needed = needed_braking(c, speed, gap, closing, leader_accel)
+    cool = cooled(c, p, iidm(c, p, speed, desired, gap, closing, time_gap), needed)
+    room = c.heed_until - gap / maximum(speed, c.slip_speed)
+    heed = clamp(room / (c.heed_until - c.heed_wholly), np.float32(0.0), np.float32(1.0))
+    return np.where(leader_accel < -c.stop_lamp_decel, minimum(cool, heed * needed), cool)
 
 
 def forced_braking(

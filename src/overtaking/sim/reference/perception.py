@@ -37,14 +37,13 @@ class Beliefs:
         gap: Believed gap, `Constants.unseen_gap` where nobody was noticed [m].
         closing: Believed speed of approach, positive when the gap shrinks, 0 where nobody was
             noticed [m/s].
-        leader_accel: Believed acceleration of the leader in the own lane, never positive, shape
-            (vehicle, simulation) [m/s^2].
+        accel: Believed acceleration of those ahead, never positive; 0 for those behind [m/s^2].
     """
 
     detected: Mask
     gap: F32
     closing: F32
-    leader_accel: F32
+    accel: F32
 
 
 def remember(state: State, decision: int) -> None:
@@ -169,7 +168,11 @@ def perceive(
 
     Others are seen as they were a reaction time ago and carried on at constant speed, as in the
     human driver model of Treiber, Kesting and Helbing (2006); their distance is misjudged by a
-    slowly varying factor and their approach is noticed only above the threshold of looming.
+    slowly varying factor and their approach is noticed only above the threshold of looming. The
+    misjudgement fades as contact comes near, since expansion alone tells the time that is left.
+
+    Source:
+        Lee 1976 (time to contact from optical expansion).
     """
     c = given.constants
     depths = optical_depth(state, given, p, q, near)
@@ -180,7 +183,7 @@ def perceive(
     own_speed, _ = road_velocity(state)
     judged = exp(q.distance_error * state.distance_error)
     before = state.seen_id.copy(), state.seen_time.copy()
-    detected, gaps, closings = [], [], []
+    detected, gaps, closings, accels = [], [], [], []
     for role in range(6):
         slot = near.slot[role]
         noticed = notice(state, given, p, q, near, role, depths, before)
@@ -195,25 +198,35 @@ def perceive(
             distance * distance
         )
         sensed = closing * (np.float32(1.0) + q.speed_error * state.speed_error)
+        fading = maximum(closing * c.error_fade_time, _NEAREST)
+        error = (judged - np.float32(1.0)) * minimum(distance / fading, np.float32(1.0))
         detected.append(noticed)
-        gaps.append(np.where(noticed, gap * judged, c.unseen_gap))
+        gaps.append(np.where(noticed, gap + gap * error, c.unseen_gap))
         closings.append(np.where(noticed & looming, sensed, np.float32(0.0)))
+        accels.append(_braking(state, c, near, role, then, noticed, looming))
     return Beliefs(
         detected=np.stack(detected),
         gap=np.stack(gaps),
         closing=np.stack(closings),
-        leader_accel=_braking_of_leader(state, c, near, then, detected[LEAD]),
+        accel=np.stack(accels),
     )
 
 
-def _braking_of_leader(
-    state: State, c: Constants, near: Neighbours, then: F32, noticed: Mask
+def _braking(
+    state: State, c: Constants, near: Neighbours, role: int, then: F32, noticed: Mask, looming: Mask
 ) -> F32:
-    """How hard the leader braked a reaction time ago, (vehicle, simulation) [m/s^2]."""
+    """How hard somebody ahead seemed to brake a reaction time ago, (vehicle, simulation) [m/s^2].
+
+    Stop lamps say that there is braking, not how much; that is seen once the leader looms.
+    """
+    if role % 2 == 1:
+        return np.zeros_like(then)
     before = maximum(then - c.brake_memory, np.float32(0.0))
-    who = near.slot[LEAD].astype(np.int64).clip(0)
+    who = near.slot[role].astype(np.int64).clip(0)
     column = np.arange(state.s.shape[1])
     late = state.history_v[then.astype(np.int64) % HISTORY, who, column]
     early = state.history_v[before.astype(np.int64) % HISTORY, who, column]
-    change = (late - early) / (c.brake_memory * c.decision)
-    return np.where(noticed, minimum(change, np.float32(0.0)), np.float32(0.0))
+    change = minimum((late - early) / (c.brake_memory * c.decision), np.float32(0.0))
+    lamps = (change < -c.stop_lamp_decel) & ~looming
+    seen = np.where(lamps, minimum(change, -c.lamp_decel), change)
+    return np.where(noticed, seen, np.float32(0.0))

@@ -47,6 +47,8 @@ def run(
     recorder = Recorder(scenario, given)
     p, q = given.of_vehicles, given.of_simulations
     pairs: Pairs = {}
+    # Frames at other times than decisions want a state at every step.
+    stride = SUBSTEPS if given.record_every % SUBSTEPS == 0 else 1
     step = 0
     while (np.float32(step) <= state.end_step).any():
         if later is not None and step == switch:
@@ -55,8 +57,8 @@ def run(
             pairs = decide(state, given, p, q, recorder, step)
         if step % given.record_every == 0:
             recorder.frame(state, p, np.float32(step) <= state.end_step, step // given.record_every)
-        advance(state, given, p, q, pairs, step)
-        step += 1
+        advance(state, given, p, q, pairs, step, stride)
+        step += stride
     return recorder.finish(state)
 
 
@@ -93,11 +95,18 @@ def decide(
 
 
 def advance(
-    state: State, given: Parameters, p: Fields, q: SimulationParameters, pairs: Pairs, step: int
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: SimulationParameters,
+    pairs: Pairs,
+    step: int,
+    stride: int,
 ) -> None:
-    """One step of 10 ms: steer, move, collide."""
+    """Steer, move, collide: one step of 10 ms, or `stride` of them at once."""
     c = given.constants
-    before = (state.s.copy(), state.d.copy())
-    steering.steer(state, c, p, q.side_accel)
-    dynamics.move(state, c, p)
-    collisions.collide(state, c, p, pairs, before, step)
+    length = c.step if stride == 1 else c.decision
+    before = (state.s, state.d)
+    angle = steering.steer(state, c, p, q.side_accel, length)
+    dynamics.move(state, c, p, angle, length)
+    collisions.collide(state, c, p, pairs, before, step, length)

@@ -37,11 +37,13 @@ class State:
         s, d: Position of the centre; `d` grows towards the fast side [m].
         psi: Heading relative to the road, positive towards the fast side [rad].
         vx, vy: Velocity in the vehicle's axes [m/s].
-        r: Yaw rate [rad/s].
+        r: Yaw rate; of a two-wheeler, in the middle of the last step [rad/s].
         wheel: Front wheel angle, or the lateral acceleration of a two-wheeler [rad or m/s^2].
         trim: Part of the wheel angle, or of the lean, that holds against the wind [rad or m/s^2].
         accel: Acceleration asked of the vehicle [m/s^2].
-        a_lon, a_lat: Acceleration by tyre and wind forces in the vehicle's axes [m/s^2].
+        a_lon, a_lat: Mean acceleration by tyre and wind forces in the vehicle's axes over the last
+            step [m/s^2].
+        yaw_accel: Mean yaw acceleration over the last step [rad/s^2].
         crashed: 1 after a collision.
         path: Six coefficients of the lateral path, (6, vehicle, simulation).
         path_time: Time since the lane change began [s].
@@ -81,6 +83,7 @@ class State:
     accel: F32
     a_lon: F32
     a_lat: F32
+    yaw_accel: F32
     crashed: F32
     path: F32
     path_time: F32
@@ -136,6 +139,7 @@ def initial_state(given: Parameters) -> State:
         accel=zero.copy(),
         a_lon=zero.copy(),
         a_lat=zero.copy(),
+        yaw_accel=zero.copy(),
         crashed=zero.copy(),
         path=path,
         path_time=zero + 1.0,

@@ -6,6 +6,8 @@ from overtaking.core.elementary import F32, Mask, clamp, maximum, minimum, sinco
 from overtaking.sim.reference.state import Fields, State
 from overtaking.world.constants import Constants
 
+_NOW = np.float32(0.0)
+
 
 def begin_path(state: State, moved: Mask, centre: F32, duration: F32) -> None:
     """Lay a quintic from where a vehicle's path is now to the centre of another lane.
@@ -36,9 +38,9 @@ def begin_path(state: State, moved: Mask, centre: F32, duration: F32) -> None:
     state.since_change = np.where(moved, np.float32(0.0), state.since_change)
 
 
-def path_now(state: State) -> tuple[F32, F32, F32]:
-    """Position, velocity and acceleration of the lateral path now."""
-    t = minimum(state.path_time, state.path_duration)
+def path_now(state: State, ahead: np.float32 = _NOW) -> tuple[F32, F32, F32]:
+    """Position, velocity and acceleration of the lateral path now, or a time `ahead` [s]."""
+    t = minimum(state.path_time + ahead, state.path_duration)
     c0, c1, c2, c3, c4, c5 = state.path
     two, three, four, five = (np.float32(k) for k in (2.0, 3.0, 4.0, 5.0))
     place = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
@@ -68,24 +70,55 @@ def hold_against_wind(state: State, c: Constants, p: Fields, step: int) -> None:
     state.trim = state.trim + (target - state.trim) * (c.decision / c.wind_lag)
 
 
-def steer(state: State, c: Constants, p: Fields, side_accel: F32) -> None:
-    """Turn the front wheels, or lean, towards the path for one step."""
-    place, speed, accel = path_now(state)
+def steer(state: State, c: Constants, p: Fields, side_accel: F32, length: np.float32) -> F32:
+    """Turn the front wheels, or lean, towards the path for one step.
+
+    Wheels and leaning answer with a lag, by the linearly implicit step of the motion: to what is
+    asked for in the middle of the step, where the last step's accelerations lead.
+
+    Args:
+        state: State; its accelerations are those of the last step.
+        c: Constants.
+        p: Parameters.
+        side_accel: Largest lateral acceleration that drivers ask for [m/s^2].
+        length: Length of the step [s].
+
+    Returns:
+        Wheel angle, or lean, in the middle of the step.
+    """
+    half = np.float32(0.5) * length
+    angle, lean = _asked(state, c, p, side_accel, half)
+    most = c.steering_rate * length
+    turn = clamp((angle - state.wheel) * (length / (c.steering_lag + half)), -most, most)
+    lean = (lean - state.wheel) * (length / (c.two_wheeler_lag + half))
+    moved = np.where(p.two_wheeler > 0, lean, turn)
+    before = state.wheel
+    is_sound = state.crashed == 0
+    state.wheel = np.where(is_sound, before + moved, np.float32(0.0))
+    state.path_time = state.path_time + length
+    return np.where(is_sound, before + np.float32(0.5) * moved, np.float32(0.0))
+
+
+def _asked(
+    state: State, c: Constants, p: Fields, side_accel: F32, ahead: np.float32
+) -> tuple[F32, F32]:
+    """Wheel angle [rad] and lean [m/s^2] that drivers ask for, a time `ahead` [s]."""
+    place, speed, accel = path_now(state, ahead)
     sine, cosine = sincos(state.psi)
     sideways = state.vx * sine + state.vy * cosine
+    d = state.d + ahead * sideways
+    sideways = sideways + ahead * (state.a_lon * sine + state.a_lat * cosine)
+    vx = state.vx + ahead * state.a_lon
+    vy = state.vy + ahead * (state.a_lat - state.vx * state.r)
+    r = state.r + ahead * state.yaw_accel
     wanted = accel + c.velocity_gain * (speed - sideways)
-    wanted = wanted + c.position_gain * (place + c.lane_deviation * state.wander - state.d)
+    wanted = wanted + c.position_gain * (place + c.lane_deviation * state.wander - d)
     wanted = clamp(wanted, -side_accel, side_accel)
-    inverse_speed = np.float32(1.0) / maximum(state.vx, c.slip_speed)
-    felt = wanted + c.yaw_gain * (wanted - state.vx * state.r)
+    inverse_speed = np.float32(1.0) / maximum(vx, c.slip_speed)
+    felt = wanted + c.yaw_gain * (wanted - vx * r)
     angle = felt * (p.wheelbase * (inverse_speed * inverse_speed) + p.understeer) + state.trim
     # Beyond this slip more angle gives no more force; a sliding vehicle is steered into the slide.
-    slip = (state.vy + p.cg_front * state.r) * inverse_speed
+    slip = (vy + p.cg_front * r) * inverse_speed
     reach = c.slip_share * np.float32(0.5) * (state.mu_fast + state.mu_slow) / p.front_stiffness
     angle = clamp(clamp(angle, slip - reach, slip + reach), -c.steering_limit, c.steering_limit)
-    turn = (angle - state.wheel) * (c.step / c.steering_lag)
-    turn = clamp(turn, -c.steering_rate * c.step, c.steering_rate * c.step)
-    lean = (wanted + state.trim - state.wheel) * (c.step / c.two_wheeler_lag)
-    moved = np.where(p.two_wheeler > 0, state.wheel + lean, state.wheel + turn)
-    state.wheel = np.where(state.crashed > 0, np.float32(0.0), moved)
-    state.path_time = state.path_time + c.step
+    return angle, wanted + state.trim

@@ -107,10 +107,10 @@ class _Drive:
         """Set pedals, steering and lamps of every vehicle."""
         state, p, stage = self._state, self._p, self._stage
         number = step // self._given.record_every
-        # A two-wheeler leans with the lag of the vehicle, which is the server's.
-        c = self._given.constants.replace(step=TICK, two_wheeler_lag=TICK)
+        # A two-wheeler leans with the lag of the vehicle, which is the server's: within a tick.
+        c = self._given.constants.replace(step=TICK, two_wheeler_lag=0.5 * TICK)
         state.trim = self._trim(c)
-        steering.steer(state, c, p, self._q.side_accel)
+        steering.steer(state, c, p, self._q.side_accel, c.step)
         forces = self._forces()
         batch: list[Any] = []
         for slot, actor in stage.actors.items():

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,11 +34,11 @@ from overtaking.simulators.carla_server.steering import Steering
 from overtaking.world.parameters import Parameters, parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Generator, Mapping, Sequence
 
     from overtaking.core.elementary import F32
 
-LONGEST_STEP = 0.01
+LONGEST_STEP = 0.05
 """Longest step of the dynamics, as in a simulation [s]."""
 
 HAND_BRAKE = 0.6
@@ -322,10 +323,16 @@ class Fleet:
 
     def _drive(self, mover: Mover, wanted: Controls, steps: int) -> None:
         """Let physics move the vehicles, except those that only `place` moves."""
+        with self._placed():
+            mover.drive(self._state, wanted, steps)
+
+    @contextmanager
+    def _placed(self) -> Generator[None]:
+        """Keep vehicles where they are that only `place` moves."""
         state = self._state
         still = [self._rows[vehicle] for vehicle in self._ids if vehicle in self._still]
         held = {name: getattr(state, name)[still].copy() for name in ("s", "d", "psi")}
-        mover.drive(state, wanted, steps)
+        yield
         for name, value in held.items():
             getattr(state, name)[still] = value
 
@@ -359,7 +366,9 @@ class Fleet:
         state.contact_partner[:] = NOBODY
         was = {row: self._momentum(row) for pair in pairs for row in pair}
         every = {pair: np.ones(1, np.bool_) for pair in pairs}
-        collisions.collide(state, mover.constants, self._fields, every, before, 0)
+        with self._placed():
+            c = mover.constants
+            collisions.collide(state, c, self._fields, every, before, 0, c.step)
         state.crashed[:] = _ZERO
         touches: list[Touch] = []
         for row, (along, across) in was.items():

@@ -1,0 +1,92 @@
+"""When vehicles touch, in steps of 50 ms and of a millisecond."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.recordings.roads import load_road
+from overtaking.scenarios import sample, spec
+from overtaking.sim import engine
+from overtaking.sim.reference import collisions, dynamics, steering
+from overtaking.sim.reference.recording import Recorder
+from overtaking.sim.reference.run import Pairs, advance, decide
+from overtaking.sim.reference.state import State, initial_state
+from overtaking.world.parameters import SUBSTEPS, parameters
+
+from .situations import ROUGH
+
+FINE = 0.001
+EARLIER = 8
+"""Decisions before the contact from which on the steps are fine."""
+
+CENTISECOND = 0.0105
+"""With the rounding of instants [s]."""
+
+
+def scenarios(index: np.ndarray):
+    return sample(spec("pinto2023", ROUGH), load_road("town06"), 5, index.astype(np.uint64))
+
+
+def crashes(count: int) -> list[int]:
+    """The first simulations in which somebody touches somebody, after a second at least."""
+    runs = engine.simulate(scenarios(np.arange(256)))
+    hit = runs.contacts.partner != NO_VEHICLE
+    first = np.where(hit, runs.contacts.time, 10**6).min(axis=1)
+    return np.flatnonzero((first > 1000) & (first < 10**6))[:count].tolist()
+
+
+class World:
+    """One simulation, step by step."""
+
+    def __init__(self, number: int) -> None:
+        scenario = scenarios(np.array([number]))
+        self.given = parameters(scenario)
+        self.p = self.given.of_vehicles
+        self.q = self.given.of_simulations
+        self.recorder = Recorder(scenario, self.given)
+        self.state = initial_state(self.given)
+        self.step = 0
+
+    def decide(self) -> Pairs:
+        return decide(self.state, self.given, self.p, self.q, self.recorder, self.step)
+
+    def stride(self) -> None:
+        """From one decision to the next at once."""
+        pairs = self.decide()
+        advance(self.state, self.given, self.p, self.q, pairs, self.step, SUBSTEPS)
+        self.step += SUBSTEPS
+
+    def creep(self) -> None:
+        """The same in steps of a millisecond."""
+        pairs, state = self.decide(), self.state
+        c = self.given.constants.replace(step=FINE)
+        state.end_step[:] = 1e9
+        for k in range(50):
+            before = (state.s, state.d)
+            angle = steering.steer(state, c, self.p, self.q.side_accel, c.step)
+            dynamics.move(state, c, self.p, angle, c.step)
+            collisions.collide(state, c, self.p, pairs, before, 10 * self.step + k, c.step)
+        self.step += SUBSTEPS
+
+
+def first_contact(state: State) -> float:
+    """When somebody first touched somebody [s]."""
+    hit = state.contact_partner >= 0
+    return float(state.contact_time[hit].min()) if hit.any() else float("inf")
+
+
+@pytest.mark.parametrize("order", range(12))
+def test_contacts_are_found_to_the_centisecond(order: int):
+    world, before = World(crashes(12)[order]), []
+    while not np.isfinite(first_contact(world.state)):
+        before = [*before[1 - EARLIER :], (copy.deepcopy(world.state), world.step)]
+        world.stride()
+    coarse, last = first_contact(world.state), world.step + 2 * SUBSTEPS
+    world.state, world.step = before[0]
+    while not np.isfinite(first_contact(world.state)) and world.step < last:
+        world.creep()
+    assert coarse == pytest.approx(first_contact(world.state), abs=CENTISECOND)
