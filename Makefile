@@ -30,7 +30,7 @@ CRATES := $(shell find crates -type f)
 LOCK   := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes \
           --no-header --no-emit-index-url --no-emit-find-links --quiet $(LOCK_FLAGS)
 
-.PHONY: help demo test test-ci test-all check check-python check-rust test-rust test-python bench docs site \
+.PHONY: help demo test test-ci test-all check check-python check-rust test-rust test-python bench docs site viewer check-viewer \
         lock build dev format clean
 
 help:  ## List what can be made
@@ -47,7 +47,7 @@ demo: build  ## Generate the paper's 276 simulations, with report and sample vid
 
 test: check test-rust test-python  ## Checks, then the tests of both languages but those of test-ci
 
-test-ci: dev  ## The tests that take long: kills, memory, SIMD levels, Ray, CARLA, SUMO; CI runs them too
+test-ci: check-viewer  ## The tests that take long: kills, memory, Ray, CARLA, SUMO, browser; CI runs them too
 	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "ci and not soak"
 
 test-all: test test-ci  ## All of that, then random properties, hostile sizes, soaks and mutations; hours
@@ -85,6 +85,12 @@ test-python: dev
 bench: dev  ## Measure the speed against its peers
 	$(BIN)/python benchmarks/run.py
 
+viewer: dev  ## Build the page of `overtaking view` from viewer/src, with Node from the package registry
+	$(BIN)/python viewer/make.py
+
+check-viewer: dev
+	$(BIN)/python viewer/make.py --check
+
 docs: dev  ## Write the pages and pictures that are made from the project anew
 	$(BIN)/python docs/generate.py
 
@@ -108,7 +114,7 @@ lock:  ## Write requirements/*.txt anew (needs uv)
 	  echo "requirements/*.txt: a download address was written into a lock file" >&2; exit 1; fi
 
 clean:  ## Remove what was built, except the caches of pip and cargo and the data
-	rm -rf $(VENV) target dist .pytest_cache .ruff_cache .hypothesis src/overtaking/_core*.so
+	rm -rf $(VENV) target dist viewer/node_modules .pytest_cache .ruff_cache .hypothesis src/overtaking/_core*.so
 	find src tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
 
 # Each stamp is touched last, so an interrupted step is done again.

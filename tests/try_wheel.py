@@ -35,6 +35,7 @@ def main() -> None:
             ["overtaking", "doctor"],
             ["overtaking", "generate", "-n", "20", "--out", "scenes"],
             ["overtaking", "show", "scenes", "3"],
+            ["overtaking", "view", "scenes", "--export", "page.html"],
         ):
             subprocess.run([programs / command[0], *command[1:]], cwd=folder, check=True)
 

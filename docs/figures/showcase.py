@@ -1,15 +1,17 @@
-"""Makes the two pictures of the README that show what the package makes: a film and a report.
+"""Makes the pictures that show what the package makes: a film, a report, a page in the browser.
 
     python docs/figures/showcase.py
 
-writes `film.webp` and `report.png` beside this file, both from one simulated data set. Their bytes
-depend on the versions of Matplotlib and Pillow, so nothing compares them; make them anew when films
-or reports look different. Both are cards with a margin of their own, for a light and a dark page.
+writes `film.webp`, `report.png`, `view-light.webp` and `view-dark.webp` beside this file, from one
+simulated data set. Their bytes depend on the versions of Matplotlib, Pillow and Chromium, so
+nothing compares them; make them anew when what they show looks different. The first two are cards
+with a margin of their own, for a light and a dark page. The last two need Chromium.
 """
 
 from __future__ import annotations
 
 import io
+import shutil
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,6 +28,8 @@ from overtaking.show.video.produce import film_of
 from overtaking.show.video.scene import RATE as FILM_RATE
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from overtaking.data.load import Dataset
     from overtaking.show.report.gallery import Picture
     from overtaking.show.video.canvas import Canvas
@@ -39,6 +43,10 @@ CLASS = "Success_I"
 WIDTH, RATE, QUALITY = 720, 5, 30
 FIRST_S, LAST_S = 0.0, 12.0
 """What of the film is shown."""
+
+VIEWED, MOMENT = [0, 2, 3, 4, 7, 8, 10, 14, 20, 29, 40, 47], "#sim=20&t=3.5"
+WINDOW = {"width": 1280, "height": 960}
+"""What is seen of the page."""
 
 GAP, CARD, CORNER = 18, 760, 14  # Pixels.
 
@@ -112,11 +120,32 @@ def fitted(picture: Image.Image) -> Image.Image:
     return picture.convert("RGB").resize((width, round(picture.height * width / picture.width)))
 
 
+def views(data: Dataset, folder: Path) -> Iterator[tuple[str, bytes]]:
+    """The page of `overtaking view` in a browser, light and dark: names and pictures."""
+    from playwright.sync_api import sync_playwright
+
+    page = overtaking.write_view(data, folder / "page.html", simulations=VIEWED)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=shutil.which("chromium"), args=["--no-sandbox", "--disable-gpu"]
+        )
+        for scheme in ("light", "dark"):
+            shown = browser.new_page(color_scheme=scheme, viewport=WINDOW)
+            shown.goto(page.path.as_uri() + MOMENT)
+            shown.wait_for_selector(".board")
+            with Image.open(io.BytesIO(shown.screenshot())) as picture:
+                buffer = io.BytesIO()
+                picture.convert("RGB").save(buffer, "WEBP", quality=82, method=6)
+            yield f"view-{scheme}.webp", buffer.getvalue()
+        browser.close()
+
+
 def main() -> None:
-    """Write both pictures."""
+    """Write all pictures."""
     with tempfile.TemporaryDirectory() as folder:
         data = overtaking.generate("pinto2023", SIMULATIONS, SEED, Path(folder) / "data")
-        for name, content in (("film.webp", film(data)), ("report.png", report(data))):
+        made = [("film.webp", film(data)), ("report.png", report(data))]
+        for name, content in [*made, *views(data, Path(folder))]:
             (HERE / name).write_bytes(content)
             print(f"docs/figures/{name}: {len(content) / 1000:.0f} kB")
 

@@ -21,6 +21,7 @@ Data sets on disk, each in a folder:
     statistics          count classes, features and waiting times
     write_report        write figures and tables as one page
     film                film simulations
+    write_view          write simulations as a page to look at in a browser
     query               ask in SQL
     ask                 ask in logic
     prove               prove why a simulation breaks the law
@@ -80,6 +81,7 @@ _HOMES = {
     "validate": "overtaking.api.results",
     "write_report": "overtaking.api.results",
     "write_reproduction": "overtaking.api.results",
+    "write_view": "overtaking.api.results",
 }
 """The module that defines each public name."""
 

@@ -14,6 +14,7 @@ from overtaking.api.results import statistics as statistics
 from overtaking.api.results import validate as validate
 from overtaking.api.results import write_report as write_report
 from overtaking.api.results import write_reproduction as write_reproduction
+from overtaking.api.results import write_view as write_view
 from overtaking.api.simulating import branch as branch
 from overtaking.api.simulating import compare as compare
 from overtaking.api.simulating import label as label

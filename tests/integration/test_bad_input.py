@@ -18,7 +18,7 @@ NUM_SIMULATIONS = 8
 PARENT = """
 import json, os, resource, sys
 from overtaking import api
-from overtaking.cli import app, arguments, description, main, show, summary
+from overtaking.cli import app, arguments, main, show, summary
 from overtaking.recordings import pinto2023
 for line in sys.stdin:
     order = json.loads(line)

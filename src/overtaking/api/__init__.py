@@ -16,6 +16,7 @@ from overtaking.api.results import (
     validate,
     write_report,
     write_reproduction,
+    write_view,
 )
 from overtaking.api.simulating import branch, compare, label, sample, simulate
 from overtaking.data.load import Dataset
@@ -55,4 +56,5 @@ __all__ = [
     "validate",
     "write_report",
     "write_reproduction",
+    "write_view",
 ]

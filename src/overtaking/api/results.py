@@ -1,6 +1,6 @@
 """Results from a data set or a profile: statistics, reports, films, queries."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from overtaking.show.report.reproduction import Written
     from overtaking.show.report.write import Report
     from overtaking.show.video.produce import Video
+    from overtaking.show.view.write import View
 
 
 @checked
@@ -138,6 +139,44 @@ def film(
     total = jobs.num_films(runs, chosen)
     films = jobs.jobs(runs, chosen, policy)
     return produce.produce(films, folder, total=total, threads=threads, progress=progress)
+
+
+@checked
+def write_view(
+    source: Dataset | str | Path | Trajectories | Labelled,
+    out: str | Path,
+    *,
+    simulations: Iterable[int] | str = "one-per-class",
+    policy: str = "paper",
+    progress: Progress | None = None,
+    say: Callable[[int], None] | None = None,
+) -> "View":
+    """Write simulations as one page to look at in a browser, from disk and without a network.
+
+    Args:
+        source: A data set or its folder, trajectories of any origin, or what `label` returned. What
+            a data set did not keep is simulated again; trajectories are labelled first.
+        out: The file; one that is there is replaced, whole or not at all.
+        simulations: Their numbers (for trajectories, their places in the batch from 0 on), `all`,
+            or `one-per-class`: the first of each class.
+        policy: Which rules decide about the class when the page opens: `paper`, `default` or
+            `strict`. The page can change it.
+        progress: Called with the number of simulations that are done, and of all.
+        say: Called with the size of a large page before it is written [bytes].
+
+    Returns:
+        Where it is, which simulations it has, and how large it is.
+
+    Raises:
+        ConfigError: There is no such simulation or policy, or the page would be larger than 64 MB.
+        DatasetError: The data set is not complete or damaged.
+        OSError: The file cannot be written.
+    """
+    from overtaking.show.view.write import write
+
+    runs = load(source) if isinstance(source, (str, Path)) else source
+    chosen = simulations if isinstance(simulations, str) else list(simulations)
+    return write(runs, Path(out), chosen=chosen, policy=policy, progress=progress, say=say)
 
 
 @checked

@@ -20,6 +20,7 @@ from overtaking.cli import (
     sumo,
     validate,
     video,
+    view,
 )
 from overtaking.cli.output import Output
 
@@ -128,7 +129,8 @@ def show(output: Output, data: options.Data, simulation: options.Number) -> None
     Each broken rule comes with what would have been legal.
     """
     from overtaking import api
-    from overtaking.cli import description, show
+    from overtaking.cli import show
+    from overtaking.show import description
 
     labelled = api.label(api.load(data).trajectory(simulation))
     values = description.describe(labelled, simulation)
@@ -233,6 +235,7 @@ COMMANDS: dict[options.Body, str] = {
     **sql.COMMANDS,
     **logic.COMMANDS,
     video.video: "overtaking video data/pinto --simulations 1,7",
+    view.view: "overtaking view data/pinto --export page.html --simulations 3,7",
     **validate.COMMANDS,
     **reproducing.COMMANDS,
     compare: "overtaking compare pinto2023 -n 100 --seed 1 --with sumo,carla",

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from overtaking.show.wording import symbol
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
-
-SYMBOLS = "E123456789abcdefghijklmnopqrstuvwxyz"
-"""The letter of each vehicle slot; the ego is E."""
 
 _REACHES = (30.0, 50.0, 75.0, 100.0, 150.0)
 
@@ -54,11 +53,6 @@ class Glyphs:
             return cls()
         alike = {"line": "-", "edge": "|", "dot": ".", "times": "x", "dash": "-", "breach": "="}
         return cls(levels="_.-=+*%#", arrow="->", separator="|", **alike)
-
-
-def symbol(slot: int) -> str:
-    """The letter of a vehicle."""
-    return SYMBOLS[slot] if slot < len(SYMBOLS) else "?"
 
 
 def sparkline(

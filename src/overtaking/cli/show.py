@@ -9,23 +9,38 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from overtaking.cli.description import lane_name
-from overtaking.cli.drawing import Glyphs, Strip, nice_reach, sparkline, symbol
+from overtaking.cli.drawing import (
+    Glyphs,
+    Strip,
+    nice_reach,
+    sparkline,
+)
 from overtaking.cli.law import law_lines
 from overtaking.cli.output import open_table
-from overtaking.cli.timeline import STAGE_STYLES, event_lines, stage_times, time_line, words
+from overtaking.cli.timeline import STAGE_STYLES, event_lines, stage_times, time_line
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge import terms
 from overtaking.model.trajectory import METRES_PER_SECOND_PER_STEP, METRES_PER_STEP, Stage
 from overtaking.model.vehicles import Role
+from overtaking.show.description import lane_name
+from overtaking.show.wording import (
+    ending_words,
+    outcome_words,
+    percept_words,
+    road_words,
+    symbol,
+    vehicle_words,
+    weather_words,
+    words,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rich.console import Console, RenderableType
 
-    from overtaking.cli.description import Values
     from overtaking.model.trajectory import Trajectories
+    from overtaking.show.judgement import Values
 
 MAX_WIDTH = 110
 MAX_VEHICLES = 9
@@ -91,9 +106,9 @@ def _heading(values: Values, width: int, glyphs: Glyphs) -> Iterator[RenderableT
     grid.width = width
     grid.add_column()
     grid.add_column(ratio=1)
-    grid.add_row("Road", _road(values["road"]))
-    grid.add_row("Weather", _weather(values["weather"]))
-    grid.add_row("Outcome", Text(_outcome(values), style="bold"))
+    grid.add_row("Road", road_words(values["road"]))
+    grid.add_row("Weather", weather_words(values["weather"]))
+    grid.add_row("Outcome", Text(outcome_words(values), style="bold"))
     classes = (f"{name} {one['class']}" for name, one in values["policies"].items())
     grid.add_row("Class", ", ".join(classes))
     for name in dict.fromkeys(one["class"] for one in values["policies"].values()):
@@ -102,30 +117,6 @@ def _heading(values: Values, width: int, glyphs: Glyphs) -> Iterator[RenderableT
         grid.add_row("Unknown", ", ".join(words(name) for name in values["not_recorded"]))
     grid.add_row("Trace", Text(values["trace_hash"], style="dim"))
     yield grid
-
-
-def _road(road: Values) -> str:
-    """The road in words."""
-    ids, limit = road["lane_ids"], road["speed_limit_mps"]
-    signs = "limit unknown" if limit is None else f"limit {kmh_from_mps(limit):.0f} km/h"
-    lanes = f"lanes {ids[0]} (slow) to {ids[-1]} (fast)"
-    return f"{road['name']}, {lanes}, {signs}, {road['driving_side']}-hand traffic"
-
-
-def _weather(weather: Values | None) -> str:
-    """Weather and light in words."""
-    if weather is None:
-        return "unknown"
-    sky = ["night" if weather["night"] else "day"]
-    sky += [f"{name} {weather[f'{name}_percent']:.0f} %" for name in ("rain", "fog", "wind")]
-    sky += ["low sun ahead"] if weather["horizon_line"] else []
-    return f"{weather['preset'] or 'drawn freely'}: {', '.join(sky)}"
-
-
-def _outcome(values: Values) -> str:
-    """The outcome, and how it came to it."""
-    detail = values["detail"]
-    return words(values["outcome"]) + ("" if detail == "none" else f": {words(detail)}")
 
 
 def _nearest(run: Trajectories) -> np.ndarray:
@@ -148,7 +139,7 @@ def _vehicle_table(values: Values, shown: np.ndarray, glyphs: Glyphs) -> Table:
         is_ego = one is ego
         table.add_row(
             symbol(one["vehicle"]),
-            f"{one['colour'] or ''} {one['kind'] or 'vehicle'}".strip(),
+            vehicle_words(one),
             glyphs.times.join(f"{one[f'{name}_m']:.1f}" for name in ("length", "width")),
             _number(one["mass_kg"]),
             str(one["start_lane_id"]),
@@ -267,7 +258,7 @@ def _decisions(values: Values) -> Iterator[RenderableType]:
     table = open_table(*columns, header_style="underline")
     for one in values["decisions"]:
         near = [(place, of) for place, of in one["neighbours"].items() if of is not None]
-        rows = [_percept(place, of) for place, of in near] or [("nobody near",)]
+        rows = [percept_words(place, of) for place, of in near] or [("nobody near",)]
         for number, row in enumerate(rows):
             first = ("", "") if number else (f"{one['time_s']:.2f} s", words(one["kind"]))
             table.add_row(*first, *row)
@@ -276,39 +267,7 @@ def _decisions(values: Values) -> Iterator[RenderableType]:
     yield table
 
 
-_PLACES = {"leader": "leader", "front": "ahead", "rear": "behind"}
-
-
-def _percept(place: str, neighbour: Values) -> tuple[str, str, str, str]:
-    """One neighbour as believed and as it was: who, gap, closing speed, and what the law says."""
-    gap, gap_true = neighbour["gap_m"], neighbour["true_gap_m"]
-    closing, closing_true = neighbour["closing_speed_mps"], neighbour["true_closing_speed_mps"]
-    truth = ("", "")
-    if gap_true is not None:
-        truth = (f" ({gap_true:.1f})", f" ({kmh_from_mps(closing_true):+.0f})")
-    law = neighbour["law"]
-    who = "?" if neighbour["vehicle"] is None else symbol(neighbour["vehicle"])
-    return (
-        f"{_PLACES[place]} {who}",
-        ("not seen" if gap is None else f"{gap:.1f}") + truth[0],
-        ("" if closing is None else f"{kmh_from_mps(closing):+.0f}") + truth[1],
-        "" if law is None else f"{law['rule']} {words(law['belief'])}",
-    )
-
-
 def _ending(values: Values) -> Iterator[Text]:
     """The outcome, and the collisions, or that there was none."""
-    passed = values["num_passed"]
-    facts = [_outcome(values).capitalize()]
-    if values["num_attempts"] > 1:
-        facts.append(f"attempts: {values['num_attempts']}")
-    if passed:
-        facts.append(f"{passed} vehicle{'s' if passed > 1 else ''} passed")
-    yield Text(", ".join(facts) + ("." if values["collisions"] else ". No collision."))
-    for one in values["collisions"]:
-        pair = " and ".join(symbol(slot) for slot in one["vehicles"])
-        facts = [f"Collision of {pair} at {one['time_s']:.2f} s"]
-        if one["impulse_newton_s"] is not None:
-            speed = kmh_from_mps(one["closing_speed_mps"])
-            facts.append(f"impulse {one['impulse_newton_s']} N s, closing at {speed:.0f} km/h")
-        yield Text(": ".join(facts), style="bold")
+    for place, line in enumerate(ending_words(values)):
+        yield Text(line, style="bold" if place else "")

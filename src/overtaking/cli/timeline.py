@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from overtaking.cli.drawing import bar_lengths, centred, placed, symbol
-from overtaking.cli.judgement import EVENTS
+from overtaking.cli.drawing import bar_lengths, centred, placed
+from overtaking.show.judgement import EVENTS
+from overtaking.show.wording import sentence, words
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from overtaking.cli.description import Values
     from overtaking.cli.drawing import Glyphs
+    from overtaking.show.judgement import Values
 
 # Okabe and Ito's colours, which people with any kind of colour vision can tell apart.
 STAGE_STYLES = {
@@ -29,11 +30,6 @@ _GUTTER = 5
 _ENDS = 2
 _TICK_ROOM = 9
 _TICKS_S = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
-
-
-def words(name: str) -> str:
-    """The name of a stage, decision, outcome or belief as a person writes it."""
-    return name.lower().replace("_", " ")
 
 
 def time_line(values: Values, width: int, glyphs: Glyphs) -> Iterator[Text]:
@@ -72,17 +68,10 @@ def stage_times(values: Values, glyphs: Glyphs) -> Iterator[Text]:
 
 def event_lines(values: Values) -> Iterator[Text]:
     """The events in order, one line each."""
-    target, partner = who(values["target"]), who(values["collision_partner"])
-    meets = "is struck by" if values["struck_by_partner"] else "runs into"
     for one in values["events"]:
         told = EVENTS[one["event"]]
-        sentence = told.sentence.format(target=target, partner=partner, meets=meets)
-        yield Text(f"{told.letter:<{_GUTTER}} {one['time_s']:6.2f} s  {told.symbol:<9}  {sentence}")
-
-
-def who(vehicle: int | None) -> str:
-    """A vehicle by its symbol."""
-    return "nobody" if vehicle is None else symbol(vehicle)
+        text = sentence(one["event"], values)
+        yield Text(f"{told.letter:<{_GUTTER}} {one['time_s']:6.2f} s  {told.symbol:<9}  {text}")
 
 
 def _stages(stages: list[Values], inner: int, glyphs: Glyphs) -> Text:

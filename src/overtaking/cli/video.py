@@ -67,11 +67,14 @@ def video(
     output.wrote(values, lambda _: render(values))
 
 
-def choice(text: str | None, *, is_per_class: bool, is_every: bool) -> list[int] | str:
-    """The choice of simulations for `api.film`.
+def choice(
+    text: str | None, where: str = "video", *, is_per_class: bool, is_every: bool
+) -> list[int] | str:
+    """What was asked for, as `api.film` takes it.
 
     Args:
         text: Numbers and ranges with commas between them, if there are any.
+        where: The command.
         is_per_class: Whether one of each class was asked for.
         is_every: Whether all were asked for.
 
@@ -81,14 +84,14 @@ def choice(text: str | None, *, is_per_class: bool, is_every: bool) -> list[int]
     if (text is not None) + is_per_class + is_every > 1:
         raise ConfigError.of(
             what="choice",
-            where="video",
+            where=where,
             expected="one of --simulations, --one-per-class and --all",
             got="several",
             next_step="leave out the others",
         )
     if text is None:
         return "all" if is_every else "one-per-class"
-    return arguments.numbers(text, "video") or []
+    return arguments.numbers(text, where) or []
 
 
 def values_of(films: "list[Video]", seconds: float) -> dict[str, Any]:

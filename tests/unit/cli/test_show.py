@@ -13,15 +13,16 @@ import pytest
 from rich.console import Console, Group
 
 from overtaking import api
-from overtaking.cli.description import Values, describe, lane_name
-from overtaking.cli.drawing import SYMBOLS, Glyphs, symbol
-from overtaking.cli.judgement import EVENTS
+from overtaking.cli.drawing import Glyphs
 from overtaking.cli.law import law_lines
 from overtaking.cli.show import MAX_INSTANTS, render
 from overtaking.cli.timeline import event_lines
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge import terms
 from overtaking.model.trajectory import NO_VEHICLE, UNKNOWNS, Stage, Trajectories
+from overtaking.show.description import describe, lane_name
+from overtaking.show.judgement import EVENTS, Values
+from overtaking.show.wording import SYMBOLS, symbol
 
 if TYPE_CHECKING:
     from overtaking.labels.label import Labelled

@@ -64,12 +64,7 @@ def explain(
         policies: Which of the rules count for which reading.
     """
     one = labelled.select(np.array([simulation]))
-    case = Case(
-        trajectories=one.trajectories,
-        signals=one.signals,
-        events=one.events,
-        target=target_signals(one.trajectories, one.signals, one.events.target),
-    )
+    case = case_of(one)
     verdicts = one.findings.verdict[0]
     by_verdict = {
         verdict: [rule for rule, of in zip(pack.rules, verdicts, strict=True) if of == verdict]
@@ -82,6 +77,13 @@ def explain(
         inapplicable=tuple(by_verdict[Verdict.NOT_APPLICABLE]),
         thoughts=thoughts(case),
     )
+
+
+def case_of(labelled: Labelled) -> Case:
+    """What rules look at."""
+    runs, seen, events = labelled.trajectories, labelled.signals, labelled.events
+    target = target_signals(runs, seen, events.target)
+    return Case(trajectories=runs, signals=seen, events=events, target=target)
 
 
 def _breach(one: Labelled, case: Case, rule: Rule, policies: Sequence[Policy]) -> Breach:

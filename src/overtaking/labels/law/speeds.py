@@ -74,12 +74,18 @@ def _table() -> F32:
 def _within_limit(case: Case) -> Check:
     """Speed never exceeds the posted limit and that of the class of vehicle on this road."""
     speed, span = case.signals.speed, conduct(case)
-    least, most = (limit + _ROUNDING for limit in speed_limits(case))
+    least, most = posted_limits(case)
     fastest = reduced(np.maximum, speed, span)
     rows = np.flatnonzero(span.exists & (fastest > most))
     first, last = ends_in(span, rows, speed[rows] > most[rows, None])
     found = decided(span.exists, most - fastest, first, last, doubtful=fastest > least)
     return found.replace(severity=_severity(case, found))
+
+
+def posted_limits(case: Case) -> tuple[F32, F32]:
+    """`speed_limits`, with the rounding of recorded speeds allowed for."""
+    least, most = speed_limits(case)
+    return least + _ROUNDING, most + _ROUNDING
 
 
 def _severity(case: Case, found: Check) -> U8:

@@ -22,30 +22,16 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from overtaking.model.labels import OvertakeClass
+from overtaking.show.palette import ACCENT as ACCENT
+from overtaking.show.palette import CLASS_COLOURS, GRID, INK, LINE, QUIET
+from overtaking.show.palette import CLASS_MARKERS as CLASS_MARKERS
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
-CLASS_COLOURS = {
-    OvertakeClass.NO_ATTEMPT.title: "#5b626b",
-    OvertakeClass.SUCCESS_I.title: "#e69f00",
-    OvertakeClass.SUCCESS_L.title: "#009e73",
-    OvertakeClass.UNSUCCESS_COL.title: "#d55e00",
-    OvertakeClass.UNSUCCESS_NCOL.title: "#0072b2",
-    OvertakeClass.SUCCESS_U.title: "#cc79a7",
-    OvertakeClass.CENSORED.title: "#c4c8cf",
-}
-"""Colour of each class, the same in every figure."""
-
-CLASS_MARKERS = dict(zip(CLASS_COLOURS, "osDX^Pv", strict=True))
-"""Marker of each class."""
-
 CLASS_HATCHES = dict(zip(CLASS_COLOURS, ("", "//", "", "xx", "..", "\\\\", "--"), strict=True))
 """Hatching of each class, where areas lie on each other."""
 
-INK, QUIET, LINE, GRID = "#1d2126", "#5b626b", "#9aa1aa", "#e3e6ea"
-ACCENT = "#0072b2"
 PHASE_COLOURS = {
     "follows": "#eef0f2",
     "pulls out": "#fdf3c8",

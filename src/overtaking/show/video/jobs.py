@@ -114,7 +114,7 @@ def checked(numbers: Iterable[int], num_simulations: int) -> list[int]:
 def _refused(expected: str, got: str) -> ConfigError:
     return ConfigError.of(
         what="simulations",
-        where="video",
+        where="choice",
         expected=expected,
         got=got,
         next_step="choose one of these",

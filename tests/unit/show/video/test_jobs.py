@@ -43,7 +43,7 @@ def test_chosen_ones_in_order_and_each_once(data):
 
 @pytest.mark.parametrize("chosen", [[24], [-1], [], "some"])
 def test_what_is_not_there_is_refused(data, chosen):
-    with pytest.raises(ConfigError, match="video: simulations: expected") as caught:
+    with pytest.raises(ConfigError, match="choice: simulations: expected") as caught:
         list(jobs(data, chosen))
     assert "\n" not in str(caught.value)
 

@@ -11,6 +11,7 @@ from overtaking.data.tables.encode import encode
 from overtaking.data.tables.names import NEIGHBOURS
 from overtaking.knowledge import terms
 from overtaking.model.trajectory import Stage
+from overtaking.show.judgement import judge, thought
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -19,9 +20,7 @@ if TYPE_CHECKING:
     from overtaking.labels.label import Labelled
     from overtaking.model.road import Road
     from overtaking.model.trajectory import Trajectories
-
-Values = dict[str, Any]
-"""A JSON object: names with units, plain Python values."""
+    from overtaking.show.judgement import Values
 
 _MS_PER_S = 1000.0
 _DECIMALS = 3  # Of what was recorded in thousandths.
@@ -51,7 +50,6 @@ def describe(labelled: Labelled, number: int) -> Values:
     Returns:
         Values of plain Python types, in SI units; None for what was not recorded.
     """
-    from overtaking.cli.judgement import judge
     from overtaking.labels.explain import explain
 
     run, explanation = labelled.trajectories, explain(labelled)
@@ -164,8 +162,6 @@ def _collisions(vehicles: list[Values]) -> list[Values]:
 
 def _decisions(run: Trajectories, thoughts: tuple[Thought, ...]) -> list[Values]:
     """Beliefs of the ego about its neighbours at each decision, with the true values."""
-    from overtaking.cli.judgement import thought
-
     if "percepts" in run.unknown:
         return []
     law = {(one.decision, one.whom): thought(one) for one in thoughts}

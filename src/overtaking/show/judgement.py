@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from overtaking.model.events import NEVER, Detail, Outcome
 from overtaking.model.labels import Belief, OvertakeClass
 from overtaking.model.trajectory import NO_VEHICLE
 
 if TYPE_CHECKING:
-    from overtaking.cli.description import Values
     from overtaking.labels.explain import Breach, Change, Doubt, Explanation, Thought
     from overtaking.labels.label import Labelled
+
+Values = dict[str, Any]
+"""What becomes a JSON object: names with units, plain Python values."""
 
 
 class EventWords(NamedTuple):

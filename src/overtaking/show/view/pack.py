@@ -1,0 +1,204 @@
+"""One simulation as a page takes it: what is told of it, and columns of what was recorded.
+
+`viewer/src/bundle.ts` declares the same for the page. Columns are the recorded integers, or those
+of a stated step, as differences between neighbours; None where there is no value. Differences take
+little room once they are compressed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from overtaking.labels.explain.margins import margins
+from overtaking.labels.law import PORTUGAL
+from overtaking.model.labels import Verdict
+from overtaking.model.signals import Around
+from overtaking.model.vehicles import Colour
+from overtaking.show import wording
+from overtaking.show.description import describe
+from overtaking.show.judgement import EVENTS
+from overtaking.show.video.palette import PAINT
+from overtaking.show.view.ghosts import ghosts
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from overtaking.labels.label import Labelled
+    from overtaking.model.trajectory import Trajectories
+
+    Values = dict[str, Any]
+
+NEAR = {"L3": 10.0, "L10": 0.5, "L12": 2.0, "L14": 20.0, "L14s": 20.0}
+"""Margins below which a rule that is kept is shown, in its unit, of rules with a margin in every
+frame: some 0.5 s of way at 70 km/h, 7 km/h, and the width of a mirror and a hand."""
+
+_STEPS_PER_UNIT = 1000
+_PLACES = 3  # Decimals of a margin.
+_MM = 1000.0
+
+
+def pack(labelled: Labelled, number: int) -> Values:
+    """Everything that a page shows of one simulation.
+
+    Args:
+        labelled: A batch of one simulation, with all that is said of it.
+        number: Its number in its data set.
+
+    Returns:
+        Plain Python values. `values` is what `overtaking show --json` prints.
+    """
+    run, values = labelled.trajectories, describe(labelled, number)
+    return {
+        "values": values,
+        "told": _told(values),
+        "road": _road(run),
+        "vehicles": [
+            _vehicle(run, int(slot)) for slot in np.flatnonzero(run.scenario.vehicles.valid[0])
+        ],
+        "gap_mm": _gap(labelled),
+        "sight_dm": _sight(labelled),
+        "law": _law(labelled),
+        "ghosts": ghosts(run),
+    }
+
+
+def differences(column: NDArray[np.integer], order: int = 1) -> list[int]:
+    """A column as its first value and the differences that follow.
+
+    Args:
+        column: Integers, shape (time,).
+        order: How often; 2 gives differences of differences.
+    """
+    found = column.astype(np.int64)
+    for _ in range(order):
+        found = np.diff(found, prepend=0)
+    return found.tolist()
+
+
+def sparse(column: NDArray[np.floating], steps_per_unit: float) -> list[int | None]:
+    """A column with holes, as differences between the values that are there.
+
+    Args:
+        column: Shape (time,), NaN where there is no value.
+        steps_per_unit: What it is multiplied with before it is rounded to integers.
+    """
+    there = np.isfinite(column)
+    whole = np.rint(np.where(there, column, 0.0) * steps_per_unit).astype(np.int64)
+    values = iter(differences(whole[there]))
+    return [next(values) if one else None for one in there.tolist()]
+
+
+def _told(values: Values) -> Values:
+    """What the terminal says, in its words."""
+    dash = "–"
+    return {
+        "road": wording.road_words(values["road"]),
+        "weather": wording.weather_words(values["weather"]),
+        "outcome": wording.outcome_words(values),
+        "ending": wording.ending_words(values),
+        "unknown": [wording.words(name) for name in values["not_recorded"]],
+        "vehicles": [wording.vehicle_words(one) for one in values["vehicles"]],
+        "events": [
+            {
+                "letter": EVENTS[one["event"]].letter,
+                "name": wording.words(one["event"]),
+                "sentence": wording.sentence(one["event"], values),
+            }
+            for one in values["events"]
+        ],
+        "broken": [asdict(wording.breach_words(one, values, dash)) for one in values["broken"]],
+        "undecidable": [wording.doubt_words(one) for one in values["undecidable"]],
+        "decisions": [_decision(one) for one in values["decisions"]],
+    }
+
+
+def _decision(one: Values) -> Values:
+    """What was believed at a decision: a row for each neighbour."""
+    near = [(place, of) for place, of in one["neighbours"].items() if of is not None]
+    rows = [wording.percept_words(place, of) for place, of in near] or [("nobody near", "", "", "")]
+    return {"kind": wording.words(one["kind"]), "rows": rows}
+
+
+def _road(run: Trajectories) -> Values:
+    """The borders of the lanes from the slow side on, and the lines on them."""
+    road = run.road
+    lines = [road.lanes[0].right_mark] if road.side > 0 else [road.lanes[0].left_mark]
+    lines += [one.left_mark if road.side > 0 else one.right_mark for one in road.lanes]
+    is_marked = "marks" not in run.unknown
+    return {
+        "side": int(road.side),
+        "borders_mm": np.rint(road.boundaries * _MM).astype(int).tolist(),
+        "lines": [one.value for one in lines] if is_marked else None,
+        "verges_mm": [
+            0 if one is None else round(one.width * _MM)
+            for one in (road.slow_side_neighbour, road.fast_side_neighbour)
+        ],
+    }
+
+
+def _vehicle(run: Trajectories, slot: int) -> Values:
+    """A body with its motion, in the frames in which it was recorded."""
+    bodies, states = run.scenario.vehicles, run.states
+    frames = np.flatnonzero(run.state_valid[0, slot])
+    first, last = int(frames[0]), int(frames[-1])
+    span = slice(first, last + 1)
+    turn = round(run.road.heading / 1e-4)
+    is_lit = not run.unknown & {"indicators", "lamps"}
+    lights = states.lights[0, slot, span] if is_lit else np.zeros(last + 1 - first, np.uint8)
+    away = np.flatnonzero(~run.state_valid[0, slot, span]) + first
+    return {
+        "slot": slot,
+        "symbol": wording.symbol(slot),
+        "kind": int(bodies.kind[0, slot]),
+        "paint": PAINT[Colour(int(bodies.colour[0, slot]))],
+        "length_mm": round(float(bodies.length[0, slot]) * _MM),
+        "width_mm": round(float(bodies.width[0, slot]) * _MM),
+        "first": first,
+        "away": away.tolist(),
+        "s": differences(states.s[0, slot, span], 2),
+        "d": differences(states.d[0, slot, span], 2),
+        "angle": differences(states.heading[0, slot, span].astype(int) - turn),
+        "speed": differences(states.speed[0, slot, span]),
+        "accel": differences(states.accel_lon[0, slot, span]),
+        "lights": differences(lights),
+    }
+
+
+def _gap(labelled: Labelled) -> list[int | None]:
+    """From the ego's bumper to that of the vehicle ahead in its lane."""
+    seen, last = labelled.signals, int(labelled.trajectories.num_frames[0])
+    there = seen.has(Around.LEADER)[0, :last]
+    return sparse(np.where(there, seen.gap[0, Around.LEADER, :last], np.nan), _MM)
+
+
+def _sight(labelled: Labelled) -> list[int] | None:
+    """How far the ego sees a lit vehicle; None where the weather is not known."""
+    if "weather" in labelled.trajectories.unknown:
+        return None
+    sight = labelled.signals.sight_lit[0, : int(labelled.trajectories.num_frames[0])]
+    return differences(np.rint(sight * 10.0).astype(np.int64))
+
+
+def _law(labelled: Labelled) -> list[Values]:
+    """The rules that are broken, then those that are nearly."""
+    findings, frames = labelled.findings, int(labelled.trajectories.num_frames[0])
+    series = margins(labelled)
+    rows = []
+    for place, rule in enumerate(PORTUGAL.rules):
+        verdict, margin = int(findings.verdict[0, place]), float(findings.margin[0, place])
+        broken, of = verdict == Verdict.ILLEGAL, series.get(rule.code)
+        if not broken and (of is None or margin >= NEAR[rule.code]):
+            continue
+        span = [int(findings.first[0, place]), int(findings.last[0, place])] if broken else None
+        rows.append(
+            {
+                "rule": rule.code,
+                "margin": round(margin, _PLACES),
+                "breach": span,
+                "margins": None if of is None else sparse(of[:frames], _STEPS_PER_UNIT),
+            }
+        )
+    return sorted(rows, key=lambda one: (one["breach"] is None, one["breach"] or []))

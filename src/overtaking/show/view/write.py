@@ -1,0 +1,100 @@
+"""Chosen simulations as one page on disk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from overtaking.core.errors import ConfigError
+from overtaking.data.load import Dataset
+from overtaking.show import wording
+from overtaking.show.report.files import put
+from overtaking.show.video.jobs import jobs, num_films
+from overtaking.show.view.pack import pack
+from overtaking.show.view.page import packed, page
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from pathlib import Path
+
+    from overtaking.data.generate import Progress
+    from overtaking.show.video.jobs import Source
+
+MOST_BYTES = 64_000_000
+"""Of a page: what browsers open at once, on a phone too."""
+
+LARGE = 8_000_000
+"""Bytes from which on a size is said before anything is written: more than a mail takes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """A page that was written.
+
+    Attributes:
+        path: Where.
+        simulations: Numbers of the simulations in it.
+        size_bytes: How large it is.
+    """
+
+    path: Path
+    simulations: tuple[int, ...]
+    size_bytes: int
+
+
+def write(
+    source: Source,
+    out: Path,
+    *,
+    chosen: Iterable[int] | str,
+    policy: str,
+    progress: Progress | None = None,
+    say: Callable[[int], None] | None = None,
+) -> View:
+    """Write a page; see `overtaking.write_view`."""
+    total, entries, size = num_films(source, chosen), list[dict[str, Any]](), 0
+    for job in jobs(source, chosen, policy):
+        values = pack(job.labelled, job.number)
+        entries.append(_entry(values))
+        size += len(entries[-1]["data"])
+        if size > MOST_BYTES:
+            raise _too_large(len(entries), total)
+        if progress is not None:
+            progress(len(entries), total or len(entries))
+    content = page(_title(source), policy, entries).encode()
+    if say is not None and len(content) > LARGE:
+        say(len(content))
+    put(out, content)
+    numbers = tuple(entry["number"] for entry in entries)
+    return View(path=out, simulations=numbers, size_bytes=len(content))
+
+
+def _entry(values: dict[str, Any]) -> dict[str, Any]:
+    """What the list of a page shows of a simulation, and all of it, packed."""
+    said = values["values"]
+    return {
+        "number": said["simulation"],
+        "classes": {name: one["class"] for name, one in said["policies"].items()},
+        "broken": [one["rule"] for one in said["broken"]],
+        "weather": said["weather"] and (said["weather"]["preset"] or "drawn freely"),
+        "night": bool(said["weather"] and said["weather"]["night"]),
+        "outcome": wording.outcome_words(said),
+        "duration_s": said["duration_s"],
+        "data": packed(values),
+    }
+
+
+def _title(source: Source) -> str:
+    """What is shown."""
+    return source.name if isinstance(source, Dataset) else "Simulations"
+
+
+def _too_large(count: int, total: int | None) -> ConfigError:
+    """The error of a page that no browser would open well."""
+    return ConfigError.of(
+        what="page",
+        where="view",
+        expected=f"{MOST_BYTES // 1_000_000} MB at most",
+        got=f"more, from simulation {count} of {total or 'those chosen'} on",
+        next_step=f"choose fewer than {count} with --simulations",
+    )

@@ -1,0 +1,263 @@
+"""The page of `overtaking view` in a browser: from disk, without a network. Needs Chromium."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from tests.support.browser import chromium, expect, opened
+
+import overtaking as ot
+from overtaking.cli import main
+from overtaking.knowledge import terms
+from overtaking.show.wording import breach_words, sentence
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from playwright.sync_api import Browser, Page
+
+pytestmark = pytest.mark.ci
+
+PHONE = {"width": 360, "height": 740}
+FRAME = "Number(document.getElementById('frame').value)"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Forty simulations; among them is every ending."""
+    folder = tmp_path_factory.mktemp("view") / "data"
+    ot.generate("pinto2023", 40, 1, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def path(data: Path) -> Path:
+    """The page of the first twelve."""
+    target = data.parent / "page.html"
+    assert main(["view", str(data), "--export", str(target), "--simulations", "0-11", "-q"]) == 0
+    return target
+
+
+def shows(page: Page, number: int | str) -> None:
+    """Wait until the page shows a simulation."""
+    expect(page).to_have_title(re.compile(f"^Simulation {number},"))
+
+
+def moment(page: Page) -> dict[str, Any]:
+    """What the page shows, once its address says so."""
+    seconds = f"{float(page.input_value('#seconds')):g}"
+    expect(page).to_have_url(re.compile(rf"t={re.escape(seconds)}(&|$)"))
+    return {
+        "title": page.title(),
+        "frame": page.evaluate(FRAME),
+        "link": page.evaluate("location.hash"),
+        "controls": page.evaluate("[...document.querySelectorAll('select')].map(one => one.value)"),
+        "beliefs": page.is_checked("#ghosts"),
+        "now": page.inner_text("#now"),
+    }
+
+
+def test_a_link_brings_back_what_was_found_by_mouse(browser: Browser, path: Path):
+    with opened(browser, path) as page:
+        page.select_option("#filter", "Success_I")
+        rows = page.locator(".runs a")
+        assert rows.count() == int(page.inner_text(".runs + *, [role=status]").split()[0])
+        rows.nth(1).click()
+        shows(page, str(rows.nth(1).get_attribute("data-sim")))
+        page.click("#play")
+        expect(page.locator("#frame")).to_have_value(re.compile(r"^([5-9]|\d\d+)$"))
+        page.click("#play")
+        page.get_by_label("One frame on").click()
+        page.select_option("select[aria-label=Camera]", "all")
+        page.uncheck("#ghosts")
+        rule = page.locator("button.law").first
+        rule.click()
+        assert rule.get_attribute("aria-pressed") == "true"
+        article = re.search(r"Articles? \d+", page.inner_text("#rule"))
+        assert article
+        assert article[0] in str(rule.text_content())
+        before = moment(page)
+        page.reload()
+        page.wait_for_selector(".board")
+        assert moment(page) == before
+        link = before["link"]
+    with opened(browser, path, link) as page:
+        assert moment(page) == before
+
+
+def test_everything_can_be_done_with_the_keyboard(browser: Browser, path: Path):
+    with opened(browser, path) as page:
+        assert page.evaluate(FRAME) == 0
+        press = page.keyboard.press
+        press("ArrowRight")
+        press("ArrowRight")
+        press("ArrowLeft")
+        assert page.evaluate(FRAME) == 1
+        press("Shift+ArrowRight")
+        assert page.evaluate(FRAME) == 21
+        press("Home")
+        press("]")
+        assert page.inner_text("#now").count("E ") == 1
+        press("End")
+        last = page.evaluate(FRAME)
+        assert last == int(str(page.get_attribute("#slider", "max")))
+        press("[")
+        assert page.evaluate(FRAME) < last
+        press(" ")
+        expect(page.locator("#play")).to_have_attribute("aria-label", "Pause")
+        press(" ")
+        expect(page.locator("#play")).to_have_attribute("aria-label", "Play")
+        press("j")
+        shows(page, 1)
+        press("k")
+        shows(page, 0)
+        for key, label, value in (
+            ("c", "Camera", "target"),
+            ("s", "Stretch across the road", "2"),
+            (".", "Speed", "2"),
+            ("p", "Policy: which rules count", "default"),
+            ("t", "Theme", "light"),
+        ):
+            press(key)
+            assert page.get_by_label(label, exact=True).input_value() == value
+        press("g")
+        assert not page.is_checked("#ghosts")
+        press("l")
+        assert page.evaluate("document.activeElement.dataset.rule") in page.inner_text("#rule")
+        press("/")
+        assert page.evaluate("document.activeElement.id") == "filter"
+        page.focus("#play")
+        press("?")
+        assert page.is_visible("#help")
+        press("Escape")
+        assert not page.is_visible("#help")
+
+
+def test_every_control_is_reached_by_tab(browser: Browser, path: Path):
+    reach = "button, select, input, a[href], summary"
+    with opened(browser, path) as page:
+        shown = f"[...document.querySelectorAll('{reach}')].filter(one => one.checkVisibility())"
+        wanted = page.evaluate(f"(window.wanted = {shown}).length")
+        page.evaluate("window.seen = new Set()")
+        for _ in range(wanted + 12):  # And the regions that scroll.
+            page.keyboard.press("Tab")
+            page.evaluate("seen.add(document.activeElement)")
+        missed = "wanted.filter(one => !seen.has(one)).map(one => one.outerHTML)"
+        assert page.evaluate(missed) == []
+
+
+def test_the_page_says_what_show_says(
+    browser: Browser, path: Path, data: Path, capsys: pytest.CaptureFixture[str]
+):
+    with opened(browser, path) as page:
+        for number in range(12):
+            assert main(["show", str(data), str(number), "--json"]) == 0
+            values = json.loads(capsys.readouterr().out)
+            page.evaluate(f"location.hash = 'sim={number}'")
+            shows(page, number)
+            says(page, values)
+
+
+def says(page: Page, values: dict[str, Any]) -> None:
+    """The page tells what `show --json` told of a simulation."""
+    events = [re.split(r"\s*\n\s*", one) for one in page.locator(".events li").all_inner_texts()]
+    assert [one[1:] for one in events] == [
+        [f"{one['time_s']:.2f} s", sentence(one["event"], values)] for one in values["events"]
+    ]
+    for name, one in values["policies"].items():
+        text = page.inner_text(f"[data-policy={name}]")
+        assert one["class"] in text
+        assert terms("classes")[one["class"]].meaning in text
+        assert all(code in text for code in one["broken"] + one["undecidable"])
+    assert page.locator("article.rule").count() == len(values["broken"])
+    for one in values["broken"]:
+        text = page.inner_text(f"article[data-rule={one['rule']}]")
+        told = breach_words(one, values, "–")
+        assert all(part in text for part in (told.rule, told.grade, told.facts, *told.remedies))
+        assert f"margin {one['margin']:.2f} {one['unit']}" in text
+    law = page.inner_text("#law")
+    assert all(", ".join(values[key]) in law for key in ("kept", "not_applicable") if values[key])
+    beliefs = page.inner_text("#beliefs")
+    assert all(f"{one['time_s']:.2f} s" in beliefs for one in values["decisions"])
+    assert page.locator("#vehicles tbody tr").count() == len(values["vehicles"])
+
+
+def test_the_road_is_drawn_and_changes_with_time(browser: Browser, path: Path):
+    with opened(browser, path) as page:
+        picture = "document.getElementById('road').toDataURL()"
+        colours = (
+            "(c => new Set(new Uint32Array(c.getContext('2d').getImageData(0, 0, c.width, c.height)"
+            ".data.buffer)).size)(document.getElementById('road'))"
+        )
+        first = page.evaluate(picture)
+        assert page.evaluate(colours) > 50
+        page.keyboard.press("End")
+        assert page.evaluate(picture) != first
+
+
+def test_on_a_phone_nothing_scrolls_sideways(browser: Browser, path: Path):
+    with opened(browser, path, viewport=PHONE, has_touch=True, is_mobile=True) as page:
+        assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+        small = "[...document.querySelectorAll('button, select, summary, input')]"
+        sizes = page.evaluate(
+            f"{small}.filter(one => one.checkVisibility()).map(one => one.getBoundingClientRect())"
+            ".map(box => Math.min(box.width, box.height))"
+        )
+        assert min(sizes) >= 18  # Check boxes; their labels are larger.
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("viewport", [{"width": 1280, "height": 900}, PHONE], ids=["desk", "phone"])
+def test_axe_finds_nothing(
+    browser: Browser, path: Path, repository: Path, scheme: str, viewport: dict[str, int]
+):
+    axe = repository / "viewer" / "node_modules" / "axe-core" / "axe.min.js"
+    if not axe.exists():
+        (pytest.fail if os.environ.get("CI") else pytest.skip)("axe-core is missing: make viewer")
+    settings = {"color_scheme": scheme, "viewport": viewport, "bypass_csp": True}
+    for number in (0, 2, 8):
+        with opened(browser, path, f"#sim={number}&t=3", **settings) as page:
+            page.click(".numbers summary")
+            page.add_script_tag(path=axe)
+            for action in (None, "?"):
+                if action:
+                    page.keyboard.press(action)
+                found = page.evaluate("axe.run()")["violations"]
+                assert [(one["id"], [n["html"] for n in one["nodes"]]) for one in found] == []
+
+
+def test_names_of_strangers_are_text(browser: Browser, tmp_path: Path):
+    name = "</script><b id=evil>&amp;<!--"
+    runs = ot.simulate(ot.sample("pinto2023", 2, 1))
+    runs = runs.replace(scenario=runs.scenario.replace(profile=name))
+    made = ot.write_view(runs, tmp_path / "page.html", simulations="all")
+    with opened(browser, made.path) as page:
+        assert page.locator("#evil").count() == 0
+        assert name in page.inner_text(".facts")
+
+
+def test_a_recording_that_knows_little_is_shown_too(browser: Browser, tmp_path: Path):
+    runs = ot.simulate(ot.sample("pinto2023", 1, 1))
+    unknown = {"stage", "percepts", "weather", "drivers", "bodies", "indicators", "lamps", "marks"}
+    present = runs.state_valid.copy()
+    present[0, 1:, : runs.num_frames[0] // 2] = False
+    present[0, 1, -5:] = False
+    runs = runs.replace(unknown=frozenset(unknown), present=present)
+    made = ot.write_view(runs, tmp_path / "page.html", simulations="all")
+    with opened(browser, made.path) as page:
+        assert "not recorded" in page.inner_text("#board")
+        assert "indicators" in page.inner_text(".facts")
+        page.keyboard.press("End")
+        assert np.isfinite(page.evaluate(FRAME))

@@ -1,0 +1,243 @@
+"""What a page is given, and that it holds nothing but that."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import itertools
+import json
+import re
+import zlib
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+import overtaking as ot
+from overtaking.core.errors import ConfigError
+from overtaking.knowledge import terms
+from overtaking.model.labels import Verdict
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.show.description import describe
+from overtaking.show.view import write as writing
+from overtaking.show.view.pack import NEAR, pack
+from overtaking.show.view.page import THEMES, page, words
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from overtaking.labels.label import Labelled
+
+NUM_SIMULATIONS = 24
+
+
+@pytest.fixture(scope="module")
+def labelled() -> Labelled:
+    return ot.label(ot.simulate(ot.sample("pinto2023", NUM_SIMULATIONS, 1)))
+
+
+@pytest.fixture(scope="module")
+def packs(labelled: Labelled) -> list[dict[str, Any]]:
+    return [pack(one(labelled, number), number) for number in range(NUM_SIMULATIONS)]
+
+
+def one(labelled: Labelled, number: int) -> Labelled:
+    return labelled.select(np.array([number]))
+
+
+def summed(differences: list[int], order: int = 1) -> np.ndarray:
+    """A column from its differences, as the page does it."""
+    column = np.array(differences)
+    for _ in range(order):
+        column = np.cumsum(column)
+    return column
+
+
+def test_columns_are_the_recorded_integers(labelled: Labelled, packs: list[dict[str, Any]]):
+    states = labelled.trajectories.states
+    orders = {"s": ("s", 2), "d": ("d", 2), "speed": ("speed", 1), "lights": ("lights", 1)}
+    for number, values in enumerate(packs):
+        frames = int(labelled.trajectories.num_frames[number])
+        for vehicle in values["vehicles"]:
+            for name, (field, order) in orders.items():
+                recorded = getattr(states, field)[number, vehicle["slot"], :frames]
+                assert (summed(vehicle[name], order) == recorded).all()
+        json.dumps(values, allow_nan=False)
+
+
+def test_a_vehicle_has_the_frames_in_which_it_was_recorded(labelled: Labelled):
+    runs = one(labelled, 0).trajectories
+    present = runs.state_valid.copy()
+    present[0, 1, :7] = present[0, 1, 20:22] = present[0, 1, 90:] = False
+    values = pack(ot.label(runs.replace(present=present)), 0)
+    (vehicle,) = (one for one in values["vehicles"] if one["slot"] == 1)
+    assert (vehicle["first"], len(vehicle["s"]), vehicle["away"]) == (7, 83, [20, 21])
+
+
+def test_a_page_is_told_what_show_tells(labelled: Labelled, packs: list[dict[str, Any]]):
+    for number, values in enumerate(packs):
+        assert values["values"] == describe(one(labelled, number), number)
+        told = values["told"]
+        for key in ("vehicles", "events", "broken", "undecidable", "decisions"):
+            assert len(told[key]) == len(values["values"][key])
+
+
+def test_rows_of_the_law_are_what_is_broken_and_what_is_near(
+    labelled: Labelled, packs: list[dict[str, Any]]
+):
+    findings, kinds = labelled.findings, set[bool]()
+    for number, values in enumerate(packs):
+        rows = {row["rule"]: row for row in values["law"]}
+        for place, code in enumerate(findings.rules):
+            verdict, margin = findings.verdict[number, place], findings.margin[number, place]
+            near = verdict == Verdict.LEGAL and margin < NEAR.get(code, -1.0)
+            assert (code in rows) == (verdict == Verdict.ILLEGAL or near)
+        for row in rows.values():
+            kinds.add(row["breach"] is None)
+            if row["margins"]:
+                there = [each for each in row["margins"] if each is not None]
+                assert abs(summed(there).min() / 1000 - row["margin"]) < 1.5e-3
+    assert kinds == {True, False}
+
+
+def test_a_ghost_stands_where_the_gap_was_believed(labelled: Labelled, packs: list[dict[str, Any]]):
+    runs, seen = labelled.trajectories, 0
+    for number, values in enumerate(packs):
+        percepts = runs.percepts
+        there = percepts.valid[number][:, None] & (
+            percepts.detected[number] | (percepts.vehicle[number] != NO_VEHICLE)
+        )
+        assert len(values["ghosts"]) == there.sum()
+        for ghost in values["ghosts"]:
+            frame = round(ghost["time_s"] * 1000) // runs.scenario.frame_interval_ms
+            ego = runs.states.s[number, 0, frame] / 1000
+            gap = ghost["gap_m"] if ghost["seen"] else ghost["true_gap_m"]
+            reach = (ghost["length_m"] + runs.scenario.vehicles.length[number, 0]) / 2
+            assert abs(abs(ghost["s_m"] - ego) - reach - gap) < 2e-3 or gap < -reach
+            seen += ghost["seen"]
+    assert seen > 5
+
+
+def test_little_is_needed_of_a_recording(labelled: Labelled):
+    unknown = {"weather", "percepts", "stage", "marks", "bodies", "kinds", "lamps", "speed_limit"}
+    runs = one(labelled, 3).trajectories.replace(unknown=frozenset(unknown))
+    values = pack(ot.label(runs), 3)
+    assert values["sight_dm"] is None
+    assert values["road"]["lines"] is None
+    assert values["ghosts"] == []
+    assert all(set(vehicle["lights"]) == {0} for vehicle in values["vehicles"])
+
+
+def test_words_are_those_of_the_glossary():
+    said = words()
+    assert {name: one["meaning"] for name, one in said["classes"].items()} == {
+        name: one.meaning for name, one in terms("classes").items()
+    }
+    assert list(said["policies"]) == list(terms("policies"))
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance (WCAG 2.2)."""
+    parts = (int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5))
+    linear = [
+        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
+    ]
+    return float(np.dot([0.2126, 0.7152, 0.0722], linear))
+
+
+def contrast(one: str, other: str) -> float:
+    high, low = sorted((luminance(one), luminance(other)), reverse=True)
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize("name", THEMES)
+def test_colours_can_be_told_from_their_ground(name: str):
+    theme = THEMES[name]
+    texts, lines = ("ink", "quiet", "accent", "breach", "kept", "aside"), ("ego", "target", "edge")
+    for ground, text in itertools.product(("ground", "panel"), texts):
+        assert contrast(theme[text], theme[ground]) >= 4.5, (text, ground)
+    for line in lines:
+        assert contrast(theme[line], theme["ground"]) >= 3.0, line
+
+
+def test_a_page_holds_all_that_it_needs_and_lets_nothing_else_run(
+    labelled: Labelled, tmp_path: Path
+):
+    name = "</script><b>&amp;<!--<script>"
+    runs = labelled.trajectories
+    runs = runs.replace(scenario=runs.scenario.replace(profile=name)).select(slice(0, 3))
+    made = ot.write_view(runs, tmp_path / "page.html", simulations=[2, 0])
+    assert made.simulations == (0, 2)
+    assert made.size_bytes == made.path.stat().st_size
+    text = made.path.read_text(encoding="utf-8")
+    assert not re.search(
+        r"(src|href)=\"(?!data:)|url\((?!#)|https?://(?!www\.w3\.org/)|@import", text
+    )
+    scripts = re.findall(r"<script([^>]*)>(.*?)</script>", text, re.DOTALL)
+    assert [attributes for attributes, _ in scripts] == [' type="application/json" id="data"', ""]
+    data = json.loads(scripts[0][1])
+    packed = json.loads(zlib.decompress(base64.b64decode(data["simulations"][1]["data"])))
+    assert packed["values"]["simulation"] == 2
+    assert packed["values"]["profile"] == name
+    (style,) = re.findall(r"<style>(.*?)</style>", text, re.DOTALL)
+    for inline in (scripts[1][1], style):
+        digest = base64.b64encode(hashlib.sha256(inline.encode()).digest()).decode()
+        assert f"'sha256-{digest}'" in text
+    assert "default-src 'none'" in text
+
+
+def test_a_title_is_escaped():
+    text = page("</title><script>x</script>", "paper", [])
+    assert "<script>x" not in text
+    assert "&lt;/title&gt;" in text
+
+
+def test_the_script_can_lie_in_a_page():
+    script = files("overtaking.show.view").joinpath("viewer.js").read_text(encoding="utf-8")
+    assert not re.search(r"</script|<!--", script, re.IGNORECASE)
+    assert not re.search(r"innerHTML|\beval\(|new Function|fetch\(|XMLHttpRequest", script)
+
+
+def test_a_page_that_is_too_large_is_not_written(
+    labelled: Labelled, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    path = tmp_path / "page.html"
+    path.write_text("as it was")
+    monkeypatch.setattr(writing, "MOST_BYTES", 30_000)
+    with pytest.raises(ConfigError, match=r"choose fewer than [2-6] with --simulations"):
+        ot.write_view(labelled, path, simulations="all")
+    assert path.read_text() == "as it was"
+    assert [one.name for one in tmp_path.iterdir()] == ["page.html"]
+
+
+def test_a_large_page_is_announced(
+    labelled: Labelled, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    said: list[int] = []
+    made = ot.write_view(labelled, tmp_path / "a.html", simulations=[0], say=said.append)
+    assert said == []
+    monkeypatch.setattr(writing, "LARGE", 1000)
+    ot.write_view(labelled, tmp_path / "b.html", simulations=[0], say=said.append)
+    assert said == [made.size_bytes]
+
+
+def test_one_of_each_class_by_default_under_the_policy(labelled: Labelled, tmp_path: Path):
+    progress: list[int] = []
+    made = ot.write_view(
+        labelled,
+        tmp_path / "a.html",
+        policy="strict",
+        progress=lambda done, _: progress.append(done),
+    )
+    place = labelled.labels.policies.index("strict")
+    classes = labelled.labels.classes[:, place]
+    assert sorted(classes[list(made.simulations)]) == sorted(set(classes))
+    assert progress == list(range(1, len(made.simulations) + 1))
+
+
+def test_there_must_be_something_to_show(labelled: Labelled, tmp_path: Path):
+    with pytest.raises(ConfigError, match="expected some of 0 to 23, got none"):
+        ot.write_view(labelled, tmp_path / "a.html", simulations=[])
+    with pytest.raises(ConfigError, match="policy"):
+        ot.write_view(labelled, tmp_path / "a.html", policy="moon")

@@ -1,0 +1,255 @@
+// What a page is given, whoever made it: `overtaking.show.view` writes it into a file. A server may
+// send the same.
+
+export interface Bundle {
+  title: string;
+  policy: string;
+  words: Words;
+  simulations: Entry[];
+}
+
+export interface Words {
+  classes: Record<string, { title: string; meaning: string; colour: string; marker: string }>;
+  policies: Record<string, { meaning: string; required: string[] }>;
+  rules: Record<string, RuleWords>;
+  stages: Record<string, { title: string; colour: string; ink: string }>;
+  themes: Record<"light" | "dark", Record<string, string>>;
+  road: Record<"ego" | "target" | "brake" | "indicator" | "tail" | "lamp" | "glass" | "flash", string>;
+}
+
+export interface RuleWords {
+  title: string;
+  law: string;
+  gloss: string;
+  predicate: string;
+  unit: string;
+  of_ego: boolean;
+}
+
+// A row of the list; `data` is a `Packed`, compressed.
+export interface Entry {
+  number: number;
+  classes: Record<string, string>;
+  broken: string[];
+  weather: string | null;
+  night: boolean;
+  outcome: string;
+  duration_s: number;
+  data: string;
+}
+
+export type Gaps = (number | null)[];
+
+export interface Packed {
+  values: Values;
+  told: Told;
+  road: { side: number; borders_mm: number[]; lines: string[] | null; verges_mm: number[] };
+  vehicles: PackedVehicle[];
+  gap_mm: Gaps;
+  sight_dm: number[] | null;
+  law: { rule: string; margin: number; breach: [number, number] | null; margins: Gaps | null }[];
+  ghosts: Ghost[];
+}
+
+interface PackedVehicle {
+  slot: number;
+  symbol: string;
+  kind: number;
+  paint: string;
+  length_mm: number;
+  width_mm: number;
+  first: number;
+  away: number[];
+  s: number[];
+  d: number[];
+  angle: number[];
+  speed: number[];
+  accel: number[];
+  lights: number[];
+}
+
+// The parts of `overtaking show --json` that the page reads.
+export interface Values {
+  simulation: number;
+  profile: string;
+  seed: number;
+  trace_hash: string;
+  num_frames: number;
+  frame_interval_ms: number;
+  duration_s: number;
+  road: { lane_ids: number[]; speed_limit_mps: number | null };
+  weather: { preset: string | null; night: boolean; horizon_line: boolean; rain_percent: number; puddles_percent: number } | null;
+  vehicles: {
+    vehicle: number;
+    length_m: number;
+    width_m: number;
+    mass_kg: number | null;
+    desired_speed_mps: number | null;
+    start_speed_mps: number;
+    start_lane_id: number;
+  }[];
+  stages: { stage: string; from_s: number; to_s: number }[];
+  decisions: { kind: string; time_s: number }[];
+  target: number | null;
+  collision_partner: number | null;
+  events: { event: string; frame: number; time_s: number }[];
+  rules_version: string;
+  policies: Record<string, { class: string; broken: string[]; undecidable: string[] }>;
+  broken: {
+    rule: string;
+    required_by: string[];
+    margin: number;
+    unit: string;
+    first_frame: number;
+    last_frame: number;
+  }[];
+  kept: string[];
+  not_applicable: string[];
+}
+
+export interface Told {
+  road: string;
+  weather: string;
+  outcome: string;
+  ending: string[];
+  unknown: string[];
+  vehicles: string[];
+  events: { letter: string; name: string; sentence: string }[];
+  broken: { rule: string; grade: string; facts: string; remedies: string[] }[];
+  undecidable: string[];
+  decisions: { kind: string; rows: [string, string, string, string][] }[];
+}
+
+export interface Ghost {
+  time_s: number;
+  decision: string;
+  vehicle: number | null;
+  seen: boolean;
+  s_m: number;
+  d_m: number;
+  speed_mps: number;
+  length_m: number;
+  width_m: number;
+  gap_m: number | null;
+  true_gap_m: number | null;
+}
+
+// A simulation in SI units, its columns by frame.
+export interface Run extends Omit<Packed, "vehicles" | "gap_mm" | "sight_dm" | "law" | "road"> {
+  frames: number;
+  interval: number; // [s]
+  road: { side: number; borders: number[]; lines: string[] | null; verges: number[] };
+  vehicles: Vehicle[];
+  gap: Gaps;
+  sight: number[] | null;
+  law: LawRow[];
+}
+
+export interface LawRow {
+  rule: string;
+  margin: number;
+  breach: [number, number] | null;
+  margins: Gaps | null;
+}
+
+export interface Vehicle {
+  slot: number;
+  symbol: string;
+  kind: number;
+  paint: string;
+  length: number;
+  width: number;
+  first: number;
+  last: number;
+  away: Set<number>;
+  s: number[];
+  d: number[];
+  angle: number[];
+  speed: number[];
+  accel: number[];
+  lights: number[];
+}
+
+// A column from its differences, in steps of `step`.
+export function column(differences: number[], step = 1, order = 1): number[] {
+  const found = differences.slice();
+  for (let pass = 0; pass < order; pass++) {
+    for (let k = 1; k < found.length; k++) found[k]! += found[k - 1]!;
+  }
+  return found.map((one) => one * step);
+}
+
+// The same where some frames have no value.
+export function sparse(differences: Gaps, step: number): Gaps {
+  let sum = 0;
+  return differences.map((one) => (one === null ? null : (sum += one) * step));
+}
+
+export function unpack(packed: Packed): Run {
+  const { values, road } = packed;
+  const metres = (mm: number): number => mm / 1000;
+  return {
+    ...packed,
+    frames: values.num_frames,
+    interval: values.frame_interval_ms / 1000,
+    road: {
+      side: road.side,
+      borders: road.borders_mm.map(metres),
+      lines: road.lines,
+      verges: road.verges_mm.map(metres),
+    },
+    vehicles: packed.vehicles.map((one) => ({
+      slot: one.slot,
+      symbol: one.symbol,
+      kind: one.kind,
+      paint: one.paint,
+      length: metres(one.length_mm),
+      width: metres(one.width_mm),
+      first: one.first,
+      last: one.first + one.s.length - 1,
+      away: new Set(one.away),
+      s: column(one.s, 1e-3, 2),
+      d: column(one.d, 1e-3, 2),
+      angle: column(one.angle, 1e-4),
+      speed: column(one.speed, 1e-3),
+      accel: column(one.accel, 1e-3),
+      lights: column(one.lights),
+    })),
+    gap: sparse(packed.gap_mm, 1e-3),
+    sight: packed.sight_dm && column(packed.sight_dm, 0.1),
+    law: packed.law.map((one) => ({ ...one, margins: one.margins && sparse(one.margins, 1e-3) })),
+  };
+}
+
+export async function open(entry: Entry): Promise<Run> {
+  const bytes = Uint8Array.from(atob(entry.data), (one) => one.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return unpack((await new Response(stream).json()) as Packed);
+}
+
+// Where a vehicle is at a frame that may lie between two recorded ones; null if it is not there.
+export interface Pose {
+  s: number;
+  d: number;
+  angle: number;
+  speed: number;
+  accel: number;
+  lights: number;
+}
+
+export function pose(vehicle: Vehicle, frame: number): Pose | null {
+  const at = Math.floor(frame);
+  if (at < vehicle.first || at > vehicle.last || vehicle.away.has(at)) return null;
+  const here = at - vehicle.first;
+  const next = Math.min(here + 1, vehicle.last - vehicle.first);
+  const part = frame - at;
+  const mix = (of: number[]): number => of[here]! + (of[next]! - of[here]!) * part;
+  return {
+    s: mix(vehicle.s),
+    d: mix(vehicle.d),
+    angle: mix(vehicle.angle),
+    speed: mix(vehicle.speed),
+    accel: vehicle.accel[here]!,
+    lights: vehicle.lights[here]!,
+  };
+}

@@ -1,0 +1,46 @@
+// Elements from plain values. Text is always text: names in data sets are strangers' input.
+
+type Child = Node | string | null | undefined | false;
+type Handler = (event: Event) => void;
+type Props = Record<string, string | number | boolean | Handler | undefined>;
+
+export function h<K extends keyof HTMLElementTagNameMap>(
+  tag: K,
+  props: Props = {},
+  ...children: Child[]
+): HTMLElementTagNameMap[K] {
+  return fill(document.createElement(tag), props, children);
+}
+
+export function svg(tag: string, props: Props = {}, ...children: Child[]): SVGElement {
+  return fill(document.createElementNS("http://www.w3.org/2000/svg", tag), props, children);
+}
+
+function fill<E extends Element>(element: E, props: Props, children: Child[]): E {
+  for (const [name, value] of Object.entries(props)) {
+    if (typeof value === "function") element.addEventListener(name, value);
+    else if (value === true) element.setAttribute(name, name.startsWith("aria-") ? "true" : "");
+    else if (value !== false && value !== undefined) element.setAttribute(name, String(value));
+  }
+  element.append(...children.filter((one): one is Node | string => !!one));
+  return element;
+}
+
+// Text that may be the same as before: nothing is laid out anew for it.
+export function write(element: Element, text: string): void {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+export function table(caption: string, head: string[], rows: Child[][]): HTMLElement {
+  return h(
+    "div",
+    { class: "wide", tabindex: 0, role: "region", "aria-label": caption },
+    h(
+      "table",
+      {},
+      h("caption", {}, caption),
+      h("thead", {}, h("tr", {}, ...head.map((one) => h("th", { scope: "col" }, one)))),
+      h("tbody", {}, ...rows.map((row) => h("tr", {}, ...row.map((one) => h("td", {}, one))))),
+    ),
+  );
+}

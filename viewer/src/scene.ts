@@ -1,0 +1,255 @@
+// The road from above, at one instant.
+
+import type { Pose, Run, Vehicle, Words } from "./bundle.ts";
+import { pose } from "./bundle.ts";
+import { drawBeams, drawGhost, drawLabels, drawVehicle, tag, type View } from "./vehicles.ts";
+
+const LEAST_METRES = 62; // Of road on a narrow screen.
+const MOST_SCALE = 10.5; // [px/m]
+const BURST_LASTS = 0.9; // [s]
+
+export interface Look {
+  camera: "ego" | "target" | "all";
+  stretch: number;
+  zoom: number;
+  ghosts: boolean;
+  moving: boolean; // Whether rain falls and indicators blink.
+}
+
+export interface Size {
+  width: number;
+  height: number;
+}
+
+export function draw(canvas: HTMLCanvasElement, { width, height }: Size, run: Run, words: Words, frame: number, look: Look): void {
+  const ratio = window.devicePixelRatio || 1;
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const c = canvas.getContext("2d")!;
+  c.setTransform(ratio, 0, 0, ratio, 0, 0);
+  const here = run.vehicles.flatMap((vehicle) => {
+    const at = pose(vehicle, frame);
+    return at ? [{ vehicle, at }] : [];
+  });
+  const view = viewOf(c, width, height, run, here, frame, look);
+  drawGround(view, run);
+  for (const one of here) drawBeams(view, one.vehicle, one.at, words);
+  for (const one of here) drawVehicle(view, one.vehicle, one.at, words, run.values.target);
+  drawAir(view, run, here[0]?.at, frame, here[0]?.vehicle.length ?? 0);
+  if (look.ghosts) for (const one of run.ghosts) drawGhost(view, one, words, here[0]?.at);
+  drawGap(view, here, run.values.target);
+  drawLabels(view, here, words, run.values.target);
+  drawBurst(view, run, here[0]?.at, words);
+  drawScaleBar(view);
+}
+
+// The least and the largest zoom, and by how much a step zooms.
+export const ZOOM = { least: 0.4, most: 3, step: 1.25 };
+
+function viewOf(
+  c: CanvasRenderingContext2D,
+  width: number,
+  height: number,
+  run: Run,
+  here: { vehicle: Vehicle; at: Pose }[],
+  frame: number,
+  look: Look,
+): View {
+  const places = here.map((one) => one.at.s);
+  const target = here.find((one) => one.vehicle.slot === run.values.target);
+  const centre = (look.camera === "target" && target ? target : here[0])?.at.s ?? 0;
+  const { borders } = run.road;
+  const wide = Math.abs(borders[borders.length - 1]! - borders[0]!);
+  const roomy = Math.min((height * 0.66) / Math.max(wide, 8), width / LEAST_METRES, MOST_SCALE) * look.zoom;
+  const reach = Math.max(...places) - Math.min(...places) + 30;
+  const scale = look.camera === "all" ? Math.min(width / reach, roomy) : roomy;
+  const middle = look.camera === "all" ? (Math.max(...places) + Math.min(...places)) / 2 : centre;
+  const anchor = look.camera === "all" ? 0.5 : 0.4;
+  const lateral = (borders[0]! + borders[borders.length - 1]!) / 2;
+  const across = scale * look.stretch;
+  return {
+    c,
+    width,
+    height,
+    x: (s) => width * anchor + (s - middle) * scale,
+    y: (d) => height * 0.5 - (d - lateral) * across,
+    scale,
+    across,
+    time: frame * run.interval,
+    night: run.values.weather?.night ?? false,
+    moving: look.moving,
+  };
+}
+
+function drawGround(view: View, run: Run): void {
+  const { c, width, height, x, y, scale, across, night } = view;
+  const { borders, lines, side, verges } = run.road;
+  c.fillStyle = night ? "#1a211c" : "#a7b298";
+  c.fillRect(0, 0, width, height);
+  const wet = Math.max(run.values.weather?.rain_percent ?? 0, run.values.weather?.puddles_percent ?? 0) / 100;
+  const first = Math.floor((0 - x(0)) / scale / 10) * 10;
+  c.fillStyle = night ? "#1e261f" : "#a1ad92"; // Stripes of mown grass give a sense of motion.
+  for (let s = first; x(s) < width; s += 20) c.fillRect(x(s), 0, 10 * scale, height);
+  const edges = [
+    borders[0]! - side * Math.max(verges[0]!, 0.4),
+    borders[borders.length - 1]! + side * Math.max(verges[1]!, 0.4),
+  ];
+  const band = (from: number, to: number, colour: string): void => {
+    c.fillStyle = colour;
+    c.fillRect(0, Math.min(y(from), y(to)), width, Math.abs(y(to) - y(from)));
+  };
+  band(edges[0]!, edges[1]!, night ? "#23272c" : "#7b8086");
+  band(borders[0]!, borders[borders.length - 1]!, night ? (wet > 0.3 ? "#2a3037" : "#2d3238") : wet > 0.3 ? "#5c646d" : "#6b7077");
+  c.lineWidth = Math.max(0.15 * across, 1);
+  c.strokeStyle = night ? "#b9bfc4" : "#f3f4f2";
+  borders.forEach((d, k) => drawLine(view, d, lines?.[k] ?? "Broken", k === 0 || k === borders.length - 1));
+  if (run.values.weather?.horizon_line) drawSun(view);
+  drawPosts(view, edges);
+}
+
+function drawLine({ c, width, x, y, scale }: View, d: number, kind: string, isEdge: boolean): void {
+  if (kind === "NONE") return;
+  c.save();
+  if (!isEdge && !kind.startsWith("Solid")) {
+    c.setLineDash([4 * scale, 8 * scale]);
+    c.lineDashOffset = -(x(0) % (12 * scale));
+  }
+  c.beginPath();
+  c.moveTo(0, y(d));
+  c.lineTo(width, y(d));
+  c.stroke();
+  c.restore();
+}
+
+// Distances along the road, every 50 m.
+function drawPosts({ c, width, height, x, y, scale, night }: View, edges: number[]): void {
+  c.font = "11px system-ui, sans-serif";
+  c.textAlign = "center";
+  const low = Math.max(y(edges[0]!), y(edges[1]!));
+  for (let s = Math.ceil((0 - x(0)) / scale / 50) * 50; x(s) < width; s += 50) {
+    c.fillStyle = night ? "#dfe4e8" : "#23291f";
+    c.fillRect(x(s) - 1, low + 3, 2, 7);
+    if (low + 24 < height && s >= 0) c.fillText(`${s} m`, x(s), low + 22);
+  }
+}
+
+// Fog and rain, and how far the ego sees a lit vehicle.
+function drawAir(view: View, run: Run, ego: Pose | undefined, frame: number, length: number): void {
+  const { c, width, height, x, scale, time, moving, night } = view;
+  const rain = (run.values.weather?.rain_percent ?? 0) / 100;
+  if (rain > 0.05) drawRain(view, rain, moving ? time : 0);
+  const sight = run.sight?.[Math.floor(frame)];
+  if (!ego || sight === undefined) return;
+  const front = x(ego.s + length / 2);
+  const reach = sight * scale;
+  if (reach > width * 1.5) return;
+  const grey = night ? "30,36,42" : "214,219,222";
+  // As thick ahead as behind, though the ego looks ahead.
+  for (const way of [1, -1]) {
+    const fog = c.createLinearGradient(front, 0, front + way * reach, 0);
+    fog.addColorStop(0, `rgba(${grey},${night ? 0 : 0.08})`);
+    fog.addColorStop(0.35, `rgba(${grey},0.3)`);
+    fog.addColorStop(1, `rgba(${grey},0.9)`);
+    c.fillStyle = fog;
+    c.fillRect(way > 0 ? front : 0, 0, way > 0 ? width - front : front, height);
+  }
+  const end = Math.round(front + reach) + 0.5;
+  if (end > width) return;
+  c.strokeStyle = night ? "#dfe4e8" : "#23291f";
+  c.setLineDash([2, 4]);
+  c.lineWidth = 1.2;
+  c.beginPath();
+  c.moveTo(end, 0);
+  c.lineTo(end, height);
+  c.stroke();
+  c.setLineDash([]);
+}
+
+// A low sun ahead.
+function drawSun({ c, width, height }: View): void {
+  const light = c.createRadialGradient(width, height / 2, 0, width, height / 2, width * 0.75);
+  light.addColorStop(0, "#ffb04a58");
+  light.addColorStop(1, "#ffb04a00");
+  c.fillStyle = light;
+  c.fillRect(0, 0, width, height);
+}
+
+function drawRain({ c, width, height, night }: View, strength: number, time: number): void {
+  c.strokeStyle = night ? "#c9d6e23c" : "#eef4f866";
+  c.lineWidth = 1;
+  c.beginPath();
+  const count = Math.round((strength * width * height) / 1000);
+  for (let k = 0; k < count; k++) {
+    // The golden ratio and the square root of 2 spread drops evenly, the same in every drawing.
+    const across = (k * 0.618034 + time * (0.9 + (k % 7) * 0.05)) % 1;
+    const down = (k * 0.414214 + time * (1.6 + (k % 5) * 0.1)) % 1;
+    const [left, top] = [(1 - across) * width, down * height];
+    c.moveTo(left, top);
+    c.lineTo(left - 3, top + 8);
+  }
+  c.stroke();
+}
+
+// The distance between the bumpers of ego and target.
+function drawGap(view: View, here: { vehicle: Vehicle; at: Pose }[], target: number | null): void {
+  const ego = here.find((one) => one.vehicle.slot === 0);
+  const other = here.find((one) => one.vehicle.slot === target);
+  if (!ego || !other) return;
+  const way = other.at.s > ego.at.s ? 1 : -1;
+  const from = ego.at.s + (way * ego.vehicle.length) / 2;
+  const to = other.at.s - (way * other.vehicle.length) / 2;
+  const gap = way * (to - from);
+  const { c, x, y, night } = view;
+  if (gap < 3 || x(from) < 0 || x(from) > view.width) return;
+  const row = y(ego.at.d);
+  c.strokeStyle = night ? "#ffffffb0" : "#14181db0";
+  c.lineWidth = 1.2;
+  c.beginPath();
+  for (const end of [from, to]) {
+    c.moveTo(x(end), row - 4);
+    c.lineTo(x(end), row + 4);
+  }
+  c.moveTo(x(from), row);
+  c.lineTo(x(to), row);
+  c.stroke();
+  tag(view, (x(from) + x(to)) / 2, row + 4, `${gap.toFixed(1)} m`, "#ffffff", "#20262ddd");
+}
+
+// A collision of the ego, for a moment.
+function drawBurst({ c, x, y, scale, across, time }: View, run: Run, ego: Pose | undefined, words: Words): void {
+  const met = run.values.events.find((one) => one.event === "collision");
+  const age = met ? time - met.time_s : -1;
+  if (!ego || age < -1e-9 || age > BURST_LASTS) return;
+  const other = run.vehicles.find((one) => one.slot === run.values.collision_partner);
+  const at = other && pose(other, time / run.interval);
+  const [s, d] = at ? [(ego.s + at.s) / 2, (ego.d + at.d) / 2] : [ego.s, ego.d];
+  c.save();
+  c.globalAlpha = 1 - age / BURST_LASTS;
+  c.translate(x(s), y(d));
+  c.fillStyle = words.road.flash;
+  c.strokeStyle = words.road.brake;
+  c.lineWidth = 2.5;
+  c.beginPath();
+  for (let k = 0; k < 16; k++) {
+    const reach = (k % 2 ? 1.4 : 3.2 + age * 2) * Math.sqrt(scale * across);
+    c.lineTo(reach * Math.cos((k * Math.PI) / 8), reach * Math.sin((k * Math.PI) / 8));
+  }
+  c.closePath();
+  c.fill();
+  c.stroke();
+  c.restore();
+}
+
+function drawScaleBar({ c, height, scale, across, night }: View): void {
+  const ink = night ? "#eef1f4" : "#14181d";
+  c.fillStyle = ink;
+  c.fillRect(12, height - 10, 20 * scale, 2);
+  c.fillRect(12, height - 14, 1.5, 6);
+  c.fillRect(12 + 20 * scale - 1.5, height - 14, 1.5, 6);
+  c.font = "11px system-ui, sans-serif";
+  c.textAlign = "left";
+  const stretch = across > scale ? `, across ×${Math.round(across / scale)}` : "";
+  c.fillText(`20 m${stretch}`, 20 + 20 * scale, height - 7);
+}

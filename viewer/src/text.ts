@@ -1,0 +1,255 @@
+// All that is told of a simulation as text: what `overtaking show` prints.
+
+import { isBroken, isCounted, lawOrder, signed, stageAt } from "./board.ts";
+import type { Run, Words } from "./bundle.ts";
+import { pose } from "./bundle.ts";
+import { h, table } from "./dom.ts";
+
+const KMH = 3.6;
+const NEAR_EVENT = 0.26; // [s]
+
+export interface Reader {
+  run: Run;
+  words: Words;
+  policy: string;
+  seek: (frame: number) => void;
+}
+
+// The instant in one sentence or two.
+export function now(reader: Reader, frame: number): string {
+  const { run, words } = reader;
+  const time = frame * run.interval;
+  const parts = [`${time.toFixed(2)} s, frame ${Math.round(frame)}`];
+  const stage = stageAt(run, words, frame);
+  if (stage) parts.push(stage.toLowerCase());
+  const ego = pose(run.vehicles[0]!, frame);
+  if (ego) parts.push(`ego ${(ego.speed * KMH).toFixed(0)} km/h`);
+  const target = run.vehicles.find((one) => one.slot === run.values.target);
+  const other = target && pose(target, frame);
+  if (ego && target && other) parts.push(placeOf(run.vehicles[0]!.length, ego.s, other.s, target));
+  const gap = run.gap[Math.round(frame)];
+  if (gap !== null && gap !== undefined) parts.push(`${gap.toFixed(1)} m to the next ahead`);
+  const events = run.values.events.flatMap((one, k) =>
+    Math.abs(one.time_s - time) < NEAR_EVENT ? [`E ${run.told.events[k]!.sentence}`] : [],
+  );
+  const broken = brokenAt(reader, frame).map((one) => one.text);
+  const law = broken.length ? `Broken: ${broken.join("; ")}.` : "No rule is broken.";
+  return `${parts.join("; ")}. ${events.map((one) => `${one}. `).join("")}${law}`;
+}
+
+function placeOf(length: number, own: number, other: number, target: Run["vehicles"][number]): string {
+  const apart = other - own;
+  const gap = Math.abs(apart) - (length + target.length) / 2;
+  if (gap <= 0) return `alongside target ${target.symbol}`;
+  return `target ${target.symbol} ${gap.toFixed(1)} m ${apart > 0 ? "ahead" : "behind"}`;
+}
+
+// The rules that are broken at a frame, those that count first.
+export function brokenAt(reader: Reader, frame: number): { rule: string; text: string; counts: boolean }[] {
+  const { words } = reader;
+  return lawOrder(reader)
+    .filter((one) => isBroken(one, frame))
+    .map((one) => {
+      const { title, unit } = words.rules[one.rule]!;
+      const margin = one.margins?.[Math.floor(frame + 1e-6)] ?? one.margin;
+      const counts = isCounted(reader, one.rule);
+      const aside = counts ? "" : ` (not counted by ${reader.policy})`;
+      return { rule: one.rule, counts, text: `${one.rule} ${title} ${signed(margin, 1)} ${unit}${aside}` };
+    });
+}
+
+export function facts(reader: Reader): HTMLElement {
+  const { run } = reader;
+  const { told, values } = run;
+  const pairs: [string, string][] = [
+    ["Weather", told.weather],
+    ["Road", told.road],
+    ["Outcome", told.outcome],
+    ["Recorded", `${values.duration_s.toFixed(2)} s, ${values.num_frames} frames; profile ${values.profile}, seed ${values.seed}`],
+  ];
+  if (told.unknown.length) pairs.push(["Unknown", told.unknown.join(", ")]);
+  return h("dl", { class: "facts" }, ...pairs.map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text))));
+}
+
+export function sections(reader: Reader): HTMLElement[] {
+  const beside = [eventSection(reader), decisionSection(reader), vehicleSection(reader)];
+  return [lawSection(reader), h("div", { class: "beside" }, ...beside)];
+}
+
+function section(title: string, id: string, ...children: (Node | null)[]): HTMLElement {
+  return h("section", { id, "aria-labelledby": `${id}-title` }, h("h2", { id: `${id}-title` }, title), ...children);
+}
+
+function moment(reader: Reader, seconds: number): HTMLElement {
+  return h(
+    "button",
+    {
+      type: "button",
+      class: "moment",
+      "aria-label": `Go to ${seconds.toFixed(2)} s`,
+      click: () => reader.seek(seconds / reader.run.interval),
+    },
+    `${seconds.toFixed(2)} s`,
+  );
+}
+
+function eventSection(reader: Reader): HTMLElement {
+  const { values, told } = reader.run;
+  const events = values.events.map((one, k) =>
+    h(
+      "li",
+      {},
+      h("span", { class: "letter", "aria-hidden": true }, told.events[k]!.letter),
+      moment(reader, one.time_s),
+      h("span", {}, told.events[k]!.sentence),
+    ),
+  );
+  return section(
+    "What happened",
+    "events",
+    h("ol", { class: "events" }, ...events),
+    ...told.ending.map((one) => h("p", { class: "ending" }, one)),
+  );
+}
+
+function lawSection(reader: Reader): HTMLElement {
+  const { words, policy } = reader;
+  const { values, told } = reader.run;
+  const policies = Object.entries(values.policies).map(([name, one]) => {
+    const reasons = [
+      one.broken.length ? `broken ${one.broken.join(", ")}` : "",
+      one.undecidable.length ? `undecidable ${one.undecidable.join(", ")}` : "",
+    ].filter(Boolean);
+    return h(
+      "div",
+      { class: name === policy ? "policy chosen" : "policy", "data-policy": name },
+      h("dt", {}, name, name === policy ? h("small", {}, " (chosen)") : null),
+      h(
+        "dd",
+        {},
+        chip(words, one.class),
+        reasons.length ? ` ${reasons.join("; ")}` : null,
+        h("p", {}, words.classes[one.class]!.meaning),
+        h("p", { class: "quiet" }, words.policies[name]!.meaning),
+      ),
+    );
+  });
+  const broken = told.broken.map((_, k) => breach(reader, k));
+  const rest: [string, string][] = told.undecidable.map((one) => ["Undecidable", one]);
+  if (!broken.length) rest.push(["Broken", "nothing"]);
+  if (values.kept.length) rest.push(["Kept", values.kept.join(", ")]);
+  if (values.not_applicable.length) rest.push(["Do not apply", values.not_applicable.join(", ")]);
+  return section(
+    "The law",
+    "law",
+    h("p", { class: "quiet" }, `${values.rules_version}, an interpretation, no legal advice`),
+    h("dl", { class: "policies" }, ...policies),
+    broken.length ? h("h3", {}, "Broken, and what would have been legal") : null,
+    ...broken,
+    h("dl", { class: "rest" }, ...rest.map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text)))),
+  );
+}
+
+export function chip(words: Words, name: string): HTMLElement {
+  const patch = h("span", { class: "patch", "aria-hidden": true, "data-marker": words.classes[name]!.marker });
+  patch.style.setProperty("--patch", words.classes[name]!.colour);
+  return h("span", { class: "chip" }, patch, name);
+}
+
+function breach(reader: Reader, k: number): HTMLElement {
+  const { run, words, policy } = reader;
+  const [one, told] = [run.values.broken[k]!, run.told.broken[k]!];
+  const counts = one.required_by.includes(policy);
+  const remedies = told.remedies.map((text, place) => h("li", {}, `${place ? "or" : "needs"} ${text}`));
+  return h(
+    "article",
+    { class: counts ? "rule broken" : "rule aside", "data-rule": one.rule },
+    h("h4", {}, `${one.rule} ${told.rule}: ${told.grade}`),
+    h("p", {}, told.facts, counts ? null : h("span", { class: "quiet" }, ` Policy ${policy} does not count it.`)),
+    h("p", { class: "gloss" }, words.rules[one.rule]!.gloss),
+    h("ul", { class: "remedies" }, ...remedies),
+  );
+}
+
+// What a row of the law strip says when it is chosen.
+export function ruleCard(reader: Reader, code: string): Node[] {
+  const { run, words } = reader;
+  const rule = words.rules[code]!;
+  const k = run.values.broken.findIndex((one) => one.rule === code);
+  const told = run.told.broken[k];
+  const margin = run.law.find((one) => one.rule === code)?.margin ?? 0;
+  const head = `${code} ${rule.title}, ${rule.law}`;
+  return [
+    h("p", {}, h("b", {}, head), told ? `: ${told.grade}` : `: kept, least margin ${signed(margin, 2)} ${rule.unit}`),
+    h("p", {}, rule.gloss),
+    ...(told ? [h("p", {}, told.facts)] : []),
+    ...(told?.remedies ?? []).map((one, place) => h("p", { class: "remedy" }, `${place ? "or" : "needs"} ${one}`)),
+    h("p", { class: "quiet" }, `Checked: ${rule.predicate}`),
+  ];
+}
+
+function decisionSection(reader: Reader): HTMLElement {
+  const { told, values } = reader.run;
+  const rows = told.decisions.flatMap((one, k) =>
+    one.rows.map((row, place) => [
+      place ? null : moment(reader, values.decisions[k]!.time_s),
+      place ? null : one.kind,
+      ...row,
+    ]),
+  );
+  const head = ["time", "to", "of whom", "gap m", "closing km/h", "the law"];
+  const caption = "What the driver believed when deciding (and what was true)";
+  const nothing = h("p", {}, values.decisions.length ? "" : "No decision was recorded.");
+  return section("Beliefs", "beliefs", rows.length ? table(caption, head, rows) : nothing);
+}
+
+function vehicleSection(reader: Reader): HTMLElement {
+  const { run } = reader;
+  const [ego] = run.vehicles;
+  const rows = run.values.vehicles.map((one, k) => {
+    const vehicle = run.vehicles[k]!;
+    const role = vehicle.slot === 0 ? "ego" : vehicle.slot === run.values.target ? "target" : "";
+    const ahead = vehicle.first ? `at ${(vehicle.first * run.interval).toFixed(1)} s` : signed(vehicle.s[0]! - ego!.s[0]!, 1);
+    return [
+      h("b", {}, vehicle.symbol),
+      role,
+      run.told.vehicles[k]!,
+      `${one.length_m.toFixed(1)}×${one.width_m.toFixed(1)}`,
+      one.mass_kg === null ? "?" : one.mass_kg.toFixed(0),
+      String(one.start_lane_id),
+      vehicle.slot === 0 ? "" : ahead,
+      (one.start_speed_mps * KMH).toFixed(0),
+      one.desired_speed_mps === null ? "?" : (one.desired_speed_mps * KMH).toFixed(0),
+    ];
+  });
+  const head = ["name", "role", "vehicle", "size m", "mass kg", "lane", "ahead m", "km/h", "wants"];
+  return section("Who was there", "vehicles", table("Vehicles as they begin", head, rows));
+}
+
+// Every vehicle at an instant: the twin of top view and charts.
+export function numbers(reader: Reader, frame: number): HTMLElement {
+  const { run } = reader;
+  const ego = pose(run.vehicles[0]!, frame);
+  const rows = run.vehicles.flatMap((vehicle) => {
+    const at = pose(vehicle, frame);
+    if (!at) return [];
+    const ahead = vehicle.slot === 0 || !ego ? "" : signed(at.s - ego.s, 1);
+    return [[h("b", {}, vehicle.symbol), (at.speed * KMH).toFixed(1), signed(at.accel, 1), ahead, at.d.toFixed(2), lamps(at.lights)]];
+  });
+  const head = ["name", "km/h", "m/s²", "ahead m", "lateral m", "lamps"];
+  return table(`All vehicles at ${(frame * run.interval).toFixed(2)} s`, head, rows);
+}
+
+const LAMPS: [number, string][] = [
+  [1, "left indicator"],
+  [2, "right indicator"],
+  [4, "brake"],
+  [8, "low beam"],
+  [16, "high beam"],
+  [32, "rear fog"],
+];
+
+function lamps(lights: number): string {
+  const on = LAMPS.filter(([bit]) => lights & bit).map(([, name]) => name);
+  return on.join(", ") || "–";
+}

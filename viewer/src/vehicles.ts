@@ -1,0 +1,225 @@
+// Vehicles from above: bodies, lamps, marks, names, and where they were believed to be.
+
+import type { Ghost, Pose, Vehicle, Words } from "./bundle.ts";
+
+const LIGHTS = { left: 1, right: 2, brake: 4, low: 8, high: 16, fog: 32 };
+const GHOST_LASTS = 1.5; // [s]
+const TWO_WHEELER_WIDTH = 1.2; // [m]
+const SAME_LANE = 1.2; // [m]
+
+export interface View {
+  c: CanvasRenderingContext2D;
+  width: number;
+  height: number;
+  x: (s: number) => number;
+  y: (d: number) => number;
+  scale: number; // Along the road [px/m].
+  across: number; // Across it [px/m].
+  time: number;
+  night: boolean;
+  moving: boolean;
+}
+
+function inFrame(view: View, at: Pose, paint: () => void): void {
+  const { c, x, y, scale, across } = view;
+  c.save();
+  c.translate(x(at.s), y(at.d));
+  c.scale(scale, across);
+  c.rotate(-at.angle);
+  paint();
+  c.restore();
+}
+
+// Light of the headlamps on the road at night.
+export function drawBeams(view: View, vehicle: Vehicle, at: Pose, words: Words): void {
+  if (!view.night || !(at.lights & (LIGHTS.low | LIGHTS.high))) return;
+  const { c } = view;
+  inFrame(view, at, () => {
+    const front = vehicle.length / 2;
+    const reach = at.lights & LIGHTS.high ? 60 : 34;
+    const glow = c.createLinearGradient(front, 0, front + reach, 0);
+    glow.addColorStop(0, `${words.road.lamp}66`);
+    glow.addColorStop(1, `${words.road.lamp}00`);
+    c.fillStyle = glow;
+    c.beginPath();
+    c.moveTo(front, -vehicle.width * 0.4);
+    c.lineTo(front + reach, -vehicle.width * 0.4 - reach * 0.09);
+    c.lineTo(front + reach, vehicle.width * 0.4 + reach * 0.09);
+    c.lineTo(front, vehicle.width * 0.4);
+    c.fill();
+  });
+}
+
+export function drawVehicle(view: View, vehicle: Vehicle, at: Pose, words: Words, target: number | null): void {
+  const { c } = view;
+  const { length, width } = vehicle;
+  inFrame(view, at, () => {
+    const corner = Math.min(0.45, width * 0.25);
+    c.fillStyle = view.night ? "#00000066" : "#00000038";
+    rounded(c, -length / 2 - 0.12, -width / 2 + 0.1, length + 0.3, width + 0.2, corner);
+    c.fill();
+    c.fillStyle = vehicle.paint;
+    rounded(c, -length / 2, -width / 2, length, width, corner);
+    c.fill();
+    drawRoof(c, vehicle, words);
+    c.lineWidth = 0.08;
+    c.strokeStyle = "#0000008c";
+    rounded(c, -length / 2, -width / 2, length, width, corner);
+    c.stroke();
+    drawLamps(view, vehicle, at, words);
+  });
+  const mark = vehicle.slot === 0 ? words.road.ego : vehicle.slot === target ? words.road.target : null;
+  if (mark) drawMark(view, vehicle, at, mark, vehicle.slot === 0);
+}
+
+// A frame around the ego, and a dashed one around the target.
+function drawMark(view: View, vehicle: Vehicle, at: Pose, colour: string, isEgo: boolean): void {
+  const { c, scale, across } = view;
+  inFrame(view, at, () => {
+    const [dx, dy] = [5 / scale, 5 / across];
+    const { length, width } = vehicle;
+    rounded(c, -length / 2 - dx, -width / 2 - dy, length + 2 * dx, width + 2 * dy, 0.5);
+    c.setTransform(window.devicePixelRatio || 1, 0, 0, window.devicePixelRatio || 1, 0, 0);
+    if (!isEgo) c.setLineDash([5, 3]);
+    c.lineWidth = 4.5;
+    c.strokeStyle = "#0d1116b0";
+    c.stroke();
+    c.lineWidth = 2.2;
+    c.strokeStyle = colour;
+    c.stroke();
+  });
+}
+
+function drawRoof(c: CanvasRenderingContext2D, { length, width }: Vehicle, words: Words): void {
+  if (width < TWO_WHEELER_WIDTH) {
+    c.fillStyle = words.road.glass; // The rider.
+    c.beginPath();
+    c.arc(-0.05 * length, 0, width * 0.3, 0, 2 * Math.PI);
+    c.fill();
+    return;
+  }
+  c.fillStyle = words.road.glass;
+  const cab = length > 7 ? length / 2 - 2.1 : length * 0.12;
+  rounded(c, cab, -width * 0.4, Math.min(length * 0.14, 0.8), width * 0.8, 0.15);
+  c.fill();
+  if (length <= 7) {
+    rounded(c, -length * 0.38, -width * 0.38, length * 0.1, width * 0.76, 0.12);
+    c.fill();
+  } else {
+    c.fillStyle = "#00000030"; // Between cab and load.
+    c.fillRect(cab - 0.5, -width / 2, 0.25, width);
+  }
+}
+
+function drawLamps(view: View, { length, width }: Vehicle, at: Pose, words: Words): void {
+  const { c, time, moving, night } = view;
+  const rear = -length / 2;
+  const half = Math.min(width / 2 - 0.12, 1.1);
+  const lamp = (place: number, side: number, colour: string, size: number): void => {
+    c.fillStyle = colour;
+    c.fillRect(place - (place > 0 ? 0.28 : 0), side * half - size / 2, 0.28, size);
+  };
+  const glow = (place: number, side: number, colour: string, size: number): void => {
+    const light = c.createRadialGradient(place, side * half, 0, place, side * half, size);
+    light.addColorStop(0, colour);
+    light.addColorStop(1, `${colour.slice(0, 7)}00`);
+    c.fillStyle = light;
+    c.beginPath();
+    c.arc(place, side * half, size, 0, 2 * Math.PI);
+    c.fill();
+  };
+  for (const side of [-1, 1]) {
+    if (at.lights & (LIGHTS.low | LIGHTS.high)) lamp(length / 2, side, words.road.lamp, 0.4);
+    if (at.lights & LIGHTS.brake) {
+      lamp(rear, side, words.road.brake, 0.5);
+      glow(rear, side, `${words.road.brake}cc`, 1.3);
+    } else if (at.lights & LIGHTS.low || night) lamp(rear, side, words.road.tail, 0.4);
+    const isOn = at.lights & (side < 0 ? LIGHTS.left : LIGHTS.right);
+    if (isOn && (!moving || (time * 1.5) % 1 < 0.6)) {
+      for (const place of [rear, length / 2]) {
+        lamp(place, side, words.road.indicator, 0.5);
+        glow(place, side, `${words.road.indicator}ee`, 1.1);
+      }
+    }
+  }
+}
+
+function rounded(c: CanvasRenderingContext2D, x: number, y: number, w: number, h: number, r: number): void {
+  c.beginPath();
+  c.roundRect(x, y, w, h, r);
+}
+
+// Where somebody was believed to be at a decision, and for a while where it would be since.
+export function drawGhost(view: View, ghost: Ghost, words: Words, own: Pose | undefined): void {
+  const { c, x, y, scale, across, time } = view;
+  const age = time - ghost.time_s;
+  if (age < -1e-9 || age > GHOST_LASTS) return;
+  const middle = x(ghost.s_m + ghost.speed_mps * age);
+  const [w, h] = [ghost.length_m * scale, ghost.width_m * across];
+  c.save();
+  c.globalAlpha = 1 - 0.6 * (age / GHOST_LASTS);
+  rounded(c, middle - w / 2, y(ghost.d_m) - h / 2, w, h, 4);
+  if (!ghost.seen) hatch(c, middle, y(ghost.d_m), w, h);
+  rounded(c, middle - w / 2, y(ghost.d_m) - h / 2, w, h, 4);
+  c.lineWidth = 4;
+  c.strokeStyle = "#0d1116a0";
+  c.stroke();
+  c.setLineDash([4, 3]);
+  c.lineWidth = 2;
+  c.strokeStyle = "#ffffff";
+  c.stroke();
+  c.setLineDash([]);
+  const text = ghost.gap_m === null ? "not seen" : `believed ${ghost.gap_m.toFixed(0)} m`;
+  const truth = ghost.true_gap_m === null ? ", nobody there" : `, true ${ghost.true_gap_m.toFixed(0)} m`;
+  // On the other side than the name of the vehicle.
+  const side = own && ghost.d_m < own.d - SAME_LANE ? -h / 2 - 9 : h / 2 + 18;
+  tag(view, middle, y(ghost.d_m) + side, text + truth, "#ffffff", words.road.glass);
+  c.restore();
+}
+
+function hatch(c: CanvasRenderingContext2D, x: number, y: number, w: number, h: number): void {
+  c.save();
+  c.clip();
+  c.strokeStyle = "#ffffffb0";
+  c.lineWidth = 1.5;
+  c.beginPath();
+  for (let k = -h; k < w; k += 6) {
+    c.moveTo(x - w / 2 + k, y + h / 2);
+    c.lineTo(x - w / 2 + k + h, y - h / 2);
+  }
+  c.stroke();
+  c.restore();
+}
+
+export function tag({ c, width }: View, x: number, y: number, text: string, ink: string, ground: string): void {
+  c.font = "600 11px system-ui, sans-serif";
+  const wide = c.measureText(text).width + 10;
+  const left = Math.min(Math.max(x - wide / 2, 2), width - wide - 2);
+  c.fillStyle = ground;
+  rounded(c, left, y - 12, wide, 16, 4);
+  c.fill();
+  c.fillStyle = ink;
+  c.textAlign = "center";
+  c.fillText(text, left + wide / 2, y);
+}
+
+// Who is who, and how fast, above each vehicle.
+export function drawLabels(view: View, here: { vehicle: Vehicle; at: Pose }[], words: Words, target: number | null): void {
+  const { x, y, across, width } = view;
+  const own = here.find((one) => one.vehicle.slot === 0)?.at;
+  for (const { vehicle, at } of here.toReversed()) {
+    const place = x(at.s);
+    const [isEgo, isTarget] = [vehicle.slot === 0, vehicle.slot === target];
+    const ground = isEgo ? words.road.ego : isTarget ? words.road.target : "#20262ddd";
+    const name = isEgo ? "E" : isTarget ? `${vehicle.symbol} target` : vehicle.symbol;
+    const ink = isEgo || isTarget ? "#14181d" : "#ffffff";
+    const isIn = place > -20 && place < width + 20;
+    if (!isIn && !isTarget) continue;
+    const arrow = isIn ? "" : place > 0 ? " ▸" : " ◂";
+    const text = `${name} ${Math.round(at.speed * 3.6)} km/h${arrow}`;
+    // Below those on the ego's right, so that names of neighbours do not lie on each other.
+    const isBelow = own !== undefined && at.d < own.d - SAME_LANE;
+    const away = (vehicle.width / 2) * across + 10;
+    tag(view, place, y(at.d) + (isBelow ? away + 10 : -away), text, ink, ground);
+  }
+}

@@ -1,0 +1,71 @@
+// The logic of the page that needs no browser.
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { brokenSpans, isBroken, scale } from "../src/board.ts";
+import { column, pose, sparse, type Vehicle } from "../src/bundle.ts";
+import { parse, print, type Moment } from "../src/link.ts";
+
+test("columns are sums of their differences", () => {
+  assert.deepEqual(column([5, 1, -2]), [5, 6, 4]);
+  assert.deepEqual(column([100, -90, 1, 0], 1, 2), [100, 110, 121, 132]);
+  assert.deepEqual(sparse([null, 3, null, 2, -1], 2), [null, 6, null, 10, 8]);
+});
+
+const car: Vehicle = {
+  slot: 1,
+  symbol: "1",
+  kind: 0,
+  paint: "#ffffff",
+  length: 4,
+  width: 2,
+  first: 10,
+  last: 12,
+  away: new Set([12]),
+  s: [100, 102, 104],
+  d: [0, 1, 2],
+  angle: [0, 0, 0],
+  speed: [20, 22, 24],
+  accel: [1, 2, 3],
+  lights: [0, 4, 0],
+};
+
+test("a vehicle is between two frames, and nowhere where it was not recorded", () => {
+  assert.equal(pose(car, 9), null);
+  assert.equal(pose(car, 12), null);
+  assert.equal(pose(car, 13), null);
+  assert.deepEqual(pose(car, 10.5), { s: 101, d: 0.5, angle: 0, speed: 21, accel: 1, lights: 0 });
+  assert.equal(pose(car, 11)!.lights, 4);
+});
+
+const moment: Moment = { sim: 3, t: 4.25, policy: "strict", cam: "all", stretch: 2, ghosts: false, filter: "Success_I" };
+
+test("a link says the moment that was printed", () => {
+  assert.deepEqual(parse(print(moment, "paper")), moment);
+  assert.equal(print({ ...moment, policy: "paper", cam: "ego", stretch: 1, ghosts: true, filter: "" }, "paper"), "#sim=3&t=4.25");
+  for (const t of [0, 0.05, 10, 100.1]) assert.equal(parse(print({ ...moment, t }, "paper")).t, t);
+});
+
+test("what a link cannot mean is left out", () => {
+  const found = parse("#sim=x&t=-1&cam=moon&stretch=9&policy=%3Cb%3E");
+  assert.deepEqual(found, { policy: "<b>", ghosts: true, filter: "" });
+  assert.deepEqual(parse(""), { stretch: 1, ghosts: true, filter: "" });
+});
+
+test("a rule is broken where its margin is negative", () => {
+  const one = { rule: "L12", margin: -1, breach: [1, 5] as [number, number], margins: [9, -1, 2, -1, -2, -1, 3] };
+  assert.deepEqual(brokenSpans(one), [[1, 1], [3, 5]]);
+  assert.equal(isBroken(one, 2), false);
+  assert.equal(isBroken(one, 4), true);
+  assert.deepEqual(brokenSpans({ ...one, margins: null }), [[1, 5]]);
+  assert.deepEqual(brokenSpans({ ...one, breach: null }), []);
+});
+
+test("a scale has round ends that hold all values", () => {
+  for (const [least, most] of [[-3.2, 4.9], [48, 119], [0, 0], [-100, 50], [0.1, 0.2]] as const) {
+    const [low, high, ticks] = scale(least, most);
+    assert.ok(low <= least && high >= most && low < high);
+    assert.ok(ticks.length >= 2 && ticks.length <= 6 && ticks[0] === low && ticks.at(-1) === high);
+  }
+});
