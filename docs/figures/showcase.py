@@ -30,6 +30,8 @@ from overtaking.show.video.scene import RATE as FILM_RATE
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from playwright.sync_api import ViewportSize
+
     from overtaking.data.load import Dataset
     from overtaking.show.report.gallery import Picture
     from overtaking.show.video.canvas import Canvas
@@ -45,7 +47,7 @@ FIRST_S, LAST_S = 0.0, 12.0
 """What of the film is shown."""
 
 VIEWED, MOMENT = [0, 2, 3, 4, 7, 8, 10, 14, 20, 29, 40, 47], "#sim=20&t=3.5"
-WINDOW = {"width": 1280, "height": 960}
+WINDOW: ViewportSize = {"width": 1280, "height": 960}
 """What is seen of the page."""
 
 GAP, CARD, CORNER = 18, 760, 14  # Pixels.

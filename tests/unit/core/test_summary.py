@@ -28,7 +28,8 @@ def test_batches_say_what_they_are_in_a_line(labelled):
 
 def test_nothing_is_worked_out_to_be_shown(labelled):
     assert repr(labelled.signals) == "Signals(frame_interval_ms=50, simulations=3)"
-    assert labelled.signals.is_original
+    with pytest.raises(AttributeError):
+        object.__getattribute__(labelled.signals, "gap")
 
 
 def test_a_notebook_gets_a_table_with_headers_and_a_caption(labelled):

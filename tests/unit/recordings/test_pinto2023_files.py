@@ -213,6 +213,10 @@ def test_a_parquet_file_with_a_damaged_byte_is_refused_or_read(tmp_path):
     assert num_refused > 10
 
 
+POOL = pa.proxy_memory_pool(pa.default_memory_pool())
+"""Lives as long as the process: Arrow's threads may give memory back after a test has ended."""
+
+
 @pytest.mark.parametrize(
     ("rows", "cell", "settings_"),
     [
@@ -231,14 +235,14 @@ def test_a_parquet_file_whose_few_bytes_stand_for_much_text_is_refused(
     table = pa.table({name: cells if name == "RT" else short for name in COLUMNS})
     pq.write_table(table, path, compression="zstd", **settings_)
     assert path.stat().st_size < 200_000
-    pool, usual = pa.proxy_memory_pool(pa.default_memory_pool()), pa.default_memory_pool()
-    pa.set_memory_pool(pool)
+    usual = pa.default_memory_pool()
+    pa.set_memory_pool(POOL)
     try:
         with pytest.raises(ImportFormatError, match=r"expected at most 1[0-9] MB of text, got"):
             read_table(path)
     finally:
         pa.set_memory_pool(usual)
-    assert pool.max_memory() < 16 << 20
+    assert POOL.max_memory() < 16 << 20
 
 
 def test_a_parquet_file_with_text_that_is_no_utf_8_is_refused(tmp_path):
