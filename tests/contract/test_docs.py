@@ -125,6 +125,29 @@ def test_a_broken_link_is_seen():
     assert broken_links(text, ROOT) == ["missing.md", "README.md#nowhere", "#two"]
 
 
+# --- the table of extensions ---
+
+BASES = ("", "src", "src/overtaking", "crates/overtaking-core/src")
+"""The folders to which ARCHITECTURE's paths are relative."""
+
+
+def missing_paths(text: str) -> list[str]:
+    """The files and folders of the table "To add" that do not exist."""
+    table = text.partition("## To add")[2].partition("\n## ")[0]
+    cells = "".join(part for row in table.split("\n") for part in row.split("|")[1:-1])
+    paths = re.findall(r"`([\w./-]+(?:/|\.(?:py|rs|toml|lp|pl|ts)))`", cells)
+    return [path for path in paths if not any((ROOT / base / path).exists() for base in BASES)]
+
+
+def test_the_table_of_extensions_names_files_that_exist():
+    assert missing_paths(read("ARCHITECTURE.md")) == []
+
+
+def test_a_file_that_does_not_exist_is_seen():
+    table = "## To add\n| a | `cli/app.py`, `nowhere/` and `lost.rs` | |\n\n## Next\n`gone.py`"
+    assert missing_paths(table) == ["nowhere/", "lost.rs"]
+
+
 # --- commands ---
 
 
