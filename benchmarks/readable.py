@@ -40,7 +40,7 @@ def watch(run: Trajectories, _: Mapping[str, Any]) -> tuple[Signals, dict[str, A
 
 
 def target_signals(run: Trajectories, seen: Signals, vehicle: Any) -> TargetSignals:
-    """The target of each simulation, that of nobody being the ego."""
+    """Signals of each target; without a target those of the ego, marked invalid."""
     slots, own = (
         np.where(vehicle == NO_VEHICLE, 0, vehicle),
         ("lateral", "right_reach", "left_reach"),
@@ -60,13 +60,13 @@ def encounter(case: Case, place: Any, rows: Any, at: Any) -> Encounter:
     """The ego and a neighbour, one instant after the other."""
     places = np.broadcast_to(np.int64(place), np.shape(rows))
     found = {name: np.zeros(len(rows), np.float32) for name in _core.encounter_fields()}
-    nobody = {"time_gap": 0.0, "ttc": 0.0, "mttc": 0.0}  # Of two vehicles at one place.
+    none_there = {"time_gap": 0.0, "ttc": 0.0, "mttc": 0.0}  # Of two vehicles at one place.
     valid = np.zeros(len(rows), np.bool_)
     ones = {row: One(case.trajectories, int(row)) for row in np.unique(rows)}
     for k, (row, where, frame) in enumerate(zip(rows, places, at, strict=True)):
         slot = ones[row].neighbour(Around(int(where)), int(frame))
         valid[k] = slot is not None
-        measures: Mapping[str, Any] = nobody
+        measures: Mapping[str, Any] = none_there
         if slot is not None:
             met = [(int(frame), slot)]
             measures = readable_signals.encounter(ones[row], met, ahead=where % 2 == 0)

@@ -16,7 +16,7 @@ pub use self::target::{Target, target};
 use crate::fields::Constants;
 use crate::lanes::{LANES, dispatch};
 
-/// What says that nobody is there.
+/// Slot of a neighbour that does not exist.
 pub const NO_VEHICLE: u8 = 255;
 /// Frame of what did not happen.
 pub(crate) const NEVER: i32 = -1;
