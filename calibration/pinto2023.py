@@ -81,8 +81,8 @@ SEARCHED = (
     Searched("return_time_gap", RECKLESS, "median", 0.2, 0.4, 0.08),
     Searched("lane_change_duration", CAREFUL, "median", 5.0, 7.1, 0.8),
     Searched("lane_change_duration", RECKLESS, "median", 2.8, 3.48, 0.4),
-    Searched("checks_blind_spot", CAREFUL, "probability", 0.6, 1.0, 0.2),
-    Searched("checks_blind_spot", RECKLESS, "probability", 0.1, 0.93, 0.3),
+    Searched("checks_blind_spot", CAREFUL, "value", 0.6, 1.0, 0.2),
+    Searched("checks_blind_spot", RECKLESS, "value", 0.1, 0.93, 0.3),
     Searched("patience", CAREFUL, "median", 8.0, 30.0, 8.0),
 )
 """What may be moved, and within which limits; everything else is as in the population `mixed`."""

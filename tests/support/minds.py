@@ -53,10 +53,11 @@ class Moment:
         return find_neighbours(self.state, self.given, self.p)
 
     def look(self) -> Beliefs:
-        """One decision's worth of looking around."""
+        """One decision's worth of everybody looking around."""
         perception.remember(self.state, self.decision)
+        looks = np.ones(self.state.s.shape, np.bool_)
         believed = perception.perceive(
-            self.state, self.given, self.p, self.q, self.neighbours(), self.decision
+            self.state, self.given, self.p, self.q, self.neighbours(), self.decision, looks
         )
         self.decision += 1
         return believed
@@ -77,9 +78,6 @@ def moment(
     """Put vehicles on a road; the first of each list is the ego."""
     world = scenario(*simulations, road=road or wide_road(), weather=weather, num_slots=num_slots)
     given = parameters(world, effects)
-    return Moment(
-        given=given,
-        state=initial_state(given),
-        p=given.of_vehicles,
-        q=given.of_simulations,
-    )
+    state, p = initial_state(given), given.of_vehicles
+    perception.draw_check(state, given, p, p.valid > 0, 0)
+    return Moment(given=given, state=state, p=p, q=given.of_simulations)

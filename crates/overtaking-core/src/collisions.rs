@@ -183,7 +183,9 @@ fn collide_pair<S: Simd, const N: usize>(
     push(state, w, i, -impulse, (along, across), lever_a, (hit, left));
     push(state, w, j, impulse, (along, across), lever_b, (hit, left));
     for (own, other) in [(i, j), (j, i)] {
-        let first = hit & state.contact_partner[own].simd_lt(0.0);
+        let sooner =
+            state.contact_partner[own].simd_lt(0.0) | instant.simd_lt(state.contact_time[own]);
+        let first = hit & sooner;
         let slot = splat(w.simd, other as f32);
         state.contact_partner[own] = choose(first, slot, state.contact_partner[own]);
         state.contact_time[own] = choose(first, instant, state.contact_time[own]);

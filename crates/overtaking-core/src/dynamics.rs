@@ -182,7 +182,7 @@ pub fn accelerate<S: Simd, const N: usize>(
     let straight = (front.along + rear.along - resistance) * p.inverse_mass;
     let mut motion = on_four_wheels(
         state,
-        p,
+        w,
         i,
         &(front, rear),
         resistance,
@@ -219,7 +219,7 @@ pub fn accelerate<S: Simd, const N: usize>(
 #[inline(always)]
 fn on_four_wheels<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
-    p: &Vehicle<S>,
+    w: &World<'_, S, N>,
     i: usize,
     (front, rear): &(Axle<S>, Axle<S>),
     resistance: V<S>,
@@ -227,6 +227,7 @@ fn on_four_wheels<S: Simd, const N: usize>(
     angle: V<S>,
     stride: &Stride,
 ) -> Motion<S> {
+    let p = &w.p[i];
     let (vx, vy, r) = (state.vx[i], state.vy[i], state.r[i]);
     let (sine, cosine) = sincos(angle);
     let u = (vy + p.cg_front * r) * inverse_speed;
@@ -243,6 +244,7 @@ fn on_four_wheels<S: Simd, const N: usize>(
     let side = front_y * cosine + front.along * sine;
     let moment = p.half_track * (front.split + rear.split);
     let across = (side + rear_y + state.wind_force[i]) * p.inverse_mass - speed * r;
+    let moment = moment + stability_control(state, w, i, speed, angle);
     let turn = p.cg_front * side - p.cg_rear * rear_y + state.wind_moment[i] + moment;
     let turn = turn * p.inverse_inertia;
     let (ahead, behind) = (p.cg_front * (front_k * cosine), p.cg_rear * rear_k);
@@ -268,6 +270,29 @@ fn on_four_wheels<S: Simd, const N: usize>(
         r: r + more_r,
         mean_r: middle_r,
     }
+}
+
+/// Yaw moment of stability control, which brakes single wheels.
+#[inline(always)]
+fn stability_control<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    speed: V<S>,
+    angle: V<S>,
+) -> V<S> {
+    let (c, p) = (w.c, &w.p[i]);
+    let grip = grip(state, c, i);
+    let reach = grip / at_least(speed, c.slip_speed);
+    let asked = speed * angle / (p.wheelbase + p.understeer * (speed * speed));
+    let off = state.r[i] - clamp(asked, -reach, reach);
+    let off = off - clamp_to(off, -c.stability_threshold, c.stability_threshold);
+    let most = 0.25 * grip * p.mass * p.half_track;
+    clamp(
+        -off * (1.0 / c.stability_time) / p.inverse_inertia,
+        -most,
+        most,
+    )
 }
 
 /// A step of a point mass that leans, where it has two wheels.

@@ -7,13 +7,14 @@ use crate::elementary::exp;
 use crate::fields::Vehicle;
 use crate::following::forced_braking;
 use crate::lanes::{M, V, at_least, at_most, choose, min, pick, splat};
-use crate::mobil::turn_to_lane;
-use crate::neighbours::Neighbours;
+use crate::mobil::{must_wait, soon, time_left, turn_to_lane};
+use crate::neighbours::{Body, Neighbours};
 use crate::perception::Beliefs;
 use crate::recording::{Kind, Recorder};
 use crate::state::{
     EGO, FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State, World, stage,
 };
+use crate::step::SUBSTEPS;
 
 const PULL_OUT_NOW: f32 = 1.0;
 const ABORT_NOW: f32 = 2.0;
@@ -37,35 +38,22 @@ struct View<'a, S: Simd> {
 fn own_braking<S: Simd, const N: usize>(
     w: &World<'_, S, N>,
     view: &View<'_, S>,
-    role: usize,
+    gap: V<S>,
+    closing: V<S>,
 ) -> V<S> {
     let time_gap = view.own.time_gap * view.demand;
-    forced_braking(
-        w.c,
-        view.own,
-        view.speed,
-        view.gap[role],
-        view.closing[role],
-        time_gap,
-    )
+    forced_braking(w.c, view.own, view.speed, gap, closing, time_gap)
 }
 
 #[inline(always)]
 fn their_braking<S: Simd, const N: usize>(
     w: &World<'_, S, N>,
     view: &View<'_, S>,
-    role: usize,
+    gap: V<S>,
+    closing: V<S>,
 ) -> V<S> {
     let time_gap = view.own.time_gap * view.demand;
-    let speed = view.speed + view.closing[role];
-    forced_braking(
-        w.c,
-        view.own,
-        speed,
-        view.gap[role],
-        view.closing[role],
-        time_gap,
-    )
+    forced_braking(w.c, view.own, view.speed + closing, gap, closing, time_gap)
 }
 
 #[inline(always)]
@@ -82,9 +70,13 @@ fn wants_to_pass<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S
 #[inline(always)]
 fn may_pull_out<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) -> M<S> {
     let (c, own) = (w.c, view.own);
-    let front = own_braking(w, view, FAST_LEAD).simd_ge(-own.decel);
-    let rear = their_braking(w, view, FAST_REAR).simd_ge(-view.imposes);
-    let rear = rear & view.gap[FAST_REAR].simd_gt(c.smallest_rear_gap * view.demand);
+    let front =
+        own_braking(w, view, view.gap[FAST_LEAD], view.closing[FAST_LEAD]).simd_ge(-own.decel);
+    let (gap, closing) = (view.gap[FAST_REAR], view.closing[FAST_REAR]);
+    let (later, faster) = soon(w, gap, closing);
+    let now = their_braking(w, view, gap, closing);
+    let rear = min(now, their_braking(w, view, later, faster)).simd_ge(-view.imposes);
+    let rear = rear & gap.simd_gt(c.smallest_rear_gap * view.demand);
     let gain = ((view.speed - view.closing[FAST_LEAD]) - view.leader_speed)
         .simd_gt(own.passing_gain * view.impatience);
     let far = view.gap[FAST_LEAD].simd_gt(view.gap[LEAD] + c.waiting_time_gap * view.speed);
@@ -94,22 +86,31 @@ fn may_pull_out<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>
 #[inline(always)]
 fn may_return<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) -> M<S> {
     let own = view.own;
-    let follower_speed = view.speed + view.closing[SLOW_REAR];
-    let left = view.gap[SLOW_REAR].simd_ge(own.return_time_gap * follower_speed * view.impatience);
-    let rear = left & their_braking(w, view, SLOW_REAR).simd_ge(-view.imposes);
-    let front = own_braking(w, view, SLOW_LEAD).simd_ge(-own.decel);
+    let (closing, ahead) = (view.closing[SLOW_REAR], view.closing[SLOW_LEAD]);
+    let crossing = 0.5 * own.lane_change_duration;
+    let gap = view.gap[SLOW_REAR] - crossing * at_most(closing, 0.0);
+    let left = gap.simd_ge(own.return_time_gap * (view.speed + closing) * view.impatience);
+    let rear = left & their_braking(w, view, gap, closing).simd_ge(-view.imposes);
+    let room = view.gap[SLOW_LEAD] - own.lane_change_duration * at_least(ahead, 0.0);
+    let front = own_braking(w, view, room, ahead).simd_ge(-own.decel);
     let worth = view.gap[SLOW_LEAD].simd_gt(w.c.stay_time * view.closing[SLOW_LEAD]);
     rear & front & worth
 }
 
 #[inline(always)]
-fn must_abort<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) -> M<S> {
+fn must_abort<S: Simd, const N: usize>(
+    w: &World<'_, S, N>,
+    view: &View<'_, S>,
+    lead: usize,
+    rear: usize,
+) -> M<S> {
     let (c, own) = (w.c, view.own);
-    let bad_rear = their_braking(w, view, REAR).simd_lt(-(c.abort_imposed * view.imposes));
-    let bad_front = own_braking(w, view, LEAD).simd_lt(-(c.abort_factor * own.decel));
-    let room = own_braking(w, view, SLOW_LEAD).simd_ge(-own.hardest_decel)
-        & view.gap[SLOW_REAR].simd_gt(c.smallest_rear_gap);
-    (bad_rear | bad_front) & room
+    let imposed = their_braking(w, view, view.gap[REAR], view.closing[REAR]);
+    let braking = own_braking(w, view, view.gap[LEAD], view.closing[LEAD]);
+    let bad = imposed.simd_lt(-(c.abort_imposed * view.imposes))
+        | braking.simd_lt(-(c.abort_factor * own.decel));
+    let back = own_braking(w, view, view.gap[lead], view.closing[lead]);
+    bad & back.simd_ge(-own.hardest_decel) & view.gap[rear].simd_gt(c.smallest_rear_gap)
 }
 
 /// What the ego sets out to do at a decision.
@@ -121,19 +122,24 @@ struct Intent<S: Simd> {
     go_out: M<S>,
     go_back: M<S>,
     abort: M<S>,
+    /// Gives up changing back now.
+    remain: M<S>,
     /// The target is behind.
     passed: M<S>,
     /// The last lane change is over.
     arrived: M<S>,
 }
 
-/// One decision of every ego of the block.
+/// One decision of every ego of the block; what it intends holds until it looks around again.
+#[allow(clippy::too_many_arguments)]
 #[inline(always)]
 pub fn decide<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
+    bodies: &[Body<S>; N],
     near: &Neighbours<S>,
     believed: &Beliefs<S>,
+    looks: M<S>,
     recorder: &mut Recorder<'_, N>,
     step: u32,
 ) {
@@ -159,7 +165,8 @@ pub fn decide<S: Simd, const N: usize>(
     };
     state.stage_time += w.c.decision;
     wait(state, w, &view);
-    let intent = intend(state, w, &view);
+    let waits = must_wait(state, w, bodies, EGO, state.wanted[EGO]);
+    let intent = intend(state, w, &view, looks, waits);
     let (out, back) = ([LEAD, FAST_LEAD, FAST_REAR], [LEAD, SLOW_LEAD, SLOW_REAR]);
     recorder.percepts(
         state,
@@ -186,6 +193,16 @@ pub fn decide<S: Simd, const N: usize>(
         w,
         near,
         believed,
+        intent.remain,
+        Kind::Abort,
+        out,
+        step,
+    );
+    recorder.percepts(
+        state,
+        w,
+        near,
+        believed,
         intent.go_back,
         Kind::Return,
         back,
@@ -193,7 +210,8 @@ pub fn decide<S: Simd, const N: usize>(
     );
     let old = state.stage;
     let next = next_stage(state, w, near, &intent);
-    act(state, w, near, &intent);
+    let left = time_left(view.gap[LEAD], view.closing[LEAD]);
+    act(state, w, near, &intent, left, step / SUBSTEPS);
     end(state, w, &intent, next, step);
     state.stage_time = choose(next.simd_ne(old), splat(w.simd, 0.0), state.stage_time);
     state.stage = next;
@@ -225,6 +243,8 @@ fn intend<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
     view: &View<'_, S>,
+    looks: M<S>,
+    waits: M<S>,
 ) -> Intent<S> {
     let (c, q, n) = (w.c, &w.q, w.count);
     let arrived = state.path_time[EGO].simd_ge(state.path_duration[EGO]);
@@ -232,34 +252,49 @@ fn intend<S: Simd, const N: usize>(
         & arrived
         & state.since_change[EGO].simd_ge(c.abort_cooldown)
         & state.lane[EGO].simd_lt((w.road.num_lanes - 1) as f32);
-    let start = free & wants_to_pass(w, view) & may_pull_out(w, view) & q.command.simd_ne(STAY);
-    let start = start | (free & q.command.simd_eq(PULL_OUT_NOW) & state.attempted.simd_eq(0.0));
+    let held = state.wanted[EGO];
+    let seen = wants_to_pass(w, view) & may_pull_out(w, view);
+    let wanted = chosen(looks, seen, held.simd_gt(0.0)) & q.command.simd_ne(STAY);
+    let forced = q.command.simd_eq(PULL_OUT_NOW) & state.attempted.simd_eq(0.0);
+    let start = free & (wanted | forced);
 
     let slower_lane = in_stage(state, stage::PASS) & state.lane[EGO].simd_ge(1.0);
     let target_s = pick!(n, state.target, |j| state.s[j]);
     let bodies = view.own.half_length + pick!(n, state.target, |j| w.p[j].half_length);
     let passed = (state.s[EGO] - target_s).simd_gt(bodies + c.clear_ahead);
     let stuck = state.stage_time.simd_gt(c.give_up_after) & state.s[EGO].simd_lt(target_s);
-    let back = slower_lane & may_return(w, view) & (passed | stuck);
-    let back = back | (slower_lane & q.command.simd_eq(RETURN_NOW));
+    let rested = state.since_change[EGO].simd_ge(c.abort_cooldown);
+    let seen = may_return(w, view) & (passed | stuck) & rested;
+    let wanted = chosen(looks, seen, held.simd_lt(0.0));
+    let back = slower_lane & (wanted | q.command.simd_eq(RETURN_NOW));
+    let (zero, one) = (splat(w.simd, 0.0), splat(w.simd, 1.0));
+    state.wanted[EGO] = choose(start, one, choose(back, -one, zero));
 
     let longer = state.signalled + c.decision;
     let fading = at_least(state.signalled - c.decision, 0.0);
     state.signalled = choose(start | back, longer, fading);
     let ready = state.signalled.simd_gt(view.own.signal_time);
     let early = state.path_time[EGO].simd_lt(c.abort_until * state.path_duration[EGO]);
-    let abort = in_stage(state, stage::PULL_OUT)
-        & early
-        & (must_abort(w, view) | q.command.simd_eq(ABORT_NOW));
+    let danger = looks & must_abort(w, view, SLOW_LEAD, SLOW_REAR);
+    let abort = in_stage(state, stage::PULL_OUT) & early & (danger | q.command.simd_eq(ABORT_NOW));
+    let danger = looks & must_abort(w, view, FAST_LEAD, FAST_REAR) & q.command.simd_ne(RETURN_NOW);
+    let sure = looks & !waits;
     Intent {
         start,
         back,
-        go_out: start & ready,
-        go_back: back & ready,
+        go_out: start & ready & (sure | q.command.simd_eq(PULL_OUT_NOW)),
+        go_back: back & ready & (sure | q.command.simd_eq(RETURN_NOW)),
         abort,
+        remain: in_stage(state, stage::RETURN) & early & danger,
         passed,
         arrived,
     }
+}
+
+/// One mask where another holds, and a third elsewhere.
+#[inline(always)]
+fn chosen<S: Simd>(mask: M<S>, there: M<S>, elsewhere: M<S>) -> M<S> {
+    (mask & there) | (!mask & elsewhere)
 }
 
 #[inline(always)]
@@ -289,6 +324,7 @@ fn next_stage<S: Simd, const N: usize>(
     let next = choose(intent.abort, splat(w.simd, abort), next);
     let returning = choose(intent.passed, splat(w.simd, back), splat(w.simd, abort));
     let next = choose(intent.go_back, returning, next);
+    let next = choose(intent.remain, splat(w.simd, pass), next);
     let next = choose(in_stage(state, back) & finished, splat(w.simd, done), next);
     choose(
         in_stage(state, abort) & finished,
@@ -304,13 +340,17 @@ fn act<S: Simd, const N: usize>(
     w: &World<'_, S, N>,
     near: &Neighbours<S>,
     intent: &Intent<S>,
+    left: V<S>,
+    decision: u32,
 ) {
     let (zero, one) = (splat(w.simd, 0.0), splat(w.simd, 1.0));
-    let slower = intent.go_back | intent.abort;
+    let (faster, slower) = (intent.go_out | intent.remain, intent.go_back | intent.abort);
     state.target = choose(intent.go_out, near.slot[LEAD], state.target);
     state.attempted = choose(intent.go_out, one, state.attempted);
-    turn_to_lane(state, w, EGO, intent.go_out, slower);
-    let moved = intent.go_out | slower;
+    let broken_off = intent.abort | intent.remain;
+    let sides = (faster, slower, broken_off);
+    turn_to_lane(state, w, EGO, sides, left, decision);
+    let moved = faster | slower;
     let kept = choose(state.signalled.simd_gt(0.0), state.indicator[EGO], zero);
     let used = w.p[EGO].uses_indicator;
     let shown = choose(intent.start, used, choose(intent.back, -used, kept));

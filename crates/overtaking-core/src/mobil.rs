@@ -3,19 +3,15 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::fields::Constants;
 use crate::following::{follow, forced_braking};
-use crate::lanes::{M, V, choose, min, splat};
-use crate::neighbours::lane_borders;
-use crate::perception::Beliefs;
+use crate::lanes::{M, V, at_least, choose, min, splat};
+use crate::neighbours::{Body, along, lane_borders};
+use crate::perception::{Beliefs, draw_check};
 use crate::state::{FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State, World};
 use crate::steering::begin_path;
 
-/// Whether lane changes are considered at a decision.
-#[inline(always)]
-pub fn is_due(c: &Constants, decision: usize) -> bool {
-    decision.is_multiple_of(c.mobil_interval as usize)
-}
+/// Keeps the time until a gap is closed finite [m/s].
+const SLOWEST: f32 = 0.1;
 
 #[inline(always)]
 fn imposed<S: Simd, const N: usize>(
@@ -97,24 +93,48 @@ fn is_safe<S: Simd, const N: usize>(
 ) -> M<S> {
     let (c, p, v) = (w.c, &w.p[i], state.vx[i]);
     let (gap, closing) = (&believed.gap, &believed.closing);
-    let braking = imposed(w, i, v, gap[rear], closing[rear]);
+    let (later, faster) = soon(w, gap[rear], closing[rear]);
+    let braking = min(
+        imposed(w, i, v, gap[rear], closing[rear]),
+        imposed(w, i, v, later, faster),
+    );
     let own = forced_braking(c, p, v, gap[front], closing[front], p.time_gap);
     let room = gap[rear].simd_gt(c.smallest_rear_gap) & gap[front].simd_gt(c.smallest_rear_gap);
     room & braking.simd_ge(-p.safe_decel) & own.simd_ge(-p.safe_decel)
 }
 
-/// Let vehicle `i`, not the ego, change lanes where it pays and is safe.
+/// Gap to a follower, and how fast it closes, if it speeds up for some seconds.
+#[inline(always)]
+pub fn soon<S: Simd, const N: usize>(
+    w: &World<'_, S, N>,
+    gap: V<S>,
+    closing: V<S>,
+) -> (V<S>, V<S>) {
+    let c = w.c;
+    let faster = c.foresight_accel * c.foresight;
+    (
+        gap - c.foresight * (closing + 0.5 * faster),
+        closing + faster,
+    )
+}
+
+/// Let vehicle `i`, not the ego, change lanes where it pays and is safe, or back in danger.
+#[allow(clippy::too_many_arguments)]
 #[inline(always)]
 pub fn change_lanes<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
+    bodies: &[Body<S>; N],
     i: usize,
     believed: &Beliefs<S>,
     own: V<S>,
+    looks: M<S>,
+    decision: u32,
 ) {
     let (c, p, v) = (w.c, &w.p[i], state.vx[i]);
     let (to_fast, to_slow) = incentives(state, w, i, believed, own);
-    let ready = state.path_time[i].simd_ge(state.path_duration[i])
+    let ready = looks
+        & state.path_time[i].simd_ge(state.path_duration[i])
         & state.since_change[i].simd_ge(c.cooldown)
         & state.crashed[i].simd_eq(0.0)
         & p.valid.simd_gt(0.0);
@@ -131,25 +151,96 @@ pub fn change_lanes<S: Simd, const N: usize>(
         & believed.gap[SLOW_LEAD].simd_gt(c.free_ahead_time * v)
         & !fast;
     let wanted = side(w, fast, slow);
-    let decided = decide(state, w, i, wanted);
-    turn_to_lane(state, w, i, fast & decided, slow & decided);
-    let done = state.path_time[i].simd_ge(state.path_duration[i]);
-    state.indicator[i] = choose(done, wanted * p.uses_indicator, state.indicator[i]);
+    let shows = looks & state.path_time[i].simd_ge(state.path_duration[i]);
+    state.indicator[i] = choose(shows, wanted * p.uses_indicator, state.indicator[i]);
+    let decided = decide(state, w, i, wanted, looks);
+    let (mut fast, mut slow) = (fast & decided, slow & decided);
+    if (fast | slow).any_true() {
+        let first = !must_wait(state, w, bodies, i, wanted);
+        (fast, slow) = (fast & first, slow & first);
+    }
+    let (back, to_fast) = retreats(state, w, i, believed);
+    let back = back & looks;
+    let (fast, slow) = (fast | (back & !to_fast), slow | (back & to_fast));
+    let left = time_left(believed.gap[LEAD], believed.closing[LEAD]);
+    turn_to_lane(state, w, i, (fast, slow, back), left, decision);
 }
 
-/// Whether vehicle `i` has wanted the same for as long as it signals; remembers it.
+/// Whether vehicle `i` lets somebody first who signals for the same place from the other side of it.
+#[inline(always)]
+pub fn must_wait<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    bodies: &[Body<S>; N],
+    i: usize,
+    side: V<S>,
+) -> M<S> {
+    let reach = w.c.claim_time * state.vx[i];
+    let mut waits = side.simd_ne(side);
+    for j in 0..w.count {
+        let other = &bodies[j];
+        let ahead = along(w, state.s[j] - state.s[i]);
+        let same = other.claims.simd_eq(-side)
+            & other.lane.simd_eq(bodies[i].lane + 2.0 * side)
+            & side.simd_ne(0.0);
+        let close = ahead.abs().simd_lt(reach);
+        let first = ahead.simd_gt(0.0) | (ahead.simd_eq(0.0) & side.simd_lt(0.0));
+        waits |= same & close & first;
+    }
+    waits
+}
+
+/// Whether vehicle `i` gives up a lane change, as it has turned dangerous; and whether it is to the fast
+/// side.
+#[inline(always)]
+fn retreats<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    believed: &Beliefs<S>,
+) -> (M<S>, M<S>) {
+    let (c, p, v) = (w.c, &w.p[i], state.vx[i]);
+    let (gap, closing) = (&believed.gap, &believed.closing);
+    let early = state.path_time[i].simd_lt(c.abort_until * state.path_duration[i])
+        & state.crashed[i].simd_eq(0.0)
+        & p.valid.simd_gt(0.0);
+    if !early.any_true() {
+        return (early, early);
+    }
+    let (low, high) = lane_borders(w, state.lane[i], 0.0);
+    let way = 0.5 * (low + high) - state.path[i][0];
+    let to_fast = way.simd_gt(0.0);
+    // A way of less than half a lane is that of a retreat, which is not given up.
+    let whole = way.abs().simd_gt(0.5 * (high - low));
+    let old =
+        |values: &[V<S>; 6], slow: usize, fast: usize| choose(to_fast, values[slow], values[fast]);
+    let bad_rear =
+        imposed(w, i, v, gap[REAR], closing[REAR]).simd_lt(-(c.abort_imposed * p.safe_decel));
+    let own = forced_braking(c, p, v, gap[LEAD], closing[LEAD], p.time_gap);
+    let bad_front = own.simd_lt(-(c.abort_factor * p.decel));
+    let (ahead, nearing) = (
+        old(gap, SLOW_LEAD, FAST_LEAD),
+        old(closing, SLOW_LEAD, FAST_LEAD),
+    );
+    let back = forced_braking(c, p, v, ahead, nearing, p.time_gap);
+    let room = back.simd_ge(-p.hardest_decel)
+        & old(gap, SLOW_REAR, FAST_REAR).simd_gt(c.smallest_rear_gap);
+    ((bad_rear | bad_front) & room & early & whole, to_fast)
+}
+
+/// Whether vehicle `i` has wanted the same for as long as it signals; remembers what it wants.
 #[inline(always)]
 fn decide<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
     wanted: V<S>,
+    looks: M<S>,
 ) -> M<S> {
     let same = wanted.simd_eq(state.wanted[i]) & wanted.simd_ne(0.0);
-    let longer = state.wanted_time[i] + w.c.mobil_interval * w.c.decision;
-    state.wanted_time[i] = choose(same, longer, splat(w.simd, 0.0));
-    state.wanted[i] = wanted;
-    state.wanted_time[i].simd_ge(w.p[i].signal_time)
+    state.wanted_time[i] = choose(looks & !same, splat(w.simd, 0.0), state.wanted_time[i]);
+    state.wanted[i] = choose(looks, wanted, state.wanted[i]);
+    looks & same & state.wanted_time[i].simd_ge(w.p[i].signal_time)
 }
 
 /// 1 towards the fast side, -1 towards the slow side, 0 for neither.
@@ -159,28 +250,40 @@ fn side<S: Simd, const N: usize>(w: &World<'_, S, N>, fast: M<S>, slow: M<S>) ->
     choose(fast, one, zero) - choose(slow, one, zero)
 }
 
-/// Begin a lane change of vehicle `i` in the masked simulations.
+/// Time until a gap is closed, long where it does not close.
+#[inline(always)]
+pub fn time_left<S: Simd>(gap: V<S>, closing: V<S>) -> V<S> {
+    gap / at_least(closing, SLOWEST)
+}
+
+/// Begin a lane change of vehicle `i` in the masked simulations, to the fast side, to the slow side or back;
+/// in less than its usual time where the leader would be reached before.
 #[inline(always)]
 pub fn turn_to_lane<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
-    fast: M<S>,
-    slow: M<S>,
+    (fast, slow, back): (M<S>, M<S>, M<S>),
+    left: V<S>,
+    decision: u32,
 ) {
-    if !(fast | slow).any_true() {
+    let moved = fast | slow;
+    if !moved.any_true() {
         return;
     }
     let p = &w.p[i];
     let step = side(w, fast, slow);
     state.lane[i] += step;
     let (low, high) = lane_borders(w, state.lane[i], 0.0);
-    begin_path(
-        state,
-        i,
-        fast | slow,
-        0.5 * (low + high),
-        p.lane_change_duration,
+    let c = w.c;
+    let hurried = at_least(
+        (left - c.clear_margin) / c.clear_fraction,
+        c.quickest_change,
     );
-    state.indicator[i] = choose(fast | slow, step * p.uses_indicator, state.indicator[i]);
+    let usual = min(p.lane_change_duration, hurried);
+    let duration = choose(back, c.retreat_share * p.lane_change_duration, usual);
+    begin_path(state, i, moved, 0.5 * (low + high), duration);
+    state.indicator[i] = choose(moved, step * p.uses_indicator, state.indicator[i]);
+    state.wanted[i] = choose(moved, splat(w.simd, 0.0), state.wanted[i]);
+    draw_check(state, w, i, moved, decision);
 }

@@ -50,6 +50,9 @@ pub struct Body<S: Simd> {
     high_side: V<S>,
     /// Whether it changes lanes and can be seen to.
     shows: M<S>,
+    /// Its lane, and to which side it signals without moving over yet.
+    pub lane: V<S>,
+    pub claims: V<S>,
     /// One over the intensity of the lamps that a follower sees: tail lamps, or stop lamps [1/cd].
     pub inverse_rear_lamp: V<S>,
 }
@@ -64,6 +67,8 @@ impl<S: Simd> Body<S> {
             low_side: zero,
             high_side: zero,
             shows: never,
+            lane: zero,
+            claims: zero,
             inverse_rear_lamp: zero,
         }
     }
@@ -73,14 +78,18 @@ impl<S: Simd> Body<S> {
     pub fn new<const N: usize>(state: &State<'_, S, N>, w: &World<'_, S, N>, j: usize) -> Self {
         let (c, p) = (w.c, &w.p[j]);
         let moves = state.path_time[j].simd_gt(c.visible_fraction * state.path_duration[j]);
-        let changing =
-            state.path_time[j].simd_lt(state.path_duration[j]) & state.crashed[j].simd_eq(0.0);
+        let (sound, zero) = (state.crashed[j].simd_eq(0.0), splat(w.simd, 0.0));
+        let changing = state.path_time[j].simd_lt(state.path_duration[j]);
+        let waits = sound & !changing;
+        let changing = sound & changing;
         let braking = state.accel[j].simd_lt(-c.stop_lamp_decel);
         let lamp = p.inverse_tail_lamp;
         Self {
             valid: p.valid.simd_gt(0.0),
             low_side: state.d[j] - p.half_width,
             high_side: state.d[j] + p.half_width,
+            lane: state.lane[j],
+            claims: choose(waits, state.indicator[j], zero),
             shows: changing & (state.indicator[j].simd_ne(0.0) | moves),
             inverse_rear_lamp: choose(braking, at_most(lamp, c.inverse_stop_lamp), lamp),
         }
@@ -107,13 +116,15 @@ pub fn along<S: Simd, const N: usize>(w: &World<'_, S, N>, distance: V<S>) -> V<
     distance - w.q.ring * (distance * w.q.inverse_ring).round_ties_even()
 }
 
-/// The nearest vehicle ahead and behind of vehicle `i`, in the own, the faster and the slower lane.
+/// The nearest vehicle ahead and behind of vehicle `i`, in the own, the faster and the slower lane; in the
+/// own alone if the number of `lanes` is 1.
 #[inline(always)]
 pub fn find_neighbours<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     bodies: &[Body<S>; N],
     i: usize,
+    lanes: usize,
 ) -> Neighbours<S> {
     let c = w.c;
     let lane = state.lane[i];
@@ -133,7 +144,7 @@ pub fn find_neighbours<S: Simd, const N: usize>(
         let beside = state.d[j] - state.d[i];
         let other = &bodies[j];
         let shift = state.lane[j] - lane;
-        for (k, (low, high)) in bands.into_iter().enumerate() {
+        for (k, (low, high)) in bands.into_iter().enumerate().take(lanes) {
             let overlaps = other.high_side.simd_gt(low + c.corridor_margin)
                 & other.low_side.simd_lt(high - c.corridor_margin);
             let inside = other.valid & (overlaps | (other.shows & shift.simd_eq(SHIFTS[k])));

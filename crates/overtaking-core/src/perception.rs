@@ -8,8 +8,8 @@ use crate::environment::{lane_film, lane_value};
 use crate::lanes::{
     LANES, M, V, at_least, at_most, choose, clamp_to, floor, max, min, pick, pick_each, splat,
 };
-use crate::mobil::is_due;
 use crate::neighbours::{Body, Neighbours, along};
+use crate::philox::{GLANCES, uniform, words};
 use crate::state::{EGO, HISTORY, LEAD, ROLES, State, UNKNOWN, World};
 
 /// Who touches is as visible, and looms as much, as at this gap [m].
@@ -65,6 +65,45 @@ pub fn remember<S: Simd, const N: usize>(
             }
         }
     }
+}
+
+/// Which simulations' driver `i` looks into the mirrors and at the other lanes now.
+#[inline(always)]
+pub fn looks_around<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    decision: u32,
+) -> M<S> {
+    let (c, p) = (w.c, &w.p[i]);
+    let interval = c.glance_interval as u32;
+    let turn = decision + i as u32 * c.glance_stagger as u32;
+    if decision >= interval && turn.is_multiple_of(interval) {
+        return p.valid.simd_eq(p.valid);
+    }
+    let signalled = if i == EGO {
+        state.signalled.simd_gt(p.signal_time)
+    } else {
+        state.wanted_time[i].simd_ge(p.signal_time)
+    };
+    state.wanted[i].simd_ne(0.0) & signalled
+}
+
+/// Draw whether driver `i` looks over the shoulder before the next lane change.
+#[inline(always)]
+pub fn draw_check<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    drawn: M<S>,
+    decision: u32,
+) {
+    let stream = GLANCES + i as u32;
+    let [word, ..] = words(w.key, &w.index_low, &w.index_high, stream, decision);
+    let word = uniform(w.simd, word);
+    let (zero, one) = (splat(w.simd, 0.0), splat(w.simd, 1.0));
+    let checks = choose(word.simd_lt(w.p[i].checks_blind_spot), one, zero);
+    state.checks[i] = choose(drawn, checks, state.checks[i]);
 }
 
 #[inline(always)]
@@ -175,6 +214,7 @@ fn notice<S: Simd, const N: usize>(
     effort: V<S>,
     leader: &Leader<S>,
     before: &([V<S>; ROLES], [V<S>; ROLES]),
+    (steadily, now): (M<S>, M<S>),
 ) -> M<S> {
     let c = w.c;
     let zero = splat(w.simd, 0.0);
@@ -189,23 +229,29 @@ fn notice<S: Simd, const N: usize>(
     if is_front && role != LEAD && leader.is_tall.any_true() {
         visible &= !is_hidden(near, leader, role);
     }
-    if role >= 2 {
-        let mut blind = gap.simd_lt(c.blind_spot) & w.p[i].checks_blind_spot.simd_eq(0.0);
-        if is_front {
-            blind &= gap.simd_lt(0.0);
-        }
-        visible &= !blind;
+    let hides =
+        gap.simd_lt(if is_front { 0.0 } else { c.blind_spot }) & state.checks[i].simd_eq(0.0);
+    if hides.any_true() {
+        let width = pick!(w.count, slot, |j| w.p[j].half_width);
+        let aside = near.aside[role].abs() - (w.p[i].half_width + width);
+        visible &= !(hides & aside.simd_gt(c.alongside));
     }
+    let more = choose(
+        steadily,
+        splat(w.simd, c.decision),
+        splat(w.simd, c.glance_time),
+    );
     let mut longer = zero;
     for (known, time) in before.0.into_iter().zip(before.1) {
         longer = choose(slot.simd_eq(known), max(longer, time), longer);
     }
     let first = before.0[role].simd_eq(UNKNOWN);
-    let longer = choose(first, splat(w.simd, c.seen_before), longer);
-    state.seen_time[i][role] = choose(visible, longer, zero);
-    state.seen_id[i][role] = slot;
+    let longer = choose(first, splat(w.simd, c.seen_before), longer + more);
+    let longer = choose(visible, longer, zero);
+    state.seen_time[i][role] = choose(now, longer, state.seen_time[i][role]);
+    state.seen_id[i][role] = choose(now, slot, state.seen_id[i][role]);
     let needed = w.q.detection_time * (1.0 + c.detection_growth * (effort * effort * effort));
-    visible & state.seen_time[i][role].simd_ge(needed)
+    now & visible & state.seen_time[i][role].simd_ge(needed)
 }
 
 /// 0, 1, 2 ... 15.
@@ -253,16 +299,18 @@ pub fn perceive<S: Simd, const N: usize>(
     near: &Neighbours<S>,
     i: usize,
     decision: usize,
+    looks: M<S>,
 ) -> Beliefs<S> {
     let (c, q, p) = (w.c, &w.q, &w.p[i]);
     let zero = splat(w.simd, 0.0);
     let leader = Leader::new(state, w, near);
     let depths = optical_depth(state, w, near, &leader, i);
-    // Beliefs that nobody acts on at this decision are not worked out; what is in view always is.
-    let all = i == EGO || is_due(c, decision);
-    let leaving = state.path_time[i]
-        .simd_lt(state.path_duration[i])
-        .any_true();
+    let everybody = p.valid.simd_eq(p.valid);
+    let changing = state.path_time[i].simd_lt(state.path_duration[i]);
+    // Where nobody looks, nothing is worked out.
+    let watched = |role: usize| {
+        role == LEAD || looks.any_true() || (role.is_multiple_of(2) && changing.any_true())
+    };
     let now = splat(w.simd, decision as f32);
     let then = at_least(now - p.reaction_ticks, 0.0);
     let elapsed = (now - then) * c.decision;
@@ -270,28 +318,46 @@ pub fn perceive<S: Simd, const N: usize>(
     let (own_speed, _) = state.road_velocity(i);
     let judged = exp(q.distance_error * state.distance_error[i]);
     let mut believed = Beliefs::nothing(w.simd);
-    let longer = state.seen_time[i].map(|time| time + c.decision);
-    let before = (state.seen_id[i], longer);
+    let before = (state.seen_id[i], state.seen_time[i]);
     // A short pass: the exponential and the root of one role take the time of those of several.
     let mut efforts = [zero; ROLES];
-    for role in 0..ROLES {
+    for role in (0..ROLES).filter(|role| watched(*role)) {
         efforts[role] = strain(w, bodies, near, role, depths);
     }
     for role in 0..ROLES {
         let slot = near.slot[role];
         let is_front = role.is_multiple_of(2);
+        believed.gap[role] = splat(w.simd, c.unseen_gap);
+        if !watched(role) {
+            continue;
+        }
+        let steadily = match role {
+            LEAD => everybody,
+            _ if is_front => changing,
+            _ => !everybody,
+        };
+        let now = looks | steadily;
         if slot.simd_lt(0.0).all_true() {
-            (state.seen_id[i][role], state.seen_time[i][role]) = (slot, zero);
-            believed.gap[role] = splat(w.simd, c.unseen_gap);
+            state.seen_id[i][role] = choose(now, slot, state.seen_id[i][role]);
+            state.seen_time[i][role] = choose(now, zero, state.seen_time[i][role]);
             continue;
         }
         let noticed = w.simd.vectorize(
             #[inline(always)]
-            || notice(state, w, near, i, role, efforts[role], &leader, &before),
+            || {
+                notice(
+                    state,
+                    w,
+                    near,
+                    i,
+                    role,
+                    efforts[role],
+                    &leader,
+                    &before,
+                    (steadily, now),
+                )
+            },
         );
-        if !(all || role == LEAD || (leaving && is_front)) {
-            continue;
-        }
         let (place, speed) = recall(state, w.simd, row, slot);
         let place = place + speed * elapsed;
         let ahead = if is_front {
@@ -309,10 +375,11 @@ pub fn perceive<S: Simd, const N: usize>(
         let distance = at_least(gap, NEAREST);
         let width = pick!(w.count, slot, |j| w.p[j].loom_width);
         let looming = (width * closing.abs()).simd_gt(c.looming_threshold * (distance * distance));
-        let sensed = closing * (1.0 + q.speed_error * state.speed_error[i]);
         let fading = at_least(closing * c.error_fade_time, NEAREST);
-        let error = (judged - 1.0) * at_most(distance / fading, 1.0);
-        if role == LEAD || (leaving && is_front) {
+        let share = at_most(distance / fading, 1.0);
+        let sensed = closing * (1.0 + share * (q.speed_error * state.speed_error[i]));
+        let error = (judged - 1.0) * share;
+        if is_front {
             let before = at_least(then - c.brake_memory, 0.0);
             let row = before - HISTORY as f32 * floor(before * (1.0 / HISTORY as f32));
             let (_, early) = recall(state, w.simd, row, slot);

@@ -10,6 +10,8 @@ const ROUNDS: usize = 10;
 const WORD: u64 = 0xFFFF_FFFF;
 /// Stream of gusts and errors of perception; the vehicle's slot is added.
 pub const MOTION: u32 = 0x300;
+/// Stream of looks over the shoulder; the vehicle's slot is added.
+pub const GLANCES: u32 = 0x400;
 
 /// The four words of draw `draw` of `stream` in each simulation of a block.
 #[inline(always)]

@@ -15,7 +15,8 @@ pub fn begin_path<S: Simd, const N: usize>(
     centre: V<S>,
     duration: V<S>,
 ) {
-    let (place, speed, accel) = path_at(state, i, 0.0);
+    let (place, speed) = path_at(state, i, 0.0);
+    let accel = path_accel(state, i, splat(duration.simd, 0.0));
     let t = duration;
     let rest = centre - place - speed * t - 0.5 * accel * (t * t);
     let lost = -(speed + accel * t);
@@ -37,19 +38,26 @@ pub fn begin_path<S: Simd, const N: usize>(
     state.since_change[i] = choose(moved, zero, state.since_change[i]);
 }
 
-/// Position, velocity and acceleration of the lateral path of vehicle `i`, a time `ahead`.
+/// Position and velocity of the lateral path of vehicle `i`, a time `ahead`.
 #[inline(always)]
 pub fn path_at<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     i: usize,
     ahead: f32,
-) -> (V<S>, V<S>, V<S>) {
+) -> (V<S>, V<S>) {
     let t = min(state.path_time[i] + ahead, state.path_duration[i]);
     let [c0, c1, c2, c3, c4, c5] = state.path[i];
     let place = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))));
     let speed = c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * (5.0 * c5))));
-    let accel = 2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * (20.0 * c5)));
-    (place, speed, accel)
+    (place, speed)
+}
+
+/// Acceleration of the lateral path of vehicle `i`, a time `ahead`.
+#[inline(always)]
+fn path_accel<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize, ahead: V<S>) -> V<S> {
+    let t = min(state.path_time[i] + ahead, state.path_duration[i]);
+    let [_, _, c2, c3, c4, c5] = state.path[i];
+    2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * (20.0 * c5)))
 }
 
 /// Answer the side wind after a lag; at the first frame it is held already.
@@ -108,7 +116,13 @@ fn asked<S: Simd, const N: usize>(
     ahead: f32,
 ) -> (V<S>, V<S>) {
     let (c, p) = (w.c, &w.p[i]);
-    let (place, speed, accel) = path_at(state, i, ahead);
+    let (place, speed) = path_at(state, i, ahead);
+    let late = choose(
+        p.two_wheeler.simd_gt(0.0),
+        splat(w.simd, c.two_wheeler_lag),
+        c.steering_lag + p.side_lag * state.vx[i],
+    );
+    let accel = path_accel(state, i, ahead + late);
     let (sine, cosine) = (state.sine[i], state.cosine[i]);
     let (a_lon, a_lat) = (state.a_lon[i], state.a_lat[i]);
     let sideways = state.vx[i] * sine + state.vy[i] * cosine;

@@ -1,10 +1,11 @@
 //! What happens in a step, and what only at every fifth: a decision; see `overtaking.sim.reference.run`.
 
 use fearless_simd::Simd;
+use fearless_simd::prelude::*;
 
 use crate::collisions::{Pairs, collide, leave_road, near_pairs};
 use crate::dynamics::Motion;
-use crate::lanes::{outlined, splat};
+use crate::lanes::{M, outlined, splat};
 use crate::neighbours::{Body, Neighbours, find_neighbours};
 use crate::perception::Beliefs;
 use crate::recording::Recorder;
@@ -64,11 +65,27 @@ pub fn decide<S: Simd, const N: usize>(
             bodies[i] = Body::new(state, w, i);
         }
     });
+    let mut looks = [never(w.simd); N];
     for i in 0..w.count {
+        if step == 0 {
+            let drawn = w.p[i].valid.simd_gt(0.0);
+            outlined!(w.simd, perception::draw_check(state, w, i, drawn, decision));
+        }
+        looks[i] = perception::looks_around(state, w, i, decision);
+        let changing = state.path_time[i].simd_lt(state.path_duration[i]);
+        let lanes = if (looks[i] | changing).any_true() {
+            3
+        } else {
+            1
+        };
         // Written in place: what a function with other features returns goes through memory twice.
-        outlined!(w.simd, near[i] = find_neighbours(state, w, bodies, i));
+        outlined!(
+            w.simd,
+            near[i] = find_neighbours(state, w, bodies, i, lanes)
+        );
         outlined!(w.simd, {
-            believed[i] = perception::perceive(state, w, bodies, &near[i], i, decision as usize);
+            let decision = decision as usize;
+            believed[i] = perception::perceive(state, w, bodies, &near[i], i, decision, looks[i]);
         });
     }
     let mut leader = [splat(w.simd, 0.0); N];
@@ -81,19 +98,32 @@ pub fn decide<S: Simd, const N: usize>(
             control::set_acceleration(state, w, i, &near[i], &believed[i], leader[i])
         );
     }
-    if mobil::is_due(w.c, decision as usize) {
-        for i in 1..w.count {
-            outlined!(
-                w.simd,
-                mobil::change_lanes(state, w, i, &believed[i], leader[i])
+    for i in (1..w.count).filter(|i| looks[*i].any_true()) {
+        outlined!(w.simd, {
+            mobil::change_lanes(
+                state,
+                w,
+                bodies,
+                i,
+                &believed[i],
+                leader[i],
+                looks[i],
+                decision,
             );
-        }
+        });
     }
+    let (near, believed) = (&near[EGO], &believed[EGO]);
     outlined!(
         w.simd,
-        ego::decide(state, w, &near[EGO], &believed[EGO], recorder, step)
+        ego::decide(state, w, bodies, near, believed, looks[EGO], recorder, step)
     );
     outlined!(w.simd, *pairs = near_pairs(state, w));
+}
+
+/// In no simulation.
+fn never<S: Simd>(simd: S) -> M<S> {
+    let zero = splat(simd, 0.0);
+    zero.simd_lt(zero)
 }
 
 /// Time, memory, weather and wind of a decision.
@@ -106,6 +136,7 @@ fn surroundings<S: Simd, const N: usize>(
     outlined!(w.simd, {
         for i in 0..w.count {
             state.since_change[i] += w.c.decision;
+            state.wanted_time[i] += w.c.decision;
         }
         leave_road(state, w, step);
     });

@@ -38,6 +38,7 @@ class Stream(enum.IntEnum):
     VEHICLE = 0x100  # + slot: the vehicle's body
     DRIVER = 0x200  # + slot: the person in it
     MOTION = 0x300  # + slot: gusts and errors of perception while driving
+    GLANCES = 0x400  # + slot: looks over the shoulder
 
 
 def philox4x32(

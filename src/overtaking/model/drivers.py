@@ -82,7 +82,9 @@ class Drivers(Batch):
         metadata=within(0.0, 60.0, "s", "How long the indicator is on before moving over")
     )
     uses_indicator: Mask = field(metadata=meant("Whether the indicator is used at all"))
-    checks_blind_spot: Mask = field(metadata=meant("Whether what drives alongside is looked for"))
+    checks_blind_spot: F32 = field(
+        metadata=within(0.0, 1.0, "", "Share of lane changes that a look over the shoulder precedes")
+    )
     limit_respect: F32 = field(
         metadata=within(0.0, 1.0, "", "Share of the speed above the limit that is given up")
     )

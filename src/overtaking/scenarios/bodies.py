@@ -24,6 +24,9 @@ from overtaking.world.constants import constants
 POWER_RESERVE = number("starts.toml", "bodies.power_reserve")
 """A bicycle that may not be on the road has this much more power than its speed costs."""
 
+MOST_WEAR = number("starts.toml", "bodies.most_wear")
+"""The wear that most tyres have, 0 new to 1 bald."""
+
 
 def placed_kinds(traffic: Traffic, u: F32) -> U8:
     """Vehicle types from uniform numbers (simulation, vehicle); the ego's have other weights."""
@@ -56,12 +59,18 @@ def sample_bodies(
     noise = Noise(seed, index[:, None], slots)
     kind = kinds(noise.uniform())
     colour = choose(noise.uniform(), weights_of(given_colours, COLOUR_ORDER))
-    tyre_wear = noise.uniform()
+    tyre_wear = _wear(noise.uniform())
     front_drive = noise.uniform() < of_kind("front_drive_share", kind)
     length = _varied("length", kind, noise.normal())
     mass = _varied("mass", kind, noise.normal())
     wind_centre = _varied("wind_centre_ratio", kind, noise.normal())
     return _assembled(kind, colour, tyre_wear, front_drive, length, mass, wind_centre)
+
+
+def _wear(u: F32) -> F32:
+    """Wear of tyres, 0 new to 1 bald, from uniform numbers: triangular, most of them half worn."""
+    one, mode = np.float32(1.0), np.float32(MOST_WEAR)
+    return np.where(u < mode, np.sqrt(mode * u), one - np.sqrt((one - mode) * (one - u)))
 
 
 def lifted(vehicles: VehicleSpecs, desired_speed: F32) -> VehicleSpecs:

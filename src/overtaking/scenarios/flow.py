@@ -135,11 +135,13 @@ def wishes(flow: Flow, cruise_factor: F32, kind: U8, lane: U8) -> F32:
     return np.array(free, np.float32)[kind] * cruise_factor * np.array(lanes, np.float32)[lane]
 
 
-def equilibrium(around: FlowLayout, half: F32, wish: F32, time_gap: F32, min_gap: F32) -> F32:
-    """Speeds at which everyone follows whom they follow, (simulation, vehicle) [m/s].
+def equilibrium(
+    around: FlowLayout, half: F32, wish: F32, time_gap: F32, min_gap: F32
+) -> tuple[F32, F32]:
+    """Positions [m] and speeds [m/s] at which everyone follows, (simulation, vehicle).
 
-    Nobody is faster than they want. Who is nearer than they like drives as the leader does; who is
-    farther behind may be closing in, as fast as comfortable braking makes up for.
+    Nobody is faster than they want, or nearer than they like: who was drawn so starts farther back.
+    Who is farther behind may be closing in, as fast as comfortable braking makes up for.
 
     Args:
         around: Lanes and positions.
@@ -158,21 +160,28 @@ def equilibrium(around: FlowLayout, half: F32, wish: F32, time_gap: F32, min_gap
     speed = [free] * len(place)
     for rank in reversed(range(len(place))):
         bumper, ahead = _of_lane(rear, lane[rank]), _of_lane(pace, lane[rank])
-        room = bumper - place[rank] - length[rank] - rest[rank] - time[rank] * ahead
-        closing = np.sqrt(np.float32(2.0 * RELAXING_DECEL) * maximum(room, np.zeros_like(room)))
+        followed = minimum(wanted[rank], ahead)
+        nearest = bumper - length[rank] - rest[rank] - time[rank] * followed
+        place[rank] = minimum(place[rank], nearest)
+        closing = np.sqrt(np.float32(2.0 * RELAXING_DECEL) * (nearest - place[rank]))
         speed[rank] = minimum(wanted[rank], ahead + closing)
         for number in range(len(rear)):
             here = lane[rank] == number
             rear[number] = np.where(here, place[rank] - length[rank], rear[number])
             pace[number] = np.where(here, speed[rank], pace[number])
-    back = np.empty(order.shape, np.float32)
-    np.put_along_axis(back, order, np.stack(speed, axis=1), axis=1)
-    return back
+    return _unranked(place, order), _unranked(speed, order)
 
 
 def _ranked(values: NDArray[T], order: NDArray[np.intp]) -> list[NDArray[T]]:
     """The columns of an array, those of each row in the given order."""
     return list(np.ascontiguousarray(np.take_along_axis(values, order, axis=1).T))
+
+
+def _unranked(columns: list[F32], order: NDArray[np.intp]) -> F32:
+    """The inverse of `_ranked`."""
+    values = np.empty(order.shape, np.float32)
+    np.put_along_axis(values, order, np.stack(columns, axis=1), axis=1)
+    return values
 
 
 def _of_lane(values: list[F32], lane: U8) -> F32:

@@ -1,23 +1,22 @@
 """Adds drivers and vehicle bodies to the traffic around the ego."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from overtaking.core.compiled import minimum
-from overtaking.core.elementary import F32
+from overtaking.core.elementary import F32, Mask
 from overtaking.core.philox import U64
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge import number
 from overtaking.model.drivers import Drivers
 from overtaking.model.road import Road
 from overtaking.model.vehicles import Role, VehicleSpecs
-from overtaking.model.weather import Weather
 from overtaking.scenarios import flow as layout
 from overtaking.scenarios.bodies import first_uniform, sample_bodies, top_speeds
-from overtaking.scenarios.grip import usable_decel
-from overtaking.scenarios.layout import Draft, Followers, Zone, settle
+from overtaking.scenarios.layout import Zone
 from overtaking.scenarios.noise import REACH, U8
 from overtaking.scenarios.people import drivers_with, most_cruise, sample_traits
 from overtaking.scenarios.proposal import Bend
@@ -37,27 +36,29 @@ MARGIN = number("starts.toml", "flow.margin")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """Everybody at the first frame, shape (simulation, vehicle).
+    """Everybody before the first frame, shape (simulation, vehicle).
 
     Attributes:
         vehicles: Bodies.
         drivers: People.
         lane: Lane, 0 the slowest.
-        s: Position along the road [m].
-        speed: [m/s].
+        kept: See `layout.Draft`.
+        zone: Where they may start.
         deadline: A simulation without an attempt ends here, shape (simulation,) [s].
+        pace: Positions [m] and speeds [m/s] from the speeds that drivers want in their weather.
     """
 
     vehicles: VehicleSpecs
     drivers: Drivers
     lane: U8
-    s: F32
-    speed: F32
+    kept: F32
+    zone: Zone
     deadline: F32
+    pace: Callable[[F32], tuple[F32, F32]]
 
 
 def start(
-    spec: Spec, flow: Flow, road: Road, seed: int, index: U64, weather: Weather, bend: Bend
+    spec: Spec, flow: Flow, road: Road, seed: int, index: U64, bend: Bend
 ) -> Start:
     """Traffic as it is met, the ego one of it.
 
@@ -67,7 +68,6 @@ def start(
         road: The road.
         seed: Seed of the data set.
         index: Simulation numbers, shape (simulation,).
-        weather: Weather of each simulation.
         bend: Draws from where more happens.
     """
     own_lane = layout.own_lane(flow, seed, index)
@@ -79,28 +79,20 @@ def start(
     traits = sample_traits(spec.drivers, seed, index, bodies.kind, bent)
     wishes = layout.wishes(flow, traits["cruise_factor"], bodies.kind, around.lane)
     wishes = minimum(wishes, top_speeds()[bodies.kind])
-    speed = layout.equilibrium(
-        around, 0.5 * bodies.length, wishes, traits["time_gap"], traits["min_gap"]
-    )
-    draft = Draft(
-        valid=around.valid,
-        lane=around.lane,
-        s=_on_road(around),
-        speed=speed,
-        kept=np.zeros_like(speed),
-    )
-    followers = Followers(
-        length=bodies.length,
-        reaction_time=traits["reaction_time"],
-        decel=usable_decel(bodies, weather, road, around.lane, speed),
-    )
-    start_s, start_speed = settle(draft, followers, spec.starts, _everywhere(road))
+
+    def pace(wanted: F32) -> tuple[F32, F32]:
+        s, speed = layout.equilibrium(
+            around, 0.5 * bodies.length, wanted, traits["time_gap"], traits["min_gap"]
+        )
+        return _on_road(s, around.valid), speed
+
     return Start(
         vehicles=bodies.replace(valid=around.valid),
         drivers=drivers_with(traits, wishes),
         lane=around.lane,
-        s=start_s,
-        speed=start_speed,
+        kept=np.zeros_like(wishes),
+        zone=_everywhere(road),
+        pace=pace,
         deadline=minimum(around.time, np.float32(spec.time.attempt_deadline_s)),
     )
 
@@ -141,13 +133,13 @@ def _own_wish(
     return minimum(wish, top_speeds()[kind])[:, 0], remembered
 
 
-def _on_road(around: layout.FlowLayout) -> F32:
+def _on_road(s: F32, valid: Mask) -> F32:
     """Positions along the road with the rearmost vehicle near its begin [m]."""
-    rearmost = around.s[:, 0]
-    for slot in range(1, around.s.shape[1]):
-        place = np.where(around.valid[:, slot], around.s[:, slot], np.float32(0.0))
+    rearmost = s[:, 0]
+    for slot in range(1, s.shape[1]):
+        place = np.where(valid[:, slot], s[:, slot], rearmost)
         rearmost = minimum(rearmost, place)
-    return around.s - rearmost[:, None] + np.float32(MARGIN)
+    return s - rearmost[:, None] + np.float32(MARGIN)
 
 
 def _everywhere(road: Road) -> Zone:

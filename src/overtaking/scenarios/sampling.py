@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from overtaking.core.compiled import minimum
 from overtaking.core.errors import ConfigError, InfeasibleError
 from overtaking.core.philox import U64
 from overtaking.core.units import kmh_from_mps, mps_from_kmh
@@ -15,7 +16,6 @@ from overtaking.knowledge import VEHICLE_CLASS_ORDER
 from overtaking.model.batch import Batch, concatenate
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
-from overtaking.model.weather import Weather
 from overtaking.scenarios import natural
 from overtaking.scenarios.bodies import (
     lifted,
@@ -25,13 +25,14 @@ from overtaking.scenarios.bodies import (
     top_speeds,
 )
 from overtaking.scenarios.grip import usable_decel
-from overtaking.scenarios.layout import Followers, Zone, draw_layout, settle
+from overtaking.scenarios.layout import Draft, Followers, Zone, draw_layout, settle
 from overtaking.scenarios.natural import PASSING_MARGIN, Start
 from overtaking.scenarios.people import drivers_of, fastest_wish, sample_traits
 from overtaking.scenarios.proposal import Bending
 from overtaking.scenarios.schema import Spec, Traffic
 from overtaking.scenarios.schema_flow import Flow
 from overtaking.scenarios.weather import sample_weather
+from overtaking.world.people import wanted_speed
 
 T = TypeVar("T", bound=np.generic)
 B = TypeVar("B", bound=Batch)
@@ -216,8 +217,8 @@ def _round(length: float) -> float:
     return math.ceil(length / _ROAD_STEP) * _ROAD_STEP
 
 
-Starter = Callable[[int, "U64", Weather, Bending], Start]
-"""Seed, numbers, weather and proposal to what starts."""
+Starter = Callable[[int, "U64", Bending], Start]
+"""Seed, numbers and proposal to what starts."""
 
 
 def _starter(spec: Spec, road: Road) -> tuple[Starter, Road]:
@@ -229,17 +230,15 @@ def _starter(spec: Spec, road: Road) -> tuple[Starter, Road]:
         return partial(natural.start, spec, traffic, long_road), long_road
     zone = _zone(spec, traffic, road)
     long_road = road.extended(_needed_length(spec, traffic, road, zone))
-    return partial(_placed, spec, traffic, zone, long_road), long_road
+    return partial(_placed, spec, traffic, zone), long_road
 
 
 def _placed(
     spec: Spec,
     traffic: Traffic,
     zone: Zone,
-    road: Road,
     seed: int,
     index: U64,
-    weather: Weather,
     bend: Bending,
 ) -> Start:
     """Vehicles each on its own, as in the study."""
@@ -248,20 +247,15 @@ def _placed(
     )
     traits = sample_traits(spec.drivers, seed, index, bodies.kind, bend)
     draft = draw_layout(traffic, zone, seed, index, bodies.kind)
-    followers = Followers(
-        length=bodies.length,
-        reaction_time=traits["reaction_time"],
-        decel=usable_decel(bodies, weather, road, draft.lane, draft.speed),
-    )
-    start_s, start_speed = settle(draft, followers, spec.starts, zone)
     drivers = drivers_of(traits, draft.speed, top_speeds()[bodies.kind])
     vehicles = lifted(bodies.replace(valid=draft.valid), drivers.desired_speed)
     return Start(
         vehicles=vehicles,
         drivers=drivers,
         lane=draft.lane,
-        s=start_s,
-        speed=start_speed,
+        kept=draft.kept,
+        zone=zone,
+        pace=lambda wanted: (draft.s, minimum(draft.speed, wanted)),
         deadline=np.full(index.shape, spec.time.attempt_deadline_s, np.float32),
     )
 
@@ -270,8 +264,9 @@ def _block(spec: Spec, road: Road, starter: Starter, seed: int, index: U64) -> S
     """The scenarios of a block."""
     bend = Bending(spec.proposal, seed, index)
     weather = sample_weather(spec.weather, seed, index, bend)
-    start = starter(seed, index, weather, bend)
-    return Scenario(
+    start = starter(seed, index, bend)
+    unpaced = np.zeros_like(start.drivers.desired_speed)
+    scenario = Scenario(
         profile=spec.name,
         road=road,
         seed=seed,
@@ -283,7 +278,18 @@ def _block(spec: Spec, road: Road, starter: Starter, seed: int, index: U64) -> S
         vehicles=start.vehicles,
         drivers=start.drivers,
         weather=weather,
-        start_s=start.s,
+        start_s=unpaced,
         start_lane=start.lane,
-        start_speed=start.speed,
+        start_speed=unpaced,
     )
+    s, speed = start.pace(wanted_speed(scenario))
+    draft = Draft(
+        valid=scenario.vehicles.valid, lane=start.lane, s=s, speed=speed, kept=start.kept
+    )
+    followers = Followers(
+        length=scenario.vehicles.length,
+        reaction_time=scenario.drivers.reaction_time,
+        decel=usable_decel(scenario.vehicles, weather, road, start.lane, speed),
+    )
+    s, speed = settle(draft, followers, spec.starts, start.zone)
+    return scenario.replace(start_s=s, start_speed=speed)

@@ -93,6 +93,7 @@ def _tyres(v: VehicleSpecs, c: Constants) -> Rows:
     return {
         "understeer": understeer_gradient(v, c),
         "moment_angle": moment_angle(v, c),
+        "side_lag": side_lag(v, c),
         "wear": v.tyre_wear,
         "truck": (v.kind == VehicleKind.T).astype(np.float32),
     }
@@ -118,6 +119,16 @@ def moment_angle(v: VehicleSpecs, c: Constants) -> F32:
     front = v.front_stiffness * v.mass * c.gravity * _cg_to_rear(v) / v.wheelbase
     rear = v.rear_stiffness * v.mass * c.gravity * v.cg_to_front / v.wheelbase
     return (_ONE / front + _ONE / rear) / v.wheelbase
+
+
+def side_lag(v: VehicleSpecs, c: Constants) -> F32:
+    """Time in which the tyres build up a side force, per speed: m / (C_f + C_r) [s^2/m].
+
+    Source:
+        The side-slip time constant of the single-track model (Gillespie 1992, chapter 6).
+    """
+    share = _cg_to_rear(v) / v.wheelbase
+    return _ONE / (c.gravity * (v.front_stiffness * share + v.rear_stiffness * (_ONE - share)))
 
 
 def _wind_surface(v: VehicleSpecs, c: Constants) -> Rows:

@@ -76,6 +76,7 @@ class VehicleParameters(NamedTuple):
     half_track: F32
     understeer: F32
     moment_angle: F32
+    side_lag: F32
     two_wheeler: F32
     side_wind: F32
     wind_centre: F32

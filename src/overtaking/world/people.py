@@ -7,10 +7,9 @@ from overtaking.model.scenario import Scenario
 from overtaking.world import friction, visibility
 from overtaking.world.bodies import Rows
 from overtaking.world.clock import DECISIONS_PER_SECOND
-from overtaking.world.conditions import World
-from overtaking.world.constants import Constants, known
+from overtaking.world.conditions import World, world_of
+from overtaking.world.constants import Constants, constants, known
 from overtaking.world.effects import Effects
-from overtaking.world.film import PERCENT
 from overtaking.world.lanes import road_parameters
 
 _ZERO = np.float32(0.0)
@@ -18,9 +17,6 @@ _ONE = np.float32(1.0)
 
 _NEVER = np.float32(1e9)
 """A threshold that no incentive to change lanes reaches [m/s^2]."""
-
-_ANY_SPEED = np.float32(1e3)
-"""Where nothing limits the speed [m/s]."""
 
 _FAINTEST = np.float32(1e-12)
 """Keeps the range of lamps finite where light has no limit [lx]."""
@@ -45,6 +41,13 @@ def driver_parameters(scenario: Scenario, c: Constants, world: World, effects: E
         | _lane_changes(scenario, world, effects)
         | {"inverse_patience": _ONE / scenario.drivers.patience}
     )
+
+
+def wanted_speed(scenario: Scenario) -> F32:
+    """Speed that each driver wants in its weather and vehicle, (simulation, vehicle) [m/s]."""
+    c = constants()
+    adapted = adapted_speed(scenario, c, world_of(scenario, c, Effects()))
+    return minimum(adapted, scenario.vehicles.max_speed)
 
 
 def _speeds(scenario: Scenario, c: Constants, world: World) -> Rows:
@@ -107,15 +110,14 @@ def _quickest_change(scenario: Scenario, world: World) -> F32:
 def adapted_speed(scenario: Scenario, c: Constants, world: World) -> F32:
     """Speed that each driver wants in this weather and light, (simulation, vehicle) [m/s].
 
-    A cautious driver slows for heavy rain as measured on motorways, for strong wind to the speed
-    that exposed bridges ask for, and to a speed from which the vehicle stops within sight of a lit
-    one; a careless one does not.
+    A cautious driver slows for heavy rain as measured on motorways, and to a speed from which the
+    vehicle stops within sight of a lit one; a careless one does not.
     """
     p = scenario.drivers
     limit = np.float32(scenario.road.speed_limit)
     wanted = p.desired_speed - p.limit_respect * maximum(p.desired_speed - limit, _ZERO)
     slowing = _rain_slowing(world)[:, None]
-    safe = minimum(_stoppable_speed(scenario, c, world), _calm_speed(scenario))[:, None]
+    safe = _stoppable_speed(scenario, c, world)[:, None]
     excess = maximum(wanted - slowing - safe, _ZERO)
     return wanted - p.caution * (slowing + excess)
 
@@ -142,11 +144,3 @@ def _stoppable_speed(scenario: Scenario, c: Constants, world: World) -> F32:
     reaction = np.full_like(seen, known("model.speed_choice.reaction_time"))
     decel = known("model.speed_choice.grip_share") * c.gravity * world.grip
     return friction.stoppable_speed(seen, reaction, decel)
-
-
-def _calm_speed(scenario: Scenario) -> F32:
-    """Speed that a fully cautious driver keeps in strong wind, shape (simulation,) [m/s]."""
-    strongest = known("weather.wind.peak_factor") * known("weather.wind.full_speed")
-    gust = strongest * (scenario.weather.wind * PERCENT)
-    limited = gust > known("weather.wind.restricted_gust")
-    return np.where(limited, known("weather.wind.restricted_speed"), _ANY_SPEED)

@@ -188,8 +188,12 @@ def _impulse(c: Constants, p: Fields, hit: Hit, i: int, j: int) -> F32:
 
 
 def _write_down(state: State, hit: Hit, impulse: F32, own: int, other: int) -> None:
-    """Keep the first contact of a vehicle, and make it a wreck."""
-    first = hit.mask & (state.contact_partner[own] < 0)
+    """Keep the first contact of a vehicle, and make it a wreck.
+
+    Pairs are looked at by slot, so of two contacts in one step the earlier may come second.
+    """
+    sooner = (state.contact_partner[own] < 0) | (hit.instant < state.contact_time[own])
+    first = hit.mask & sooner
     state.contact_partner[own] = np.where(first, np.float32(other), state.contact_partner[own])
     state.contact_time[own] = np.where(first, hit.instant, state.contact_time[own])
     state.contact_impulse[own] = np.where(first, impulse, state.contact_impulse[own])

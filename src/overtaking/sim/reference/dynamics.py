@@ -124,7 +124,7 @@ def move(state: State, c: Constants, p: Fields, angle: F32, length: np.float32) 
     force = drive_force(c, p, state.accel, resistance, speed, inverse_speed)
     front, rear = _axles(state, c, p, force, resistance, angle)
     drives = _on_four_wheels(
-        state, p, (front, rear), resistance, (speed, inverse_speed), angle, length
+        state, c, p, (front, rear), resistance, (speed, inverse_speed), angle, length
     )
     straight = (front.along + rear.along - resistance) * p.inverse_mass
     leans = _on_two_wheels(state, c, p, straight, inverse_speed, angle, length)
@@ -180,6 +180,7 @@ def _grip(state: State, c: Constants) -> F32:
 
 def _on_four_wheels(
     state: State,
+    c: Constants,
     p: Fields,
     axles: tuple[Axle, Axle],
     resistance: F32,
@@ -206,6 +207,7 @@ def _on_four_wheels(
     side = front_y * cosine + front.along * sine
     moment = p.half_track * (front.split + rear.split)
     across = (side + rear_y + state.wind_force) * p.inverse_mass - speed * state.r
+    moment = moment + _stability_control(state, c, p, speed, angle)
     turn = p.cg_front * side - p.cg_rear * rear_y + state.wind_moment + moment
     turn = turn * p.inverse_inertia
     ahead, behind = p.cg_front * (front_k * cosine), p.cg_rear * rear_k
@@ -229,6 +231,25 @@ def _on_four_wheels(
         r=state.r + more_r,
         mean_r=r,
     )
+
+
+def _stability_control(state: State, c: Constants, p: Fields, speed: F32, angle: F32) -> F32:
+    """Yaw moment of stability control, which brakes single wheels [N m].
+
+    It answers a yaw rate that is off, by more than a threshold, from what the wheel angle asks for
+    and friction allows, with at most the braking force of one wheel. What that takes from the speed
+    is left out.
+
+    Source:
+        van Zanten, Erhardt and Pfaff 1995 (control of the yaw rate by the single-track model).
+    """
+    grip = _grip(state, c)
+    reach = grip / maximum(speed, c.slip_speed)
+    asked = speed * angle / (p.wheelbase + p.understeer * (speed * speed))
+    off = state.r - clamp(asked, -reach, reach)
+    off = off - clamp(off, -c.stability_threshold, c.stability_threshold)
+    most = np.float32(0.25) * grip * p.mass * p.half_track
+    return clamp(-off * (_ONE / c.stability_time) / p.inverse_inertia, -most, most)
 
 
 def _on_two_wheels(

@@ -9,7 +9,7 @@ from overtaking.model.decision import Decision
 from overtaking.model.trajectory import DecisionKind, Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.following import forced_braking
-from overtaking.sim.reference.mobil import turn_to_lane
+from overtaking.sim.reference.mobil import Claims, must_wait, soon, time_left, turn_to_lane
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.recording import Recorder
@@ -24,7 +24,7 @@ from overtaking.sim.reference.state import (
     State,
     pick,
 )
-from overtaking.world.parameters import Parameters, SimulationParameters
+from overtaking.world.parameters import SUBSTEPS, Parameters, SimulationParameters
 
 
 @dataclass(slots=True, kw_only=True)
@@ -76,21 +76,16 @@ def look(state: State, given: Parameters, p: Fields, believed: Beliefs) -> View:
     )
 
 
-def own_braking(given: Parameters, view: View, role: int) -> F32:
-    """Acceleration that the vehicle ahead in `role` forces on the ego at the gap demanded now."""
+def own_braking(given: Parameters, view: View, gap: F32, closing: F32) -> F32:
+    """Acceleration that somebody ahead forces on the ego at the gap demanded now."""
     time_gap = view.own.time_gap * view.demand
-    return forced_braking(
-        given.constants, view.own, view.speed, view.gap[role], view.closing[role], time_gap
-    )
+    return forced_braking(given.constants, view.own, view.speed, gap, closing, time_gap)
 
 
-def their_braking(given: Parameters, view: View, role: int) -> F32:
-    """Acceleration that the ego in front would force on the vehicle behind in `role`."""
+def their_braking(given: Parameters, view: View, gap: F32, closing: F32) -> F32:
+    """Acceleration that the ego in front would force on somebody behind it."""
     time_gap = view.own.time_gap * view.demand
-    speed = view.speed + view.closing[role]
-    return forced_braking(
-        given.constants, view.own, speed, view.gap[role], view.closing[role], time_gap
-    )
+    return forced_braking(given.constants, view.own, view.speed + closing, gap, closing, time_gap)
 
 
 def wants_to_pass(given: Parameters, view: View) -> Mask:
@@ -106,9 +101,11 @@ def wants_to_pass(given: Parameters, view: View) -> Mask:
 def may_pull_out(given: Parameters, view: View) -> Mask:
     """Whether the next lane looks free enough, and faster, to this driver."""
     c, own = given.constants, view.own
-    front = own_braking(given, view, FAST_LEAD) >= -own.decel
-    rear = their_braking(given, view, FAST_REAR) >= -view.imposes
-    rear = rear & (view.gap[FAST_REAR] > c.smallest_rear_gap * view.demand)
+    front = own_braking(given, view, view.gap[FAST_LEAD], view.closing[FAST_LEAD]) >= -own.decel
+    gap, closing = view.gap[FAST_REAR], view.closing[FAST_REAR]
+    now = their_braking(given, view, gap, closing)
+    rear = minimum(now, their_braking(given, view, *soon(given, gap, closing))) >= -view.imposes
+    rear = rear & (gap > c.smallest_rear_gap * view.demand)
     next_speed = view.speed - view.closing[FAST_LEAD]
     gain = next_speed - view.leader_speed > own.passing_gain * view.impatience
     far = view.gap[FAST_LEAD] > view.gap[LEAD] + c.waiting_time_gap * view.speed
@@ -116,25 +113,34 @@ def may_pull_out(given: Parameters, view: View) -> Mask:
 
 
 def may_return(given: Parameters, view: View) -> Mask:
-    """Whether the slower lane has room for the ego, ahead and behind."""
-    own = view.own
-    follower_speed = view.speed + view.closing[SLOW_REAR]
-    left = view.gap[SLOW_REAR] >= own.return_time_gap * follower_speed * view.impatience
-    rear = left & (their_braking(given, view, SLOW_REAR) >= -view.imposes)
-    front = own_braking(given, view, SLOW_LEAD) >= -own.decel
+    """Whether the slower lane has room: behind when the line is crossed, ahead at the end."""
+    own, zero = view.own, np.float32(0.0)
+    closing, ahead = view.closing[SLOW_REAR], view.closing[SLOW_LEAD]
+    crossing = np.float32(0.5) * own.lane_change_duration
+    gap = view.gap[SLOW_REAR] - crossing * minimum(closing, zero)
+    left = gap >= own.return_time_gap * (view.speed + closing) * view.impatience
+    rear = left & (their_braking(given, view, gap, closing) >= -view.imposes)
+    room = view.gap[SLOW_LEAD] - own.lane_change_duration * maximum(ahead, zero)
+    front = own_braking(given, view, room, ahead) >= -own.decel
     worth = view.gap[SLOW_LEAD] > given.constants.stay_time * view.closing[SLOW_LEAD]
     return rear & front & worth
 
 
-def must_abort(given: Parameters, view: View) -> Mask:
-    """Whether the lane being entered has turned dangerous, and the old one still has room."""
+def must_abort(given: Parameters, view: View, lead: int, rear: int) -> Mask:
+    """Whether the lane being entered has turned dangerous, and the old one still has room.
+
+    Args:
+        given: All inputs.
+        view: What the ego knows.
+        lead: Role of who is ahead in the old lane.
+        rear: Role of who is behind in the old lane.
+    """
     c, own = given.constants, view.own
-    bad_rear = their_braking(given, view, REAR) < -(c.abort_imposed * view.imposes)
-    bad_front = own_braking(given, view, LEAD) < -(c.abort_factor * own.decel)
-    room = (own_braking(given, view, SLOW_LEAD) >= -own.hardest_decel) & (
-        view.gap[SLOW_REAR] > c.smallest_rear_gap
-    )
-    return (bad_rear | bad_front) & room
+    imposed = their_braking(given, view, view.gap[REAR], view.closing[REAR])
+    braking = own_braking(given, view, view.gap[LEAD], view.closing[LEAD])
+    bad = (imposed < -(c.abort_imposed * view.imposes)) | (braking < -(c.abort_factor * own.decel))
+    back = own_braking(given, view, view.gap[lead], view.closing[lead])
+    return bad & (back >= -own.hardest_decel) & (view.gap[rear] > c.smallest_rear_gap)
 
 
 def has_passed(state: State, given: Parameters, p: Fields) -> Mask:
@@ -154,6 +160,7 @@ class Intent:
         go_out: Pulls out now.
         go_back: Changes back now.
         abort: Gives up pulling out now.
+        remain: Gives up changing back now.
         passed: The target is behind.
         arrived: The last lane change is over.
     """
@@ -163,6 +170,7 @@ class Intent:
     go_out: Mask
     go_back: Mask
     abort: Mask
+    remain: Mask
     passed: Mask
     arrived: Mask
 
@@ -174,22 +182,26 @@ def decide(
     q: SimulationParameters,
     near: Neighbours,
     believed: Beliefs,
+    looks: Mask,
+    claims: Claims,
     recorder: Recorder,
     step: int,
 ) -> None:
-    """One decision of every ego."""
+    """One decision of every ego; what it intends holds until it looks around again."""
     view = look(state, given, p, believed)
     state.stage_time = state.stage_time + given.constants.decision
     _wait(state, given, view)
-    intent = _intend(state, given, p, q, view)
+    waits = must_wait(state, given, state.wanted, claims)[Role.EGO]
+    intent = _intend(state, given, p, q, view, looks, waits)
     for mask, kind, roles in (
         (intent.go_out, DecisionKind.PULL_OUT, (LEAD, FAST_LEAD, FAST_REAR)),
         (intent.abort, DecisionKind.ABORT, (LEAD, SLOW_LEAD, SLOW_REAR)),
+        (intent.remain, DecisionKind.ABORT, (LEAD, FAST_LEAD, FAST_REAR)),
         (intent.go_back, DecisionKind.RETURN, (LEAD, SLOW_LEAD, SLOW_REAR)),
     ):
         recorder.percepts(state, near, believed, mask, kind, roles, step)
     next_stage = _next_stage(state, given, near, intent)
-    _act(state, given, p, near, view, intent)
+    _act(state, given, p, near, view, intent, step // SUBSTEPS)
     _end(state, given, q, intent, next_stage, step)
     state.stage_time = np.where(next_stage != state.stage, np.float32(0.0), state.stage_time)
     state.stage = next_stage
@@ -210,62 +222,99 @@ def _wait(state: State, given: Parameters, view: View) -> None:
 
 
 def _intend(
-    state: State, given: Parameters, p: Fields, q: SimulationParameters, view: View
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: SimulationParameters,
+    view: View,
+    looks: Mask,
+    waits: Mask,
 ) -> Intent:
     """What the ego wants, and what of it is done now that it has signalled long enough."""
     c = given.constants
     arrived = state.path_time[Role.EGO] >= state.path_duration[Role.EGO]
-    start = _starts(state, given, q, view, arrived)
     passed = has_passed(state, given, p)
-    back = _turns_back(state, given, q, view, passed)
+    start = _starts(state, given, q, view, arrived, looks)
+    back = _turns_back(state, given, q, view, passed, looks)
+    one = np.float32(1.0)
+    state.wanted[Role.EGO] = np.where(start, one, np.where(back, -one, np.float32(0.0)))
     longer = state.signalled + c.decision
     # Doubts while waiting do not switch the indicator off at once.
     fading = maximum(state.signalled - c.decision, np.float32(0.0))
     state.signalled = np.where(start | back, longer, fading)
     ready = state.signalled > view.own.signal_time
+    sure = looks & ~waits
     return Intent(
         start=start,
         back=back,
-        go_out=start & ready,
-        go_back=back & ready,
-        abort=_gives_up(state, given, q, view),
+        go_out=start & ready & (sure | (q.command == Decision.PULL_OUT)),
+        go_back=back & ready & (sure | (q.command == Decision.RETURN)),
+        abort=_gives_up(state, given, q, view, looks),
+        remain=_stays_out(state, given, q, view, looks),
         passed=passed,
         arrived=arrived,
     )
 
 
 def _starts(
-    state: State, given: Parameters, q: SimulationParameters, view: View, arrived: Mask
+    state: State,
+    given: Parameters,
+    q: SimulationParameters,
+    view: View,
+    arrived: Mask,
+    looks: Mask,
 ) -> Mask:
-    """Whether an overtake is wanted and looks possible, or is forced by a branch."""
+    """Whether an overtake is wanted and looked possible, or is forced by a branch."""
     c = given.constants
     rested = state.since_change[Role.EGO] >= c.abort_cooldown
     has_lane = state.lane[Role.EGO] < np.float32(given.road.num_lanes - 1)
     free = _in_stage(state, Stage.FOLLOW) & arrived & rested & has_lane
-    wanted = (
-        free & wants_to_pass(given, view) & may_pull_out(given, view) & (q.command != Decision.STAY)
-    )
-    return wanted | (free & (q.command == Decision.PULL_OUT) & (state.attempted == 0))
+    seen = wants_to_pass(given, view) & may_pull_out(given, view)
+    wanted = np.where(looks, seen, state.wanted[Role.EGO] > 0) & (q.command != Decision.STAY)
+    return free & (wanted | ((q.command == Decision.PULL_OUT) & (state.attempted == 0)))
 
 
 def _turns_back(
-    state: State, given: Parameters, q: SimulationParameters, view: View, passed: Mask
+    state: State,
+    given: Parameters,
+    q: SimulationParameters,
+    view: View,
+    passed: Mask,
+    looks: Mask,
 ) -> Mask:
     """Whether the ego may return: past the target, or stuck beside it, or forced by a branch."""
     c = given.constants
     has_lane = _in_stage(state, Stage.PASS) & (state.lane[Role.EGO] >= np.float32(1.0))
     late = state.stage_time > c.give_up_after
     stuck = late & (state.s[Role.EGO] < pick(state.s, state.target))
-    wanted = has_lane & may_return(given, view) & (passed | stuck)
-    return wanted | (has_lane & (q.command == Decision.RETURN))
+    rested = state.since_change[Role.EGO] >= c.abort_cooldown
+    seen = may_return(given, view) & (passed | stuck) & rested
+    wanted = np.where(looks, seen, state.wanted[Role.EGO] < 0)
+    return has_lane & (wanted | (q.command == Decision.RETURN))
 
 
-def _gives_up(state: State, given: Parameters, q: SimulationParameters, view: View) -> Mask:
+def _gives_up(
+    state: State, given: Parameters, q: SimulationParameters, view: View, looks: Mask
+) -> Mask:
     """Whether the ego goes back while pulling out: in danger, or forced by a branch."""
+    danger = looks & must_abort(given, view, SLOW_LEAD, SLOW_REAR)
+    forced = q.command == Decision.ABORT
+    return _in_stage(state, Stage.PULL_OUT) & _is_early(state, given) & (danger | forced)
+
+
+def _stays_out(
+    state: State, given: Parameters, q: SimulationParameters, view: View, looks: Mask
+) -> Mask:
+    """Whether the ego gives up its way back in danger, unless a branch forces it to return."""
+    danger = looks & must_abort(given, view, FAST_LEAD, FAST_REAR)
+    free = danger & (q.command != Decision.RETURN)
+    return _in_stage(state, Stage.RETURN) & _is_early(state, given) & free
+
+
+def _is_early(state: State, given: Parameters) -> Mask:
+    """Whether going back is shorter than going on."""
     halfway = given.constants.abort_until * state.path_duration[Role.EGO]
-    early = state.path_time[Role.EGO] < halfway
-    danger = must_abort(given, view) | (q.command == Decision.ABORT)
-    return _in_stage(state, Stage.PULL_OUT) & early & danger
+    return state.path_time[Role.EGO] < halfway
 
 
 def _next_stage(state: State, given: Parameters, near: Neighbours, intent: Intent) -> F32:
@@ -279,22 +328,31 @@ def _next_stage(state: State, given: Parameters, near: Neighbours, intent: Inten
     stage = np.where(entered, np.float32(Stage.PASS), stage)
     stage = np.where(intent.abort, np.float32(Stage.ABORT), stage)
     stage = np.where(intent.go_back, returning, stage)
+    stage = np.where(intent.remain, np.float32(Stage.PASS), stage)
     stage = np.where(_in_stage(state, Stage.RETURN) & finished, np.float32(Stage.DONE), stage)
     return np.where(_in_stage(state, Stage.ABORT) & finished, np.float32(Stage.FOLLOW), stage)
 
 
 def _act(
-    state: State, given: Parameters, p: Fields, near: Neighbours, view: View, intent: Intent
+    state: State,
+    given: Parameters,
+    p: Fields,
+    near: Neighbours,
+    view: View,
+    intent: Intent,
+    decision: int,
 ) -> None:
     """Move over and show it; who pulls out remembers whom it is overtaking."""
     state.target = np.where(intent.go_out, near.slot[LEAD, Role.EGO], state.target)
     state.attempted = np.where(intent.go_out, np.float32(1.0), state.attempted)
-    slower = intent.go_back | intent.abort
-    fast = np.zeros(state.s.shape, bool)
-    slow = np.zeros(state.s.shape, bool)
-    fast[Role.EGO], slow[Role.EGO] = intent.go_out, slower
-    turn_to_lane(state, given, p, fast, slow)
-    _show(state, view, intent, intent.go_out | slower)
+    fast, slow, back = (np.zeros(state.s.shape, bool) for _ in range(3))
+    fast[Role.EGO] = intent.go_out | intent.remain
+    slow[Role.EGO] = intent.go_back | intent.abort
+    back[Role.EGO] = intent.abort | intent.remain
+    left = np.zeros_like(state.s)
+    left[Role.EGO] = time_left(view.gap[LEAD], view.closing[LEAD])
+    turn_to_lane(state, given, p, (fast, slow, back), left, decision)
+    _show(state, view, intent, (fast | slow)[Role.EGO])
 
 
 def _show(state: State, view: View, intent: Intent, moved: Mask) -> None:

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, minimum
+from overtaking.core.elementary import F32, Mask, maximum, minimum
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.following import follow, forced_braking
-from overtaking.sim.reference.neighbours import lane_borders
-from overtaking.sim.reference.perception import Beliefs
+from overtaking.sim.reference.neighbours import along, lane_borders
+from overtaking.sim.reference.perception import Beliefs, draw_check
 from overtaking.sim.reference.state import (
     FAST_LEAD,
     FAST_REAR,
@@ -18,13 +18,12 @@ from overtaking.sim.reference.state import (
     State,
 )
 from overtaking.sim.reference.steering import begin_path
-from overtaking.world.constants import Constants
 from overtaking.world.parameters import Parameters
 
+_SLOWEST = np.float32(0.1)  # Keeps the time until a gap is closed finite [m/s].
 
-def is_due(c: Constants, decision: int) -> bool:
-    """Whether lane changes are considered at a decision."""
-    return decision % int(c.mobil_interval) == 0
+Claims = tuple[F32, F32]
+"""Lanes and sides, each (vehicle, simulation), of `claimed`."""
 
 
 def imposed(given: Parameters, p: Fields, speed: F32, gap: F32, closing: F32) -> F32:
@@ -68,17 +67,36 @@ def incentives(
 def is_safe(
     state: State, given: Parameters, p: Fields, believed: Beliefs, front: int, rear: int
 ) -> Mask:
-    """Whether a lane change endangers neither the driver nor the new follower."""
+    """Whether a lane change endangers neither the driver nor the new follower, now and soon."""
     c = given.constants
     v, gap, closing = state.vx, believed.gap, believed.closing
-    braking = imposed(given, p, v, gap[rear], closing[rear])
+    braking = minimum(
+        imposed(given, p, v, gap[rear], closing[rear]),
+        imposed(given, p, v, *soon(given, gap[rear], closing[rear])),
+    )
     own = forced_braking(c, p, v, gap[front], closing[front], p.time_gap)
     room = (gap[rear] > c.smallest_rear_gap) & (gap[front] > c.smallest_rear_gap)
     return room & (braking >= -p.safe_decel) & (own >= -p.safe_decel)
 
 
-def change_lanes(state: State, given: Parameters, p: Fields, believed: Beliefs, own: F32) -> None:
-    """Let everybody but the ego change lanes where it pays and is safe.
+def soon(given: Parameters, gap: F32, closing: F32) -> tuple[F32, F32]:
+    """Gap [m] to a follower, and how fast it closes [m/s], if it speeds up for some seconds."""
+    c = given.constants
+    faster = c.foresight_accel * c.foresight
+    return gap - c.foresight * (closing + np.float32(0.5) * faster), closing + faster
+
+
+def change_lanes(
+    state: State,
+    given: Parameters,
+    p: Fields,
+    believed: Beliefs,
+    own: F32,
+    looks: Mask,
+    claims: Claims,
+    decision: int,
+) -> None:
+    """Let everybody but the ego change lanes where it pays and is safe, or back in danger.
 
     Args:
         state: State at a decision.
@@ -86,9 +104,12 @@ def change_lanes(state: State, given: Parameters, p: Fields, believed: Beliefs, 
         p: Vehicle parameters.
         believed: What drivers believe about their neighbours.
         own: Acceleration behind the present leader, (vehicle, simulation) [m/s^2].
+        looks: Who looks around, (vehicle, simulation).
+        claims: `claimed` at the begin of the decision.
+        decision: Number of the decision.
     """
     to_fast, to_slow = incentives(state, given, p, believed, own)
-    ready = _is_ready(state, given, p)
+    ready = looks & _is_ready(state, given, p)
     has_fast = state.lane < np.float32(given.road.num_lanes - 1)
     has_slow = state.lane >= np.float32(1.0)
     safe_fast = is_safe(state, given, p, believed, FAST_LEAD, FAST_REAR)
@@ -98,20 +119,82 @@ def change_lanes(state: State, given: Parameters, p: Fields, believed: Beliefs, 
     fast = ready & has_fast & safe_fast & (to_fast > p.threshold)
     slow = ready & has_slow & safe_slow & (to_slow > p.threshold) & worth & ~fast
     wanted = _side(fast, slow)
-    decided = decide(state, given, p, wanted)
-    turn_to_lane(state, given, p, fast & decided, slow & decided)
-    done = state.path_time >= state.path_duration
-    shown = wanted * p.uses_indicator
-    state.indicator[1:] = np.where(done[1:], shown[1:], state.indicator[1:])
+    shows = looks & (state.path_time >= state.path_duration)
+    shows[Role.EGO] = False
+    state.indicator = np.where(shows, wanted * p.uses_indicator, state.indicator)
+    decided = decide(state, p, wanted, looks) & ~must_wait(state, given, wanted, claims)
+    back, to_fast = _retreats(state, given, p, believed)
+    back = back & looks
+    fast, slow = (fast & decided) | (back & ~to_fast), (slow & decided) | (back & to_fast)
+    left = time_left(believed.gap[LEAD], believed.closing[LEAD])
+    turn_to_lane(state, given, p, (fast, slow, back), left, decision)
 
 
-def decide(state: State, given: Parameters, p: Fields, wanted: F32) -> Mask:
-    """Who has wanted the same for as long as they signal, and so has looked; remembers it."""
+def decide(state: State, p: Fields, wanted: F32, looks: Mask) -> Mask:
+    """Who has wanted the same for as long as they signal; remembers what is wanted."""
     same = (wanted == state.wanted) & (wanted != 0)
-    longer = state.wanted_time + given.constants.mobil_interval * given.constants.decision
-    state.wanted_time = np.where(same, longer, np.float32(0.0))
-    state.wanted = wanted
-    return state.wanted_time >= p.signal_time
+    others = looks.copy()
+    others[Role.EGO] = False
+    restarts = others & ~same
+    state.wanted_time = np.where(restarts, np.float32(0.0), state.wanted_time)
+    state.wanted = np.where(others, wanted, state.wanted)
+    return others & same & (state.wanted_time >= p.signal_time)
+
+
+def time_left(gap: F32, closing: F32) -> F32:
+    """Time until a gap is closed, long where it does not close [s]."""
+    return gap / maximum(closing, _SLOWEST)
+
+
+def claimed(state: State) -> Claims:
+    """The lane of each vehicle, and to which side it signals without moving over yet."""
+    waits = (state.path_time >= state.path_duration) & (state.crashed == 0)
+    return state.lane.copy(), np.where(waits, state.indicator, np.float32(0.0))
+
+
+def must_wait(state: State, given: Parameters, side: F32, claims: Claims) -> Mask:
+    """Who lets somebody first who signals for the same place from the other side of it.
+
+    That is who is farther ahead, or moves to the fast side where nobody is.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        side: Where drivers want to go, as `State.indicator`, (vehicle, simulation).
+        claims: `claimed` at the begin of the decision.
+    """
+    c = given.constants
+    waits = np.zeros(state.s.shape, bool)
+    for lane, towards, place in zip(*claims, state.s, strict=True):
+        ahead = along(given, place - state.s)
+        same = (towards == -side) & (lane == state.lane + np.float32(2.0) * side) & (side != 0)
+        close = np.abs(ahead) < c.claim_time * state.vx
+        waits = waits | (same & close & ((ahead > 0) | ((ahead == 0) & (side < 0))))
+    return waits
+
+
+def _retreats(state: State, given: Parameters, p: Fields, believed: Beliefs) -> tuple[Mask, Mask]:
+    """Who gives up a lane change, as it has turned dangerous; and whether it is to the fast side."""
+    c = given.constants
+    v, gap, closing = state.vx, believed.gap, believed.closing
+    low, high = lane_borders(state, given, 0.0)
+    way = np.float32(0.5) * (low + high) - state.path[0]
+    to_fast = way > 0
+    front, behind = (
+        tuple(np.where(to_fast, values[slow], values[fast]) for values in (gap, closing))
+        for slow, fast in ((SLOW_LEAD, FAST_LEAD), (SLOW_REAR, FAST_REAR))
+    )
+    bad_rear = imposed(given, p, v, gap[REAR], closing[REAR]) < -(c.abort_imposed * p.safe_decel)
+    own = forced_braking(c, p, v, gap[LEAD], closing[LEAD], p.time_gap)
+    bad_front = own < -(c.abort_factor * p.decel)
+    back = forced_braking(c, p, v, *front, p.time_gap)
+    room = (back >= -p.hardest_decel) & (behind[0] > c.smallest_rear_gap)
+    early = state.path_time < c.abort_until * state.path_duration
+    # A way of less than half a lane is that of a retreat, which is not given up.
+    whole = np.abs(way) > np.float32(0.5) * (high - low)
+    sound = (state.crashed == 0) & (p.valid > 0)
+    sound[Role.EGO] = False
+    return (bad_rear | bad_front) & room & early & whole & sound, to_fast
 
 
 def _is_ready(state: State, given: Parameters, p: Fields) -> Mask:
@@ -123,13 +206,38 @@ def _is_ready(state: State, given: Parameters, p: Fields) -> Mask:
     return ready
 
 
-def turn_to_lane(state: State, given: Parameters, p: Fields, fast: Mask, slow: Mask) -> None:
-    """Begin a lane change of the masked vehicles, with the indicator where it is used."""
-    step = _side(fast, slow)
+def turn_to_lane(
+    state: State,
+    given: Parameters,
+    p: Fields,
+    sides: tuple[Mask, Mask, Mask],
+    left: F32,
+    decision: int,
+) -> None:
+    """Begin a lane change of the masked vehicles, with the indicator where it is used.
+
+    It takes the driver's usual time, or less where the leader would be reached before.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        sides: Who moves to the fast side, who to the slow side, and who of them breaks off a lane
+            change and so has less far to go; each (vehicle, simulation).
+        left: `time_left` to the leader, (vehicle, simulation) [s].
+        decision: Number of the decision.
+    """
+    c, (fast, slow, back) = given.constants, sides
+    step, moved = _side(fast, slow), fast | slow
     state.lane = state.lane + step
     low, high = lane_borders(state, given, 0.0)
-    begin_path(state, fast | slow, np.float32(0.5) * (low + high), p.lane_change_duration)
-    state.indicator = np.where(fast | slow, step * p.uses_indicator, state.indicator)
+    hurried = maximum((left - c.clear_margin) / c.clear_fraction, c.quickest_change)
+    usual = minimum(p.lane_change_duration, hurried)
+    duration = np.where(back, c.retreat_share * p.lane_change_duration, usual)
+    begin_path(state, moved, np.float32(0.5) * (low + high), duration)
+    state.indicator = np.where(moved, step * p.uses_indicator, state.indicator)
+    state.wanted = np.where(moved, np.float32(0.0), state.wanted)
+    draw_check(state, given, p, moved, decision)
 
 
 def _side(fast: Mask, slow: Mask) -> F32:

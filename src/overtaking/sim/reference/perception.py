@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.elementary import F32, Mask, clamp, exp, maximum, minimum
+from overtaking.core.philox import Stream, uniform, words
+from overtaking.model.vehicles import Role
 from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.neighbours import Neighbours, along
 from overtaking.sim.reference.state import (
@@ -51,6 +53,36 @@ def remember(state: State, decision: int) -> None:
     along, _ = road_velocity(state)
     state.history_s[decision % HISTORY] = state.s
     state.history_v[decision % HISTORY] = along
+
+
+def looks_around(state: State, c: Constants, p: Fields, decision: int) -> Mask:
+    """Who looks into the mirrors and at the other lanes now, (vehicle, simulation).
+
+    Everybody does at an interval, one vehicle after the other, but not at once at the start; and
+    once more who has signalled for long enough, before moving over.
+
+    Source:
+        Salvucci, Liu and Boer 2001; Olsen, Lee and Wierwille 2005.
+    """
+    slots = np.arange(state.s.shape[0])[:, None]
+    interval = int(c.glance_interval)
+    regular = (decision + slots * int(c.glance_stagger)) % interval == 0
+    regular = regular & (decision >= interval)
+    signalled = state.wanted_time >= p.signal_time
+    signalled[Role.EGO] = state.signalled > p.signal_time[Role.EGO]
+    return regular | ((state.wanted != 0) & signalled)
+
+
+def draw_check(
+    state: State, given: Parameters, p: Fields, drawn: Mask, decision: int
+) -> None:
+    """Draw whether the masked drivers look over the shoulder before their next lane change."""
+    if not drawn.any():
+        return
+    slots = np.arange(state.s.shape[0], dtype=np.uint32)[:, None] + np.uint32(Stream.GLANCES)
+    word = uniform(words(given.seed, given.index[None, :], slots, decision)[0])
+    checks = np.where(word < p.checks_blind_spot, np.float32(1.0), np.float32(0.0))
+    state.checks = np.where(drawn, checks, state.checks)
 
 
 def optical_depth(
@@ -128,11 +160,12 @@ def notice(
     role: int,
     depths: tuple[F32, F32],
     before: tuple[F32, F32],
+    watches: tuple[Mask, Mask],
 ) -> Mask:
     """Whether each driver has noticed the neighbour in `role`; advances the time in view.
 
-    Who was in view at the decision `before`, in whatever role, is not lost by passing or by a
-    change of lanes.
+    Who was in view at the last look `before`, in whatever role, is not lost by passing or by a
+    change of lanes. The masks `watches` say who keeps an eye on the role, and who looks there now.
     """
     c = given.constants
     slot, gap = near.slot[role], near.gap[role]
@@ -141,19 +174,21 @@ def notice(
     visible = (slot >= 0) & (effort <= np.float32(1.0)) & (gap < reach)
     if role % 2 == 0:
         visible = visible & ~is_hidden(p, near, role)
-    if role >= 2:
-        blind = (gap < c.blind_spot) & (p.checks_blind_spot == 0)
-        if role % 2 == 0:
-            blind = blind & (gap < 0)
-        visible = visible & ~blind
+    # Who comes as near as this is noticed without a look over the shoulder.
+    aside = np.abs(near.aside[role]) - (p.half_width + pick(p.half_width, slot))
+    hides = gap < (np.float32(0.0) if role % 2 == 0 else c.blind_spot)
+    visible = visible & ~(hides & (aside > c.alongside) & (state.checks == 0))
+    steadily, now = watches
+    more = np.where(steadily, c.decision, c.glance_time)
     longer = np.zeros_like(gap)
     for known, time in zip(*before, strict=True):
-        longer = np.where(slot == known, maximum(longer, time + c.decision), longer)
-    longer = np.where(before[0][role] == UNKNOWN, c.seen_before, longer)
-    state.seen_time[role] = np.where(visible, longer, np.float32(0.0))
-    state.seen_id[role] = slot
+        longer = np.where(slot == known, maximum(longer, time), longer)
+    longer = np.where(before[0][role] == UNKNOWN, c.seen_before, longer + more)
+    longer = np.where(visible, longer, np.float32(0.0))
+    state.seen_time[role] = np.where(now, longer, state.seen_time[role])
+    state.seen_id[role] = np.where(now, slot, state.seen_id[role])
     needed = q.detection_time * (np.float32(1.0) + c.detection_growth * (effort * effort * effort))
-    return visible & (state.seen_time[role] >= needed)
+    return now & visible & (state.seen_time[role] >= needed)
 
 
 def perceive(
@@ -163,13 +198,18 @@ def perceive(
     q: SimulationParameters,
     near: Neighbours,
     decision: int,
+    looks: Mask,
 ) -> Beliefs:
     """What each driver believes about the six neighbours.
 
+    Drivers watch the leader, and while they change lanes also those ahead on either side. At the
+    others they glance: who is not looked at is as good as not there, and nothing is decided then.
+
     Others are seen as they were a reaction time ago and carried on at constant speed, as in the
-    human driver model of Treiber, Kesting and Helbing (2006); their distance is misjudged by a
-    slowly varying factor and their approach is noticed only above the threshold of looming. The
-    misjudgement fades as contact comes near, since expansion alone tells the time that is left.
+    human driver model of Treiber, Kesting and Helbing (2006); their distance and closing speed are
+    misjudged by slowly varying factors, and an approach is noticed only above the threshold of
+    looming. The misjudgement fades as contact comes near, since expansion alone tells the time that
+    is left.
 
     Source:
         Lee 1976 (time to contact from optical expansion).
@@ -183,10 +223,13 @@ def perceive(
     own_speed, _ = road_velocity(state)
     judged = exp(q.distance_error * state.distance_error)
     before = state.seen_id.copy(), state.seen_time.copy()
+    changing = state.path_time < state.path_duration
     detected, gaps, closings, accels = [], [], [], []
     for role in range(6):
         slot = near.slot[role]
-        noticed = notice(state, given, p, q, near, role, depths, before)
+        steadily = (role == LEAD) | (changing & (role % 2 == 0))
+        watches = steadily, looks | steadily
+        noticed = notice(state, given, p, q, near, role, depths, before, watches)
         who = slot.astype(np.int64).clip(0)
         speed = state.history_v[row, who, column]
         place = state.history_s[row, who, column] + speed * elapsed
@@ -197,9 +240,10 @@ def perceive(
         looming = pick(p.loom_width, slot) * np.abs(closing) > c.looming_threshold * (
             distance * distance
         )
-        sensed = closing * (np.float32(1.0) + q.speed_error * state.speed_error)
         fading = maximum(closing * c.error_fade_time, _NEAREST)
-        error = (judged - np.float32(1.0)) * minimum(distance / fading, np.float32(1.0))
+        share = minimum(distance / fading, np.float32(1.0))
+        sensed = closing * (np.float32(1.0) + share * (q.speed_error * state.speed_error))
+        error = (judged - np.float32(1.0)) * share
         detected.append(noticed)
         gaps.append(np.where(noticed, gap + gap * error, c.unseen_gap))
         closings.append(np.where(noticed & looming, sensed, np.float32(0.0)))

@@ -4,6 +4,7 @@ import numpy as np
 
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
+from overtaking.model.vehicles import Role
 from overtaking.sim.reference import (
     collisions,
     control,
@@ -75,6 +76,7 @@ def decide(
     decision = step // SUBSTEPS
     road = given.road
     state.since_change = state.since_change + c.decision
+    state.wanted_time = state.wanted_time + c.decision
     collisions.leave_road(state, c, p, road.boundaries[[0, road.num_lanes]], step)
     perception.remember(state, decision)
     environment.move_random_processes(state, given, q, decision)
@@ -82,13 +84,16 @@ def decide(
     environment.wind(state, given, p, q)
     steering.hold_against_wind(state, c, p, step)
     near = find_neighbours(state, given, p)
-    believed = perception.perceive(state, given, p, q, near, decision)
+    if step == 0:
+        perception.draw_check(state, given, p, p.valid > 0, decision)
+    looks = perception.looks_around(state, c, p, decision)
+    believed = perception.perceive(state, given, p, q, near, decision, looks)
+    claims = mobil.claimed(state)
     leader = control.behind_leader(state, given, p, believed)
     old_leader = control.behind_old_leader(state, given, p, near, believed)
     control.set_acceleration(state, given, p, leader, old_leader)
-    if mobil.is_due(c, decision):
-        mobil.change_lanes(state, given, p, believed, leader)
-    ego.decide(state, given, p, q, near, believed, recorder, step)
+    mobil.change_lanes(state, given, p, believed, leader, looks, claims, decision)
+    ego.decide(state, given, p, q, near, believed, looks[Role.EGO], claims, recorder, step)
     count = len(p.valid)
     every = [(i, j) for i in range(count) for j in range(i + 1, count)]
     return {(i, j): collisions.is_near(state, c, p, i, j) for i, j in every}

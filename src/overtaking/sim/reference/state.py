@@ -51,8 +51,9 @@ class State:
         lane: Lane driven in, or being changed to.
         since_change: Time since the last lane change was decided [s].
         indicator: +1 towards the fast side, -1 towards the slow side, 0 off.
-        wanted: Side of the lane change that another than the ego has in mind, as `indicator`.
-        wanted_time: Since when [s].
+        wanted: Side of the lane change that a driver has in mind, as `indicator`.
+        wanted_time: Since when, of everybody but the ego [s].
+        checks: 1 if the driver looks over the shoulder before the next lane change.
         gust, distance_error, speed_error, wander: Ornstein-Uhlenbeck processes of unit variance.
         mu_fast, mu_slow: Friction under the wheels of either side.
         wind_force, wind_moment: Side force [N] and yaw moment [N m].
@@ -93,6 +94,7 @@ class State:
     indicator: F32
     wanted: F32
     wanted_time: F32
+    checks: F32
     gust: F32
     distance_error: F32
     speed_error: F32
@@ -149,6 +151,7 @@ def initial_state(given: Parameters) -> State:
         indicator=zero.copy(),
         wanted=zero.copy(),
         wanted_time=zero.copy(),
+        checks=zero.copy(),
         gust=zero.copy(),
         distance_error=zero.copy(),
         speed_error=zero.copy(),

@@ -17,7 +17,7 @@ def begin_path(state: State, moved: Mask, centre: F32, duration: F32) -> None:
     Source:
         Werling et al. 2010; Wang, Li and Li 2014 found quintic kernels in measured lane changes.
     """
-    place, speed, accel = path_now(state)
+    (place, speed), accel = path_now(state), path_accel(state)
     t = duration
     rest = centre - place - speed * t - np.float32(0.5) * accel * (t * t)
     lost = -(speed + accel * t)
@@ -38,17 +38,23 @@ def begin_path(state: State, moved: Mask, centre: F32, duration: F32) -> None:
     state.since_change = np.where(moved, np.float32(0.0), state.since_change)
 
 
-def path_now(state: State, ahead: np.float32 = _NOW) -> tuple[F32, F32, F32]:
-    """Position, velocity and acceleration of the lateral path now, or a time `ahead` [s]."""
+def path_now(state: State, ahead: np.float32 = _NOW) -> tuple[F32, F32]:
+    """Position and velocity of the lateral path now, or a time `ahead` [s]."""
     t = minimum(state.path_time + ahead, state.path_duration)
     c0, c1, c2, c3, c4, c5 = state.path
     two, three, four, five = (np.float32(k) for k in (2.0, 3.0, 4.0, 5.0))
     place = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
     speed = c1 + t * (two * c2 + t * (three * c3 + t * (four * c4 + t * (five * c5))))
-    accel = two * c2 + t * (
+    return place, speed
+
+
+def path_accel(state: State, ahead: F32 | np.float32 = _NOW) -> F32:
+    """Acceleration of the lateral path now, or a time `ahead` [s]."""
+    t = minimum(state.path_time + ahead, state.path_duration)
+    _, _, c2, c3, c4, c5 = state.path
+    return np.float32(2.0) * c2 + t * (
         np.float32(6.0) * c3 + t * (np.float32(12.0) * c4 + t * (np.float32(20.0) * c5))
     )
-    return place, speed, accel
 
 
 def wind_trim(p: Fields, force: F32, moment: F32) -> F32:
@@ -102,8 +108,18 @@ def steer(state: State, c: Constants, p: Fields, side_accel: F32, length: np.flo
 def _asked(
     state: State, c: Constants, p: Fields, side_accel: F32, ahead: np.float32
 ) -> tuple[F32, F32]:
-    """Wheel angle [rad] and lean [m/s^2] that drivers ask for, a time `ahead` [s]."""
-    place, speed, accel = path_now(state, ahead)
+    """Wheel angle [rad] and lean [m/s^2] that drivers ask for, a time `ahead` [s].
+
+    The acceleration of the path is asked for as much earlier as the vehicle answers later: by the
+    lag of the wheels and the time m v / (C_f + C_r) in which tyres build up the side force.
+
+    Source:
+        The side-slip time constant of the single-track model (Gillespie 1992, chapter 6).
+    """
+    place, speed = path_now(state, ahead)
+    turns_late = c.steering_lag + p.side_lag * state.vx
+    late = np.where(p.two_wheeler > 0, c.two_wheeler_lag, turns_late)
+    accel = path_accel(state, ahead + late)
     sine, cosine = sincos(state.psi)
     sideways = state.vx * sine + state.vy * cosine
     d = state.d + ahead * sideways

@@ -97,8 +97,7 @@ def scenario_of(
     one_each = np.zeros((1, len(bodies)), np.float32)
     names = [field.name for field in dataclasses.fields(Drivers)]
     people: dict[str, Any] = {name: one_each + np.float32(1.0) for name in names}
-    for name in ("uses_indicator", "checks_blind_spot"):
-        people[name] = people[name] > 0
+    people["uses_indicator"] = people["uses_indicator"] > 0
     return Scenario(
         profile="carla",
         road=road,
