@@ -20,7 +20,7 @@ from overtaking.model.road import MAX_LENGTH, MAX_SPEED_LIMIT, DrivingSide, Lane
 from overtaking.recordings.messages import refused, shown
 from overtaking.recordings.opendrive_lanes import Carriageway, carriageway, driving_lanes
 from overtaking.recordings.opendrive_limits import kind_of, limit_of
-from overtaking.recordings.opendrive_shape import Line, check_flat, straight_line
+from overtaking.recordings.opendrive_shape import Line, check_flat, straight_line, unfit
 from overtaking.recordings.opendrive_strips import OTHER_SIDE, Side, Strip
 from overtaking.recordings.xml import elements
 from overtaking.recordings.xml_element import Element
@@ -163,11 +163,11 @@ def _road(path: Path, road: Element, lanes: Side | None, speed_limit: float | No
     name = shown(road.attribute("id"))
     road.belongs_to(f"road {name}")
     if road.attribute("junction", default="-1") != "-1":
-        raise road.error(
+        raise unfit(
+            road,
             "belongs to a junction",
             "a road outside junctions",
             f'junction "{shown(road.attribute("junction"))}"',
-            "choose another road",
         )
     length = _length(road)
     kind = kind_of(road)
@@ -189,9 +189,7 @@ def _road(path: Path, road: Element, lanes: Side | None, speed_limit: float | No
             speed_limit=speed_limit,
         )
     except ConfigError as error:
-        raise road.error(
-            "is beyond the model", "a road of ordinary size", str(error), "choose another road"
-        ) from None
+        raise unfit(road, "is beyond the model", "a road of ordinary size", str(error)) from None
 
 
 def _build(
@@ -245,11 +243,8 @@ def _build(
 def _length(road: Element) -> float:
     length = road.number("length")
     if not 0.0 < length <= MAX_LENGTH:
-        raise road.error(
-            "attribute length",
-            f"more than 0 and at most {MAX_LENGTH:g} m",
-            f"{length:g}",
-            "choose another road",
+        raise unfit(
+            road, "attribute length", f"more than 0 and at most {MAX_LENGTH:g} m", f"{length:g}"
         )
     return length
 

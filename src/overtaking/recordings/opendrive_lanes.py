@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from overtaking.model.road import MAX_LANE_WIDTH, MAX_LANES, MIN_LANE_WIDTH, RoadMark
 from overtaking.recordings.messages import shown
-from overtaking.recordings.opendrive_shape import TOLERANCE, change, profile
+from overtaking.recordings.opendrive_shape import TOLERANCE, check_constant, profile, unfit
 from overtaking.recordings.opendrive_strips import (
     OTHER_SIDE,
     Section,
@@ -76,15 +76,7 @@ def _lane_offset(lanes: Element, length: float) -> float:
     """The constant lane offset [m]; ImportFormatError if it varies."""
     pieces = profile(lanes.all("laneOffset"), origin=0.0)
     value = pieces[0].a if pieces and pieces[0].start <= TOLERANCE else 0.0
-    found = change(pieces, end=length, value=value)
-    if found:
-        piece, other = found
-        raise piece.element.error(
-            f"varies after s = {piece.start:.1f} m",
-            f"a constant lane offset of {value:.3f} m",
-            f"{other:.3f} m",
-            "choose a road with constant lanes",
-        )
+    check_constant(pieces, value, end=length)
     return value
 
 
@@ -132,19 +124,19 @@ def _driving_block(section: Section, lanes: Sequence[Element], side: Side) -> tu
     block = [index for index, lane in enumerate(lanes) if lane.attribute("type") == DRIVING]
     where = f"at s = {section.start:.1f} m"
     if not 1 <= len(block) <= MAX_LANES:
-        raise section.element.error(
+        raise unfit(
+            section.element,
             f"{where}, {side} side",
             f"1 to {MAX_LANES} driving lanes",
             str(len(block)),
-            "choose another road or side",
         )
     if block[-1] - block[0] >= len(block):
         between = next(lane for lane in lanes[block[0] :] if lane.attribute("type") != DRIVING)
-        raise between.error(
+        raise unfit(
+            between,
             f"{between.attribute('id')} {where}",
             "driving lanes side by side",
             f'"{shown(between.attribute("type"))}" between two of them',
-            "choose another road",
         )
     return block[0], block[-1]
 
@@ -153,17 +145,15 @@ def _check_driving(lane: Element, width: float) -> None:
     """Refuse a driving lane that no road of ours can have."""
     name = lane.attribute("id")
     if not MIN_LANE_WIDTH <= width <= MAX_LANE_WIDTH:
-        raise lane.error(
+        raise unfit(
+            lane,
             f"{name} has a width",
             f"{MIN_LANE_WIDTH:g} to {MAX_LANE_WIDTH:g} m",
             f"{width:.3f} m",
-            "choose another road",
         )
     direction = lane.attribute("direction", default="standard")
     if direction != "standard":
-        raise lane.error(
-            f"{name} has a direction", '"standard"', f'"{shown(direction)}"', "choose another road"
-        )
+        raise unfit(lane, f"{name} has a direction", '"standard"', f'"{shown(direction)}"')
 
 
 def _check_same(section: Section, first: Carriageway, here: Carriageway) -> None:
@@ -179,11 +169,11 @@ def _check_same(section: Section, first: Carriageway, here: Carriageway) -> None
         and all(_alike(_unmarked(before), _unmarked(after)) for before, after in beside)
     )
     if not same:
-        raise section.element.error(
+        raise unfit(
+            section.element,
             f"changes the lanes at s = {section.start:.1f} m",
             _described(first),
             _described(here),
-            "choose a road with constant lanes",
         )
 
 

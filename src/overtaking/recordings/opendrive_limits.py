@@ -1,18 +1,23 @@
 """Kind and speed limit of an OpenDRIVE road."""
 
-from collections.abc import Sequence
-from itertools import pairwise
+from collections.abc import Callable, Sequence
 
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge.roads import general_limit
 from overtaking.model.road import MAX_SPEED_LIMIT
 from overtaking.recordings.messages import shown
-from overtaking.recordings.opendrive_shape import out_of_order
 from overtaking.recordings.xml_element import Element
 
 UNKNOWN = "unknown"  # OpenDRIVE's word for a road without a type.
 
 _MPS_PER_MPH = 0.44704  # Exact: 1609.344 m in 3600 s, international yard and pound agreement, 1959.
+_IN_MPS: dict[str, Callable[[float], float]] = {
+    "m/s": float,
+    "km/h": mps_from_kmh,
+    "mph": lambda value: value * _MPS_PER_MPH,
+}
+"""From each of OpenDRIVE's units of speed."""
+
 _UNDEFINED = "undefined"
 _NO_LIMIT = "no limit"
 
@@ -46,16 +51,10 @@ def limit_of(road: Element, lanes: Sequence[Element]) -> float:
     Raises:
         ImportFormatError: The limit changes, is none that the model can use, or is lifted.
     """
-    by_lane = [_only_limit(lane, lane.all("speed")) for lane in lanes]
-    if any(limit is not None for limit in by_lane):
-        return _common(road, by_lane)
-    types = road.all("type")
-    for before, after in pairwise(types):
-        if after.number("s") < before.number("s"):
-            raise out_of_order(after, "s")
-    by_type = [_only_limit(entry, entry.all("speed")) for entry in types]
-    if any(limit is not None for limit in by_type):
-        return _common(road, by_type)
+    for owners in (lanes, road.all("type")):
+        limits = [_only_limit(owner) for owner in owners]
+        if any(limit is not None for limit in limits):
+            return _common(road, limits)
     return general_limit(kind_of(road))
 
 
@@ -73,11 +72,9 @@ def _common(road: Element, limits: Sequence[float | None]) -> float:
     return first
 
 
-def _only_limit(owner: Element, entries: Sequence[Element]) -> float | None:
+def _only_limit(owner: Element) -> float | None:
     """The limit that the `<speed>` elements of a lane or type agree on, or None without any."""
-    limits = [_limit(entry) for entry in entries]
-    if not limits:
-        return None
+    limits = [_limit(entry) for entry in owner.all("speed")]
     return _common(owner, limits) if any(limit is not None for limit in limits) else None
 
 
@@ -90,7 +87,10 @@ def _limit(entry: Element) -> float | None:
         raise entry.error(
             "attribute max", "a number", f'"{_NO_LIMIT}"', "pass a speed limit of your own"
         )
-    limit = _in_mps(entry, entry.number("max"))
+    unit = entry.attribute("unit", default="m/s")
+    if unit not in _IN_MPS:
+        raise entry.error("attribute unit", "m/s, km/h or mph", f'"{shown(unit)}"')
+    limit = _IN_MPS[unit](entry.number("max"))
     if not 0.0 < limit <= MAX_SPEED_LIMIT:
         raise entry.error(
             "attribute max",
@@ -99,15 +99,3 @@ def _limit(entry: Element) -> float | None:
             "pass a speed limit of your own",
         )
     return limit
-
-
-def _in_mps(entry: Element, value: float) -> float:
-    """A number in the unit of its element [m/s]; OpenDRIVE's default is m/s."""
-    unit = entry.attribute("unit", default="m/s")
-    if unit == "m/s":
-        return value
-    if unit == "km/h":
-        return mps_from_kmh(value)
-    if unit == "mph":
-        return value * _MPS_PER_MPH
-    raise entry.error("attribute unit", "m/s, km/h or mph", f'"{shown(unit)}"')

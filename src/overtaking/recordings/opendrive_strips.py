@@ -5,7 +5,13 @@ from itertools import pairwise
 from typing import Literal, NamedTuple
 
 from overtaking.model.road import RoadMark
-from overtaking.recordings.opendrive_shape import TOLERANCE, change, out_of_order, profile
+from overtaking.recordings.opendrive_shape import (
+    TOLERANCE,
+    check_constant,
+    out_of_order,
+    profile,
+    unfit,
+)
 from overtaking.recordings.xml_element import Element
 
 Side = Literal["right", "left"]
@@ -136,11 +142,11 @@ def check_mark(lane: Element, section: Section) -> None:
     for entry in lane.all("roadMark"):
         station = section.start + entry.number("sOffset", default=0.0)
         if station < section.end - TOLERANCE and _named(entry) is not first:
-            raise entry.error(
+            raise unfit(
+                entry,
                 f"of lane {lane.integer('id')} changes at s = {station:.1f} m",
                 f"{first.value} along the whole road",
                 _named(entry).value,
-                "choose a road with constant marks",
             )
 
 
@@ -162,22 +168,14 @@ def _width(lane: Element, section: Section) -> float:
     name = f"{lane.integer('id')}"
     entries = lane.all("width")
     if not entries or abs(entries[0].number("sOffset")) > TOLERANCE:
-        raise lane.error(
+        raise unfit(
+            lane,
             f"{name} has no width",
             "a <width> from sOffset = 0 on",
             "<border>" if lane.all("border") else "none",
-            "choose another road",
         )
     pieces = profile(entries, origin=section.start, station="sOffset")
-    found = change(pieces, end=section.end, value=pieces[0].a)
-    if found:
-        piece, other = found
-        raise piece.element.error(
-            f"of lane {name} changes after s = {piece.start:.1f} m",
-            f"a constant {pieces[0].a:.3f} m",
-            f"{other:.3f} m",
-            "choose a road with constant lanes",
-        )
+    check_constant(pieces, pieces[0].a, end=section.end, what=f"of lane {name} ")
     if pieces[0].a < 0.0:
         raise entries[0].error(f"of lane {name}", "a width of at least 0", f"{pieces[0].a:g} m")
     return pieces[0].a
