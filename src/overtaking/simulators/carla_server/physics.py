@@ -5,7 +5,7 @@
 import math
 
 from overtaking.simulators.carla_server.actors import UPRIGHT, Vehicle
-from overtaking.simulators.carla_server.arguments import Id, Physics, Transform, Vector, Wheel
+from overtaking.simulators.carla_server.arguments import Flag, Id, Physics, Transform, Vector, Wheel
 from overtaking.simulators.carla_server.protocol import Refused, call
 from overtaking.simulators.carla_server.steering import Steering
 from overtaking.simulators.carla_server.world import World
@@ -93,7 +93,7 @@ def disable_actor_constant_velocity(world: World, actor: Id) -> None:
 
 
 @call(command=15)
-def set_actor_enable_gravity(world: World, actor: Id, enabled: bool) -> None:
+def set_actor_enable_gravity(world: World, actor: Id, enabled: Flag) -> None:
     """Refused where it switches gravity off: vehicles stay on the ground."""
     world.actor(actor)
     if not enabled:
