@@ -16,6 +16,7 @@ from overtaking.simulators.carla_server.arguments import (
     Transform,
     Vector,
 )
+from overtaking.simulators.carla_server.motion import turned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -84,7 +85,7 @@ class Vehicle(Actor):
     def forward_speed(self) -> float:
         """Speed along its axis, negative backwards [m/s]."""
         yaw = math.radians(self.pose.rotation.yaw)
-        return self.velocity.x * math.cos(yaw) + self.velocity.y * math.sin(yaw)
+        return turned(self.velocity.x, self.velocity.y, -yaw)[0]
 
     def drive(self, control: Control) -> None:
         """Set pedals and steering, until the client or its controller sets others."""
@@ -132,13 +133,11 @@ class Camera(Actor):
 
 def attached(parent: Transform, relative: Transform) -> Transform:
     """The pose of what sits on something else; pitch and roll are added, as both are small."""
-    yaw = math.radians(parent.rotation.yaw)
-    cosine, sine = math.cos(yaw), math.sin(yaw)
-    x, y, z = relative.location
+    ahead, aside, up = relative.location
+    x, y = turned(ahead, aside, math.radians(parent.rotation.yaw))
     base = parent.location
-    place = Vector(base.x + cosine * x - sine * y, base.y + sine * x + cosine * y, base.z + z)
-    turned = Rotation(*(a + b for a, b in zip(parent.rotation, relative.rotation, strict=True)))
-    return Transform(place, turned)
+    rotation = Rotation(*(a + b for a, b in zip(parent.rotation, relative.rotation, strict=True)))
+    return Transform(Vector(base.x + x, base.y + y, base.z + up), rotation)
 
 
 def world_pose(actor: Actor, actors: Mapping[int, Actor]) -> Transform:

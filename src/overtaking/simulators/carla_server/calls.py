@@ -294,7 +294,7 @@ def set_actor_location(world: World, actor: Id, location: Vector) -> None:
 @call(command=14)
 def set_actor_simulate_physics(world: World, actor: Id, moves: Flag) -> None:
     """Whether physics moves a vehicle."""
-    world.fleet.set_moves(world.vehicle(actor).actor_id, moves=moves)
+    world.fleet[world.vehicle(actor).actor_id].moves = moves
 
 
 @call(command=2)

@@ -87,6 +87,12 @@ class Touch:
     across: float
 
 
+def turned(x: float, y: float, angle: float) -> tuple[float, float]:
+    """A vector after an anticlockwise turn, seen from axes of which y points to the left."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return x * cosine - y * sine, x * sine + y * cosine
+
+
 def overlap(body: Body, motion: Motion, other: Body, at: Motion) -> bool:
     """Whether two vehicles would stand in the same place."""
     reach = 0.5 * math.hypot(body["length"], body["width"])

@@ -6,6 +6,7 @@ import math
 
 from overtaking.simulators.carla_server.actors import UPRIGHT, Vehicle
 from overtaking.simulators.carla_server.arguments import Flag, Id, Physics, Transform, Vector, Wheel
+from overtaking.simulators.carla_server.motion import turned
 from overtaking.simulators.carla_server.protocol import Refused, call
 from overtaking.simulators.carla_server.steering import Steering
 from overtaking.simulators.carla_server.world import World
@@ -57,7 +58,7 @@ def add_actor_force(world: World, actor: Id, force: Vector) -> None:
 def add_actor_force_at_location(world: World, actor: Id, force: Vector, location: Vector) -> None:
     """Apply a force at a point of the world during the next tick [N]."""
     add_actor_force(world, actor, force)
-    world.fleet.twist(actor, _moment(world, actor, force, location))
+    world.fleet[actor].torque += _moment(world, actor, force, location)
 
 
 @call(command=12)
@@ -69,7 +70,7 @@ def add_actor_angular_impulse(world: World, actor: Id, impulse: Vector) -> None:
 @call(command=13)
 def add_actor_torque(world: World, actor: Id, torque: Vector) -> None:
     """Apply a torque about the vertical during the next tick, clockwise [kg cm^2 degrees/s^2]."""
-    world.fleet.twist(world.vehicle(actor).actor_id, -_TURN * torque.z)
+    world.fleet[world.vehicle(actor).actor_id].torque -= _TURN * torque.z
 
 
 def _moment(world: World, actor: int, force: Vector, location: Vector) -> float:
@@ -83,13 +84,13 @@ def _moment(world: World, actor: int, force: Vector, location: Vector) -> float:
 def enable_actor_constant_velocity(world: World, actor: Id, velocity: Vector) -> None:
     """Keep a velocity in the axes of a vehicle, whatever pedals and forces do [m/s]."""
     # CARLA's y axis points to the right.
-    world.fleet.hold_velocity(world.vehicle(actor).actor_id, velocity.x, -velocity.y)
+    world.fleet[world.vehicle(actor).actor_id].held = (velocity.x, -velocity.y)
 
 
 @call()
 def disable_actor_constant_velocity(world: World, actor: Id) -> None:
     """Let pedals and forces decide about the velocity of a vehicle again."""
-    world.fleet.release_velocity(world.vehicle(actor).actor_id)
+    world.fleet[world.vehicle(actor).actor_id].held = None
 
 
 @call(command=15)
@@ -106,7 +107,7 @@ def physics_control(world: World, vehicle: Vehicle) -> Physics:
     Mass, drag and steering are those that the server drives with. Engine, gears and wheels, which
     our bodies do not have, are made up so that a client that looks at them finds a car.
     """
-    body, steering = vehicle.body, world.fleet.steering(vehicle.actor_id)
+    body, steering = vehicle.body, world.fleet[vehicle.actor_id].steering
     return Physics(
         torque_curve=((0.0, 500.0), (1890.0, 500.0), (5729.0, 400.0)),
         max_rpm=5800.0,
@@ -201,10 +202,9 @@ def _wheel(vehicle: Vehicle, k: int, lock_deg: float) -> Wheel:
     is_front = k < 2
     ahead = body["cg_to_front"] if is_front else body["cg_to_front"] - body["wheelbase"]
     aside = (0.5 if k % 2 else -0.5) * body["track_width"]
-    yaw = math.radians(pose.rotation.yaw)
-    x = pose.location.x + math.cos(yaw) * ahead - math.sin(yaw) * aside
-    y = pose.location.y + math.sin(yaw) * ahead + math.cos(yaw) * aside
-    place = Vector(*(_CM_PER_M * part for part in (x, y, pose.location.z + WHEEL_RADIUS)))
+    x, y = turned(ahead, aside, math.radians(pose.rotation.yaw))
+    at = (pose.location.x + x, pose.location.y + y, pose.location.z + WHEEL_RADIUS)
+    place = Vector(*(_CM_PER_M * part for part in at))
     return Wheel(
         tire_friction=3.5,
         damping_rate=0.25,

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from overtaking.simulators.carla_server.arguments import Vector
+from overtaking.simulators.carla_server.motion import turned
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -67,12 +68,10 @@ def _entered(vehicle: Vehicle, start: Vector, end: Vector) -> float | None:
     """Share of the way after which the box of a vehicle is entered; the slab method."""
     centre = vehicle.pose.location
     yaw = math.radians(vehicle.pose.rotation.yaw)
-    cosine, sine = math.cos(yaw), math.sin(yaw)
 
     def inside(point: Vector) -> tuple[float, float, float]:
-        x, y = point.x - centre.x, point.y - centre.y
         upwards = point.z - centre.z - vehicle.extent.z
-        return cosine * x + sine * y, cosine * y - sine * x, upwards
+        return *turned(point.x - centre.x, point.y - centre.y, -yaw), upwards
 
     enter, leave = 0.0, 1.0
     for a, b, half in zip(inside(start), inside(end), vehicle.extent, strict=True):

@@ -162,7 +162,7 @@ class World:
             raise Refused("Spawn failed because of collision at spawn position")
         actor_id = self._take_id()
         self.fleet.add(actor_id, body, motion)
-        self.fleet.heights[actor_id] = pose.location.z
+        self.fleet[actor_id].height = pose.location.z
         tag = catalogue.SEMANTIC_TAGS[blueprints()[wanted.blueprint].base_type]
         return Vehicle(actor_id=actor_id, description=wanted, pose=pose, body=body, tag=tag)
 
@@ -197,7 +197,7 @@ class World:
         actor.pose = pose
         if actor_id in self.fleet:
             self.fleet.place(actor_id, self.place.motion(pose))
-            self.fleet.heights[actor_id] = pose.location.z
+            self.fleet[actor_id].height = pose.location.z
 
     def set_velocity(self, actor_id: int, velocity: Vector) -> None:
         """Give a vehicle a velocity [m/s]."""
@@ -256,7 +256,7 @@ class World:
         """Let Ackermann controllers set pedals and steering."""
         for one in self.vehicles:
             if one.ackermann is not None:
-                lock = self.fleet.steering(one.actor_id).lock
+                lock = self.fleet[one.actor_id].steering.lock
                 seen = Seen(one.forward_speed, one.control.steer, lock)
                 one.control = one.ackermann.control(seen, one.gains, delta)
 
@@ -264,7 +264,7 @@ class World:
         """Bring the poses of all vehicles up to date."""
         for actor_id, motion in self.fleet.motions().items():
             vehicle = self.vehicle(actor_id)
-            if not self.fleet.moves(actor_id):
+            if not self.fleet[actor_id].moves:
                 vehicle.acceleration = ORIGIN
                 continue
             new = self.place.to_world(motion.along, motion.across)
@@ -273,7 +273,7 @@ class World:
             vehicle.velocity = new
             vehicle.turning = -math.degrees(motion.yaw_rate)
             vehicle.pose = self.place.pose(motion, vehicle.pose.location.z)
-            self.fleet.heights[actor_id] = vehicle.pose.location.z
+            self.fleet[actor_id].height = vehicle.pose.location.z
 
     def _tell_contacts(self, touches: Sequence[Touch]) -> None:
         """One event a tick for each pair, with the sum of its impulses."""

@@ -115,7 +115,7 @@ def test_who_is_hidden_underground_is_in_nobodys_way():
     world = world_on(known_place("town06"))
     car = put(world, 300.0, 244.65, 0.3)
     hidden = put(world, 320.0, 244.65, -100.0)
-    world.fleet.set_moves(hidden, moves=False)
+    world.fleet[hidden].moves = False
     drive(world, car, 60)
     assert world.vehicle(car).velocity.x > 12.0
     assert world.vehicle(hidden).pose.location == Vector(320.0, 244.65, -100.0)
