@@ -7,20 +7,14 @@ of the track. A vehicle counts as in another lane only once it is well inside it
 along a line is no lane change.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.model.trajectory import BEYOND_SLOW_EDGE
-from overtaking.recordings.recording import slope
-
-if TYPE_CHECKING:
-    from overtaking.recordings.neighbours import Surroundings
-    from overtaking.recordings.recording import Recording, Tracks
+from overtaking.recordings.neighbours import Surroundings
+from overtaking.recordings.recording import Recording, Tracks, slope
 
 I64 = NDArray[np.int64]
 

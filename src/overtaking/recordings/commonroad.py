@@ -4,12 +4,11 @@ Goals, predictions, signals and static obstacles of a scenario are not read. Tra
 taken to keep to the right.
 """
 
-from __future__ import annotations
-
 from collections import Counter
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,13 +28,9 @@ from overtaking.recordings.recording import (
     slope,
     without_oncoming,
 )
+from overtaking.recordings.road import Projection
 from overtaking.recordings.xml import elements
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
-
-    from overtaking.recordings.road import Projection
-    from overtaking.recordings.xml_element import Element
+from overtaking.recordings.xml_element import Element
 
 F64 = NDArray[np.float64]
 

@@ -1,22 +1,17 @@
 """Which road of a CommonRoad scenario is read: the one that was asked for, or the busiest."""
 
-from __future__ import annotations
-
 import dataclasses
+from collections.abc import Iterable, Mapping
 from itertools import islice
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.recordings.commonroad_lanes import Lanelet, contains
+from overtaking.recordings.commonroad_road import Network, Stretch
 from overtaking.recordings.messages import refused
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from overtaking.recordings.commonroad_road import Network, Stretch
 
 F64 = NDArray[np.float64]
 

@@ -1,11 +1,10 @@
 """The road of a CommonRoad scenario: lanelets that run through, as one straight `Road`."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +13,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.recordings.commonroad_lanes import DRIVING, Lanelet, Slice, Strip, borders, strips
 from overtaking.recordings.road import RoadShape, RoadShapeError, shape_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from overtaking.recordings.xml_element import Element
+from overtaking.recordings.xml_element import Element
 
 F64 = NDArray[np.float64]
 

@@ -1,17 +1,12 @@
 """The neighbours of all vehicles of a recording in all frames."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.model.trajectory import BEYOND_SLOW_EDGE
-
-if TYPE_CHECKING:
-    from overtaking.recordings.recording import Recording, Tracks
+from overtaking.recordings.recording import Recording, Tracks
 
 I64 = NDArray[np.int64]
 
@@ -40,7 +35,7 @@ class Surroundings:
     row: I64
 
     @classmethod
-    def of(cls, recording: Recording) -> Surroundings:
+    def of(cls, recording: Recording) -> "Surroundings":
         """The neighbours in a recording, by the lanes that the centres are in."""
         tracks = recording.tracks
         key = _keys(tracks)

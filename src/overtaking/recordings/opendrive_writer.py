@@ -4,8 +4,6 @@ The reference line is the road's own, so that stations, offsets and lane ids are
 file; where lane ids say that traffic runs against the line, the line runs the other way.
 """
 
-from __future__ import annotations
-
 from math import cos, pi, remainder, sin, tau
 from typing import NamedTuple
 from xml.sax.saxutils import quoteattr

@@ -1,12 +1,13 @@
 """The simulations of a recording: its candidate overtakes and their vehicles."""
 
-from __future__ import annotations
-
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.model.road import Road
+from overtaking.model.trajectory import Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.batch import (
     MAX_SLOTS,
@@ -25,13 +26,7 @@ from overtaking.recordings.candidates import (
 )
 from overtaking.recordings.messages import refused
 from overtaking.recordings.neighbours import Surroundings
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from overtaking.model.road import Road
-    from overtaking.model.trajectory import Trajectories
-    from overtaking.recordings.recording import Recording
+from overtaking.recordings.recording import Recording
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,10 +1,9 @@
 """The actors of an episode: vehicles, sensors and the spectator."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from overtaking.simulators.carla_server.ackermann import Ackermann
 from overtaking.simulators.carla_server.arguments import (
@@ -16,12 +15,8 @@ from overtaking.simulators.carla_server.arguments import (
     Transform,
     Vector,
 )
+from overtaking.simulators.carla_server.bodies import Body
 from overtaking.simulators.carla_server.motion import turned
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from overtaking.simulators.carla_server.bodies import Body
 
 ORIGIN = Vector(0.0, 0.0, 0.0)
 UPRIGHT = Rotation(0.0, 0.0, 0.0)

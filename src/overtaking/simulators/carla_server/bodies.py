@@ -1,26 +1,20 @@
 """From a blueprint to a body of our model, and from CARLA's weather to ours."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.knowledge import COLOUR_ORDER, VEHICLE_CLASS_ORDER, colours, vehicle_classes
 from overtaking.knowledge.blueprints import blueprints
 from overtaking.model.drivers import Drivers
+from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.vehicles import VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from overtaking.model.road import Road
 
 
 class Nature(NamedTuple):

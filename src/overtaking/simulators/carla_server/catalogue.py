@@ -1,7 +1,5 @@
 """The blueprints that clients may spawn: CARLA's vehicles, and the sensors that are offered."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache

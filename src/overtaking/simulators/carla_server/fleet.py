@@ -6,16 +6,16 @@ lorries are where they are in a simulation. On another map it is the map's, wate
 single lane and no vehicle shelters another.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from overtaking.core.elementary import F32
 from overtaking.core.units import kmh_from_mps
 from overtaking.sim.driven import Mover, mover
 from overtaking.sim.reference import collisions
@@ -34,11 +34,6 @@ from overtaking.simulators.carla_server.motion import (
 )
 from overtaking.simulators.carla_server.steering import Steering
 from overtaking.world.parameters import Parameters, parameters
-
-if TYPE_CHECKING:
-    from collections.abc import Generator, Mapping, Sequence
-
-    from overtaking.core.elementary import F32
 
 LONGEST_STEP = 0.05
 """Longest step of the dynamics, as in a simulation [s]."""

@@ -1,19 +1,14 @@
 """Where vehicles are and what they stand on, as values."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from overtaking.model.road import Road
 from overtaking.sim.reference import collisions
-
-if TYPE_CHECKING:
-    from overtaking.model.road import Road
-    from overtaking.simulators.carla_server.bodies import Body
-
+from overtaking.simulators.carla_server.bodies import Body
 
 LEVELS_APART = 3.0
 """What differs by more in height is on another level: a bridge, or out of sight below [m]."""

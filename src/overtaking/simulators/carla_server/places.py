@@ -1,26 +1,20 @@
 """The maps of the headless server: roads of the package and OpenDRIVE files."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError
 from overtaking.knowledge.roads import ROAD_NAMES
 from overtaking.model.known_roads import known_road
+from overtaking.model.road import Road
 from overtaking.recordings.opendrive_writer import write_opendrive
 from overtaking.simulators.carla_server.arguments import Rotation, Transform, Vector
 from overtaking.simulators.carla_server.motion import LEVELS_APART, Ground, Motion, turned
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-
-    from numpy.typing import NDArray
-
-    from overtaking.model.road import Road
 
 ROAD_LENGTH = 3000.0
 """Length to which a road of ours is extended [m]: a minute and a half at motorway speed."""

@@ -1,17 +1,13 @@
 """A pinhole camera: from the world to pixels."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from overtaking.simulators.carla_server.arguments import Transform
+from overtaking.simulators.carla_server.arguments import Transform
 
 Points = NDArray[np.float64]
 
@@ -42,7 +38,7 @@ class Lens(NamedTuple):
     horizon: float
 
     @classmethod
-    def of(cls, pose: Transform, size: tuple[int, int], fov_deg: float) -> Lens:
+    def of(cls, pose: Transform, size: tuple[int, int], fov_deg: float) -> "Lens":
         """The camera of a pose; roll is left out."""
         pitch, yaw = (math.radians(angle) for angle in pose.rotation[:2])
         cp, sp, cy, sy = math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)

@@ -1,19 +1,14 @@
 """What a ray meets: the ground and the boxes of vehicles."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
+from overtaking.simulators.carla_server.actors import Vehicle
 from overtaking.simulators.carla_server.arguments import Vector
 from overtaking.simulators.carla_server.motion import turned
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from overtaking.simulators.carla_server.actors import Vehicle
-    from overtaking.simulators.carla_server.places import Place
-    from overtaking.simulators.carla_server.world import World
+from overtaking.simulators.carla_server.places import Place
+from overtaking.simulators.carla_server.world import World
 
 ROAD, TERRAIN = 1, 10
 """`carla.CityObjectLabel` of lanes, and of the ground beside them."""

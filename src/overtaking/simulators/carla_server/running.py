@@ -1,21 +1,14 @@
 """Starts the server and stops it in an orderly way."""
 
-from __future__ import annotations
-
 import asyncio
 import signal
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from overtaking.core.errors import ConfigError
-from overtaking.simulators.carla_server.places import Atlas, known_place
+from overtaking.simulators.carla_server.places import Atlas, Place, known_place
 from overtaking.simulators.carla_server.server import serve
 from overtaking.simulators.carla_server.survey import survey
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from overtaking.simulators.carla_server.places import Place
 
 LOOPBACK = "127.0.0.1"
 PORT = 2000

@@ -1,16 +1,12 @@
 """What the server pushes to clients: packed bytes behind a header, one layout for each sensor."""
 
-from __future__ import annotations
-
 import struct
+from collections.abc import Iterable
 from enum import IntEnum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from overtaking.simulators.carla_server.arguments import Control, Transform, Vector
 from overtaking.simulators.carla_server.wire import encode
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 _HEADER = struct.Struct("<QQd6f")
 _EPISODE = struct.Struct("<Qdf3iI")

@@ -1,7 +1,5 @@
 """How far the front wheels of vehicles turn."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -1,17 +1,13 @@
 """`carla.VehicleTelemetryData`: what the single-track model knows of a vehicle and its wheels."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from overtaking.simulators.carla_server.actors import Vehicle
+from overtaking.simulators.carla_server.motion import Driven
 from overtaking.simulators.carla_server.physics import WHEEL_RADIUS
+from overtaking.simulators.carla_server.world import World
 from overtaking.world.constants import constants
-
-if TYPE_CHECKING:
-    from overtaking.simulators.carla_server.actors import Vehicle
-    from overtaking.simulators.carla_server.motion import Driven
-    from overtaking.simulators.carla_server.world import World
 
 _AT_REST = 0.5
 """Slower than this a tyre has no slip angle [m/s]."""

@@ -1,11 +1,9 @@
 """The state of the server: one episode with its map, weather, actors and time."""
 
-from __future__ import annotations
-
 import math
 import re
+from collections.abc import Iterator, Sequence
 from time import monotonic, sleep
-from typing import TYPE_CHECKING
 
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge import presets
@@ -26,15 +24,11 @@ from overtaking.simulators.carla_server.arguments import Description, Settings, 
 from overtaking.simulators.carla_server.bodies import Nature, body_of
 from overtaking.simulators.carla_server.camera import Scene
 from overtaking.simulators.carla_server.fleet import Fleet
+from overtaking.simulators.carla_server.motion import Touch
+from overtaking.simulators.carla_server.places import Atlas
 from overtaking.simulators.carla_server.protocol import Refused
 from overtaking.simulators.carla_server.snapshot import ActorState, SensorType
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from overtaking.simulators.carla_server.motion import Touch
-    from overtaking.simulators.carla_server.places import Atlas
-    from overtaking.simulators.carla_server.streams import Streams
+from overtaking.simulators.carla_server.streams import Streams
 
 FREE_RUNNING_DELTA = 0.05
 """Length of a tick without a fixed one [s]."""
