@@ -1,4 +1,4 @@
-"""Messages between a worker with CARLA's client and its parent: jobs, signs of life, results."""
+"""Messages between a worker with CARLA's client and its parent: jobs and signs of life."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,8 +7,6 @@ from typing import Any
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
 from overtaking.simulators.carla import manager, own
-from overtaking.simulators.carla.limits import Limits, LimitsJob
-from overtaking.simulators.carla.replay import Replayed, ReplayJob
 from overtaking.simulators.carla.stage import CarlaStage
 from overtaking.simulators.carla.world import SimulationLostError
 
@@ -32,43 +30,39 @@ class Alive:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A simulation to run.
+    """What a worker shall do.
 
     Attributes:
-        driver: `own` or `traffic-manager`.
-        scenario: A batch of one.
-        ports: Free ports for Traffic Managers.
+        name: Its name in messages.
+        run: Gives the result. It is called with the module `carla`, a connected client, and what
+            has to be called after every tick, as a sign of life.
     """
 
-    driver: str
-    scenario: Scenario
-    ports: tuple[int, int]
+    name: str
+    run: Callable[[Any, Any, own.Sign], Any]
 
-    def do(self, carla: Any, client: Any, sign: Callable[[], None]) -> Trajectories:
-        """Run it in a world of its own.
-
-        Args:
-            carla: The module.
-            client: A connected client.
-            sign: Called after every tick.
-        """
-        has_manager = self.driver == "traffic-manager"
-        slower = manager.SLOWER if has_manager else 1
-        stage = CarlaStage.set_up(carla, client, self.scenario, slower=slower)
-        sign()
-        found = manager.run(stage, sign, self.ports) if has_manager else own.run(stage, sign)
-        stage.tear_down()  # Not after an error: the server may be gone, each call takes its time.
-        return found
-
-    def __str__(self) -> str:
-        """Its name in messages."""
-        return f"simulation {int(self.scenario.index[0])}"
+    def lost(self, got: str) -> SimulationLostError:
+        """The error for a job that came to nothing."""
+        return SimulationLostError.because("CARLA's client", self.name, "a result", got)
 
 
-Request = Job | LimitsJob | ReplayJob
-Result = Trajectories | Limits | Replayed
+def drive(
+    carla: Any, client: Any, sign: own.Sign, *, driver: str, scenario: Scenario, ports: list[int]
+) -> Trajectories:
+    """Run a simulation in a world of its own.
 
-
-def lost(request: Request, got: str) -> SimulationLostError:
-    """The error for a request that came to nothing."""
-    return SimulationLostError.because("CARLA's client", str(request), "a result", got)
+    Args:
+        carla: The module.
+        client: A connected client.
+        sign: Called after every tick.
+        driver: `own` or `traffic-manager`.
+        scenario: A batch of one.
+        ports: Two free ports for Traffic Managers.
+    """
+    has_manager = driver == "traffic-manager"
+    slower = manager.SLOWER if has_manager else 1
+    stage = CarlaStage.set_up(carla, client, scenario, slower=slower)
+    sign()
+    found = manager.run(stage, sign, ports) if has_manager else own.run(stage, sign)
+    stage.tear_down()  # Not after an error: the server may be gone, each call takes its time.
+    return found

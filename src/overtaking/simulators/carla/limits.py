@@ -48,33 +48,14 @@ class Limits:
     again_after: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class LimitsJob:
-    """Measure the limits of the Traffic Manager.
-
-    Attributes:
-        port: A free port for it.
-    """
-
-    port: int
-
-    def do(self, carla: Any, client: Any, sign: Callable[[], None]) -> Limits:
-        """Measure them, see `measure`."""
-        return measure(carla, client, self.port, sign)
-
-    def __str__(self) -> str:
-        """Its name in messages."""
-        return "limits"
-
-
-def measure(carla: Any, client: Any, port: int, sign: Callable[[], None]) -> Limits:
+def measure(carla: Any, client: Any, sign: Callable[[], None], *, port: int) -> Limits:
     """Measure both limits.
 
     Args:
         carla: The module.
         client: A connected client.
-        port: A free port of this machine, for a Traffic Manager.
         sign: Called after every tick.
+        port: A free port of this machine, for a Traffic Manager.
     """
     road = known_road("town06")
     world = fresh_world(client, road)

@@ -54,7 +54,7 @@ _EVER = sys.maxsize
 _OUTLOOK = 40.0
 
 
-def run(stage: CarlaStage, sign: Sign, ports: tuple[int, int]) -> Trajectories:
+def run(stage: CarlaStage, sign: Sign, ports: list[int]) -> Trajectories:
     """Drive a scenario to its end.
 
     Args:

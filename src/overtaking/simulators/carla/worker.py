@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from overtaking.core.errors import OvertakingError
 from overtaking.core.parent import Parent
-from overtaking.simulators.carla.jobs import Alive, lost
+from overtaking.simulators.carla.jobs import Alive
 from overtaking.simulators.carla.library import Address, connect, library
 
 SIGN_INTERVAL = 1.0
@@ -22,11 +22,11 @@ def main(parent: Parent, host: str, port: str) -> None:
     for job in parent:
         try:
             client = client or connect(carla, Address(host, int(port)))
-            parent.send(job.do(carla, client, _signs(parent)))
+            parent.send(job.run(carla, client, _signs(parent)))
         except OvertakingError as error:
             parent.send(error)
         except RuntimeError as error:  # What the client raises, a call that took too long included.
-            parent.send(lost(job, str(error)))
+            parent.send(job.lost(str(error)))
     os._exit(0)  # The client's threads do not always end.
 
 
