@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.recordings.commonroad_choice import chosen_road
 from overtaking.recordings.commonroad_lanes import Lanelet, lanelet, slices
 from overtaking.recordings.commonroad_obstacles import QUANTITIES, Obstacle, is_dynamic, obstacle
-from overtaking.recordings.commonroad_road import Network, Stretch, posted_limit
+from overtaking.recordings.commonroad_road import Network, Stretch, chosen_road, posted_limit
 from overtaking.recordings.messages import refused, shown
 from overtaking.recordings.recording import (
     NEVER_RECORDED,
@@ -29,8 +28,7 @@ from overtaking.recordings.recording import (
     without_oncoming,
 )
 from overtaking.recordings.road import Projection
-from overtaking.recordings.xml import elements
-from overtaking.recordings.xml_element import Element
+from overtaking.recordings.xml import Element, elements
 
 F64 = NDArray[np.float64]
 

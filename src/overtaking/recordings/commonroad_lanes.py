@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.model.road import MIN_LANE_WIDTH, RoadMark
-from overtaking.recordings.xml_element import Element
+from overtaking.recordings.xml import Element
 
 F64 = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.recordings.xml_element import Element
+from overtaking.recordings.xml import Element
 
 F64 = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Self
 
 from overtaking.core.errors import ImportFormatError
-from overtaking.recordings.xml_element import Element
+from overtaking.recordings.xml import Element
 
 TOLERANCE = 0.005
 """Half of the centimetre to which lane centres must be right [m]."""

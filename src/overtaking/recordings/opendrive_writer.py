@@ -11,7 +11,7 @@ from xml.sax.saxutils import quoteattr
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
-from overtaking.recordings.opendrive_strips import MARKS
+from overtaking.recordings.opendrive_lanes import MARKS
 
 _NAMES = {mark: name for name, mark in MARKS.items()}
 _NAMES[RoadMark.OTHER] = "none"  # OpenDRIVE has no word for a mark that nobody knows.

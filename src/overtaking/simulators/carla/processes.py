@@ -208,7 +208,7 @@ def _client() -> tuple[Worker, Address]:
         _close(_WORKERS)
         address = _ADDRESSES[chosen] = _address(chosen)
         words = address.host, str(address.port)
-        _WORKERS[chosen] = Worker("overtaking.simulators.carla.worker", *words)
+        _WORKERS[chosen] = Worker("overtaking.simulators.carla.jobs", *words)
     return _WORKERS[chosen], _ADDRESSES[chosen]
 
 
@@ -224,7 +224,7 @@ def _address(chosen: str) -> Address:
 
 def _start_headless() -> Address:
     """Start a server of our own on free ports."""
-    server = _SERVERS[HEADLESS] = Worker("overtaking.simulators.carla_server.child")
+    server = _SERVERS[HEADLESS] = Worker("overtaking.simulators.carla_server.running")
     try:
         port = server.receive(_START_TIME)
     except TimeoutError:

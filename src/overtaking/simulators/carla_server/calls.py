@@ -29,6 +29,7 @@ from overtaking.simulators.carla_server.arguments import (
     Whole,
 )
 from overtaking.simulators.carla_server.catalogue import definitions
+from overtaking.simulators.carla_server.physics import telemetry
 from overtaking.simulators.carla_server.protocol import (
     CALLS,
     VERSION,
@@ -37,7 +38,6 @@ from overtaking.simulators.carla_server.protocol import (
     call,
     declared,
 )
-from overtaking.simulators.carla_server.telemetry import telemetry
 from overtaking.simulators.carla_server.world import World
 
 __all__ = ["CALLS", "commands"]

@@ -28,11 +28,11 @@ from overtaking.simulators.carla_server.motion import (
     Driven,
     Ground,
     Motion,
+    Steering,
     Touch,
     overlap,
     turned,
 )
-from overtaking.simulators.carla_server.steering import Steering
 from overtaking.world.parameters import Parameters, parameters
 
 LONGEST_STEP = 0.05

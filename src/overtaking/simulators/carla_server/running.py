@@ -1,4 +1,4 @@
-"""Starts the server and stops it in an orderly way."""
+"""Starts the server and stops it in an orderly way, in this process or as a worker."""
 
 import asyncio
 import signal
@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from overtaking.core.errors import ConfigError
+from overtaking.core.parent import Parent
 from overtaking.simulators.carla_server.places import Atlas, Place, known_place
 from overtaking.simulators.carla_server.server import serve
 from overtaking.simulators.carla_server.survey import survey
@@ -94,3 +95,8 @@ def _refused(
     what: str, expected: str, got: object, next_step: str, *, where: str = "run_server"
 ) -> ConfigError:
     return ConfigError.of(what=what, where=where, expected=expected, got=got, next_step=next_step)
+
+
+def main(parent: Parent) -> None:
+    """Serve until the parent ends this process."""
+    run_server(port=0, ready=lambda port, _: parent.send(port), log=lambda _: None)

@@ -17,12 +17,12 @@ from overtaking.simulators.carla_server.arguments import (
     Transform,
     Vector,
 )
+from overtaking.simulators.carla_server.physics import WheelTelemetry, telemetry
 from overtaking.simulators.carla_server.places import Atlas, Place, known_place
 from overtaking.simulators.carla_server.rays import ROAD, TERRAIN, cast, project
 from overtaking.simulators.carla_server.running import run_server
 from overtaking.simulators.carla_server.streams import Streams
 from overtaking.simulators.carla_server.survey import survey
-from overtaking.simulators.carla_server.telemetry import WheelTelemetry, telemetry
 from overtaking.simulators.carla_server.world import World
 
 DOWN = Vector(0.0, 0.0, -1.0)
