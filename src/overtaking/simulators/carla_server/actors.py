@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 from overtaking.simulators.carla_server.ackermann import Ackermann
 from overtaking.simulators.carla_server.arguments import (
@@ -16,7 +15,9 @@ from overtaking.simulators.carla_server.arguments import (
     Vector,
 )
 from overtaking.simulators.carla_server.bodies import Body
+from overtaking.simulators.carla_server.catalogue import MAX_FOV_DEG, MAX_PIXELS, MIN_FOV_DEG
 from overtaking.simulators.carla_server.motion import turned
+from overtaking.simulators.carla_server.protocol import Refused
 
 ORIGIN = Vector(0.0, 0.0, 0.0)
 UPRIGHT = Rotation(0.0, 0.0, 0.0)
@@ -98,32 +99,36 @@ class Vehicle(Actor):
         return Vector(*(0.5 * self.body[name] for name in ("length", "width", "height")))
 
 
-class Picture(NamedTuple):
-    """What the pictures of a camera are like.
-
-    Attributes:
-        width, height: Size [pixels].
-        fov_deg: Horizontal field of view [degrees].
-        interval: Least time between two of them [s].
-    """
-
-    width: int
-    height: int
-    fov_deg: float
-    interval: float
-
-
 @dataclass(slots=True, kw_only=True)
 class Camera(Actor):
-    """A camera.
+    """A camera; `Refused` if its attributes ask for pictures that cannot be.
 
     Attributes:
-        picture: What its pictures are like.
-        due: Time of the next picture [s].
+        width, height: Size of its pictures [pixels].
+        fov_deg: Horizontal field of view [degrees].
+        interval: Least time between two pictures [s].
+        due: Time of the next one [s].
     """
 
-    picture: Picture
+    width: int = 0
+    height: int = 0
+    fov_deg: float = 0.0
+    interval: float = 0.0
     due: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Read the attributes."""
+        try:
+            self.width = int(self.attribute("image_size_x", "800"))
+            self.height = int(self.attribute("image_size_y", "600"))
+            self.fov_deg = float(self.attribute("fov", "90"))
+            self.interval = float(self.attribute("sensor_tick", "0"))
+        except ValueError:
+            raise Refused("an attribute of the camera is no number") from None
+        if min(self.width, self.height) <= 0 or self.width * self.height > MAX_PIXELS:
+            raise Refused(f"the picture has no pixels, or more than {MAX_PIXELS}")
+        if not MIN_FOV_DEG <= self.fov_deg <= MAX_FOV_DEG or not 0.0 <= self.interval < math.inf:
+            raise Refused("the field of view or the interval of the camera is out of range")
 
 
 def attached(parent: Transform, relative: Transform) -> Transform:

@@ -64,11 +64,7 @@ def project(lens: Lens, corners: Points) -> Points | None:
         lens: The camera.
         corners: Shape (corner, 3) [m].
     """
-    seen = _before(_seen(lens, corners))
-    if len(seen) < 3:
-        return None
-    found = _pixels(lens, seen)
-    return found if _overlaps(lens, found) else None
+    return next((found for _, found in projected(lens, corners[None])), None)
 
 
 def projected(lens: Lens, polygons: Points) -> Iterator[tuple[int, Points]]:
@@ -83,8 +79,8 @@ def projected(lens: Lens, polygons: Points) -> Iterator[tuple[int, Points]]:
     is_cut = (nearest < NEAR) & (seen[:, :, 2].max(axis=1) > NEAR)
     in_view = (nearest >= NEAR) & _overlaps(lens, found)
     for k in np.flatnonzero(in_view | is_cut).tolist():
-        one = found[k] if in_view[k] else project(lens, polygons[k])
-        if one is not None:
+        one = found[k] if in_view[k] else _pixels(lens, _before(seen[k]))
+        if in_view[k] or _overlaps(lens, one):
             yield k, one
 
 
@@ -109,8 +105,6 @@ def _overlaps(lens: Lens, found: Points) -> NDArray[np.bool_]:
 
 def _before(points: Points) -> Points:
     """The part of a polygon that lies before the camera (Sutherland and Hodgman 1974)."""
-    if (points[:, 2] >= NEAR).all():
-        return points
     kept: list[Points] = []
     for here, there in zip(points, np.roll(points, -1, axis=0), strict=True):
         if here[2] >= NEAR:
