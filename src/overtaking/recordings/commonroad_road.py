@@ -103,7 +103,12 @@ class Network:
         found = strips(self.rows[home.number], self.rows)
         if is_part:
             found = (strip for strip in found if any(home in lane for lane in strip))
-        best = max(found, key=_area, default=None)
+        # Lane length that runs through; of two that are equal the shorter chain, then the first.
+        best = max(
+            found,
+            key=lambda strip: float(sum(one.length for lane in strip for one in lane)),
+            default=None,
+        )
         if best is None:
             raise _refused(home, "lanelets beside it", "2 m wide at both ends", "narrower ones")
         try:
@@ -120,11 +125,6 @@ class Network:
             "widening": round(shape.widening, 4),
         }
         return Stretch(shape=shape, road=road, unknown=unknown, notes=notes)
-
-
-def _area(strip: Strip) -> float:
-    """Lane length that runs through; of two that are equal the shorter chain, then the first."""
-    return float(sum(one.length for lane in strip for one in lane))
 
 
 def _refused(home: Lanelet, what: str, expected: str, got: str) -> Exception:

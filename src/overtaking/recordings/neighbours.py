@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.model.trajectory import BEYOND_SLOW_EDGE
 from overtaking.recordings.recording import Recording, Tracks
 
 I64 = NDArray[np.int64]
@@ -78,7 +77,7 @@ class Surroundings:
 
 def _keys(tracks: Tracks) -> I64:
     """A number for each row that sorts by frame, then lane, then position along the road."""
-    lane = np.where(tracks.lane == BEYOND_SLOW_EDGE, 0, tracks.lane.astype(np.int64) + 1)
+    lane = tracks.lane_index + 1
     along = np.rint((tracks.s - tracks.s.min()) * _MM_PER_M).astype(np.int64)
     roads = int(tracks.carriageway.max()) + 1
     frame = (tracks.frame - tracks.first.min()) * roads + tracks.carriageway[tracks.vehicle]

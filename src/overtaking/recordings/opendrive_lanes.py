@@ -218,7 +218,9 @@ def carriageway(road: Element, *, side: Side, length: float) -> Carriageway:
         ImportFormatError: There are none, or they change along the road.
     """
     sections = lane_sections(road, length)
-    offset = _lane_offset(road.required("lanes"), length)
+    pieces = profile(road.required("lanes").all("laneOffset"), origin=0.0)
+    offset = pieces[0].a if pieces and pieces[0].start <= TOLERANCE else 0.0
+    check_constant(pieces, offset, end=length)
     outward = -offset if side == "right" else offset
     first = _cross_section(sections[0], side, outward)
     for section in sections[1:]:
@@ -234,14 +236,6 @@ def driving_lanes(road: Element, *, side: Side, length: float) -> list[Element]:
         for lane in side_lanes(section.element, side)
         if lane.attribute("type") == DRIVING
     ]
-
-
-def _lane_offset(lanes: Element, length: float) -> float:
-    """The constant lane offset [m]; ImportFormatError if it varies."""
-    pieces = profile(lanes.all("laneOffset"), origin=0.0)
-    value = pieces[0].a if pieces and pieces[0].start <= TOLERANCE else 0.0
-    check_constant(pieces, value, end=length)
-    return value
 
 
 def _cross_section(section: Section, side: Side, outward: float) -> Carriageway:

@@ -59,8 +59,9 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
     centre = f"<center>{_lane(_Strip(0, 'none', 0.0, _centre_mark(road)))}</center>"
     group = f"<{side}>{lanes}</{side}>"
     section = centre + group if right else group + centre
+    stations = [0.0, road.length - _TAIL] if road.length > 2.0 * _TAIL else [0.0]
     sections = "".join(
-        f'<laneSection s="{station!r}">{section}</laneSection>\n' for station in _stations(road)
+        f'<laneSection s="{station!r}">{section}</laneSection>\n' for station in stations
     )
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -76,11 +77,6 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
         f"{sections}</lanes>\n"
         "</road></OpenDRIVE>\n"
     )
-
-
-def _stations(road: Road) -> list[float]:
-    """Where lane sections begin [m]."""
-    return [0.0, road.length - _TAIL] if road.length > 2.0 * _TAIL else [0.0]
 
 
 def _beside(road: Road) -> tuple[Lane | None, Lane | None]:

@@ -96,6 +96,11 @@ class Tracks:
         return np.repeat(np.arange(self.num_vehicles), np.diff(self.start))
 
     @property
+    def lane_index(self) -> I64:
+        """Lane index of each row, -1 beyond the slow edge, shape (row,)."""
+        return np.where(self.lane == BEYOND_SLOW_EDGE, -1, self.lane.astype(np.int64))
+
+    @property
     def frame(self) -> I64:
         """Frame of each row, shape (row,)."""
         return np.arange(self.num_rows) - np.repeat(

@@ -141,6 +141,7 @@ def _counts(
 ) -> dict[str, Any]:
     """What was found, in numbers."""
     to_left = int(changes.is_left.sum())
+    types = Counter(VehicleKind(kind).name for kind in recording.tracks.kind)
     return {
         "vehicles": recording.tracks.num_vehicles,
         "lane_changes_left": to_left,
@@ -149,13 +150,8 @@ def _counts(
         "candidate_overtakes": len(moving),
         "candidates_that_return": sum(one.returns is not None for one in moving),
         "followers_without_attempt": len(waiting),
-        "types": dict(sorted(Counter(_types(recording)).items())),
+        "types": dict(sorted(types.items())),
     }
-
-
-def _types(recording: Recording) -> list[str]:
-    """Type of each vehicle."""
-    return [VehicleKind(kind).name for kind in recording.tracks.kind]
 
 
 def _nothing(recording: Recording, num_waiting: int) -> ImportFormatError:

@@ -142,7 +142,8 @@ def apply_physics_control(world: World, actor: Id, wanted: Physics) -> None:
     """
     vehicle = world.vehicle(actor)
     now = physics_control(world, vehicle)
-    steering = Steering(math.radians(_lock(wanted)), wanted.steering_curve)
+    lock_deg = max((one.max_steer_angle for one in wanted.wheels[:2]), default=0.0)
+    steering = Steering(math.radians(lock_deg), wanted.steering_curve)
     if not (
         _LIGHTEST <= wanted.mass <= _HEAVIEST
         and wanted.drag_coefficient >= 0.0
@@ -185,11 +186,6 @@ def _same(one: object, other: object) -> bool:
     if isinstance(one, float) and isinstance(other, float):
         return math.isclose(one, other, rel_tol=1e-5, abs_tol=1e-9)
     return one == other
-
-
-def _lock(wanted: Physics) -> float:
-    """Largest angle of the front wheels [degrees]."""
-    return max((one.max_steer_angle for one in wanted.wheels[:2]), default=0.0)
 
 
 def _frontal_area(vehicle: Vehicle) -> float:

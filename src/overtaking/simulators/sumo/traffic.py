@@ -194,13 +194,9 @@ def _following(traffic: Traffic, row: int, slot: int) -> Attributes:
         "collisionMinGapFactor": 0.0,  # A collision is a contact of bodies.
         "treaction": p.reaction_time[row, slot],
         "tPersEstimate": constants().error_time,
-        **_errors(traffic, row),
+        # The errors of speeds and of the pedals are SUMO's defaults.
+        "sigmagap": traffic.distance_error[row],
     }
-
-
-def _errors(traffic: Traffic, row: int) -> Attributes:
-    """How wrongly gaps are judged; the errors of speeds and of the pedals are SUMO's defaults."""
-    return {"sigmagap": traffic.distance_error[row]}
 
 
 def speed_factor(traffic: Traffic, row: int, slot: int, lane: int) -> float:
@@ -223,6 +219,7 @@ def _changing(traffic: Traffic, row: int, slot: int) -> Attributes:
     p = traffic.scenario.drivers
     speed, accel = lateral_limits(traffic.scenario, row, slot)
     gain = max(float(p.passing_gain[row, slot]), _LEAST)
+    signal_time = max(float(p.signal_time[row, slot]), _LEAST_SIGNAL_TIME)
     wanted = _SPEED_GAIN_THRESHOLD * float(traffic.desired_speed[row, slot])
     return {
         "laneChangeModel": "SL2015",
@@ -231,17 +228,13 @@ def _changing(traffic: Traffic, row: int, slot: int) -> Attributes:
         "lcAccelLat": accel,
         "lcSpeedGain": wanted / (gain * _DECISION_TIME),
         "lcSpeedGainLookahead": p.pull_out_time[row, slot],
-        "lcKeepRight": _keep_right(float(p.signal_time[row, slot])) if slot == Role.EGO else 1.0,
+        # With an empty lane beside it, the ego returns after the time for which it signals.
+        "lcKeepRight": _KEEP_RIGHT_TIME / signal_time if slot == Role.EGO else 1.0,
         "lcKeepRightAcceptanceTime": known("model.overtaking.stay_time"),
         "lcAssertive": 1.0 / max(float(p.gap_acceptance[row, slot]), _LEAST),
         "lcTimeToImpatience": p.patience[row, slot],
         "lcCooperative": min(max(float(p.politeness[row, slot]), 0.0), 1.0),
     }
-
-
-def _keep_right(signal_time: float) -> float:
-    """With an empty lane beside it, the ego returns after the time for which it signals."""
-    return _KEEP_RIGHT_TIME / max(signal_time, _LEAST_SIGNAL_TIME)
 
 
 def lateral_limits(scenario: Scenario, row: int, slot: int) -> tuple[float, float]:
