@@ -120,13 +120,7 @@ def _drivable(verdicts: Mapping[str, Road | ImportFormatError]) -> str:
 def _check_choice(lanes: str | None, speed_limit: float | None) -> None:
     """Refuse what a caller cannot ask for."""
     if lanes is not None and lanes not in OTHER_SIDE:
-        raise ConfigError.of(
-            what="lanes",
-            where="read_opendrive",
-            expected=" or ".join(OTHER_SIDE),
-            got=repr(lanes),
-            next_step="choose a side of the reference line",
-        )
+        raise ConfigError.not_among("lanes", "read_opendrive", OTHER_SIDE, repr(lanes))
     if speed_limit is not None and not 0.0 < speed_limit <= MAX_SPEED_LIMIT:
         raise ConfigError.of(
             what="speed_limit",

@@ -115,12 +115,8 @@ def scenes(
         ImportFormatError: There is nothing of the kind in the recording.
     """
     if not 2 <= num_slots <= MAX_SLOTS:
-        raise ConfigError.of(
-            what="vehicles of a simulation",
-            where="import",
-            expected=f"2 to {MAX_SLOTS}",
-            got=num_slots,
-            next_step="choose a number in that range",
+        raise ConfigError.out_of_range(
+            "vehicles of a simulation", "import", 2, MAX_SLOTS, num_slots
         )
     changes, around = lane_changes(recording), Surroundings.of(recording)
     moving = overtakes(recording, changes, around)

@@ -4,6 +4,7 @@ The types in the signature of a call declare its arguments, and pydantic checks 
 and booleans are never converted into each other; a list becomes the tuple that a type asks for.
 """
 
+from types import GenericAlias
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, ValidationError
@@ -29,7 +30,7 @@ class ArgumentError(ValueError):
 
 def reader(hints: list[Any]) -> TypeAdapter[tuple[Any, ...]]:
     """What turns the decoded arguments of a call into values of these types."""
-    return TypeAdapter(tuple[*(_complete(hint) for hint in hints)])
+    return TypeAdapter(GenericAlias(tuple, tuple(_complete(hint) for hint in hints)))
 
 
 def read(taken: TypeAdapter[tuple[Any, ...]], values: list[Any]) -> tuple[Any, ...]:

@@ -165,7 +165,7 @@ def _none(_: World, __: Any) -> Rows:
 LISTS = ("get_required_files", "query_lights_state", "get_environment_objects", "get_all_level_BBs")
 """Calls for files to fetch, street lamps, houses and trees, and the boxes of these."""
 
-CALLS |= {name: declared(_none) for name in LISTS}
+CALLS.update((name, declared(_none)) for name in LISTS)
 
 
 @call()

@@ -43,7 +43,7 @@ def run_server(
         MissingExtraError: A map is a file, and CARLA's wheel is not there to read it.
     """
     if not 0 <= seed < 2**64:
-        raise _refused("seed", "0 to 2**64 - 1", seed, "choose another seed")
+        raise ConfigError.out_of_range("seed", "run_server", 0, "2**64 - 1", seed)
     atlas = Atlas(_places(maps), survey)
 
     async def until_told() -> None:
