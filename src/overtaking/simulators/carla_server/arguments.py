@@ -30,7 +30,8 @@ class ArgumentError(ValueError):
 
 def reader(hints: list[Any]) -> TypeAdapter[tuple[Any, ...]]:
     """What turns the decoded arguments of a call into values of these types."""
-    return TypeAdapter(GenericAlias(tuple, tuple(_complete(hint) for hint in hints)))
+    kinds: Any = GenericAlias(tuple, tuple(_complete(hint) for hint in hints))
+    return TypeAdapter(kinds)
 
 
 def read(taken: TypeAdapter[tuple[Any, ...]], values: list[Any]) -> tuple[Any, ...]:
