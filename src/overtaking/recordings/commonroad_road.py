@@ -318,8 +318,8 @@ def _named(options: Iterable[_Option]) -> str:
 def _asked_for(network: Network, wanted: int, options: list[_Option]) -> Stretch:
     """The road of one lanelet."""
     if wanted not in network.lanelets:
-        known = map(str, sorted(network.lanelets))
-        raise ConfigError.not_among(f"lanelet {wanted}", "read_commonroad", known, wanted)
+        known = f"one of {', '.join(map(str, sorted(network.lanelets)))}"
+        raise ConfigError.not_among(f"lanelet {wanted}", "read_commonroad", [known], wanted)
     try:
         return network.stretch(network.lanelets[wanted], is_part=True)
     except ImportFormatError as error:
