@@ -86,7 +86,11 @@ pub fn looks_around<S: Simd, const N: usize>(
     } else {
         state.wanted_time[i].simd_ge(p.signal_time)
     };
-    state.wanted[i].simd_ne(0.0) & signalled
+    let looks = state.wanted[i].simd_ne(0.0) & signalled;
+    if decision.is_multiple_of(c.glance_moving as u32) {
+        return looks | state.path_time[i].simd_lt(c.abort_until * state.path_duration[i]);
+    }
+    looks
 }
 
 /// Draw whether driver `i` looks over the shoulder before the next lane change.

@@ -8,7 +8,6 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from overtaking.core.compiled import minimum
 from overtaking.core.errors import ConfigError, InfeasibleError
 from overtaking.core.philox import U64
 from overtaking.core.units import kmh_from_mps, mps_from_kmh
@@ -255,7 +254,7 @@ def _placed(
         lane=draft.lane,
         kept=draft.kept,
         zone=zone,
-        pace=lambda wanted: (draft.s, minimum(draft.speed, wanted)),
+        pace=lambda _: (draft.s, draft.speed),  # They come with their speeds, whatever the weather.
         deadline=np.full(index.shape, spec.time.attempt_deadline_s, np.float32),
     )
 

@@ -117,6 +117,7 @@ class Constants:
     blind_spot: np.float32 = _known("model.perception.blind_spot")
     alongside: np.float32 = _known("model.perception.alongside")
     glance_interval: np.float32 = _known("model.perception.glance_interval")
+    glance_moving: np.float32 = _known("model.perception.glance_moving")
     glance_stagger: np.float32 = _known("model.perception.glance_stagger")
     glance_time: np.float32 = _known("model.perception.glance_time")
     looming_threshold: np.float32 = _known("model.perception.looming_threshold")

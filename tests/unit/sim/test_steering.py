@@ -37,8 +37,8 @@ def quintic(start: tuple[float, float, float], end: float, duration: float) -> n
 
 def follow_path(b: Bench, time: float) -> tuple[float, float, float]:
     b.state.path_time = np.full_like(b.state.path_time, time)
-    place, speed, accel = (float(part[0, 0]) for part in steering.path_now(b.state))
-    return place, speed, accel
+    place, speed = (float(part[0, 0]) for part in steering.path_now(b.state))
+    return place, speed, float(steering.path_accel(b.state)[0, 0])
 
 
 @given(
@@ -119,11 +119,10 @@ def test_a_lane_change_ends_in_the_lane(kind: str):
     steering.begin_path(b.state, zero == 0, centre + LANE_WIDTH, zero + np.float32(duration))
     ran = drive(b, 16.0)
     place = ran["d"] - float(centre[0, 0])
-    # Half a metre too far at most, so that a lorry in a lane of 3.5 m keeps to it.
-    assert place.max() < LANE_WIDTH + 0.5
+    # Wheels and tyres answer late, and the driver asks for the path as much earlier.
+    assert place.max() < LANE_WIDTH + (0.1 if kind == "T" else 0.06)
     assert np.abs(place[260:] - LANE_WIDTH).max() < 0.05
-    # Who has fallen behind the path hurries by two thirds of its peak at most.
-    assert np.abs(ran["a_lat"]).max() < 1.67 * 5.77 * LANE_WIDTH / duration**2
+    assert np.abs(ran["a_lat"]).max() < 1.2 * 5.77 * LANE_WIDTH / duration**2
 
 
 @pytest.mark.parametrize("kind", FOUR_WHEELERS)

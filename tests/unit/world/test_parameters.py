@@ -100,7 +100,7 @@ def test_ablations_of_constants_touch_only_theirs():
 
 
 def test_a_reckless_driver_does_not_slow_for_weather_and_a_cautious_one_does():
-    for weather in ({"rain": 100.0}, {"fog": 95.0}, {"wind": 90.0}):
+    for weather in ({"rain": 100.0}, {"fog": 95.0}):
         assert wanted(weather, caution=0.0) == pytest.approx(40.0)
         assert wanted(weather, caution=1.0) < 36.0
         half = wanted(weather, caution=0.5)
@@ -122,12 +122,6 @@ def test_in_thick_fog_a_cautious_driver_can_stop_within_sight():
     decel = 0.8 * 0.875 * 9.81
     seen = speed * 1.2 + speed**2 / (2.0 * decel)
     assert 38.0 <= seen <= 67.0
-
-
-def test_above_restricted_gusts_a_cautious_driver_keeps_the_bridge_limit():
-    # Gusts of 1.45 times the mean pass 30 kn at 53 %; then 40 mph.
-    assert wanted({"wind": 52.0}, caution=1.0) == pytest.approx(40.0)
-    assert wanted({"wind": 54.0}, caution=1.0) == pytest.approx(17.88, abs=0.01)
 
 
 def test_respect_for_the_limit_gives_up_its_share_of_the_excess():

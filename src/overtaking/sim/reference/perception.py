@@ -58,8 +58,8 @@ def remember(state: State, decision: int) -> None:
 def looks_around(state: State, c: Constants, p: Fields, decision: int) -> Mask:
     """Who looks into the mirrors and at the other lanes now, (vehicle, simulation).
 
-    Everybody does at an interval, one vehicle after the other, but not at once at the start; and
-    once more who has signalled for long enough, before moving over.
+    Everybody does at an interval, one vehicle after the other, but not at once at the start; once
+    more who has signalled for long enough, before moving over; and more often who moves over.
 
     Source:
         Salvucci, Liu and Boer 2001; Olsen, Lee and Wierwille 2005.
@@ -68,6 +68,8 @@ def looks_around(state: State, c: Constants, p: Fields, decision: int) -> Mask:
     interval = int(c.glance_interval)
     regular = (decision + slots * int(c.glance_stagger)) % interval == 0
     regular = regular & (decision >= interval)
+    early = state.path_time < c.abort_until * state.path_duration
+    regular = regular | (early & (decision % int(c.glance_moving) == 0))
     signalled = state.wanted_time >= p.signal_time
     signalled[Role.EGO] = state.signalled > p.signal_time[Role.EGO]
     return regular | ((state.wanted != 0) & signalled)
