@@ -8,6 +8,9 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
+from overtaking.knowledge.quantity import CHOICE
+from overtaking.knowledge.validation import Standing
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -16,17 +19,19 @@ Values = dict[str, Any]
 
 def render(values: Values) -> Group:
     """A validation as a page."""
-    missed = sum(figure["met"] is False for figure in values["figures"])
-    verdict = "every target is met" if not missed else f"{missed} targets are missed"
+    outside = sum(figure["met"] is False for figure in values["figures"])
+    verdict = f"{outside or 'no'} figure{'' if outside == 1 else 's'} outside the limits"
     head = f"{values['profile']}: {values['simulations']:,} simulations, {verdict}"
-    parts = [Text(head), Text(), _figures(values["figures"]), Text(), _strata(values["strata"])]
+    meanings = "\n".join(f"{one}: {one.meaning}" for one in Standing)
+    parts = [Text(head), Text(), _figures(values["figures"]), Text(), Text(meanings, "dim")]
+    parts += [Text(), _strata(values["strata"])]
     if values["comparison"]:
         parts += [_missing(values["missing"]), Text(), *_comparison(values["comparison"])]
     return Group(*parts)
 
 
 def _figures(figures: list[Values]) -> Table:
-    table = _table("figure", "value", "95 % interval", "target", "verdict")
+    table = _table("figure", "value", "95 % interval", "target", "standing", "verdict")
     for figure in figures:
         low, high = (number(figure[name]) for name in ("low", "high"))
         unit = f" {figure['unit']}" if figure["unit"] else ""
@@ -35,6 +40,7 @@ def _figures(figures: list[Values]) -> Table:
             f"{number(figure['value'])}{unit}",
             f"{low} .. {high}",
             _target(figure),
+            figure["standing"],
             _verdict(figure),
         )
     return table
@@ -52,7 +58,11 @@ def _target(figure: Values) -> str:
 def _verdict(figure: Values) -> Text:
     if figure["met"] is None:
         return Text("")
-    said = "met" if figure["met"] else "missed"
+    is_ours = CHOICE in (figure["standing"], figure["source"])
+    if is_ours:
+        said = "within our limits" if figure["met"] else "outside our limits"
+    else:
+        said = "met" if figure["met"] else "missed"
     return Text(said if figure["sure"] else f"{said}, unsure", "" if figure["met"] else "bold red")
 
 
