@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from overtaking.cli.tables import open_table
+
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
@@ -24,12 +26,11 @@ def values_of(limits: Limits) -> Values:
 def render(values: Values) -> RenderableType:
     """The limits for people."""
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=None, title="Forced lane changes", title_justify="left", title_style="bold")
-    for heading in ("km/h", "changed", "of"):
-        table.add_column(heading, justify="right")
+    table = open_table(
+        "km/h>", "changed>", "of>", title="Forced lane changes", title_justify="left"
+    )
     for row in values["forced_lane_changes"]:
         table.add_row(f"{row['speed_kmh']:.0f}", str(row["changed"]), str(row["asked"]))
     wait = values["again_after_s"]

@@ -5,14 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
+from overtaking.cli.tables import open_table
 from overtaking.knowledge.quantity import CHOICE
 from overtaking.knowledge.validation import Standing
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from rich.table import Table
 
 Values = dict[str, Any]
 
@@ -31,7 +33,7 @@ def render(values: Values) -> Group:
 
 
 def _figures(figures: list[Values]) -> Table:
-    table = _table("figure", "value", "95 % interval", "target", "standing", "verdict")
+    table = open_table("figure", "value>", "95 % interval>", "target>", "standing>", "verdict>")
     for figure in figures:
         low, high = (number(figure[name]) for name in ("low", "high"))
         unit = f" {figure['unit']}" if figure["unit"] else ""
@@ -68,7 +70,7 @@ def _verdict(figure: Values) -> Text:
 
 def _strata(strata: Mapping[str, Values]) -> Table:
     names = list(next(iter(strata.values()))["counts"])
-    table = _table("weather", *names)
+    table = open_table("weather", *(f"{name}>" for name in names))
     for stratum, found in strata.items():
         cells = [
             f"{found['counts'][name]:,}"
@@ -89,7 +91,7 @@ def _missing(pairs: list[list[str]]) -> Text:
 def _comparison(rates: list[Values]) -> tuple[Text, Table]:
     apart = sum(not rate["agrees"] for rate in rates)
     verdict = "all agree" if not apart else f"{apart} disagree"
-    table = _table("rate", "weighted", "natural", "difference, interval", "verdict")
+    table = open_table("rate", "weighted>", "natural>", "difference, interval>", "verdict>")
     for rate in rates:
         unit = f" {rate['unit']}" if rate["unit"] else ""
         table.add_row(
@@ -108,11 +110,3 @@ def _comparison(rates: list[Values]) -> tuple[Text, Table]:
 def number(value: float | None) -> str:
     """A number with three digits that matter."""
     return "-" if value is None else f"{value:.3g}"
-
-
-def _table(first: str, *others: str) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column(first, style="bold")
-    for name in others:
-        table.add_column(name, justify="right")
-    return table

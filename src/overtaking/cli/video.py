@@ -1,13 +1,11 @@
 """Films of simulations."""
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from overtaking.cli import arguments, options
-from overtaking.cli.output import Output, open_table
+from overtaking.cli.output import Output
+from overtaking.cli.tables import open_table
 from overtaking.core.errors import ConfigError
 from overtaking.core.words import counted
 
@@ -16,23 +14,13 @@ if TYPE_CHECKING:
 
     from overtaking.show.video.produce import Video
 
-Chosen = Annotated[
-    str | None,
-    typer.Option(
-        "--simulations",
-        metavar="LIST",
-        help=options.SIMULATIONS,
-    ),
-]
+Chosen = Annotated[str | None, options.option("--simulations LIST", options.SIMULATIONS)]
 PerClass = Annotated[
-    bool, typer.Option("--one-per-class", help="The first simulation of each class; the default.")
+    bool, options.option("--one-per-class", "The first simulation of each class; the default.")
 ]
-All = Annotated[bool, typer.Option("--all", help="Every simulation.")]
+All = Annotated[bool, options.option("--all", "Every simulation.")]
 Folder = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", metavar="FOLDER", help=f"{options.OUT} A folder.  [default: DATA/videos]"
-    ),
+    Path | None, options.option("--out FOLDER", f"{options.OUT} A folder.  [default: DATA/videos]")
 ]
 
 _MOST_LISTED = 12
@@ -53,7 +41,6 @@ def video(
     from overtaking import api
 
     chosen = choice(simulations, is_per_class=one_per_class, is_every=every)
-    begin = time.monotonic()
     with output.progress("films") as meter:
         films = api.film(
             data,
@@ -63,7 +50,7 @@ def video(
             threads=threads,
             progress=meter,
         )
-    values = values_of(films, time.monotonic() - begin)
+    values = values_of(films) | output.duration
     output.wrote(values, lambda _: render(values))
 
 
@@ -94,7 +81,7 @@ def choice(
     return arguments.numbers(text, where) or []
 
 
-def values_of(films: "list[Video]", seconds: float) -> dict[str, Any]:
+def values_of(films: "list[Video]") -> dict[str, Any]:
     """Summary of the films as plain values."""
     return {
         "films": [
@@ -110,7 +97,6 @@ def values_of(films: "list[Video]", seconds: float) -> dict[str, Any]:
             }
             for film in films
         ],
-        "duration_s": round(seconds, 3),
     }
 
 

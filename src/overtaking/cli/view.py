@@ -3,8 +3,6 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from overtaking.cli import options
 from overtaking.cli.output import Output
 from overtaking.cli.video import All, Chosen, PerClass, choice
@@ -13,9 +11,7 @@ from overtaking.core.words import counted
 if TYPE_CHECKING:
     from overtaking.show.view.write import View
 
-Page = Annotated[
-    Path, typer.Option("--export", metavar="FILE", help=f"{options.OUT} One HTML file.")
-]
+Page = Annotated[Path, options.option("--export FILE", f"{options.OUT} One HTML file.")]
 _BYTES_PER_KB, _KB_PER_MB = 1e3, 1e3
 
 
