@@ -77,31 +77,20 @@ def generate(
     output: Output,
     out: options.OutPlace,
     made: options.Making,
+    balanced: options.Balancing,
     profile: options.Profile = None,
     map_file: options.Map = None,
     threads: options.Threads = None,
     engine: options.Engine = "auto",
     address: options.Address = None,
     workers: options.Workers = None,
-    balance: options.Balance = False,
-    balance_by: options.BalanceBy = None,
-    policy: options.OpenPolicy = None,
-    balance_candidates: options.BalanceCandidates = None,
-    allow_missing: options.AllowMissing = False,
 ) -> None:
     """Simulate scenarios of a profile and write a labelled data set."""
     from overtaking.cli import arguments, making
 
     arguments.limit_threads(threads)
-    recipe = making.recipe(made, profile, map_file) | arguments.given(
-        balance=making.balance(
-            is_wanted=balance,
-            by=balance_by,
-            policy=policy,
-            candidates=balance_candidates,
-            allow_missing=allow_missing or None,
-        )
-    )
+    recipe = making.recipe(made, profile, map_file)
+    recipe |= arguments.given(balance=making.balance(balanced))
     executor = {"engine": engine, "address": address, "workers": workers}
     making.make(output, out, recipe, made, executor=executor)
 
@@ -133,12 +122,9 @@ def export(
     output: Output,
     data: options.Data,
     out: options.OutFile,
+    chosen: options.Chosen,
     file_format: options.Format = "pinto2023",
     is_csv: options.IsCsv = None,
-    simulations: options.ChosenSimulations = None,
-    label: options.ChosenClass = None,
-    policy: options.OpenPolicy = None,
-    every: options.EveryFrames = None,
     law: options.WithLaw = False,
     about: options.AboutTarget = None,
 ) -> None:
@@ -147,16 +133,10 @@ def export(
     from overtaking.cli import arguments, summary
 
     target = arguments.export_target(out, file_format, is_csv=is_csv)
-    chosen = arguments.given(
-        simulations=arguments.numbers(simulations, "export"),
-        label=label,
-        policy=policy,
-        every=every,
-        with_law=law or None,
-        about=about,
-    )
+    given = arguments.chosen(chosen, "export")
+    given |= arguments.given(with_law=law or None, about=about)
     with output.progress("simulations") as meter:
-        rows = api.export(data, target, file_format=file_format, progress=meter, **chosen)
+        rows = api.export(data, target, file_format=file_format, progress=meter, **given)
     values = summary.of_table(target, rows)
     output.wrote(values, lambda _: summary.render_table(values))
 

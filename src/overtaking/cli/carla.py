@@ -104,11 +104,9 @@ def replay(
     """Replay recorded simulations in CARLA and film them."""
     from overtaking import api
     from overtaking.cli import arguments
-    from overtaking.cli.video import choice
 
     arguments.choose_carla(server)
-    chosen = choice(simulations, is_per_class=False, is_every=False)
-    numbers = [int(number) for number in chosen]
+    numbers = arguments.numbers(simulations, "carla replay") or []
     pixels = arguments.picture_size(size)
     with output.progress("simulations") as meter:
         films = api.replay_in_carla(data, out, simulations=numbers, size=pixels, progress=meter)

@@ -37,13 +37,10 @@ _MS_PER_S = 1000.0
 def ask(
     output: Output,
     data: options.Data,
+    chosen: options.Chosen,
     query: Query = None,
     why: Why = None,
     predicates: Words = False,
-    simulations: options.ChosenSimulations = None,
-    label: options.ChosenClass = None,
-    policy: options.OpenPolicy = None,
-    every: options.EveryFrames = None,
     rows: Rows = 1000,
     timeout_s: Seconds = 600.0,
     memory_mib: Memory = 2048,
@@ -63,15 +60,10 @@ def ask(
         found = {"simulation": why, "proofs": [_proof(one) for one in proofs]}
         output.text(found, _proofs_page(why, proofs))
     else:
-        chosen = arguments.given(
-            simulations=arguments.numbers(simulations, "ask"),
-            label=label,
-            policy=policy,
-            every=every,
-        )
-        bounds = {"max_rows": rows, "timeout_s": timeout_s, "memory_mib": memory_mib}
+        given = arguments.chosen(chosen, "ask")
+        given |= {"max_rows": rows, "timeout_s": timeout_s, "memory_mib": memory_mib}
         with output.progress("simulations") as meter:
-            answers = api.ask(data, str(query), progress=meter, **bounds, **chosen)
+            answers = api.ask(data, str(query), progress=meter, **given)
         if answers.is_cut:
             output.say(f"there are more answers than these {rows}; --rows gives more")
         values = values_of(answers)

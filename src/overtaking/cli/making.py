@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import Self
 
-    from overtaking.cli.options import Making
+    from overtaking.cli.options import Balancing, Making
     from overtaking.cli.output import Meter, Output
     from overtaking.data.balance import Balance
     from overtaking.data.estimate import Estimate
@@ -91,25 +92,18 @@ def _asked(output: Output, yes: bool) -> Callable[[Estimate], bool]:
     return is_allowed
 
 
-def balance(*, is_wanted: bool, **asked: Any) -> Balance | None:
+def balance(asked: Balancing) -> Balance | None:
     """The settings of a balanced data set; None without `--balance`.
-
-    Args:
-        is_wanted: Whether `--balance` was said.
-        asked: The words about it: `by`, `policy`, `candidates`, `allow_missing`; None for those
-            that were left open.
 
     Raises:
         ConfigError: One of them cannot be used, or it is not to be balanced.
     """
-    given = {name: value for name, value in asked.items() if value is not None}
-    if is_wanted:
+    given = {name: one for name, one in asdict(asked).items() if one not in (None, False)}
+    if given.pop("balance", False):
         from overtaking.data.balance import Balance
 
         if "by" in given:
             given["by"] = tuple(name.strip() for name in given["by"].split(","))
-        if "allow_missing" in given:
-            given["allows_missing"] = given.pop("allow_missing")
         return Balance(**given)
     if given:
         raise ConfigError.of(
@@ -126,7 +120,7 @@ _WORDS = {
     "by": "--balance-by",
     "policy": "--policy",
     "candidates": "--balance-candidates",
-    "allow_missing": "--allow-missing",
+    "allows_missing": "--allow-missing",
 }
 
 

@@ -182,6 +182,19 @@ AllowMissing = Annotated[
 _POLICY = "Policy that decides on the class: paper, default or strict."
 Policy = Annotated[str, option("--policy NAME", _POLICY)]
 OpenPolicy = Annotated[str | None, option("--policy NAME", f"{_POLICY}  [default: paper]")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Balancing:
+    """The options of a balanced data set."""
+
+    balance: Balance = False
+    by: BalanceBy = None
+    policy: OpenPolicy = None
+    candidates: BalanceCandidates = None
+    allows_missing: AllowMissing = False
+
+
 FORMAT = "Format of the output."
 Format = Annotated[
     str,
@@ -217,9 +230,35 @@ EveryFrames = Annotated[
         min=1,
     ),
 ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chosen:
+    """The options that choose simulations of a data set, and frames of them."""
+
+    simulations: ChosenSimulations = None
+    label: ChosenClass = None
+    policy: OpenPolicy = None
+    every: EveryFrames = None
+
+
 WithLaw = Annotated[
     bool, option("--law", "With asp, prolog: add the facts that the law needs, and the law.")
 ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shown:
+    """The options that choose simulations to look at."""
+
+    simulations: Annotated[str | None, option("--simulations LIST", SIMULATIONS)] = None
+    one_per_class: Annotated[
+        bool, option("--one-per-class", "The first simulation of each class; the default.")
+    ] = False
+    every: Annotated[bool, option("--all", "Every simulation.")] = False
+    policy: OpenPolicy = None
+
+
 ROWS = "Rows to return at most."
 TIMEOUT = "Time for the query [s]."
 MEMORY = "Memory for the query [MiB]."

@@ -14,11 +14,6 @@ if TYPE_CHECKING:
 
     from overtaking.show.video.produce import Video
 
-Chosen = Annotated[str | None, options.option("--simulations LIST", options.SIMULATIONS)]
-PerClass = Annotated[
-    bool, options.option("--one-per-class", "The first simulation of each class; the default.")
-]
-All = Annotated[bool, options.option("--all", "Every simulation.")]
 Folder = Annotated[
     Path | None, options.option("--out FOLDER", f"{options.OUT} A folder.  [default: DATA/videos]")
 ]
@@ -30,23 +25,19 @@ _BYTES_PER_MB = 1e6
 def video(
     output: Output,
     data: options.Data,
-    simulations: Chosen = None,
-    one_per_class: PerClass = False,
-    every: All = False,
-    policy: options.OpenPolicy = None,
+    shown: options.Shown,
     out: Folder = None,
     threads: options.Threads = None,
 ) -> None:
     """Render simulations as mp4 films, seen from above."""
     from overtaking import api
 
-    chosen = choice(simulations, is_per_class=one_per_class, is_every=every)
     with output.progress("films") as meter:
         films = api.film(
             data,
             out,
-            simulations=chosen,
-            policy=policy or "paper",
+            simulations=choice(shown, "video"),
+            policy=shown.policy or "paper",
             threads=threads,
             progress=meter,
         )
@@ -54,21 +45,17 @@ def video(
     output.wrote(values, lambda _: render(values))
 
 
-def choice(
-    text: str | None, where: str = "video", *, is_per_class: bool, is_every: bool
-) -> list[int] | str:
+def choice(shown: options.Shown, where: str) -> list[int] | str:
     """What was asked for, as `api.film` takes it.
 
     Args:
-        text: Numbers and ranges with commas between them, if there are any.
+        shown: The options.
         where: The command.
-        is_per_class: Whether one of each class was asked for.
-        is_every: Whether all were asked for.
 
     Raises:
         ConfigError: More than one of these, or what is no number.
     """
-    if (text is not None) + is_per_class + is_every > 1:
+    if (shown.simulations is not None) + shown.one_per_class + shown.every > 1:
         raise ConfigError.of(
             what="choice",
             where=where,
@@ -76,9 +63,8 @@ def choice(
             got="several",
             next_step="leave out the others",
         )
-    if text is None:
-        return "all" if is_every else "one-per-class"
-    return arguments.numbers(text, where) or []
+    numbers = arguments.numbers(shown.simulations, where)
+    return numbers or ("all" if shown.every else "one-per-class")
 
 
 def values_of(films: "list[Video]") -> dict[str, Any]:

@@ -1,9 +1,9 @@
 """The quantities that may be known when an overtake begins, in the words of a driver.
 
 They are declared in `attributes.toml`. All of them are columns of the table `decisions`, or derived
-from its columns. Beliefs are left out: they are recorded only where a driver decided to pull out, so
-their absence alone would tell who did not. The place in the lane is left out too, since it shows a
-move that has begun.
+from its columns. Beliefs are left out: they are recorded only where a driver decided to pull out,
+so their absence alone would tell who did not. The place in the lane is left out too, since it shows
+a move that has begun.
 """
 
 from collections.abc import Callable
@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from overtaking.core.elementary import F64
 from overtaking.core.units import kmh_from_mps
 from overtaking.data.tables.columns import names_of
 from overtaking.data.tables.schemas import SCHEMAS
 from overtaking.knowledge.reader import load
 
-F64 = NDArray[np.float64]
 Column = Callable[[str], F64]
 """A column of `decisions` by its name, NaN where there is no value."""
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import warnings
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from overtaking.analysis.reproduction.replicates import SIZE, Replicates, members
 from overtaking.knowledge.paper import Measure, Statement
 
-F64 = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+if TYPE_CHECKING:
+    from overtaking.core.elementary import F64, Mask
 
 POLICY = "paper"
 """The policy whose classes are compared: it decides by the paper's columns."""

@@ -10,14 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.analysis.validation.tally import F64, Tally, quantile, ratio
+from overtaking.analysis.validation.tally import Tally, quantile, ratio
 from overtaking.analysis.validation.traffic import ACCEL_WIDTH, CHANGE_WIDTH, GAP_WIDTH
 from overtaking.core.plain import plain
 from overtaking.knowledge.validation import Standing, Target, targets
+
+if TYPE_CHECKING:
+    from overtaking.core.elementary import F64
 
 Statistic = Callable[[Tally], float]
 """A number computed from a tally."""
