@@ -56,7 +56,7 @@ def systems(output: Output, as_printed: AsPrinted = False) -> None:
 
 def datasets(
     output: Output,
-    wanted: Wanted,  # pyright: ignore[reportInvalidTypeForm]
+    wanted: Wanted,  # pyright: ignore[reportInvalidTypeForm, reportUnknownParameterType]
     own: With = None,
     as_printed: AsPrinted = False,
 ) -> None:

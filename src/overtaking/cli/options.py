@@ -279,7 +279,9 @@ def command(app: typer.Typer, body: Body, example: str, group: str = "") -> None
         group: The word before its name, if it is one of a group.
     """
     taken = list(inspect.signature(body).parameters.values())[1:]
-    groups = {one.name: one.annotation for one in taken if is_dataclass(one.annotation)}
+    groups: dict[str, Any] = {
+        one.name: one.annotation for one in taken if is_dataclass(one.annotation)
+    }
     own = [each for one in taken for each in _fields(groups.get(one.name)) or (one,)]
     old = [_old(one.name) for one in own if one.name in RENAMED]
     parameters = [one.replace(kind=one.KEYWORD_ONLY) for one in [*own, *old, *_fields(_Common)]]

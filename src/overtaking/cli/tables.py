@@ -20,7 +20,8 @@ def open_table(*columns: str, **settings: Any) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(**{"box": None, "pad_edge": False, "padding": (0, 2, 0, 0)} | settings)
+    plain: dict[str, Any] = {"box": None, "pad_edge": False, "padding": (0, 2, 0, 0)}
+    table = Table(**plain | settings)
     for head in columns:
         side = "right" if head.endswith(">") else "left"
         table.add_column(Text(head.removesuffix(">")), justify=side, overflow="fold")

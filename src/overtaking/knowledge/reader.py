@@ -225,9 +225,10 @@ def _read(item: Any, hint: Any, name: str, where: str) -> Any:
 def _word(item: Any, hint: Any, where: str) -> Any:
     """A name, a flag or a member of an enumeration."""
     if isinstance(hint, EnumType):
-        if item in tuple(hint):
+        known = [str(one) for one in hint]
+        if item in known:
             return hint(item)
-        raise _wrong_kind(where, f"one of {', '.join(hint)}", item)
+        raise _wrong_kind(where, f"one of {', '.join(known)}", item)
     if isinstance(item, hint):
         return item
     raise _wrong_kind(where, f"a {hint.__name__}", item)

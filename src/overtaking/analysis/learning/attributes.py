@@ -93,9 +93,9 @@ def _attribute(name: str, given: dict[str, Any]) -> Attribute:
     """An attribute; the levels of a nominal column are those of the table."""
     columns = SCHEMAS["decisions"]
     named = names_of(columns.field(name)) if name in columns.names else ()
-    levels = tuple(given.get("levels", named))
-    scale = _SCALES.get(given.get("scale", ""), Scale())
-    return Attribute(**given | {"name": name, "levels": levels, "scale": scale})
+    own: dict[str, Any] = {"name": name, "levels": tuple(given.get("levels", named))}
+    own["scale"] = _SCALES[given["scale"]] if "scale" in given else Scale()
+    return Attribute(**given | own)
 
 
 ATTRIBUTES = tuple(_attribute(name, one) for name, one in _DECLARED["attributes"].items())
