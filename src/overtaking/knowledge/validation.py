@@ -26,8 +26,8 @@ class Standing(StrEnum):
 
 
 _MEANINGS = {
-    Standing.FITTED: "parameters of the drivers of motorway may be moved until it lies within its limits",
-    Standing.HELD_OUT: "no parameter is moved for it",
+    Standing.FITTED: "the drivers of motorway may be changed until it lies within its limits",
+    Standing.HELD_OUT: "nothing is changed for it",
     Standing.CHOICE: "the limits are our own, so a figure within them is not validated",
 }
 
