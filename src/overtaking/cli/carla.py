@@ -1,10 +1,14 @@
 """The commands that begin with `overtaking carla`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
+from overtaking.cli.tables import open_table
+
+if TYPE_CHECKING:
+    from rich.console import Group
 
 PORT = 2000
 
@@ -81,11 +85,29 @@ def run(
 def limits(output: Output, server: Server = "headless") -> None:
     """Measure when CARLA's Traffic Manager refuses lane changes."""
     from overtaking import api
-    from overtaking.cli import arguments, carla_limits
+    from overtaking.cli import arguments
 
     arguments.choose_carla(server)
-    values = carla_limits.values_of(api.carla_limits())
-    output.result(values, lambda _: carla_limits.render(values))
+    found = api.carla_limits()
+    rows = [
+        {"speed_kmh": speed, "changed": changed, "asked": found.trials}
+        for speed, changed in zip(found.speeds_kmh, found.changed, strict=True)
+    ]
+    values = {"forced_lane_changes": rows, "again_after_s": found.again_after}
+    output.result(values, lambda _: _drawn_limits(values))
+
+
+def _drawn_limits(values: dict[str, Any]) -> "Group":
+    """The limits for people."""
+    from rich.console import Group
+    from rich.text import Text
+
+    table = open_table("km/h>", "changed>", "of>", title="Forced lane changes")
+    for row in values["forced_lane_changes"]:
+        table.add_row(f"{row['speed_kmh']:.0f}", str(row["changed"]), str(row["asked"]))
+    wait = values["again_after_s"]
+    again = "never again" if wait is None else f"again {wait:.1f} s after the first"
+    return Group(table, Text(f"A second one was accepted {again}."))
 
 
 Numbers = Annotated[str, options.option("--simulations LIST", options.SIMULATIONS)]

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from overtaking.analysis.logic import vocabulary as words
 from overtaking.analysis.logic.export import PROGRAMS
@@ -176,7 +176,7 @@ def _text(tree: Any) -> str | None:
     return str(tree.symbol) if kind(tree) == "SymbolicTerm" else None
 
 
-def _is_variable(argument: str | None) -> bool:
+def _is_variable(argument: str | None) -> TypeGuard[str]:
     """Whether an argument of an atom is a variable, which begins with a capital letter."""
     return argument is not None and (argument == "_" or argument.lstrip("_")[:1].isupper())
 

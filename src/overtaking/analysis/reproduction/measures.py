@@ -73,7 +73,7 @@ def spearman(one: F64, other: F64) -> F64:
     first, second = (
         pd.DataFrame(np.where(gaps, np.nan, values)).rank(axis=1) for values in (one, other)
     )
-    return first.corrwith(second, axis=1).to_numpy()
+    return np.asarray(first.corrwith(second, axis=1), dtype=np.float64)
 
 
 def p_value(rho: F64, size: int) -> F64:
