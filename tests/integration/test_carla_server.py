@@ -403,6 +403,13 @@ WRONG = {
     "no such call": ("open_door", [[False]]),
     "an argument too many": ("version", [[False], 1]),
     "a number that is none": ("set_actor_location", [[True], 21, [0.0, float("nan"), 0.0]]),
+    "a text for a number": ("set_actor_location", [[True], 21, [0.0, "1.0", 0.0]]),
+    "a number for a yes": ("set_actor_simulate_physics", [[True], 21, 1]),
+    "pedals without a gear": ("apply_control_to_vehicle", [[True], 21, [0.0] * 3 + [False] * 3]),
+    "an optional value that is not there": (
+        "set_episode_settings",
+        [[False], [True, False, [True], True, 0.01, 10, 0.0, True, 3e3, 2e3, True]],
+    ),
     "a tick of an hour": (
         "set_episode_settings",
         [[False], [True, False, [True, 3600.0], True, 0.01, 10, 0.0, True, 3e3, 2e3, True]],

@@ -1,10 +1,9 @@
 """From windows of a recording to `Trajectories`: the ego in slot 0, others in the next."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import Counter
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +18,10 @@ from overtaking.model.trajectory import (
     States,
     Trajectories,
 )
+from overtaking.recordings.candidates import Window
 from overtaking.recordings.neighbours import NOBODY, Surroundings
+from overtaking.recordings.recording import Recording
 from overtaking.scenarios.assumed import assumed_bodies, assumed_drivers, assumed_weather
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from overtaking.recordings.candidates import Window
-    from overtaking.recordings.recording import Recording
 
 I64 = NDArray[np.int64]
 

@@ -7,20 +7,13 @@ of the track. A vehicle counts as in another lane only once it is well inside it
 along a line is no lane change.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.model.trajectory import BEYOND_SLOW_EDGE
-from overtaking.recordings.recording import slope
-
-if TYPE_CHECKING:
-    from overtaking.recordings.neighbours import Surroundings
-    from overtaking.recordings.recording import Recording, Tracks
+from overtaking.recordings.neighbours import Surroundings
+from overtaking.recordings.recording import Recording, Tracks, slope
 
 I64 = NDArray[np.int64]
 
@@ -101,12 +94,11 @@ def settled_lanes(recording: Recording) -> I64:
         Lane indices, shape (row,); `num_lanes` beyond the fast edge.
     """
     tracks, road = recording.tracks, recording.road
-    lane = np.where(tracks.lane == BEYOND_SLOW_EDGE, -1, tracks.lane).astype(np.int64)
     to_border = np.abs(tracks.d[:, None] - road.boundaries[None, :]).min(axis=1)
     is_sure = to_border >= INSIDE
     is_sure[tracks.start[:-1]] = True
     row = np.arange(tracks.num_rows)
-    return lane[np.maximum.accumulate(np.where(is_sure, row, 0))]
+    return tracks.lane_index[np.maximum.accumulate(np.where(is_sure, row, 0))]
 
 
 def lane_changes(recording: Recording) -> LaneChanges:
@@ -135,8 +127,7 @@ def _last_rows_in(tracks: Tracks, rows: I64, lanes: I64) -> I64:
         rows: Rows in which it counts as in another lane.
         lanes: The lane that it leaves.
     """
-    lane = np.where(tracks.lane == BEYOND_SLOW_EDGE, -1, tracks.lane.astype(np.int64))
-    last = rows - 1
+    lane, last = tracks.lane_index, rows - 1
     for k, (row, old) in enumerate(zip(rows, lanes, strict=True)):
         low = tracks.start[np.searchsorted(tracks.start, row, side="right") - 1]
         before = np.flatnonzero(lane[low:row] == old)

@@ -4,20 +4,18 @@ Goals, predictions, signals and static obstacles of a scenario are not read. Tra
 taken to keep to the right.
 """
 
-from __future__ import annotations
-
 from collections import Counter
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.recordings.commonroad_choice import chosen_road
 from overtaking.recordings.commonroad_lanes import Lanelet, lanelet, slices
 from overtaking.recordings.commonroad_obstacles import QUANTITIES, Obstacle, is_dynamic, obstacle
-from overtaking.recordings.commonroad_road import Network, Stretch, posted_limit
+from overtaking.recordings.commonroad_road import Network, Stretch, chosen_road, posted_limit
 from overtaking.recordings.messages import refused, shown
 from overtaking.recordings.recording import (
     NEVER_RECORDED,
@@ -29,13 +27,8 @@ from overtaking.recordings.recording import (
     slope,
     without_oncoming,
 )
-from overtaking.recordings.xml import elements
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
-
-    from overtaking.recordings.road import Projection
-    from overtaking.recordings.xml_element import Element
+from overtaking.recordings.road import Projection
+from overtaking.recordings.xml import Element, elements
 
 F64 = NDArray[np.float64]
 

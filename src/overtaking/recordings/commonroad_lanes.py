@@ -1,20 +1,14 @@
 """CommonRoad's lanelets: which of them, side by side and end to end, make one road."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.model.road import MIN_LANE_WIDTH, RoadMark
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from overtaking.recordings.xml_element import Element
+from overtaking.recordings.xml import Element
 
 F64 = NDArray[np.float64]
 

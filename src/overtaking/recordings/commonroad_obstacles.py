@@ -1,15 +1,11 @@
 """CommonRoad's dynamic obstacles: the recorded vehicles of a scene."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from overtaking.recordings.xml_element import Element
+from overtaking.recordings.xml import Element
 
 F64 = NDArray[np.float64]
 

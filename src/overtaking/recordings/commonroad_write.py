@@ -5,26 +5,18 @@ smallest id. Positions are those along and across the road, put onto the straigh
 enough digits to come back the same; what CommonRoad has no place for is left out.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.core.folders import put_file
-from overtaking.model.trajectory import STEPS
+from overtaking.model.road import Road, RoadMark
+from overtaking.model.trajectory import STEPS, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.commonroad_lanes import MARKS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from overtaking.model.road import Road, RoadMark
-    from overtaking.model.trajectory import Trajectories
 
 FORMAT = "commonroad"
 

@@ -53,11 +53,11 @@ def read_recording(file_format: str, path: Path | str, options: Mapping[str, Any
         ImportFormatError: The file cannot be used; the message names line and element or column.
     """
     if file_format not in FORMATS:
-        raise _refused("format", " or ".join(FORMATS), file_format, "choose one of them")
+        raise ConfigError.not_among("format", "import", FORMATS, file_format)
     for name in options:
         if name not in FORMATS[file_format]:
-            allowed = ", ".join(sorted(FORMATS[file_format]))
-            raise _refused(f"option for {file_format}", allowed, name, "leave it out")
+            allowed = sorted(FORMATS[file_format])
+            raise ConfigError.not_among(f"option for {file_format}", "import", allowed, name)
     source = Path(path)
     # Before reading, so that a file that changes meanwhile is not named by what it became.
     files = {one.name: _sha256(one) for one in _files(file_format, source)}
@@ -113,9 +113,3 @@ def _sha256(path: Path) -> str:
 
 def _unreadable(path: Path, got: str) -> ImportFormatError:
     return refused(shown(str(path), length=120), "file", "a readable file", got, "check the path")
-
-
-def _refused(what: str, expected: str, got: object, next_step: str) -> ConfigError:
-    return ConfigError.of(
-        what=what, where="import", expected=expected, got=got, next_step=next_step
-    )

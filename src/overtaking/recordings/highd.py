@@ -6,11 +6,10 @@ called width. The upper lanes drive to the left (direction 1), the lower ones to
 
 # pyright: reportUnknownParameterType=false
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +34,6 @@ from overtaking.recordings.recording import (
     without_oncoming,
 )
 from overtaking.recordings.road import scaled
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

@@ -3,24 +3,18 @@
 # pyarrow ships no types, and it makes its compute functions when it is imported.
 # pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
 
-from __future__ import annotations
-
 import csv
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pacsv
 
+from overtaking.core.errors import ImportFormatError
 from overtaking.recordings import messages
 from overtaking.recordings.messages import shown
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from overtaking.core.errors import ImportFormatError
 
 MAX_BYTES = 1 << 31
 """Larger files are refused; the largest of the data set has some 200 MB."""

@@ -12,10 +12,9 @@ the bumpers, `thw` and `ttc` are that over the speed and over the closing speed.
 
 # pyright: reportUnknownParameterType=false
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -23,14 +22,9 @@ import pyarrow.csv as pacsv
 from numpy.typing import NDArray
 
 from overtaking.core.folders import put_file
-from overtaking.model.trajectory import STEPS
+from overtaking.model.trajectory import STEPS, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.highd import NO_LIMIT
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from overtaking.model.trajectory import Trajectories
 
 F64 = NDArray[np.float64]
 Places = NDArray[np.int64]

@@ -1,17 +1,11 @@
 """The neighbours of all vehicles of a recording in all frames."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.model.trajectory import BEYOND_SLOW_EDGE
-
-if TYPE_CHECKING:
-    from overtaking.recordings.recording import Recording, Tracks
+from overtaking.recordings.recording import Recording, Tracks
 
 I64 = NDArray[np.int64]
 
@@ -40,7 +34,7 @@ class Surroundings:
     row: I64
 
     @classmethod
-    def of(cls, recording: Recording) -> Surroundings:
+    def of(cls, recording: Recording) -> "Surroundings":
         """The neighbours in a recording, by the lanes that the centres are in."""
         tracks = recording.tracks
         key = _keys(tracks)
@@ -83,7 +77,7 @@ class Surroundings:
 
 def _keys(tracks: Tracks) -> I64:
     """A number for each row that sorts by frame, then lane, then position along the road."""
-    lane = np.where(tracks.lane == BEYOND_SLOW_EDGE, 0, tracks.lane.astype(np.int64) + 1)
+    lane = tracks.lane_index + 1
     along = np.rint((tracks.s - tracks.s.min()) * _MM_PER_M).astype(np.int64)
     roads = int(tracks.carriageway.max()) + 1
     frame = (tracks.frame - tracks.first.min()) * roads + tracks.carriageway[tracks.vehicle]

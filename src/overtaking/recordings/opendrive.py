@@ -12,18 +12,24 @@ file's.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.core.units import mps_from_kmh
+from overtaking.knowledge.roads import general_limit
 from overtaking.model.road import MAX_LENGTH, MAX_SPEED_LIMIT, DrivingSide, Lane, Road
 from overtaking.recordings.messages import refused, shown
-from overtaking.recordings.opendrive_lanes import Carriageway, carriageway, driving_lanes
-from overtaking.recordings.opendrive_limits import kind_of, limit_of
-from overtaking.recordings.opendrive_shape import Line, check_flat, straight_line
-from overtaking.recordings.opendrive_strips import OTHER_SIDE, Side, Strip
-from overtaking.recordings.xml import elements
-from overtaking.recordings.xml_element import Element
+from overtaking.recordings.opendrive_lanes import (
+    OTHER_SIDE,
+    Carriageway,
+    Side,
+    Strip,
+    carriageway,
+    driving_lanes,
+)
+from overtaking.recordings.opendrive_shape import Line, check_flat, straight_line, unfit
+from overtaking.recordings.xml import Element, elements
 
 _SKIPPED = frozenset(["objects", "signals", "surface", "railroad", "userData", "link", "include"])
 _RULES = {"RHT": DrivingSide.RIGHT, "LHT": DrivingSide.LEFT}
@@ -114,13 +120,7 @@ def _drivable(verdicts: Mapping[str, Road | ImportFormatError]) -> str:
 def _check_choice(lanes: str | None, speed_limit: float | None) -> None:
     """Refuse what a caller cannot ask for."""
     if lanes is not None and lanes not in OTHER_SIDE:
-        raise ConfigError.of(
-            what="lanes",
-            where="read_opendrive",
-            expected=" or ".join(OTHER_SIDE),
-            got=repr(lanes),
-            next_step="choose a side of the reference line",
-        )
+        raise ConfigError.not_among("lanes", "read_opendrive", OTHER_SIDE, repr(lanes))
     if speed_limit is not None and not 0.0 < speed_limit <= MAX_SPEED_LIMIT:
         raise ConfigError.of(
             what="speed_limit",
@@ -163,11 +163,11 @@ def _road(path: Path, road: Element, lanes: Side | None, speed_limit: float | No
     name = shown(road.attribute("id"))
     road.belongs_to(f"road {name}")
     if road.attribute("junction", default="-1") != "-1":
-        raise road.error(
+        raise unfit(
+            road,
             "belongs to a junction",
             "a road outside junctions",
             f'junction "{shown(road.attribute("junction"))}"',
-            "choose another road",
         )
     length = _length(road)
     kind = kind_of(road)
@@ -189,9 +189,7 @@ def _road(path: Path, road: Element, lanes: Side | None, speed_limit: float | No
             speed_limit=speed_limit,
         )
     except ConfigError as error:
-        raise road.error(
-            "is beyond the model", "a road of ordinary size", str(error), "choose another road"
-        ) from None
+        raise unfit(road, "is beyond the model", "a road of ordinary size", str(error)) from None
 
 
 def _build(
@@ -245,11 +243,8 @@ def _build(
 def _length(road: Element) -> float:
     length = road.number("length")
     if not 0.0 < length <= MAX_LENGTH:
-        raise road.error(
-            "attribute length",
-            f"more than 0 and at most {MAX_LENGTH:g} m",
-            f"{length:g}",
-            "choose another road",
+        raise unfit(
+            road, "attribute length", f"more than 0 and at most {MAX_LENGTH:g} m", f"{length:g}"
         )
     return length
 
@@ -267,3 +262,96 @@ def _default_side(road: Element, driving_side: DrivingSide, length: float) -> Si
     against: Side = OTHER_SIDE[along]
     has_along = bool(driving_lanes(road, side=along, length=length))
     return along if has_along or not driving_lanes(road, side=against, length=length) else against
+
+
+UNKNOWN = "unknown"  # OpenDRIVE's word for a road without a type.
+
+_MPS_PER_MPH = 0.44704  # Exact: 1609.344 m in 3600 s, international yard and pound agreement, 1959.
+_IN_MPS: dict[str, Callable[[float], float]] = {
+    "m/s": float,
+    "km/h": mps_from_kmh,
+    "mph": lambda value: value * _MPS_PER_MPH,
+}
+"""From each of OpenDRIVE's units of speed."""
+
+_UNDEFINED = "undefined"
+_NO_LIMIT = "no limit"
+
+
+def kind_of(road: Element) -> str:
+    """The type of a road; ImportFormatError if it changes along the road."""
+    types = road.all("type")
+    kinds = [entry.attribute("type") for entry in types]
+    for entry, kind in zip(types, kinds, strict=True):
+        if kind != kinds[0]:
+            raise entry.error(
+                f"changes at s = {entry.number('s'):.1f} m",
+                f'"{shown(kinds[0])}" along the whole road',
+                f'"{shown(kind)}"',
+                "choose another road",
+            )
+    return shown(kinds[0]) if kinds else UNKNOWN
+
+
+def limit_of(road: Element, lanes: Sequence[Element]) -> float:
+    """The speed limit of a road [m/s].
+
+    Args:
+        road: The `<road>`.
+        lanes: Its driving lanes of the chosen direction, section after section.
+
+    Returns:
+        The limit of the lanes; if they state none, of the road; if that states none, the general
+        limit of Portuguese law for its kind.
+
+    Raises:
+        ImportFormatError: The limit changes, is none that the model can use, or is lifted.
+    """
+    for owners in (lanes, road.all("type")):
+        limits = [_only_limit(owner) for owner in owners]
+        if any(limit is not None for limit in limits):
+            return _common(road, limits)
+    return general_limit(kind_of(road))
+
+
+def _common(road: Element, limits: Sequence[float | None]) -> float:
+    """The value that all entries agree on."""
+    first = limits[0]
+    if first is None or any(limit != first for limit in limits):
+        stated = sorted({"none" if limit is None else f"{limit:.2f} m/s" for limit in limits})
+        raise road.error(
+            "has several speed limits",
+            "one for all driving lanes and the whole road",
+            ", ".join(stated[:8]),
+            "pass a speed limit of your own",
+        )
+    return first
+
+
+def _only_limit(owner: Element) -> float | None:
+    """The limit that the `<speed>` elements of a lane or type agree on, or None without any."""
+    limits = [_limit(entry) for entry in owner.all("speed")]
+    return _common(owner, limits) if any(limit is not None for limit in limits) else None
+
+
+def _limit(entry: Element) -> float | None:
+    """The limit of one `<speed>` [m/s], or None where it is stated as unknown."""
+    text = entry.attribute("max").strip()
+    if text == _UNDEFINED:
+        return None
+    if text == _NO_LIMIT:
+        raise entry.error(
+            "attribute max", "a number", f'"{_NO_LIMIT}"', "pass a speed limit of your own"
+        )
+    unit = entry.attribute("unit", default="m/s")
+    if unit not in _IN_MPS:
+        raise entry.error("attribute unit", "m/s, km/h or mph", f'"{shown(unit)}"')
+    limit = _IN_MPS[unit](entry.number("max"))
+    if not 0.0 < limit <= MAX_SPEED_LIMIT:
+        raise entry.error(
+            "attribute max",
+            f"more than 0 and at most {MAX_SPEED_LIMIT:g} m/s",
+            f"{limit:g} m/s",
+            "pass a speed limit of your own",
+        )
+    return limit

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Self
 
-from overtaking.recordings.xml_element import Element
+from overtaking.core.errors import ImportFormatError
+from overtaking.recordings.xml import Element
 
 TOLERANCE = 0.005
 """Half of the centimetre to which lane centres must be right [m]."""
@@ -21,6 +22,18 @@ MAX_BANKING = 0.03
 
 _SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
 _CURVATURES = {"arc": ("curvature",), "spiral": ("curvStart", "curvEnd")}
+
+
+def unfit(element: Element, what: str, expected: str, got: str) -> ImportFormatError:
+    """The error for what a file may hold and the model does not.
+
+    Args:
+        element: Where it stands.
+        what: The part that does not fit.
+        expected: What would fit.
+        got: What is there.
+    """
+    return element.error(what, expected, got, "choose another road")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,12 +74,7 @@ def _check_straight(piece: Element) -> None:
         and all(abs(found[0].number(name)) <= MAX_CURVATURE for name in _CURVATURES[shape])
     )
     if not straight:
-        raise piece.error(
-            f"is curved at s = {piece.number('s'):.1f} m",
-            "a straight line",
-            shape,
-            "choose a straight road",
-        )
+        raise unfit(piece, f"is curved at s = {piece.number('s'):.1f} m", "a straight line", shape)
 
 
 def _check_joint(piece: Element, line: Line, covered: float) -> float:
@@ -84,11 +92,8 @@ def _check_joint(piece: Element, line: Line, covered: float) -> float:
             f"s = {start:.3f} m, {ahead:.3f} m along the line",
         )
     if bent > TOLERANCE or math.cos(turn) < 0.0:
-        raise piece.error(
-            f"bends at s = {start:.1f} m",
-            "a straight line",
-            f"{bent:.3f} m beside it",
-            "choose a straight road",
+        raise unfit(
+            piece, f"bends at s = {start:.1f} m", "a straight line", f"{bent:.3f} m beside it"
         )
     return start + length
 
@@ -110,21 +115,19 @@ class Cubic:
         a, b, c, d = (element.number(name) for name in "abcd")
         return cls(element=element, start=start, a=a, b=b, c=c, d=d)
 
+    @property
+    def slope(self) -> Self:
+        """Its derivative."""
+        return replace(self, a=self.b, b=2.0 * self.c, c=3.0 * self.d, d=0.0)
+
     def value(self, x: float) -> float:
         """Height of the polynomial, `x` after its start."""
         return self.a + x * (self.b + x * (self.c + x * self.d))
 
-    def slope(self, x: float) -> float:
-        """Derivative, `x` after its start."""
-        return self.b + x * (2.0 * self.c + x * 3.0 * self.d)
-
-    def turning_points(self, length: float) -> list[float]:
-        """Where the value is extreme between 0 and `length`, the ends included, ascending."""
-        return sorted({0.0, length, *_roots(self.b, 2.0 * self.c, 3.0 * self.d, length)})
-
-    def steepest_points(self, length: float) -> list[float]:
-        """Where the slope is extreme between 0 and `length`, the ends included, ascending."""
-        return sorted({0.0, length, *_roots(2.0 * self.c, 6.0 * self.d, 0.0, length)})
+    def extremes(self, length: float) -> list[float]:
+        """Values at both ends of a length, and where the polynomial turns between them."""
+        turns = _roots(self.b, 2.0 * self.c, 3.0 * self.d, length)
+        return [self.value(x) for x in sorted({0.0, length, *turns})]
 
 
 def _roots(constant: float, linear: float, square: float, length: float) -> list[float]:
@@ -172,13 +175,20 @@ def spans(pieces: Sequence[Cubic], end: float) -> list[tuple[Cubic, float]]:
     ]
 
 
-def change(pieces: Sequence[Cubic], *, end: float, value: float) -> tuple[Cubic, float] | None:
-    """The first piece of a profile that leaves a value by more than `TOLERANCE`, and how far."""
+def check_constant(pieces: Sequence[Cubic], value: float, *, end: float, what: str = "") -> None:
+    """Refuse a profile that leaves a value by more than `TOLERANCE` before `end` [m].
+
+    Args:
+        pieces: The profile.
+        value: Its value at the start.
+        end: Station up to which it matters [m].
+        what: Words for the message, after the name of the element.
+    """
     for piece, length in spans(pieces, end):
-        for x in piece.turning_points(length):
-            if abs(piece.value(x) - value) > TOLERANCE:
-                return piece, piece.value(x)
-    return None
+        for found in piece.extremes(length):
+            if abs(found - value) > TOLERANCE:
+                where, wanted = f"{what}varies after s = {piece.start:.1f} m", f"{value:.3f} m"
+                raise unfit(piece.element, where, f"a constant {wanted}", f"{found:.3f} m")
 
 
 def check_flat(road: Element, length: float) -> None:
@@ -194,7 +204,7 @@ def check_flat(road: Element, length: float) -> None:
 def _check_level(heights: Sequence[tuple[Cubic, float]]) -> None:
     """Refuse slopes, and steps between two pieces of the profile."""
     for piece, span in heights:
-        steepest = max(abs(piece.slope(x)) for x in piece.steepest_points(span))
+        steepest = max(map(abs, piece.slope.extremes(span)))
         _check_small(piece, "slopes", steepest, MAX_GRADE)
     for (before, span), (after, _) in pairwise(heights):
         _check_small(after, "steps", abs(after.a - before.value(span)), MAX_STEP)
@@ -204,20 +214,17 @@ def _check_not_banked(lateral: Element, length: float) -> None:
     """Refuse a surface that leans more than it must to drain, or is bent."""
     for name in ("superelevation", "crossfall"):
         for piece, span in spans(profile(lateral.all(name), origin=0.0), length):
-            largest = max(abs(piece.value(x)) for x in piece.turning_points(span))
-            _check_small(piece, "is banked", largest, MAX_BANKING)
+            _check_small(piece, "is banked", max(map(abs, piece.extremes(span))), MAX_BANKING)
     for shape in lateral.all("shape"):
         if any(shape.number(name) != 0.0 for name in "abcd"):
-            raise shape.error(
-                "bends the surface", "a flat road", "a lateral shape", "choose a flat road"
-            )
+            raise unfit(shape, "bends the surface", "a flat road", "a lateral shape")
 
 
 def _check_small(piece: Cubic, what: str, size: float, most: float) -> None:
     if size > most:
-        raise piece.element.error(
+        raise unfit(
+            piece.element,
             f"{what} after s = {piece.start:.1f} m",
             f"a flat road, at most {most:g}",
             f"{size:.4f}",
-            "choose a flat road",
         )

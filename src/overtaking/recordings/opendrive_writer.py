@@ -4,8 +4,6 @@ The reference line is the road's own, so that stations, offsets and lane ids are
 file; where lane ids say that traffic runs against the line, the line runs the other way.
 """
 
-from __future__ import annotations
-
 from math import cos, pi, remainder, sin, tau
 from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
@@ -13,7 +11,7 @@ from xml.sax.saxutils import quoteattr
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
-from overtaking.recordings.opendrive_strips import MARKS
+from overtaking.recordings.opendrive_lanes import MARKS
 
 _NAMES = {mark: name for name, mark in MARKS.items()}
 _NAMES[RoadMark.OTHER] = "none"  # OpenDRIVE has no word for a mark that nobody knows.
@@ -61,8 +59,9 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
     centre = f"<center>{_lane(_Strip(0, 'none', 0.0, _centre_mark(road)))}</center>"
     group = f"<{side}>{lanes}</{side}>"
     section = centre + group if right else group + centre
+    stations = [0.0, road.length - _TAIL] if road.length > 2.0 * _TAIL else [0.0]
     sections = "".join(
-        f'<laneSection s="{station!r}">{section}</laneSection>\n' for station in _stations(road)
+        f'<laneSection s="{station!r}">{section}</laneSection>\n' for station in stations
     )
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -78,11 +77,6 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
         f"{sections}</lanes>\n"
         "</road></OpenDRIVE>\n"
     )
-
-
-def _stations(road: Road) -> list[float]:
-    """Where lane sections begin [m]."""
-    return [0.0, road.length - _TAIL] if road.length > 2.0 * _TAIL else [0.0]
 
 
 def _beside(road: Road) -> tuple[Lane | None, Lane | None]:

@@ -10,16 +10,15 @@ paper's "no collision". The y axis and all angles are CARLA's: y to the right of
 # pyarrow ships no types.
 # pyright: reportUnknownParameterType=false
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import ArrayLike, NDArray
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import deg_from_rad, kmh_from_mps
-from overtaking.model.road import DrivingSide
+from overtaking.model.road import DrivingSide, Road
 from overtaking.model.trajectory import (
     BEYOND_SLOW_EDGE,
     METRES_PER_SECOND_PER_STEP,
@@ -39,11 +38,6 @@ from overtaking.recordings.pinto2023_schema import (
     SCHEMA,
     VEHICLE_COLUMNS,
 )
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from overtaking.model.road import Road
 
 __all__ = ["COLUMNS", "FORMAT", "SCHEMA", "read_table", "to_table", "write_table"]
 

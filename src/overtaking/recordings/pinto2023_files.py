@@ -153,8 +153,11 @@ def _parquet_text(source: Path) -> pa.Table:
             table.validate(full=True)  # Text that is no UTF-8, for one, is read without complaint.
         except (pa.ArrowException, OSError) as error:  # Arrow raises both on damaged pages.
             raise _unreadable(source, "a Parquet file", error) from None
-    chunks = [chunk for column in table.columns for chunk in column.chunks]
-    _refuse_bomb(source, sum(map(_text_bytes, chunks)), most)
+    size = 0
+    for chunk in (chunk for column in table.columns for chunk in column.chunks):
+        lengths = pc.binary_length(chunk.dictionary).cast(pa.int64())
+        size += pc.sum(lengths.take(chunk.indices)).as_py() or 0
+    _refuse_bomb(source, size, most)
     return table.cast(schema)
 
 
@@ -169,12 +172,6 @@ def _text_schema(source: Path, file: pq.ParquetFile, most: int) -> pa.Schema:
     ends = len(COLUMNS) * about.num_rows  # In a CSV file a comma or an end of line for each cell.
     _refuse_bomb(source, max(pages, ends), most)
     return schema
-
-
-def _text_bytes(cells: pa.DictionaryArray) -> int:
-    """The length of all cells."""
-    lengths = pc.binary_length(cells.dictionary).cast(pa.int64())
-    return pc.sum(lengths.take(cells.indices)).as_py() or 0
 
 
 def _refuse_bomb(source: Path, size: int, most: int) -> None:

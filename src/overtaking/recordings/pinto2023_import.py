@@ -8,19 +8,19 @@ direction.
 
 # pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.units import mps_from_kmh
+from overtaking.model.road import Road
 from overtaking.model.trajectory import Stage, Trajectories
 from overtaking.model.vehicles import Role
+from overtaking.model.weather import Weather
 from overtaking.recordings.batch import MAX_SLOTS
 from overtaking.recordings.candidates import MAX_FRAMES, Window
 from overtaking.recordings.pinto2023_files import read_table
@@ -36,13 +36,8 @@ from overtaking.recordings.pinto2023_tracks import (
     vehicle_values,
     weather_of,
 )
-from overtaking.recordings.recording import NEVER_RECORDED, Recording, slope
+from overtaking.recordings.recording import NEVER_RECORDED, Recording, Tracks, slope
 from overtaking.recordings.scenes import Parts
-
-if TYPE_CHECKING:
-    from overtaking.model.road import Road
-    from overtaking.model.weather import Weather
-    from overtaking.recordings.recording import Tracks
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

@@ -8,8 +8,6 @@ that it prints for frame 70 of simulation 1.
 # pyarrow ships no types.
 # pyright: reportUnknownParameterType=false
 
-from __future__ import annotations
-
 import pyarrow as pa
 
 from overtaking.model.road import RoadMark

@@ -5,31 +5,24 @@ A row is one frame of one simulation, with a tuple for each vehicle in some of i
 
 # pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from overtaking.core.units import mps_from_kmh, rad_from_deg
 from overtaking.knowledge import presets
 from overtaking.knowledge.roads import ROAD_NAMES
 from overtaking.model.known_roads import known_road
-from overtaking.model.weather import NO_PRESET
+from overtaking.model.road import Road
+from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.recordings import messages
 from overtaking.recordings.pinto2023_schema import VEHICLE_COLUMNS
 from overtaking.recordings.recording import Tracks, kinds_by_length, lane_codes, slope
 from overtaking.scenarios.assumed import assumed_weather
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import pyarrow as pa
-
-    from overtaking.model.road import Road
-    from overtaking.model.weather import Weather
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

@@ -4,21 +4,17 @@ Readers of formats make a `Recording`; `candidates` finds overtakes in it, and `
 makes `Trajectories` of them. Numbers are float64 and SI until they are rounded once, at the end.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.knowledge import vehicle_classes
+from overtaking.model.road import Road
 from overtaking.model.trajectory import BEYOND_SLOW_EDGE
 from overtaking.model.vehicles import VehicleKind
-
-if TYPE_CHECKING:
-    from overtaking.model.road import Road
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -98,6 +94,11 @@ class Tracks:
     def vehicle(self) -> I64:
         """Place of each row's vehicle, shape (row,)."""
         return np.repeat(np.arange(self.num_vehicles), np.diff(self.start))
+
+    @property
+    def lane_index(self) -> I64:
+        """Lane index of each row, -1 beyond the slow edge, shape (row,)."""
+        return np.where(self.lane == BEYOND_SLOW_EDGE, -1, self.lane.astype(np.int64))
 
     @property
     def frame(self) -> I64:

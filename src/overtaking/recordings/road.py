@@ -7,8 +7,6 @@ are at that `s` to the mean borders of the stretch: a vehicle on a line stays on
 in the middle of a lane still is. A decision in `docs/adr` has the reasons, and what this costs.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -31,7 +31,8 @@ def load_road(
     """
     if name_or_path not in ROAD_NAMES:
         if not Path(name_or_path).suffix and not is_there(str(name_or_path)):
-            raise _unknown(str(name_or_path))
+            known = [*ROAD_NAMES, "an OpenDRIVE file"]
+            raise ConfigError.not_among("road", "load_road", known, repr(str(name_or_path)))
         return read_opendrive(name_or_path, road_id, lanes=lanes, speed_limit=speed_limit)
     if not (road_id is None and lanes is None and speed_limit is None):
         raise ConfigError.of(
@@ -42,13 +43,3 @@ def load_road(
             next_step="leave them out, or pass a map file",
         )
     return known_road(str(name_or_path))
-
-
-def _unknown(name: str) -> ConfigError:
-    return ConfigError.of(
-        what="road",
-        where="load_road",
-        expected=f"{', '.join(ROAD_NAMES)} or an OpenDRIVE file",
-        got=repr(name),
-        next_step="check the name or the path",
-    )

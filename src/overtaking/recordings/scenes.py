@@ -1,12 +1,13 @@
 """The simulations of a recording: its candidate overtakes and their vehicles."""
 
-from __future__ import annotations
-
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.model.road import Road
+from overtaking.model.trajectory import Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.batch import (
     MAX_SLOTS,
@@ -25,13 +26,7 @@ from overtaking.recordings.candidates import (
 )
 from overtaking.recordings.messages import refused
 from overtaking.recordings.neighbours import Surroundings
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from overtaking.model.road import Road
-    from overtaking.model.trajectory import Trajectories
-    from overtaking.recordings.recording import Recording
+from overtaking.recordings.recording import Recording
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,12 +115,8 @@ def scenes(
         ImportFormatError: There is nothing of the kind in the recording.
     """
     if not 2 <= num_slots <= MAX_SLOTS:
-        raise ConfigError.of(
-            what="vehicles of a simulation",
-            where="import",
-            expected=f"2 to {MAX_SLOTS}",
-            got=num_slots,
-            next_step="choose a number in that range",
+        raise ConfigError.out_of_range(
+            "vehicles of a simulation", "import", 2, MAX_SLOTS, num_slots
         )
     changes, around = lane_changes(recording), Surroundings.of(recording)
     moving = overtakes(recording, changes, around)
@@ -146,6 +137,7 @@ def _counts(
 ) -> dict[str, Any]:
     """What was found, in numbers."""
     to_left = int(changes.is_left.sum())
+    types = Counter(VehicleKind(kind).name for kind in recording.tracks.kind)
     return {
         "vehicles": recording.tracks.num_vehicles,
         "lane_changes_left": to_left,
@@ -154,13 +146,8 @@ def _counts(
         "candidate_overtakes": len(moving),
         "candidates_that_return": sum(one.returns is not None for one in moving),
         "followers_without_attempt": len(waiting),
-        "types": dict(sorted(Counter(_types(recording)).items())),
+        "types": dict(sorted(types.items())),
     }
-
-
-def _types(recording: Recording) -> list[str]:
-    """Type of each vehicle."""
-    return [VehicleKind(kind).name for kind in recording.tracks.kind]
 
 
 def _nothing(recording: Recording, num_waiting: int) -> ImportFormatError:

@@ -20,7 +20,7 @@ from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.commonroad_lanes import Lanelet, contains
 from overtaking.recordings.neighbours import Surroundings
 from overtaking.recordings.scenes import scenes
-from overtaking.recordings.xml_element import Element
+from overtaking.recordings.xml import Element
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -253,7 +253,7 @@ def test_the_roads_that_can_be_driven_are_named_where_another_was_asked_for(tmp_
             read_opendrive(path, wanted)
     with pytest.raises(ImportFormatError, match="no road of the file is straight with two or more"):
         read_opendrive(write(tmp_path, bend, lane_only), 5)
-    with pytest.raises(ImportFormatError, match=r"got arc; choose a straight road$"):
+    with pytest.raises(ImportFormatError, match=r"got arc; choose another road$"):
         read_opendrive(write(tmp_path, bend))
 
 

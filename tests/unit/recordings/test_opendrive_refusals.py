@@ -100,12 +100,12 @@ TYPES = TYPE + '<type s="80" type="motorway"><speed max="100" unit="km/h"/></typ
         (
             road(offset=OFFSET),
             "laneOffset",
-            "varies after s = 100.0 m: expected a constant lane offset of 0.000 m, got 1600.000 m",
+            "varies after s = 100.0 m: expected a constant 0.000 m, got 1600.000 m",
         ),
         (
             road(offset=LATE_OFFSET),
             "laneOffset",
-            "varies after s = 100.0 m: expected a constant lane offset of 0.000 m, got 1.000 m",
+            "varies after s = 100.0 m: expected a constant 0.000 m, got 1.000 m",
         ),
         (road(sections=" "), "lanes", "expected a <laneSection> from s = 0 on, got 0 sections"),
         (
@@ -160,7 +160,7 @@ TYPES = TYPE + '<type s="80" type="motorway"><speed max="100" unit="km/h"/></typ
         (
             road(sections=section(right=[lane(-1, width=TAPER)])),
             "width",
-            "of lane -1 changes after s = 60.0 m: expected a constant 3.500 m",
+            "of lane -1 varies after s = 60.0 m: expected a constant 3.500 m",
         ),
         (
             road(sections=section(right=[lane(-1, width='<border sOffset="0" a="-3"/>')])),

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 from overtaking.core.errors import ImportFormatError
 from overtaking.recordings.messages import shown
-from overtaking.recordings.xml import Limits, elements
-from overtaking.recordings.xml_element import Element
+from overtaking.recordings.xml import Element, Limits, elements
 
 DOCUMENT = """<?xml version="1.0" encoding="UTF-8"?>
 <zoo city="Évora">

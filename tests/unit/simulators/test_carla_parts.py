@@ -102,7 +102,7 @@ def test_simulations_of_different_lengths_become_one_batch():
         api.simulate(given.select(slice(k, k + 1)).replace(horizon=horizons[k : k + 1]))
         for k in range(2)
     ]
-    both = joined(parts, given)
+    both = joined(parts)
     assert both.num_frames.tolist() == [21, 41]
     assert both.states.s.shape == (2, 8, 41)
     assert (both.states.s[0, :, 21:] == 0).all()

@@ -1,14 +1,20 @@
-"""Messages between a worker with CARLA's client and its parent: jobs, signs of life, results."""
+"""The process that holds CARLA's client: it carries out one job after the other for its parent.
 
+The client may hang or crash with a server that dies, so it never runs in the process of a user.
+"""
+
+import os
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from overtaking.core.errors import OvertakingError
+from overtaking.core.parent import Parent
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
 from overtaking.simulators.carla import manager, own
-from overtaking.simulators.carla.limits import Limits, LimitsJob
-from overtaking.simulators.carla.replay import Replayed, ReplayJob
+from overtaking.simulators.carla.library import Address, connect, library
 from overtaking.simulators.carla.stage import CarlaStage
 from overtaking.simulators.carla.world import SimulationLostError
 
@@ -32,43 +38,70 @@ class Alive:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A simulation to run.
+    """What a worker shall do.
 
     Attributes:
-        driver: `own` or `traffic-manager`.
-        scenario: A batch of one.
-        ports: Free ports for Traffic Managers.
+        name: Its name in messages.
+        run: Gives the result. It is called with the module `carla`, a connected client, and what
+            has to be called after every tick, as a sign of life.
     """
 
-    driver: str
-    scenario: Scenario
-    ports: tuple[int, int]
+    name: str
+    run: Callable[[Any, Any, own.Sign], Any]
 
-    def do(self, carla: Any, client: Any, sign: Callable[[], None]) -> Trajectories:
-        """Run it in a world of its own.
-
-        Args:
-            carla: The module.
-            client: A connected client.
-            sign: Called after every tick.
-        """
-        has_manager = self.driver == "traffic-manager"
-        slower = manager.SLOWER if has_manager else 1
-        stage = CarlaStage.set_up(carla, client, self.scenario, slower=slower)
-        sign()
-        found = manager.run(stage, sign, self.ports) if has_manager else own.run(stage, sign)
-        stage.tear_down()  # Not after an error: the server may be gone, each call takes its time.
-        return found
-
-    def __str__(self) -> str:
-        """Its name in messages."""
-        return f"simulation {int(self.scenario.index[0])}"
+    def lost(self, got: str) -> SimulationLostError:
+        """The error for a job that came to nothing."""
+        return SimulationLostError.because("CARLA's client", self.name, "a result", got)
 
 
-Request = Job | LimitsJob | ReplayJob
-Result = Trajectories | Limits | Replayed
+def drive(
+    carla: Any, client: Any, sign: own.Sign, *, driver: str, scenario: Scenario, ports: list[int]
+) -> Trajectories:
+    """Run a simulation in a world of its own.
+
+    Args:
+        carla: The module.
+        client: A connected client.
+        sign: Called after every tick.
+        driver: `own` or `traffic-manager`.
+        scenario: A batch of one.
+        ports: Two free ports for Traffic Managers.
+    """
+    has_manager = driver == "traffic-manager"
+    slower = manager.SLOWER if has_manager else 1
+    stage = CarlaStage.set_up(carla, client, scenario, slower=slower)
+    sign()
+    found = manager.run(stage, sign, ports) if has_manager else own.run(stage, sign)
+    stage.tear_down()  # Not after an error: the server may be gone, each call takes its time.
+    return found
 
 
-def lost(request: Request, got: str) -> SimulationLostError:
-    """The error for a request that came to nothing."""
-    return SimulationLostError.because("CARLA's client", str(request), "a result", got)
+SIGN_INTERVAL = 1.0
+"""Time between two signs of life [s]."""
+
+
+def main(parent: Parent, host: str, port: str) -> None:
+    """Carry out jobs on the server at an address until there are no more."""
+    carla, client = library(), None
+    for job in parent:
+        try:
+            client = client or connect(carla, Address(host, int(port)))
+            parent.send(job.run(carla, client, _signs(parent)))
+        except OvertakingError as error:
+            parent.send(error)
+        except RuntimeError as error:  # What the client raises, a call that took too long included.
+            parent.send(job.lost(str(error)))
+    os._exit(0)  # The client's threads do not always end.
+
+
+def _signs(parent: Parent) -> Callable[[], None]:
+    """Sends a sign of life at most once in `SIGN_INTERVAL`."""
+    last = 0.0  # The first one is sent at once.
+
+    def sign() -> None:
+        nonlocal last
+        if time.monotonic() - last > SIGN_INTERVAL:
+            last = time.monotonic()
+            parent.send(Alive())
+
+    return sign

@@ -48,33 +48,14 @@ class Limits:
     again_after: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class LimitsJob:
-    """Measure the limits of the Traffic Manager.
-
-    Attributes:
-        port: A free port for it.
-    """
-
-    port: int
-
-    def do(self, carla: Any, client: Any, sign: Callable[[], None]) -> Limits:
-        """Measure them, see `measure`."""
-        return measure(carla, client, self.port, sign)
-
-    def __str__(self) -> str:
-        """Its name in messages."""
-        return "limits"
-
-
-def measure(carla: Any, client: Any, port: int, sign: Callable[[], None]) -> Limits:
+def measure(carla: Any, client: Any, sign: Callable[[], None], *, port: int) -> Limits:
     """Measure both limits.
 
     Args:
         carla: The module.
         client: A connected client.
-        port: A free port of this machine, for a Traffic Manager.
         sign: Called after every tick.
+        port: A free port of this machine, for a Traffic Manager.
     """
     road = known_road("town06")
     world = fresh_world(client, road)
@@ -109,7 +90,7 @@ class _Track:
             self.manager.force_lane_change(car, True)
         self._pass(_WATCHING)
         border = float(self.road.boundaries[_LANE])
-        changed = sum(self._place(car)[1] < border for car in cars)
+        changed = sum(self._across(car) < border for car in cars)
         self._clear(cars)
         return changed
 
@@ -149,10 +130,10 @@ class _Track:
         self.manager.ignore_vehicles_percentage(car, 100.0)
         return car
 
-    def _place(self, car: Any) -> tuple[float, float]:
+    def _across(self, car: Any) -> float:
+        """Where a vehicle is across the road [m]."""
         where = car.get_location()
-        s, d = (float(value) for value in self.road.road_coordinates(where.x, -where.y))
-        return s, d
+        return float(self.road.road_coordinates(where.x, -where.y)[1])
 
     def _pass(self, seconds: float) -> None:
         for _ in range(round(seconds / TICK)):

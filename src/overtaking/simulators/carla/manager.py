@@ -54,7 +54,7 @@ _EVER = sys.maxsize
 _OUTLOOK = 40.0
 
 
-def run(stage: CarlaStage, sign: Sign, ports: tuple[int, int]) -> Trajectories:
+def run(stage: CarlaStage, sign: Sign, ports: list[int]) -> Trajectories:
     """Drive a scenario to its end.
 
     Args:
@@ -150,14 +150,12 @@ class _Drive:
         if stage is Stage.FOLLOW and not self._watch.attempted and step >= self._idle:
             self._end = min(self._end, step)
         ego, right_hand = self._stage.actors[Role.EGO], self._stage.scenario.road.side > 0
-        if stage is Stage.FOLLOW and sight.leader is not None and not self._is_fastest(sight.lane):
+        has_room = sight.lane < self._given.road.num_lanes - 1
+        if stage is Stage.FOLLOW and sight.leader is not None and has_room:
             self._manager.force_lane_change(ego, not right_hand)
         if stage is Stage.PASS and self._watch.target in sight.passed:
             self._manager.force_lane_change(ego, right_hand)
         self._show(stage)
-
-    def _is_fastest(self, lane: int) -> bool:
-        return lane >= self._given.road.num_lanes - 1
 
     def _show(self, stage: Stage) -> None:
         """The indicator of the ego, for the recording; lamps are the Traffic Manager's."""

@@ -25,6 +25,7 @@ from overtaking.sim.reference.run import decide
 from overtaking.sim.reference.state import Fields, State, initial_state, road_velocity
 from overtaking.simulators.carla.stage import CarlaStage, Contact, Reading
 from overtaking.simulators.carla.world import TICK
+from overtaking.simulators.carla_server.motion import Steering
 from overtaking.world.clock import SUBSTEPS
 from overtaking.world.constants import Constants
 from overtaking.world.parameters import SIMULATION_FIELDS, Parameters, parameters
@@ -79,7 +80,7 @@ class _Drive:
         self._q = self._given.of_simulations
         self._state = initial_state(self._given)
         self._recorder = Recorder(scenario, self._given)
-        self._lock = {slot: _Lock(actor) for slot, actor in stage.actors.items()}
+        self._steering = {slot: _steering(actor) for slot, actor in stage.actors.items()}
         self._pushed = np.zeros_like(self._state.s)
         self._sideways = np.zeros_like(self._state.s)
         self._aim = self._state.vx[:, 0].astype(np.float64)
@@ -154,10 +155,12 @@ class _Drive:
         speed = float(state.vx[slot, 0])
         most = min(float(p.launch_force[slot, 0]), float(p.power[slot, 0]) / max(speed, 1.0))
         angle = self._stage.scenario.road.side * self._wheel_angle(slot, speed)
+        # CARLA's steering is positive to the right.
+        steer = -angle / float(self._steering[slot].angles(kmh_from_mps(speed)))
         return carla.VehicleControl(
             throttle=min(max(force / most, 0.0), 1.0),
             brake=min(max(-force / float(p.brake_force[slot, 0]), 0.0), 1.0),
-            steer=self._lock[slot].steer(angle, speed),
+            steer=min(max(steer, -1.0), 1.0),
         )
 
     def _wheel_angle(self, slot: int, speed: float) -> float:
@@ -168,30 +171,12 @@ class _Drive:
         return math.atan(wanted * float(self._p.wheelbase[slot, 0]) / max(speed, 3.0) ** 2)
 
 
-class _Lock:
-    """From wheel angle to steering, as the vehicle itself reports it.
-
-    Args:
-        actor: The vehicle.
-    """
-
-    def __init__(self, actor: Any) -> None:
-        """Ask for lock and curve."""
-        physics = actor.get_physics_control()
-        wheels = [wheel.max_steer_angle for wheel in physics.wheels]
-        self._most = math.radians(max(wheels, default=70.0) or 70.0)
-        self._speeds = [point.x for point in physics.steering_curve]
-        self._shares = [point.y for point in physics.steering_curve]
-
-    def steer(self, angle: float, speed: float) -> float:
-        """The control, -1 to 1 and positive to the right.
-
-        Args:
-            angle: Of the front wheels, left positive [rad].
-            speed: [m/s].
-        """
-        share = np.interp(kmh_from_mps(speed), self._speeds, self._shares) if self._speeds else 1.0
-        return min(max(-angle / (self._most * float(share)), -1.0), 1.0)
+def _steering(actor: Any) -> Steering:
+    """How far the front wheels turn, as the vehicle itself reports it."""
+    physics = actor.get_physics_control()
+    lock = max((wheel.max_steer_angle for wheel in physics.wheels), default=0.0) or 70.0
+    curve = tuple((point.x, point.y) for point in physics.steering_curve)
+    return Steering(math.radians(lock), curve or ((0.0, 1.0),))
 
 
 def check_interval(scenario: Scenario) -> None:

@@ -1,21 +1,22 @@
 """Requests to CARLA's client, which runs in a worker process, and the retries of lost ones."""
 
 import contextlib
-import dataclasses
 import os
 import socket
 import time
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from overtaking.core.errors import ConfigError, OvertakingError
 from overtaking.core.worker import ENDED, Worker
-from overtaking.model.batch import Batch, concatenate
+from overtaking.model.batch import concatenate
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import NO_VEHICLE, States, Trajectories
 from overtaking.sim.version import MODEL_VERSION
-from overtaking.simulators.carla.jobs import LOADING, Alive, Job, Request, Result, lost
+from overtaking.simulators.carla import replay as film
+from overtaking.simulators.carla.jobs import LOADING, Alive, Job, drive
 from overtaking.simulators.carla.library import (
     HEADLESS,
     VERSION,
@@ -24,8 +25,7 @@ from overtaking.simulators.carla.library import (
     library,
     parse_address,
 )
-from overtaking.simulators.carla.limits import Limits, LimitsJob
-from overtaking.simulators.carla.replay import Replayed, ReplayJob, encoder
+from overtaking.simulators.carla.limits import Limits, measure
 from overtaking.simulators.carla.world import SimulationLostError
 
 ATTEMPTS = 3
@@ -61,10 +61,9 @@ def simulate(scenario: Scenario, driver: str) -> Trajectories:
     for row in range(scenario.num_simulations):
         one = scenario.select(slice(row, row + 1))
         try:
-            job = Job(driver, one, (free_port(), free_port()))
-            found = _with_patience(job, keep=driver == "own")
-            assert isinstance(found, Trajectories)
-            done.append(found)
+            run = partial(drive, driver=driver, scenario=one, ports=[free_port(), free_port()])
+            job = Job(f"simulation {int(scenario.index[row])}", run)
+            done.append(_with_patience(job, keep=driver == "own"))
         except SimulationLostError as error:
             missing.append((int(scenario.index[row]), str(error)))
     if missing:
@@ -76,27 +75,23 @@ def simulate(scenario: Scenario, driver: str) -> Trajectories:
             got=missing[0][1],
             next_step="look at the server, then go on with --resume",
         )
-    return joined(done, scenario)
+    return joined(done)
 
 
 def limits() -> Limits:
     """Measure the limits of the Traffic Manager; errors as in `simulate`."""
     library()
-    found = _with_patience(LimitsJob(free_port()), keep=False)
-    assert isinstance(found, Limits)
-    return found
+    return _with_patience(Job("limits", partial(measure, port=free_port())), keep=False)
 
 
-def replay(job: ReplayJob) -> Replayed:
+def replay(job: film.ReplayJob) -> film.Replayed:
     """Play and film a recorded simulation; errors as in `simulate`."""
     library()
-    encoder()
-    found = _with_patience(job, keep=True)
-    assert isinstance(found, Replayed)
-    return found
+    film.encoder()
+    return _with_patience(Job(f"film {job.name}", partial(film.replay, job=job)), keep=True)
 
 
-def _with_patience(job: Request, *, keep: bool) -> Result:
+def _with_patience(job: Job, *, keep: bool) -> Any:
     """One result, asked for again of a new worker where it is lost.
 
     Args:
@@ -114,7 +109,7 @@ def _with_patience(job: Request, *, keep: bool) -> Result:
         except ConfigError as error:
             if attempt == 1:
                 raise
-            raise lost(job, str(error)) from None  # It was there before.
+            raise job.lost(str(error)) from None  # It was there before.
         except BaseException:
             dismiss()  # Else its answer would be taken for that of the next job.
             raise
@@ -124,28 +119,14 @@ def _with_patience(job: Request, *, keep: bool) -> Result:
     raise AssertionError("unreachable")
 
 
-def joined(parts: list[Trajectories], scenario: Scenario) -> Trajectories:
+def joined(parts: list[Trajectories]) -> Trajectories:
     """Simulations of different lengths as one batch, padded with zeros.
 
     Args:
-        parts: Batches of one.
-        scenario: What was asked for; road and bodies are those that CARLA had.
+        parts: Batches of one; road and bodies are those that CARLA had.
     """
     longest = max(int(part.num_frames[0]) for part in parts)
-    padded = [_padded(part, longest) for part in parts]
-    vehicles = concatenate([part.scenario.vehicles for part in parts])
-    whole = scenario.replace(vehicles=vehicles, road=parts[0].scenario.road)
-    every = [part.replace(scenario=parts[0].scenario) for part in padded]
-    fields = {
-        field.name: _joined([getattr(part, field.name) for part in every])
-        for field in dataclasses.fields(Trajectories)
-        if field.name not in ("scenario", "unknown", "present")
-    }
-    return Trajectories(scenario=whole, unknown=parts[0].unknown, **fields)
-
-
-def _joined(values: list[Any]) -> Any:
-    return concatenate(values) if isinstance(values[0], Batch) else np.concatenate(values)
+    return concatenate([_padded(part, longest) for part in parts])
 
 
 def _padded(part: Trajectories, frames: int) -> Trajectories:
@@ -227,7 +208,7 @@ def _client() -> tuple[Worker, Address]:
         _close(_WORKERS)
         address = _ADDRESSES[chosen] = _address(chosen)
         words = address.host, str(address.port)
-        _WORKERS[chosen] = Worker("overtaking.simulators.carla.worker", *words)
+        _WORKERS[chosen] = Worker("overtaking.simulators.carla.jobs", *words)
     return _WORKERS[chosen], _ADDRESSES[chosen]
 
 
@@ -243,7 +224,7 @@ def _address(chosen: str) -> Address:
 
 def _start_headless() -> Address:
     """Start a server of our own on free ports."""
-    server = _SERVERS[HEADLESS] = Worker("overtaking.simulators.carla_server.child")
+    server = _SERVERS[HEADLESS] = Worker("overtaking.simulators.carla_server.running")
     try:
         port = server.receive(_START_TIME)
     except TimeoutError:
@@ -260,7 +241,7 @@ def _start_headless() -> Address:
     )
 
 
-def _run(job: Request) -> Result:
+def _run(job: Job) -> Any:
     """The result of one job.
 
     Raises:
@@ -273,7 +254,7 @@ def _run(job: Request) -> Result:
     while True:
         answer = _next_answer(worker, address, job, patience)
         if answer is ENDED:
-            raise lost(job, f"the client ended {worker.ending()}")
+            raise job.lost(f"the client ended {worker.ending()}")
         if isinstance(answer, OvertakingError):
             raise answer
         if not isinstance(answer, Alive):
@@ -281,7 +262,7 @@ def _run(job: Request) -> Result:
         patience = answer.patience
 
 
-def _next_answer(worker: Worker, address: Address, job: Request, patience: float) -> Any:
+def _next_answer(worker: Worker, address: Address, job: Job, patience: float) -> Any:
     """The next message of a client, which does not notice a server that has ended."""
     end = time.monotonic() + patience
     while (left := end - time.monotonic()) > 0:
@@ -289,8 +270,8 @@ def _next_answer(worker: Worker, address: Address, job: Request, patience: float
             return worker.receive(min(_GLANCE, left))
         except TimeoutError:
             if not _listens(address):
-                raise lost(job, "nobody listens there any more") from None
-    raise lost(job, f"no sign of life for {patience:g} s")
+                raise job.lost("nobody listens there any more") from None
+    raise job.lost(f"no sign of life for {patience:g} s")
 
 
 def _listens(address: Address) -> bool:

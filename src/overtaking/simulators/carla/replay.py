@@ -63,14 +63,6 @@ class ReplayJob:
     size: tuple[int, int]
     opendrive: str | None
 
-    def do(self, carla: Any, client: Any, sign: Callable[[], None]) -> "Replayed":
-        """Play and film it, see `replay`."""
-        return replay(carla, client, self, sign)
-
-    def __str__(self) -> str:
-        """Its name in messages."""
-        return f"film {self.name}"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replayed:
@@ -113,14 +105,14 @@ def encoder() -> ModuleType:
     return av
 
 
-def replay(carla: Any, client: Any, job: ReplayJob, sign: Callable[[], None]) -> Replayed:
+def replay(carla: Any, client: Any, sign: Callable[[], None], *, job: ReplayJob) -> Replayed:
     """Play and film a simulation.
 
     Args:
         carla: The module.
         client: A connected client.
-        job: What is played.
         sign: Called after every tick.
+        job: What is played.
 
     Raises:
         ConfigError: The server has no such map.

@@ -1,7 +1,7 @@
 """Scenarios on CARLA 0.9.16, through the genuine client: `simulate`, with our drivers.
 
 The server is the one that `OVERTAKING_CARLA` names, or a headless one of ours that is started for
-as long as this process lives. The client lives in a process of its own (`carla_worker`): where it
+as long as this process lives. The client lives in a process of its own (`jobs`): where it
 hangs or dies, it is ended and the simulation tried again in a fresh world.
 """
 

@@ -1,7 +1,5 @@
 """CARLA's Ackermann controller: from a wanted speed and wheel angle to pedals and steering."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import NamedTuple
 

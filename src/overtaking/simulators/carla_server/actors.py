@@ -1,10 +1,8 @@
 """The actors of an episode: vehicles, sensors and the spectator."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
 
 from overtaking.simulators.carla_server.ackermann import Ackermann
 from overtaking.simulators.carla_server.arguments import (
@@ -16,11 +14,10 @@ from overtaking.simulators.carla_server.arguments import (
     Transform,
     Vector,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from overtaking.simulators.carla_server.bodies import Body
+from overtaking.simulators.carla_server.bodies import Body
+from overtaking.simulators.carla_server.catalogue import MAX_FOV_DEG, MAX_PIXELS, MIN_FOV_DEG
+from overtaking.simulators.carla_server.motion import turned
+from overtaking.simulators.carla_server.protocol import Refused
 
 ORIGIN = Vector(0.0, 0.0, 0.0)
 UPRIGHT = Rotation(0.0, 0.0, 0.0)
@@ -84,7 +81,7 @@ class Vehicle(Actor):
     def forward_speed(self) -> float:
         """Speed along its axis, negative backwards [m/s]."""
         yaw = math.radians(self.pose.rotation.yaw)
-        return self.velocity.x * math.cos(yaw) + self.velocity.y * math.sin(yaw)
+        return turned(self.velocity.x, self.velocity.y, -yaw)[0]
 
     def drive(self, control: Control) -> None:
         """Set pedals and steering, until the client or its controller sets others."""
@@ -102,43 +99,45 @@ class Vehicle(Actor):
         return Vector(*(0.5 * self.body[name] for name in ("length", "width", "height")))
 
 
-class Picture(NamedTuple):
-    """What the pictures of a camera are like.
-
-    Attributes:
-        width, height: Size [pixels].
-        fov_deg: Horizontal field of view [degrees].
-        interval: Least time between two of them [s].
-    """
-
-    width: int
-    height: int
-    fov_deg: float
-    interval: float
-
-
 @dataclass(slots=True, kw_only=True)
 class Camera(Actor):
-    """A camera.
+    """A camera; `Refused` if its attributes ask for pictures that cannot be.
 
     Attributes:
-        picture: What its pictures are like.
-        due: Time of the next picture [s].
+        width, height: Size of its pictures [pixels].
+        fov_deg: Horizontal field of view [degrees].
+        interval: Least time between two pictures [s].
+        due: Time of the next one [s].
     """
 
-    picture: Picture
+    width: int = 0
+    height: int = 0
+    fov_deg: float = 0.0
+    interval: float = 0.0
     due: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Read the attributes."""
+        try:
+            self.width = int(self.attribute("image_size_x", "800"))
+            self.height = int(self.attribute("image_size_y", "600"))
+            self.fov_deg = float(self.attribute("fov", "90"))
+            self.interval = float(self.attribute("sensor_tick", "0"))
+        except ValueError:
+            raise Refused("an attribute of the camera is no number") from None
+        if min(self.width, self.height) <= 0 or self.width * self.height > MAX_PIXELS:
+            raise Refused(f"the picture has no pixels, or more than {MAX_PIXELS}")
+        if not MIN_FOV_DEG <= self.fov_deg <= MAX_FOV_DEG or not 0.0 <= self.interval < math.inf:
+            raise Refused("the field of view or the interval of the camera is out of range")
 
 
 def attached(parent: Transform, relative: Transform) -> Transform:
     """The pose of what sits on something else; pitch and roll are added, as both are small."""
-    yaw = math.radians(parent.rotation.yaw)
-    cosine, sine = math.cos(yaw), math.sin(yaw)
-    x, y, z = relative.location
+    ahead, aside, up = relative.location
+    x, y = turned(ahead, aside, math.radians(parent.rotation.yaw))
     base = parent.location
-    place = Vector(base.x + cosine * x - sine * y, base.y + sine * x + cosine * y, base.z + z)
-    turned = Rotation(*(a + b for a, b in zip(parent.rotation, relative.rotation, strict=True)))
-    return Transform(place, turned)
+    rotation = Rotation(*(a + b for a, b in zip(parent.rotation, relative.rotation, strict=True)))
+    return Transform(Vector(base.x + x, base.y + y, base.z + up), rotation)
 
 
 def world_pose(actor: Actor, actors: Mapping[int, Actor]) -> Transform:

@@ -1,26 +1,20 @@
 """From a blueprint to a body of our model, and from CARLA's weather to ours."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.knowledge import COLOUR_ORDER, VEHICLE_CLASS_ORDER, colours, vehicle_classes
 from overtaking.knowledge.blueprints import blueprints
-from overtaking.model.drivers import Drivers
+from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.vehicles import VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from overtaking.model.road import Road
+from overtaking.scenarios.assumed import assumed_drivers
 
 
 class Nature(NamedTuple):
@@ -94,11 +88,7 @@ def scenario_of(
         weather: The fourteen numbers of `carla.WeatherParameters`.
         nature: What they leave open.
     """
-    one_each = np.zeros((1, len(bodies)), np.float32)
-    names = [field.name for field in dataclasses.fields(Drivers)]
-    people: dict[str, Any] = {name: one_each + np.float32(1.0) for name in names}
-    for name in ("uses_indicator", "checks_blind_spot"):
-        people[name] = people[name] > 0
+    shape = (1, len(bodies))
     return Scenario(
         profile="carla",
         road=road,
@@ -109,11 +99,11 @@ def scenario_of(
         attempt_deadline=np.ones(1, np.float32),
         weight=np.ones(1),
         vehicles=_specs(bodies),
-        drivers=Drivers(**people),
+        drivers=assumed_drivers(shape),
         weather=weather_of(weather, nature.wind_direction),
-        start_s=one_each,
-        start_lane=one_each.astype(np.uint8),
-        start_speed=one_each,
+        start_s=np.zeros(shape, np.float32),
+        start_lane=np.zeros(shape, np.uint8),
+        start_speed=np.zeros(shape, np.float32),
     )
 
 

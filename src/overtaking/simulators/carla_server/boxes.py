@@ -1,20 +1,15 @@
 """Vehicles as boxes with windows and lamps, for pictures."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Iterator
 from enum import IntFlag
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.model.vehicles import VehicleKind
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from overtaking.simulators.carla_server.actors import Vehicle
+from overtaking.simulators.carla_server.actors import Vehicle
 
 Points = NDArray[np.float64]
 Colour = tuple[float, float, float]

@@ -9,23 +9,35 @@ other arguments are those that the client has to send. A parameter `_` is ignore
 import math
 from typing import Annotated, Any
 
+from pydantic import Field
+
 from overtaking.simulators.carla_server import commands, physics, rays
 from overtaking.simulators.carla_server.actors import EMPTY_BOX, bounding_box
 from overtaking.simulators.carla_server.arguments import (
     Control,
     Description,
+    Flag,
     Gains,
     Id,
+    Number,
     Settings,
     Target,
+    Text,
     Transform,
     Vector,
     Weather,
-    one_of,
+    Whole,
 )
 from overtaking.simulators.carla_server.catalogue import definitions
-from overtaking.simulators.carla_server.protocol import CALLS, VERSION, Refused, Session, call
-from overtaking.simulators.carla_server.telemetry import telemetry
+from overtaking.simulators.carla_server.physics import telemetry
+from overtaking.simulators.carla_server.protocol import (
+    CALLS,
+    VERSION,
+    Refused,
+    Session,
+    call,
+    declared,
+)
 from overtaking.simulators.carla_server.world import World
 
 __all__ = ["CALLS", "commands"]
@@ -88,25 +100,19 @@ def get_map_data(world: World) -> str:
 
 
 @call()
-def get_required_files(_: World, __: str) -> Rows:
-    """Files that a client has to fetch: none, the OpenDRIVE text is enough."""
-    return []
-
-
-@call()
 def get_available_maps(world: World) -> Rows:
     """Names of the maps."""
     return [f"/Game/Carla/Maps/{name}" for name in world.atlas.names()]
 
 
 @call()
-def load_new_episode(world: World, name: str, reset_settings: bool, _: int) -> None:
+def load_new_episode(world: World, name: Text, reset_settings: Flag, _: Whole) -> None:
     """Load a map, or the same one again."""
     world.load(name, reset_settings=reset_settings)
 
 
 @call()
-def copy_opendrive_to_file(world: World, opendrive: str, _: Any) -> None:
+def copy_opendrive_to_file(world: World, opendrive: Text, _: Any) -> None:
     """Take an OpenDRIVE text as the map that is loaded next."""
     world.atlas.learn(opendrive)
 
@@ -139,25 +145,7 @@ def set_weather_parameters(world: World, weather: Weather) -> None:
 
 
 @call()
-def query_lights_state(_: World, __: Any) -> Rows:
-    """Street lamps: none."""
-    return []
-
-
-@call()
-def get_environment_objects(_: World, __: Any) -> Rows:
-    """Houses and trees: none."""
-    return []
-
-
-@call()
-def get_all_level_BBs(_: World, __: Any) -> Rows:
-    """Boxes of houses and trees: none."""
-    return []
-
-
-@call()
-def project_point(world: World, location: Vector, direction: Vector, distance: float) -> Rows:
+def project_point(world: World, location: Vector, direction: Vector, distance: Number) -> Rows:
     """The first hit of a ray from a point in a direction."""
     hit = rays.project(world, location, direction, distance)
     return [hit is not None, hit or [[0.0, 0.0, 0.0], 0]]
@@ -169,13 +157,24 @@ def cast_ray(world: World, start: Vector, end: Vector) -> Rows:
     return list(rays.cast(world, start, end))
 
 
+def _none(_: World, __: Any) -> Rows:
+    """What a real server lists and this one has none of."""
+    return []
+
+
+LISTS = ("get_required_files", "query_lights_state", "get_environment_objects", "get_all_level_BBs")
+"""Calls for files to fetch, street lamps, houses and trees, and the boxes of these."""
+
+CALLS.update((name, declared(_none)) for name in LISTS)
+
+
 @call()
 def reset_all_traffic_lights(_: World) -> None:
     """Nothing: there are no traffic lights."""
 
 
 @call()
-def freeze_all_traffic_lights(_: World, __: bool) -> None:
+def freeze_all_traffic_lights(_: World, __: Flag) -> None:
     """Nothing: there are no traffic lights."""
 
 
@@ -186,7 +185,7 @@ def draw_debug_shape(_: World, __: Any) -> None:
 
 
 @call()
-def show_vehicle_debug_telemetry(_: World, __: Id, ___: bool) -> None:
+def show_vehicle_debug_telemetry(_: World, __: Id, ___: Flag) -> None:
     """Refused: there is no window."""
     raise Refused("this headless server has no window to show it in")
 
@@ -207,7 +206,7 @@ def get_traffic_manager_running(session: Session, port: Id) -> Rows:
 
 
 @call()
-def add_traffic_manager_running(session: Session, address: tuple[str, Id]) -> bool:
+def add_traffic_manager_running(session: Session, address: tuple[Text, Id]) -> bool:
     """A client has started one; whether the port was free."""
     host, port = address
     if port in session.managers:
@@ -293,9 +292,9 @@ def set_actor_location(world: World, actor: Id, location: Vector) -> None:
 
 
 @call(command=14)
-def set_actor_simulate_physics(world: World, actor: Id, moves: bool) -> None:
+def set_actor_simulate_physics(world: World, actor: Id, moves: Flag) -> None:
     """Whether physics moves a vehicle."""
-    world.fleet.set_moves(world.vehicle(actor).actor_id, moves=moves)
+    world.fleet[world.vehicle(actor).actor_id].moves = moves
 
 
 @call(command=2)
@@ -335,9 +334,7 @@ def get_telemetry_data(world: World, actor: Id) -> Rows:
 
 
 @call()
-def get_wheel_steer_angle(
-    world: World, actor: Id, wheel: Annotated[int, one_of(range(4))]
-) -> float:
+def get_wheel_steer_angle(world: World, actor: Id, wheel: Annotated[Id, Field(lt=4)]) -> float:
     """Angle of a wheel, to the right [degrees]; 0 and 1 are in front."""
     angle = world.fleet.driven(world.vehicle(actor).actor_id).angle
     return -math.degrees(angle) if wheel < 2 else 0.0

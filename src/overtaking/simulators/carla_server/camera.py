@@ -4,25 +4,19 @@ It shows positions and weather, so that code which reads pictures can run. It is
 CARLA's own camera, and the note in each picture says that.
 """
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking._core import Canvas, Drawing
+from overtaking.simulators.carla_server.actors import Vehicle
+from overtaking.simulators.carla_server.arguments import Transform
 from overtaking.simulators.carla_server.boxes import Colour, Face, faces
-from overtaking.simulators.carla_server.lettering import stamp
+from overtaking.simulators.carla_server.places import Lanes, Place
 from overtaking.simulators.carla_server.raster import Lens, project, projected
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from overtaking.simulators.carla_server.actors import Vehicle
-    from overtaking.simulators.carla_server.arguments import Transform
-    from overtaking.simulators.carla_server.places import Lanes, Place
 
 Image = NDArray[np.uint8]
 Points = NDArray[np.float64]
@@ -43,6 +37,30 @@ _CLOUD: Colour = (168.0, 172.0, 176.0)
 _LEAST_LIGHT = 0.28
 _FOG_RANGE = 50.0  # Where the thickest fog leaves 1/e of the contrast [m].
 _RAIN_WETS = 0.35  # By how much water darkens the road.
+
+_ROWS = 7
+_COLUMNS = 5
+# Each row of a letter as five bits, from the top.
+_LETTERS = {
+    "A": (14, 17, 17, 31, 17, 17, 17),
+    "D": (30, 17, 17, 17, 17, 17, 30),
+    "E": (31, 16, 16, 30, 16, 16, 31),
+    "G": (14, 17, 16, 23, 17, 17, 14),
+    "I": (14, 4, 4, 4, 4, 4, 14),
+    "K": (17, 18, 20, 24, 20, 18, 17),
+    "L": (16, 16, 16, 16, 16, 16, 31),
+    "N": (17, 25, 21, 19, 17, 17, 17),
+    "O": (14, 17, 17, 17, 17, 17, 14),
+    "R": (30, 17, 17, 30, 20, 18, 17),
+    "T": (31, 4, 4, 4, 4, 4, 4),
+    "U": (17, 17, 17, 17, 17, 17, 14),
+    "V": (17, 17, 17, 17, 17, 10, 4),
+    "W": (17, 17, 17, 21, 21, 27, 17),
+    ",": (0, 0, 0, 0, 4, 4, 8),
+    ":": (0, 4, 0, 0, 0, 4, 0),
+    " ": (0, 0, 0, 0, 0, 0, 0),
+}
+_MARGIN = 2
 
 
 class Air(NamedTuple):
@@ -220,3 +238,32 @@ def _vehicles(drawing: Drawing, lens: Lens, air: Air, vehicles: Iterable[Vehicle
             if corners is not None and distance < FAR:
                 paint = _faded(air, light * np.array(face.colour), distance)
                 _fill(drawing, corners, paint)
+
+
+def dots(text: str) -> NDArray[np.bool_]:
+    """A text as dots, shape (7, 6 per letter); KeyError for other letters."""
+    columns = [
+        [bool(row >> (_COLUMNS - 1 - k) & 1) for row in _LETTERS[letter]]
+        if k < _COLUMNS
+        else [False] * _ROWS
+        for letter in text
+        for k in range(_COLUMNS + 1)
+    ]
+    return np.array(columns).T
+
+
+def stamp(drawing: Drawing, size: tuple[int, int], text: str) -> None:
+    """Write a text on a dark strip at the bottom left, twice as large on a large picture.
+
+    Args:
+        drawing: Gets the shapes.
+        size: Width and height of the picture [pixels]; what does not fit is cut off.
+        text: Of the letters in this module.
+    """
+    width, height = size
+    scale = max(1, min(width // 360, height // 180))
+    pattern = np.kron(np.pad(dots(text), _MARGIN), np.ones((scale, scale), np.bool_))
+    top, columns = max(height - len(pattern), 0), min(pattern.shape[1], width)
+    drawing.rect((0.0, columns), (top, height), "#000000", opacity=0.67)
+    covered = np.where(pattern[: height - top, :columns], np.uint8(255), np.uint8(0))
+    drawing.mask(np.ascontiguousarray(covered), (0, top), "#ffffff")

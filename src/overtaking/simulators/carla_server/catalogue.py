@@ -1,9 +1,5 @@
 """The blueprints that clients may spawn: CARLA's vehicles, and the sensors that are offered."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from enum import IntEnum
 from functools import cache
 
 from overtaking.knowledge import colours
@@ -24,86 +20,64 @@ MAX_PIXELS = 1920 * 1080
 MIN_FOV_DEG, MAX_FOV_DEG = 5.0, 170.0
 
 
-class AttributeType(IntEnum):
-    """`carla.ActorAttributeType`."""
-
-    BOOL = 1
-    INT = 2
-    FLOAT = 3
-    STRING = 4
-    COLOUR = 5
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """An attribute of a blueprint.
-
-    Attributes:
-        name: Its name.
-        kind: Its type.
-        options: Values that are recommended, the default first.
-        may_change: Whether a client may choose another.
-    """
-
-    name: str
-    kind: AttributeType
-    options: tuple[str, ...]
-    may_change: bool = True
-
-    def layout(self) -> list[object]:
-        """The attribute as a client wants it."""
-        options = list(self.options) if self.may_change else []
-        return [self.name, int(self.kind), self.options[0], options, self.may_change, False]
-
-
+_BOOL, _INT, _FLOAT, _TEXT, _COLOUR = range(1, 6)  # `carla.ActorAttributeType`.
 _ROLES = ("autopilot", "scenario", "ego_vehicle", "hero")
 
 
 @cache
 def definitions() -> list[list[object]]:
     """All blueprints as the answer to `get_actor_definitions`."""
-    rows: list[list[object]] = []
-    for uid, (name, choices) in enumerate(catalogue().items(), 1):
-        tags = name.replace(".", ",")
-        rows.append([uid, name, tags, [choice.layout() for choice in choices]])
-    return rows
+    every = enumerate(catalogue().items(), 1)
+    return [[uid, name, name.replace(".", ","), attributes] for uid, (name, attributes) in every]
 
 
 @cache
-def catalogue() -> dict[str, tuple[Choice, ...]]:
-    """The attributes of every blueprint, by its id."""
-    front = Choice("role_name", AttributeType.STRING, ("front",))
-    found = {name: _vehicle(one) for name, one in blueprints().items()}
-    return found | {
-        WALKER: (
-            Choice("role_name", AttributeType.STRING, ("pedestrian",)),
-            Choice("generation", AttributeType.INT, ("2",), may_change=False),
-        ),
-        WALKER_CONTROLLER: (Choice("role_name", AttributeType.STRING, ("default",)),),
-        COLLISION: (front,),
-        LANE_INVASION: (front,),
-        CAMERA: (
+def catalogue() -> dict[str, list[list[object]]]:
+    """The attributes of every blueprint as clients want them, by its id."""
+    front = _attribute("role_name", _TEXT, "front")
+    return {name: _of_a_vehicle(one) for name, one in blueprints().items()} | {
+        WALKER: [
+            _attribute("role_name", _TEXT, "pedestrian"),
+            _attribute("generation", _INT, "2", may_change=False),
+        ],
+        WALKER_CONTROLLER: [_attribute("role_name", _TEXT, "default")],
+        COLLISION: [front],
+        LANE_INVASION: [front],
+        CAMERA: [
             front,
-            Choice("image_size_x", AttributeType.INT, ("800",)),
-            Choice("image_size_y", AttributeType.INT, ("600",)),
-            Choice("fov", AttributeType.FLOAT, ("90.0",)),
-            Choice("sensor_tick", AttributeType.FLOAT, ("0.0",)),
-        ),
+            _attribute("image_size_x", _INT, "800"),
+            _attribute("image_size_y", _INT, "600"),
+            _attribute("fov", _FLOAT, "90.0"),
+            _attribute("sensor_tick", _FLOAT, "0.0"),
+        ],
     }
 
 
-def _vehicle(one: Blueprint) -> tuple[Choice, ...]:
-    paints = tuple(",".join(str(part) for part in paint.rgb) for paint in colours().values())
-    wheels = "2" if one.base_type in ("bicycle", "motorcycle") else "4"
-    lights = "false" if one.base_type == "bicycle" else "true"
-    return (
-        Choice("role_name", AttributeType.STRING, _ROLES),
-        Choice("color", AttributeType.COLOUR, paints),
-        Choice("sticky_control", AttributeType.BOOL, ("true",)),
-        Choice("object_type", AttributeType.STRING, ("",), may_change=False),
-        Choice("base_type", AttributeType.STRING, (one.base_type,), may_change=False),
-        Choice("special_type", AttributeType.STRING, ("",), may_change=False),
-        Choice("number_of_wheels", AttributeType.INT, (wheels,), may_change=False),
-        Choice("generation", AttributeType.INT, ("2",), may_change=False),
-        Choice("has_lights", AttributeType.BOOL, (lights,), may_change=False),
-    )
+def _attribute(name: str, kind: int, *options: str, may_change: bool = True) -> list[object]:
+    """An attribute of a blueprint.
+
+    Args:
+        name: Its name.
+        kind: Its type.
+        *options: Values that are recommended, the default first.
+        may_change: Whether a client may choose another.
+    """
+    return [name, kind, options[0], list(options) if may_change else [], may_change, False]
+
+
+def _of_a_vehicle(one: Blueprint) -> list[list[object]]:
+    paints = (",".join(str(part) for part in paint.rgb) for paint in colours().values())
+    fixed = {
+        "object_type": (_TEXT, ""),
+        "base_type": (_TEXT, one.base_type),
+        "special_type": (_TEXT, ""),
+        "number_of_wheels": (_INT, "2" if one.base_type in ("bicycle", "motorcycle") else "4"),
+        "generation": (_INT, "2"),
+        "has_lights": (_BOOL, "false" if one.base_type == "bicycle" else "true"),
+    }
+    return [
+        _attribute("role_name", _TEXT, *_ROLES),
+        _attribute("color", _COLOUR, *paints),
+        _attribute("sticky_control", _BOOL, "true"),
+        *(_attribute(name, *value, may_change=False) for name, value in fixed.items()),
+    ]

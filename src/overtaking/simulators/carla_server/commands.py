@@ -4,16 +4,17 @@
 
 from typing import Annotated, Any, NamedTuple
 
+from pydantic import BeforeValidator, Field, PlainValidator
+
 from overtaking.core.errors import OvertakingError
 from overtaking.simulators.carla_server.arguments import (
     ArgumentError,
     Description,
+    Flag,
     Id,
     Transform,
-    check,
-    kind_of,
-    listed,
-    optional,
+    opened,
+    read,
 )
 from overtaking.simulators.carla_server.protocol import (
     BATCH,
@@ -52,7 +53,7 @@ def command(value: Any) -> Command:
     """A command in our types: `[[number, [fields]]]`."""
     match value:
         case [[int(number), [*fields]]] if number in COMMANDS:
-            return Command(number, tuple(check(COMMANDS[number].kinds, fields)))
+            return Command(number, read(COMMANDS[number].taken, fields))
         case [[int(number), list()]] if number in LACKING:
             return Command(number, ())
         case _:
@@ -60,6 +61,7 @@ def command(value: Any) -> Command:
 
 
 def _plain(value: Any) -> Command:
+    """A command that follows a spawn; it may not spawn again."""
     match value:
         case [[int(number), _]] if number == SPAWN:
             raise ArgumentError("a command that does not spawn")
@@ -67,19 +69,11 @@ def _plain(value: Any) -> Command:
             return command(value)
 
 
-def _then(value: Any) -> tuple[Command, ...]:
-    """The commands that follow a spawn; none of them may spawn again."""
-    found = listed(_plain)(value)
-    if len(found) > MAX_THEN:
-        raise ArgumentError(f"at most {MAX_THEN} commands after a spawn")
-    return found
-
-
 def _run(session: Session, one: Command) -> int:
     """Carry out a command; the id of its actor."""
     if one.number in LACKING:
         raise Refused(f"the headless server does not offer the command {LACKING[one.number]}")
-    found = COMMANDS[one.number].run(session, list(one.fields))
+    found = COMMANDS[one.number].run(session, one.fields)
     return found if one.number == SPAWN else one.fields[0]
 
 
@@ -87,10 +81,12 @@ def _spawn(
     session: Session,
     wanted: Description,
     pose: Transform,
-    parent: Annotated[int | None, optional(kind_of(Id))],
+    parent: Annotated[Id | None, BeforeValidator(opened)],
     _: Any,
     __: Any,
-    then: Annotated[tuple[Command, ...], _then],
+    then: Annotated[
+        tuple[Annotated[Command, PlainValidator(_plain)], ...], Field(max_length=MAX_THEN)
+    ],
 ) -> int:
     actor = session.world.spawn(wanted, pose, parent or 0).actor_id
     for one in then:
@@ -103,7 +99,7 @@ def _spawn(
     return actor
 
 
-def _set_autopilot(_: World, __: Id, ___: bool) -> None:
+def _set_autopilot(_: World, __: Id, ___: Flag) -> None:
     """Nothing: the client tells its Traffic Manager as well, and that one drives."""
 
 
@@ -118,7 +114,7 @@ COMMANDS[18] = declared(_set_lights)
 
 @call(shape=BATCH)
 def apply_batch(
-    session: Session, commands: tuple[Annotated[Command, command], ...], ticks: bool
+    session: Session, commands: tuple[Annotated[Command, PlainValidator(command)], ...], ticks: Flag
 ) -> Answer:
     """Carry out several commands: the id of an actor or an error for each."""
     done: Answer = []

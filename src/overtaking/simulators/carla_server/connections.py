@@ -1,14 +1,9 @@
 """The connections of clients, and the one to close when there are too many."""
 
-from __future__ import annotations
-
 import asyncio
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Generator
 
 MAX_CONNECTIONS = 64
 

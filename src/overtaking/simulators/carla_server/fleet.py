@@ -6,15 +6,16 @@ lorries are where they are in a simulation. On another map it is the map's, wate
 single lane and no vehicle shelters another.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from overtaking.core.elementary import F32
 from overtaking.core.units import kmh_from_mps
 from overtaking.sim.driven import Mover, mover
 from overtaking.sim.reference import collisions
@@ -27,16 +28,12 @@ from overtaking.simulators.carla_server.motion import (
     Driven,
     Ground,
     Motion,
+    Steering,
     Touch,
     overlap,
+    turned,
 )
-from overtaking.simulators.carla_server.steering import Steering
 from overtaking.world.parameters import Parameters, parameters
-
-if TYPE_CHECKING:
-    from collections.abc import Generator, Mapping, Sequence
-
-    from overtaking.core.elementary import F32
 
 LONGEST_STEP = 0.05
 """Longest step of the dynamics, as in a simulation [s]."""
@@ -55,7 +52,35 @@ _HARDEST = 20.0  # How fast their approach may grow meanwhile [m/s^2].
 _FOREVER = np.float32(1e9)
 _ZERO = np.float32(0.0)
 _NO_CONTROL = Control()
+_USUAL = Steering()
 _DRIVEN = ("vx", "vy", "r", "wheel", "a_lon", "a_lat", "mu_fast", "mu_slow")
+
+
+@dataclass(slots=True)
+class FleetVehicle:
+    """What the fleet keeps of one vehicle beside the state of the model.
+
+    Attributes:
+        body: Its numbers.
+        row: Where it is in the state.
+        steering: How far its front wheels turn.
+        height: Of the ground under it [m]; vehicles on different levels never touch.
+        moves: Whether physics moves it, or only `Fleet.place`.
+        backwards: Speed in reverse [m/s].
+        held: Velocity forwards and to the left that it keeps, None where pedals decide [m/s].
+        force: Acts during the next tick, along and across the ground [N].
+        torque: Acts during the next tick, anticlockwise [N m].
+    """
+
+    body: Body
+    row: int = 0
+    steering: Steering = _USUAL
+    height: float = 0.0
+    moves: bool = True
+    backwards: float = 0.0
+    held: tuple[float, float] | None = None
+    force: tuple[float, float] = (0.0, 0.0)
+    torque: float = 0.0
 
 
 class Fleet:
@@ -65,62 +90,39 @@ class Fleet:
         ground: What they stand on.
         weather: The fourteen numbers of `carla.WeatherParameters`.
         nature: What they leave open.
-
-    Attributes:
-        heights: Heights of the vehicles [m]; those on different levels never touch.
     """
 
     def __init__(self, ground: Ground, weather: Sequence[float], nature: Nature) -> None:
         """Start without vehicles."""
         self._ground, self._weather, self._nature = ground, tuple(weather), nature
-        self._ids: list[int] = []
-        self._bodies: list[Body] = []
+        self._vehicles: dict[int, FleetVehicle] = {}
         self._decision = 0
-        self._rows: dict[int, int] = {}
-        self._backwards: dict[int, float] = {}
-        self._still: set[int] = set()
-        self._forces: dict[int, tuple[float, float]] = {}
-        self._torques: dict[int, float] = {}
-        self._held: dict[int, tuple[float, float]] = {}
-        self.heights: dict[int, float] = {}
-        self._steering: dict[int, Steering] = {}
         self._movers: dict[float, Mover] = {}
 
     def __contains__(self, vehicle: int) -> bool:
         """Whether this vehicle exists."""
-        return vehicle in self._rows
+        return vehicle in self._vehicles
 
-    def body(self, vehicle: int) -> Body:
-        """The numbers of a vehicle."""
-        return self._bodies[self._rows[vehicle]]
+    def __getitem__(self, vehicle: int) -> FleetVehicle:
+        """What is kept of a vehicle."""
+        return self._vehicles[vehicle]
 
     def add(self, vehicle: int, body: Body, motion: Motion) -> None:
         """Put a vehicle on the ground."""
-        self._ids.append(vehicle)
-        self._bodies.append(body)
-        self._prepare()
+        self._vehicles[vehicle] = FleetVehicle(body, len(self._vehicles))
+        self._prepare(len(self._vehicles) - 1)
         self.place(vehicle, motion)
         self.set_velocity(vehicle, motion.along, motion.across)
 
     def remove(self, vehicle: int) -> None:
         """Take a vehicle away."""
-        row = self._rows[vehicle]
-        del self._ids[row], self._bodies[row]
-        self._still.discard(vehicle)
-        for kept in (self._backwards, self._forces, self._torques, self._held, self._steering):
-            kept.pop(vehicle, None)
-        self.heights.pop(vehicle, None)
+        del self._vehicles[vehicle]
         self._prepare()
 
     def set_body(self, vehicle: int, body: Body, steering: Steering) -> None:
         """Change the numbers of a vehicle, and how far its wheels turn."""
-        self._bodies[self._rows[vehicle]] = body
-        self._steering[vehicle] = steering
+        self[vehicle].body, self[vehicle].steering = body, steering
         self._prepare()
-
-    def steering(self, vehicle: int) -> Steering:
-        """How far the wheels of a vehicle turn."""
-        return self._steering.get(vehicle, Steering())
 
     def set_weather(self, weather: Sequence[float]) -> None:
         """Change the weather for all."""
@@ -132,59 +134,40 @@ class Fleet:
         self._nature = nature
         self._prepare()
 
-    def set_moves(self, vehicle: int, *, moves: bool) -> None:
-        """Set whether physics moves a vehicle, or only `place`."""
-        (self._still.discard if moves else self._still.add)(vehicle)
-
-    def moves(self, vehicle: int) -> bool:
-        """Whether physics moves a vehicle."""
-        return vehicle not in self._still
-
     def place(self, vehicle: int, motion: Motion) -> None:
         """Put a vehicle elsewhere; it keeps its velocity along its axes."""
-        row, state = self._rows[vehicle], self._state
+        row, state = self[vehicle].row, self._state
         for name in ("s", "d", "psi"):
             getattr(state, name)[row] = getattr(motion, name)
 
     def set_velocity(self, vehicle: int, along: float, across: float) -> None:
         """Give a vehicle a velocity in the ground's frame [m/s]."""
-        row, state = self._rows[vehicle], self._state
-        cosine, sine = math.cos(float(state.psi[row, 0])), math.sin(float(state.psi[row, 0]))
-        forward, left = along * cosine + across * sine, across * cosine - along * sine
-        self._backwards[vehicle] = max(-forward, 0.0)
+        one, state = self[vehicle], self._state
+        row = one.row
+        forward, left = turned(along, across, -self._psi(one))
+        one.backwards = max(-forward, 0.0)
         state.vx[row], state.vy[row] = max(forward, 0.0), left if forward >= 0.0 else 0.0
         if along == across == 0.0:
             state.r[row] = state.a_lon[row] = state.a_lat[row] = 0.0
 
     def set_yaw_rate(self, vehicle: int, yaw_rate: float) -> None:
         """Give a vehicle a yaw rate, anticlockwise [rad/s]."""
-        self._state.r[self._rows[vehicle]] = yaw_rate
+        self._state.r[self[vehicle].row] = yaw_rate
 
     def push(self, vehicle: int, along: float, across: float) -> None:
         """Give a vehicle an impulse in the ground's frame [N s]."""
-        now, mass = self.motion(vehicle), self.body(vehicle)["mass"]
+        now, mass = self.motion(vehicle), self[vehicle].body["mass"]
         self.set_velocity(vehicle, now.along + along / mass, now.across + across / mass)
 
     def force(self, vehicle: int, along: float, across: float) -> None:
         """Let a force in the ground's frame act on a vehicle during the next tick [N]."""
-        old = self._forces.get(vehicle, (0.0, 0.0))
-        self._forces[vehicle] = (old[0] + along, old[1] + across)
+        old = self[vehicle].force
+        self[vehicle].force = (old[0] + along, old[1] + across)
 
     def spin(self, vehicle: int, impulse: float) -> None:
         """Give a vehicle an angular impulse, anticlockwise [kg m^2/s]."""
-        self._state.r[self._rows[vehicle]] += impulse / self.body(vehicle)["yaw_inertia"]
-
-    def twist(self, vehicle: int, torque: float) -> None:
-        """Let a torque act on a vehicle during the next tick, anticlockwise [N m]."""
-        self._torques[vehicle] = self._torques.get(vehicle, 0.0) + torque
-
-    def hold_velocity(self, vehicle: int, forward: float, left: float) -> None:
-        """Keep a velocity in the vehicle's axes until `release_velocity` [m/s]."""
-        self._held[vehicle] = (forward, left)
-
-    def release_velocity(self, vehicle: int) -> None:
-        """Leave the velocity to pedals and forces again."""
-        self._held.pop(vehicle, None)
+        one = self[vehicle]
+        self._state.r[one.row] += impulse / one.body["yaw_inertia"]
 
     def motion(self, vehicle: int) -> Motion:
         """Where a vehicle is and how it moves."""
@@ -192,9 +175,8 @@ class Fleet:
 
     def driven(self, vehicle: int) -> Driven:
         """What the model knows of a vehicle."""
-        row, state = self._rows[vehicle], self._state
+        row, state, body = self[vehicle].row, self._state, self[vehicle].body
         found = Driven(*(float(getattr(state, name)[row, 0]) for name in _DRIVEN))
-        body = self.body(vehicle)
         if not body["two_wheeler"]:
             return found
         curve = found.angle * body["wheelbase"]  # Its wheel stands for lateral acceleration.
@@ -202,24 +184,23 @@ class Fleet:
 
     def motions(self) -> dict[int, Motion]:
         """Where every vehicle is and how it moves."""
-        if not self._ids:
+        if not self._vehicles:
             return {}
         state = self._state
         columns = (state.s, state.d, state.psi, state.vx, state.vy, state.r)
         rows = np.stack([column[:, 0] for column in columns], axis=1).tolist()
         found: dict[int, Motion] = {}
-        for vehicle, (s, d, psi, vx, vy, r) in zip(self._ids, rows, strict=True):
-            forward = vx - self._backwards.get(vehicle, 0.0)
-            cosine, sine = math.cos(psi), math.sin(psi)
-            along, across = forward * cosine - vy * sine, forward * sine + vy * cosine
-            found[vehicle] = Motion(s, d, math.remainder(psi, math.tau), along, across, r)
+        for vehicle, one in self._vehicles.items():
+            s, d, psi, vx, vy, r = rows[one.row]
+            velocity = turned(vx - one.backwards, vy, psi)
+            found[vehicle] = Motion(s, d, math.remainder(psi, math.tau), *velocity, r)
         return found
 
     def is_free(self, body: Body, motion: Motion, height: float) -> bool:
         """Whether no vehicle is in the place of a new one at some height [m]."""
         return not any(
-            abs(self.heights.get(vehicle, 0.0) - height) < LEVELS_APART
-            and overlap(body, motion, self.body(vehicle), at)
+            abs(self[vehicle].height - height) < LEVELS_APART
+            and overlap(body, motion, self[vehicle].body, at)
             for vehicle, at in self.motions().items()
         )
 
@@ -233,7 +214,7 @@ class Fleet:
         Returns:
             The contacts.
         """
-        if not self._ids:
+        if not self._vehicles:
             return []
         count = max(1, math.ceil(duration / LONGEST_STEP - 1e-9))
         mover = self._mover(duration, count)
@@ -251,19 +232,25 @@ class Fleet:
             self._drive(mover, wanted, count)
         self._roll_back(duration, controls)
         self._hold()
-        self._forces.clear()
-        self._torques.clear()
+        for one in self._vehicles.values():
+            one.force, one.torque = (0.0, 0.0), 0.0
         return touches
 
-    def _prepare(self) -> None:
-        """Work out the parameters again, and carry what moves over to the new rows."""
-        old = {vehicle: row for vehicle, row in self._rows.items() if vehicle in self._ids}
-        self._rows = {vehicle: row for row, vehicle in enumerate(self._ids)}
-        if not self._ids:
+    def _psi(self, one: FleetVehicle) -> float:
+        """Heading in the ground's frame, anticlockwise [rad]."""
+        return float(self._state.psi[one.row, 0])
+
+    def _prepare(self, num_old: int | None = None) -> None:
+        """Work out the parameters again, and carry what moves over to the new rows.
+
+        Args:
+            num_old: Number of vehicles, the first ones, that have moved before; None for all.
+        """
+        if not self._vehicles:
             return
-        given = parameters(
-            scenario_of(self._ground.road, self._bodies, self._weather, self._nature)
-        )
+        vehicles = list(self._vehicles.values())
+        bodies = [one.body for one in vehicles]
+        given = parameters(scenario_of(self._ground.road, bodies, self._weather, self._nature))
         self._given: Parameters = given
         self._fields = given.of_vehicles
         if not self._ground.shelters:
@@ -271,9 +258,11 @@ class Fleet:
         self._movers.clear()
         state = initial_state(given)
         state.end_step[:] = _FOREVER
-        for vehicle, row in old.items():
-            for name in MOVING:
-                getattr(state, name)[self._rows[vehicle]] = getattr(self._state, name)[row]
+        old = [one.row for one in vehicles[:num_old]]
+        for name in MOVING if old else ():
+            getattr(state, name)[: len(old)] = getattr(self._state, name)[old]
+        for row, one in enumerate(vehicles):
+            one.row = row
         self._state: State = state
 
     def _mover(self, duration: float, count: int) -> Mover:
@@ -287,36 +276,33 @@ class Fleet:
     def _add_forces(self, duration: float) -> None:
         """Add what pushes from outside: sideways like the wind, lengthwise as a change of speed."""
         state = self._state
-        for vehicle, (along, across) in self._forces.items():
-            row = self._rows[vehicle]
-            cosine, sine = math.cos(float(state.psi[row, 0])), math.sin(float(state.psi[row, 0]))
-            state.wind_force[row] += np.float32(across * cosine - along * sine)
-            change = (along * cosine + across * sine) * duration
-            state.vx[row] = max(float(state.vx[row, 0]) + change / self.body(vehicle)["mass"], 0.0)
-
-        for vehicle, torque in self._torques.items():
-            self.spin(vehicle, torque * duration)
+        for vehicle, one in self._vehicles.items():
+            if one.force == (0.0, 0.0) and one.torque == 0.0:
+                continue
+            forward, left = turned(*one.force, -self._psi(one))
+            state.wind_force[one.row] += np.float32(left)
+            gain = forward * duration / one.body["mass"]
+            state.vx[one.row] = max(float(state.vx[one.row, 0]) + gain, 0.0)
+            self.spin(vehicle, one.torque * duration)
 
     def _hold(self) -> None:
         """Set the velocities that are kept; friction takes something of them in each tick."""
-        for vehicle, (forward, left) in self._held.items():
-            psi = float(self._state.psi[self._rows[vehicle], 0])
-            cosine, sine = math.cos(psi), math.sin(psi)
-            along, across = forward * cosine - left * sine, forward * sine + left * cosine
-            self.set_velocity(vehicle, along, across)
+        for vehicle, one in self._vehicles.items():
+            if one.held:
+                self.set_velocity(vehicle, *turned(*one.held, self._psi(one)))
 
     def _wanted(self, controls: Mapping[int, Control]) -> Controls:
         """Throttle, brake and wanted wheel angle of each vehicle."""
-        wanted = [controls.get(vehicle, _NO_CONTROL) for vehicle in self._ids]
+        wanted = [controls.get(vehicle, _NO_CONTROL) for vehicle in self._vehicles]
         throttle = [0.0 if one.reverse else one.throttle for one in wanted]
         brake = [min(one.brake + HAND_BRAKE * one.hand_brake, 1.0) for one in wanted]
         # Forward motion ends under full braking before the reverse gear engages.
         brake = [1.0 if one.reverse else b for one, b in zip(wanted, brake, strict=True)]
         speeds = kmh_from_mps(self._state.vx[:, 0])
-        lock = Steering().angles(speeds)
-        for vehicle, own in self._steering.items():
-            row = self._rows[vehicle]
-            lock[row] = own.angles(speeds[row])
+        lock = _USUAL.angles(speeds)
+        for one in self._vehicles.values():
+            if one.steering is not _USUAL:
+                lock[one.row] = one.steering.angles(speeds[one.row])
         # CARLA's steering is positive to the right.
         angle = -lock * np.array([one.steer for one in wanted])
         return Controls(_column(throttle), _column(brake), _column(angle))
@@ -330,7 +316,7 @@ class Fleet:
     def _placed(self) -> Generator[None]:
         """Keep vehicles where they are that only `place` moves."""
         state = self._state
-        still = [self._rows[vehicle] for vehicle in self._ids if vehicle in self._still]
+        still = [one.row for one in self._vehicles.values() if not one.moves]
         held = {name: getattr(state, name)[still].copy() for name in ("s", "d", "psi")}
         yield
         for name, value in held.items():
@@ -341,13 +327,13 @@ class Fleet:
 
         Most pass each other in lanes of their own, and those need no look at their contacts.
         """
-        if len(self._ids) < 2:
+        if len(self._vehicles) < 2:
             return []
         state, p = self._state, self._fields
         sine, cosine = np.sin(state.psi), np.cos(state.psi)
         turned = duration * np.abs(state.r) * p.half_length
         nearer = _NEAR + 0.5 * _HARDEST * duration * duration
-        high = _column([self.heights.get(vehicle, 0.0) for vehicle in self._ids])
+        high = _column([one.height for one in self._vehicles.values()])
         close = np.abs(high - high.T) < LEVELS_APART
         for place, length, width, speed in (
             (state.s, cosine, sine, state.vx * cosine - state.vy * sine),
@@ -364,7 +350,8 @@ class Fleet:
         before = (state.s.copy(), state.d.copy())
         self._drive(mover, wanted, 1)
         state.contact_partner[:] = NOBODY
-        was = {row: self._momentum(row) for pair in pairs for row in pair}
+        ids = list(self._vehicles)
+        was = {row: self._momentum(self[ids[row]]) for pair in pairs for row in pair}
         every = {pair: np.ones(1, np.bool_) for pair in pairs}
         with self._placed():
             c = mover.constants
@@ -374,37 +361,37 @@ class Fleet:
         for row, (along, across) in was.items():
             partner = int(state.contact_partner[row, 0])
             if partner >= 0:
-                new = self._momentum(row)
+                new = self._momentum(self[ids[row]])
                 gain = (new[0] - along, new[1] - across)
-                touches.append(Touch(self._ids[row], self._ids[partner], *gain))
+                touches.append(Touch(ids[row], ids[partner], *gain))
         return touches
 
-    def _momentum(self, row: int) -> tuple[float, float]:
+    def _momentum(self, one: FleetVehicle) -> tuple[float, float]:
         """Momentum of a vehicle in the ground's frame [N s]."""
-        state, mass = self._state, self._bodies[row]["mass"]
-        psi, vx, vy = (float(x[row, 0]) for x in (state.psi, state.vx, state.vy))
-        cosine, sine = math.cos(psi), math.sin(psi)
-        return mass * (vx * cosine - vy * sine), mass * (vx * sine + vy * cosine)
+        vx, vy = (float(speed[one.row, 0]) for speed in (self._state.vx, self._state.vy))
+        along, across = turned(vx, vy, self._psi(one))
+        return one.body["mass"] * along, one.body["mass"] * across
 
     def _roll_back(self, duration: float, controls: Mapping[int, Control]) -> None:
         """Drive backwards: slowly, on the circle that the front wheels give, without slip."""
         state = self._state
-        for vehicle, row in self._rows.items():
-            control, speed = controls.get(vehicle, _NO_CONTROL), self._backwards.get(vehicle, 0.0)
+        for vehicle, one in self._vehicles.items():
+            control, row = controls.get(vehicle, _NO_CONTROL), one.row
             wants = control.reverse and float(state.vx[row, 0]) == 0.0
             push = BACKWARDS_ACCEL * control.throttle if wants else 0.0
-            braking = self.body(vehicle)["peak_decel"] * max(control.brake, control.hand_brake)
-            speed = max(speed + duration * (push - braking), 0.0)
+            braking = one.body["peak_decel"] * max(control.brake, control.hand_brake)
+            speed = max(one.backwards + duration * (push - braking), 0.0)
             if not control.reverse and control.throttle > 0.0:
                 speed = 0.0
-            speed = self._backwards[vehicle] = min(speed, BACKWARDS_SPEED)
-            if speed == 0.0 or vehicle in self._still:
+            speed = one.backwards = min(speed, BACKWARDS_SPEED)
+            if speed == 0.0 or not one.moves:
                 continue
-            psi, angle = float(state.psi[row, 0]), float(state.wheel[row, 0])
+            psi, angle = self._psi(one), float(state.wheel[row, 0])
             state.vx[row] = state.vy[row] = 0.0
-            state.s[row] -= np.float32(speed * duration * math.cos(psi))
-            state.d[row] -= np.float32(speed * duration * math.sin(psi))
-            turn = -speed * math.tan(angle) / self.body(vehicle)["wheelbase"]
+            along, across = turned(speed * duration, 0.0, psi)
+            state.s[row] -= np.float32(along)
+            state.d[row] -= np.float32(across)
+            turn = -speed * math.tan(angle) / one.body["wheelbase"]
             state.psi[row] += np.float32(turn * duration)
 
 

@@ -1,19 +1,14 @@
-"""Where vehicles are and what they stand on, as values."""
-
-from __future__ import annotations
+"""Where vehicles are, what they stand on and how far their wheels turn, as values."""
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from overtaking.model.road import Road
 from overtaking.sim.reference import collisions
-
-if TYPE_CHECKING:
-    from overtaking.model.road import Road
-    from overtaking.simulators.carla_server.bodies import Body
-
+from overtaking.simulators.carla_server.bodies import Body
 
 LEVELS_APART = 3.0
 """What differs by more in height is on another level: a bridge, or out of sight below [m]."""
@@ -87,6 +82,12 @@ class Touch:
     across: float
 
 
+def turned(x: float, y: float, angle: float) -> tuple[float, float]:
+    """A vector after an anticlockwise turn, seen from axes of which y points to the left."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return x * cosine - y * sine, x * sine + y * cosine
+
+
 def overlap(body: Body, motion: Motion, other: Body, at: Motion) -> bool:
     """Whether two vehicles would stand in the same place."""
     reach = 0.5 * math.hypot(body["length"], body["width"])
@@ -109,3 +110,37 @@ def _box(body: Body, motion: Motion) -> collisions.Box:
         half_length=as_f32(0.5 * body["length"]),
         half_width=as_f32(0.5 * body["width"]),
     )
+
+
+MAX_WHEEL_ANGLE = math.radians(70.0)
+"""Angle of the front wheels at full lock; CARLA's cars have 70 degrees [rad]."""
+
+STEERING_CURVE = ((0.0, 1.0), (20.0, 0.9), (60.0, 0.8), (120.0, 0.7))
+"""Part of full lock against speed (km/h), as the vehicles of CARLA report theirs."""
+
+
+class Steering(NamedTuple):
+    """How far front wheels turn.
+
+    Attributes:
+        lock: Angle at full lock [rad].
+        curve: Part of it against speed [km/h], speeds increasing.
+    """
+
+    lock: float = MAX_WHEEL_ANGLE
+    curve: tuple[tuple[float, float], ...] = STEERING_CURVE
+
+    def is_sound(self) -> bool:
+        """Whether there is a curve, with increasing speeds and parts of 0 to 1."""
+        speeds = [speed for speed, _ in self.curve]
+        parts = [part for _, part in self.curve]
+        return (
+            bool(speeds)
+            and speeds == sorted(set(speeds))
+            and 0.0 <= min(parts) <= max(parts) <= 1.0
+        )
+
+    def angles(self, speeds: Any) -> Any:
+        """Angles at full lock at some speeds [km/h], of the same shape."""
+        knots, shares = zip(*self.curve, strict=True)
+        return self.lock * np.interp(speeds, knots, shares)

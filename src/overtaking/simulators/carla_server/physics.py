@@ -1,14 +1,16 @@
-"""The calls that change the motion and the body of a vehicle, and the description of its body."""
+"""The calls that change the motion and the body of a vehicle, and what describes the body."""
 
 # No `from __future__ import annotations`: `call` reads the types when a function is declared.
 
 import math
+from typing import NamedTuple
 
 from overtaking.simulators.carla_server.actors import UPRIGHT, Vehicle
-from overtaking.simulators.carla_server.arguments import Id, Physics, Transform, Vector, Wheel
+from overtaking.simulators.carla_server.arguments import Flag, Id, Physics, Transform, Vector, Wheel
+from overtaking.simulators.carla_server.motion import Driven, Steering, turned
 from overtaking.simulators.carla_server.protocol import Refused, call
-from overtaking.simulators.carla_server.steering import Steering
 from overtaking.simulators.carla_server.world import World
+from overtaking.world.constants import constants
 
 WHEEL_RADIUS = 0.35
 """Radius of every wheel that the server reports [m]."""
@@ -57,7 +59,7 @@ def add_actor_force(world: World, actor: Id, force: Vector) -> None:
 def add_actor_force_at_location(world: World, actor: Id, force: Vector, location: Vector) -> None:
     """Apply a force at a point of the world during the next tick [N]."""
     add_actor_force(world, actor, force)
-    world.fleet.twist(actor, _moment(world, actor, force, location))
+    world.fleet[actor].torque += _moment(world, actor, force, location)
 
 
 @call(command=12)
@@ -69,7 +71,7 @@ def add_actor_angular_impulse(world: World, actor: Id, impulse: Vector) -> None:
 @call(command=13)
 def add_actor_torque(world: World, actor: Id, torque: Vector) -> None:
     """Apply a torque about the vertical during the next tick, clockwise [kg cm^2 degrees/s^2]."""
-    world.fleet.twist(world.vehicle(actor).actor_id, -_TURN * torque.z)
+    world.fleet[world.vehicle(actor).actor_id].torque -= _TURN * torque.z
 
 
 def _moment(world: World, actor: int, force: Vector, location: Vector) -> float:
@@ -83,17 +85,17 @@ def _moment(world: World, actor: int, force: Vector, location: Vector) -> float:
 def enable_actor_constant_velocity(world: World, actor: Id, velocity: Vector) -> None:
     """Keep a velocity in the axes of a vehicle, whatever pedals and forces do [m/s]."""
     # CARLA's y axis points to the right.
-    world.fleet.hold_velocity(world.vehicle(actor).actor_id, velocity.x, -velocity.y)
+    world.fleet[world.vehicle(actor).actor_id].held = (velocity.x, -velocity.y)
 
 
 @call()
 def disable_actor_constant_velocity(world: World, actor: Id) -> None:
     """Let pedals and forces decide about the velocity of a vehicle again."""
-    world.fleet.release_velocity(world.vehicle(actor).actor_id)
+    world.fleet[world.vehicle(actor).actor_id].held = None
 
 
 @call(command=15)
-def set_actor_enable_gravity(world: World, actor: Id, enabled: bool) -> None:
+def set_actor_enable_gravity(world: World, actor: Id, enabled: Flag) -> None:
     """Refused where it switches gravity off: vehicles stay on the ground."""
     world.actor(actor)
     if not enabled:
@@ -106,7 +108,7 @@ def physics_control(world: World, vehicle: Vehicle) -> Physics:
     Mass, drag and steering are those that the server drives with. Engine, gears and wheels, which
     our bodies do not have, are made up so that a client that looks at them finds a car.
     """
-    body, steering = vehicle.body, world.fleet.steering(vehicle.actor_id)
+    body, steering = vehicle.body, world.fleet[vehicle.actor_id].steering
     return Physics(
         torque_curve=((0.0, 500.0), (1890.0, 500.0), (5729.0, 400.0)),
         max_rpm=5800.0,
@@ -140,7 +142,8 @@ def apply_physics_control(world: World, actor: Id, wanted: Physics) -> None:
     """
     vehicle = world.vehicle(actor)
     now = physics_control(world, vehicle)
-    steering = Steering(math.radians(_lock(wanted)), wanted.steering_curve)
+    lock_deg = max((one.max_steer_angle for one in wanted.wheels[:2]), default=0.0)
+    steering = Steering(math.radians(lock_deg), wanted.steering_curve)
     if not (
         _LIGHTEST <= wanted.mass <= _HEAVIEST
         and wanted.drag_coefficient >= 0.0
@@ -185,11 +188,6 @@ def _same(one: object, other: object) -> bool:
     return one == other
 
 
-def _lock(wanted: Physics) -> float:
-    """Largest angle of the front wheels [degrees]."""
-    return max((one.max_steer_angle for one in wanted.wheels[:2]), default=0.0)
-
-
 def _frontal_area(vehicle: Vehicle) -> float:
     """What CARLA's drag coefficient is multiplied with: width times height [m^2]."""
     return vehicle.body["width"] * vehicle.body["height"]
@@ -201,10 +199,9 @@ def _wheel(vehicle: Vehicle, k: int, lock_deg: float) -> Wheel:
     is_front = k < 2
     ahead = body["cg_to_front"] if is_front else body["cg_to_front"] - body["wheelbase"]
     aside = (0.5 if k % 2 else -0.5) * body["track_width"]
-    yaw = math.radians(pose.rotation.yaw)
-    x = pose.location.x + math.cos(yaw) * ahead - math.sin(yaw) * aside
-    y = pose.location.y + math.sin(yaw) * ahead + math.cos(yaw) * aside
-    place = Vector(*(_CM_PER_M * part for part in (x, y, pose.location.z + WHEEL_RADIUS)))
+    x, y = turned(ahead, aside, math.radians(pose.rotation.yaw))
+    at = (pose.location.x + x, pose.location.y + y, pose.location.z + WHEEL_RADIUS)
+    place = Vector(*(_CM_PER_M * part for part in at))
     return Wheel(
         tire_friction=3.5,
         damping_rate=0.25,
@@ -217,3 +214,82 @@ def _wheel(vehicle: Vehicle, k: int, lock_deg: float) -> Wheel:
         long_stiff_value=1000.0,
         position=place,
     )
+
+
+_AT_REST = 0.5
+"""Slower than this a tyre has no slip angle [m/s]."""
+
+
+class WheelTelemetry(NamedTuple):
+    """`carla.WheelTelemetryData`; slip in degrees, rad/s, N and N m, sideways to the right."""
+
+    tire_friction: float
+    lat_slip: float
+    long_slip: float
+    omega: float
+    tire_load: float
+    normalized_tire_load: float
+    torque: float
+    long_force: float
+    lat_force: float
+    normalized_long_force: float
+    normalized_lat_force: float
+
+
+def telemetry(world: World, vehicle: Vehicle) -> list[object]:
+    """What is known of a vehicle; engine speed and longitudinal slip, which are not, are 0.
+
+    Loads and side forces are those of steady cornering, with load transfer by both accelerations.
+
+    Source:
+        Gillespie, Fundamentals of Vehicle Dynamics (1992), chapters 1 and 6.
+    """
+    now = world.fleet.driven(vehicle.actor_id)
+    control = vehicle.control
+    speed = vehicle.forward_speed
+    gear = -1 if control.reverse else 1
+    drag = float(constants().half_air_density) * vehicle.body["drag_area"] * speed * abs(speed)
+    wheels = [_wheel_telemetry(vehicle, now, speed, drag, k) for k in range(4)]
+    return [speed, control.steer, control.throttle, control.brake, 0.0, gear, drag, wheels]
+
+
+def _wheel_telemetry(
+    vehicle: Vehicle, now: Driven, speed: float, drag: float, k: int
+) -> WheelTelemetry:
+    """Front left, front right, rear left, rear right."""
+    body, is_front, is_right = vehicle.body, k < 2, bool(k % 2)
+    gravity = float(constants().gravity)
+    wheelbase, front = body["wheelbase"], body["cg_to_front"]
+    arm = front if is_front else wheelbase - front
+    share = 1.0 - arm / wheelbase
+    rest = 0.5 * share * body["mass"] * gravity
+    lift = 0.5 * body["mass"] * now.a_lon * body["cg_height"] / wheelbase
+    lean = share * body["mass"] * now.a_lat * body["cg_height"] / body["track_width"]
+    lean = 0.0 if body["two_wheeler"] else lean
+    load = max(rest + (-lift if is_front else lift) + (lean if is_right else -lean), 0.0)
+    normal = load / rest
+    resistance = drag + body["rolling_resistance"] * body["mass"] * gravity * (speed != 0.0)
+    force = body["mass"] * now.a_lon + resistance
+    driven = body["front_drive_share"] if is_front else 1.0 - body["front_drive_share"]
+    along = 0.5 * force * (driven if force > 0.0 else share)
+    across = -share * body["mass"] * now.a_lat * normal / 2.0
+    return WheelTelemetry(
+        tire_friction=now.mu_right if is_right else now.mu_left,
+        lat_slip=_slip(now, arm if is_front else -arm, now.angle if is_front else 0.0),
+        long_slip=0.0,
+        omega=speed / WHEEL_RADIUS,
+        tire_load=load,
+        normalized_tire_load=normal,
+        torque=along * WHEEL_RADIUS,
+        long_force=along,
+        lat_force=across,
+        normalized_long_force=abs(along) / rest,
+        normalized_lat_force=abs(across) / rest,
+    )
+
+
+def _slip(now: Driven, ahead: float, angle: float) -> float:
+    """Slip angle of an axle, to the right [degrees]."""
+    if now.vx < _AT_REST:
+        return 0.0
+    return math.degrees(angle - math.atan2(now.vy + now.yaw_rate * ahead, now.vx))

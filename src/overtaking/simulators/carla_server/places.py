@@ -1,26 +1,20 @@
 """The maps of the headless server: roads of the package and OpenDRIVE files."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError
 from overtaking.knowledge.roads import ROAD_NAMES
 from overtaking.model.known_roads import known_road
+from overtaking.model.road import Road
 from overtaking.recordings.opendrive_writer import write_opendrive
 from overtaking.simulators.carla_server.arguments import Rotation, Transform, Vector
-from overtaking.simulators.carla_server.motion import LEVELS_APART, Ground, Motion
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-
-    from numpy.typing import NDArray
-
-    from overtaking.model.road import Road
+from overtaking.simulators.carla_server.motion import LEVELS_APART, Ground, Motion, turned
 
 ROAD_LENGTH = 3000.0
 """Length to which a road of ours is extended [m]: a minute and a half at motorway speed."""
@@ -114,18 +108,17 @@ class Place:
         yaw = -math.remainder(motion.psi + road.heading, math.tau)
         here = self.surface(x, -y, height)
         rise = here.rise_x * math.cos(yaw) + here.rise_y * math.sin(yaw)
-        turned = Rotation(math.degrees(math.atan(rise)), math.degrees(yaw), 0.0)
-        return Transform(Vector(x, -y, here.height), turned)
+        rotation = Rotation(math.degrees(math.atan(rise)), math.degrees(yaw), 0.0)
+        return Transform(Vector(x, -y, here.height), rotation)
 
     def to_world(self, along: float, across: float) -> Vector:
         """A vector of the ground's frame in CARLA's."""
-        cosine, sine = math.cos(self.ground.road.heading), math.sin(self.ground.road.heading)
-        return Vector(along * cosine - across * sine, -(along * sine + across * cosine), 0.0)
+        x, y = turned(along, across, self.ground.road.heading)
+        return Vector(x, -y, 0.0)
 
     def to_ground(self, vector: Vector) -> tuple[float, float]:
         """A vector of CARLA's frame along and across the ground."""
-        cosine, sine = math.cos(self.ground.road.heading), math.sin(self.ground.road.heading)
-        return vector.x * cosine - vector.y * sine, -vector.y * cosine - vector.x * sine
+        return turned(vector.x, -vector.y, -self.ground.road.heading)
 
     def surface(self, x: float, y: float, z: float) -> Surface:
         """The ground at a point; the level nearest to height `z` where there are several.
@@ -178,8 +171,8 @@ class Place:
             last = station
             x, y, z = (float(part) for part in lanes.place[k])
             pitch = math.degrees(math.atan(float(lanes.slope[k])))
-            turned = Rotation(pitch, math.degrees(float(lanes.yaw[k])), 0.0)
-            points.append(Transform(Vector(x, y, z + SPAWN_HEIGHT), turned))
+            rotation = Rotation(pitch, math.degrees(float(lanes.yaw[k])), 0.0)
+            points.append(Transform(Vector(x, y, z + SPAWN_HEIGHT), rotation))
         return points
 
 

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, get_type_hints
 
 from overtaking.core.errors import OvertakingError
-from overtaking.simulators.carla_server.arguments import ArgumentError, Kind, check, kind_of
+from overtaking.simulators.carla_server.arguments import ArgumentError, read, reader
 
 if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+
     from overtaking.simulators.carla_server.world import World
 
 VERSION = "0.9.16"
@@ -59,24 +61,24 @@ class Call:
     Attributes:
         body: Carries it out. Its first argument is the session or the world, the others are those
             of the client.
-        kinds: Kinds of the client's arguments.
+        taken: Reads the client's arguments.
         shape: Shape of its answers.
         needs_session: Whether the first argument is the session.
     """
 
     body: Body
-    kinds: tuple[Kind, ...]
+    taken: TypeAdapter[tuple[Any, ...]]
     shape: Shape
     needs_session: bool = False
 
-    def run(self, session: Session, arguments: list[Any]) -> Any:
+    def run(self, session: Session, arguments: tuple[Any, ...]) -> Any:
         """Its result; the arguments are checked already."""
         return self.body(session if self.needs_session else session.world, *arguments)
 
     def answer(self, session: Session, name: str, values: list[Any]) -> Answer:
         """The answer to arguments as they were decoded."""
         try:
-            return self.shape.result(self.run(session, check(self.kinds, values)))
+            return self.shape.result(self.run(session, read(self.taken, values)))
         except ArgumentError as error:
             return self.shape.error(f"{name}: {error}")
         except (Refused, OvertakingError) as error:
@@ -113,7 +115,7 @@ def declared(body: Body, shape: Shape | None = None) -> Call:
     first, *arguments = hints
     return Call(
         body=body,
-        kinds=tuple(kind_of(hints[name]) for name in arguments),
+        taken=reader([hints[name] for name in arguments]),
         shape=shape or (RESULT if has_result else NO_RESULT),
         needs_session=first == "session",
     )

@@ -1,17 +1,13 @@
 """A pinhole camera: from the world to pixels."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from overtaking.simulators.carla_server.arguments import Transform
+from overtaking.simulators.carla_server.arguments import Transform
 
 Points = NDArray[np.float64]
 
@@ -42,7 +38,7 @@ class Lens(NamedTuple):
     horizon: float
 
     @classmethod
-    def of(cls, pose: Transform, size: tuple[int, int], fov_deg: float) -> Lens:
+    def of(cls, pose: Transform, size: tuple[int, int], fov_deg: float) -> "Lens":
         """The camera of a pose; roll is left out."""
         pitch, yaw = (math.radians(angle) for angle in pose.rotation[:2])
         cp, sp, cy, sy = math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
@@ -68,11 +64,7 @@ def project(lens: Lens, corners: Points) -> Points | None:
         lens: The camera.
         corners: Shape (corner, 3) [m].
     """
-    seen = _before(_seen(lens, corners))
-    if len(seen) < 3:
-        return None
-    found = _pixels(lens, seen)
-    return found if _overlaps(lens, found) else None
+    return next((found for _, found in projected(lens, corners[None])), None)
 
 
 def projected(lens: Lens, polygons: Points) -> Iterator[tuple[int, Points]]:
@@ -87,8 +79,8 @@ def projected(lens: Lens, polygons: Points) -> Iterator[tuple[int, Points]]:
     is_cut = (nearest < NEAR) & (seen[:, :, 2].max(axis=1) > NEAR)
     in_view = (nearest >= NEAR) & _overlaps(lens, found)
     for k in np.flatnonzero(in_view | is_cut).tolist():
-        one = found[k] if in_view[k] else project(lens, polygons[k])
-        if one is not None:
+        one = found[k] if in_view[k] else _pixels(lens, _before(seen[k]))
+        if in_view[k] or _overlaps(lens, one):
             yield k, one
 
 
@@ -113,8 +105,6 @@ def _overlaps(lens: Lens, found: Points) -> NDArray[np.bool_]:
 
 def _before(points: Points) -> Points:
     """The part of a polygon that lies before the camera (Sutherland and Hodgman 1974)."""
-    if (points[:, 2] >= NEAR).all():
-        return points
     kept: list[Points] = []
     for here, there in zip(points, np.roll(points, -1, axis=0), strict=True):
         if here[2] >= NEAR:

@@ -1,18 +1,14 @@
 """What a ray meets: the ground and the boxes of vehicles."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
+from overtaking.simulators.carla_server.actors import Vehicle
 from overtaking.simulators.carla_server.arguments import Vector
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from overtaking.simulators.carla_server.actors import Vehicle
-    from overtaking.simulators.carla_server.places import Place
-    from overtaking.simulators.carla_server.world import World
+from overtaking.simulators.carla_server.motion import turned
+from overtaking.simulators.carla_server.places import Place
+from overtaking.simulators.carla_server.world import World
 
 ROAD, TERRAIN = 1, 10
 """`carla.CityObjectLabel` of lanes, and of the ground beside them."""
@@ -67,12 +63,10 @@ def _entered(vehicle: Vehicle, start: Vector, end: Vector) -> float | None:
     """Share of the way after which the box of a vehicle is entered; the slab method."""
     centre = vehicle.pose.location
     yaw = math.radians(vehicle.pose.rotation.yaw)
-    cosine, sine = math.cos(yaw), math.sin(yaw)
 
     def inside(point: Vector) -> tuple[float, float, float]:
-        x, y = point.x - centre.x, point.y - centre.y
         upwards = point.z - centre.z - vehicle.extent.z
-        return cosine * x + sine * y, cosine * y - sine * x, upwards
+        return *turned(point.x - centre.x, point.y - centre.y, -yaw), upwards
 
     enter, leave = 0.0, 1.0
     for a, b, half in zip(inside(start), inside(end), vehicle.extent, strict=True):

@@ -1,21 +1,15 @@
-"""Starts the server and stops it in an orderly way."""
-
-from __future__ import annotations
+"""Starts the server and stops it in an orderly way, in this process or as a worker."""
 
 import asyncio
 import signal
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from overtaking.core.errors import ConfigError
-from overtaking.simulators.carla_server.places import Atlas, known_place
+from overtaking.core.parent import Parent
+from overtaking.simulators.carla_server.places import Atlas, Place, known_place
 from overtaking.simulators.carla_server.server import serve
 from overtaking.simulators.carla_server.survey import survey
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from overtaking.simulators.carla_server.places import Place
 
 LOOPBACK = "127.0.0.1"
 PORT = 2000
@@ -49,7 +43,7 @@ def run_server(
         MissingExtraError: A map is a file, and CARLA's wheel is not there to read it.
     """
     if not 0 <= seed < 2**64:
-        raise _refused("seed", "0 to 2**64 - 1", seed, "choose another seed")
+        raise ConfigError.out_of_range("seed", "run_server", 0, "2**64 - 1", seed)
     atlas = Atlas(_places(maps), survey)
 
     async def until_told() -> None:
@@ -101,3 +95,8 @@ def _refused(
     what: str, expected: str, got: object, next_step: str, *, where: str = "run_server"
 ) -> ConfigError:
     return ConfigError.of(what=what, where=where, expected=expected, got=got, next_step=next_step)
+
+
+def main(parent: Parent) -> None:
+    """Serve until the parent ends this process."""
+    run_server(port=0, ready=lambda port, _: parent.send(port), log=lambda _: None)

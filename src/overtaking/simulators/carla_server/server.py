@@ -1,26 +1,22 @@
 """The two sockets of the server: calls and answers, and streams."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import math
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from overtaking.core.errors import ConfigError
 from overtaking.simulators.carla_server import protocol
 from overtaking.simulators.carla_server.calls import CALLS
 from overtaking.simulators.carla_server.connections import Connection, Connections, CrowdedError
+from overtaking.simulators.carla_server.places import Atlas
 from overtaking.simulators.carla_server.protocol import Session
 from overtaking.simulators.carla_server.streams import SETTLING_TIME, Streams
 from overtaking.simulators.carla_server.wire import Budget, Decoder, ProtocolError, encode
 from overtaking.simulators.carla_server.world import World
-
-if TYPE_CHECKING:
-    from overtaking.simulators.carla_server.places import Atlas
 
 SILENCE = 10.0
 """A synchronous client with Traffic Managers that is silent this long is reported [s]."""

@@ -1,16 +1,12 @@
 """What the server pushes to clients: packed bytes behind a header, one layout for each sensor."""
 
-from __future__ import annotations
-
 import struct
+from collections.abc import Iterable
 from enum import IntEnum
-from typing import TYPE_CHECKING, NamedTuple
 
-from overtaking.simulators.carla_server.arguments import Control, Transform, Vector
+from overtaking.simulators.carla_server.actors import Actor, Vehicle
+from overtaking.simulators.carla_server.arguments import Transform, Vector
 from overtaking.simulators.carla_server.wire import encode
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 _HEADER = struct.Struct("<QQd6f")
 _EPISODE = struct.Struct("<Qdf3iI")
@@ -33,18 +29,6 @@ class SensorType(IntEnum):
     WORLD = 17
 
 
-class ActorState(NamedTuple):
-    """One actor in a snapshot, in CARLA's frame; angles in degrees."""
-
-    actor: int
-    pose: Transform
-    velocity: Vector = Vector(0.0, 0.0, 0.0)
-    angular_velocity: Vector = Vector(0.0, 0.0, 0.0)
-    acceleration: Vector = Vector(0.0, 0.0, 0.0)
-    control: Control | None = None
-    speed_limit_kmh: float = 0.0
-
-
 def token(stream: int, port: int) -> bytes:
     """Where a client finds a stream: this port on the host that it knows already."""
     return _TOKEN.pack(stream, port, _TCP, _USE_RPC_HOST, bytes(16))
@@ -55,26 +39,32 @@ def header(kind: SensorType, frame: int, time: float, pose: Transform) -> bytes:
     return _HEADER.pack(kind, frame, time, *pose.location, *pose.rotation)
 
 
-def world(episode: int, time: float, delta: float, actors: Iterable[ActorState]) -> bytes:
+def world(episode: int, time: float, delta: float, states: Iterable[bytes]) -> bytes:
     """The body of a snapshot.
 
     Args:
         episode: Its number; a new one tells clients that the map has changed.
         time: Of the platform; the simulation's own, so that nothing depends on a clock [s].
         delta: Length of the last tick [s].
-        actors: All of them.
+        states: Of all actors, see `state`.
     """
-    parts = [_EPISODE.pack(episode, time, delta, 0, 0, 0, 0)]
-    for one in actors:
-        numbers = (*one.pose.location, *one.pose.rotation, *one.velocity)
-        numbers += (*one.angular_velocity, *one.acceleration)
-        parts.append(_ACTOR.pack(one.actor, _ACTIVE, *numbers))
-        state = b""
-        if one.control is not None:
-            lights = (_GREEN, False, 0, 0)
-            state = _VEHICLE.pack(*one.control, one.speed_limit_kmh, *lights)
-        parts.append(state.ljust(_ACTOR_STATE_BYTES, b"\0"))
-    return b"".join(parts)
+    return _EPISODE.pack(episode, time, delta, 0, 0, 0, 0) + b"".join(states)
+
+
+def state(actor: Actor, pose: Transform, speed_limit_kmh: float) -> bytes:
+    """An actor in a snapshot, in CARLA's frame; angles in degrees.
+
+    Args:
+        actor: The actor.
+        pose: Where it is in the world.
+        speed_limit_kmh: What a vehicle is told.
+    """
+    rates, rest = (0.0,) * 9, b""
+    if isinstance(actor, Vehicle):
+        rates = (*actor.velocity, 0.0, 0.0, actor.turning, *actor.acceleration)
+        rest = _VEHICLE.pack(*actor.control, speed_limit_kmh, _GREEN, False, 0, 0)
+    head = _ACTOR.pack(actor.actor_id, _ACTIVE, *pose.location, *pose.rotation, *rates)
+    return head + rest.ljust(_ACTOR_STATE_BYTES, b"\0")
 
 
 def collision(own: object, other: object, impulse: Vector) -> bytes:

@@ -1,16 +1,11 @@
 """Streams of sensor data and their listeners; slow listeners are closed."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import struct
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from overtaking.simulators.carla_server import snapshot
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 MAX_WAITING_BYTES = 64 << 20
 """A listener with more unsent bytes than this is closed; a picture has up to 8 MB."""

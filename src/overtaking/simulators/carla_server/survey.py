@@ -5,26 +5,22 @@ Run as `python -m overtaking.simulators.carla_server.survey`, it reads the text 
 input and writes the samples of all lanes to its standard output, as NumPy's .npz.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import os
 import subprocess
 import sys
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.simulators.carla_server.motion import Ground
 from overtaking.simulators.carla_server.places import Lanes, Place, cells_of, drawn_mark
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 SPACING = 2.0
 """Distance of two samples of a lane [m]."""

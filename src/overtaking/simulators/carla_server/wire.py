@@ -5,8 +5,6 @@ end and builds no objects, and decoded when it is complete. What is declared and
 memory.
 """
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 import msgpack

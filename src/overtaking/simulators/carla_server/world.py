@@ -1,11 +1,9 @@
 """The state of the server: one episode with its map, weather, actors and time."""
 
-from __future__ import annotations
-
 import math
 import re
+from collections.abc import Iterator, Sequence
 from time import monotonic, sleep
-from typing import TYPE_CHECKING
 
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge import presets
@@ -17,7 +15,6 @@ from overtaking.simulators.carla_server.actors import (
     UPRIGHT,
     Actor,
     Camera,
-    Picture,
     Vehicle,
     bounding_box,
     world_pose,
@@ -26,15 +23,11 @@ from overtaking.simulators.carla_server.arguments import Description, Settings, 
 from overtaking.simulators.carla_server.bodies import Nature, body_of
 from overtaking.simulators.carla_server.camera import Scene
 from overtaking.simulators.carla_server.fleet import Fleet
+from overtaking.simulators.carla_server.motion import Touch
+from overtaking.simulators.carla_server.places import Atlas
 from overtaking.simulators.carla_server.protocol import Refused
-from overtaking.simulators.carla_server.snapshot import ActorState, SensorType
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from overtaking.simulators.carla_server.motion import Touch
-    from overtaking.simulators.carla_server.places import Atlas
-    from overtaking.simulators.carla_server.streams import Streams
+from overtaking.simulators.carla_server.snapshot import SensorType
+from overtaking.simulators.carla_server.streams import Streams
 
 FREE_RUNNING_DELTA = 0.05
 """Length of a tick without a fixed one [s]."""
@@ -162,18 +155,13 @@ class World:
             raise Refused("Spawn failed because of collision at spawn position")
         actor_id = self._take_id()
         self.fleet.add(actor_id, body, motion)
-        self.fleet.heights[actor_id] = pose.location.z
+        self.fleet[actor_id].height = pose.location.z
         tag = catalogue.SEMANTIC_TAGS[blueprints()[wanted.blueprint].base_type]
         return Vehicle(actor_id=actor_id, description=wanted, pose=pose, body=body, tag=tag)
 
     def _new_sensor(self, wanted: Description, pose: Transform, parent: int) -> Actor:
-        actor_id = self._take_id()
-        sensor = Actor(actor_id=actor_id, description=wanted, pose=pose, parent=parent)
-        if wanted.blueprint == catalogue.CAMERA:
-            picture = _picture(sensor)
-            sensor = Camera(
-                actor_id=actor_id, description=wanted, pose=pose, parent=parent, picture=picture
-            )
+        kind = Camera if wanted.blueprint == catalogue.CAMERA else Actor
+        sensor = kind(actor_id=self._take_id(), description=wanted, pose=pose, parent=parent)
         sensor.stream = self.streams.open()
         return sensor
 
@@ -197,7 +185,7 @@ class World:
         actor.pose = pose
         if actor_id in self.fleet:
             self.fleet.place(actor_id, self.place.motion(pose))
-            self.fleet.heights[actor_id] = pose.location.z
+            self.fleet[actor_id].height = pose.location.z
 
     def set_velocity(self, actor_id: int, velocity: Vector) -> None:
         """Give a vehicle a velocity [m/s]."""
@@ -256,7 +244,7 @@ class World:
         """Let Ackermann controllers set pedals and steering."""
         for one in self.vehicles:
             if one.ackermann is not None:
-                lock = self.fleet.steering(one.actor_id).lock
+                lock = self.fleet[one.actor_id].steering.lock
                 seen = Seen(one.forward_speed, one.control.steer, lock)
                 one.control = one.ackermann.control(seen, one.gains, delta)
 
@@ -264,7 +252,7 @@ class World:
         """Bring the poses of all vehicles up to date."""
         for actor_id, motion in self.fleet.motions().items():
             vehicle = self.vehicle(actor_id)
-            if not self.fleet.moves(actor_id):
+            if not self.fleet[actor_id].moves:
                 vehicle.acceleration = ORIGIN
                 continue
             new = self.place.to_world(motion.along, motion.across)
@@ -273,7 +261,7 @@ class World:
             vehicle.velocity = new
             vehicle.turning = -math.degrees(motion.yaw_rate)
             vehicle.pose = self.place.pose(motion, vehicle.pose.location.z)
-            self.fleet.heights[actor_id] = vehicle.pose.location.z
+            self.fleet[actor_id].height = vehicle.pose.location.z
 
     def _tell_contacts(self, touches: Sequence[Touch]) -> None:
         """One event a tick for each pair, with the sum of its impulses."""
@@ -291,22 +279,13 @@ class World:
                     self._send(sensor, SensorType.COLLISION, body)
 
     def _tell_world(self, delta: float) -> None:
-        body = snapshot.world(self.episode, self.time, delta, self.states())
+        limit = kmh_from_mps(self.place.ground.road.speed_limit)
+        every = self.actors.values()
+        states = (snapshot.state(one, world_pose(one, self.actors), limit) for one in every)
+        body = snapshot.world(self.episode, self.time, delta, states)
         at = Transform(ORIGIN, UPRIGHT)
         head = snapshot.header(SensorType.WORLD, self.frame, self.time, at)
         self.streams.send(self.world_stream, head + body)
-
-    def states(self) -> Iterator[ActorState]:
-        """Every actor as a snapshot has it."""
-        limit = kmh_from_mps(self.place.ground.road.speed_limit)
-        for actor in self.actors.values():
-            pose = world_pose(actor, self.actors)
-            if not isinstance(actor, Vehicle):
-                yield ActorState(actor.actor_id, pose)
-                continue
-            turning = Vector(0.0, 0.0, actor.turning)
-            rates = (actor.velocity, turning, actor.acceleration)
-            yield ActorState(actor.actor_id, pose, *rates, actor.control, limit)
 
     def _send(self, sensor: Actor, kind: SensorType, body: bytes) -> None:
         pose = world_pose(sensor, self.actors)
@@ -323,27 +302,9 @@ class World:
                 continue
             if self.time < camera.due - 1e-6 or not self.streams.is_heard(camera.stream):
                 continue
-            picture = camera.picture
-            camera.due = self.time + picture.interval
+            camera.due = self.time + camera.interval
             self._scene = self._scene or Scene(self.place)
-            pose = world_pose(camera, self.actors)
-            size = (picture.width, picture.height)
-            pixels = self._scene.draw(pose, size, picture.fov_deg, self.vehicles, self.weather)
-            body = snapshot.image(*size, picture.fov_deg, pixels.tobytes())
+            pose, size = world_pose(camera, self.actors), (camera.width, camera.height)
+            pixels = self._scene.draw(pose, size, camera.fov_deg, self.vehicles, self.weather)
+            body = snapshot.image(*size, camera.fov_deg, pixels.tobytes())
             self._send(camera, SensorType.CAMERA, body)
-
-
-def _picture(sensor: Actor) -> Picture:
-    """Size, field of view and interval of a camera; `Refused` if one cannot be."""
-    try:
-        width = int(sensor.attribute("image_size_x", "800"))
-        height = int(sensor.attribute("image_size_y", "600"))
-        fov = float(sensor.attribute("fov", "90"))
-        interval = float(sensor.attribute("sensor_tick", "0"))
-    except ValueError:
-        raise Refused("an attribute of the camera is no number") from None
-    if not (width > 0 and height > 0 and width * height <= catalogue.MAX_PIXELS):
-        raise Refused(f"the picture has no pixels, or more than {catalogue.MAX_PIXELS}")
-    if not catalogue.MIN_FOV_DEG <= fov <= catalogue.MAX_FOV_DEG or not 0.0 <= interval < math.inf:
-        raise Refused("the field of view or the interval of the camera is out of range")
-    return Picture(width, height, fov, interval)

@@ -139,7 +139,7 @@ def _values(scenario: Scenario, row: int, raw: F64, frame_time: float) -> dict[s
         "s": s,
         "d": left,
         "speed": np.sqrt(speed * speed + drift * drift),
-        "heading": _wrapped(heading),
+        "heading": heading - np.rint(heading / (2.0 * np.pi)) * (2.0 * np.pi),  # In (-pi, pi].
         "accel_lon": accel,
         "accel_lat": road.side * sideways,
     }
@@ -153,11 +153,6 @@ def _steps(value: Any, name: str) -> Any:
     limit = np.iinfo(_TYPES[name]).max
     steps = np.clip(np.asarray(value) * (1.0 / STEPS[name]), -limit, limit)
     return np.rint(steps).astype(_TYPES[name])
-
-
-def _wrapped(angle: F64) -> F64:
-    """`angle` in (-pi, pi]."""
-    return angle - np.rint(angle / (2.0 * np.pi)) * (2.0 * np.pi)
 
 
 def _lane(road: Road, d: F64) -> NDArray[np.int64]:

@@ -8,13 +8,55 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32
+from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.simulators.sumo.network import BEHIND, EDGE
-from overtaking.simulators.sumo.weather import distance_error, is_wet, lane_friction
+from overtaking.world import film, friction, visibility
 from overtaking.world.constants import constants, known
+
+_ZERO = np.float32(0.0)
+
+
+def is_wet(scenario: Scenario) -> NDArray[np.bool_]:
+    """Whether the road is wet, shape (simulation,); on a dry one SUMO's friction is left alone."""
+    weather = scenario.weather
+    rain = film.rain_rate(weather.rain) > _ZERO
+    return rain | (weather.puddles >= known("weather.film.wet_deposits_percent"))
+
+
+def lane_friction(scenario: Scenario) -> F32:
+    """Peak friction of a half-worn car tyre on the film of each lane, (simulation, lane).
+
+    SUMO has one number for a lane, whatever the speed, as road sensors report it. So it is taken at
+    the slowest speed of the friction table, without aquaplaning, and puddles are left out.
+    """
+    path = film.film_per_path(_drainage_path(scenario.road))[None, :]
+    rain = film.film_per_rain(film.rain_rate(scenario.weather.rain))[:, None]
+    least = np.where(is_wet(scenario), known("weather.film.wet_film_mm"), _ZERO)[:, None]
+    texture = np.full_like(rain, known("weather.film.texture_depth_mm"))
+    depth = film.lane_film(least, rain, path, texture)
+    speed = np.full_like(depth, constants().friction_speeds[0])
+    wear = np.full_like(depth, known("model.believed_grip.tyre_wear"))
+    return friction.peak_friction(constants(), speed, depth, wear, np.zeros_like(depth))
+
+
+def _drainage_path(road: Road) -> F32:
+    """How far water has run from the fast edge, the crown, to the middle of each lane [m]."""
+    reach = np.abs(road.centres - road.boundaries[-1]).astype(np.float32)
+    return np.maximum(reach, known("model.water.shortest_path"))
+
+
+def distance_error(scenario: Scenario) -> F32:
+    """Coefficient of variation of judged distances, shape (simulation,) [1]."""
+    day, night, fog = (known(f"weather.errors.distance_cv_{x}") for x in ("day", "night", "fog"))
+    weather = scenario.weather
+    foggy = visibility.meteorological_range(weather.fog) < known("model.perception.fog_range")
+    return np.where(foggy, fog, np.where(weather.night, night, day))
+
 
 Attributes = dict[str, Any]
 """Numbers or words of a vehicle type, by SUMO's names."""
@@ -152,13 +194,9 @@ def _following(traffic: Traffic, row: int, slot: int) -> Attributes:
         "collisionMinGapFactor": 0.0,  # A collision is a contact of bodies.
         "treaction": p.reaction_time[row, slot],
         "tPersEstimate": constants().error_time,
-        **_errors(traffic, row),
+        # The errors of speeds and of the pedals are SUMO's defaults.
+        "sigmagap": traffic.distance_error[row],
     }
-
-
-def _errors(traffic: Traffic, row: int) -> Attributes:
-    """How wrongly gaps are judged; the errors of speeds and of the pedals are SUMO's defaults."""
-    return {"sigmagap": traffic.distance_error[row]}
 
 
 def speed_factor(traffic: Traffic, row: int, slot: int, lane: int) -> float:
@@ -181,6 +219,7 @@ def _changing(traffic: Traffic, row: int, slot: int) -> Attributes:
     p = traffic.scenario.drivers
     speed, accel = lateral_limits(traffic.scenario, row, slot)
     gain = max(float(p.passing_gain[row, slot]), _LEAST)
+    signal_time = max(float(p.signal_time[row, slot]), _LEAST_SIGNAL_TIME)
     wanted = _SPEED_GAIN_THRESHOLD * float(traffic.desired_speed[row, slot])
     return {
         "laneChangeModel": "SL2015",
@@ -189,17 +228,13 @@ def _changing(traffic: Traffic, row: int, slot: int) -> Attributes:
         "lcAccelLat": accel,
         "lcSpeedGain": wanted / (gain * _DECISION_TIME),
         "lcSpeedGainLookahead": p.pull_out_time[row, slot],
-        "lcKeepRight": _keep_right(float(p.signal_time[row, slot])) if slot == Role.EGO else 1.0,
+        # With an empty lane beside it, the ego returns after the time for which it signals.
+        "lcKeepRight": _KEEP_RIGHT_TIME / signal_time if slot == Role.EGO else 1.0,
         "lcKeepRightAcceptanceTime": known("model.overtaking.stay_time"),
         "lcAssertive": 1.0 / max(float(p.gap_acceptance[row, slot]), _LEAST),
         "lcTimeToImpatience": p.patience[row, slot],
         "lcCooperative": min(max(float(p.politeness[row, slot]), 0.0), 1.0),
     }
-
-
-def _keep_right(signal_time: float) -> float:
-    """With an empty lane beside it, the ego returns after the time for which it signals."""
-    return _KEEP_RIGHT_TIME / max(signal_time, _LEAST_SIGNAL_TIME)
 
 
 def lateral_limits(scenario: Scenario, row: int, slot: int) -> tuple[float, float]:

@@ -130,7 +130,7 @@ def test_a_torque_acts_in_the_next_tick_and_not_after():
         add_actor_torque(world, car, Vector(0.0, 0.0, torque))
         world.tick()
         turned.append(world.vehicle(car).turning)
-        assert world.fleet._torques == {}
+        assert world.fleet[car].torque == 0.0
     assert turned[1] > turned[0] + 0.5
 
 
@@ -140,7 +140,7 @@ def test_what_acts_on_the_right_rear_corner_forwards_turns_to_the_left(push: obj
     where = world.vehicle(car).pose.location
     push(world, car, Vector(2000.0, 0.0, 0.0), where._replace(y=where.y + 0.8))  # type: ignore[operator]
     if push is add_actor_force_at_location:
-        assert world.fleet._torques[car] == pytest.approx(0.8 * 2000.0, rel=1e-3)
+        assert world.fleet[car].torque == pytest.approx(0.8 * 2000.0, rel=1e-3)
     else:
         inertia = world.vehicle(car).body["yaw_inertia"]
         assert world.fleet.motion(car).yaw_rate == pytest.approx(0.8 * 2000.0 / inertia, rel=1e-3)

@@ -43,7 +43,7 @@ def test_full_throttle_gives_the_launch_acceleration_of_the_class():
     fleet = fleet_in()
     fleet.add(1, body_of(TRUCK), at(100.0))
     drive(fleet, 1.0, _1=Control(throttle=1.0))
-    body = fleet.body(1)
+    body = fleet[1].body
     rolling = body["rolling_resistance"] * GRAVITY
     expected = body["launch_accel"] - rolling
     assert fleet.motion(1).along == pytest.approx(expected, rel=0.03)
@@ -53,7 +53,7 @@ def test_full_throttle_of_a_car_is_held_back_by_traction_control():
     fleet = fleet_in()
     fleet.add(1, body_of(CAR), at(100.0))
     drive(fleet, 1.0, _1=Control(throttle=1.0))
-    body = fleet.body(1)
+    body = fleet[1].body
     # Front-wheel drive: the front axle's load less what acceleration moves to the rear.
     front = 1.0 - body["cg_to_front"] / body["wheelbase"]
     lift = body["cg_height"] / body["wheelbase"]
@@ -69,7 +69,7 @@ def test_coasting_slows_by_drag_and_rolling_resistance():
     fleet = fleet_in()
     fleet.add(1, body_of(CAR), at(100.0, speed=30.0))
     drive(fleet, 1.0, _1=Control())
-    body = fleet.body(1)
+    body = fleet[1].body
     drag = 0.5 * 1.20 * body["drag_area"] * 29.7**2 / body["mass"]
     lost = drag + body["rolling_resistance"] * GRAVITY
     assert fleet.motion(1).along == pytest.approx(30.0 - lost, rel=0.002)
@@ -116,7 +116,7 @@ def test_steering_to_the_right_turns_on_the_circle_of_the_wheelbase():
     speed = math.hypot(now.along, now.across)
     # Ackermann: yaw rate = v tan(delta) / wheelbase; the lock shrinks with speed.
     lock = math.radians(70.0) * np.interp(3.6 * speed, (0.0, 20.0), (1.0, 0.9))
-    expected = speed * math.tan(0.1 * lock) / fleet.body(1)["wheelbase"]
+    expected = speed * math.tan(0.1 * lock) / fleet[1].body["wheelbase"]
     assert now.yaw_rate == pytest.approx(-expected, rel=0.08)
     assert now.psi < 0.0
 
@@ -128,7 +128,7 @@ def test_a_motorcycle_leans_into_the_same_circle():
     now = fleet.motion(1)
     speed = math.hypot(now.along, now.across)
     lock = math.radians(70.0) * np.interp(3.6 * speed, (20.0, 60.0), (0.9, 0.8))
-    expected = speed * math.tan(0.02 * lock) / fleet.body(1)["wheelbase"]
+    expected = speed * math.tan(0.02 * lock) / fleet[1].body["wheelbase"]
     assert now.yaw_rate == pytest.approx(expected, rel=0.05)
 
 
@@ -148,7 +148,7 @@ def test_a_contact_keeps_the_momentum_and_loses_energy():
     fleet = fleet_in()
     fleet.add(1, body_of(CAR), at(100.0, speed=20.0))
     fleet.add(2, body_of("vehicle.carlamotors.european_hgv"), at(115.0))
-    masses = [fleet.body(k)["mass"] for k in (1, 2)]
+    masses = [fleet[k].body["mass"] for k in (1, 2)]
     before, touches = [0.0, 0.0], []
     while not touches:
         before = [fleet.motion(k).along for k in (1, 2)]
@@ -175,7 +175,7 @@ def test_who_was_hit_can_still_be_driven():
 def test_a_vehicle_without_physics_stays_where_it_is_put():
     fleet = fleet_in(wind_intensity=100.0)
     fleet.add(1, body_of(CAR), at(100.0, speed=20.0))
-    fleet.set_moves(1, moves=False)
+    fleet[1].moves = False
     drive(fleet, 1.0, _1=Control(throttle=1.0))
     now = fleet.motion(1)
     assert (now.s, now.d, now.psi) == (100.0, -12.25, 0.0)
@@ -187,7 +187,7 @@ def test_a_force_acts_for_one_tick():
     fleet.force(1, 10_000.0, 0.0)
     fleet.advance(TICK, {})
     gained = fleet.motion(1).along
-    assert gained == pytest.approx(10_000.0 / fleet.body(1)["mass"] * TICK, rel=0.05)
+    assert gained == pytest.approx(10_000.0 / fleet[1].body["mass"] * TICK, rel=0.05)
     fleet.advance(TICK, {})
     assert fleet.motion(1).along < gained
 
@@ -197,7 +197,7 @@ def test_an_impulse_changes_the_velocity_at_once():
     fleet.add(1, body_of(CAR), at(100.0, speed=10.0))
     fleet.push(1, 0.0, 2_000.0)
     now = fleet.motion(1)
-    assert now.across == pytest.approx(2_000.0 / fleet.body(1)["mass"], rel=1e-3)
+    assert now.across == pytest.approx(2_000.0 / fleet[1].body["mass"], rel=1e-3)
     assert now.along == pytest.approx(10.0, rel=1e-3)
 
 

@@ -10,8 +10,7 @@ import pytest
 from overtaking._core import Canvas, Drawing
 from overtaking.knowledge import presets
 from overtaking.simulators.carla_server.arguments import Rotation, Transform, Vector
-from overtaking.simulators.carla_server.camera import NOTE, Scene, air_of
-from overtaking.simulators.carla_server.lettering import dots, stamp
+from overtaking.simulators.carla_server.camera import NOTE, Scene, air_of, dots, stamp
 from overtaking.simulators.carla_server.places import known_place
 from overtaking.simulators.carla_server.raster import Lens, project
 

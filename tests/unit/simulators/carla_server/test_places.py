@@ -17,12 +17,12 @@ from overtaking.simulators.carla_server.arguments import (
     Transform,
     Vector,
 )
+from overtaking.simulators.carla_server.physics import WheelTelemetry, telemetry
 from overtaking.simulators.carla_server.places import Atlas, Place, known_place
 from overtaking.simulators.carla_server.rays import ROAD, TERRAIN, cast, project
 from overtaking.simulators.carla_server.running import run_server
 from overtaking.simulators.carla_server.streams import Streams
 from overtaking.simulators.carla_server.survey import survey
-from overtaking.simulators.carla_server.telemetry import WheelTelemetry, telemetry
 from overtaking.simulators.carla_server.world import World
 
 DOWN = Vector(0.0, 0.0, -1.0)
@@ -115,7 +115,7 @@ def test_who_is_hidden_underground_is_in_nobodys_way():
     world = world_on(known_place("town06"))
     car = put(world, 300.0, 244.65, 0.3)
     hidden = put(world, 320.0, 244.65, -100.0)
-    world.fleet.set_moves(hidden, moves=False)
+    world.fleet[hidden].moves = False
     drive(world, car, 60)
     assert world.vehicle(car).velocity.x > 12.0
     assert world.vehicle(hidden).pose.location == Vector(320.0, 244.65, -100.0)
