@@ -4,16 +4,17 @@
     python calibration/motorway.py --search       # one round of factors on each fitted parameter
     python calibration/motorway.py --freeze       # write motorway.json anew
 
-What is fitted is fitted on five figures of `overtaking validate`, `FITTED_ON`. Everything else that
-it judges is held out: no parameter was chosen by it. The frozen parameters are those of
-`knowledge/data/drivers.toml` (`motorway`), of the profile, and one constant of the step;
-`motorway.json` has their hash and the figures that they gave.
+The standing of each figure in `knowledge/data/validation.toml` says which figures are fitted; the
+seeds are those of `plan.toml`. The frozen parameters are those of `knowledge/data/drivers.toml`
+(`motorway`), of the profile, and one constant of the step; `motorway.json` has their hash and the
+figures that they gave.
 """
 
 import argparse
 import hashlib
 import json
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +23,13 @@ from overtaking.analysis.validation.figures import Figure
 from overtaking.analysis.validation.run import Validation, validate
 from overtaking.knowledge import number
 from overtaking.knowledge.reader import load
+from overtaking.knowledge.validation import Standing, targets
 from overtaking.recordings.roads import load_road
 
-FROZEN = Path(__file__).with_name("motorway.json")
-PROFILE = "motorway"
+PLAN = tomllib.loads(Path(__file__).with_name("plan.toml").read_text("utf-8"))
+FROZEN = Path(__file__).with_name(PLAN["frozen"])
+PROFILE = PLAN["profile"]
+SEARCH_SEED, CHECK_SEED = PLAN["fitted_with"], PLAN["judged_with"]
 
 FITTED = (
     "time_gap",
@@ -39,17 +43,9 @@ FITTED = (
 """Parameters of drivers that were fitted by a factor; beside them the spread of `cruise_factor`,
 the spacing of the profile and the constant `lane_change.free_ahead_time`."""
 
-FITTED_ON = (
-    "lane_changes_per_km",
-    "lane_change_duration",
-    "flying_share",
-    "open_at_end",
-    "passing_speed",
-)
-"""Figures that they were fitted on; all others with a target are held out."""
+FITTED_ON = frozenset(name for name, one in targets().items() if one.standing is Standing.FITTED)
 
 FACTORS = (0.9, 1.0, 1.1)
-SEARCH_SEED, CHECK_SEED = 1, 2  # What is reported comes from numbers that were not searched on.
 
 
 def parameters() -> dict[str, Any]:
@@ -99,13 +95,13 @@ def search(simulations: int) -> None:
 
 
 def show(figures: tuple[Figure, ...]) -> None:
-    """Print what was fitted and what was held out."""
-    for title, names in (("fitted on", True), ("held out", False)):
-        print(f"{title}:")
+    """Print the figures that have limits, by standing."""
+    for standing in Standing:
+        print(f"{standing}: {standing.meaning}")
         for figure in figures:
-            if (figure.name in FITTED_ON) is names and figure.met is not None:
+            if figure.standing is standing and figure.met is not None:
                 interval = f"{figure.low:.3g} .. {figure.high:.3g}"
-                verdict = "met" if figure.met else "MISSED"
+                verdict = "within the limits" if figure.met else "OUTSIDE the limits"
                 print(f"  {figure.title:<72} {figure.value:8.3g}  ({interval}) {verdict}")
 
 

@@ -22,6 +22,7 @@ def generated() -> dict[str, str]:
         "reference/commands.md": commands.content(),
         "reference/constants.md": knowledge.constants(),
         "reference/drivers.md": knowledge.drivers(),
+        "reference/figures.md": knowledge.figures(),
         "reference/glossary.md": glossary.content(),
         "reference/rules.md": rules.content(),
         "reference/sources.md": knowledge.bibliography(),

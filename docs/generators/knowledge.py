@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING
 from generators.markdown import page, section, table, unit
 
 from overtaking.knowledge import VEHICLE_CLASS_ORDER, Distribution, Quantity, quantities, sources
+from overtaking.knowledge.validation import Standing, targets
 from overtaking.scenarios.populations import CLASS_FACTORS, TRAITS, population_names
 from overtaking.scenarios.reading import profile_names, spec
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+
+    from overtaking.knowledge.validation import Target
 
     Entry = Quantity | Distribution
 
@@ -48,6 +51,16 @@ SPEEDS = """\
 A data set does not record `cruise_factor`, `speed_over_leader` and `wants_to_overtake`. They set
 `desired_speed`: for the traffic, its initial speed times `cruise_factor`; for the ego, at least its
 leader's speed plus `speed_over_leader`, unless it does not want to overtake.
+"""
+FIGURES = """\
+What `overtaking validate` prints of a profile, with the limits within which natural traffic of a
+motorway lies. The *standing* of a figure says what a value within its limits means:
+
+{standings}
+
+Limits whose source is *choice* are ours, for the reason given: a figure within them is not
+validated. A figure without limits has no verdict. All figures are declared in
+`src/overtaking/knowledge/data/validation.toml`.
 """
 SOURCES = """\
 What the numbers of the knowledge base rest on. *Read* says whether the values were read in the
@@ -100,6 +113,31 @@ def _population(name: str, profiles: list[str]) -> str:
         f"Profiles: {users}." if profiles else UNUSED.format(name=name),
         table(header, [_of_temper(name, trait) for trait in TRAITS]),
         table(*_factors(name)),
+    )
+
+
+def figures() -> str:
+    """The page `reference/figures.md`."""
+    standings = "\n".join(f"* *{one}*: {one.meaning}" for one in Standing)
+    header = ("figure", "what", "from", "to", "unit", "standing", "sources", "why")
+    return page(
+        "Figures of a profile",
+        FIGURES.format(standings=standings),
+        table(header, [_figure(name, one) for name, one in targets().items()]),
+    )
+
+
+def _figure(name: str, one: Target) -> tuple[str, ...]:
+    reasons = (limit.rationale or "" for limit in one.limits)
+    return (
+        f"`{name}`",
+        one.what,
+        "" if one.low is None else shown(one.low),
+        "" if one.high is None else shown(one.high),
+        unit(one.unit),
+        one.standing,
+        ", ".join(dict.fromkeys(source_link(limit.source) for limit in one.limits)),
+        " · ".join(reason for reason in dict.fromkeys(reasons) if reason != "see low"),
     )
 
 

@@ -5,16 +5,20 @@ from __future__ import annotations
 import importlib.util
 import json
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from overtaking import scenarios
 from overtaking.analysis.reproduction.run import parameter_hash
+from overtaking.analysis.validation.figures import DEFINITIONS, RATE
 from overtaking.knowledge.paper import calibration as fitted_to_the_study
 from overtaking.knowledge.paper import statements
+from overtaking.knowledge.validation import Standing, targets
 
 FOLDER = Path(__file__).resolve().parents[2] / "calibration"
+PLAN = tomllib.loads((FOLDER / "plan.toml").read_text(encoding="utf-8"))
 
 
 def calibration(profile: str = "motorway"):
@@ -35,10 +39,36 @@ def test_the_frozen_figures_belong_to_the_parameters_in_use():
     assert frozen["parameters_sha256"] == module.parameter_hash(), advice
 
 
-def test_the_frozen_parameters_meet_every_target():
+def test_the_frozen_figures_are_judged_by_the_limits_in_use():
+    frozen = json.loads((FOLDER / "motorway.json").read_text(encoding="utf-8"))
+    figures = frozen["validation"]["figures"]
+    assert [one["name"] for one in figures] == list(targets())
+    for one in figures:
+        target = targets()[one["name"]]
+        limits = [one[side] for side in ("target_low", "target_high") if one[side] is not None]
+        assert limits == pytest.approx([target.scale * limit.number for limit in target.limits])
+        assert one["standing"] == target.standing
+
+
+def test_the_frozen_parameters_miss_only_what_the_plan_says():
     frozen = json.loads((FOLDER / "motorway.json").read_text(encoding="utf-8"))
     missed = [one["name"] for one in frozen["validation"]["figures"] if one["met"] is False]
-    assert missed == []
+    assert missed == PLAN["missed"]
+
+
+def test_every_figure_has_one_declaration_and_a_standing():
+    printed = [one.name for one in (RATE, *DEFINITIONS)]
+    assert list(targets()) == printed
+    assert not set(PLAN["not_built"]) & set(printed)
+    assert all(one["standing"] in tuple(Standing) for one in PLAN["not_built"].values())
+
+
+def test_the_drivers_are_searched_on_the_fitted_figures_and_judged_with_another_seed():
+    module = calibration()
+    fitted = {name for name, one in targets().items() if one.standing == "fitted"}
+    assert fitted == module.FITTED_ON
+    assert {"lane_change_duration", "gap_time"} <= fitted
+    assert module.SEARCH_SEED != module.CHECK_SEED
 
 
 def test_the_drivers_of_the_study_are_those_that_were_frozen():

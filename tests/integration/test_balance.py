@@ -15,6 +15,7 @@ import pytest
 
 from overtaking import api
 from overtaking.cli import making
+from overtaking.cli.options import Balancing
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.data import balance_scan
 from overtaking.data import generate as writing
@@ -312,18 +313,18 @@ def test_the_command_line_tells_what_is_missing(workdir):
         ({"by": "class"}, "--balance-by"),
         ({"policy": "strict"}, "--policy"),
         ({"candidates": 20}, "--balance-candidates"),
-        ({"allow_missing": True}, "--allow-missing"),
+        ({"allows_missing": True}, "--allow-missing"),
     ],
 )
 def test_words_about_the_balance_need_the_balance(words, named):
     with pytest.raises(ConfigError, match=f"{named}: expected --balance beside it"):
-        making.balance(is_wanted=False, **words)
-    assert making.balance(is_wanted=False) is None
+        making.balance(Balancing(**words))
+    assert making.balance(Balancing()) is None
 
 
 def test_words_become_a_balance():
-    words = {"by": "class, day-night", "policy": "strict", "candidates": 20, "allow_missing": True}
-    assert making.balance(is_wanted=True, **words) == Balance(
+    words = {"by": "class, day-night", "policy": "strict", "candidates": 20, "allows_missing": True}
+    assert making.balance(Balancing(balance=True, **words)) == Balance(
         by=("class", "day-night"), policy="strict", candidates=20, allows_missing=True
     )
-    assert making.balance(is_wanted=True, by=None, policy=None) == Balance()
+    assert making.balance(Balancing(balance=True)) == Balance()

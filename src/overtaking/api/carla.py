@@ -57,7 +57,7 @@ def replay_in_carla(
     from overtaking.recordings.opendrive_writer import write_opendrive
     from overtaking.simulators.carla import processes, replay
 
-    source = data if isinstance(data, Dataset) else load(data)
+    source = load(data)
     folder, chosen = Path(out), list(simulations)
     replay.check_size(size)
     films: list[Replayed] = []

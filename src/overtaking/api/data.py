@@ -184,17 +184,20 @@ def resume(
 
 
 @checked
-def load(path: str | Path) -> Dataset:
+def load(path: str | Path | Dataset) -> Dataset:
     """A complete data set.
 
     Args:
         path: Its folder, or its URL in a store; of that, files are copied to this machine when
-            they are first read, and for as long as the data set is in use.
+            they are first read, and for as long as the data set is in use. A data set is returned
+            as it is.
 
     Raises:
         DatasetError: There is none, or it is not complete.
         SchemaError: It is of a newer version.
     """
+    if isinstance(path, Dataset):
+        return path
     place = place_of(path)
     by = read_manifest(place).identity.simulator
     is_foreign = by in SIMULATORS and by not in BRANCHING
@@ -258,7 +261,7 @@ def export(
     """
     target = folder_of(out, "export to")
     _refuse_options(file_format, options)
-    source = data if isinstance(data, Dataset) else load(data)
+    source = load(data)
     numbers = _chosen(source, simulations, label, policy)
     if file_format in ("asp", "prolog"):
         return _export_facts(source, target, file_format, numbers, progress, **options)

@@ -56,7 +56,7 @@ def learn_rules(
     check_least(max_rules, 1, what="--max-rules", where="learn")
     check_least(max_conditions, 1, what="--max-conditions", where="learn")
     return learned(
-        examples_of(data if isinstance(data, Dataset) else load(data), policy),
+        examples_of(load(data), policy),
         target,
         seed=seed,
         max_rules=max_rules,
@@ -109,7 +109,7 @@ def learn_factors(
     factors = leakage.chosen_factors(tuple(features))
     check_least(repeats, 1, what="--repeats", where="learn")
     target = None if about == "outcome" else target_of(about, others=("outcome",))
-    source = data if isinstance(data, Dataset) else load(data)
+    source = load(data)
     return learned(
         examples_of(source, policy),
         factors,

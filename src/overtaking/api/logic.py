@@ -55,7 +55,7 @@ def ask(
     from overtaking.analysis.logic import ask as asking
     from overtaking.data.choice import chosen
 
-    source = data if isinstance(data, Dataset) else load(data)
+    source = load(data)
     return asking.ask(
         source,
         query,
@@ -88,6 +88,6 @@ def prove(data: str | Path | Dataset, simulation: int) -> "tuple[Proof, ...]":
     from overtaking.analysis.logic.source import groups
     from overtaking.data.choice import chosen
 
-    source = data if isinstance(data, Dataset) else load(data)
+    source = load(data)
     (group,) = groups(source, chosen(source, [simulation]))
     return proofs(group)

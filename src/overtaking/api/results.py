@@ -49,7 +49,7 @@ def statistics(
     """
     from overtaking.analysis.stats.results import statistics as computed
 
-    source = data if isinstance(data, Dataset) else load(data)
+    source = load(data)
     frame = source.features(policy, reading=reading)
     return computed(frame, policy=policy, reading=reading, weighted=weighted)
 
@@ -88,7 +88,7 @@ def write_report(
     """
     from overtaking.show.report.of_dataset import report_on
 
-    source = data if isinstance(data, Dataset) else load(data)
+    source = load(data)
     return report_on(
         source,
         None if out is None else Path(out),
@@ -315,7 +315,7 @@ def literature(
     """
     from overtaking.analysis.literature.answers import answer
 
-    data = own if own is None or isinstance(own, Dataset) else load(own)
+    data = None if own is None else load(own)
     return answer(table, wanted=tuple(wanted), own=data, is_corrected=is_corrected)
 
 
@@ -348,7 +348,7 @@ def query(
     """
     from overtaking.analysis.database import query as asking
 
-    source = data if isinstance(data, Dataset) else load(data)
+    source = load(data)
     return asking.query(source, sql, max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
 
 

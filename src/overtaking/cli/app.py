@@ -67,9 +67,7 @@ def _print_version(is_wanted: bool) -> None:
 def _overtaking(
     version: Annotated[
         bool,
-        typer.Option(
-            "--version", is_eager=True, callback=_print_version, help="Print the version."
-        ),
+        options.option("--version", "Print the version.", is_eager=True, callback=_print_version),
     ] = False,
 ) -> None:
     """Declare what belongs to no command."""
@@ -78,49 +76,23 @@ def _overtaking(
 def generate(
     output: Output,
     out: options.OutPlace,
+    made: options.Making,
+    balanced: options.Balancing,
     profile: options.Profile = None,
-    count: options.Count = None,
-    seed: options.Seed = None,
     map_file: options.Map = None,
-    road: options.Road = None,
-    keep: options.Keep = None,
-    resume: options.Resume = False,
-    yes: options.Yes = False,
     threads: options.Threads = None,
     engine: options.Engine = "auto",
     address: options.Address = None,
     workers: options.Workers = None,
-    changes: options.Changes = None,
-    frame_interval_ms: options.FrameInterval = None,
-    balance: options.Balance = False,
-    balance_by: options.BalanceBy = None,
-    policy: options.OpenPolicy = None,
-    balance_candidates: options.BalanceCandidates = None,
-    allow_missing: options.AllowMissing = False,
 ) -> None:
     """Simulate scenarios of a profile and write a labelled data set."""
     from overtaking.cli import arguments, making
 
     arguments.limit_threads(threads)
-    overrides = arguments.overrides(changes or [], frame_interval_ms)
-    place = arguments.road(map_file, road)
-    recipe = arguments.given(
-        profile=profile,
-        simulations=count,
-        seed=seed,
-        keep=keep,
-        road=place,
-        overrides=overrides,
-        balance=making.balance(
-            is_wanted=balance,
-            by=balance_by,
-            policy=policy,
-            candidates=balance_candidates,
-            allow_missing=allow_missing or None,
-        ),
-    )
+    recipe = making.recipe(made, profile, map_file)
+    recipe |= arguments.given(balance=making.balance(balanced))
     executor = {"engine": engine, "address": address, "workers": workers}
-    making.make(output, out, recipe, resume=resume, yes=yes, executor=executor)
+    making.make(output, out, recipe, made, executor=executor)
 
 
 def show(output: Output, data: options.Data, simulation: options.Number) -> None:
@@ -150,12 +122,9 @@ def export(
     output: Output,
     data: options.Data,
     out: options.OutFile,
+    chosen: options.Chosen,
     file_format: options.Format = "pinto2023",
     is_csv: options.IsCsv = None,
-    simulations: options.ChosenSimulations = None,
-    label: options.ChosenClass = None,
-    policy: options.OpenPolicy = None,
-    every: options.EveryFrames = None,
     law: options.WithLaw = False,
     about: options.AboutTarget = None,
 ) -> None:
@@ -164,16 +133,10 @@ def export(
     from overtaking.cli import arguments, summary
 
     target = arguments.export_target(out, file_format, is_csv=is_csv)
-    chosen = arguments.given(
-        simulations=arguments.numbers(simulations, "export"),
-        label=label,
-        policy=policy,
-        every=every,
-        with_law=law or None,
-        about=about,
-    )
+    given = arguments.chosen(chosen, "export")
+    given |= arguments.given(with_law=law or None, about=about)
     with output.progress("simulations") as meter:
-        rows = api.export(data, target, file_format=file_format, progress=meter, **chosen)
+        rows = api.export(data, target, file_format=file_format, progress=meter, **given)
     values = summary.of_table(target, rows)
     output.wrote(values, lambda _: summary.render_table(values))
 
@@ -228,28 +191,54 @@ COMMANDS: dict[options.Body, str] = {
     generate: "overtaking generate --profile pinto2023 -n 276 --seed 1 --out data/pinto",
     show: "overtaking show data/pinto 17",
     info: "overtaking info data/pinto",
-    **importing.COMMANDS,
-    **labelling.COMMANDS,
+    importing.import_recording: "overtaking import commonroad scene.xml --out data/scene",
+    labelling.label: "overtaking label data/scene",
     export: "overtaking export data/pinto --format pinto2023 --out table.csv",
-    **stats.COMMANDS,
-    **sql.COMMANDS,
-    **logic.COMMANDS,
+    stats.stats: "overtaking stats data/pinto --format latex",
+    stats.report: "overtaking report data/pinto",
+    sql.sql: 'overtaking sql data/pinto "select class, count(*) from labels '
+    "where policy = 'paper' group by class\"",
+    sql.er: "overtaking er --format mermaid",
+    logic.ask: 'overtaking ask data/pinto "overtakes(S,ego,P,F), night(S), illegal(S,l3)"',
     video.video: "overtaking video data/pinto --simulations 1,7",
     view.view: "overtaking view data/pinto --export page.html --simulations 3,7",
-    **validate.COMMANDS,
-    **reproducing.COMMANDS,
+    validate.validate: "overtaking validate motorway -n 1000 --seed 1 --plot motorway.png",
+    reproducing.reproduce: "overtaking reproduce pinto2023 --replicates 100 --out reproduction",
     compare: "overtaking compare pinto2023 -n 100 --seed 1 --with sumo,carla",
-    **glossary.COMMANDS,
+    glossary.glossary: "overtaking glossary Success_I",
     doctor: "overtaking doctor --json",
 }
+"""The commands, each with an example, in the order of the help."""
 
 GROUPS: dict[str, tuple[str, dict[options.Body, str]]] = {
     "carla": (
         "Run scenarios on CARLA 0.9.16, or serve CARLA's clients.",
-        carla.COMMANDS,
+        {
+            carla.serve: "overtaking carla serve --port 2000",
+            carla.run: "overtaking carla run pinto2023 -n 20 --driver own --out data/carla",
+            carla.replay: "overtaking carla replay data/pinto --simulations 1,7 --out films",
+            carla.limits: "overtaking carla limits",
+        },
     ),
-    "learn": ("Learn rules and factors from a data set.", learn.COMMANDS),
-    "literature": ("List what the study surveys, with corrections.", literature.COMMANDS),
-    "sumo": ("Run scenarios on Eclipse SUMO.", sumo.COMMANDS),
+    "learn": (
+        "Learn rules and factors from a data set.",
+        {
+            learn.rules: "overtaking learn rules data/pinto --about start",
+            learn.factors: "overtaking learn factors data/pinto --repeats 3 --show-leakage",
+        },
+    ),
+    "literature": (
+        "List what the study surveys, with corrections.",
+        {
+            literature.systems: "overtaking literature systems",
+            literature.datasets: "overtaking literature datasets --night --rain --boxes3d",
+            literature.factors: "overtaking literature factors --json",
+            literature.studies: "overtaking literature studies",
+        },
+    ),
+    "sumo": (
+        "Run scenarios on Eclipse SUMO.",
+        {sumo.run: "overtaking sumo run pinto2023 -n 20 --seed 1 --out data/sumo"},
+    ),
 }
 """Commands of two words."""

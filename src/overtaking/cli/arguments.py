@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from overtaking.core.errors import ConfigError
@@ -11,6 +12,7 @@ from overtaking.core.processors import THREADS_VARIABLE
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from overtaking.cli.options import Chosen
     from overtaking.model.road import Road
 
 FRAME_INTERVAL_KEY = "profile.frame_interval_ms"
@@ -139,6 +141,16 @@ def numbers(text: str | None, where: str) -> list[int] | None:
     if sum(map(len, parts)) > MOST_NUMBERS:
         raise _no_numbers(f"more than {MOST_NUMBERS} numbers", where)
     return [number for part in parts for number in part]
+
+
+def chosen(asked: Chosen, where: str) -> dict[str, Any]:
+    """The simulations and frames that were asked for, as the public functions take them.
+
+    Args:
+        asked: The options.
+        where: The command.
+    """
+    return given(**asdict(asked) | {"simulations": numbers(asked.simulations, where)})
 
 
 def _numbers(part: str, where: str) -> range:

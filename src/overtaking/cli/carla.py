@@ -1,35 +1,31 @@
 """The commands that begin with `overtaking carla`."""
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
+from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
+from overtaking.cli.tables import open_table
+
+if TYPE_CHECKING:
+    from rich.console import Group
 
 PORT = 2000
 
 Port = Annotated[
-    int,
-    typer.Option(
-        "--port", min=0, max=65534, metavar="P", help="Port for calls; P+1 is for streams."
-    ),
+    int, options.option("--port P", "Port for calls; P+1 is for streams.", min=0, max=65534)
 ]
 Host = Annotated[
     str,
-    typer.Option(
-        "--host",
-        metavar="ADDRESS",
-        help="Address to listen on; the default is reachable from this machine only.",
+    options.option(
+        "--host ADDRESS", "Address to listen on; the default is reachable from this machine only."
     ),
 ]
 Maps = Annotated[
     list[str] | None,
-    typer.Option(
-        "--map",
-        metavar="FILE|NAME",
-        help=f"{options.MAP} Again for each further one that clients may load.  [default: town06]",
+    options.option(
+        "--map FILE|NAME",
+        f"{options.MAP} Again for each further one that clients may load.  [default: town06]",
     ),
 ]
 
@@ -59,72 +55,64 @@ def serve(
 
 Driver = Annotated[
     str,
-    typer.Option(
-        "--driver",
-        metavar="own|traffic-manager",
-        help="own: our drivers; traffic-manager: CARLA's at a third of the speed, as in the study.",
+    options.option(
+        "--driver own|traffic-manager",
+        "own: our drivers; traffic-manager: CARLA's at a third of the speed, as in the study.",
     ),
 ]
 Server = Annotated[
     str,
-    typer.Option(
-        "--server",
-        metavar="HOST:PORT",
-        help="Address of CARLA 0.9.16, or headless: our own server.",
-    ),
+    options.option("--server HOST:PORT", "Address of CARLA 0.9.16, or headless: our own server."),
 ]
 
 
 def run(
     output: Output,
     out: options.OutFolder,
+    made: options.Making,
     profile: options.ProfileWord = None,
-    count: options.Count = None,
-    seed: options.Seed = None,
     driver: Driver = "own",
     server: Server = "headless",
-    road: options.Road = None,
-    keep: options.Keep = None,
-    resume: options.Resume = False,
-    yes: options.Yes = False,
-    changes: options.Changes = None,
-    frame_interval_ms: options.FrameInterval = None,
 ) -> None:
     """Simulate scenarios on CARLA and write a labelled data set."""
     from overtaking.cli import arguments, making
 
     arguments.choose_carla(server)
-    recipe = arguments.given(
-        profile=profile,
-        simulations=count,
-        seed=seed,
-        keep=keep,
-        road=arguments.road(None, road),
-        overrides=arguments.overrides(changes or [], frame_interval_ms),
-    )
-    making.make(
-        output, out, recipe, resume=resume, yes=yes, simulator=arguments.carla_simulator(driver)
-    )
+    simulator = arguments.carla_simulator(driver)
+    making.make(output, out, making.recipe(made, profile), made, simulator=simulator)
 
 
 def limits(output: Output, server: Server = "headless") -> None:
     """Measure when CARLA's Traffic Manager refuses lane changes."""
     from overtaking import api
-    from overtaking.cli import arguments, carla_limits
+    from overtaking.cli import arguments
 
     arguments.choose_carla(server)
-    values = carla_limits.values_of(api.carla_limits())
-    output.result(values, lambda _: carla_limits.render(values))
+    found = api.carla_limits()
+    rows = [
+        {"speed_kmh": speed, "changed": changed, "asked": found.trials}
+        for speed, changed in zip(found.speeds_kmh, found.changed, strict=True)
+    ]
+    values = {"forced_lane_changes": rows, "again_after_s": found.again_after}
+    output.result(values, lambda _: _drawn_limits(values))
 
 
-Numbers = Annotated[
-    str,
-    typer.Option("--simulations", metavar="LIST", help=options.SIMULATIONS),
-]
-Size = Annotated[
-    str, typer.Option("--size", metavar="WxH", help="Width and height of the pictures.")
-]
-Films = Annotated[Path, typer.Option("--out", metavar="FOLDER", help=f"{options.OUT} A folder.")]
+def _drawn_limits(values: dict[str, Any]) -> "Group":
+    """The limits for people."""
+    from rich.console import Group
+    from rich.text import Text
+
+    table = open_table("km/h>", "changed>", "of>", title="Forced lane changes")
+    for row in values["forced_lane_changes"]:
+        table.add_row(f"{row['speed_kmh']:.0f}", str(row["changed"]), str(row["asked"]))
+    wait = values["again_after_s"]
+    again = "never again" if wait is None else f"again {wait:.1f} s after the first"
+    return Group(table, Text(f"A second one was accepted {again}."))
+
+
+Numbers = Annotated[str, options.option("--simulations LIST", options.SIMULATIONS)]
+Size = Annotated[str, options.option("--size WxH", "Width and height of the pictures.")]
+Films = Annotated[Path, options.option("--out FOLDER", f"{options.OUT} A folder.")]
 
 
 def replay(
@@ -138,11 +126,9 @@ def replay(
     """Replay recorded simulations in CARLA and film them."""
     from overtaking import api
     from overtaking.cli import arguments
-    from overtaking.cli.video import choice
 
     arguments.choose_carla(server)
-    chosen = choice(simulations, is_per_class=False, is_every=False)
-    numbers = [int(number) for number in chosen]
+    numbers = arguments.numbers(simulations, "carla replay") or []
     pixels = arguments.picture_size(size)
     with output.progress("simulations") as meter:
         films = api.replay_in_carla(data, out, simulations=numbers, size=pixels, progress=meter)
@@ -151,11 +137,3 @@ def replay(
     ]
     lines = "\n".join(f"{each['file']}  {each['frames']} frames" for each in files)
     output.wrote({"films": files}, lambda _: lines)
-
-
-COMMANDS: dict[options.Body, str] = {
-    serve: "overtaking carla serve --port 2000",
-    run: "overtaking carla run pinto2023 -n 20 --seed 1 --driver own --out data/carla",
-    replay: "overtaking carla replay data/pinto --simulations 1,7 --out films",
-    limits: "overtaking carla limits",
-}

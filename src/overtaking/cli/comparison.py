@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 
-from overtaking.cli.output import open_table
+from overtaking.cli.tables import open_table
 from overtaking.model.events import Outcome
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.vehicles import Role

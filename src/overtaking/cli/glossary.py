@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from overtaking.cli import options
 from overtaking.cli.output import Output
 from overtaking.core.errors import ConfigError
 
@@ -76,6 +75,3 @@ def render(values: dict[str, Any]) -> "Group":
             grid.add_row(one["name"], Text(f"({words}) {meaning}" if words else meaning))
         parts += [*([Text()] if parts else []), Text(title, style="bold"), grid]
     return Group(*parts)
-
-
-COMMANDS: dict[options.Body, str] = {glossary: "overtaking glossary Success_I"}

@@ -1,6 +1,5 @@
 """`overtaking import`: recordings of others."""
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,6 +7,7 @@ import typer
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
+from overtaking.cli.tables import facts
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -25,23 +25,16 @@ RecordingFile = Annotated[
 ]
 AttemptsOnly = Annotated[
     bool | None,
-    typer.Option(
-        "--attempts-only", help="Leave out vehicles that follow another and never overtake."
-    ),
+    options.option("--attempts-only", "Leave out vehicles that follow another and never overtake."),
 ]
 Vehicles = Annotated[
-    int | None,
-    typer.Option("--vehicles", metavar="N", help="Vehicles per simulation at most.  [default: 16]"),
+    int | None, options.option("--vehicles N", "Vehicles per simulation at most.  [default: 16]")
 ]
 Lanelet = Annotated[
-    int | None,
-    typer.Option("--lanelet", metavar="ID", help="With commonroad: a lanelet of the road to use."),
+    int | None, options.option("--lanelet ID", "With commonroad: a lanelet of the road to use.")
 ]
 Direction = Annotated[
-    int | None,
-    typer.Option(
-        "--direction", metavar="1|2", help="With highd: only the upper or the lower lanes."
-    ),
+    int | None, options.option("--direction 1|2", "With highd: only the upper or the lower lanes.")
 ]
 _WORDS = {
     "vehicles": "vehicles",
@@ -92,10 +85,9 @@ def import_recording(
         direction=direction,
         road=arguments.road(map_file, road),
     )
-    begin = time.monotonic()
     with output.progress("simulations") as meter:
         data = api.import_recording(file_format, file, out, progress=meter, **given)
-    values = of_import(data, time.monotonic() - begin)
+    values = of_import(data) | output.duration
     output.wrote(values, lambda _: render(values))
 
 
@@ -103,7 +95,7 @@ def import_recording(
 import_recording.__name__ = "import"
 
 
-def of_import(data: "Dataset", seconds: float) -> dict[str, Any]:
+def of_import(data: "Dataset") -> dict[str, Any]:
     """What was found in a recording, and where it is now."""
     identity = data.manifest.identity
     source = identity.source
@@ -118,31 +110,19 @@ def of_import(data: "Dataset", seconds: float) -> dict[str, Any]:
         "counts": source.counts,
         "notes": source.notes,
         "content_hash": data.content_hash,
-        "duration_s": round(seconds, 3),
     }
 
 
 def render(values: dict[str, Any]) -> "RenderableType":
     """What was found, as a page."""
-    from rich.table import Table
-    from rich.text import Text
-
-    grid = Table.grid(padding=(0, 2))
-    grid.add_column(style="bold")
-    grid.add_column(overflow="fold")
-    grid.add_row("recording", Text(f"{values['recording']} ({values['format']})"))
+    rows = [("recording", f"{values['recording']} ({values['format']})")]
     for name, value in (values["counts"] | values["notes"]).items():
         if name in _WORDS and value is not None:
-            grid.add_row(_WORDS[name], Text(f"{value:,}" if isinstance(value, int) else f"{value}"))
-    grid.add_row("not known", Text(", ".join(values["unknown"])))
+            rows.append((_WORDS[name], f"{value:,}" if isinstance(value, int) else f"{value}"))
+    rows.append(("not known", ", ".join(values["unknown"])))
     if values["notes"].get("time_scaling"):
         warning = "positions move at {} of the recorded speeds: the clock was scaled"
-        grid.add_row("beware", Text(warning.format(values["notes"]["time_scaling"])))
-    grid.add_row("data set", Text(f"{values['data']}: {values['simulations']:,} simulations"))
-    grid.add_row("next", Text(f"overtaking show {values['data']} 0"))
-    return grid
-
-
-COMMANDS: dict[options.Body, str] = {
-    import_recording: "overtaking import commonroad scene.xml --out data/scene",
-}
+        rows.append(("beware", warning.format(values["notes"]["time_scaling"])))
+    rows.append(("data set", f"{values['data']}: {values['simulations']:,} simulations"))
+    rows.append(("next", f"overtaking show {values['data']} 0"))
+    return facts(rows)

@@ -1,10 +1,10 @@
 """`overtaking label`: the labels of a data set, made anew."""
 
-import time
 from typing import TYPE_CHECKING, Any
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
+from overtaking.cli.tables import drawn_rows
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -16,14 +16,13 @@ def label(output: Output, data: options.Data) -> None:
     """Label a data set again, with the rules of this version."""
     from overtaking import api
 
-    begin = time.monotonic()
     with output.progress("simulations") as meter:
         labelled = api.relabel(data, progress=meter)
-    values = of_labels(labelled, time.monotonic() - begin)
+    values = of_labels(labelled) | output.duration
     output.wrote(values, lambda _: render(values))
 
 
-def of_labels(data: "Dataset", seconds: float) -> dict[str, Any]:
+def of_labels(data: "Dataset") -> dict[str, Any]:
     """Number of simulations of each class under each policy."""
     labels = data.labels()
     classes = {
@@ -36,24 +35,13 @@ def of_labels(data: "Dataset", seconds: float) -> dict[str, Any]:
         "rule_set": str(labels["rule_set"].iloc[0]),
         "classes": classes,
         "content_hash": data.content_hash,
-        "duration_s": round(seconds, 3),
     }
 
 
 def render(values: dict[str, Any]) -> "RenderableType":
     """The classes as a table, a column for each policy."""
-    from rich.table import Table
-
-    policies = list(values["classes"])
-    table = Table(title=f"{values['simulations']:,} simulations by {values['rule_set']}")
-    table.add_column("class")
-    for policy in policies:
-        table.add_column(policy, justify="right")
-    names = dict.fromkeys(name for one in values["classes"].values() for name in one)
-    for name in names:
-        row = [values["classes"][policy].get(name, 0) for policy in policies]
-        table.add_row(name, *(f"{count:,}" for count in row))
-    return table
-
-
-COMMANDS: dict[options.Body, str] = {label: "overtaking label data/scene"}
+    classes = values["classes"]
+    names = dict.fromkeys(name for one in classes.values() for name in one)
+    rows = [(name, *(f"{one.get(name, 0):,}" for one in classes.values())) for name in names]
+    title = f"{values['simulations']:,} simulations by {values['rule_set']}"
+    return drawn_rows(("class", *(f"{policy}>" for policy in classes)), rows, title=title)

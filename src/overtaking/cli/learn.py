@@ -1,12 +1,10 @@
 """Rules and factors of overtaking decisions, learned from a data set."""
 
-import shutil
 from typing import TYPE_CHECKING, Annotated
-
-import typer
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
+from overtaking.cli.tables import drawn_rows
 
 if TYPE_CHECKING:
     from rich.console import Group, RenderableType
@@ -17,48 +15,35 @@ if TYPE_CHECKING:
 
 About = Annotated[
     str,
-    typer.Option(
-        "--about",
-        metavar="NAME",
-        help=f"{options.TARGET} legal, collision, or start (do not start now).",
+    options.option(
+        "--about NAME", f"{options.TARGET} legal, collision, or start (do not start now)."
     ),
 ]
 AboutFactors = Annotated[
     str,
-    typer.Option(
-        "--about",
-        metavar="NAME",
-        help=f"{options.TARGET} outcome (the class), legal, collision, or start.",
+    options.option(
+        "--about NAME", f"{options.TARGET} outcome (the class), legal, collision, or start."
     ),
 ]
 Features = Annotated[
     str | None,
-    typer.Option(
-        "--features",
-        metavar="NAME,NAME",
-        help="Factors or attributes to use, separated by commas.  [default: all factors]",
+    options.option(
+        "--features NAME,NAME",
+        "Factors or attributes to use, separated by commas.  [default: all factors]",
     ),
 ]
 Repeats = Annotated[
-    int,
-    typer.Option(
-        "--repeats", metavar="N", help="How many times to rank, to measure the stability."
-    ),
+    int, options.option("--repeats N", "How many times to rank, to measure the stability.")
 ]
 ShowLeakage = Annotated[
     bool,
-    typer.Option(
-        "--show-leakage",
-        help="Show how features that are known only afterwards inflate the accuracy.",
+    options.option(
+        "--show-leakage", "Show how features that are known only afterwards inflate the accuracy."
     ),
 ]
-Seed = Annotated[
-    int, typer.Option("--seed", min=0, metavar="N", help=f"{options.SEED} They split and repeat.")
-]
-MaxRules = Annotated[int, typer.Option("--max-rules", metavar="N", help="Rules at most.")]
-MaxConditions = Annotated[
-    int, typer.Option("--max-conditions", metavar="N", help="Conditions per rule at most.")
-]
+Seed = Annotated[int, options.option("--seed N", f"{options.SEED} They split and repeat.", min=0)]
+MaxRules = Annotated[int, options.option("--max-rules N", "Rules at most.")]
+MaxConditions = Annotated[int, options.option("--max-conditions N", "Conditions per rule at most.")]
 
 
 def rules(
@@ -147,26 +132,7 @@ def _drawn_rules(found: "RulesFound") -> "Group":
 
 
 def drawn(table: "Table") -> "RenderableType":
-    """A table for a terminal; long texts are wrapped inside their column."""
-    from rich import box
-    from rich.table import Table as Drawn
-    from rich.text import Text
-
-    made = Drawn(title=table.title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    wide = shutil.get_terminal_size().columns
-    for number, name in enumerate(table.header):
-        made.add_column(
-            name,
-            justify="left" if number < table.num_texts else "right",
-            no_wrap=number >= table.num_texts,
-            max_width=max(wide // 2, 30) if number < table.num_texts else None,
-        )
-    for row in table.cells():
-        made.add_row(*(Text(cell) for cell in row))
-    return made
-
-
-COMMANDS: dict[options.Body, str] = {
-    rules: "overtaking learn rules data/pinto --about start",
-    factors: "overtaking learn factors data/pinto --repeats 3 --show-leakage",
-}
+    """A table for a terminal; long texts are folded inside their column."""
+    texts, numbers = table.header[: table.num_texts], table.header[table.num_texts :]
+    header = (*texts, *(f"{name}>" for name in numbers))
+    return drawn_rows(header, table.cells(), title=table.title, title_justify="left")

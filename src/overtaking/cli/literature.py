@@ -1,10 +1,9 @@
 """Tables of the literature: systems, data sets, factors and studies."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
@@ -14,31 +13,32 @@ if TYPE_CHECKING:
     from rich.console import Group
 
 AsPrinted = Annotated[
-    bool,
-    typer.Option("--as-printed", help="Print the values as in the paper, without corrections."),
+    bool, options.option("--as-printed", "Print the values as in the paper, without corrections.")
 ]
-With = Annotated[
-    Path | None,
-    typer.Option("--own", metavar="DATA", help="Add a row for a data set of your own."),
-]
+With = Annotated[Path | None, options.option("--own DATA", "Add a row for a data set of your own.")]
 
 
-def _flag(word: str, text: str) -> Any:
-    return typer.Option(f"--{word.replace('_', '-')}", help=f"Only data sets with {text}.")
-
-
-Night = Annotated[bool, _flag("night", "nights")]
-Rain = Annotated[bool, _flag("rain", "rain")]
-Snow = Annotated[bool, _flag("snow", "snow")]
-Dawn = Annotated[bool, _flag("dawn", "dawn or dusk")]
-Urban = Annotated[bool, _flag("urban", "traffic in towns")]
-Highway = Annotated[bool, _flag("highway", "traffic on highways")]
-Residential = Annotated[bool, _flag("residential", "residential streets")]
-Rural = Annotated[bool, _flag("rural", "country roads")]
-Campus = Annotated[bool, _flag("campus", "roads of a campus")]
-Lidar = Annotated[bool, _flag("lidar", "a lidar")]
-Radar = Annotated[bool, _flag("radar", "a radar")]
-Boxes = Annotated[bool, _flag("boxes3d", "boxes in three dimensions")]
+_PROPERTIES = {
+    "night": "nights",
+    "rain": "rain",
+    "snow": "snow",
+    "dawn": "dawn or dusk",
+    "urban": "traffic in towns",
+    "highway": "traffic on highways",
+    "residential": "residential streets",
+    "rural": "country roads",
+    "campus": "roads of a campus",
+    "lidar": "a lidar",
+    "radar": "a radar",
+    "boxes3d": "boxes in three dimensions",
+}
+Wanted = dataclasses.make_dataclass(
+    "Wanted",
+    [
+        (word, Annotated[bool, options.option(f"--{word}", f"Only data sets with {text}.")], False)
+        for word, text in _PROPERTIES.items()
+    ],
+)
 
 
 def systems(output: Output, as_printed: AsPrinted = False) -> None:
@@ -56,40 +56,15 @@ def systems(output: Output, as_printed: AsPrinted = False) -> None:
 
 def datasets(
     output: Output,
-    night: Night = False,
-    rain: Rain = False,
-    snow: Snow = False,
-    dawn: Dawn = False,
-    urban: Urban = False,
-    highway: Highway = False,
-    residential: Residential = False,
-    rural: Rural = False,
-    campus: Campus = False,
-    lidar: Lidar = False,
-    radar: Radar = False,
-    boxes3d: Boxes = False,
+    wanted: Wanted,  # pyright: ignore[reportInvalidTypeForm, reportUnknownParameterType]
     own: With = None,
     as_printed: AsPrinted = False,
 ) -> None:
     """List driving data sets with the properties you need."""
     from overtaking import api
 
-    given = {
-        "night": night,
-        "rain": rain,
-        "snow": snow,
-        "dawn": dawn,
-        "urban": urban,
-        "highway": highway,
-        "residential": residential,
-        "rural": rural,
-        "campus": campus,
-        "lidar": lidar,
-        "radar": radar,
-        "boxes3d": boxes3d,
-    }
-    wanted = [word for word, is_given in given.items() if is_given]
-    found = api.literature("datasets", wanted=wanted, own=own, is_corrected=not as_printed)
+    words = [word for word, is_wanted in dataclasses.asdict(wanted).items() if is_wanted]
+    found = api.literature("datasets", wanted=words, own=own, is_corrected=not as_printed)
     header = ("data set", "year", "scenes", "hours", "frames", "3D", "seen in", "roads")
     output.result(found, lambda _: _drawn(header, [_dataset(row) for row in found["rows"]], found))
 
@@ -191,11 +166,3 @@ def _notes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         notes += [f"? {row['name']}: {text}." for text in row.get("doubts", ())]
         notes += [f"! {row['name']}: {row['remark']}."] if row.get("remark") else []
     return notes
-
-
-COMMANDS: dict[options.Body, str] = {
-    systems: "overtaking literature systems",
-    datasets: "overtaking literature datasets --night --rain --highway --boxes3d",
-    factors: "overtaking literature factors --json",
-    studies: "overtaking literature studies",
-}

@@ -20,17 +20,15 @@ if TYPE_CHECKING:
     from overtaking.analysis.logic.proof import Proof
 
 Query = Annotated[
-    str | None,
-    typer.Argument(metavar="[QUERY]", help="Condition in clingo's language, in quotes."),
+    str | None, typer.Argument(metavar="[QUERY]", help="Condition in clingo's language, in quotes.")
 ]
 Why = Annotated[
-    int | None,
-    typer.Option("--why", min=0, metavar="N", help="Prove which rules simulation N breaks."),
+    int | None, options.option("--why N", "Prove which rules simulation N breaks.", min=0)
 ]
-Words = Annotated[bool, typer.Option("--predicates", help="List the predicates.")]
-Rows = Annotated[int, typer.Option("--rows", min=1, metavar="N", help=options.ROWS)]
-Seconds = Annotated[float, typer.Option("--timeout", metavar="S", help=options.TIMEOUT)]
-Memory = Annotated[int, typer.Option("--memory", min=16, metavar="MIB", help=options.MEMORY)]
+Words = Annotated[bool, options.option("--predicates", "List the predicates.")]
+Rows = Annotated[int, options.option("--rows N", options.ROWS, min=1)]
+Seconds = Annotated[float, options.option("--timeout S", options.TIMEOUT)]
+Memory = Annotated[int, options.option("--memory MIB", options.MEMORY, min=16)]
 
 _INDENT = 2
 _MS_PER_S = 1000.0
@@ -39,13 +37,10 @@ _MS_PER_S = 1000.0
 def ask(
     output: Output,
     data: options.Data,
+    chosen: options.Chosen,
     query: Query = None,
     why: Why = None,
     predicates: Words = False,
-    simulations: options.ChosenSimulations = None,
-    label: options.ChosenClass = None,
-    policy: options.OpenPolicy = None,
-    every: options.EveryFrames = None,
     rows: Rows = 1000,
     timeout_s: Seconds = 600.0,
     memory_mib: Memory = 2048,
@@ -65,15 +60,10 @@ def ask(
         found = {"simulation": why, "proofs": [_proof(one) for one in proofs]}
         output.text(found, _proofs_page(why, proofs))
     else:
-        chosen = arguments.given(
-            simulations=arguments.numbers(simulations, "ask"),
-            label=label,
-            policy=policy,
-            every=every,
-        )
-        bounds = {"max_rows": rows, "timeout_s": timeout_s, "memory_mib": memory_mib}
+        given = arguments.chosen(chosen, "ask")
+        given |= {"max_rows": rows, "timeout_s": timeout_s, "memory_mib": memory_mib}
         with output.progress("simulations") as meter:
-            answers = api.ask(data, str(query), progress=meter, **bounds, **chosen)
+            answers = api.ask(data, str(query), progress=meter, **given)
         if answers.is_cut:
             output.say(f"there are more answers than these {rows}; --rows gives more")
         values = values_of(answers)
@@ -180,8 +170,3 @@ def _steps(step: Any, depth: int, shown: set[str]) -> "Iterator[str]":
         yield f"{inner}and {'; '.join(step.absent)}"
     for one in step.because:
         yield from _steps(one, depth + 1, shown)
-
-
-COMMANDS: dict[options.Body, str] = {
-    ask: 'overtaking ask data/pinto "overtakes(S,ego,P,F), night(S), illegal(S,l3)"',
-}

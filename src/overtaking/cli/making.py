@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import sys
-import time
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+from overtaking.cli import arguments
 from overtaking.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -15,18 +16,36 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import Self
 
+    from overtaking.cli.options import Balancing, Making
     from overtaking.cli.output import Meter, Output
     from overtaking.data.balance import Balance
     from overtaking.data.estimate import Estimate
+
+
+def recipe(made: Making, profile: str | None, map_file: str | None = None) -> dict[str, Any]:
+    """The arguments of `api.generate` that the user gave.
+
+    Args:
+        made: The options of what is simulated.
+        profile: The profile.
+        map_file: The file of the road.
+    """
+    return arguments.given(
+        profile=profile,
+        simulations=made.count,
+        seed=made.seed,
+        keep=made.keep,
+        road=arguments.road(map_file, made.road),
+        overrides=arguments.overrides(made.changes or [], made.frame_interval_ms),
+    )
 
 
 def make(
     output: Output,
     out: str | Path,
     recipe: dict[str, Any],
+    made: Making,
     *,
-    resume: bool,
-    yes: bool,
     simulator: str = "engine",
     executor: dict[str, Any] | None = None,
 ) -> None:
@@ -36,28 +55,27 @@ def make(
         output: The output of the command.
         out: Its folder, or its URL.
         recipe: Arguments of `api.generate`; may be empty to resume.
-        resume: Whether to complete an interrupted data set.
-        yes: Whether to make a large data set without a question.
+        made: How to make it.
         simulator: What simulates.
         executor: What makes the shards: `engine`, `address` and `workers` of `api.generate`.
     """
     from overtaking import api
-    from overtaking.cli import arguments, summary
+    from overtaking.cli import summary
 
-    begin = time.monotonic()
     with _Phases(output) as phases:
         talk: dict[str, Any] = {
             "progress": phases.of("simulations"),
             "on_candidates": phases.of("candidates"),
             **(executor or {}),
         }
-        if resume and not recipe:
+        if made.resume and not recipe:
             data = api.resume(out, **talk)
         else:
             complete = arguments.DEFAULTS | recipe
-            talk |= {"resume": resume, "simulator": simulator, "allow_large": _asked(output, yes)}
+            talk |= {"resume": made.resume, "simulator": simulator}
+            talk["allow_large"] = _asked(output, made.yes)
             data = api.generate(out=out, **talk, **complete)
-    values = summary.of_dataset(data, time.monotonic() - begin)
+    values = summary.of_dataset(data) | output.duration
     output.wrote(values, lambda _: summary.render_generated(values))
 
 
@@ -74,25 +92,18 @@ def _asked(output: Output, yes: bool) -> Callable[[Estimate], bool]:
     return is_allowed
 
 
-def balance(*, is_wanted: bool, **asked: Any) -> Balance | None:
+def balance(asked: Balancing) -> Balance | None:
     """The settings of a balanced data set; None without `--balance`.
-
-    Args:
-        is_wanted: Whether `--balance` was said.
-        asked: The words about it: `by`, `policy`, `candidates`, `allow_missing`; None for those
-            that were left open.
 
     Raises:
         ConfigError: One of them cannot be used, or it is not to be balanced.
     """
-    given = {name: value for name, value in asked.items() if value is not None}
-    if is_wanted:
+    given = {name: one for name, one in asdict(asked).items() if one not in (None, False)}
+    if given.pop("balance", False):
         from overtaking.data.balance import Balance
 
         if "by" in given:
             given["by"] = tuple(name.strip() for name in given["by"].split(","))
-        if "allow_missing" in given:
-            given["allows_missing"] = given.pop("allow_missing")
         return Balance(**given)
     if given:
         raise ConfigError.of(
@@ -109,7 +120,7 @@ _WORDS = {
     "by": "--balance-by",
     "policy": "--policy",
     "candidates": "--balance-candidates",
-    "allow_missing": "--allow-missing",
+    "allows_missing": "--allow-missing",
 }
 
 

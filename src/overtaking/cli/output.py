@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
     from rich.console import Console, RenderableType
     from rich.progress import Progress
-    from rich.table import Table
 
 _PATIENCE = 0.5  # Seconds of work before a progress bar is worth its flicker.
 _UNBOUNDED = 1_000_000  # Columns; wider than any line.
@@ -41,6 +40,7 @@ class Output:
     def __init__(self, command: str, *, quiet: bool, json: bool, log: Path | None) -> None:
         """Open the log, so that a wrong name is known before the work."""
         self.quiet = quiet
+        self._begin = time.monotonic()
         self._json = json
         self._logger = logging.getLogger("overtaking")
         self._handler = _log_handler(log) if log else None
@@ -71,6 +71,11 @@ class Output:
         if self._handler:
             self._logger.removeHandler(self._handler)
             self._handler.close()
+
+    @property
+    def duration(self) -> dict[str, float]:
+        """How long the command has run, for its values."""
+        return {"duration_s": round(time.monotonic() - self._begin, 3)}
 
     def log(self, event: str, *, level: int = logging.INFO, **fields: Any) -> None:
         """Note an event with its details in the log."""
@@ -228,23 +233,6 @@ def _unwrap(drawing: RenderableType) -> None:
         for column in drawing.columns:
             column.no_wrap = True
             column.max_width = column.ratio = None
-
-
-def open_table(*columns: str, **settings: Any) -> Table:
-    """An empty table without lines.
-
-    Args:
-        columns: Their heads; a column whose head ends in ">" is aligned to the right.
-        settings: Further settings of `rich.table.Table`.
-    """
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), **settings)
-    for head in columns:
-        side = "right" if head.endswith(">") else "left"
-        table.add_column(Text(head.removesuffix(">")), justify=side)
-    return table
 
 
 class _JsonLines(logging.Formatter):

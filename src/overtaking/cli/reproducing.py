@@ -1,6 +1,5 @@
 """The command that compares our simulations with every number of a paper."""
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,24 +14,17 @@ if TYPE_CHECKING:
 REPLICATES, SEED = 1000, 2023
 
 Study = Annotated[str, typer.Argument(metavar="STUDY", help="Study to reproduce: pinto2023.")]
-Replicates = Annotated[
-    int,
-    typer.Option("--replicates", metavar="N", help="How many sets of 276 simulations."),
-]
+Replicates = Annotated[int, options.option("--replicates N", "How many sets of 276 simulations.")]
 Seed = Annotated[
     int,
-    typer.Option(
-        "--seed",
-        metavar="N",
-        help=f"{options.SEED} Those that the drivers were fitted with are refused.",
+    options.option(
+        "--seed N", f"{options.SEED} Those that the drivers were fitted with are refused."
     ),
 ]
 Page = Annotated[
     Path | None,
-    typer.Option(
-        "--out",
-        metavar="FOLDER",
-        help=f"{options.OUT} A folder for an HTML page with figures.  [default: none]",
+    options.option(
+        "--out FOLDER", f"{options.OUT} A folder for an HTML page with figures.  [default: none]"
     ),
 ]
 
@@ -51,7 +43,6 @@ def reproduce(
     from overtaking.cli import arguments
 
     arguments.limit_threads(threads)
-    begin = time.monotonic()
     with output.progress("simulations") as meter:
         found = api.reproduce(
             study,
@@ -66,8 +57,7 @@ def reproduce(
         values |= {"page": str(made.path), "missing": list(made.remarks)}
         for text in (f"{made.path}: {len(made.figures)} figures", *made.remarks):
             output.say(text)
-    values["duration_s"] = round(time.monotonic() - begin, 3)
-    output.text(values, rendered(found))
+    output.text(values | output.duration, rendered(found))
 
 
 def rendered(found: "Reproduction") -> str:
@@ -93,8 +83,3 @@ def rendered(found: "Reproduction") -> str:
         starts,
     ]
     return "\n\n".join(parts) + "\n"
-
-
-COMMANDS: dict[options.Body, str] = {
-    reproduce: "overtaking reproduce pinto2023 --replicates 100 --out reproduction",
-}

@@ -16,7 +16,7 @@ from overtaking.cli.drawing import (
     sparkline,
 )
 from overtaking.cli.law import law_lines
-from overtaking.cli.output import open_table
+from overtaking.cli.tables import open_table
 from overtaking.cli.timeline import STAGE_STYLES, event_lines, stage_times, time_line
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge import terms

@@ -19,18 +19,13 @@ MOST_SHOWN = 1000
 """Characters of a cell in a table; CSV and JSON have all of them."""
 
 Question = Annotated[str, typer.Argument(metavar="SQL", help="One SELECT statement, in quotes.")]
-Written = Annotated[
-    str, typer.Option("--format", metavar="NAME", help=f"{options.FORMAT} table, csv or json.")
-]
-Rows = Annotated[int, typer.Option("--rows", min=1, metavar="N", help=options.ROWS)]
-Seconds = Annotated[float, typer.Option("--timeout", metavar="S", help=options.TIMEOUT)]
-Memory = Annotated[int, typer.Option("--memory", min=16, metavar="MIB", help=options.MEMORY)]
-Drawn = Annotated[
-    str, typer.Option("--format", metavar="NAME", help=f"{options.FORMAT} svg or mermaid.")
-]
+Written = Annotated[str, options.option("--format NAME", f"{options.FORMAT} table, csv or json.")]
+Rows = Annotated[int, options.option("--rows N", options.ROWS, min=1)]
+Seconds = Annotated[float, options.option("--timeout S", options.TIMEOUT)]
+Memory = Annotated[int, options.option("--memory MIB", options.MEMORY, min=16)]
+Drawn = Annotated[str, options.option("--format NAME", f"{options.FORMAT} svg or mermaid.")]
 Target = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="FILE", help=f"{options.OUT} A file.  [default: print it]"),
+    Path | None, options.option("--out FILE", f"{options.OUT} A file.  [default: print it]")
 ]
 
 
@@ -90,10 +85,3 @@ def shown(cell: object) -> str:
     text = f"{cell:.6g}" if isinstance(cell, float) else str(cell)
     text = text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}…"
     return "".join(one if one.isprintable() else "�" for one in text)
-
-
-COMMANDS: dict[options.Body, str] = {
-    sql: "overtaking sql data/pinto \"select class, count(*) from labels where policy = 'paper' "
-    'group by class"',
-    er: "overtaking er --format mermaid",
-}

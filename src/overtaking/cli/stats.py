@@ -1,10 +1,7 @@
 """Statistics of a data set, and the report on it."""
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
@@ -17,28 +14,20 @@ if TYPE_CHECKING:
     from overtaking.show.report.write import Report
 
 Weighted = Annotated[
-    bool, typer.Option("--weighted", help="Weight each simulation by its importance weight.")
+    bool, options.option("--weighted", "Weight each simulation by its importance weight.")
 ]
 Reading = Annotated[
     str | None,
-    typer.Option(
-        "--reading",
-        metavar="NAME",
-        help="Definition of the features: paper or matched.  [default: the policy's]",
+    options.option(
+        "--reading NAME", "Definition of the features: paper or matched.  [default: the policy's]"
     ),
 ]
-Learn = Annotated[
-    bool, typer.Option("--learn", help="Add learned rules and factors; takes minutes.")
-]
+Learn = Annotated[bool, options.option("--learn", "Add learned rules and factors; takes minutes.")]
 Written = Annotated[
-    str,
-    typer.Option("--format", metavar="NAME", help=f"{options.FORMAT} text, csv, json or latex."),
+    str, options.option("--format NAME", f"{options.FORMAT} text, csv, json or latex.")
 ]
 Folder = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", metavar="FOLDER", help=f"{options.OUT} A folder.  [default: DATA/report]"
-    ),
+    Path | None, options.option("--out FOLDER", f"{options.OUT} A folder.  [default: DATA/report]")
 ]
 
 
@@ -71,7 +60,6 @@ def report(
     """Write an HTML report: figures, tables and associations."""
     from overtaking import api
 
-    begin = time.monotonic()
     with output.progress("parts") as meter:
         made = api.write_report(
             data,
@@ -82,11 +70,11 @@ def report(
             learn=learn,
             progress=meter,
         )
-    values = values_of(made, time.monotonic() - begin)
+    values = values_of(made) | output.duration
     output.wrote(values, lambda _: render(values))
 
 
-def values_of(made: "Report", seconds: float) -> dict[str, Any]:
+def values_of(made: "Report") -> dict[str, Any]:
     """What was written."""
     return {
         "page": str(made.path),
@@ -95,7 +83,6 @@ def values_of(made: "Report", seconds: float) -> dict[str, Any]:
         "tables": list(made.tables),
         "warnings": [leak.sentence for leak in made.statistics.leaks],
         "missing": list(made.remarks),
-        "duration_s": round(seconds, 3),
     }
 
 
@@ -112,9 +99,3 @@ def render(values: dict[str, Any]) -> "Text":
         *values["missing"],
     ]
     return Text("\n".join(lines))
-
-
-COMMANDS: dict[options.Body, str] = {
-    stats: "overtaking stats data/pinto --format latex",
-    report: "overtaking report data/pinto",
-}

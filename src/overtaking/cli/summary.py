@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
 from rich.text import Text
+
+from overtaking.cli.tables import facts
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from rich.table import Table
 
     from overtaking.data.load import Dataset
 
@@ -17,13 +20,8 @@ Values = dict[str, Any]
 _BYTES_PER_MB = 1e6
 
 
-def of_dataset(data: Dataset, seconds: float | None = None) -> Values:
-    """Summary of a data set, from its manifest.
-
-    Args:
-        data: The data set.
-        seconds: How long it took to make it just now.
-    """
+def of_dataset(data: Dataset) -> Values:
+    """Summary of a data set, from its manifest."""
     manifest = data.manifest
     identity, provenance = manifest.identity, manifest.provenance
     tables = {name: {"rows": 0, "size_bytes": 0} for name in identity.keep.tables}
@@ -46,7 +44,6 @@ def of_dataset(data: Dataset, seconds: float | None = None) -> Values:
         "finished": provenance.finished,
         "package": provenance.package,
         "machine": provenance.machine,
-        **({} if seconds is None else {"duration_s": round(seconds, 3)}),
     }
 
 
@@ -90,20 +87,17 @@ def _shares(values: Values) -> str:
 
 def render(values: Values) -> Table:
     """A data set as a page."""
-    grid = Table.grid(padding=(0, 2))
-    grid.add_column(style="bold")
-    grid.add_column(overflow="fold")
-    for name in ("data", "profile", "simulations", "seed", "road", "keep", "simulator"):
-        grid.add_row(name, Text(str(values[name])))
-    grid.add_row("content", Text(values["content_hash"]))
+    names = ("data", "profile", "simulations", "seed", "road", "keep", "simulator")
+    rows = [(name, values[name]) for name in names]
+    rows.append(("content", values["content_hash"]))
     if "balance" in values:
-        grid.add_row("balance", Text(_shares(values)))
-    grid.add_row("made", Text(f"{values['finished']} by overtaking {values['package']}"))
-    grid.add_row("on", Text(values["machine"]))
+        rows.append(("balance", _shares(values)))
+    rows.append(("made", f"{values['finished']} by overtaking {values['package']}"))
+    rows.append(("on", values["machine"]))
     for name, table in values["tables"].items():
         size = table["size_bytes"] / _BYTES_PER_MB
-        grid.add_row(f"table {name}", Text(f"{table['rows']:,} rows, {size:.2f} MB"))
-    return grid
+        rows.append((f"table {name}", f"{table['rows']:,} rows, {size:.2f} MB"))
+    return facts(rows)
 
 
 def _megabytes(values: Values) -> float:

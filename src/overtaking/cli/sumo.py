@@ -7,31 +7,11 @@ from overtaking.cli.output import Output
 def run(
     output: Output,
     out: options.OutFolder,
+    made: options.Making,
     profile: options.ProfileWord = None,
-    count: options.Count = None,
-    seed: options.Seed = None,
     map_file: options.Map = None,
-    road: options.Road = None,
-    keep: options.Keep = None,
-    resume: options.Resume = False,
-    yes: options.Yes = False,
-    changes: options.Changes = None,
-    frame_interval_ms: options.FrameInterval = None,
 ) -> None:
     """Simulate scenarios on SUMO and write a labelled data set."""
-    from overtaking.cli import arguments, making
+    from overtaking.cli import making
 
-    recipe = arguments.given(
-        profile=profile,
-        simulations=count,
-        seed=seed,
-        keep=keep,
-        road=arguments.road(map_file, road),
-        overrides=arguments.overrides(changes or [], frame_interval_ms),
-    )
-    making.make(output, out, recipe, resume=resume, yes=yes, simulator="sumo")
-
-
-COMMANDS: dict[options.Body, str] = {
-    run: "overtaking sumo run pinto2023 -n 20 --seed 1 --out data/sumo",
-}
+    making.make(output, out, making.recipe(made, profile, map_file), made, simulator="sumo")

@@ -11,10 +11,9 @@ from overtaking.cli.output import Output
 COUNT = 1000
 
 Profile = Annotated[str, typer.Argument(metavar="PROFILE", help=options.PROFILE)]
-Count = Annotated[int, typer.Option("--count", "-n", metavar="N", help=options.COUNT)]
+Count = Annotated[int, options.option("--count -n N", options.COUNT)]
 Plot = Annotated[
-    Path | None,
-    typer.Option("--plot", metavar="FILE", help="Draw the figures to a .png or .svg file."),
+    Path | None, options.option("--plot FILE", "Draw the figures to a .png or .svg file.")
 ]
 
 
@@ -31,7 +30,8 @@ def validate(
 ) -> int:
     """Compare a profile's traffic with published measurements.
 
-    The exit status is 1 if a target is missed.
+    The standing of a figure says whether the drivers of motorway were fitted on it. The exit status
+    is 1 if a target is missed.
     """
     from overtaking import api
     from overtaking.cli import arguments, validation_page
@@ -52,8 +52,3 @@ def validate(
     values = found.values()
     output.result(values, lambda _: validation_page.render(values))
     return 0 if found.is_met else 1
-
-
-COMMANDS: dict[options.Body, str] = {
-    validate: "overtaking validate motorway -n 1000 --seed 1 --plot motorway.png",
-}

@@ -5,28 +5,35 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
+
+from overtaking.cli.tables import open_table
+from overtaking.knowledge.quantity import CHOICE
+from overtaking.knowledge.validation import Standing
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from rich.table import Table
 
 Values = dict[str, Any]
 
 
 def render(values: Values) -> Group:
     """A validation as a page."""
-    missed = sum(figure["met"] is False for figure in values["figures"])
-    verdict = "every target is met" if not missed else f"{missed} targets are missed"
+    outside = sum(figure["met"] is False for figure in values["figures"])
+    verdict = f"{outside or 'no'} figure{'' if outside == 1 else 's'} outside the limits"
     head = f"{values['profile']}: {values['simulations']:,} simulations, {verdict}"
-    parts = [Text(head), Text(), _figures(values["figures"]), Text(), _strata(values["strata"])]
+    meanings = "\n".join(f"{one}: {one.meaning}" for one in Standing)
+    parts = [Text(head), Text(), _figures(values["figures"]), Text(), Text(meanings, "dim")]
+    parts += [Text(), _strata(values["strata"])]
     if values["comparison"]:
         parts += [_missing(values["missing"]), Text(), *_comparison(values["comparison"])]
     return Group(*parts)
 
 
 def _figures(figures: list[Values]) -> Table:
-    table = _table("figure", "value", "95 % interval", "target", "verdict")
+    table = open_table("figure", "value>", "95 % interval>", "target>", "standing>", "verdict>")
     for figure in figures:
         low, high = (number(figure[name]) for name in ("low", "high"))
         unit = f" {figure['unit']}" if figure["unit"] else ""
@@ -35,6 +42,7 @@ def _figures(figures: list[Values]) -> Table:
             f"{number(figure['value'])}{unit}",
             f"{low} .. {high}",
             _target(figure),
+            figure["standing"],
             _verdict(figure),
         )
     return table
@@ -52,13 +60,17 @@ def _target(figure: Values) -> str:
 def _verdict(figure: Values) -> Text:
     if figure["met"] is None:
         return Text("")
-    said = "met" if figure["met"] else "missed"
+    is_ours = CHOICE in (figure["standing"], figure["source"])
+    if is_ours:
+        said = "within our limits" if figure["met"] else "outside our limits"
+    else:
+        said = "met" if figure["met"] else "missed"
     return Text(said if figure["sure"] else f"{said}, unsure", "" if figure["met"] else "bold red")
 
 
 def _strata(strata: Mapping[str, Values]) -> Table:
     names = list(next(iter(strata.values()))["counts"])
-    table = _table("weather", *names)
+    table = open_table("weather", *(f"{name}>" for name in names))
     for stratum, found in strata.items():
         cells = [
             f"{found['counts'][name]:,}"
@@ -79,7 +91,7 @@ def _missing(pairs: list[list[str]]) -> Text:
 def _comparison(rates: list[Values]) -> tuple[Text, Table]:
     apart = sum(not rate["agrees"] for rate in rates)
     verdict = "all agree" if not apart else f"{apart} disagree"
-    table = _table("rate", "weighted", "natural", "difference, interval", "verdict")
+    table = open_table("rate", "weighted>", "natural>", "difference, interval>", "verdict>")
     for rate in rates:
         unit = f" {rate['unit']}" if rate["unit"] else ""
         table.add_row(
@@ -98,11 +110,3 @@ def _comparison(rates: list[Values]) -> tuple[Text, Table]:
 def number(value: float | None) -> str:
     """A number with three digits that matter."""
     return "-" if value is None else f"{value:.3g}"
-
-
-def _table(first: str, *others: str) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column(first, style="bold")
-    for name in others:
-        table.add_column(name, justify="right")
-    return table

@@ -1,13 +1,11 @@
 """Films of simulations."""
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from overtaking.cli import arguments, options
-from overtaking.cli.output import Output, open_table
+from overtaking.cli.output import Output
+from overtaking.cli.tables import open_table
 from overtaking.core.errors import ConfigError
 from overtaking.core.words import counted
 
@@ -16,23 +14,8 @@ if TYPE_CHECKING:
 
     from overtaking.show.video.produce import Video
 
-Chosen = Annotated[
-    str | None,
-    typer.Option(
-        "--simulations",
-        metavar="LIST",
-        help=options.SIMULATIONS,
-    ),
-]
-PerClass = Annotated[
-    bool, typer.Option("--one-per-class", help="The first simulation of each class; the default.")
-]
-All = Annotated[bool, typer.Option("--all", help="Every simulation.")]
 Folder = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", metavar="FOLDER", help=f"{options.OUT} A folder.  [default: DATA/videos]"
-    ),
+    Path | None, options.option("--out FOLDER", f"{options.OUT} A folder.  [default: DATA/videos]")
 ]
 
 _MOST_LISTED = 12
@@ -42,46 +25,37 @@ _BYTES_PER_MB = 1e6
 def video(
     output: Output,
     data: options.Data,
-    simulations: Chosen = None,
-    one_per_class: PerClass = False,
-    every: All = False,
-    policy: options.OpenPolicy = None,
+    shown: options.Shown,
     out: Folder = None,
     threads: options.Threads = None,
 ) -> None:
     """Render simulations as mp4 films, seen from above."""
     from overtaking import api
 
-    chosen = choice(simulations, is_per_class=one_per_class, is_every=every)
-    begin = time.monotonic()
     with output.progress("films") as meter:
         films = api.film(
             data,
             out,
-            simulations=chosen,
-            policy=policy or "paper",
+            simulations=choice(shown, "video"),
+            policy=shown.policy or "paper",
             threads=threads,
             progress=meter,
         )
-    values = values_of(films, time.monotonic() - begin)
+    values = values_of(films) | output.duration
     output.wrote(values, lambda _: render(values))
 
 
-def choice(
-    text: str | None, where: str = "video", *, is_per_class: bool, is_every: bool
-) -> list[int] | str:
+def choice(shown: options.Shown, where: str) -> list[int] | str:
     """What was asked for, as `api.film` takes it.
 
     Args:
-        text: Numbers and ranges with commas between them, if there are any.
+        shown: The options.
         where: The command.
-        is_per_class: Whether one of each class was asked for.
-        is_every: Whether all were asked for.
 
     Raises:
         ConfigError: More than one of these, or what is no number.
     """
-    if (text is not None) + is_per_class + is_every > 1:
+    if (shown.simulations is not None) + shown.one_per_class + shown.every > 1:
         raise ConfigError.of(
             what="choice",
             where=where,
@@ -89,12 +63,11 @@ def choice(
             got="several",
             next_step="leave out the others",
         )
-    if text is None:
-        return "all" if is_every else "one-per-class"
-    return arguments.numbers(text, where) or []
+    numbers = arguments.numbers(shown.simulations, where)
+    return numbers or ("all" if shown.every else "one-per-class")
 
 
-def values_of(films: "list[Video]", seconds: float) -> dict[str, Any]:
+def values_of(films: "list[Video]") -> dict[str, Any]:
     """Summary of the films as plain values."""
     return {
         "films": [
@@ -110,7 +83,6 @@ def values_of(films: "list[Video]", seconds: float) -> dict[str, Any]:
             }
             for film in films
         ],
-        "duration_s": round(seconds, 3),
     }
 
 

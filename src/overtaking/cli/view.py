@@ -3,19 +3,15 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from overtaking.cli import options
 from overtaking.cli.output import Output
-from overtaking.cli.video import All, Chosen, PerClass, choice
+from overtaking.cli.video import choice
 from overtaking.core.words import counted
 
 if TYPE_CHECKING:
     from overtaking.show.view.write import View
 
-Page = Annotated[
-    Path, typer.Option("--export", metavar="FILE", help=f"{options.OUT} One HTML file.")
-]
+Page = Annotated[Path, options.option("--export FILE", f"{options.OUT} One HTML file.")]
 _BYTES_PER_KB, _KB_PER_MB = 1e3, 1e3
 
 
@@ -23,10 +19,7 @@ def view(
     output: Output,
     data: options.Data,
     export: Page,
-    simulations: Chosen = None,
-    one_per_class: PerClass = False,
-    every: All = False,
-    policy: options.OpenPolicy = None,
+    shown: options.Shown,
 ) -> None:
     """Write simulations as a page to look at in a browser.
 
@@ -34,13 +27,12 @@ def view(
     """
     from overtaking import api
 
-    chosen = choice(simulations, "view", is_per_class=one_per_class, is_every=every)
     with output.progress("simulations") as meter:
         page = api.write_view(
             data,
             export,
-            simulations=chosen,
-            policy=policy or "paper",
+            simulations=choice(shown, "view"),
+            policy=shown.policy or "paper",
             progress=meter,
             say=lambda size: output.say(f"the page takes {_amount(size)}: {export}"),
         )

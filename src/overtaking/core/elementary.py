@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 # so naming it here would only make the type checker refuse right code.
 F32 = NDArray[np.floating[Any]]
 F32Like = F32 | np.floating[Any]
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 _LOG2_E = np.float32(1.442_695_04)

@@ -5,9 +5,7 @@ from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
 
-from overtaking.knowledge.reader import load, read_section
-
-_FILE = "blueprints.toml"
+from overtaking.knowledge.reader import read_sections
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,5 +28,5 @@ class Blueprint:
 @cache
 def blueprints() -> Mapping[str, Blueprint]:
     """The vehicles by id, in alphabetical order."""
-    found = [read_section(Blueprint, _FILE, name) for name in load(_FILE)]
+    found = read_sections(Blueprint, "blueprints.toml").values()
     return MappingProxyType({one.blueprint: one for one in found})

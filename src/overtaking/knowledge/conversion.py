@@ -16,6 +16,7 @@ _SI_SYMBOLS = frozenset(
 # floating point allows.
 _OTHER_SYMBOLS = {
     "km": ("m", 1000.0, 1.0),
+    "Mm": ("m", 1e6, 1.0),
     "mm": ("m", 1.0, 1000.0),
     "inch": ("m", 254.0, 10000.0),
     "h": ("s", 3600.0, 1.0),

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
 
-from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge.conversion import converter
 from overtaking.knowledge.quantity import Quantity
-from overtaking.knowledge.reader import load, read_section
+from overtaking.knowledge.reader import read_section, read_sections
 
 _FILE = "paper.toml"
 
@@ -69,8 +68,8 @@ class Statement:
     Attributes:
         about: The group that it belongs to.
         text: What it is, in words.
-        standing: One of `Standing`.
-        measure: One of `Measure`.
+        standing: What it is to us.
+        measure: What is computed beside it.
         stated: The number, in SI, with the unit in which the paper has it.
         of: The feature, or for a design the input, that is measured.
         against: The other feature of a ratio or a correlation.
@@ -82,8 +81,8 @@ class Statement:
 
     about: str
     text: str
-    standing: str
-    measure: str
+    standing: Standing
+    measure: Measure
     stated: Quantity
     of: str = ""
     against: str = ""
@@ -137,23 +136,7 @@ def statements() -> Mapping[str, Statement]:
     Raises:
         KnowledgeError: A standing or a measure is unknown.
     """
-    found: dict[str, Statement] = {}
-    for name in load(_FILE)["statements"]:
-        one = read_section(Statement, _FILE, f"statements.{name}")
-        for what, got, known in (
-            ("standing", one.standing, Standing),
-            ("measure", one.measure, Measure),
-        ):
-            if got not in tuple(known):
-                raise KnowledgeError.of(
-                    what=what,
-                    where=f"{_FILE} [statements.{name}]",
-                    expected=f"one of {', '.join(known)}",
-                    got=got,
-                    next_step="correct the entry",
-                )
-        found[name] = one
-    return found
+    return read_sections(Statement, _FILE, "statements")
 
 
 @cache

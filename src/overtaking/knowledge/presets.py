@@ -3,9 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from types import MappingProxyType
 
-from overtaking.knowledge.reader import load, read_section
+from overtaking.knowledge.reader import read_sections
 
 # Our field, which carries its unit, to CARLA's, which does not.
 _CARLA_FIELDS = {
@@ -74,5 +73,4 @@ class Preset:
 @cache
 def presets() -> Mapping[str, Preset]:
     """The presets by name, the eight of the study `pinto-2023` first."""
-    names = load("presets.toml")
-    return MappingProxyType({name: read_section(Preset, "presets.toml", name) for name in names})
+    return read_sections(Preset, "presets.toml")

@@ -7,10 +7,11 @@ unknown, missing, unitless or unsourced is an error here, so that nothing above 
 import dataclasses
 import tomllib
 from collections.abc import Iterator, Mapping
+from enum import EnumType
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, TypeVar, cast, get_type_hints
+from types import MappingProxyType, UnionType
+from typing import Any, TypeVar, cast, get_args, get_type_hints
 
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge.entries import is_entry, parse_distribution, parse_quantity
@@ -60,9 +61,9 @@ def read_section(cls: type[Record], file: str | Path, section: str = "") -> Reco
     """One section of a knowledge file as a frozen dataclass.
 
     A field of type `Quantity` or `Distribution` keeps unit and source; a field of type `float`,
-    `int` or a tuple takes the value alone, in SI or in the unit that its name ends in; `str` and
-    `bool` fields are names and flags, which have no unit; a field that is itself a dataclass is
-    a subsection. A field with a default may be absent.
+    `int` or a tuple takes the value alone, in SI or in the unit that its name ends in; `str`,
+    `bool` and enumerated fields are names and flags, which have no unit; a field that is itself a
+    dataclass is a subsection. A field with a default may be absent.
 
     Args:
         cls: The dataclass to fill; its field names are the keys of the section.
@@ -87,6 +88,23 @@ def read_section(cls: type[Record], file: str | Path, section: str = "") -> Reco
             next_step="add the section",
         )
     return _fill(cls, cast("dict[str, Any]", table), where=_where(file, section))
+
+
+def read_sections(cls: type[Record], file: str | Path, section: str = "") -> Mapping[str, Record]:
+    """The tables of a section, or of a whole file, by name in the order of the file.
+
+    Args:
+        cls: The dataclass to fill for each table.
+        file: A name inside the package's data folder, or an absolute path.
+        section: Name of the section; empty for the whole file.
+
+    Raises:
+        KeyError: There is no such section.
+        KnowledgeError: A key is unknown or missing, or an entry lacks its unit or source.
+    """
+    names = load(file)[section] if section else load(file)
+    prefix = f"{section}." if section else ""
+    return MappingProxyType({name: read_section(cls, file, f"{prefix}{name}") for name in names})
 
 
 @cache
@@ -189,10 +207,9 @@ def _check_keys(got: set[str], *, allowed: set[str], required: set[str], where: 
 
 def _read(item: Any, hint: Any, name: str, where: str) -> Any:
     """One item of a table, as the type that its field declares."""
-    if hint in (str, bool):
-        if isinstance(item, hint):
-            return item
-        raise _wrong_kind(where, f"a {hint.__name__}", item)
+    hint = next((one for one in get_args(hint) if isinstance(hint, UnionType)), hint)  # Not None.
+    if hint in (str, bool) or isinstance(hint, EnumType):
+        return _word(item, hint, where)
     if dataclasses.is_dataclass(hint) and hint not in (Quantity, Distribution):
         if isinstance(item, dict) and not is_entry(item):
             return _fill(cast("type[Any]", hint), cast("dict[str, Any]", item), where=where)
@@ -203,6 +220,18 @@ def _read(item: Any, hint: Any, name: str, where: str) -> Any:
         return parse_distribution(item, name=name, where=where, sources=sources())
     quantity = parse_quantity(item, name=name, where=where, sources=sources())
     return quantity if hint is Quantity else _plain(quantity, hint, where)
+
+
+def _word(item: Any, hint: Any, where: str) -> Any:
+    """A name, a flag or a member of an enumeration."""
+    if isinstance(hint, EnumType):
+        known = [str(one) for one in hint]
+        if item in known:
+            return hint(item)
+        raise _wrong_kind(where, f"one of {', '.join(known)}", item)
+    if isinstance(item, hint):
+        return item
+    raise _wrong_kind(where, f"a {hint.__name__}", item)
 
 
 def _plain(quantity: Quantity, hint: Any, where: str) -> Any:

@@ -3,12 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from types import MappingProxyType
 
-from overtaking.knowledge.reader import load, read_section
-
-_FILE = "terms.toml"
-
+from overtaking.knowledge.reader import read_sections
 
 GROUPS = {
     "classes": "Classes",
@@ -55,6 +51,4 @@ def terms(group: str) -> Mapping[str, Term]:
         KnowledgeError: An entry lacks a word, or has one too many.
         KeyError: There is no such group.
     """
-    names = load(_FILE)[group]
-    found = {name: read_section(Term, _FILE, f"{group}.{name}") for name in names}
-    return MappingProxyType(found)
+    return read_sections(Term, "terms.toml", group)

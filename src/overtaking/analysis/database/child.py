@@ -92,7 +92,7 @@ def _connected(tables: dict[str, tuple[list[str], Any]], memory_mib: int) -> Any
     connection.execute(f"CREATE SCHEMA {SCHEMA}")
     for view in VIEWS:
         if set(view.tables) <= set(tables):
-            connection.execute(f"CREATE VIEW {SCHEMA}.{view.name} AS {view.body}")
+            connection.execute(view.statement)
     connection.execute(f"SET memory_limit = '{memory_mib}MiB'")
     for setting in _SETTINGS:
         connection.execute(setting)

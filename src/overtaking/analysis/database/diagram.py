@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape
 
-from overtaking.analysis.database.entities import Attribute, Entity, Relation, entities, relations
+from overtaking.analysis.database.entities import Attribute, Relation, entities, relations
 from overtaking.core.checks import check_name
 
 if TYPE_CHECKING:
@@ -51,9 +51,9 @@ def mermaid() -> str:
         left = "|o" if one.is_optional else "||"
         right = "o|" if one.is_single else "o{"
         lines.append(f'    {one.one} {left}--{right} {one.many} : "{", ".join(one.columns)}"')
-    for entity in entities():
-        lines.append(f"    {entity.name} {{")
-        lines += [f"        {_mermaid_row(one)}" for one in entity.attributes]
+    for name, attributes in entities().items():
+        lines.append(f"    {name} {{")
+        lines += [f"        {_mermaid_row(one)}" for one in attributes]
         lines.append("    }")
     return "\n".join(lines) + "\n"
 
@@ -83,11 +83,10 @@ def _mermaid_row(one: Attribute) -> str:
 
 def _laid_out() -> dict[str, _Box]:
     """A column for each number of steps from a table that refers to nothing."""
-    by_name = {entity.name: entity for entity in entities()}
     columns: dict[int, list[str]] = {}
-    for name in by_name:
+    for name in entities():
         columns.setdefault(_depth(name), []).append(name)
-    rows = {name: _rows(entity) for name, entity in by_name.items()}
+    rows = {name: _rows(attributes) for name, attributes in entities().items()}
     tall = {name: _HEAD + _ROW * len(shown) + _PAD for name, shown in rows.items()}
     heights = {
         depth: sum(tall[name] + _GAP_Y for name in names) - _GAP_Y
@@ -107,9 +106,9 @@ def _depth(name: str) -> int:
     return max((1 + _depth(one.one) for one in relations() if one.many == name), default=0)
 
 
-def _rows(entity: Entity) -> tuple[str, ...]:
+def _rows(attributes: tuple[Attribute, ...]) -> tuple[str, ...]:
     """The lines in the box of a table, keys first."""
-    ordered = sorted(entity.attributes, key=lambda one: not one.is_key)
+    ordered = sorted(attributes, key=lambda one: not one.is_key)
     shown = ordered if len(ordered) <= _SHOWN + 1 else ordered[:_SHOWN]
     more = len(ordered) - len(shown)
     names = tuple(f"{'*' if one.is_key else ''}{one.name}|{one.kind}" for one in shown)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from overtaking.data.tables.columns import names_of, unit_of
@@ -35,19 +36,6 @@ class Attribute:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Entity:
-    """A table.
-
-    Attributes:
-        name: Its name.
-        attributes: Its columns, in their order.
-    """
-
-    name: str
-    attributes: tuple[Attribute, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Relation:
     """A foreign key.
 
@@ -67,9 +55,9 @@ class Relation:
 
 
 @cache
-def entities() -> tuple[Entity, ...]:
-    """Every table, in the order of the schemas."""
-    return tuple(_entity(name) for name in SCHEMAS)
+def entities() -> Mapping[str, tuple[Attribute, ...]]:
+    """The columns of every table, in the order of the schemas."""
+    return MappingProxyType({name: _attributes(name) for name in SCHEMAS})
 
 
 @cache
@@ -125,23 +113,20 @@ def _relation(one: str, many: str) -> Relation:
     )
 
 
-def _entity(name: str) -> Entity:
+def _attributes(name: str) -> tuple[Attribute, ...]:
     referred = {
         column: relation.one
         for relation in relations()
         if relation.many == name
         for column in relation.columns
     }
-    return Entity(
-        name=name,
-        attributes=tuple(
-            Attribute(
-                name=field.name,
-                kind="enum" if names_of(field) else str(field.type).split("[")[0],
-                unit=unit_of(field),
-                is_key=field.name in KEYS[name],
-                refers_to=referred.get(field.name),
-            )
-            for field in SCHEMAS[name]
-        ),
+    return tuple(
+        Attribute(
+            name=field.name,
+            kind="enum" if names_of(field) else str(field.type).split("[")[0],
+            unit=unit_of(field),
+            is_key=field.name in KEYS[name],
+            refers_to=referred.get(field.name),
+        )
+        for field in SCHEMAS[name]
     )

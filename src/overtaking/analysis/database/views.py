@@ -1,13 +1,13 @@
-"""The source paper's entities, in its units and with its names, as views of our tables.
+"""The source paper's entities as views of our tables, which `views.sql` declares.
 
-They have a schema of their own, `paper`, because SQL does not distinguish `Frames` from `frames`. A
-tuple of the paper becomes a column for each part. Vehicles have the numbers of our tables, in which
-the ego is 0.
+They have a schema of their own, `paper`, because SQL does not distinguish `Frames` from `frames`.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from pathlib import Path
 
 SCHEMA = "paper"
 """Name of the schema of these views."""
@@ -20,64 +20,24 @@ class View:
     Attributes:
         name: Its name in the paper.
         tables: The tables that it reads.
-        body: Its query.
+        statement: What creates it.
     """
 
     name: str
     tables: tuple[str, ...]
-    body: str
+    statement: str
 
 
-VIEWS = (
+VIEWS = tuple(
     View(
-        name="Simulations",
-        tables=("simulations", "labels"),
-        body="""
-            SELECT simulation AS S, 0 AS IDego, num_vehicles AS NV, weather AS W, class AS CLASS
-            FROM main.simulations LEFT JOIN main.labels USING (simulation)
-            WHERE policy = 'paper'
-        """,
-    ),
-    View(
-        name="Weather",
-        tables=("weather",),
-        body="""
-            SELECT weather AS W, rain_percent AS Prec, fog_percent AS Fog, wind_percent AS Wind,
-                CASE WHEN night THEN 'Night' ELSE 'Day' END AS DN,
-                CASE WHEN horizon_line THEN 'Yes' ELSE 'No' END AS HL
-            FROM main.weather
-        """,
-    ),
-    View(
-        name="Frames",
-        tables=("frames",),
-        body="SELECT simulation AS S, frame AS F, time_ms / 1000.0::DOUBLE AS TS FROM main.frames",
-    ),
-    View(
-        name="EgoVehicle",
-        tables=("frames",),
-        body="""
-            SELECT simulation AS S, frame AS F, 0 AS IDego, speed_limit_mps * 3.6::DOUBLE AS MV,
-                right_line AS RT, left_line AS LT, lane_width_m AS LW,
-                right_lane_width_m AS LWR, left_lane_width_m AS LWL, collided_with AS C,
-                CAST(overtaking AS INTEGER) AS OV
-            FROM main.frames
-        """,
-    ),
-    View(
-        name="Vehicles",
-        tables=("states", "vehicles"),
-        # CARLA's axes are left-handed: what turns or lies to the left is negative there.
-        body="""
-            SELECT simulation AS S, frame AS F, vehicle AS ID, kind AS Type, colour AS Colour,
-                length_m AS DimLength, width_m AS DimWidth, height_m AS DimHeight,
-                x_mm / 1000.0::DOUBLE AS Lx, -y_mm / 1000.0::DOUBLE AS Ly, lane_id AS Llane,
-                speed_mmps * 0.0036::DOUBLE AS V,
-                -degrees(wheel_angle_100urad / 10000.0) AS Dwheel,
-                -degrees(heading_100urad / 10000.0) AS Dyaw,
-                sqrt(accel_lon_mmps2::DOUBLE ** 2 + accel_lat_mmps2::DOUBLE ** 2) / 1000.0 AS A
-            FROM main.states JOIN main.vehicles USING (simulation, vehicle)
-        """,
-    ),
+        name=found[1],
+        tables=tuple(re.findall(r"main\.(\w+)", found[0])),
+        statement=found[0],
+    )
+    for found in re.finditer(
+        rf"^CREATE VIEW {SCHEMA}\.(\w+) AS\n[^;]*",
+        Path(__file__).with_suffix(".sql").read_text(encoding="utf-8"),
+        re.MULTILINE,
+    )
 )
 """The entities of the paper's diagram; those whose tables were not kept are left out."""

@@ -4,15 +4,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking.analysis.learning.attributes import Attribute
 from overtaking.analysis.learning.cuts import supervised_cuts
 from overtaking.analysis.learning.examples import Examples
 from overtaking.analysis.learning.wording import condition_text, rounded
-
-F64 = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from overtaking.core.elementary import Mask
 
 _LEAST_SHARE = 0.002
 """Least share of examples that must meet a condition, and that must fail it."""

@@ -26,11 +26,10 @@ from numpy.typing import NDArray
 
 from overtaking.analysis.learning.conditions import Condition, Rule, RuleSet
 from overtaking.analysis.learning.examples import Examples
+from overtaking.core.elementary import F64, Mask
 from overtaking.core.steps import Progress, Steps
 
 F32 = NDArray[np.float32]
-F64 = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Numbers = tuple[int, ...]
 """A rule as the indices of its conditions."""
 

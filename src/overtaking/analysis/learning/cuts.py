@@ -1,11 +1,8 @@
 """Supervised cuts of a number: borders between which the share of a class changes."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-Mask = NDArray[np.bool_]
+from overtaking.core.elementary import F64, I64, Mask
 
 MAX_DEPTH = 3
 """Depth of cuts within cuts: at most seven in all."""

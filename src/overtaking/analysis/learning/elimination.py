@@ -17,8 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.analysis.learning.examples import Examples
-from overtaking.analysis.learning.models import Mask, Outcomes, Split, predicted_right, split
+from overtaking.analysis.learning.models import Outcomes, Split, predicted_right, split
 from overtaking.analysis.learning.scores import grouped_interval
+from overtaking.core.elementary import Mask
 
 Factors = Mapping[str, tuple[str, ...]]
 

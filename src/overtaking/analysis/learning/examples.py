@@ -4,16 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from overtaking.analysis.learning.attributes import ATTRIBUTES, BY_NAME, DERIVED, Attribute
 from overtaking.analysis.learning.targets import Target, is_asked
+from overtaking.core.elementary import F64, I64, Mask
 from overtaking.core.errors import DatasetError
 from overtaking.data.load import Dataset
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 _PART = r"(?: frames \d+ to \d+)? vehicles [\d ]*$"
 """The end of a `source_recording`: the part of the recording."""

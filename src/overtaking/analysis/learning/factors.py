@@ -10,10 +10,11 @@ from overtaking.analysis.learning import models as ml
 from overtaking.analysis.learning.attributes import Attribute
 from overtaking.analysis.learning.elimination import Factors, Ranked, Ranking, num_fits
 from overtaking.analysis.learning.examples import Examples, refuse_too_few
-from overtaking.analysis.learning.models import F64, I64, MODELS, Model, Outcomes, Split
+from overtaking.analysis.learning.models import MODELS, Model, Outcomes, Split
 from overtaking.analysis.learning.scores import grouped_interval
 from overtaking.analysis.learning.targets import Target, is_ended
 from overtaking.analysis.stats.columns import ALL_CLASSES
+from overtaking.core.elementary import F64, I64
 from overtaking.core.plain import plain
 from overtaking.core.steps import Progress, Steps
 from overtaking.core.summary import Summarized

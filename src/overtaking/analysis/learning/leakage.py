@@ -5,16 +5,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from overtaking.analysis.learning.attributes import BY_NAME, FACTORS
+from overtaking.core.elementary import F64
 from overtaking.core.errors import ConfigError
 from overtaking.model.vehicles import Role
 
 if TYPE_CHECKING:
     from overtaking.data.load import Dataset
 
-F64 = NDArray[np.float64]
 
 OF_WHOLE_RUN = ("SE", "SP", "DSEP", "D", "OLR", "WT")
 """Features that the paper averages over the whole run where there is no attempt."""

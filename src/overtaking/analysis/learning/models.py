@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 
 from overtaking.analysis.learning.attributes import Attribute
 from overtaking.core.checks import check_name
+from overtaking.core.elementary import F64, I64, Mask
 from overtaking.core.errors import MissingExtraError
 
 if TYPE_CHECKING:
     from sklearn.base import BaseEstimator
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 Outcomes = NDArray[Any]
 Attributes = tuple[Attribute, ...]
 Split = tuple[I64, I64]

@@ -13,16 +13,12 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from overtaking.analysis.learning.conditions import Condition, conditions_of
 from overtaking.analysis.learning.covering import MAX_CONDITIONS, MAX_RULES
 from overtaking.analysis.learning.examples import Examples, refuse_too_few
 from overtaking.analysis.learning.targets import Target
+from overtaking.core.elementary import Mask
 from overtaking.core.folders import put_file, whole_folder
-
-Mask = NDArray[np.bool_]
 
 MAX_PREDICATES = 60
 """Predicates of the body: Popper's search grows with every one."""

@@ -9,9 +9,10 @@ from overtaking.analysis.learning import models as ml
 from overtaking.analysis.learning.conditions import Rule, RuleSet, conditions_of
 from overtaking.analysis.learning.covering import MAX_CONDITIONS, MAX_RULES, cover
 from overtaking.analysis.learning.examples import Examples, refuse_too_few
-from overtaking.analysis.learning.models import F64, TREES, Mask, Split
+from overtaking.analysis.learning.models import TREES, Split
 from overtaking.analysis.learning.scores import Score, best_threshold, score
 from overtaking.analysis.learning.targets import Target
+from overtaking.core.elementary import F64, Mask
 from overtaking.core.steps import Progress
 from overtaking.core.summary import Summarized
 

@@ -3,16 +3,13 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from overtaking.core.checks import check_name
+from overtaking.core.elementary import Mask
 from overtaking.model.labels import OvertakeClass
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Mask = NDArray[np.bool_]
 
 _OPEN = (OvertakeClass.CENSORED.title, OvertakeClass.SUCCESS_U.title)
 

@@ -15,12 +15,13 @@ from overtaking.analysis.logic.reasoning import (
     ProgramError,
     Reasoner,
 )
-from overtaking.analysis.logic.source import I64, groups
+from overtaking.analysis.logic.source import groups
 from overtaking.core.bounds import room_after
 from overtaking.core.checks import check_least
 from overtaking.core.summary import Summarized
 
 if TYPE_CHECKING:
+    from overtaking.core.elementary import I64
     from overtaking.core.steps import Progress
     from overtaking.data.load import Dataset
 

@@ -9,6 +9,7 @@ Every argument has a type with a range. The ranges of variables and of all compu
 from __future__ import annotations
 
 from itertools import permutations
+from operator import add, mul, sub
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from overtaking.analysis.logic.clauses import declared, kind, reasoner, within
@@ -21,7 +22,8 @@ Range = tuple[int, int]
 
 _ANY: Range = (-LARGEST - 1, LARGEST)
 _EQUAL = 5  # clingo.ast.ComparisonOperator.Equal
-_PLUS, _MINUS, _TIMES, _DIVIDED, _MODULO = 3, 4, 5, 6, 7  # clingo.ast.BinaryOperator
+_MONOTONE = {3: add, 4: sub, 5: mul}  # clingo.ast.BinaryOperator
+_DIVIDED, _MODULO = 6, 7
 _NEGATED, _ABSOLUTE = 0, 2  # clingo.ast.UnaryOperator
 _ASSIGNMENTS = 8
 """Most assignments in a chain from which the range of a variable follows."""
@@ -112,13 +114,9 @@ def _unary(tree: Any, of: Range) -> Range:
 
 def _binary(tree: Any, left: Range, right: Range) -> Range:
     operator = tree.operator_type
-    if operator == _PLUS:
-        return left[0] + right[0], left[1] + right[1]
-    if operator == _MINUS:
-        return left[0] - right[1], left[1] - right[0]
-    if operator == _TIMES:
-        products = [a * b for a in left for b in right]
-        return min(products), max(products)
+    if operator in _MONOTONE:  # In each argument: the extremes lie at the ends of the ranges.
+        found = [_MONOTONE[operator](a, b) for a in left for b in right]
+        return min(found), max(found)
     size = max(abs(left[0]), abs(left[1]))
     if operator == _DIVIDED:
         return -size, size

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from overtaking.analysis.logic import vocabulary as words
 from overtaking.analysis.logic.export import PROGRAMS
@@ -29,25 +29,17 @@ _DECLARED = re.compile(r"%: (\w+)\(([^)]*)\)")
 _PREAMBLE = "#const ego = 0.\n"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Term:
-    """An argument: a constant, a variable, or a computed term.
-
-    Attributes:
-        constant: Text of a constant, else None.
-        variable: Name of a variable, else None.
-    """
-
-    constant: str | None = None
-    variable: str | None = None
-
-
 @dataclass(frozen=True, slots=True)
 class Atom:
-    """A predicate with arguments in a rule."""
+    """A predicate in a rule.
+
+    Attributes:
+        name: Its name.
+        arguments: Each the text of a constant, the name of a variable, or None if it is computed.
+    """
 
     name: str
-    arguments: tuple[Term, ...]
+    arguments: Pattern
 
     @property
     def signature(self) -> Signature:
@@ -56,10 +48,7 @@ class Atom:
 
     def pattern(self, binding: dict[str, str]) -> Pattern:
         """The constants among its arguments, given the values of some variables."""
-        return tuple(
-            term.constant if term.variable is None else binding.get(term.variable)
-            for term in self.arguments
-        )
+        return tuple(binding.get(one) if _is_variable(one) else one for one in self.arguments)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,8 +74,9 @@ class Clause:
         for head in self.heads:
             if head.signature == (name, len(pattern)):
                 asked = [pair for pair in zip(head.arguments, pattern, strict=True) if pair[1]]
-                if all(term.constant in (None, value) for term, value in asked):
-                    yield {one.variable: value for one, value in asked if one.variable and value}
+                bound = {one: value for one, value in asked if one and value and _is_variable(one)}
+                if all(one in (None, value) or one in bound for one, value in asked):
+                    yield bound
 
 
 def reasoner() -> Any:
@@ -153,7 +143,7 @@ def _atoms_in(trees: Iterable[Any]) -> Iterator[Atom]:
         if kind(tree) == "SymbolicAtom":
             symbol = tree.symbol
             for one in symbol.arguments if kind(symbol) == "Pool" else (symbol,):
-                yield Atom(one.name, tuple(_term(each) for each in one.arguments))
+                yield Atom(one.name, tuple(_text(each) for each in one.arguments))
 
 
 def kind(tree: Any) -> str:
@@ -179,11 +169,16 @@ def children(tree: Any) -> Iterator[Any]:
             yield from part
 
 
-def _term(tree: Any) -> Term:
-    """An argument as it is written."""
+def _text(tree: Any) -> str | None:
+    """An argument of an atom, as in `Atom`."""
     if kind(tree) == "Variable":
-        return Term(variable=tree.name)
-    return Term(constant=str(tree.symbol) if kind(tree) == "SymbolicTerm" else None)
+        return tree.name
+    return str(tree.symbol) if kind(tree) == "SymbolicTerm" else None
+
+
+def _is_variable(argument: str | None) -> TypeGuard[str]:
+    """Whether an argument of an atom is a variable, which begins with a capital letter."""
+    return argument is not None and (argument == "_" or argument.lstrip("_")[:1].isupper())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

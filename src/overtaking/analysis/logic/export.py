@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from overtaking.analysis.logic import facts as writing
-from overtaking.analysis.logic.source import I64, Group, groups
+from overtaking.analysis.logic.source import Group, groups
 from overtaking.core.checks import check_least
 from overtaking.core.folders import put_file, whole_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
+    from overtaking.core.elementary import I64
     from overtaking.core.steps import Progress
     from overtaking.data.load import Dataset
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from overtaking.core.elementary import F32, Mask
+    from numpy.typing import NDArray
 
-I64 = NDArray[np.int64]
+    from overtaking.core.elementary import F32, I64, Mask
+
 
 _PER_UNIT = 1000.0
 

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from overtaking.model.road import Lane, Road
     from overtaking.model.trajectory import Trajectories
 
-I64 = NDArray[np.int64]
 Index = NDArray[np.intp]
 Columns = tuple[NDArray[np.integer], ...]
 """The arguments of the facts of one predicate; constants as their codes."""

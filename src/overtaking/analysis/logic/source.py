@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking.analysis.logic.vocabulary import CLASS, OUTCOME, POLICY
 from overtaking.data.tables.files import read_rows
@@ -15,10 +14,12 @@ from overtaking.labels.events import case_of
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from numpy.typing import NDArray
+
+    from overtaking.core.elementary import I64
     from overtaking.data.load import Dataset
     from overtaking.model.labels import Case
 
-I64 = NDArray[np.int64]
 
 GROUP_SIZE = 64
 """Simulations whose facts are in memory at a time, as columns and as text."""

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import warnings
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from overtaking.analysis.reproduction.replicates import SIZE, Replicates, members
 from overtaking.knowledge.paper import Measure, Statement
 
-F64 = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+if TYPE_CHECKING:
+    from overtaking.core.elementary import F64, Mask
 
 POLICY = "paper"
 """The policy whose classes are compared: it decides by the paper's columns."""
@@ -70,18 +70,10 @@ def spearman(one: F64, other: F64) -> F64:
         are left out.
     """
     gaps = np.isnan(one) | np.isnan(other)
-    ranks = [_centred_ranks(np.where(gaps, np.nan, values)) for values in (one, other)]
-    product, *squares = (
-        np.nansum(a * b, axis=1)
-        for a, b in ((ranks[0], ranks[1]), (ranks[0], ranks[0]), (ranks[1], ranks[1]))
+    first, second = (
+        pd.DataFrame(np.where(gaps, np.nan, values)).rank(axis=1) for values in (one, other)
     )
-    scale = np.sqrt(squares[0] * squares[1])
-    return np.where(scale > 0.0, product / np.where(scale > 0.0, scale, 1.0), np.nan)
-
-
-def _centred_ranks(values: F64) -> F64:
-    ranks = pd.DataFrame(values).rank(axis=1).to_numpy()
-    return ranks - _mean(ranks)[:, None]
+    return np.asarray(first.corrwith(second, axis=1), dtype=np.float64)
 
 
 def p_value(rho: F64, size: int) -> F64:

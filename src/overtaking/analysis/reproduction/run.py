@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking.analysis.reproduction import hidden
 from overtaking.analysis.reproduction.designs import designs
@@ -25,11 +24,11 @@ from overtaking.knowledge.paper import COUNTS, Measure, Statement, calibration, 
 from overtaking.knowledge.reader import load
 
 if TYPE_CHECKING:
+    from overtaking.core.elementary import F64
     from overtaking.data.recipe import Simulator
     from overtaking.model.road import Road
     from overtaking.scenarios import Spec
 
-F64 = NDArray[np.float64]
 
 STUDIES = ("pinto2023",)
 """Studies that can be reproduced; each is a profile too."""

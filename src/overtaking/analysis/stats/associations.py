@@ -9,20 +9,20 @@ million simulations a matter of seconds, and because dython gives no p-values.
 import math
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from overtaking.analysis.stats.columns import ALL_CLASSES, BY_NAME, CLASS, FEATURES
 from overtaking.analysis.stats.moments import sums
-from overtaking.analysis.stats.sample import Mask, Sample
+from overtaking.analysis.stats.sample import Sample
 from overtaking.analysis.stats.table import Style, Table
+from overtaking.core.elementary import F64, I64, Mask
 from overtaking.core.errors import MissingExtraError
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 ALPHA = 0.05
 """The paper's level of significance."""

@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from overtaking.core.elementary import F64
 from overtaking.model.events import NEVER, Events
 from overtaking.model.road import RoadMark
 from overtaking.model.trajectory import METRES_PER_STEP, NO_VEHICLE, Trajectories
 from overtaking.model.vehicles import Role
-
-F64 = NDArray[np.float64]
 
 _MS_PER_S = 1000.0
 

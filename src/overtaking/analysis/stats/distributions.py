@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from overtaking.analysis.stats.columns import BY_NAME, CLASS, EGO_TYPES, NUMERIC, Feature
 from overtaking.analysis.stats.moments import quantiles, sums
-from overtaking.analysis.stats.sample import Mask, Sample
-
-F64 = NDArray[np.float64]
+from overtaking.analysis.stats.sample import Sample
+from overtaking.core.elementary import F64, Mask
 
 MAX_BINS = 24
 MAX_BARS = 8
@@ -212,26 +211,15 @@ def typical(sample: Sample) -> dict[str, int]:
     It is the one whose numeric features lie nearest to the medians of its class, each measured in
     the spread of the whole sample; of equals the first.
     """
-    distance = np.zeros(len(sample))
-    codes = sample.codes(CLASS)
-    for feature in NUMERIC:
-        values = sample.values(feature.name)
-        spread = np.nanstd(values) if (~np.isnan(values)).any() else 0.0
-        if spread > 0.0:
-            distance += np.abs(values - _median_of_class(values, codes)) / spread
-    distance = np.where(np.isnan(distance), np.inf, distance)
+    numbers = sample.frame[[one.name for one in NUMERIC]]
+    spread = numbers.std(ddof=0)
+    numbers, spread = numbers.loc[:, spread > 0.0], spread[spread > 0.0]
+    medians = numbers.groupby(sample.frame[CLASS], observed=True).transform("median")
+    away = ((numbers - medians).abs() / spread).sum(axis=1, skipna=False)
+    distance = away.fillna(np.inf).to_numpy()
     found: dict[str, int] = {}
     for name, of in sample.groups():
         if of.any():
             positions = np.flatnonzero(of)
             found[name] = int(positions[np.argmin(distance[positions])])
     return found
-
-
-def _median_of_class(values: F64, codes: NDArray[np.int64]) -> F64:
-    """For each simulation the median of its class, 0 where the class has no value."""
-    medians = np.zeros(len(values))
-    for code in np.unique(codes):
-        known = values[(codes == code) & ~np.isnan(values)]
-        medians[codes == code] = np.median(known) if len(known) else 0.0
-    return medians

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from overtaking.analysis.stats.columns import BY_NAME, CENSORED, NOMINAL, WEATHER
-from overtaking.analysis.stats.sample import Mask, Sample
+from overtaking.analysis.stats.sample import Sample
+from overtaking.core.elementary import Mask
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from overtaking.core.elementary import F64
 
 Z95 = 1.959963984540054  # The 97.5 % point of the normal distribution.
 

@@ -17,10 +17,8 @@ from overtaking.analysis.stats.columns import (
     PAPER_CLASSES,
     WEIGHT,
 )
+from overtaking.core.elementary import F64, Mask
 from overtaking.core.errors import SchemaError
-
-F64 = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _WHERE = "features"
 _MAX_SHOWN = 5

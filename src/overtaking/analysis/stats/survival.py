@@ -5,14 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from overtaking.analysis.stats.columns import CLASS, NO_ATTEMPT
 from overtaking.analysis.stats.moments import Z95, sums
 from overtaking.analysis.stats.sample import Sample
-
-F64 = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from overtaking.core.elementary import F64, Mask
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

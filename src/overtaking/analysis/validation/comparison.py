@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from statistics import NormalDist
 from typing import Any
 
-from overtaking.analysis.validation.figures import DEFINITIONS, Definition, Statistic
+from overtaking.analysis.validation.figures import DEFINITIONS, Statistic
 from overtaking.analysis.validation.overtakes import STRATA, cell
 from overtaking.analysis.validation.tally import GROUPS, Tally, ratio
 from overtaking.model.labels import OvertakeClass
@@ -69,8 +69,8 @@ def compare(weighted: Tally, natural: Tally) -> tuple[Rate, ...]:
     both = (weighted, natural)
     common = [
         one
-        for one, name, place in _candidates()
-        if min(tally.groups_with(name, place) for tally in both) >= LEAST_GROUPS
+        for one in _candidates()
+        if min(tally.groups_with(one.counts, one.place) for tally in both) >= LEAST_GROUPS
     ]
     reach = student(1.0 - 0.5 * LEVEL / max(1, len(common)), GROUPS - 1)
     return tuple(_rate(one, weighted, natural, reach) for one in common)
@@ -89,7 +89,7 @@ def student(probability: float, freedom: int) -> float:
     return x + first / freedom + second / freedom**2 + third / freedom**3
 
 
-def _rate(one: Definition, weighted: Tally, natural: Tally, reach: float) -> Rate:
+def _rate(one: _Candidate, weighted: Tally, natural: Tally, reach: float) -> Rate:
     (there, spread), (here, other) = (tally.spread(one.statistic) for tally in (weighted, natural))
     half = reach * math.hypot(spread, other)
     return Rate(
@@ -102,21 +102,40 @@ def _rate(one: Definition, weighted: Tally, natural: Tally, reach: float) -> Rat
     )
 
 
-def _candidates() -> list[tuple[Definition, str, int]]:
-    """The rates that may be compared, each with the sum and the bin that must not be empty."""
-    found = [(one, one.counts, -1) for one in DEFINITIONS if one.counts]
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    """A rate that may be compared; `counts` is the sum whose bin at `place` must not be empty."""
+
+    title: str
+    statistic: Statistic
+    counts: str
+    place: int = -1
+    unit: str = ""
+    scale: float = 1.0
+
+
+def _candidates() -> list[_Candidate]:
+    """The figures that are properties of the traffic, and the classes in each stratum."""
+    found = [
+        _Candidate(
+            one.target.what,
+            one.statistic,
+            one.counts,
+            unit=one.target.unit,
+            scale=one.target.scale,
+        )
+        for one in DEFINITIONS
+        if one.counts
+    ]
     for row, stratum in enumerate(STRATA):
         if row > 0:
-            share = Definition(
-                f"{stratum} share", f"simulations: {stratum}", _share("stratum", row, 0)
-            )
-            found.append((share, "stratum", row))
+            title = f"simulations: {stratum}"
+            found.append(_Candidate(title, _share("stratum", row, 0), "stratum", row))
         there = f", {stratum}" if row > 0 else ""
         for kind in OvertakeClass:
             place = cell(row, kind)
-            title = f"{kind.title}{there}"
-            share = Definition(f"{stratum} {kind.title}", title, _share("classes", place, row))
-            found.append((share, "classes", place))
+            share = _share("classes", place, row)
+            found.append(_Candidate(f"{kind.title}{there}", share, "classes", place))
     return found
 
 

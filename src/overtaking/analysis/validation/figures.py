@@ -1,7 +1,7 @@
-"""The figures of a profile: declarations, and values with interval, target and verdict.
+"""The figures of a profile: how each is computed, and values with interval, target and verdict.
 
-A figure is declared once, in `DEFINITIONS`. Its target, with limits and source, is the entry of the
-same name in `validation.toml`; the sums that its statistic reads are added in `traffic` and
+The entry of the same name in `validation.toml` says what a figure is, its unit, its limits with
+their sources, and its standing. The sums that a statistic reads are added in `traffic` and
 `overtakes`.
 """
 
@@ -10,15 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.analysis.validation.tally import F64, Tally, quantile, ratio
+from overtaking.analysis.validation.tally import Tally, quantile, ratio
 from overtaking.analysis.validation.traffic import ACCEL_WIDTH, CHANGE_WIDTH, GAP_WIDTH
 from overtaking.core.plain import plain
-from overtaking.core.units import kmh_from_mps
-from overtaking.knowledge import Quantity, quantities
+from overtaking.knowledge.validation import Standing, Target, targets
+
+if TYPE_CHECKING:
+    from overtaking.core.elementary import F64
 
 Statistic = Callable[[Tally], float]
 """A number computed from a tally."""
@@ -29,19 +31,21 @@ class Figure:
     """One figure of a profile.
 
     Attributes:
-        name: Its name, as in `validation.toml` where it has a target.
+        name: Its name, as in `validation.toml`.
         title: Its description.
+        standing: What a value within the limits says of the drivers.
         unit: Unit of all its numbers; empty for a share or a count.
         value: The number; NaN if nothing was counted.
         low: Lower limit of its 95 % confidence interval, at least 0.
         high: Upper limit.
-        target_low: Lower limit of the target, None without one.
-        target_high: Upper limit of the target, None without one.
+        target_low: Lower limit of the target, None if it is open.
+        target_high: Upper limit of the target, None if it is open.
         source: Source of the target; empty without one.
     """
 
     name: str
     title: str
+    standing: Standing
     unit: str
     value: float
     low: float
@@ -52,7 +56,7 @@ class Figure:
 
     @property
     def met(self) -> bool | None:
-        """Whether the value meets the target; None without a target."""
+        """Whether the value lies within the target; None without a target."""
         if self.target_low is None and self.target_high is None:
             return None
         above = self.target_low is None or self.value >= self.target_low
@@ -73,44 +77,41 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """The declaration of a figure; `validation.toml` has the limits and source of its target.
+    """How a figure is computed; `validation.toml` says what it is, in which unit and limits.
 
     Attributes:
-        name: Its name, as in `validation.toml` where it has a target.
-        title: Its description.
+        name: Its name, as in `validation.toml`.
         statistic: The number, from a tally.
-        unit: Unit in which it is shown; empty for a share or a count.
-        scale: The number in that unit over the number in SI.
         counts: The sum in the tally that must not be empty for two profiles to be compared in it;
             empty for a figure that is not a property of the traffic.
     """
 
     name: str
-    title: str
     statistic: Statistic
-    unit: str = ""
-    scale: float = 1.0
     counts: str = ""
 
-    def target(self, side: str) -> Quantity | None:
-        """The `low` or `high` limit that published measurements set [SI]; None without one."""
-        entry = quantities("validation.toml").get(f"targets.{self.name}.{side}")
-        return entry if isinstance(entry, Quantity) else None
+    @property
+    def target(self) -> Target:
+        """Its description, unit, limits and standing."""
+        return targets()[self.name]
 
     def measured(self, tally: Tally) -> Figure:
-        """The figure of a tally, with its interval and target."""
-        value, low, high = (float(self.scale * number) for number in tally.estimate(self.statistic))
-        limits = least, most = self.target("low"), self.target("high")
+        """The figure of a tally, with its interval, target and standing."""
+        target = self.target
+        value, low, high = (
+            float(target.scale * number) for number in tally.estimate(self.statistic)
+        )
         return Figure(
             name=self.name,
-            title=self.title,
-            unit=self.unit,
+            title=target.what,
+            standing=target.standing,
+            unit=target.unit,
             value=value,
             low=low if math.isnan(low) else max(low, 0.0),
             high=high,
-            target_low=least and self.scale * least.number,
-            target_high=most and self.scale * most.number,
-            source=next((one.source for one in reversed(limits) if one), ""),
+            target_low=target.low and target.scale * target.low.number,
+            target_high=target.high and target.scale * target.high.number,
+            source=target.source,
         )
 
 
@@ -146,112 +147,34 @@ def _effective_share(tally: Tally) -> float:
     return float(weights * weights / (squares * number)) if number else float("nan")
 
 
-RATE = Definition(
-    "lane_changes_per_km", "lane changes per vehicle-km", _share("changes", "metres"), "1/km", 1e3
-)
+RATE = Definition("lane_changes_per_km", _share("changes", "metres"))
 """Measured on rings where there are some, because the published rates are of steady traffic."""
 
-RING_TITLE = "lane changes per vehicle-km, steady at 15 to 25 vehicles/km/lane"
-
-OWN_RATE = Definition(
-    "own_lane_changes_per_km",
-    "lane changes per vehicle-km at the profile's own densities",
-    _share("changes", "metres"),
-    "1/km",
-    1e3,
-    counts="changes",
-)
+OWN_RATE = Definition("own_lane_changes_per_km", RATE.statistic, "changes")
 """Shown beside a rate that was measured on rings."""
 
 DEFINITIONS = (
     OWN_RATE,
+    Definition("lane_change_duration", _mean_duration, "durations"),
+    Definition("lane_change_lognormal", _distance_from_lognormal),
     Definition(
-        "lane_change_duration",
-        "mean duration of a lane change",
-        _mean_duration,
-        "s",
-        counts="durations",
+        "gap_time", lambda tally: quantile(tally.total("gap_times"), 0.5, GAP_WIDTH), "gap_times"
     ),
-    Definition(
-        "lane_change_lognormal",
-        "distance of the durations from a lognormal",
-        _distance_from_lognormal,
-    ),
-    Definition(
-        "gap_time",
-        "median time gap of who follows",
-        lambda tally: quantile(tally.total("gap_times"), 0.5, GAP_WIDTH),
-        "s",
-        counts="gap_times",
-    ),
-    Definition(
-        "short_ttc",
-        "time to collision below 3 s, share of the time behind another",
-        _share("critical", "behind"),
-        counts="critical",
-    ),
-    Definition(
-        "passing_speed",
-        "how much faster a car is than the car it begins to pass",
-        _share("passing_speed", "passing"),
-        "km/h",
-        kmh_from_mps(1.0),
-        counts="passing",
-    ),
+    Definition("short_ttc", _share("critical", "behind"), "critical"),
+    Definition("passing_speed", _share("passing_speed", "passing"), "passing"),
     Definition(
         "lateral_accel",
-        "95th percentile of the lateral acceleration",
         lambda tally: quantile(tally.total("lateral"), 0.95, ACCEL_WIDTH),
-        "m/s^2",
-        counts="lateral",
+        "lateral",
     ),
-    Definition(
-        "usual_accel",
-        "longitudinal acceleration in -3 to 2 m/s^2, share of the uncritical time",
-        _share("usual", "calm"),
-        counts="usual",
-    ),
-    Definition(
-        "impossible_accel",
-        "simulations with more than 11 m/s^2",
-        _share("impossible", "simulations"),
-    ),
-    Definition(
-        "flying_share",
-        "flying overtakes, share of all",
-        _share("flying", "overtakes"),
-        counts="flying",
-    ),
-    Definition(
-        "open_at_end",
-        "overtakes that are open at the end",
-        _share("open", "attempts"),
-        counts="open",
-    ),
-    Definition(
-        "effective_share",
-        "effective number of simulations over their number",
-        _effective_share,
-    ),
-    Definition(
-        "contacts",
-        "contacts per 1,000 vehicle-km",
-        _share("contacts", "metres"),
-        "1/Mm",
-        1e6,
-        counts="contacts",
-    ),
-    Definition(
-        "edges",
-        "time in which the ego sees where the traffic ends",
-        _share("edges", "frames"),
-    ),
-    Definition(
-        "attempts",
-        "simulations with an attempt",
-        _share("attempts", "simulations"),
-        counts="attempts",
-    ),
+    Definition("usual_accel", _share("usual", "calm"), "usual"),
+    Definition("impossible_accel", _share("impossible", "simulations")),
+    Definition("flying_share", _share("flying", "overtakes"), "flying"),
+    Definition("open_at_end", _share("open", "attempts"), "open"),
+    Definition("effective_share", _effective_share),
+    Definition("contacts", _share("contacts", "metres"), "contacts"),
+    Definition("edges", _share("edges", "frames")),
+    Definition("attempts", _share("attempts", "simulations"), "attempts"),
 )
 """The figures, in the order in which they are shown."""
 
@@ -266,5 +189,6 @@ def figures(open_road: Tally, ring: Tally | None) -> list[Figure]:
     """
     if ring is None:
         return [one.measured(open_road) for one in (RATE, *DEFINITIONS) if one is not OWN_RATE]
-    rate = replace(RATE, title=RING_TITLE).measured(ring)
-    return [rate, *(one.measured(open_road) for one in DEFINITIONS)]
+    rate = RATE.measured(ring)
+    title = f"{rate.title}, steady at 15 to 25 vehicles/km/lane"
+    return [replace(rate, title=title), *(one.measured(open_road) for one in DEFINITIONS)]

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-F64: TypeAlias = NDArray[np.float64]
+    from overtaking.core.elementary import F64
+
 Array: TypeAlias = NDArray[Any]
 
 GROUPS = 20

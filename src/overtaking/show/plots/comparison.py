@@ -258,7 +258,7 @@ def draw_validation(found: Validation) -> Figure:
     for axes, figure in zip(panels, judged, strict=True):
         _draw_strip(axes, figure)
     drawing.suptitle(
-        f"{found.profile}: {found.simulations:,} simulations beside measured traffic",
+        f"{found.profile}: {found.simulations:,} simulations beside the limits of each figure",
         x=0.02,
         ha="left",
         fontsize=9.0,
@@ -284,7 +284,8 @@ def _draw_strip(axes: Axes, figure: Measured) -> None:
     axes.grid(visible=False)
     axes.spines[["left"]].set_visible(False)
     unit = f" {figure.unit}" if figure.unit else ""
-    unit, title = (text.replace("^2", "²") for text in (unit, figure.title))
+    described = f"{figure.title} ({figure.standing})"
+    unit, title = (text.replace("^2", "²") for text in (unit, described))
     axes.set_title(title, fontweight="normal", fontsize=7.5, color=INK, pad=2.0)
     said = f"{figure.value:.3g}{unit}" if not math.isnan(figure.value) else "nothing counted"
     axes.text(1.0, 1.02, said, transform=axes.transAxes, ha="right", va="bottom", color=colour)

@@ -16,14 +16,14 @@ PAIRS = {(one.one, one.many): one for one in relations()}
 
 
 def test_every_column_of_every_table_is_an_attribute():
-    assert {one.name: [each.name for each in one.attributes] for one in entities()} == {
+    assert {name: [each.name for each in columns] for name, columns in entities().items()} == {
         name: schema.names for name, schema in SCHEMAS.items()
     }
 
 
 def test_the_keys_are_those_of_the_tables():
-    for one in entities():
-        assert {each.name for each in one.attributes if each.is_key} == set(KEYS[one.name])
+    for name, columns in entities().items():
+        assert {each.name for each in columns if each.is_key} == set(KEYS[name])
 
 
 def test_the_papers_relations_are_there():

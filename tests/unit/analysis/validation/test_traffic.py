@@ -9,10 +9,9 @@ import pytest
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.analysis.validation import traffic
-from overtaking.analysis.validation.figures import DEFINITIONS, RATE, figures
+from overtaking.analysis.validation.figures import figures
 from overtaking.analysis.validation.tally import Tally, quantile
 from overtaking.analysis.validation.traffic import Batch
-from overtaking.knowledge import quantities
 from overtaking.sim import engine
 from overtaking.world.parameters import parameters
 
@@ -106,8 +105,9 @@ def test_figures_are_plain_numbers_for_machines():
     assert json.loads(json.dumps(rows, allow_nan=False)) == rows
 
 
-def test_every_target_belongs_to_a_declared_figure():
-    names = [one.name for one in (RATE, *DEFINITIONS)]
-    assert len(set(names)) == len(names)
-    limits = [name.split(".") for name in quantities("validation.toml")]
-    assert {name for kind, name, *_ in limits if kind == "targets"} <= set(names)
+def test_a_figure_shows_its_limits_in_its_own_unit():
+    by_name = {figure.name: figure for figure in figures(Tally(), None)}
+    passing, contacts = by_name["passing_speed"], by_name["contacts"]
+    assert (passing.unit, passing.target_low) == ("km/h", pytest.approx(15.0))
+    assert (contacts.unit, contacts.target_low, contacts.source) == ("1/Mm", None, "")
+    assert by_name["short_ttc"].unit == ""

@@ -7,6 +7,7 @@ import dataclasses
 import pytest
 
 from overtaking import api
+from overtaking.cli.options import Shown
 from overtaking.cli.video import choice
 from overtaking.core.errors import ConfigError
 from overtaking.model.decision import Decision
@@ -78,21 +79,21 @@ def test_an_unknown_policy_is_refused(data):
 
 
 def test_numbers_and_ranges_are_read():
-    assert choice("1,7,20-23", is_per_class=False, is_every=False) == [1, 7, 20, 21, 22, 23]
-    assert choice(None, is_per_class=False, is_every=True) == "all"
-    assert choice(None, is_per_class=False, is_every=False) == "one-per-class"
+    assert choice(Shown(simulations="1,7,20-23"), "video") == [1, 7, 20, 21, 22, 23]
+    assert choice(Shown(every=True), "video") == "all"
+    assert choice(Shown(), "video") == "one-per-class"
 
 
 @pytest.mark.parametrize("text", ["", "a", "1,,2", "7-3", "-1", "1-", "1.5", "0-99999999999"])
 def test_what_is_no_number_is_refused_in_one_line(text):
     with pytest.raises(ConfigError, match="expected numbers and ranges") as caught:
-        choice(text, is_per_class=False, is_every=False)
+        choice(Shown(simulations=text), "video")
     assert "\n" not in str(caught.value)
 
 
 def test_two_choices_at_once_are_refused():
     with pytest.raises(ConfigError, match="leave out the others"):
-        choice("1", is_per_class=False, is_every=True)
+        choice(Shown(simulations="1", every=True), "video")
 
 
 def _shortened(job):
