@@ -5,9 +5,9 @@ use fearless_simd::prelude::*;
 
 use crate::elementary::exp;
 use crate::fields::Vehicle;
-use crate::following::forced_braking;
+use crate::following::{forced_braking, needed_braking};
 use crate::lanes::{M, V, at_least, at_most, choose, min, pick, splat};
-use crate::mobil::{must_wait, soon, time_left, turn_to_lane};
+use crate::mobil::{change_of, must_wait, soon, time_left, turn_to_lane};
 use crate::neighbours::{Body, Neighbours};
 use crate::perception::Beliefs;
 use crate::recording::{Kind, Recorder};
@@ -109,7 +109,8 @@ fn must_abort<S: Simd, const N: usize>(
     let braking = own_braking(w, view, view.gap[LEAD], view.closing[LEAD]);
     let bad = imposed.simd_lt(-(c.abort_imposed * view.imposes))
         | braking.simd_lt(-(c.abort_factor * own.decel));
-    let back = own_braking(w, view, view.gap[lead], view.closing[lead]);
+    let steady = splat(w.simd, 0.0);
+    let back = needed_braking(c, view.speed, view.gap[lead], view.closing[lead], steady);
     bad & back.simd_ge(-own.hardest_decel) & view.gap[rear].simd_gt(c.smallest_rear_gap)
 }
 
@@ -277,7 +278,11 @@ fn intend<S: Simd, const N: usize>(
     let early = state.path_time[EGO].simd_lt(c.abort_until * state.path_duration[EGO]);
     let danger = looks & must_abort(w, view, SLOW_LEAD, SLOW_REAR);
     let abort = in_stage(state, stage::PULL_OUT) & early & (danger | q.command.simd_eq(ABORT_NOW));
-    let danger = looks & must_abort(w, view, FAST_LEAD, FAST_REAR) & q.command.simd_ne(RETURN_NOW);
+    let danger = looks
+        & must_abort(w, view, FAST_LEAD, FAST_REAR)
+        & q.command.simd_ne(RETURN_NOW)
+        & change_of(state, w, EGO).1;
+    let comes_back = in_stage(state, stage::RETURN) | in_stage(state, stage::ABORT);
     let sure = looks & !waits;
     Intent {
         start,
@@ -285,7 +290,7 @@ fn intend<S: Simd, const N: usize>(
         go_out: start & ready & (sure | q.command.simd_eq(PULL_OUT_NOW)),
         go_back: back & ready & (sure | q.command.simd_eq(RETURN_NOW)),
         abort,
-        remain: in_stage(state, stage::RETURN) & early & danger,
+        remain: comes_back & early & danger,
         passed,
         arrived,
     }
@@ -324,13 +329,13 @@ fn next_stage<S: Simd, const N: usize>(
     let next = choose(intent.abort, splat(w.simd, abort), next);
     let returning = choose(intent.passed, splat(w.simd, back), splat(w.simd, abort));
     let next = choose(intent.go_back, returning, next);
-    let next = choose(intent.remain, splat(w.simd, pass), next);
     let next = choose(in_stage(state, back) & finished, splat(w.simd, done), next);
-    choose(
+    let next = choose(
         in_stage(state, abort) & finished,
         splat(w.simd, follow),
         next,
-    )
+    );
+    choose(intent.remain, splat(w.simd, pass), next)
 }
 
 /// Move over and show it.

@@ -54,7 +54,7 @@ pub fn follow<S: Simd>(
 
 /// Acceleration that just avoids a contact if the leader keeps braking as it does [m/s^2].
 #[inline(always)]
-fn needed_braking<S: Simd>(
+pub fn needed_braking<S: Simd>(
     c: &Constants,
     speed: V<S>,
     gap: V<S>,

@@ -3,7 +3,7 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::following::{follow, forced_braking};
+use crate::following::{follow, forced_braking, needed_braking};
 use crate::lanes::{M, V, at_least, choose, min, splat};
 use crate::neighbours::{Body, along, lane_borders};
 use crate::perception::{Beliefs, draw_check};
@@ -190,6 +190,19 @@ pub fn must_wait<S: Simd, const N: usize>(
     waits
 }
 
+/// Whether the lane change of vehicle `i` is to the fast side, and a whole one: a retreat has less far to
+/// go.
+#[inline(always)]
+pub fn change_of<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> (M<S>, M<S>) {
+    let (low, high) = lane_borders(w, state.lane[i], 0.0);
+    let way = 0.5 * (low + high) - state.path[i][0];
+    (way.simd_gt(0.0), way.abs().simd_gt(0.5 * (high - low)))
+}
+
 /// Whether vehicle `i` gives up a lane change, as it has turned dangerous; and whether it is to the fast
 /// side.
 #[inline(always)]
@@ -207,11 +220,7 @@ fn retreats<S: Simd, const N: usize>(
     if !early.any_true() {
         return (early, early);
     }
-    let (low, high) = lane_borders(w, state.lane[i], 0.0);
-    let way = 0.5 * (low + high) - state.path[i][0];
-    let to_fast = way.simd_gt(0.0);
-    // A way of less than half a lane is that of a retreat, which is not given up.
-    let whole = way.abs().simd_gt(0.5 * (high - low));
+    let (to_fast, whole) = change_of(state, w, i);
     let old =
         |values: &[V<S>; 6], slow: usize, fast: usize| choose(to_fast, values[slow], values[fast]);
     let bad_rear =
@@ -222,7 +231,7 @@ fn retreats<S: Simd, const N: usize>(
         old(gap, SLOW_LEAD, FAST_LEAD),
         old(closing, SLOW_LEAD, FAST_LEAD),
     );
-    let back = forced_braking(c, p, v, ahead, nearing, p.time_gap);
+    let back = needed_braking(c, v, ahead, nearing, splat(w.simd, 0.0));
     let room = back.simd_ge(-p.hardest_decel)
         & old(gap, SLOW_REAR, FAST_REAR).simd_gt(c.smallest_rear_gap);
     ((bad_rear | bad_front) & room & early & whole, to_fast)

@@ -10,6 +10,7 @@ import pytest
 from tests.support.minds import CLEAR_MINDED, Moment, moment
 from tests.support.worlds import Vehicle, wide_road
 
+from overtaking.sim.reference.perception import looks_around
 from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, REAR
 from overtaking.world.parameters import Effects
 
@@ -271,10 +272,12 @@ def test_after_a_lane_change_a_known_neighbour_stays_known():
 
 
 def test_who_is_passed_stays_known_on_the_way_from_behind_to_ahead():
+    # At night one glance of 0.5 s is not enough for what has not been seen before.
     m = moment(
         [Vehicle(s=0.0, lane=0), Vehicle(s=-1.0, lane=1), Vehicle(s=-80.0, lane=1)],
         effects=DELAYED,
         road=wide_road(),
+        weather={"night": 1.0},
     )
     assert bool(m.look().detected[FAST_REAR, 0, 0])
     m.state.s[1] = 1.0
@@ -282,3 +285,43 @@ def test_who_is_passed_stays_known_on_the_way_from_behind_to_ahead():
     assert bool(believed.detected[FAST_LEAD, 0, 0])
     # The one far behind was never nearest before: it takes its time to be noticed.
     assert not bool(believed.detected[FAST_REAR, 0, 0])
+
+
+def looks(m: Moment, decision: int) -> np.ndarray:
+    return looks_around(m.state, m.given.constants, m.p, decision)
+
+
+def test_everybody_looks_around_once_a_second_but_not_in_the_first_one():
+    m = moment([Vehicle(s=100.0 * k) for k in range(8)])
+    rows = np.array([looks(m, decision)[:, 0] for decision in range(100)])
+    assert not rows[:20].any()
+    for start in (20, 40, 60, 80):
+        assert (rows[start : start + 20].sum(axis=0) == 1).all()
+    assert rows.sum(axis=1).max() == 1  # One after the other.
+
+
+def test_who_has_signalled_for_long_enough_looks_once_more_and_who_moves_over_looks_often():
+    m = moment([Vehicle(), Vehicle(s=50.0, driver={"signal_time": 2.0})])
+    m.state.wanted[1], m.state.wanted_time[1] = 1.0, 1.9
+    assert not looks(m, 3).any()
+    m.state.wanted_time[1] = 2.0
+    assert [bool(one) for one in looks(m, 3)[:2, 0]] == [False, True]
+    m.state.wanted[:] = 0.0
+    m.state.path_time[1], m.state.path_duration[1] = 1.0, 8.0
+    assert [int(looks(m, k)[1, 0]) for k in range(21, 26)] == [0, 0, 0, 0, 1]
+
+
+def test_looks_over_the_shoulder_fail_in_the_share_of_the_trait():
+    m = moment(*[[Vehicle(driver={"checks_blind_spot": 0.9})]] * 4000)
+    share = m.state.checks[0].mean()
+    assert share == pytest.approx(0.9, abs=4.0 * math.sqrt(0.9 * 0.1 / 4000))
+
+
+def test_who_comes_near_from_the_side_is_noticed_without_a_look_over_the_shoulder():
+    m = moment(
+        [Vehicle(s=100.0, driver={"checks_blind_spot": 0.0}), Vehicle(s=97.0, lane=1)],
+        road=wide_road(),
+    )
+    assert not bool(m.look().detected[FAST_REAR, 0, 0])
+    m.state.d[0] += m.state.d[1, 0] - m.state.d[0, 0] - np.float32(2.5)  # 0.7 m between them.
+    assert bool(m.look().detected[FAST_REAR, 0, 0])

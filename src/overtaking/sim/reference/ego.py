@@ -8,8 +8,8 @@ from overtaking.core.elementary import F32, Mask, exp, maximum, minimum
 from overtaking.model.decision import Decision
 from overtaking.model.trajectory import DecisionKind, Stage
 from overtaking.model.vehicles import Role
-from overtaking.sim.reference.following import forced_braking
-from overtaking.sim.reference.mobil import Claims, must_wait, soon, time_left, turn_to_lane
+from overtaking.sim.reference.following import forced_braking, needed_braking
+from overtaking.sim.reference.mobil import Claims, change_of, must_wait, soon, time_left, turn_to_lane
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.recording import Recorder
@@ -25,6 +25,8 @@ from overtaking.sim.reference.state import (
     pick,
 )
 from overtaking.world.parameters import SUBSTEPS, Parameters, SimulationParameters
+
+_STEADY = np.float32(0.0)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -139,7 +141,7 @@ def must_abort(given: Parameters, view: View, lead: int, rear: int) -> Mask:
     imposed = their_braking(given, view, view.gap[REAR], view.closing[REAR])
     braking = own_braking(given, view, view.gap[LEAD], view.closing[LEAD])
     bad = (imposed < -(c.abort_imposed * view.imposes)) | (braking < -(c.abort_factor * own.decel))
-    back = own_braking(given, view, view.gap[lead], view.closing[lead])
+    back = needed_braking(c, view.speed, view.gap[lead], view.closing[lead], _STEADY)
     return bad & (back >= -own.hardest_decel) & (view.gap[rear] > c.smallest_rear_gap)
 
 
@@ -307,8 +309,10 @@ def _stays_out(
 ) -> Mask:
     """Whether the ego gives up its way back in danger, unless a branch forces it to return."""
     danger = looks & must_abort(given, view, FAST_LEAD, FAST_REAR)
-    free = danger & (q.command != Decision.RETURN)
-    return _in_stage(state, Stage.RETURN) & _is_early(state, given) & free
+    _, whole = change_of(state, given)
+    free = danger & whole[Role.EGO] & (q.command != Decision.RETURN)
+    comes_back = _in_stage(state, Stage.RETURN) | _in_stage(state, Stage.ABORT)
+    return comes_back & _is_early(state, given) & free
 
 
 def _is_early(state: State, given: Parameters) -> Mask:
@@ -328,9 +332,9 @@ def _next_stage(state: State, given: Parameters, near: Neighbours, intent: Inten
     stage = np.where(entered, np.float32(Stage.PASS), stage)
     stage = np.where(intent.abort, np.float32(Stage.ABORT), stage)
     stage = np.where(intent.go_back, returning, stage)
-    stage = np.where(intent.remain, np.float32(Stage.PASS), stage)
     stage = np.where(_in_stage(state, Stage.RETURN) & finished, np.float32(Stage.DONE), stage)
-    return np.where(_in_stage(state, Stage.ABORT) & finished, np.float32(Stage.FOLLOW), stage)
+    stage = np.where(_in_stage(state, Stage.ABORT) & finished, np.float32(Stage.FOLLOW), stage)
+    return np.where(intent.remain, np.float32(Stage.PASS), stage)
 
 
 def _act(

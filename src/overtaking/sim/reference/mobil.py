@@ -4,7 +4,7 @@ import numpy as np
 
 from overtaking.core.elementary import F32, Mask, maximum, minimum
 from overtaking.model.vehicles import Role
-from overtaking.sim.reference.following import follow, forced_braking
+from overtaking.sim.reference.following import follow, forced_braking, needed_braking
 from overtaking.sim.reference.neighbours import along, lane_borders
 from overtaking.sim.reference.perception import Beliefs, draw_check
 from overtaking.sim.reference.state import (
@@ -20,6 +20,7 @@ from overtaking.sim.reference.state import (
 from overtaking.sim.reference.steering import begin_path
 from overtaking.world.parameters import Parameters
 
+_STEADY = np.float32(0.0)
 _SLOWEST = np.float32(0.1)  # Keeps the time until a gap is closed finite [m/s].
 
 Claims = tuple[F32, F32]
@@ -173,13 +174,19 @@ def must_wait(state: State, given: Parameters, side: F32, claims: Claims) -> Mas
     return waits
 
 
+def change_of(state: State, given: Parameters) -> tuple[Mask, Mask]:
+    """Whether each lane change is to the fast side, and a whole one: a retreat has less far to go."""
+    low, high = lane_borders(state, given, 0.0)
+    half = np.float32(0.5)
+    way = half * (low + high) - state.path[0]
+    return way > 0, np.abs(way) > half * (high - low)
+
+
 def _retreats(state: State, given: Parameters, p: Fields, believed: Beliefs) -> tuple[Mask, Mask]:
     """Who gives up a lane change, as it has turned dangerous; and whether it is to the fast side."""
     c = given.constants
     v, gap, closing = state.vx, believed.gap, believed.closing
-    low, high = lane_borders(state, given, 0.0)
-    way = np.float32(0.5) * (low + high) - state.path[0]
-    to_fast = way > 0
+    to_fast, whole = change_of(state, given)
     front, behind = (
         tuple(np.where(to_fast, values[slow], values[fast]) for values in (gap, closing))
         for slow, fast in ((SLOW_LEAD, FAST_LEAD), (SLOW_REAR, FAST_REAR))
@@ -187,11 +194,9 @@ def _retreats(state: State, given: Parameters, p: Fields, believed: Beliefs) -> 
     bad_rear = imposed(given, p, v, gap[REAR], closing[REAR]) < -(c.abort_imposed * p.safe_decel)
     own = forced_braking(c, p, v, gap[LEAD], closing[LEAD], p.time_gap)
     bad_front = own < -(c.abort_factor * p.decel)
-    back = forced_braking(c, p, v, *front, p.time_gap)
+    back = needed_braking(c, v, *front, _STEADY)
     room = (back >= -p.hardest_decel) & (behind[0] > c.smallest_rear_gap)
     early = state.path_time < c.abort_until * state.path_duration
-    # A way of less than half a lane is that of a retreat, which is not given up.
-    whole = np.abs(way) > np.float32(0.5) * (high - low)
     sound = (state.crashed == 0) & (p.valid > 0)
     sound[Role.EGO] = False
     return (bad_rear | bad_front) & room & early & whole & sound, to_fast
