@@ -114,22 +114,13 @@ def _declared(cls: type) -> tuple[_Declared, ...]:
             _Declared(
                 name=field.name,
                 hint=field.type,
-                dtype=_dtype(hints[0]),
+                dtype=values.dtype_of(hints[0]),
                 is_optional=len(hints) < len(values.choices(field.type)),
                 axes=declared[field.name].axes or getattr(cls, "AXES", ()),
                 range=declared[field.name].range,
             )
         )
     return tuple(found)
-
-
-def _dtype(hint: Any) -> np.dtype[Any] | None:
-    """The dtype of an array's annotation; None for anything else."""
-    if get_origin(hint) is not np.ndarray:
-        return None
-    (scalar,) = get_args(get_args(hint)[1])
-    # `elementary.F32` is float32 by contract, and says less for the type checker's sake.
-    return np.dtype(np.float32 if get_origin(scalar) is np.floating else scalar)
 
 
 class _Door:

@@ -194,6 +194,15 @@ def choices(hint: Any) -> tuple[Any, ...]:
     return get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
 
 
+def dtype_of(hint: Any) -> np.dtype[Any] | None:
+    """The dtype of an array's annotation; None for anything else."""
+    if get_origin(hint) is not np.ndarray:
+        return None
+    (scalar,) = get_args(get_args(hint)[1])
+    # `elementary.F32` is float32 by contract, and says less for the type checker's sake.
+    return np.dtype(np.float32 if get_origin(scalar) is np.floating else scalar)
+
+
 def taken(value: Any, hint: Any) -> Any:
     """A value of an annotated type, or `REFUSED`; what an iterable gives becomes a tuple."""
     if len(several := choices(hint)) > 1:
