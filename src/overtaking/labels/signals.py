@@ -5,7 +5,6 @@
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import fields
 from functools import partial
 from typing import Any
 
@@ -22,7 +21,7 @@ from overtaking.model.once import once
 from overtaking.model.safety import Encounter
 from overtaking.model.signals import Around, Signals, TargetSignals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
-from overtaking.model.values import dtype_of
+from overtaking.model.values import declarations
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.world.compiled import chosen_level, constant_values
 from overtaking.world.conditions import outlook
@@ -237,18 +236,17 @@ def _target(trajectories: Trajectories, seen: Signals, vehicle: U8) -> Arrays:
 
 def _target_names() -> list[str]:
     """The signals of the target that have a value for each frame."""
-    return [one.name for one in fields(TargetSignals) if one.name not in ("vehicle", "length")]
+    return [name for name in declarations(TargetSignals) if name not in ("vehicle", "length")]
 
 
 def _room(trajectories: Trajectories, cls: type[Batch], names: Iterable[str]) -> Arrays:
     """Arrays for some fields of a batch, of their types, whose content means nothing yet."""
     simulations, frames = trajectories.stage.shape
     whole, narrow = (simulations, len(Around), frames), (simulations, frames)
-    kinds = {one.name: dtype_of(one.type) for one in fields(cls)}  # type: ignore[arg-type]
-    outputs: Arrays = {}
+    kinds, outputs = declarations(cls), Arrays()
     for name in names:
         shape = whole if cls is Signals and name in _OF_NEIGHBOURS else narrow
-        outputs[name] = empty(math.prod(shape), kinds[name]).reshape(shape)
+        outputs[name] = empty(math.prod(shape), kinds[name].dtype).reshape(shape)
     return outputs
 
 
