@@ -239,13 +239,7 @@ def _check_version(path: Path, table: str, metadata: dict[bytes, bytes]) -> None
         )
     version = int(metadata.get(b"version", b"0"))
     if version > VERSION:
-        raise SchemaError.of(
-            what=f"version of schema {name}",
-            where=str(path),
-            expected=f"at most {VERSION}",
-            got=version,
-            next_step="use the version of overtaking that wrote it, or a newer one",
-        )
+        raise SchemaError.newer(f"version of schema {name}", str(path), VERSION, version)
 
 
 def _check_columns(path: Path, expected: pa.Schema, got: pa.Schema) -> None:

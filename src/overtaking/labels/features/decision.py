@@ -219,9 +219,7 @@ def _lane_around(case: Case, frames: Index) -> Surround:
     return Surround(
         on_road=on_road,
         lane=lane,
-        lanes_to_left=np.where(on_road, road.num_lanes - 1 - lane.astype(np.int32), 0).astype(
-            np.uint8
-        ),
+        lanes_to_left=np.where(on_road, road.num_lanes - 1 - np.int32(lane), 0).astype(np.uint8),
         lane_width=widths[np.minimum(lane, road.num_lanes - 1)],
         speed_limit=np.full(len(frames), road.speed_limit),
         night=weather.night,

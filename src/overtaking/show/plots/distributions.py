@@ -27,6 +27,7 @@ from overtaking.show.plots.style import (
     is_narrow,
     lightened,
     new_figure,
+    remark,
     say_nothing_to_draw,
     set_margins,
     styled,
@@ -122,10 +123,7 @@ def _draw_panel(axes: Axes, one: Histogram, classes: Sequence[str]) -> None:
     if one.counts.sum(axis=0).max() < _FEW:
         axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     if one.num_missing:
-        axes.text(
-            1.0, 1.02, f"{one.num_missing:,} without", ha="right", va="bottom", color=QUIET,
-            size=6.5, transform=axes.transAxes,
-        )  # fmt: skip
+        remark(axes, f"{one.num_missing:,} without", size=6.5)
 
 
 def face(name: str) -> Mapping[str, Any]:
@@ -210,16 +208,10 @@ def _draw_boxes(axes: Axes, boxes: Mapping[str, Box], colours: Mapping[str, str]
     for place, (name, one) in enumerate(boxes.items()):
         if not one.count:
             continue
-        numbers = {
-            "q1": one.quartiles[0],
-            "med": one.quartiles[1],
-            "q3": one.quartiles[2],
-            "whislo": one.whiskers[0],
-            "whishi": one.whiskers[1],
-            "fliers": _thinned(one.outliers),
-        }
+        numbers = dict(zip(("q1", "med", "q3"), one.quartiles, strict=True))
+        numbers |= dict(zip(("whislo", "whishi"), one.whiskers, strict=True))
         axes.bxp(
-            [numbers],
+            [numbers | {"fliers": _thinned(one.outliers)}],
             positions=[place],
             widths=0.56,
             patch_artist=True,
@@ -324,13 +316,8 @@ def draw_waiting(curve: Survival, last: float) -> Figure:
             ha="right" if is_late else "left",
             color=INK,
         )
-    axes.set_ylim(0.0, 1.03)
-    axes.set_xlim(0.0, time[-1])
+    axes.set(xlim=(0.0, time[-1]), ylim=(0.0, 1.03))
     axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
-    axes.set_xlabel("waiting time, WT [s]")
-    axes.set_ylabel("still waiting")
-    axes.text(
-        1.0, 1.02, f"{curve.num_events:,} began, {curve.num_censored:,} censored", ha="right",
-        va="bottom", color=QUIET, transform=axes.transAxes,
-    )  # fmt: skip
+    axes.set(xlabel="waiting time, WT [s]", ylabel="still waiting")
+    remark(axes, f"{curve.num_events:,} began, {curve.num_censored:,} censored")
     return figure

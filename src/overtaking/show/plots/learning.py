@@ -17,6 +17,7 @@ from overtaking.show.plots.style import (
     set_margins,
     styled,
     words,
+    write_cells,
 )
 
 _SHADES = LinearSegmentedColormap.from_list("shares", ("#ffffff", "#8fbfdd", ACCENT))
@@ -37,21 +38,13 @@ def draw_confusion(found: FactorsFound) -> Figure:
     set_margins(figure, left=1.35, right=0.1, top=0.1, bottom=0.5)
     axes = figure.add_subplot()
     axes.imshow(shares, cmap=_SHADES, vmin=0.0, vmax=1.0, aspect="auto")
-    for row, column in np.ndindex(*counts.shape):
-        share = float(shares[row, column])
-        axes.text(
-            column,
-            row,
-            f"{counts[row, column]:,}\n{100.0 * share:.0f} %",
-            ha="center",
-            va="center",
-            size=7.0,
-            color="white" if share > _DARK else INK,
-        )
+    cells = np.ndindex(*counts.shape)
+    texts = {cell: f"{counts[cell]:,}\n{100.0 * float(shares[cell]):.0f} %" for cell in cells}
+    colour = {cell: "white" if shares[cell] > _DARK else INK for cell in texts}
+    write_cells(axes, texts, size=7.0, color=colour.__getitem__)
     axes.set_xticks(range(len(names)), names)
     axes.set_yticks(range(len(names)), names)
-    axes.set_xlabel("foretold")
-    axes.set_ylabel("came")
+    axes.set(xlabel="foretold", ylabel="came")
     axes.grid(visible=False)
     axes.tick_params(length=0, labelcolor=INK)
     axes.spines[:].set_visible(False)
@@ -75,10 +68,7 @@ def draw_reliability(found: FactorsFound) -> Figure:
         sizes = 6.0 + 90.0 * counts / counts.sum()
         axes.plot(confidence, right, color=ACCENT, linewidth=0.9, zorder=2)
         axes.scatter(confidence, right, s=sizes, color=ACCENT, linewidth=0.0, zorder=3)
-        axes.set_title(model.name)
-        axes.set_xlabel("confidence")
-        axes.set_xlim(0.0, 1.02)
-        axes.set_ylim(0.0, 1.02)
+        axes.set(title=model.name, xlabel="confidence", xlim=(0.0, 1.02), ylim=(0.0, 1.02))
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_formatter(PercentFormatter(1.0, decimals=0))
         axes.grid(visible=True, axis="both")

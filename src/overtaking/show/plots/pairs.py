@@ -1,6 +1,6 @@
 """Features against each other: clouds of points, and matrices of associations and p-values."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from overtaking.show.plots.style import (
     set_margins,
     styled,
     words,
+    write_cells,
 )
 
 F64 = NDArray[np.float64]
@@ -135,25 +136,16 @@ def _add_marker_legend(
     figure: Figure, classes: Sequence[str], place: str, anchor: tuple[float, float] | None
 ) -> None:
     """The classes with their colours and markers."""
+    dots: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 0.0, "markersize": 5.0}
     handles = [
         Line2D(
-            [],
-            [],
-            linestyle="none",
-            marker=CLASS_MARKERS[name],
-            color=CLASS_COLOURS[name],
-            markeredgewidth=0.0,
-            markersize=5.0,
-            label=words(name),
+            [], [], marker=CLASS_MARKERS[one], color=CLASS_COLOURS[one], label=words(one), **dots
         )
-        for name in classes
+        for one in classes
     ]
-    beside = 3 if is_narrow() else len(handles)
-    columns = beside if anchor is None else 1
-    more: dict[str, Any] = (
-        {"loc": place} if anchor is None else {"loc": place, "bbox_to_anchor": anchor}
-    )
-    figure.legend(handles=handles, ncols=columns, handletextpad=0.2, **more)
+    columns = 1 if anchor else 3 if is_narrow() else len(handles)
+    more: dict[str, Any] = {"bbox_to_anchor": anchor} if anchor else {}
+    figure.legend(handles=handles, ncols=columns, handletextpad=0.2, loc=place, **more)
 
 
 _DIVERGING = LinearSegmentedColormap.from_list(
@@ -174,19 +166,13 @@ def draw_associations(found: Associations) -> Figure:
     figure = new_figure(4.1 if is_narrow() else 6.0)
     axes = figure.add_subplot()
     image = axes.imshow(found.values, cmap=_DIVERGING, vmin=-1.0, vmax=1.0)
-    for row, column in np.argwhere(~np.isnan(found.values)):
-        value = float(found.values[row, column])
-        colour = "white" if abs(value) > _DARK else INK
-        axes.text(
-            column,
-            row,
-            _short(value),
-            ha="center",
-            va="center",
-            size=4.6 if is_narrow() else 6.6,
-            color=colour,
-            in_layout=False,
-        )
+    write_cells(
+        axes,
+        _texts(found.values, _short),
+        size=4.6 if is_narrow() else 6.6,
+        color=lambda cell: "white" if abs(found.values[cell]) > _DARK else INK,
+        in_layout=False,
+    )
     _finish(axes, found)
     bar = figure.colorbar(image, ax=axes, shrink=0.5, aspect=24, pad=0.02)
     bar.outline.set_visible(False)  # type: ignore[operator]
@@ -207,19 +193,14 @@ def draw_p_values(found: Associations) -> Figure:
     steps = np.digitize(found.p_values, _LIMITS).astype(float)
     steps[np.isnan(found.p_values)] = np.nan
     axes.imshow(steps, cmap=_STEPS, vmin=-0.5, vmax=3.5)
-    for row, column in np.argwhere(~np.isnan(found.p_values)):
-        is_kept = found.q_values[row, column] < ALPHA
-        axes.text(
-            column,
-            row,
-            _p_value(float(found.p_values[row, column])),
-            ha="center",
-            va="center",
-            size=4.0 if is_narrow() else 6.2,
-            weight="bold" if is_kept else "normal",
-            color="white" if steps[row, column] == 0 else INK,
-            in_layout=False,
-        )
+    write_cells(
+        axes,
+        _texts(found.p_values, _p_value),
+        size=4.0 if is_narrow() else 6.2,
+        weight=lambda cell: "bold" if found.q_values[cell] < ALPHA else "normal",
+        color=lambda cell: "white" if steps[cell] == 0 else INK,
+        in_layout=False,
+    )
     _finish(axes, found)
     _add_steps(figure, axes)
     return figure
@@ -256,6 +237,11 @@ def _add_steps(figure: Figure, axes: Axes) -> None:
     for text in legend.get_texts():
         text.set_color(QUIET)
     axes.set_anchor("C")
+
+
+def _texts(values: F64, text: Callable[[float], str]) -> dict[tuple[int, int], str]:
+    """The text of each value that is there, by row and column."""
+    return {cell: text(value) for cell, value in np.ndenumerate(values) if not np.isnan(value)}  # type: ignore[misc]
 
 
 def _short(value: float) -> str:
