@@ -24,13 +24,7 @@ from overtaking.data.manifest import Manifest, ShardRecord
 from overtaking.data.place import Place
 from overtaking.data.plan import Shard
 from overtaking.data.tables.digest import content_of
-from overtaking.data.tables.files import (
-    FileFacts,
-    TableWriter,
-    read_notes,
-    read_table,
-    sha256_of,
-)
+from overtaking.data.tables.files import FileFacts, TableWriter, facts_of, read_notes, read_table
 
 MARK = "simulations"
 """The table whose file is the commit mark of its shard."""
@@ -141,12 +135,7 @@ def finished_shard(
     if notes.get(_SEAL) != _seal(fingerprint, known, content):
         return None
     facts = {name: FileFacts(**one) for name, one in json.loads(known).items()}
-    facts[MARK] = FileFacts(
-        rows=rows.num_rows,
-        size_bytes=mark.stat().st_size,
-        sha256=sha256_of(mark),
-        content=content,
-    )
+    facts[MARK] = facts_of(mark, rows.num_rows, content)
     if not facts.keys() >= set(tables):  # Made before there were all of these tables.
         return None
     intact = (is_intact(partial(place.open, name_of(name, shard)), facts[name]) for name in tables)

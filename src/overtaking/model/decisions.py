@@ -48,6 +48,7 @@ class OwnState(Batch):
 
 
 _ahead = partial(meant, column="ahead_{}", present=".encounter.valid")
+_passing = partial(_ahead, column="{}", needs=["bodies", "weather"])
 
 
 @documented
@@ -75,23 +76,9 @@ class VehicleAhead(Batch):
         meant("Gap between it and the next vehicle ahead in the lane", "m", present=".has_next"),
     ]
     overtaking_time: Annotated[
-        F32,
-        meant(
-            "Least time to be a reaction distance ahead of it; null if never",
-            "s",
-            present=".encounter.valid",
-            needs=["bodies", "weather"],
-        ),
+        F32, _passing("Least time to be a reaction distance ahead of it; null if never", "s")
     ]
-    overtaking_distance: Annotated[
-        F32,
-        meant(
-            "Way of the ego in that time",
-            "m",
-            present=".encounter.valid",
-            needs=["bodies", "weather"],
-        ),
-    ]
+    overtaking_distance: Annotated[F32, _passing("Way of the ego in that time", "m")]
 
 
 _left = partial(meant, column="left_{}", present=".exists")

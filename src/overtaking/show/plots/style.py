@@ -218,9 +218,9 @@ def write_cells(axes: Axes, texts: Mapping[tuple[int, int], str], **styles: Any)
         axes.text(column, row, text, ha="center", va="center", **style)
 
 
-def say_nothing_to_draw(axes: Axes, text: str = "no values") -> None:
-    """Say in an empty panel why it is empty."""
+def say_nothing_to_draw(axes: Axes) -> None:
+    """Say in an empty panel that there are no values."""
     axes.set(xticks=[], yticks=[])
     axes.grid(visible=False)
     style: dict[str, Any] = {"ha": "center", "va": "center", "color": QUIET, "style": "italic"}
-    axes.text(0.5, 0.5, text, transform=axes.transAxes, **style)
+    axes.text(0.5, 0.5, "no values", transform=axes.transAxes, **style)
