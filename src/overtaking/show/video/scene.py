@@ -142,9 +142,7 @@ def _body(run: Trajectories, slot: int) -> Body:
     return Body(
         kind=VehicleKind(int(specs.kind[0, slot])),
         colour=Colour(int(specs.colour[0, slot])),
-        length=float(specs.length[0, slot]),
-        width=float(specs.width[0, slot]),
-        height=float(specs.height[0, slot]),
+        **{name: float(getattr(specs, name)[0, slot]) for name in ("length", "width", "height")},
     )
 
 
