@@ -10,7 +10,7 @@ from overtaking import _core
 from overtaking.core.elementary import F32, Mask
 from overtaking.labels.instants import I32, U8, Index
 from overtaking.labels.law.rule import Check, decided
-from overtaking.labels.signals import Arrays, pack_seen, packed
+from overtaking.labels.signals import pack_seen, packed
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.once import once
@@ -217,21 +217,16 @@ def answers(case: Case, spans: dict[str, Span]) -> Stretches:
         out=out,
         level=chosen_level(),
     )
-    return _read({name: dict(zip(names[name], rows, strict=True)) for name, rows in out.items()})
-
-
-def _read(said: dict[str, Arrays]) -> Stretches:
+    said = {name: dict(zip(names[name], rows, strict=True)) for name, rows in out.items()}
     frames, measures = said["frames"], said["measures"]
-
-    def margin(name: str) -> Stretch:
-        first, last = frames[f"{name}.first"], frames[f"{name}.last"]
-        return Stretch(low=measures[name], first=first, last=last)
-
+    margins = {
+        name: Stretch(
+            low=measures[name], first=frames[f"{name}.first"], last=frames[f"{name}.last"]
+        )
+        for name in ("stop_lit", "stop_unlit", "follow", "braking")
+    }
     return Stretches(
-        stop_lit=margin("stop_lit"),
-        stop_unlit=margin("stop_unlit"),
-        follow=margin("follow"),
-        braking=margin("braking"),
+        **margins,
         due=(frames["due.first"], frames["due.length"]),
         entry_arrival=frames["entry.arrival"],
         return_arrival=frames["return.arrival"],

@@ -16,18 +16,8 @@ from overtaking.analysis.reproduction.run import Comparison
 from overtaking.analysis.validation.figures import Figure as Measured
 from overtaking.analysis.validation.run import Validation
 from overtaking.knowledge.paper import ALL
-from overtaking.show.plots.style import (
-    ACCENT,
-    CLASS_COLOURS,
-    GRID,
-    INK,
-    QUIET,
-    lightened,
-    new_figure,
-    remark,
-    styled,
-    words,
-)
+from overtaking.show import palette
+from overtaking.show.plots.style import lightened, new_figure, remark, styled, words
 
 F64 = NDArray[np.float64]
 
@@ -146,14 +136,17 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     axes.tick_params(axis="x", labelsize=6.8, pad=2)
     places = [len(panel.ridges) - 1 - row for row in range(len(panel.ridges))]
     axes.set_yticks([place + 0.22 for place in places], [one.label for one in panel.ridges])
-    axes.tick_params(axis="y", labelsize=7.2, labelcolor=INK)
+    axes.tick_params(axis="y", labelsize=7.2, labelcolor=palette.INK)
     for place, one in zip(places, panel.ridges, strict=True):
         _draw_ridge(axes, place, one.of, (low, high))
 
 
 def _draw_ridge(axes: Axes, place: int, one: Comparison, ends: tuple[float, float]) -> None:
     """The replicates of one number as a hill, and the paper's number as a diamond."""
-    colour, paper = CLASS_COLOURS.get(one.statement.scope, ACCENT), one.statement.quoted
+    colour, paper = (
+        palette.CLASS_COLOURS.get(one.statement.scope, palette.ACCENT),
+        one.statement.quoted,
+    )
     if len(one.known):
         counts, edges = _bins(one, (ends[1] - ends[0]) / _BINS)
         axes.stairs(
@@ -166,9 +159,11 @@ def _draw_ridge(axes: Axes, place: int, one: Comparison, ends: tuple[float, floa
             linewidth=0.7,
         )
     axes.axhline(place, color=colour, linewidth=0.5, alpha=0.6)
-    axes.plot([paper], [place + 0.22], "D", color=INK, markersize=4.2, clip_on=False, zorder=5)
+    axes.plot(
+        [paper], [place + 0.22], "D", color=palette.INK, markersize=4.2, clip_on=False, zorder=5
+    )
     beside: dict[str, Any] = {"transform": axes.get_yaxis_transform(), "va": "center", "size": 6.8}
-    axes.text(1.02, place + 0.22, percent(one.percentile), color=QUIET, **beside)
+    axes.text(1.02, place + 0.22, percent(one.percentile), color=palette.QUIET, **beside)
 
 
 def _bins(one: Comparison, width: float) -> tuple[F64, F64]:
@@ -201,9 +196,14 @@ def _ends(ridges: Sequence[Ridge]) -> tuple[float, float]:
 
 def _add_legend(figure: Figure) -> None:
     handles = [
-        Line2D([], [], marker="D", linestyle="", color=INK, markersize=4.2, label="the paper"),
+        Line2D(
+            [], [], marker="D", linestyle="", color=palette.INK, markersize=4.2, label="the paper"
+        ),
         Patch(
-            facecolor=lightened(QUIET, 0.45), edgecolor=QUIET, linewidth=0.7, label="our replicates"
+            facecolor=lightened(palette.QUIET, 0.45),
+            edgecolor=palette.QUIET,
+            linewidth=0.7,
+            label="our replicates",
         ),
         Patch(
             facecolor="none",
@@ -214,7 +214,7 @@ def _add_legend(figure: Figure) -> None:
     figure.legend(handles=handles, loc="upper center", ncols=3, columnspacing=1.4)
 
 
-MET, MISSED = ACCENT, "#d55e00"
+MET, MISSED = palette.ACCENT, "#d55e00"
 """Colours of a figure that meets its target and of one that does not; the mark differs, too."""
 
 _ROOM = 0.6  # Beside the target, over its width.
@@ -247,7 +247,7 @@ def _draw_strip(axes: Axes, figure: Measured) -> None:
     begin = low if figure.target_low is None else figure.target_low
     end = high if figure.target_high is None else figure.target_high
     colour = MET if figure.met else MISSED
-    axes.axvspan(begin, end, color=GRID, linewidth=0)
+    axes.axvspan(begin, end, color=palette.GRID, linewidth=0)
     if not math.isnan(figure.value):
         ends = [min(max(value, low), high) for value in (figure.low, figure.high)]
         axes.plot(ends, [0.0, 0.0], color=colour, linewidth=1.6, solid_capstyle="butt")
@@ -258,10 +258,10 @@ def _draw_strip(axes: Axes, figure: Measured) -> None:
     axes.spines["left"].set_visible(False)
     unit = f" {figure.unit}" if figure.unit else ""
     unit, title = (text.replace("^2", "²") for text in (unit, figure.title))
-    axes.set_title(title, fontweight="normal", fontsize=7.5, color=INK, pad=2.0)
+    axes.set_title(title, fontweight="normal", fontsize=7.5, color=palette.INK, pad=2.0)
     said = f"{figure.value:.3g}{unit}" if not math.isnan(figure.value) else "nothing counted"
     remark(axes, said, color=colour)
-    axes.tick_params(axis="x", labelsize=6.5, labelcolor=QUIET, pad=1.5)
+    axes.tick_params(axis="x", labelsize=6.5, labelcolor=palette.QUIET, pad=1.5)
 
 
 def _scale(figure: Measured) -> tuple[float, float]:

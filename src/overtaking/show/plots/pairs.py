@@ -14,12 +14,8 @@ from overtaking.analysis.stats.associations import ALPHA, Associations
 from overtaking.analysis.stats.columns import BY_NAME
 from overtaking.analysis.stats.distributions import Histogram, Points
 from overtaking.analysis.stats.sample import Mask, Sample
+from overtaking.show import palette
 from overtaking.show.plots.style import (
-    CLASS_COLOURS,
-    CLASS_MARKERS,
-    INK,
-    LINE,
-    QUIET,
     is_narrow,
     new_figure,
     set_margins,
@@ -79,7 +75,7 @@ def draw_details(sample: Sample, points: Points) -> Figure:
         axes.set_xlabel(f"{BY_NAME[across].title}, {BY_NAME[across].label}")
         axes.set_ylabel(f"{BY_NAME[up].title}, {BY_NAME[up].label}")
         if {across, up} == {"SE", "SP"}:
-            axes.axline((100.0, 100.0), slope=1.0, color=LINE, linewidth=0.8, zorder=0)
+            axes.axline((100.0, 100.0), slope=1.0, color=palette.LINE, linewidth=0.8, zorder=0)
     _add_marker_legend(figure, list(members), "outside upper center", None)
     return figure
 
@@ -98,8 +94,8 @@ def _draw_cloud(axes: Axes, across: F64, up: F64, members: dict[str, Mask], *, s
             across[of],
             up[of],
             s=size,
-            marker=CLASS_MARKERS[name],
-            color=CLASS_COLOURS[name],
+            marker=palette.CLASS_MARKERS[name],
+            color=palette.CLASS_COLOURS[name],
             alpha=0.7,
             linewidth=0.0,
             rasterized=True,  # Thousands of shapes would make a page slow.
@@ -116,7 +112,7 @@ def _draw_diagonal(axes: Axes, one: Histogram) -> None:
         widths = np.full(len(places), max(0.6 * apart, 0.05 * whole))
     else:
         places, widths = one.edges[:-1] + np.diff(one.edges) / 2.0, np.diff(one.edges)
-    axes.bar(places, one.counts.sum(axis=0), widths, color=LINE, linewidth=0.0)
+    axes.bar(places, one.counts.sum(axis=0), widths, color=palette.LINE, linewidth=0.0)
     axes.set_yticks([])
     axes.grid(visible=False)
     axes.spines["left"].set_visible(False)
@@ -139,7 +135,12 @@ def _add_marker_legend(
     dots: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 0.0, "markersize": 5.0}
     handles = [
         Line2D(
-            [], [], marker=CLASS_MARKERS[one], color=CLASS_COLOURS[one], label=words(one), **dots
+            [],
+            [],
+            marker=palette.CLASS_MARKERS[one],
+            color=palette.CLASS_COLOURS[one],
+            label=words(one),
+            **dots,
         )
         for one in classes
     ]
@@ -170,7 +171,7 @@ def draw_associations(found: Associations) -> Figure:
         axes,
         _texts(found.values, _short),
         size=4.6 if is_narrow() else 6.6,
-        color=lambda cell: "white" if abs(found.values[cell]) > _DARK else INK,
+        color=lambda cell: "white" if abs(found.values[cell]) > _DARK else palette.INK,
         in_layout=False,
     )
     _finish(axes, found)
@@ -198,7 +199,7 @@ def draw_p_values(found: Associations) -> Figure:
         _texts(found.p_values, _p_value),
         size=4.0 if is_narrow() else 6.2,
         weight=lambda cell: "bold" if found.q_values[cell] < ALPHA else "normal",
-        color=lambda cell: "white" if steps[cell] == 0 else INK,
+        color=lambda cell: "white" if steps[cell] == 0 else palette.INK,
         in_layout=False,
     )
     _finish(axes, found)
@@ -216,7 +217,7 @@ def _finish(axes: Axes, found: Associations) -> None:
     axes.grid(visible=False, which="major")
     axes.grid(visible=True, which="minor", axis="both", color="white", linewidth=1.2)
     axes.tick_params(which="both", length=0)
-    axes.tick_params(which="major", labelcolor=INK)
+    axes.tick_params(which="major", labelcolor=palette.INK)
     axes.spines[:].set_visible(False)
     axes.set_facecolor("#fafbfb")
     for label in [*axes.get_xticklabels(), *axes.get_yticklabels()]:
@@ -235,7 +236,7 @@ def _add_steps(figure: Figure, axes: Axes) -> None:
     ]
     legend = figure.legend(handles=patches, loc="outside upper center", ncols=4, handlelength=1.3)
     for text in legend.get_texts():
-        text.set_color(QUIET)
+        text.set_color(palette.QUIET)
     axes.set_anchor("C")
 
 

@@ -22,9 +22,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from overtaking.show.palette import ACCENT as ACCENT
 from overtaking.show.palette import CLASS_COLOURS, GRID, INK, LINE, QUIET
-from overtaking.show.palette import CLASS_MARKERS as CLASS_MARKERS
 
 P = ParamSpec("P")
 R = TypeVar("R")
