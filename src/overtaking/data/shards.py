@@ -91,7 +91,7 @@ def write_files(
         pieces: As in `write_shard`.
         schemas: As in `write_shard`.
         on_piece: As in `write_shard`.
-        finished: Completes the files.
+        finished: Completes the files; without notes in any of them if left out.
     """
     with ExitStack() as stack:
         writers = {

@@ -47,7 +47,7 @@ def apart_from_bicycle(scene: Scene) -> tuple[Remedy, ...]:
     frames, speed = _alongside(scene), scene.case.signals.speed[0]
     ((room,),) = apart(scene, "law.side.bicycle")
     at_start = speed[scene.case.events.attempt[0]]
-    ((slower,),) = scene.speed(frames[speed[frames].argmax()], at_start)
+    ((slower,),) = scene.speed(frames[int(speed[frames].argmax())], at_start)
     lacking = ((room, room.by > 0), (slower, slower.by < 0))
     return (tuple(change for change, lacks in lacking if lacks),)
 
@@ -59,7 +59,7 @@ def _alongside(scene: Scene) -> Index:
 
 def not_too_fast(scene: Scene) -> tuple[Remedy, ...]:
     """L12: at the limit."""
-    fastest = scene.case.signals.speed[0, scene.frames].argmax()
+    fastest = int(scene.case.signals.speed[0, scene.frames].argmax())
     return scene.speed(scene.frames[fastest], speed_limits(scene.case)[1][0])
 
 

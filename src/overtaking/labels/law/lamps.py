@@ -28,7 +28,8 @@ def _indicates(case: Case) -> Check:
     counts, firsts, lasts = zip(*dark, strict=True)
     # In a short overtake the way back begins before the way out is done.
     first, last = np.minimum(*firsts), np.maximum(*lasts)
-    return decided((out != NEVER) | (back != NEVER), -seconds_of(case, sum(counts)), first, last)
+    missing = seconds_of(case, np.add(*counts))
+    return decided((out != NEVER) | (back != NEVER), -missing, first, last)
 
 
 def _return_crossed(case: Case) -> I32:

@@ -145,8 +145,8 @@ def _add_marker_legend(
         for one in classes
     ]
     columns = 1 if anchor else 3 if is_narrow() else len(handles)
-    more: dict[str, Any] = {"bbox_to_anchor": anchor} if anchor else {}
-    figure.legend(handles=handles, ncols=columns, handletextpad=0.2, loc=place, **more)
+    more: dict[str, Any] = {"loc": place, "bbox_to_anchor": anchor}
+    figure.legend(handles=handles, ncols=columns, handletextpad=0.2, **more)
 
 
 _DIVERGING = LinearSegmentedColormap.from_list(

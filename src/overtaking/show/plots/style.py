@@ -211,9 +211,11 @@ def write_cells(axes: Axes, texts: Mapping[tuple[int, int], str], **styles: Any)
         texts: Text of each cell, by row and column.
         **styles: Properties of all texts, or functions of the cell that give them.
     """
-    for (row, column), text in texts.items():
-        style = {name: of((row, column)) if callable(of) else of for name, of in styles.items()}
-        axes.text(column, row, text, ha="center", va="center", **style)
+    for cell, text in texts.items():
+        style: dict[str, Any] = {
+            name: of(cell) if callable(of) else of for name, of in styles.items()
+        }
+        axes.text(cell[1], cell[0], text, ha="center", va="center", **style)
 
 
 def say_nothing_to_draw(axes: Axes) -> None:
