@@ -10,7 +10,7 @@ from overtaking import _core
 from overtaking.core.elementary import F32, Mask
 from overtaking.labels.instants import I32, U8, Index
 from overtaking.labels.law.rule import Check, decided
-from overtaking.labels.signals import pack_seen, packed
+from overtaking.labels.signals import Arrays, pack_seen, packed
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.once import once
@@ -217,7 +217,9 @@ def answers(case: Case, spans: dict[str, Span]) -> Stretches:
         out=out,
         level=chosen_level(),
     )
-    said = {name: dict(zip(names[name], rows, strict=True)) for name, rows in out.items()}
+    said: dict[str, Arrays] = {
+        name: dict(zip(names[name], rows, strict=True)) for name, rows in out.items()
+    }
     frames, measures = said["frames"], said["measures"]
     margins = {
         name: Stretch(
