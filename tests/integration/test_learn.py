@@ -9,7 +9,6 @@ import pytest
 
 import overtaking
 from overtaking.cli import main
-from overtaking.show.report import files
 from overtaking.show.report.learned import Learned, sections
 from overtaking.show.report.write import Writer
 
@@ -120,7 +119,6 @@ def test_popper_is_an_export_with_options_of_its_own(
 
 
 def test_what_was_learned_is_on_the_page(folder: Path, rules: Any, factors: Any, tmp_path: Path):
-    files.make_folders(tmp_path)
     made = Writer(tmp_path, overtaking.statistics(folder), None)
     learned = Learned(rules=(rules,), factors=factors, remarks=("No rules about this.",))
     text = "".join(block for one in sections(made, learned) for block in one.blocks)
