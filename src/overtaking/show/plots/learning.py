@@ -25,7 +25,7 @@ _DARK = 0.6  # Shares beyond this need white letters.
 
 @styled
 def draw_confusion(found: FactorsFound) -> Figure:
-    """What came, by what the trees foretold, as shares of what came.
+    """Confusion matrix of the trees, with shares of the actual class.
 
     Args:
         found: `analysis.learning.factors.learn_factors`.
@@ -50,8 +50,8 @@ def draw_confusion(found: FactorsFound) -> Figure:
         )
     axes.set_xticks(range(len(names)), names)
     axes.set_yticks(range(len(names)), names)
-    axes.set_xlabel("foretold")
-    axes.set_ylabel("came")
+    axes.set_xlabel("predicted")
+    axes.set_ylabel("actual")
     axes.grid(visible=False)
     axes.tick_params(length=0, labelcolor=INK)
     axes.spines[:].set_visible(False)
@@ -60,7 +60,7 @@ def draw_confusion(found: FactorsFound) -> Figure:
 
 @styled
 def draw_reliability(found: FactorsFound) -> Figure:
-    """How often each model is right, by how sure it is, and how many examples that is about.
+    """Accuracy of each model by its confidence, with the number of examples.
 
     Args:
         found: `analysis.learning.factors.learn_factors`.
@@ -86,7 +86,7 @@ def draw_reliability(found: FactorsFound) -> Figure:
             0.97, 0.05, f"error {100.0 * model.calibration_error:.1f} %", ha="right", color=QUIET,
             transform=axes.transAxes,
         )  # fmt: skip
-    panels[0].set_ylabel("foretold rightly")
+    panels[0].set_ylabel("accuracy")
     return figure
 
 
