@@ -59,10 +59,8 @@ def test_both_say_the_same_of_every_fixture(place: int):
     assert {code: first[code] for code in expected_first} == expected_first
 
 
-@pytest.mark.parametrize(
-    ("profile", "number"),
-    [pytest.param("pinto2023", 176, marks=pytest.mark.ci), ("motorway-risk", 24)],
-)
+@pytest.mark.ci
+@pytest.mark.parametrize(("profile", "number"), [("pinto2023", 176), ("motorway-risk", 24)])
 def test_both_say_the_same_of_simulations(profile: str, number: int):
     case = case_of(simulate(sample(profile, number, seed=23)))
     with lawyer() as reasoner:
