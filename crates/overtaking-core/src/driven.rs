@@ -11,7 +11,7 @@ use crate::engine::{Inputs, level};
 use crate::fields::Simulation;
 use crate::lanes::{LANES, V, at_least, choose, clamp, clamp_to, dispatch, min, splat};
 use crate::state::{History, Rates, Road, State, World};
-use crate::{MAX_VEHICLES, SLOTS, dynamics, environment};
+use crate::{MAX_VEHICLES, dynamics, environment};
 
 /// Take fields out of a table with a row for each, and put them back.
 macro_rules! moving_fields {
@@ -90,17 +90,13 @@ pub fn act(
     if table.len() != inputs.slots * MOVING.len() || !controls_fit(deed, inputs.slots) {
         return Err(format!("expected numbers of {} vehicles", inputs.slots));
     }
-    match SLOTS.into_iter().find(|slots| inputs.slots <= *slots) {
-        Some(8) => dispatch!(level, |simd| among::<_, 8>(simd, inputs, deed, table)),
-        Some(16) => dispatch!(level, |simd| among::<_, 16>(simd, inputs, deed, table)),
-        Some(32) => dispatch!(level, |simd| among::<_, 32>(simd, inputs, deed, table)),
-        _ => {
-            return Err(format!(
-                "{} vehicles are more than {MAX_VEHICLES}",
-                inputs.slots
-            ));
-        }
+    if inputs.slots > MAX_VEHICLES {
+        return Err(format!(
+            "{} vehicles are more than {MAX_VEHICLES}",
+            inputs.slots
+        ));
     }
+    dispatch!(level, |simd| among(simd, inputs, deed, table));
     Ok(())
 }
 
@@ -113,7 +109,7 @@ fn controls_fit(deed: Deed<'_>, vehicles: usize) -> bool {
     }
 }
 
-fn among<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, deed: Deed<'_>, table: &mut [f32]) {
+fn among<S: Simd>(simd: S, inputs: &Inputs<'_>, deed: Deed<'_>, table: &mut [f32]) {
     let road = Road {
         num_lanes: inputs.num_lanes,
         boundaries: inputs.boundaries,
@@ -122,7 +118,7 @@ fn among<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, deed: Deed<'_>, 
         pose: inputs.pose,
     };
     let (p, q) = load(simd, inputs.vehicle, inputs.simulation, inputs, &[0; LANES]);
-    let world = World::<S, N> {
+    let world = World::<S, MAX_VEHICLES> {
         simd,
         c: inputs.constants,
         rates: Rates::of(inputs.constants),
