@@ -25,7 +25,7 @@ _DARK = 0.6  # Shares beyond this need white letters.
 
 @styled
 def draw_confusion(found: FactorsFound) -> Figure:
-    """Confusion matrix of the trees, with shares of the actual class.
+    """What came, by what the trees foretold, as shares of what came.
 
     Args:
         found: `analysis.learning.factors.learn_factors`.
@@ -60,7 +60,7 @@ def draw_confusion(found: FactorsFound) -> Figure:
 
 @styled
 def draw_reliability(found: FactorsFound) -> Figure:
-    """Accuracy of each model by its confidence, with the number of examples.
+    """How often each model is right, by how sure it is, and how many examples that is about.
 
     Args:
         found: `analysis.learning.factors.learn_factors`.
@@ -86,7 +86,7 @@ def draw_reliability(found: FactorsFound) -> Figure:
             0.97, 0.05, f"error {100.0 * model.calibration_error:.1f} %", ha="right", color=QUIET,
             transform=axes.transAxes,
         )  # fmt: skip
-    panels[0].set_ylabel("accuracy")
+    panels[0].set_ylabel("foretold rightly")
     return figure
 
 
