@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Generator
     from pathlib import Path
 
 _PARENT = """
@@ -40,7 +40,7 @@ _parents: list[tuple[subprocess.Popen[str], Path]] = []
 
 
 @contextmanager
-def parent(folder: Path) -> Iterator[None]:
+def parent(folder: Path) -> Generator[None]:
     """The process whose children run the commands; their streams go through files in a folder."""
     command, pipe = [sys.executable, "-c", _PARENT], subprocess.PIPE
     environment = {**os.environ, "COLUMNS": "80", "PYTHONIOENCODING": "utf-8"}

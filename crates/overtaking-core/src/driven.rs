@@ -11,7 +11,7 @@ use crate::engine::{Inputs, level};
 use crate::fields::Simulation;
 use crate::lanes::{LANES, V, at_least, choose, clamp, clamp_to, dispatch, min, splat};
 use crate::state::{History, Rates, Road, State, World};
-use crate::{MAX_VEHICLES, dynamics, environment};
+use crate::{MAX_VEHICLES, SLOTS, dynamics, environment};
 
 /// Take fields out of a table with a row for each, and put them back.
 macro_rules! moving_fields {
@@ -71,6 +71,9 @@ pub enum Deed<'a> {
     Drive(Controls<'a>, u32),
 }
 
+/// Room for few vehicles. More have room for the most, as a third size would be compiled for little.
+const FEW: usize = SLOTS[0];
+
 /// Let something happen to vehicles.
 ///
 /// # Errors
@@ -90,13 +93,20 @@ pub fn act(
     if table.len() != inputs.slots * MOVING.len() || !controls_fit(deed, inputs.slots) {
         return Err(format!("expected numbers of {} vehicles", inputs.slots));
     }
-    if inputs.slots > MAX_VEHICLES {
-        return Err(format!(
-            "{} vehicles are more than {MAX_VEHICLES}",
-            inputs.slots
-        ));
+    match inputs.slots {
+        ..=FEW => dispatch!(level, |simd| among::<_, FEW>(simd, inputs, deed, table)),
+        ..=MAX_VEHICLES => {
+            dispatch!(level, |simd| among::<_, MAX_VEHICLES>(
+                simd, inputs, deed, table
+            ));
+        }
+        _ => {
+            return Err(format!(
+                "{} vehicles are more than {MAX_VEHICLES}",
+                inputs.slots
+            ));
+        }
     }
-    dispatch!(level, |simd| among(simd, inputs, deed, table));
     Ok(())
 }
 
@@ -109,7 +119,7 @@ fn controls_fit(deed: Deed<'_>, vehicles: usize) -> bool {
     }
 }
 
-fn among<S: Simd>(simd: S, inputs: &Inputs<'_>, deed: Deed<'_>, table: &mut [f32]) {
+fn among<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, deed: Deed<'_>, table: &mut [f32]) {
     let road = Road {
         num_lanes: inputs.num_lanes,
         boundaries: inputs.boundaries,
@@ -118,7 +128,7 @@ fn among<S: Simd>(simd: S, inputs: &Inputs<'_>, deed: Deed<'_>, table: &mut [f32
         pose: inputs.pose,
     };
     let (p, q) = load(simd, inputs.vehicle, inputs.simulation, inputs, &[0; LANES]);
-    let world = World::<S, MAX_VEHICLES> {
+    let world = World::<S, N> {
         simd,
         c: inputs.constants,
         rates: Rates::of(inputs.constants),
