@@ -93,19 +93,18 @@ pub fn act(
     if table.len() != inputs.slots * MOVING.len() || !controls_fit(deed, inputs.slots) {
         return Err(format!("expected numbers of {} vehicles", inputs.slots));
     }
-    match inputs.slots {
-        ..=FEW => dispatch!(level, |simd| among::<_, FEW>(simd, inputs, deed, table)),
-        ..=MAX_VEHICLES => {
-            dispatch!(level, |simd| among::<_, MAX_VEHICLES>(
-                simd, inputs, deed, table
-            ));
-        }
-        _ => {
-            return Err(format!(
-                "{} vehicles are more than {MAX_VEHICLES}",
-                inputs.slots
-            ));
-        }
+    if inputs.slots > MAX_VEHICLES {
+        return Err(format!(
+            "{} vehicles are more than {MAX_VEHICLES}",
+            inputs.slots
+        ));
+    }
+    if inputs.slots <= FEW {
+        dispatch!(level, |simd| among::<_, FEW>(simd, inputs, deed, table));
+    } else {
+        dispatch!(level, |simd| among::<_, MAX_VEHICLES>(
+            simd, inputs, deed, table
+        ));
     }
     Ok(())
 }
