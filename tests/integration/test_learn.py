@@ -59,6 +59,7 @@ def test_a_counterexample_can_be_shown_and_is_one(
     assert (name in ("Success_L", "Success_I")) != rules.is_negated
 
 
+@pytest.mark.ci
 def test_tables_are_shown_in_a_terminal(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
