@@ -43,7 +43,7 @@ STEP = 0.05  # Between frames [s].
 VEHICLE_SECONDS = VEHICLES * FRAMES * STEP  # Of a simulation in the comparison.
 OF_PROFILE = 128  # Simulations of a profile; those of motorway last for minutes.
 SPACING_M = 60.0  # Room on the road for each vehicle of a crowd.
-TURNS, SECONDS = 6, 1.0
+TURNS, SECONDS = 6, 0.5
 NEVER = 1000.0
 
 OURS = f"engine, {VEHICLES} vehicles, {FRAMES * STEP:.0f} s"
@@ -62,7 +62,6 @@ INSTALL = {
     " && target/peers/bin/python -m pip install highway-env==1.12.1",
 }
 PEERS_PYTHON = ROOT / "target" / "peers" / "bin" / "python"
-
 
 Batch = Callable[[], tuple[int, float]]
 """Simulates a batch; how many simulations it was, and the seconds that their vehicles lived."""
