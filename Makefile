@@ -5,8 +5,9 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 DEMO   ?= data/pinto
-# Tests that ask for more processes than the machine has cores only get slower.
-PYTEST_FLAGS ?= -n 2
+# Tests that ask for more processes than the machine has cores only get slower. With worksteal a process
+# runs neighbouring tests, so that most fixtures of a module are made once.
+PYTEST_FLAGS ?= -n 2 --dist worksteal
 # How often `make test-all` runs the property tests, each time with other examples.
 ROUNDS ?= 20
 # `make lock LOCK_FLAGS=--upgrade` moves every package to its newest version.
@@ -19,6 +20,8 @@ LOCK_FLAGS ?=
 
 # What runs belongs to .venv, not to an environment that happens to be active.
 unexport PYTHONPATH PYTHONHOME
+# Nearly every process would compile all modules anew, which takes longer than what most of them do.
+unexport PYTHONDONTWRITEBYTECODE
 export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 # Pyright would ask the package registry whether a newer version exists.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1

@@ -1,65 +1,145 @@
-"""Compares the engine's speed with libsumo's, in the same run.
+"""Compares the engine's speed with that of its peers, in the same run.
 
     python benchmarks/engine.py
+    python benchmarks/engine.py --turns 12 --seconds 2
 
-The engine: five live vehicles, exactly 200 frames at 20 Hz without an early end, the whole model,
-every field of the states into memory that is used again. libsumo: a process on each core, as
-`sumo.py` describes. The two take turns, so that both meet the same machine, and the best of the
-rounds counts for each. Beside the time on the clock stands the processor's: others on the machine
-make the first worse, and the second by much less.
+The comparison: five live vehicles for exactly 200 frames at 20 Hz without an early end, with the
+whole model and every field of the states written into memory that is used again. The peers simulate
+as many vehicles for as long, with a process on each core: libsumo (`sumo.py`) and highway-env
+(`highway.py`). README.md beside this file says what differs. Further rows: scenarios drawn as well,
+full slots, the profiles as they are, and the other SIMD levels.
+
+All take turns, so that all meet the same machine. A rate is the median of the turns. A ratio
+compares, within a turn, the processor's time for a second of one vehicle; its median stands beside
+the least and the greatest, which with six turns are a 97 % interval of the median.
 """
 
 import dataclasses
 import json
+import math
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self
+from functools import partial
+from statistics import median
+from typing import Any
 
 import numpy as np
 
-from measure import ROOT, Measure, parser, report
+from measure import ROOT, Measure, number, parser, report
 from overtaking import _core
 from overtaking.core.memory import Buffers
 from overtaking.model.scenario import SLOTS, Scenario
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios import Spec, profile_names, sample, spec
 from overtaking.sim import engine
 from overtaking.world.parameters import Parameters, parameters
 
 SIMULATIONS, VEHICLES, FRAMES = 1024, 5, 200
+STEP = 0.05  # Between frames [s].
+VEHICLE_SECONDS = VEHICLES * FRAMES * STEP  # Of a simulation in the comparison.
+OF_PROFILE = 128  # Simulations of a profile; those of motorway last for minutes.
 SPACING_M = 60.0  # Room on the road for each vehicle of a crowd.
-ROUNDS = 3
-SECONDS = 1.5  # An engine's round: some ten batches.
+TURNS, SECONDS = 6, 0.5
 NEVER = 1000.0
+
+OURS = f"engine, {VEHICLES} vehicles, {FRAMES * STEP:.0f} s"
+GETTERS = "libsumo, getters"
+PEERS = {
+    GETTERS: ("sumo.py",),
+    "libsumo, nothing read": ("sumo.py", "--unread"),
+    "libsumo, sub-lane model, getters": ("sumo.py", "--lateral-resolution", "0.8"),
+    "highway-env": ("highway.py",),
+}
+"""Programs beside this one, with options."""
+
+INSTALL = {
+    "sumo.py": "make bench",
+    "highway.py": "python -m venv target/peers"
+    " && target/peers/bin/python -m pip install highway-env==1.12.1",
+}
+PEERS_PYTHON = ROOT / "target" / "peers" / "bin" / "python"
+
+Batch = Callable[[], tuple[int, float]]
+"""Simulates a batch; how many simulations it was, and the seconds that their vehicles lived."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rate:
-    """Simulations of 5 vehicles and 200 frames a second.
+class Sample:
+    """What was simulated in a turn, and in which time.
 
     Attributes:
-        wall: By the clock, all cores together.
-        core: For each second of a core.
+        simulations: How many.
+        vehicle_seconds: Seconds that their vehicles lived, together.
+        wall: Time by the clock, all cores together [s].
+        core: Time of the processor [s].
+        version: Of the program that simulated.
     """
 
+    simulations: int
+    vehicle_seconds: float
     wall: float
     core: float
+    version: str
 
-    def best(self, other: Self) -> "Rate":
-        """The better of two, each number by itself."""
-        return Rate(wall=max(self.wall, other.wall), core=max(self.core, other.core))
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row(Measure):
+    """A rate by the clock, beside other numbers of the same turns.
+
+    Attributes:
+        core: Simulations for a second of a core.
+        vehicle_seconds: Seconds of one vehicle for a second of a core.
+        slower: Time of a core for a second of one vehicle, in that of the engine's five vehicles:
+            least, median and greatest of the turns.
+    """
+
+    core: float
+    vehicle_seconds: float
+    slower: tuple[float, float, float]
+
+    def line(self) -> str:
+        """All numbers, on one line."""
+        least, middle, greatest = map(number, self.slower)
+        return (
+            f"{self.name:<34} {number(self.value):>8} {self.unit}, {number(self.core):>8} a core,"
+            f" {number(self.vehicle_seconds):>9} vehicle-s/s a core,"
+            f" {middle:>6} times as slow ({least} to {greatest}); {self.note}"
+        )
 
 
 def scenarios() -> Scenario:
     """Scenarios of five vehicles that last for 200 frames."""
     five = spec("pinto2023", overrides={"traffic.vehicles": [VEHICLES, VEHICLES]})
-    drawn = sample(five, load_road("town06"), 1, np.arange(SIMULATIONS, dtype=np.uint64))
-    horizon = np.full(SIMULATIONS, (FRAMES - 1) * 0.05, np.float32)
-    return drawn.replace(horizon=horizon, attempt_deadline=horizon + np.float32(NEVER))
+    return lasting(five, SIMULATIONS)
+
+
+def crowd(vehicles: int, count: int = SIMULATIONS // 4) -> Scenario:
+    """Scenarios with so many vehicles on the motorway that last for 200 frames."""
+    drawn = spec(
+        "pinto2023",
+        {
+            "profile.road": "motorway",
+            "traffic.vehicles": [vehicles, vehicles],
+            "traffic.spawn_s_m": [50.0, 50.0 + SPACING_M * vehicles],
+        },
+    )
+    return lasting(drawn, count)
+
+
+def lasting(drawn: Spec, count: int) -> Scenario:
+    """Scenarios of a specification that last for 200 frames."""
+    scenario = first(drawn, count)
+    horizon = np.full(count, (FRAMES - 1) * STEP, np.float32)
+    return scenario.replace(horizon=horizon, attempt_deadline=horizon + np.float32(NEVER))
+
+
+def first(drawn: Spec, count: int) -> Scenario:
+    """The first scenarios of a specification."""
+    return sample(drawn, load_road(drawn.road), 1, np.arange(count, dtype=np.uint64))
 
 
 def endless(scenario: Scenario) -> Parameters:
@@ -69,151 +149,179 @@ def endless(scenario: Scenario) -> Parameters:
     return dataclasses.replace(given, constants=constants)
 
 
-def rate_of(batch: Callable[[], int]) -> Rate:
-    """The rate of something that simulates a batch and returns how many simulations it was."""
-    done, begin, core = 0, time.perf_counter(), time.process_time()
-    while time.perf_counter() - begin < SECONDS:
-        done += batch()
-    wall, core = time.perf_counter() - begin, time.process_time() - core
-    return Rate(wall=done / wall, core=done / core)
+def engine_batch(scenario: Scenario, given: Parameters, level: str | None = None) -> Batch:
+    """Simulates scenarios that were prepared before."""
+    buffers = Buffers()
+    vehicles = scenario.vehicles.valid.sum(axis=1)
+
+    def batch() -> tuple[int, float]:
+        frames = engine.run(scenario, given, buffers=buffers, level=level).num_frames
+        return len(frames), float((vehicles * frames).sum()) * STEP
+
+    batch()
+    return batch
 
 
-def engine_batch(level: str | None = None) -> Callable[[], int]:
-    """Simulates scenarios that were prepared before.
+def five_batch(level: str | None = None) -> Batch:
+    """Simulates as many vehicles for as long as the peers.
 
     Raises:
         RuntimeError: A simulation ended early.
     """
-    scenario, buffers = scenarios(), Buffers()
-    given = endless(scenario)
-
-    def batch() -> int:
-        runs = engine.run(scenario, given, buffers=buffers, level=level)
-        if not (runs.num_frames == FRAMES).all():
-            raise RuntimeError(f"engine: expected {FRAMES} frames everywhere")
-        return SIMULATIONS
-
-    batch()
+    scenario = scenarios()
+    batch = engine_batch(scenario, endless(scenario), level)
+    if not math.isclose(batch()[1], SIMULATIONS * VEHICLE_SECONDS):
+        raise RuntimeError(f"engine: expected {FRAMES} frames everywhere")
     return batch
 
 
-def whole_batch() -> Callable[[], int]:
+def whole_batch() -> Batch:
     """Draws the scenarios and prepares them as well."""
     buffers = Buffers()
 
-    def batch() -> int:
+    def batch() -> tuple[int, float]:
         scenario = scenarios()
         engine.run(scenario, endless(scenario), buffers=buffers)
-        return SIMULATIONS
+        return SIMULATIONS, SIMULATIONS * VEHICLE_SECONDS
 
     batch()
     return batch
 
 
-def libsumo_rate() -> Rate | None:
-    """The rate of libsumo with one process on each core; None without libsumo."""
-    command = [sys.executable, str(ROOT / "benchmarks" / "sumo.py")]
+def crowd_batch(vehicles: int) -> Batch:
+    """Simulates full slots."""
+    scenario = crowd(vehicles)
+    return engine_batch(scenario, endless(scenario))
+
+
+def profile_batch(name: str) -> Batch:
+    """Simulates a profile as it is."""
+    scenario = first(spec(name), OF_PROFILE)
+    return engine_batch(scenario, parameters(scenario))
+
+
+def engine_sample(batch: Batch, seconds: float, level: str | None = None) -> Sample:
+    """Simulates batches for so many seconds of the processor."""
+    simulations, vehicle_seconds = 0, 0.0
+    wall, core = time.perf_counter(), time.process_time()
+    while time.process_time() - core < seconds:
+        done, lived = batch()
+        simulations, vehicle_seconds = simulations + done, vehicle_seconds + lived
+    return Sample(
+        simulations=simulations,
+        vehicle_seconds=vehicle_seconds,
+        wall=time.perf_counter() - wall,
+        core=time.process_time() - core,
+        version=f"{_core.VERSION}, {level or _core.simd_level()}, {_core.num_threads()} threads",
+    )
+
+
+def peer_sample(program: str, *options: str, seconds: float) -> Sample:
+    """What a process on each core simulates in so many seconds of the processor.
+
+    Raises:
+        ModuleNotFoundError: The peer is missing.
+    """
+    python = PEERS_PYTHON if program == "highway.py" and PEERS_PYTHON.exists() else sys.executable
+    command = [str(python), str(ROOT / "benchmarks" / program), "--seconds", str(seconds), *options]
     started = [
         subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         for _ in range(os.cpu_count() or 1)
     ]
-    wall, core = 0.0, list[float]()
+    told = list[dict[str, Any]]()
     for process in started:
         out, error = process.communicate()
+        if "ModuleNotFoundError" in error:
+            raise ModuleNotFoundError(
+                f"{error.splitlines()[-1]}; to install it: {INSTALL[program]}"
+            )
         if process.returncode:
-            print(error.strip().rpartition("\n")[2], file=sys.stderr)
-            return None
-        told = json.loads(out.strip().rpartition("\n")[2])
-        simulations = told["vehicle_frames"] / (VEHICLES * FRAMES)
-        wall += simulations / told["seconds"]
-        core.append(simulations / told["core_seconds"])
-    return Rate(wall=wall, core=sum(core) / len(core))
+            raise RuntimeError(error)
+        told.append(json.loads(out.splitlines()[-1]))
+    simulations = sum(each["simulations"] for each in told)
+    return Sample(
+        simulations=simulations,
+        vehicle_seconds=simulations * VEHICLE_SECONDS,
+        wall=max(each["wall"] for each in told),
+        core=sum(each["core"] for each in told),
+        version=told[0]["version"],
+    )
 
 
-def in_turn() -> tuple[Rate, Rate | None]:
-    """The best rates of engine and libsumo, measured in turn."""
-    batch = engine_batch()
-    ours, theirs = rate_of(batch), libsumo_rate()
-    for _ in range(ROUNDS - 1):
-        ours = ours.best(rate_of(batch))
-        again = libsumo_rate() if theirs else None
-        theirs = theirs.best(again) if theirs and again else theirs
-    return ours, theirs
-
-
-def crowd(vehicles: int) -> Callable[[], int]:
-    """Simulates full slots on the motorway; returns vehicle-frames."""
-    drawn = spec(
-        "pinto2023",
-        {
-            "profile.road": "motorway",
-            "traffic.vehicles": [vehicles, vehicles],
-            "traffic.spawn_s_m": [50.0, 50.0 + SPACING_M * vehicles],
+def contenders() -> dict[str, Callable[..., Sample]]:
+    """What is measured, by name: a function of the seconds to spend."""
+    levels = [name for name, has in _core.simd_levels() if has and name != _core.simd_level()]
+    ours = {
+        OURS: five_batch(),
+        "engine, scenarios drawn as well": whole_batch(),
+        **{_slots(slots): crowd_batch(slots) for slots in SLOTS},
+        **{f"engine, profile {name}": profile_batch(name) for name in profile_names()},
+    }
+    return {
+        **{name: partial(engine_sample, batch) for name, batch in ours.items()},
+        **{
+            f"engine, {level}": partial(engine_sample, five_batch(level), level=level)
+            for level in levels
         },
+        **{name: partial(peer_sample, *command) for name, command in PEERS.items()},
+    }
+
+
+def in_turn(turns: int, seconds: float) -> dict[str, list[Sample]]:
+    """A sample of each contender in each turn; peers that are missing are left out."""
+    left = contenders()
+    samples: dict[str, list[Sample]] = {name: [] for name in left}
+    for _ in range(turns):
+        for name in list(left):
+            try:
+                samples[name].append(left[name](seconds=seconds))
+            except ModuleNotFoundError as error:
+                print(f"{name} is left out: {error}", file=sys.stderr)
+                del left[name], samples[name]
+    return samples
+
+
+def times(samples: list[Sample], base: list[Sample]) -> tuple[float, float, float]:
+    """Time for a second of one vehicle in that of `base`: least, median, greatest of the turns."""
+    ratios = [
+        (one.core / one.vehicle_seconds) / (other.core / other.vehicle_seconds)
+        for one, other in zip(samples, base, strict=True)
+    ]
+    return min(ratios), median(ratios), max(ratios)
+
+
+def measures(turns: int = TURNS, seconds: float = SECONDS) -> list[Measure]:
+    """A row for each contender, and two ratios that have targets."""
+    samples = in_turn(turns, seconds)
+    found: list[Measure] = [
+        Row(
+            name=name,
+            value=median(one.simulations / one.wall for one in each),
+            unit="simulations/s",
+            note=each[0].version,
+            core=median(one.simulations / one.core for one in each),
+            vehicle_seconds=median(one.vehicle_seconds / one.core for one in each),
+            slower=times(each, samples[OURS]),
+        )
+        for name, each in samples.items()
+    ]
+    crowded = times(samples[_slots(SLOTS[-1])], samples[_slots(SLOTS[0])])[1]
+    found.append(
+        Measure(name="a frame in 32 slots over one in 8", value=crowded, unit="times", at_most=2.0)
     )
-    count = SIMULATIONS // 4
-    scenario = sample(drawn, load_road("motorway"), 1, np.arange(count, dtype=np.uint64))
-    horizon = np.full(count, (FRAMES - 1) * 0.05, np.float32)
-    scenario = scenario.replace(horizon=horizon, attempt_deadline=horizon + np.float32(NEVER))
-    given, buffers = endless(scenario), Buffers()
-
-    def batch() -> int:
-        return int(engine.run(scenario, given, buffers=buffers).num_frames.sum()) * vehicles
-
-    batch()
-    return batch
+    if GETTERS in samples:
+        ratio = times(samples[GETTERS], samples[OURS])[1]
+        found.append(Measure(name="engine over libsumo", value=ratio, unit="times", at_least=100.0))
+    return found
 
 
-def crowds() -> list[Measure]:
-    """Time of a core for a vehicle in a frame, by the number of slots, all of them filled."""
-    cost = {slots: 1e9 / rate_of(crowd(slots)).core for slots in SLOTS}
-    found = [
-        Measure(name=f"vehicle-frame in {slots} slots", value=cost[slots], unit="ns of a core")
-        for slots in SLOTS
-    ]
-    ratio = cost[SLOTS[-1]] / cost[SLOTS[0]]
-    return [
-        *found,
-        Measure(name="a frame in 32 slots over one in 8", value=ratio, unit="times", at_most=2.0),
-    ]
-
-
-def measures() -> list[Measure]:
-    """The engine's rate, libsumo's, and the ratio."""
-    ours, theirs = in_turn()
-    whole = rate_of(whole_batch())
-    note = (
-        f"{_core.simd_level()}, {_core.num_threads()} threads; {VEHICLES} vehicles, {FRAMES} frames"
-    )
-    found = [
-        _rate("engine", ours.wall, note=note),
-        _rate("engine, a second of a core", ours.core),
-        _rate("engine, scenarios drawn as well", whole.wall),
-    ]
-    for level, available in _core.simd_levels():
-        if available and level != _core.simd_level():
-            slower = rate_of(engine_batch(level))
-            found.append(_rate(f"engine, {level}, a second of a core", slower.core))
-    found += crowds()
-    if theirs is None:
-        return found
-    return [
-        *found,
-        _rate("libsumo, a process on each core", theirs.wall),
-        _rate("libsumo, a second of a core", theirs.core),
-        _ratio("engine over libsumo", ours.wall / theirs.wall),
-        _ratio("engine over libsumo, core by core", ours.core / theirs.core),
-    ]
-
-
-def _ratio(name: str, value: float) -> Measure:
-    return Measure(name=name, value=value, unit="times", at_least=100.0)
-
-
-def _rate(name: str, value: float, note: str = "") -> Measure:
-    return Measure(name=name, value=value, unit="simulations/s", note=note)
+def _slots(slots: int) -> str:
+    return f"engine, {slots} vehicles in {slots} slots"
 
 
 if __name__ == "__main__":
-    arguments = parser(__doc__).parse_args()
-    sys.exit(report(measures(), as_json=arguments.json))
+    given = parser(__doc__)
+    given.add_argument("--turns", type=int, default=TURNS)
+    given.add_argument("--seconds", type=float, default=SECONDS, help="of a processor, for each")
+    arguments = given.parse_args()
+    sys.exit(report(measures(arguments.turns, arguments.seconds), as_json=arguments.json))

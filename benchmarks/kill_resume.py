@@ -23,12 +23,12 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 
 import pyarrow.parquet as pq
 
 from overtaking import api
-from overtaking.data.tables.files import sha256_of
 from overtaking.data.tables.schemas import KEYS
 
 CHANGES = frozenset({"open", "os.mkdir", "os.rename", "os.truncate", "shutil.rmtree"})
@@ -175,7 +175,7 @@ def contents(out: Path) -> dict[str, str]:
     manifest = json.loads((out / "dataset.json").read_text(encoding="utf-8"))
     del manifest["provenance"]
     files = [path for path in out.rglob("*") if path.is_file() and path.name != "dataset.json"]
-    hashes = {str(path.relative_to(out)): sha256_of(path) for path in files}
+    hashes = {str(path.relative_to(out)): sha256(path.read_bytes()).hexdigest() for path in files}
     return {**hashes, "dataset.json": json.dumps(manifest, sort_keys=True)}
 
 

@@ -133,7 +133,7 @@ def _write(rows: Mapping[str, pa.Table]) -> None:
     with tempfile.TemporaryDirectory(prefix="overtaking-") as name:
         folder, shard = Folder(Path(name)), shards(SHARD_SIZE)[0]
         folder.prepare(KEPT)
-        pieces = [rows] * (SHARD_SIZE // PIECE)
+        pieces = [(PIECE, rows)] * (SHARD_SIZE // PIECE)
         schemas = {name: SCHEMAS[name] for name in KEPT}
         write_shard(
             folder, shard, pieces, schemas=schemas, fingerprint="none", on_piece=lambda _: None

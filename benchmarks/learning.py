@@ -63,10 +63,10 @@ def rules_page(found: RulesFound) -> str:
         [
             markdown(rule_table(found)),
             markdown(comparison_table(found)),
-            f"Learned from {found.num_learned_from:,} simulations. Run over all "
-            f"{found.everywhere.num:,}, the rules are right in "
-            f"{100.0 * found.everywhere.accuracy:.1f} %; none holds where one should in "
-            f"{found.num_missed:,}, such as {overlooked}.\n",
+            f"Learned from {found.num_learned_from:,} simulations. On all "
+            f"{found.everywhere.num:,} the accuracy of the rules is "
+            f"{100.0 * found.everywhere.accuracy:.1f} %, with {found.num_missed:,} false "
+            f"negatives, such as {overlooked}.\n",
         ]
     )
 

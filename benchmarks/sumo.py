@@ -1,12 +1,15 @@
 """Simulates five vehicles on many five-lane roads with libsumo, in its fastest arrangement.
 
-    python benchmarks/sumo.py --roads 50 --rounds 8
+    python benchmarks/sumo.py --roads 50 --seconds 2
+    python benchmarks/sumo.py --unread
+    python benchmarks/sumo.py --lateral-resolution 0.8
 
-One process: a network of disjoint roads, stepped together 200 times at 20 Hz, the state of every
-vehicle read by getters after each step. `engine.py` runs one such process on each core. Fewer or
-more roads are no faster (25 to 100 differ by less than the noise), subscriptions are a third slower
-than getters, and without reading anything it would be half as fast again. Prints as JSON the
-vehicle-frames that were read and the time that took: on the clock, and of the processor; starting
+One process: a network of disjoint roads, stepped together 200 times at 20 Hz. Getters read the
+state of every vehicle after each step, or nothing is read (`--unread`). `engine.py` runs one such
+process on each core. Fewer or more roads are no faster (25 to 100 differ by less than the noise),
+and subscriptions are a third slower than getters. With a lateral resolution SUMO uses its sub-lane
+model, in which vehicles have a place within their lane. Prints as JSON the simulations of five
+vehicles and ten seconds, and the time that they took: on the clock, and of the processor. Starting
 and loading, which an engine for millions of scenarios would have to pay as well, is not counted.
 """
 
@@ -17,11 +20,13 @@ import random
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 LENGTH, LANES, WIDTH = 2000.0, 5, 3.5
 FRAMES, STEP = 200, 0.05
+CAR_SPEED, TRUCK_SPEED, TRUCK_LENGTH = 40.0, 24.0, 12.0
 STARTS = ((1, 200.0, 28.0), (1, 240.0, 20.0), (2, 150.0, 30.0), (0, 300.0, 18.0), (3, 260.0, 31.0))
 """Lane, position [m] and speed [m/s] of the five vehicles; the fourth is a truck."""
 
@@ -57,8 +62,9 @@ def demand(roads: int, seed: int) -> str:
     """Five vehicles on each road, as scattered as those of the engine."""
     draw = random.Random(seed)
     types = (
-        '<vType id="car" length="4.6" maxSpeed="40" speedDev="0" lcSpeedGain="5"/>'
-        '<vType id="truck" vClass="truck" length="12" maxSpeed="24" speedDev="0"/>'
+        f'<vType id="car" length="4.6" maxSpeed="{CAR_SPEED}" speedDev="0" lcSpeedGain="5"/>'
+        f'<vType id="truck" vClass="truck" length="{TRUCK_LENGTH}" maxSpeed="{TRUCK_SPEED}"'
+        ' speedDev="0"/>'
     )
     rows = [f'<route id="r{k}" edges="e{k}"/>' for k in range(roads)]
     for k in range(roads):
@@ -73,38 +79,51 @@ def demand(roads: int, seed: int) -> str:
     return f"<routes>{types}{''.join(rows)}</routes>"
 
 
-def run(roads: int, rounds: int) -> dict[str, float]:
-    """Vehicle-frames read, and what that took.
+def run(
+    roads: int, seconds: float, step: Callable[[Any], int], resolution: float
+) -> dict[str, Any]:
+    """What was simulated, and what that took.
+
+    Args:
+        roads: Roads of the network.
+        seconds: Processor time to spend at least.
+        step: Steps through all frames; returns how many vehicles it met in them.
+        resolution: Lateral resolution of the sub-lane model [m]; 0 for whole lanes.
 
     Raises:
         RuntimeError: A vehicle was missing in a frame.
     """
     libsumo: Any = importlib.import_module("libsumo")  # only `make bench` installs it
-    read, wall, core = 0, 0.0, 0.0
+    met, rounds, wall, core = 0, 0, 0.0, 0.0
     with tempfile.TemporaryDirectory() as folder:
         net, routes = Path(folder, "net.xml"), Path(folder, "routes.xml")
         net.write_text(network(roads), encoding="utf-8")
         options = ["-n", str(net), "-r", str(routes), "--step-length", str(STEP), "--no-step-log"]
         options += ["--no-warnings", "--duration-log.disable", "--time-to-teleport", "-1"]
-        options += ["--lanechange.duration", "3", "--collision.action", "none"]
-        for seed in range(rounds):
-            routes.write_text(demand(roads, seed), encoding="utf-8")
-            if seed:
+        options += ["--collision.action", "none", "--lateral-resolution", str(resolution)]
+        # The sub-lane model has a lateral speed instead of a duration.
+        options += ["--lanechange.duration", "0" if resolution else "3"]
+        while core < seconds:
+            routes.write_text(demand(roads, rounds), encoding="utf-8")
+            if rounds:
                 libsumo.load(options)
             else:
                 libsumo.start(["sumo", *options])
             wall, core = wall - time.perf_counter(), core - time.process_time()
-            read += _step(libsumo)
+            met += step(libsumo)
             wall, core = wall + time.perf_counter(), core + time.process_time()
+            rounds += 1
         libsumo.close()
-    if read != rounds * roads * len(STARTS) * FRAMES:
-        raise RuntimeError(f"libsumo: expected 5 vehicles in every frame, read {read} in all")
-    return {"vehicle_frames": read, "seconds": wall, "core_seconds": core}
+    if met != rounds * roads * len(STARTS) * FRAMES:
+        raise RuntimeError(f"libsumo: expected 5 vehicles in every frame, met {met} in all")
+    version = libsumo.getVersion()[1]
+    return {"simulations": rounds * roads, "wall": wall, "core": core, "version": version}
 
 
-def _step(libsumo: Any) -> int:
+def read(libsumo: Any) -> int:
+    """Step through all frames and read every vehicle in each."""
     vehicle, step = libsumo.vehicle, libsumo.simulationStep
-    read = 0
+    met = 0
     for _ in range(FRAMES):
         step()
         for name in vehicle.getIDList():
@@ -113,17 +132,32 @@ def _step(libsumo: Any) -> int:
             vehicle.getLaneIndex(name)
             vehicle.getAngle(name)
             vehicle.getAcceleration(name)
-            read += 1
-    return read
+            met += 1
+    return met
+
+
+def leave_unread(libsumo: Any) -> int:
+    """Step through all frames and only count the vehicles in each."""
+    vehicle, step = libsumo.vehicle, libsumo.simulationStep
+    met = 0
+    for _ in range(FRAMES):
+        step()
+        met += vehicle.getIDCount()
+    return met
 
 
 def main() -> int:
     """Run and print what was done."""
     options = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     options.add_argument("--roads", type=int, default=50)
-    options.add_argument("--rounds", type=int, default=8)
+    options.add_argument("--seconds", type=float, default=2.0, help="processor time, at least")
+    options.add_argument("--unread", action="store_true", help="read nothing of the vehicles")
+    options.add_argument(
+        "--lateral-resolution", type=float, default=0.0, help="[m]; 0: whole lanes"
+    )
     given = options.parse_args()
-    print(json.dumps(run(given.roads, given.rounds)))
+    step = leave_unread if given.unread else read
+    print(json.dumps(run(given.roads, given.seconds, step, given.lateral_resolution)))
     return 0
 
 

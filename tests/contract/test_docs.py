@@ -10,6 +10,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +26,10 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted(
     str(path.relative_to(ROOT)) for path in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
 )
-EXECUTED = ["README.md", *(page for page in PAGES if page.startswith("docs/tutorials/"))]
+EXECUTED = [
+    pytest.param("README.md", marks=pytest.mark.ci),  # A report, a film and a page: 20 s of a core.
+    *(page for page in PAGES if page.startswith("docs/tutorials/")),
+]
 EXAMPLES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "examples").glob("*.py"))
 
 FENCE = re.compile(r"^( *)```(\w+)\n(.*?)^ *```$", re.DOTALL | re.MULTILINE)
@@ -151,6 +155,16 @@ def test_a_file_that_does_not_exist_is_seen():
 # --- commands ---
 
 
+@cache
+def command_line() -> Any:
+    """The commands with their options."""
+    import typer.main
+
+    from overtaking.cli.app import build
+
+    return typer.main.get_command(build())
+
+
 def faults(line: str) -> list[str]:
     """What is wrong with a command line: an unknown command or option, or an unknown target."""
     program, *arguments = [word for word in shlex.split(line) if not re.match(r"[A-Z_]+=", word)]
@@ -158,11 +172,7 @@ def faults(line: str) -> list[str]:
         return [word for word in arguments if not re.search(rf"^{word}:", read("Makefile"), re.M)]
     if program != "overtaking":
         return [program]
-    import typer.main
-
-    from overtaking.cli.app import build
-
-    group: Any = typer.main.get_command(build())
+    group = command_line()
     options = {option for one in group.params for option in one.opts} | {"--help"}
     verb, given = arguments[0], arguments[1:]
     if not verb.startswith("-"):

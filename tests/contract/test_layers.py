@@ -11,6 +11,7 @@ import os
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -79,9 +80,14 @@ def add(source: Path, module: str, line: str) -> None:
         file.write(f"\n{line}\n")
 
 
-def imports_of(path: Path, package: list[str]) -> Iterator[str]:
-    """Every module or name that a file imports, in full: `a.b` for `from a import b`."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+@cache  # Copies of the package differ in one file.
+def imports_of(text: str, package: tuple[str, ...]) -> tuple[str, ...]:
+    """Every module or name that a module imports, in full: `a.b` for `from a import b`."""
+    return tuple(_imports_of(text, package))
+
+
+def _imports_of(text: str, package: tuple[str, ...]) -> Iterator[str]:
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -93,9 +99,10 @@ def imports_of(path: Path, package: list[str]) -> Iterator[str]:
 def importers(source: Path) -> Iterator[tuple[str, str]]:
     """Every pair (module of the package, what it imports)."""
     for path in sorted(source.rglob("*.py")):
-        parts = list(path.relative_to(source.parent).with_suffix("").parts)
+        parts = path.relative_to(source.parent).with_suffix("").parts
         module = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-        yield from ((module, name) for name in imports_of(path, parts[:-1]))
+        names = imports_of(path.read_text(encoding="utf-8"), parts[:-1])
+        yield from ((module, name) for name in names)
 
 
 def inside(name: str, package: str) -> bool:

@@ -186,6 +186,7 @@ def test_what_is_no_question_is_refused_in_one_line(data: Dataset, query: str, m
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.ci
 def test_a_question_without_end_is_stopped(data: Dataset):
     endless = "X = 1..9000, Y = 1..9000, Z = 1..9000, (X+Y+Z)\\7 = 8"
     with pytest.raises(ConfigError, match="an answer within 1 s"):

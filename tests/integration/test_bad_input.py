@@ -5,72 +5,14 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from tests.support.commands import run
 
 NUM_SIMULATIONS = 8
 
-# Importing takes longer than everything else that these commands do. So one process imports once,
-# and each command runs in a child of it: in a process of its own, with its own streams and limits.
-PARENT = """
-import json, os, resource, sys
-from overtaking import api
-from overtaking.cli import app, arguments, main, show, summary
-from overtaking.recordings import pinto2023
-for line in sys.stdin:
-    order = json.loads(line)
-    child = os.fork()
-    if not child:
-        for stream, path in ((1, order["stdout"]), (2, order["stderr"])):
-            os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), stream)
-        if order["largest_file"]:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (order["largest_file"],) * 2)
-        status = main(order["arguments"])
-        sys.stdout.flush()
-        os._exit(status)
-    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
-"""
-
-_parents: list[tuple[subprocess.Popen[str], Path]] = []
-
-
-@pytest.fixture(scope="module", autouse=True)
-def parent(tmp_path_factory):
-    """The process whose children run the commands."""
-    command = [sys.executable, "-c", PARENT]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(command, text=True, stdin=pipe, stdout=pipe) as process:
-        _parents.append((process, tmp_path_factory.mktemp("streams")))
-        yield
-        _parents.clear()
-        process.communicate()
-
-
-def run(*arguments: object, largest_file: int = 0) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end.
-
-    Args:
-        arguments: Those of the command line.
-        largest_file: Bytes that a file may have, which is how a full disk looks to a process.
-    """
-    ((process, folder),) = _parents
-    assert process.stdin is not None
-    assert process.stdout is not None
-    given = [str(one) for one in arguments]
-    files = {name: folder / name for name in ("stdout", "stderr")}
-    order = {
-        "arguments": given,
-        "largest_file": largest_file,
-        **{k: str(v) for k, v in files.items()},
-    }
-    process.stdin.write(json.dumps(order) + "\n")
-    process.stdin.flush()
-    status = int(process.stdout.readline())
-    texts = {name: path.read_text(encoding="utf-8") for name, path in files.items()}
-    return subprocess.CompletedProcess(given, status, **texts)
+pytestmark = pytest.mark.usefixtures("parent")
 
 
 def content(folder: Path) -> dict[str, bytes]:

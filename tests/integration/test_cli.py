@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from tests.support.commands import run
 
 from overtaking import api
 from overtaking.knowledge import terms
@@ -21,12 +22,14 @@ from overtaking.recordings.pinto2023 import COLUMNS, read_table
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.usefixtures("parent")
+
 NUM_SIMULATIONS = 12
 COMMAND = [sys.executable, "-m", "overtaking.cli"]
 
 
 def overtaking(*arguments: object, **settings) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end, in a terminal of 80 columns without colour."""
+    """Run a command as a user starts it, in a terminal of 80 columns without colour."""
     environment = {**os.environ, "COLUMNS": "80", "PYTHONIOENCODING": "utf-8"}
     streams: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **settings}
     return subprocess.run(
@@ -34,9 +37,9 @@ def overtaking(*arguments: object, **settings) -> subprocess.CompletedProcess[st
     )
 
 
-def done(*arguments: object, **settings) -> subprocess.CompletedProcess[str]:
+def done(*arguments: object) -> subprocess.CompletedProcess[str]:
     """Run a command that has to succeed and to complain about nothing."""
-    process = overtaking(*arguments, **settings)
+    process = run(*arguments)
     assert (process.returncode, process.stderr) == (0, "")
     return process
 
@@ -45,7 +48,8 @@ def done(*arguments: object, **settings) -> subprocess.CompletedProcess[str]:
 def folder(tmp_path_factory) -> Path:
     """A small data set, made by the command itself."""
     out = tmp_path_factory.mktemp("data") / "pinto"
-    process = done("generate", "-n", NUM_SIMULATIONS, "--seed", 3, "--out", out)
+    process = overtaking("generate", "-n", NUM_SIMULATIONS, "--seed", 3, "--out", out)
+    assert (process.returncode, process.stderr) == (0, "")
     assert f"{NUM_SIMULATIONS} simulations of pinto2023" in process.stdout
     assert f"next: overtaking show {out} 0" in process.stdout
     return out
@@ -88,7 +92,7 @@ def test_every_command_has_help_with_an_example_and_the_common_options(name):
 def test_version_is_that_of_the_package():
     from importlib.metadata import version
 
-    assert done("--version").stdout.strip() == version("overtaking")
+    assert overtaking("--version").stdout.strip() == version("overtaking")
 
 
 def test_json_of_generate_says_what_was_made(folder, tmp_path, data):

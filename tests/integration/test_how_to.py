@@ -25,6 +25,8 @@ PAGES = {
 }
 """Each page, and the files and folders that its commands make."""
 
+LONG = {"ask-with-logic.md", "export-the-papers-table.md", "videos.md"}
+
 FIRST = "make-a-data-set.md"
 """The page whose first block makes the data set that all others read."""
 
@@ -57,7 +59,9 @@ def pinto(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / out
 
 
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, marks=[pytest.mark.ci] if page in LONG else []) for page in PAGES]
+)
 def test_what_a_page_says_works(page, repository, workdir, pinto, capsys):
     if page != FIRST:
         shutil.copytree(pinto, workdir / "data" / "pinto")

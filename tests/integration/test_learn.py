@@ -9,7 +9,6 @@ import pytest
 
 import overtaking
 from overtaking.cli import main
-from overtaking.show.report import files
 from overtaking.show.report.learned import Learned, sections
 from overtaking.show.report.write import Writer
 
@@ -60,6 +59,7 @@ def test_a_counterexample_can_be_shown_and_is_one(
     assert (name in ("Success_L", "Success_I")) != rules.is_negated
 
 
+@pytest.mark.ci
 def test_tables_are_shown_in_a_terminal(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
@@ -120,7 +120,6 @@ def test_popper_is_an_export_with_options_of_its_own(
 
 
 def test_what_was_learned_is_on_the_page(folder: Path, rules: Any, factors: Any, tmp_path: Path):
-    files.make_folders(tmp_path)
     made = Writer(tmp_path, overtaking.statistics(folder), None)
     learned = Learned(rules=(rules,), factors=factors, remarks=("No rules about this.",))
     text = "".join(block for one in sections(made, learned) for block in one.blocks)

@@ -209,6 +209,7 @@ def test_a_balanced_data_set_on_another_road_is_the_same(tmp_path):
     assert contents(made[0].path) == contents(made[1].path)
 
 
+@pytest.mark.ci
 def test_a_store_is_filled_with_the_same(tmp_path, undisturbed, monkeypatch):
     monkeypatch.setitem(fsspec.config.conf, "local", {"auto_mkdir": True})
     monkeypatch.setenv("FSSPEC_LOCAL", '{"auto_mkdir": true}')  # The same for workers.

@@ -31,6 +31,7 @@ parent.document.title = [document.documentElement.scrollWidth, small, ...wide].j
 </script></body>"""
 
 
+@pytest.mark.ci
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 def test_nothing_scrolls_sideways_and_letters_can_be_read(tmp_path: Path):
     data = overtaking.generate("pinto2023", 100, 1, tmp_path / "data", keep="features")

@@ -86,6 +86,7 @@ def test_a_wrong_word_is_one_line(
     assert wrong[1] in said.err
 
 
+@pytest.mark.ci
 def test_a_report_of_data_without_frames_shows_overtakes(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ):

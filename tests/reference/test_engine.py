@@ -57,7 +57,7 @@ CROWDED = {
 }
 
 
-@pytest.mark.parametrize("vehicles", [[9, 16], [17, 32]])
+@pytest.mark.parametrize("vehicles", [[9, 16], pytest.param([17, 32], marks=pytest.mark.ci)])
 def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
     crowded = spec("pinto2023", CROWDED | {"traffic.vehicles": vehicles})
     scenario = sample(crowded, load_road("motorway"), 4, np.arange(18, dtype=np.uint64))
@@ -70,6 +70,7 @@ def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
         assert not found, f"{level}: {found}"
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("profile", ["motorway", "motorway-risk"])
 def test_traffic_as_it_is_met_has_the_same_bits_in_both(profile):
     short = {"time.horizon_s": 6.0, "time.attempt_deadline_s": 6.0}

@@ -69,6 +69,7 @@ EXPLICIT = {
 yaw rate [mrad/s], by speed [km/h]. Model version 1 moved vehicles so."""
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("label", drives.CLOSED)
 def test_a_driver_in_the_loop_drives_as_in_steps_of_a_millisecond(label: str):
     for kmh, away in drives.closed_errors(label).items():
@@ -76,6 +77,7 @@ def test_a_driver_in_the_loop_drives_as_in_steps_of_a_millisecond(label: str):
         assert away[0] < 0.015
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("label", ["dry, 4 s", "gust of 12 m/s"])
 def test_a_rider_in_the_loop_does_so_too(label: str):
     # A two-wheeler's yaw rate is that of the middle of a step, so it is not compared.

@@ -71,6 +71,9 @@ pub enum Deed<'a> {
     Drive(Controls<'a>, u32),
 }
 
+/// Room for few vehicles. More have room for the most, as a third size would be compiled for little.
+const FEW: usize = SLOTS[0];
+
 /// Let something happen to vehicles.
 ///
 /// # Errors
@@ -90,16 +93,18 @@ pub fn act(
     if table.len() != inputs.slots * MOVING.len() || !controls_fit(deed, inputs.slots) {
         return Err(format!("expected numbers of {} vehicles", inputs.slots));
     }
-    match SLOTS.into_iter().find(|slots| inputs.slots <= *slots) {
-        Some(8) => dispatch!(level, |simd| among::<_, 8>(simd, inputs, deed, table)),
-        Some(16) => dispatch!(level, |simd| among::<_, 16>(simd, inputs, deed, table)),
-        Some(32) => dispatch!(level, |simd| among::<_, 32>(simd, inputs, deed, table)),
-        _ => {
-            return Err(format!(
-                "{} vehicles are more than {MAX_VEHICLES}",
-                inputs.slots
-            ));
-        }
+    if inputs.slots > MAX_VEHICLES {
+        return Err(format!(
+            "{} vehicles are more than {MAX_VEHICLES}",
+            inputs.slots
+        ));
+    }
+    if inputs.slots <= FEW {
+        dispatch!(level, |simd| among::<_, FEW>(simd, inputs, deed, table));
+    } else {
+        dispatch!(level, |simd| among::<_, MAX_VEHICLES>(
+            simd, inputs, deed, table
+        ));
     }
     Ok(())
 }

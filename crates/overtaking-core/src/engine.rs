@@ -1,11 +1,11 @@
 //! What is simulated, in which order, on which threads, and at the SIMD width of which CPU.
 
-use fearless_simd::Level;
+use fearless_simd::{Level, Simd};
 use rayon::prelude::*;
 
 use crate::block::{self, Scratch};
 use crate::fields::{Constants, SIMULATION_NAMES};
-use crate::lanes::{LANES, dispatch};
+use crate::lanes::LANES;
 use crate::output::Output;
 use crate::{MAX_VEHICLES, SLOTS};
 
@@ -99,14 +99,17 @@ pub fn current_level() -> &'static str {
         .unwrap_or("portable")
 }
 
-/// Simulate a batch.
+/// Simulate a batch at a SIMD level.
+///
+/// Generic, so it is compiled where it is called: in `overtaking-avx` and `overtaking-portable`, which
+/// two cores compile at the same time.
 ///
 /// # Errors
-/// The SIMD level is unknown or not supported by this CPU.
-pub fn simulate(
+/// There are too many vehicles, or the room for frames does not consist of whole tiles.
+pub fn simulate<S: Simd>(
+    simd: S,
     inputs: &Inputs<'_>,
     later: Option<&Later<'_>>,
-    forced: Option<&str>,
     out: Output<'_>,
 ) -> Result<(), String> {
     if !out.frames.is_multiple_of(LANES) {
@@ -115,11 +118,10 @@ pub fn simulate(
             out.frames
         ));
     }
-    let level = supported(forced)?;
     match SLOTS.into_iter().find(|slots| inputs.slots <= *slots) {
-        Some(8) => run_blocks::<8>(level, inputs, later, out),
-        Some(16) => run_blocks::<16>(level, inputs, later, out),
-        Some(32) => run_blocks::<32>(level, inputs, later, out),
+        Some(8) => run_blocks::<S, 8>(simd, inputs, later, out),
+        Some(16) => run_blocks::<S, 16>(simd, inputs, later, out),
+        Some(32) => run_blocks::<S, 32>(simd, inputs, later, out),
         _ => {
             return Err(format!(
                 "{} slots are more than {MAX_VEHICLES}",
@@ -131,8 +133,8 @@ pub fn simulate(
 }
 
 /// Simulate all blocks of a batch, with room for `N` vehicles.
-fn run_blocks<const N: usize>(
-    level: Level,
+fn run_blocks<S: Simd, const N: usize>(
+    simd: S,
     inputs: &Inputs<'_>,
     later: Option<&Later<'_>>,
     out: Output<'_>,
@@ -146,9 +148,7 @@ fn run_blocks<const N: usize>(
     shares(seats)
         .into_par_iter()
         .for_each_init(Scratch::<N>::default, |scratch, share| {
-            dispatch!(level, |simd| block::run(
-                simd, inputs, later, share, scratch
-            ));
+            block::run(simd, inputs, later, share, scratch);
         });
 }
 

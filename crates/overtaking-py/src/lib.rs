@@ -10,10 +10,13 @@ mod hash;
 mod labels;
 mod recorded;
 
+use fearless_simd::Level;
 use numpy::PyReadonlyArray1;
 use overtaking_core::{
     Constants, Inputs, Later, MAX_PERCEPTS, MAX_VEHICLES, Output, SIMULATION_NAMES, VEHICLE_NAMES,
+    supported,
 };
+use overtaking_portable::portable;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -137,7 +140,7 @@ fn simulate(
         record_every,
     };
     let run = |out: Output<'_>| {
-        py.detach(|| overtaking_core::simulate(&inputs, later.as_ref(), level, out))
+        py.detach(|| simulate_at(supported(level)?, &inputs, later.as_ref(), out))
     };
     let done = with_outputs!(
         outputs, batch, slots, frames, run,
@@ -149,6 +152,31 @@ fn simulate(
         percept_true_closing_speed: i32, trace_hash: u32,
     );
     done.map_err(PyValueError::new_err)
+}
+
+/// Simulate a batch with the crate of a SIMD level.
+fn simulate_at(
+    level: Level,
+    inputs: &Inputs<'_>,
+    later: Option<&Later<'_>>,
+    out: Output<'_>,
+) -> Result<(), String> {
+    match level {
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Level::Avx512(simd) => overtaking_avx::avx512(simd, inputs, later, out),
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Level::Avx2(simd) => overtaking_avx::avx2(simd, inputs, later, out),
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Level::Sse4_2(_) | Level::Sse2(_) => match level.as_sse2() {
+            Some(simd) => portable(simd, inputs, later, out),
+            None => unreachable!("a level above SSE2 has SSE2"),
+        },
+        #[cfg(target_arch = "aarch64")]
+        Level::Neon(simd) => portable(simd, inputs, later, out),
+        #[cfg(not(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64")))]
+        Level::Fallback(simd) => portable(simd, inputs, later, out),
+        _ => unreachable!("every level of this architecture is handled"),
+    }
 }
 
 /// Names of the vehicle parameters, in order.

@@ -32,14 +32,14 @@ def learn_rules(
         data: The data set, or its folder.
         about: `legal`, `collision`, or `start`: that this is no time to begin.
         policy: Which rules of law decide about the class: `paper`, `default` or `strict`.
-        seed: Of the split into what is learned from and what is kept back, and of the black box.
+        seed: Of the split into training and held-out simulations, and of the black box.
         max_rules: How many rules at most.
         max_conditions: How many conditions a rule may have.
         progress: Called with the number of rounds that are done, and of all.
 
     Returns:
-        The rules with precision, recall and counterexamples; beside them, on the simulations that
-        were kept back, a black box and the speed limit alone.
+        The rules with precision, recall and counterexamples; beside them, on the held-out
+        simulations, a black box and the speed limit alone.
 
     Raises:
         ConfigError: There is no such target or policy, or a number cannot be used.
@@ -90,7 +90,7 @@ def learn_factors(
         progress: Called with the number of models that are fitted, and of all.
 
     Returns:
-        Three calibrated models on simulations that were kept back, and the factors in order, with
+        Three calibrated models on held-out simulations, and the factors in order, with
         the accuracy that each reaches together with those before it.
 
     Raises:

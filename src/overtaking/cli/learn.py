@@ -120,14 +120,14 @@ def _drawn_rules(found: "RulesFound") -> "Group":
     from overtaking.analysis.learning.tables import comparison_table, rule_table
 
     lines = [
-        f"learned from {found.num_learned_from:,} simulations; on all {found.everywhere.num:,} "
-        f"the rules are right in {100.0 * found.everywhere.accuracy:.1f} %"
+        f"learned from {found.num_learned_from:,} simulations; accuracy on all "
+        f"{found.everywhere.num:,}: {100.0 * found.everywhere.accuracy:.1f} %"
     ]
     if found.num_missed:
         numbers = ", ".join(str(one) for one in found.missed)
-        lines.append(f"no rule holds, and one should, in {found.num_missed:,}: {numbers}, …")
+        lines.append(f"{found.num_missed:,} false negatives: {numbers}, …")
     if not found.rules:
-        lines.append("no rule is worth its words")
+        lines.append("no rule was found")
     return Group(drawn(rule_table(found)), drawn(comparison_table(found)), Text("\n".join(lines)))
 
 

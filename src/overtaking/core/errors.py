@@ -91,6 +91,19 @@ class NoSuchSimulationError(ConfigError, IndexError):
 class SchemaError(OvertakingError, ValueError):
     """A table or array whose columns, types, units or version are not those agreed on."""
 
+    @classmethod
+    def newer(cls, what: str, where: str, known: int, got: int) -> Self:
+        """The error for a version that is newer than this package knows.
+
+        Args:
+            what: The version of what.
+            where: The file.
+            known: The newest that is known.
+            got: What was there instead.
+        """
+        step = "use the version of overtaking that wrote it, or a newer one"
+        return cls.of(what=what, where=where, expected=f"at most {known}", got=got, next_step=step)
+
 
 class ImportFormatError(OvertakingError, ValueError):
     """A file of another program that does not say what its format requires."""

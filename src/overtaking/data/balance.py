@@ -1,6 +1,7 @@
 """Balanced data sets: cells, quotas, and the weights that restore the natural shares."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,7 @@ class Balance:
 
     by: tuple[str, ...] = ("class",)
     policy: str = "paper"
-    candidates: int | None = field(default=None, metadata=within(1, MAX_CANDIDATES))
+    candidates: Annotated[int | None, within(1, MAX_CANDIDATES)] = None
     allows_missing: bool = False
 
     def __post_init__(self) -> None:

@@ -139,22 +139,18 @@ class Selection:
             names: Names of the cells.
         """
         weights = selection_weights(self.seen, self.kept)
-        return Chosen(
-            index=self.index, weight=weights[self.cell], record=self._record(names, weights)
-        )
-
-    def _record(self, names: tuple[str, ...], weights: F64) -> BalanceRecord:
         columns = (self._quotas, self.seen, self.kept, weights)
-        rows = zip(*(column.tolist() for column in columns), strict=True)
-        return BalanceRecord(
+        rows = zip(names, *(column.tolist() for column in columns), strict=True)
+        record = BalanceRecord(
             candidates=self.candidates,
             outside=self.candidates - int(self.seen.sum()),
             missing=int(self.missing.sum()),
             cells={
                 name: CellRecord(quota=quota, seen=seen, kept=kept, weight=weight)
-                for name, (quota, seen, kept, weight) in zip(names, rows, strict=True)
+                for name, quota, seen, kept, weight in rows
             },
         )
+        return Chosen(index=self.index, weight=weights[self.cell], record=record)
 
     def _add(self, index: U64, cell: I64) -> None:
         self._parts.append((index, cell))
@@ -176,8 +172,7 @@ class Scan:
     ) -> None:
         """Refuse what cannot be; nothing is read or written yet."""
         assert identity.balance is not None
-        self._recipe, self._simulator = recipe, simulator
-        self._place = place
+        self._recipe, self._simulator, self._place = recipe, simulator, place
         self._balance: Balance = identity.balance
         self._limit = self._balance.limit(recipe.num_simulations)
         self._key = _key(identity, self._balance)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from overtaking.core.checks import check_name
 from overtaking.core.errors import ConfigError
 from overtaking.data.tables.files import read_table
 from overtaking.data.tables.names import CLASSES, POLICY_NAMES
@@ -50,8 +51,7 @@ def chosen(
     if found is not None and found.size and not 0 <= found[0] <= found[-1] < len(data):
         wrong = int(found[0] if found[0] < 0 else found[-1])
         raise ConfigError.out_of_range("simulation", _WHERE, 0, len(data) - 1, wrong)
-    if policy not in POLICY_NAMES:
-        raise ConfigError.not_among("policy", _WHERE, POLICY_NAMES, policy)
+    check_name(policy, POLICY_NAMES, what="policy", where=_WHERE)
     if label is None:
         return found
     names = {name.lower(): name for name in CLASSES}

@@ -7,16 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from overtaking.core import processors
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.data.place import Folder, Place
+from overtaking.data.plan import Shard
 from overtaking.data.recipe import Recipe, Simulator
-from overtaking.data.tables.encode_labels import contents
-from overtaking.data.tables.files import TableWriter
-from overtaking.data.tables.schemas import schema_of
-from overtaking.scenarios import sample
+from overtaking.data.work import Job, Task, make_shard
 
 SAMPLE = 64
 """Simulations that are made to learn what one takes, or fewer where each takes long."""
@@ -139,19 +135,13 @@ def estimate(recipe: Recipe, place: Place, simulator: Simulator, count: int = SA
 
 def _made(recipe: Recipe, simulator: Simulator, count: int) -> tuple[int, int]:
     """Rows and bytes of the first simulations."""
-    numbers = np.arange(count)
-    index = numbers.astype(np.uint64)
-    run = simulator.simulate(sample(recipe.spec, recipe.road, recipe.seed, index))
-    tables = contents(run, numbers, recipe.keep.tables)
-    rows = size = 0
+    job = Job(recipe=recipe, simulator=simulator, fingerprint="", is_resumed=False)
+    task = Task(shard=Shard(number=0, first=0, stop=count))
     with tempfile.TemporaryDirectory(prefix="overtaking-") as folder:
-        for name, table in tables.items():
-            path = Path(folder, name)
-            with TableWriter(path, name, schema_of(name, simulator.unknown)) as writer:
-                writer.write(table)
-                facts = writer.finish()
-            rows, size = rows + facts.rows, size + facts.size_bytes
-    return rows, size
+        place = Folder(Path(folder))
+        place.prepare(recipe.keep.tables)
+        facts = make_shard(job.for_one_core(), task, place, lambda _: None).tables.values()
+    return sum(one.rows for one in facts), sum(one.size_bytes for one in facts)
 
 
 def _free(place: Place) -> int | None:

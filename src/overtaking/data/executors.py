@@ -3,6 +3,7 @@
 import sys
 
 from overtaking.core import processors
+from overtaking.core.checks import check_name
 from overtaking.core.errors import ConfigError
 from overtaking.data.place import Folder, Place
 from overtaking.data.processes import ProcessExecutor
@@ -38,8 +39,7 @@ def executor_of(
     Raises:
         ConfigError: One of them cannot be used, they do not go together, or there is no cluster.
     """
-    if engine not in ENGINES:
-        raise ConfigError.not_among("engine", "generate", ENGINES, engine)
+    check_name(engine, ENGINES, what="engine", where="generate")
     if engine == "ray":
         from overtaking.data.ray_executor import RayExecutor
 

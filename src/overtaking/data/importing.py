@@ -4,12 +4,11 @@ A recording is read before anything is written, so there is nothing to resume: t
 beside its place and takes its name when it is complete.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pyarrow as pa
 
 from overtaking.core.folders import refuse_strangers, whole_folder
 from overtaking.core.steps import Progress, Steps
@@ -108,10 +107,9 @@ def _write(scenes: "Scenes", identity: Identity, folder: Path, step: Steps) -> N
     place.sweep()
 
 
-def _pieces(
-    scenes: "Scenes", shard: plan.Shard, tables: tuple[str, ...]
-) -> Iterator[Mapping[str, pa.Table]]:
+def _pieces(scenes: "Scenes", shard: plan.Shard, tables: tuple[str, ...]) -> Iterator[shards.Piece]:
     """The tables of a shard, as many simulations at a time as memory is meant to hold."""
     for numbers in plan.chunks(shard, plan.RECORDED_CHUNK_SIZE):
         index = np.arange(numbers.start, numbers.stop, dtype=np.int64)
-        yield contents(scenes.trajectories(numbers), index, tables, scenes.sources(numbers))
+        run, sources = scenes.trajectories(numbers), scenes.sources(numbers)
+        yield len(numbers), contents(run, index, tables, sources)

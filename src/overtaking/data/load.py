@@ -273,15 +273,10 @@ class Dataset(Summarized):
         for shard in self._shards:
             for chunk in plan.chunks(shard, size):
                 numbers = np.arange(chunk[0], chunk[-1] + 1)
-                for some in (
-                    [numbers] if chosen is None else stretches(np.intersect1d(numbers, chosen))
-                ):
+                wanted = numbers if chosen is None else np.intersect1d(numbers, chosen)
+                for some in stretches(wanted):
                     first, last = int(some[0]), int(some[-1])
-                    rows = {
-                        name: read_rows(self._files.one(name, shard), name, first, last)
-                        for name in self._recorded_tables
-                    }
-                    recorded = self._recorded(rows)
+                    recorded = self._recorded(self._rows(first, last))
                     is_whole = len(some) == last - first + 1
                     yield some, recorded if is_whole else recorded.select(some - first)
 
@@ -296,8 +291,7 @@ class Dataset(Summarized):
         Raises:
             DatasetError: The file is damaged.
         """
-        shard = self._shards[first // self._manifest.identity.shard_size]
-        rows = read_rows(self._files.one("labels", shard), "labels", first, last)
+        rows = self._part("labels", first, last)
         return rows["class_weight"].to_numpy()[:: len(POLICY_NAMES)]
 
     @checked
@@ -349,21 +343,19 @@ class Dataset(Summarized):
     def _tables(self) -> tuple[str, ...]:
         return self._manifest.identity.keep.tables
 
-    @property
-    def _recorded_tables(self) -> tuple[str, ...]:
-        return tuple(name for name in self._tables if name in RECORDED_TABLES)
+    def _part(self, table: str, first: int, last: int | None = None) -> pa.Table:
+        """The rows of one simulation, or of all up to another one in the same file."""
+        if not 0 <= first < len(self):
+            end = len(self) - 1
+            raise NoSuchSimulationError.out_of_range("simulation", self.where, 0, end, first)
+        shard = self._shards[first // self._manifest.identity.shard_size]
+        path = self._files.one(table, shard)
+        return read_rows(path, table, first, first if last is None else last)
 
-    def _part(self, table: str, simulation: int) -> pa.Table:
-        """The rows of one simulation."""
-        if not 0 <= simulation < len(self):
-            last = len(self) - 1
-            raise NoSuchSimulationError.out_of_range("simulation", self.where, 0, last, simulation)
-        shard = self._shards[simulation // self._manifest.identity.shard_size]
-        return read_rows(self._files.one(table, shard), table, simulation, simulation)
-
-    def _rows(self, simulation: int) -> Mapping[str, pa.Table]:
-        """The rows of one simulation in every table of recordings that was kept."""
-        return {name: self._part(name, simulation) for name in self._recorded_tables}
+    def _rows(self, first: int, last: int | None = None) -> Mapping[str, pa.Table]:
+        """The same rows in every table of recordings that was kept."""
+        names = [name for name in self._tables if name in RECORDED_TABLES]
+        return {name: self._part(name, first, last) for name in names}
 
     def _recorded(self, rows: Mapping[str, pa.Table]) -> Trajectories:
         """The recordings of some simulations, from their rows or simulated again."""
@@ -374,21 +366,19 @@ class Dataset(Summarized):
         known = np.frombuffer(hashes, dtype="<u4").reshape(-1, 4)
         changed = np.flatnonzero((again.trace_hash != known).any(axis=1))
         if len(changed):
-            raise self._changed(rows["simulations"]["simulation"][int(changed[0])].as_py())
+            number = rows["simulations"]["simulation"][int(changed[0])].as_py()
+            raise DatasetError.of(
+                what=f"simulation {number}, simulated again",
+                where=self.where,
+                expected="the recorded trace hash",
+                got=f"another from {self._simulator.name} {self._simulator.version}",
+                next_step=self._manifest.how_to_simulate,
+            )
         return again
 
     def _encoded(self, simulation: int) -> Mapping[str, pa.Table]:
         """Every table of one simulation that is simulated again."""
         return contents(self.trajectory(simulation), np.array([simulation]), tuple(SCHEMAS))
-
-    def _changed(self, simulation: int) -> DatasetError:
-        return DatasetError.of(
-            what=f"simulation {simulation}, simulated again",
-            where=self.where,
-            expected="the recorded trace hash",
-            got=f"another from {self._simulator.name} {self._simulator.version}",
-            next_step=self._manifest.how_to_simulate,
-        )
 
 
 def _decoded(table: pa.Table) -> pd.DataFrame:

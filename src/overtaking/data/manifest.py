@@ -370,13 +370,7 @@ def _check_version(path: str, head: _Head) -> None:
     if head.format != FORMAT or not isinstance(version, int) or isinstance(version, bool):
         raise _unreadable(path, "another kind of file", "check the path of the data set")
     if version > VERSION:
-        raise SchemaError.of(
-            what="version of the manifest",
-            where=path,
-            expected=f"at most {VERSION}",
-            got=version,
-            next_step="use the version of overtaking that wrote it, or a newer one",
-        )
+        raise SchemaError.newer("version of the manifest", path, VERSION, version)
 
 
 def _unreadable(path: str, got: str, next_step: str) -> DatasetError:

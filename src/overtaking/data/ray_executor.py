@@ -122,26 +122,22 @@ def _make(shared: tuple[Job, dict[str, str]], task: Task, where: str) -> ShardRe
     return make_shard(job, task, place, lambda _: None)
 
 
+@cache
 def _packages() -> dict[str, str]:
     """The versions that decide the bytes of the files."""
     names = ("overtaking", "numpy", "pyarrow")
     return {**{name: version(name) for name in names}, "model": MODEL_VERSION}
 
 
-@cache
-def _own_packages() -> dict[str, str]:
-    return _packages()
-
-
 def _compare(packages: dict[str, str]) -> None:
     """Refuse other versions than the driver's: they might write other bytes."""
     for name, expected in packages.items():
-        if _own_packages()[name] != expected:
+        if _packages()[name] != expected:
             raise ConfigError.of(
                 what=f"version of {name}",
                 where=f"worker on {socket.gethostname()}",
                 expected=expected,
-                got=_own_packages()[name],
+                got=_packages()[name],
                 next_step="install the same versions on every machine of the cluster",
             )
 

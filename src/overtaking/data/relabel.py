@@ -1,7 +1,6 @@
 """Labels a data set anew: with rules that have changed, or for the first time."""
 
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 
 from overtaking.core.steps import Progress, Steps
@@ -13,8 +12,7 @@ from overtaking.data.place import Folder
 from overtaking.data.recipe import Simulator
 from overtaking.data.tables.encode import Numbers
 from overtaking.data.tables.encode_labels import encode_labels
-from overtaking.data.tables.files import FileFacts, TableWriter
-from overtaking.data.tables.schemas import LABEL_TABLES
+from overtaking.data.tables.schemas import LABEL_TABLES, SCHEMAS
 from overtaking.labels.label import label
 from overtaking.model.trajectory import Trajectories
 
@@ -53,8 +51,11 @@ def _relabel(data: Dataset, place: Folder, step: Steps) -> None:
     place.prepare(LABEL_TABLES)
     with place.staging() as staging:
         step(0)
-        batches = data.batches()
-        written = [_write(data, shard, batches, staging, step) for shard in planned]
+        batches, schemas = data.batches(), {name: SCHEMAS[name] for name in LABEL_TABLES}
+        written = [
+            shards.write_files(staging, shard, _pieces(data, shard, batches), schemas, step)
+            for shard in planned
+        ]
         for shard in planned:
             shards.put_into_place(place, staging, shard, LABEL_TABLES)
     records = tuple(
@@ -64,24 +65,12 @@ def _relabel(data: Dataset, place: Folder, step: Steps) -> None:
     complete(place, data.manifest, records, data.manifest.balance)
 
 
-def _write(
-    data: Dataset, shard: plan.Shard, batches: Batches, staging: Path, step: Steps
-) -> dict[str, FileFacts]:
-    """The unfinished files of a shard; `batches` stands at its first simulation."""
-    with ExitStack() as stack:
-        writers = {
-            name: stack.enter_context(TableWriter(shards.unfinished(staging, name, shard), name))
-            for name in LABEL_TABLES
-        }
-        count = 0
-        while count < shard.num_simulations:
-            numbers, run = next(batches)
-            # In a balanced data set the choice stays, whatever the new classes are.
-            is_balanced = data.manifest.identity.balance is not None
-            weight = data.class_weights(*numbers[[0, -1]].tolist()) if is_balanced else None
-            tables = encode_labels(label(run), numbers, weight)
-            for name, writer in writers.items():
-                writer.write(tables[name])
-            count += len(numbers)
-            step(len(numbers))
-        return {name: writer.finish() for name, writer in writers.items()}
+def _pieces(data: Dataset, shard: plan.Shard, batches: Batches) -> Iterator[shards.Piece]:
+    """The tables of labels of a shard; `batches` stands at its first simulation."""
+    is_balanced, count = data.manifest.identity.balance is not None, 0
+    while count < shard.num_simulations:
+        numbers, run = next(batches)
+        # In a balanced data set the choice stays, whatever the new classes are.
+        weight = data.class_weights(*numbers[[0, -1]].tolist()) if is_balanced else None
+        yield len(numbers), encode_labels(label(run), numbers, weight)
+        count += len(numbers)

@@ -24,13 +24,7 @@ from overtaking.data.manifest import Manifest, ShardRecord
 from overtaking.data.place import Place
 from overtaking.data.plan import Shard
 from overtaking.data.tables.digest import content_of
-from overtaking.data.tables.files import (
-    FileFacts,
-    TableWriter,
-    read_notes,
-    read_table,
-    sha256_of,
-)
+from overtaking.data.tables.files import FileFacts, TableWriter, facts_of, read_notes, read_table
 
 MARK = "simulations"
 """The table whose file is the commit mark of its shard."""
@@ -39,6 +33,12 @@ WRITING_THREADS = 4
 """Tables that are written beside each other; one of them takes most of the time."""
 
 _FACTS, _SEAL = "overtaking.facts", "overtaking.seal"
+
+Piece = tuple[int, Mapping[str, pa.Table]]
+"""How many simulations, and their tables by name."""
+
+Writers = Mapping[str, TableWriter]
+"""The writer of each table, by its name."""
 
 
 def name_of(table: str, shard: Shard) -> str:
@@ -49,7 +49,7 @@ def name_of(table: str, shard: Shard) -> str:
 def write_shard(
     place: Place,
     shard: Shard,
-    pieces: Iterable[Mapping[str, pa.Table]],
+    pieces: Iterable[Piece],
     *,
     schemas: Mapping[str, pa.Schema],
     fingerprint: str,
@@ -69,15 +69,37 @@ def write_shard(
         OSError: The disk is full or cannot be written.
     """
     with place.staging() as staging:
-        with ExitStack() as stack:
-            writers = {
-                name: stack.enter_context(TableWriter(unfinished(staging, name, shard), name, one))
-                for name, one in schemas.items()
-            }
-            _write_pieces(pieces, writers, on_piece)
-            facts = _finish(writers, fingerprint)
+        marked = partial(_marked, fingerprint=fingerprint)
+        facts = write_files(staging, shard, pieces, schemas, on_piece, marked)
         put_into_place(place, staging, shard, schemas)
     return _record(shard, facts)
+
+
+def write_files(
+    staging: Path,
+    shard: Shard,
+    pieces: Iterable[Piece],
+    schemas: Mapping[str, pa.Schema],
+    on_piece: Callable[[int], None],
+    finished: Callable[[Writers], dict[str, FileFacts]] | None = None,
+) -> dict[str, FileFacts]:
+    """Write unfinished files of a shard into a staging folder.
+
+    Args:
+        staging: The folder.
+        shard: As in `write_shard`.
+        pieces: As in `write_shard`.
+        schemas: As in `write_shard`.
+        on_piece: As in `write_shard`.
+        finished: Completes the files; without notes in any of them if left out.
+    """
+    with ExitStack() as stack:
+        writers = {
+            name: stack.enter_context(TableWriter(unfinished(staging, name, shard), name, one))
+            for name, one in schemas.items()
+        }
+        _write_pieces(pieces, writers, on_piece)
+        return (finished or _finished)(writers)
 
 
 def unfinished(staging: Path, table: str, shard: Shard) -> Path:
@@ -113,12 +135,7 @@ def finished_shard(
     if notes.get(_SEAL) != _seal(fingerprint, known, content):
         return None
     facts = {name: FileFacts(**one) for name, one in json.loads(known).items()}
-    facts[MARK] = FileFacts(
-        rows=rows.num_rows,
-        size_bytes=mark.stat().st_size,
-        sha256=sha256_of(mark),
-        content=content,
-    )
+    facts[MARK] = facts_of(mark, rows.num_rows, content)
     if not facts.keys() >= set(tables):  # Made before there were all of these tables.
         return None
     intact = (is_intact(partial(place.open, name_of(name, shard)), facts[name]) for name in tables)
@@ -139,7 +156,7 @@ def is_intact(opened: Callable[[], BufferedIOBase], facts: FileFacts) -> bool:
         return False
 
 
-def _finish(writers: Mapping[str, TableWriter], fingerprint: str) -> dict[str, FileFacts]:
+def _marked(writers: Writers, fingerprint: str) -> dict[str, FileFacts]:
     """Complete the files, with what is known of all the others in the commit mark."""
     facts = _finished({name: writer for name, writer in writers.items() if name != MARK})
     known = json.dumps({name: dataclasses.asdict(one) for name, one in facts.items()})
@@ -147,7 +164,7 @@ def _finish(writers: Mapping[str, TableWriter], fingerprint: str) -> dict[str, F
     return {**facts, MARK: writers[MARK].finish({_FACTS: known, _SEAL: seal})}
 
 
-def _finished(writers: Mapping[str, TableWriter]) -> dict[str, FileFacts]:
+def _finished(writers: Writers) -> dict[str, FileFacts]:
     """Complete some files, beside each other: each of them waits for the disk."""
     pool = pool_of("write", WRITING_THREADS)
     underway = {name: pool.submit(writer.finish) for name, writer in writers.items()}
@@ -158,9 +175,7 @@ def _finished(writers: Mapping[str, TableWriter]) -> dict[str, FileFacts]:
 
 
 def _write_pieces(
-    pieces: Iterable[Mapping[str, pa.Table]],
-    writers: Mapping[str, TableWriter],
-    on_piece: Callable[[int], None],
+    pieces: Iterable[Piece], writers: Writers, on_piece: Callable[[int], None]
 ) -> None:
     """Write each piece, the tables beside each other, while the next piece is being made."""
     pool = pool_of("write", WRITING_THREADS)
@@ -174,10 +189,10 @@ def _write_pieces(
             on_piece(simulations)
 
     try:
-        for piece in pieces:
+        for count, tables in pieces:
             finish()
-            underway = [pool.submit(one.write, piece[name]) for name, one in writers.items()]
-            simulations = piece[MARK].num_rows
+            underway = [pool.submit(one.write, tables[name]) for name, one in writers.items()]
+            simulations = count
         finish()
     finally:
         wait(underway)  # Nobody may close a file that is being written.

@@ -53,27 +53,24 @@ class Store:
 
     def names(self) -> set[str]:
         """The first parts of the names of its objects."""
-        with _asking():
-            self._files.invalidate_cache()
+        with self._asked() as files:
             try:
-                found: list[str] = self._files.ls(self._root, detail=False)
+                found: list[str] = files.ls(self._root, detail=False)
             except FileNotFoundError:
                 return set()
-            if self._files.isfile(self._root):
+            if files.isfile(self._root):
                 raise NotADirectoryError(str(self))
         return {path.rstrip("/").rpartition("/")[2] for path in found}
 
     def has(self, name: str) -> bool:
         """Whether there is such an object."""
-        with _asking():
-            self._files.invalidate_cache()
-            return bool(self._files.exists(self._key(name)))
+        with self._asked() as files:
+            return bool(files.exists(self._key(name)))
 
     def open(self, name: str) -> BufferedIOBase:
         """An object, read piece by piece."""
-        with _asking():
-            self._files.invalidate_cache()
-            return self._files.open(self._key(name), "rb")
+        with self._asked() as files:
+            return files.open(self._key(name), "rb")
 
     def fetch(self, name: str) -> Path:
         """A copy that lives as long as this place is in use."""
@@ -84,9 +81,8 @@ class Store:
         if not copy.exists():
             copy.parent.mkdir(parents=True, exist_ok=True)
             arriving = copy.with_name(f"{copy.name}.{os.urandom(4).hex()}")
-            with _asking():
-                self._files.invalidate_cache()
-                self._files.get_file(self._key(name), str(arriving))
+            with self._asked() as files:
+                files.get_file(self._key(name), str(arriving))
             arriving.replace(copy)
         return copy
 
@@ -101,22 +97,22 @@ class Store:
 
     def put(self, finished: Path, name: str) -> None:
         """Send a file; the store shows it when all of it has arrived."""
-        with _asking():
-            self._files.put_file(str(finished), self._key(name))
+        with self._asked() as files:
+            files.put_file(str(finished), self._key(name))
         self._forget(name)
 
     def put_text(self, name: str, text: str, *, is_first: bool = False) -> None:
         """Send a text; the store itself decides who is first, if it can."""
-        with _asking():
+        with self._asked() as files:
             mode = "create" if is_first else "overwrite"
-            self._files.pipe_file(self._key(name), text.encode(), mode=mode)
+            files.pipe_file(self._key(name), text.encode(), mode=mode)
         self._forget(name)
 
     def remove(self, name: str) -> None:
         """Delete an object."""
-        with _asking():
+        with self._asked() as files:
             if self.has(name):
-                self._files.rm_file(self._key(name))
+                files.rm_file(self._key(name))
         self._forget(name)
 
     def sweep(self) -> None:
@@ -126,6 +122,17 @@ class Store:
         """Do nothing: a store cannot be held."""
         return nullcontext()
 
+    @contextmanager
+    def _asked(self) -> Generator[Any]:
+        """The file system as it is now; the many errors of stores and networks become `OSError`."""
+        try:
+            self._files.invalidate_cache()
+            yield self._files
+        except (OSError, MemoryError):
+            raise
+        except Exception as error:
+            raise OSError(f"{type(error).__name__}: {error}") from error
+
     def _key(self, name: str) -> str:
         return f"{self._root}/{name}"
 
@@ -133,17 +140,6 @@ class Store:
         """Do not show what was fetched before it was replaced."""
         if self._copies is not None:
             (self._copies / name).unlink(missing_ok=True)
-
-
-@contextmanager
-def _asking() -> Generator[None]:
-    """Turn the many errors of stores and networks into `OSError`."""
-    try:
-        yield
-    except (OSError, MemoryError):
-        raise
-    except Exception as error:
-        raise OSError(f"{type(error).__name__}: {error}") from error
 
 
 def _reached(url: str) -> tuple[Any, str]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from overtaking.core.errors import ConfigError
+from overtaking.core.checks import check_name
 from overtaking.core.units import kmh_from_mps
 from overtaking.data.tables.columns import names_of, unit_of
 from overtaking.data.tables.names import POLICY_NAMES, READINGS
@@ -62,8 +62,7 @@ def features_frame(
         ConfigError: There is no such policy or reading.
     """
     for what, got, known in (("policy", policy, POLICY_NAMES), ("reading", reading, READINGS)):
-        if got not in known:
-            raise ConfigError.not_among(what, "features", known, got)
+        check_name(got, known, what=what, where="features")
     measured = features[features["policy"] == reading].set_index("simulation")
     said = labels[labels["policy"] == policy].set_index("simulation")
     frame = pd.DataFrame({name: measured[field.name] for name, field in _FEATURES.items()})

@@ -2,13 +2,12 @@
 
 import dataclasses
 import socket
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Protocol
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
 from overtaking.core.errors import DatasetError
@@ -141,18 +140,16 @@ def visible_place(where: str, fingerprint: str) -> Place:
     )
 
 
-def _pieces(job: Job, task: Task) -> Iterator[Mapping[str, pa.Table]]:
+def _pieces(job: Job, task: Task) -> Iterator[shards.Piece]:
     """The tables of a shard, as many simulations at a time as memory is meant to hold."""
     spec, keeps_frames = job.recipe.spec.resolved(), job.recipe.keep is Keep.FRAMES
     size = plan.batch_size(spec, job.simulator.chunk_size, keeps_frames=keeps_frames)
 
-    def piece(chunk: range) -> Mapping[str, pa.Table]:
-        return _tables(job, task, chunk)
-
+    piece = partial(_piece, job, task)
     return in_order(piece, plan.chunks(task.shard, size), job.simulator.threads)
 
 
-def _tables(job: Job, task: Task, chunk: range) -> Mapping[str, pa.Table]:
+def _piece(job: Job, task: Task, chunk: range) -> shards.Piece:
     """The tables of some simulations of a shard."""
     recipe, numbers = job.recipe, np.arange(chunk.start, chunk.stop)
     part = slice(chunk.start - task.shard.first, chunk.stop - task.shard.first)
@@ -160,4 +157,4 @@ def _tables(job: Job, task: Task, chunk: range) -> Mapping[str, pa.Table]:
     scenario = sample(recipe.spec, recipe.road, recipe.seed, index)
     run = job.simulator.simulate(scenario)
     weight = scenario.weight if task.weight is None else scenario.weight * task.weight[part]
-    return contents(run, numbers, recipe.keep.tables, class_weight=weight)
+    return len(chunk), contents(run, numbers, recipe.keep.tables, class_weight=weight)

@@ -1,11 +1,10 @@
-"""What happened: the events of an overtake, how it ended, and its class under a policy.
+"""What happened: the events of an overtake, and how it ended.
 
 Events are found in what was recorded, never in what the ego meant to do. The compiled engine finds
 them; `tests/reference/labels/events.py` reads like `docs/explanation/events.md` defines them.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from overtaking.labels.instants import (
 )
 from overtaking.labels.signals import target_signals, watch
 from overtaking.model.events import NEVER, Detail, Events, Outcome
-from overtaking.model.labels import Case, Labels, OvertakeClass
+from overtaking.model.labels import Case
 from overtaking.model.road import Road
 from overtaking.model.signals import Signals
 from overtaking.model.trajectory import Trajectories
@@ -134,7 +133,7 @@ def detail(events: Events, frame_interval_ms: int) -> U8:
     # Passed, and in the other lane for good.
     frames = float(known("labels.phases.stay_time")) * 1000.0 / frame_interval_ms
     stayed = (events.overlap_end != NEVER) & (events.last - events.overlap_end >= frames)
-    cases: list[tuple[Mask, Detail]] = [
+    cases = [
         (collided & ~events.attempted, Detail.COLLISION_BEFORE_ATTEMPT),
         (collided & events.struck, Detail.STRUCK_BY_OTHER),
         (collided, Detail.RAN_INTO_OTHER),
@@ -145,62 +144,10 @@ def detail(events: Events, frame_interval_ms: int) -> U8:
         (back, Detail.ABORTED_AFTER_CROSSING),
         (stayed, Detail.PASSED_NOT_RETURNED),
     ]
-    conditions, details = zip(*cases, strict=True)
-    return np.select(conditions, details, Detail.OPEN_AT_HORIZON).astype(np.uint8)
+    return first_case(cases, Detail.OPEN_AT_HORIZON)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Judgement:
-    """What a policy makes of the rules; every array has shape (simulation,).
-
-    Attributes:
-        policy: Its name.
-        allows_undecided: Whether an overtake counts as legal although a rule is undecidable.
-        censors_open: Whether an overtake that the recording cuts off is left out.
-        is_legal: Whether no required rule is broken, as far as can be decided.
-        num_broken: Required rules that are broken.
-        num_undecidable: Required rules that apply and cannot be decided.
-    """
-
-    policy: str
-    allows_undecided: bool
-    censors_open: bool
-    is_legal: Mask
-    num_broken: U8
-    num_undecidable: U8
-
-
-def classify(events: Events, judgements: Sequence[Judgement], frame_interval_ms: int) -> Labels:
-    """The labels of a batch.
-
-    Args:
-        events: What happened.
-        judgements: What each policy makes of the law.
-        frame_interval_ms: Time between frames [ms].
-    """
-    how, way = outcome(events), detail(events, frame_interval_ms)
-    return Labels(
-        policies=tuple(each.policy for each in judgements),
-        outcome=how,
-        detail=way,
-        classes=np.stack([_classes(how, way, each) for each in judgements], axis=1),
-        is_legal=np.stack([each.is_legal for each in judgements], axis=1),
-        num_broken=np.stack([each.num_broken for each in judgements], axis=1),
-        num_undecidable=np.stack([each.num_undecidable for each in judgements], axis=1),
-    )
-
-
-def _classes(how: U8, way: U8, judged: Judgement) -> U8:
-    undecided = (judged.num_undecidable > 0) & (not judged.allows_undecided)
-    completed = how == Outcome.COMPLETED
-    cut_off = (way == Detail.OPEN_AT_HORIZON) & judged.censors_open
-    cases: list[tuple[Mask, OvertakeClass]] = [
-        (how == Outcome.COLLISION, OvertakeClass.UNSUCCESS_COL),
-        (how == Outcome.NO_ATTEMPT, OvertakeClass.NO_ATTEMPT),
-        (completed & (judged.num_broken > 0), OvertakeClass.SUCCESS_I),
-        (completed & undecided, OvertakeClass.SUCCESS_U),
-        (completed, OvertakeClass.SUCCESS_L),
-        (cut_off, OvertakeClass.CENSORED),
-    ]
-    conditions, classes = zip(*cases, strict=True)
-    return np.select(conditions, classes, OvertakeClass.UNSUCCESS_NCOL).astype(np.uint8)
+def first_case(cases: Sequence[tuple[Mask, int]], otherwise: int) -> U8:
+    """The code of the first case that holds in each simulation."""
+    conditions, codes = zip(*cases, strict=True)
+    return np.select(conditions, codes, otherwise).astype(np.uint8)

@@ -194,6 +194,20 @@ def across_at(
     return across, np.abs(across - seen.lateral[own]) - (own_reach + reach)
 
 
+def in_lane(run: Trajectories, lane: I32, frames: Frames) -> Mask:
+    """Which vehicles are in a driving lane at one frame of each simulation, (simulation, vehicle).
+
+    Args:
+        run: The batch.
+        lane: A lane index for each simulation, shape (simulation,).
+        frames: A frame of each, same shape.
+    """
+    rows = np.arange(len(frames))
+    inside = run.states.lane[rows, :, frames] == lane[:, None]
+    inside &= run.scenario.vehicles.valid & (lane < run.road.num_lanes)[:, None]
+    return inside if run.present is None else inside & run.present[rows, :, frames]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftLane:
     """The lane to the left at one frame of each simulation, as in `Signals`."""
@@ -207,13 +221,11 @@ def left_lane_at(run: Trajectories, frames: Frames) -> LeftLane:
 
     Lengths are summed in whole half-millimetres: the order of the vehicles is irrelevant.
     """
-    place, bodies = (np.arange(len(frames)), slice(None), frames), run.scenario.vehicles
-    lane, s = run.states.lane[place].astype(np.int32), run.states.s[place]
-    there = bodies.valid & (lane == lane[:, [Role.EGO]] + 1) & (lane < run.road.num_lanes)
-    if run.present is not None:
-        there &= run.present[place]
+    rows = np.arange(len(frames))
+    own, s = run.states.lane[rows, Role.EGO, frames].astype(np.int32), run.states.s[rows, :, frames]
+    there = in_lane(run, own + 1, frames)
     limit = np.int32(2 * OCCUPANCY_REACH_MM)
-    length = np.rint(bodies.length * np.float32(1000.0)).astype(np.int32)
+    length = np.rint(run.scenario.vehicles.length * np.float32(1000.0)).astype(np.int32)
     # Twice the distance, cut so that a vehicle miles away cannot overflow.
     centre = np.clip(s - s[:, [Role.EGO]], -limit, limit) * np.int32(2)
     front, rear = np.minimum(centre + length, limit), np.maximum(centre - length, -limit)

@@ -4,19 +4,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from overtaking.labels.events import Judgement, case_of, classify
+import numpy as np
+
+from overtaking.labels.events import case_of, detail, first_case, outcome
 from overtaking.labels.features import (
     decision_features,
     matched_features,
     paper_features,
     safety_measures,
 )
-from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, check, legality
+from overtaking.labels.instants import U8
+from overtaking.labels.law import POLICIES, PORTUGAL, Legality, Pack, Policy, check, legality
 from overtaking.model.batch import Batch
 from overtaking.model.decisions import Decisions
-from overtaking.model.events import Events
+from overtaking.model.events import Detail, Events, Outcome
 from overtaking.model.features import Features
-from overtaking.model.labels import Findings, Labels
+from overtaking.model.labels import Findings, Labels, OvertakeClass
 from overtaking.model.safety import Safety
 from overtaking.model.signals import Signals
 from overtaking.model.trajectory import Trajectories
@@ -75,13 +78,12 @@ def label(
     """
     case = case_of(trajectories)
     findings = check(pack, case)
-    judgements = [_judgement(findings, policy) for policy in policies]
     return Labelled(
         trajectories=trajectories,
         signals=case.signals,
         events=case.events,
         findings=findings,
-        labels=classify(case.events, judgements, case.signals.frame_interval_ms),
+        labels=_labels(case.events, findings, policies, case.signals.frame_interval_ms),
         paper=paper_features(case),
         matched=matched_features(case),
         decisions=decision_features(case),
@@ -89,13 +91,37 @@ def label(
     )
 
 
-def _judgement(findings: Findings, policy: Policy) -> Judgement:
-    law = legality(findings, policy)
-    return Judgement(
-        policy=policy.name,
-        allows_undecided=policy.allows_undecided,
-        censors_open=policy.censors_open,
-        is_legal=law.is_legal,
-        num_broken=law.num_broken,
-        num_undecidable=law.num_undecidable,
+def _labels(
+    events: Events, findings: Findings, policies: Sequence[Policy], interval: int
+) -> Labels:
+    """How each simulation ended, and its class under each policy."""
+    how, way = outcome(events), detail(events, interval)
+    laws = [legality(findings, each) for each in policies]
+    classes = [_classes(how, way, law, each) for law, each in zip(laws, policies, strict=True)]
+    judged = {
+        name: np.stack([getattr(law, name) for law in laws], axis=1)
+        for name in ("is_legal", "num_broken", "num_undecidable")
+    }
+    return Labels(
+        policies=tuple(each.name for each in policies),
+        outcome=how,
+        detail=way,
+        classes=np.stack(classes, axis=1),
+        **judged,
     )
+
+
+def _classes(how: U8, way: U8, law: Legality, policy: Policy) -> U8:
+    """The class of each simulation under one policy."""
+    undecided = (law.num_undecidable > 0) & (not policy.allows_undecided)
+    completed = how == Outcome.COMPLETED
+    cut_off = (way == Detail.OPEN_AT_HORIZON) & policy.censors_open
+    cases = [
+        (how == Outcome.COLLISION, OvertakeClass.UNSUCCESS_COL),
+        (how == Outcome.NO_ATTEMPT, OvertakeClass.NO_ATTEMPT),
+        (completed & (law.num_broken > 0), OvertakeClass.SUCCESS_I),
+        (completed & undecided, OvertakeClass.SUCCESS_U),
+        (completed, OvertakeClass.SUCCESS_L),
+        (cut_off, OvertakeClass.CENSORED),
+    ]
+    return first_case(cases, OvertakeClass.UNSUCCESS_NCOL)

@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -15,11 +15,13 @@ from overtaking import _core
 from overtaking.core.elementary import F32, as_f32, log, maximum
 from overtaking.core.memory import empty
 from overtaking.labels.instants import METRES, U8, Index, half_window, side_of, slot_of
+from overtaking.model.batch import Batch
 from overtaking.model.labels import Case
 from overtaking.model.once import once
 from overtaking.model.safety import Encounter
 from overtaking.model.signals import Around, Signals, TargetSignals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
+from overtaking.model.values import declarations
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.world.compiled import chosen_level, constant_values
 from overtaking.world.conditions import outlook
@@ -30,40 +32,13 @@ from overtaking.world.lanes import road_parameters
 Arrays = dict[str, NDArray[Any]]
 Later = dict[str, Callable[[], Arrays]]
 
-SEEN = {
-    "lane": np.uint8,
-    "lateral": np.float32,
-    "lateral_speed": np.float32,
-    "speed": np.float32,
-    "right_reach": np.float32,
-    "left_reach": np.float32,
-    "vehicle": np.uint8,
-    "friction": np.float32,
-    "sight_lit": np.float32,
-    "sight_unlit": np.float32,
-}
+SEEN = (
+    *("lane", "lateral", "lateral_speed", "speed", "right_reach", "left_reach", "vehicle"),
+    *("friction", "sight_lit", "sight_unlit"),
+)
 """Signals that further compiled functions read."""
 
-_SIGNALS = SEEN | {"accel": np.float32}
-_AROUND = {
-    "gap": np.float32,
-    "closing_speed": np.float32,
-    "lateral_gap": np.float32,
-    "left_occupancy": np.float32,
-    "left_count": np.uint8,
-}
-_TARGET = {
-    "valid": np.bool_,
-    "lead": np.float32,
-    "overlaps": np.bool_,
-    "gap": np.float32,
-    "lateral": np.float32,
-    "lateral_gap": np.float32,
-    "lane": np.uint8,
-    "speed": np.float32,
-    "accel": np.float32,
-    "lateral_speed": np.float32,
-}
+_AROUND = ("gap", "closing_speed", "lateral_gap", "left_occupancy", "left_count")
 _OF_NEIGHBOURS = ("vehicle", "gap", "closing_speed", "lateral_gap")
 """Signals of shape (simulation, neighbour, time)."""
 
@@ -85,7 +60,7 @@ def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[Signals, 
     """
     names, recorded = _core.event_fields(), pack(trajectories)
     events = np.empty((len(names), len(trajectories.num_frames)), np.int32)
-    outputs = _room(trajectories, _SIGNALS, _OF_NEIGHBOURS)
+    outputs = _room(trajectories, Signals, (*SEEN, "accel"))
     _core.watch(
         recorded=recorded,
         conditions=conditions(trajectories),
@@ -121,7 +96,7 @@ def target_signals(trajectories: Trajectories, seen: Signals, vehicle: U8) -> Ta
     if slot.size and slot.max() >= length.shape[1]:
         raise ValueError(f"target: no vehicle {slot.max()}")
     return TargetSignals.partly(
-        dict.fromkeys(_TARGET, partial(_target, trajectories, seen, vehicle)),
+        dict.fromkeys(_target_names(), partial(_target, trajectories, seen, vehicle)),
         vehicle=vehicle,
         length=length[np.arange(len(slot)), slot],
     )
@@ -240,7 +215,7 @@ def _mean_film(water: dict[str, F32], film_path: F32) -> F32:
 
 
 def _around(trajectories: Trajectories, vehicle: U8) -> Arrays:
-    outputs = _room(trajectories, _AROUND, _OF_NEIGHBOURS)
+    outputs = _room(trajectories, Signals, _AROUND)
     _core.around(
         recorded=pack(trajectories), vehicle=_flat(vehicle), outputs=outputs, level=chosen_level()
     )
@@ -248,7 +223,7 @@ def _around(trajectories: Trajectories, vehicle: U8) -> Arrays:
 
 
 def _target(trajectories: Trajectories, seen: Signals, vehicle: U8) -> Arrays:
-    outputs = _room(trajectories, _TARGET)
+    outputs = _room(trajectories, TargetSignals, _target_names())
     _core.target(
         recorded=pack(trajectories),
         seen=pack_seen(seen),
@@ -259,17 +234,20 @@ def _target(trajectories: Trajectories, seen: Signals, vehicle: U8) -> Arrays:
     return outputs
 
 
-def _room(
-    trajectories: Trajectories, kinds: dict[str, Any], of_neighbours: tuple[str, ...] = ()
-) -> Arrays:
-    """Arrays whose content means nothing yet."""
+def _target_names() -> list[str]:
+    """The signals of the target that have a value for each frame."""
+    return [name for name in declarations(TargetSignals) if name not in ("vehicle", "length")]
+
+
+def _room(trajectories: Trajectories, cls: type[Batch], names: Iterable[str]) -> Arrays:
+    """Arrays for some fields of a batch, of their types, whose content means nothing yet."""
     simulations, frames = trajectories.stage.shape
     whole, narrow = (simulations, len(Around), frames), (simulations, frames)
-    shapes = {name: whole if name in of_neighbours else narrow for name in kinds}
-    return {
-        name: empty(math.prod(shapes[name]), kind).reshape(shapes[name])
-        for name, kind in kinds.items()
-    }
+    kinds, outputs = declarations(cls), Arrays()
+    for name in names:
+        shape = whole if cls is Signals and name in _OF_NEIGHBOURS else narrow
+        outputs[name] = empty(math.prod(shape), kinds[name].dtype).reshape(shape)
+    return outputs
 
 
 def _adjacent(values: NDArray[Any]) -> NDArray[Any]:

@@ -104,13 +104,8 @@ class Batch(Summarized):
         known = [field.name for field in dataclasses.fields(self)]  # type: ignore[arg-type]
         for name in changes:
             if name not in known:
-                raise ConfigError.of(
-                    what="field",
-                    where=f"{type(self).__name__}.replace",
-                    expected=f"one of {', '.join(known)}",
-                    got=name,
-                    next_step="choose one of them",
-                )
+                where = f"{type(self).__name__}.replace"
+                raise ConfigError.not_among("field", where, known, name)
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
 

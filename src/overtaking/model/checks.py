@@ -1,10 +1,8 @@
 """Checks of what comes from outside, once: fields of batches, arguments of public functions."""
 
-import dataclasses
 import inspect
 import types
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cache, wraps
 from typing import Annotated, Any, NoReturn, ParamSpec, TypeVar, get_args, get_origin
 from typing import get_type_hints as type_hints
@@ -15,7 +13,7 @@ from numpy.typing import NDArray
 from overtaking.core.errors import ConfigError
 from overtaking.model import values
 from overtaking.model.batch import Batch
-from overtaking.model.values import Axes, Range
+from overtaking.model.values import Axes, Declaration, Range
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -92,46 +90,6 @@ def argument(value: Any, hint: Any, where: str, name: str) -> Any:
     return taken
 
 
-@dataclass(frozen=True, slots=True)
-class _Declared:
-    """What a field of a dataclass declares; `dtype` is None where it is no array."""
-
-    name: str
-    hint: Any
-    dtype: np.dtype[Any] | None
-    is_optional: bool
-    axes: Axes
-    range: Range | None
-
-
-@cache
-def _declared(cls: type) -> tuple[_Declared, ...]:
-    found: list[_Declared] = []
-    declared = values.declarations(cls)
-    for field in dataclasses.fields(cls):
-        hints = [one for one in values.choices(field.type) if one is not types.NoneType]
-        found.append(
-            _Declared(
-                name=field.name,
-                hint=field.type,
-                dtype=_dtype(hints[0]),
-                is_optional=len(hints) < len(values.choices(field.type)),
-                axes=declared[field.name].axes or getattr(cls, "AXES", ()),
-                range=declared[field.name].range,
-            )
-        )
-    return tuple(found)
-
-
-def _dtype(hint: Any) -> np.dtype[Any] | None:
-    """The dtype of an array's annotation; None for anything else."""
-    if get_origin(hint) is not np.ndarray:
-        return None
-    (scalar,) = get_args(get_args(hint)[1])
-    # `elementary.F32` is float32 by contract, and says less for the type checker's sake.
-    return np.dtype(np.float32 if get_origin(scalar) is np.floating else scalar)
-
-
 class _Door:
     """The checks of one call."""
 
@@ -145,7 +103,7 @@ class _Door:
             if field.dtype is not None and not (field.is_optional and value is None):
                 self._check_array(value, field, path)
                 continue
-            self.plain(value, field.hint, path)
+            self.plain(value, field.type, path)
             if isinstance(value, Batch):
                 self.check_types(value, path)
             elif field.range is not None:
@@ -162,11 +120,11 @@ class _Door:
                 self.check_values(value, path)
             elif isinstance(value, np.ndarray) and field.range is not None:
                 self._check_range(value, field, field.range, path)
-        axes = {field.name: field.axes for field in _declared(type(one))}
         for demand in one.constraints():
             if np.any(demand.broken):
                 place = _first(demand.broken)
-                got = _at(place, demand.got[place], axes[demand.field])
+                axes = values.declarations(type(one))[demand.field].axes
+                got = _at(place, demand.got[place], axes)
                 self._refuse(_path(name, demand.field), demand.expected, got)
 
     def plain(self, value: Any, hint: Any, name: str) -> Any:
@@ -186,7 +144,7 @@ class _Door:
         if value is not None and allowed.outside(value, high):
             self._refuse(name, allowed.described(high), values.number(value))
 
-    def _check_array(self, value: Any, field: _Declared, name: str) -> None:
+    def _check_array(self, value: Any, field: Declaration, name: str) -> None:
         axes = ", ".join(str(axis) for axis in field.axes)
         expected = f"an array of {field.dtype} with the axes ({axes})"
         if type(value) not in (np.ndarray, np.memmap) or value.dtype != field.dtype:
@@ -201,7 +159,7 @@ class _Door:
                 self._refuse(name, f"length {length} along {axis}{end}", size)
 
     def _check_range(
-        self, array: NDArray[Any], field: _Declared, allowed: Range, name: str
+        self, array: NDArray[Any], field: Declaration, allowed: Range, name: str
     ) -> None:
         high = self._high(allowed)
         if not allowed.holds_all(array, high):
@@ -217,10 +175,10 @@ class _Door:
         )
 
 
-def _fields(one: Any, name: str) -> Iterator[tuple[_Declared, Any, str]]:
+def _fields(one: Any, name: str) -> Iterator[tuple[Declaration, Any, str]]:
     """The fields of a dataclass: what they declare, what they hold, and where they are."""
-    for field in _declared(type(one)):
-        yield field, getattr(one, field.name), _path(name, field.name)
+    for field, declared in values.declarations(type(one)).items():
+        yield declared, getattr(one, field), _path(name, field)
 
 
 def _path(name: str, field: str) -> str:

@@ -3,8 +3,9 @@
 A new feature is a field here and a formula in `labels.features`. The columns of the table follow.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,26 +32,23 @@ _ego = partial(meant, column="ego_{}")
 class OwnState(Batch):
     """The ego; every array has shape (simulation,)."""
 
-    kind: U8 = field(metadata=_ego("Type of the ego", needs=["kinds"], names=_KINDS))
-    speed: F32 = field(metadata=_ego("Its speed", "m/s"))
-    accel: F32 = field(metadata=_ego("Its acceleration", "m/s^2"))
-    available_accel: F32 = field(
-        metadata=_ego(
-            "Largest acceleration of engine and air at that speed", "m/s^2", needs=["bodies"]
-        )
-    )
-    desired_speed: F32 = field(
-        metadata=_ego("Speed that its driver wants on a free road", "m/s", needs=["drivers"])
-    )
-    waiting_time: F32 = field(metadata=meant("Time since it closed up", "s"))
-    lateral_offset: F32 = field(
-        metadata=_ego(
-            "From the centre of its lane, growing to the left", "m", present="around.on_road"
-        )
-    )
+    kind: Annotated[U8, _ego("Type of the ego", needs=["kinds"], names=_KINDS)]
+    speed: Annotated[F32, _ego("Its speed", "m/s")]
+    accel: Annotated[F32, _ego("Its acceleration", "m/s^2")]
+    available_accel: Annotated[
+        F32, _ego("Largest acceleration of engine and air at that speed", "m/s^2", needs=["bodies"])
+    ]
+    desired_speed: Annotated[
+        F32, _ego("Speed that its driver wants on a free road", "m/s", needs=["drivers"])
+    ]
+    waiting_time: Annotated[F32, meant("Time since it closed up", "s")]
+    lateral_offset: Annotated[
+        F32, _ego("From the centre of its lane, growing to the left", "m", present="around.on_road")
+    ]
 
 
 _ahead = partial(meant, column="ahead_{}", present=".encounter.valid")
+_passing = partial(_ahead, column="{}", needs=["bodies", "weather"])
 
 
 @documented
@@ -62,40 +60,25 @@ class VehicleAhead(Batch):
     reaction distance ahead of it at `OwnState.available_accel`, infinite if the ego cannot.
     """
 
-    encounter: Encounter = field(metadata=meant("the ego behind the vehicle ahead", column="ahead"))
-    kind: U8 = field(metadata=_ahead("Type of the vehicle ahead", needs=["kinds"], names=_KINDS))
-    length: F32 = field(metadata=_ahead("Its length", "m"))
-    speed: F32 = field(metadata=_ahead("Its speed", "m/s"))
-    accel: F32 = field(metadata=_ahead("Its acceleration", "m/s^2"))
-    lateral_offset: F32 = field(
-        metadata=_ahead("From the centre of the lane, growing to the left", "m")
-    )
-    indicator: U8 = field(metadata=_ahead("Its indicator", needs=["indicators"], names=_SIDES))
-    looming: F32 = field(metadata=_ahead("Growth of its image in the eye", "rad/s"))
-    has_next: Mask = field(
-        metadata=meant("Whether there is another vehicle ahead of it in the lane", column=None)
-    )
-    return_gap: F32 = field(
-        metadata=meant(
-            "Gap between it and the next vehicle ahead in the lane", "m", present=".has_next"
-        )
-    )
-    overtaking_time: F32 = field(
-        metadata=meant(
-            "Least time to be a reaction distance ahead of it; null if never",
-            "s",
-            present=".encounter.valid",
-            needs=["bodies", "weather"],
-        )
-    )
-    overtaking_distance: F32 = field(
-        metadata=meant(
-            "Way of the ego in that time",
-            "m",
-            present=".encounter.valid",
-            needs=["bodies", "weather"],
-        )
-    )
+    encounter: Annotated[Encounter, meant("the ego behind the vehicle ahead", column="ahead")]
+    kind: Annotated[U8, _ahead("Type of the vehicle ahead", needs=["kinds"], names=_KINDS)]
+    length: Annotated[F32, _ahead("Its length", "m")]
+    speed: Annotated[F32, _ahead("Its speed", "m/s")]
+    accel: Annotated[F32, _ahead("Its acceleration", "m/s^2")]
+    lateral_offset: Annotated[F32, _ahead("From the centre of the lane, growing to the left", "m")]
+    indicator: Annotated[U8, _ahead("Its indicator", needs=["indicators"], names=_SIDES)]
+    looming: Annotated[F32, _ahead("Growth of its image in the eye", "rad/s")]
+    has_next: Annotated[
+        Mask, meant("Whether there is another vehicle ahead of it in the lane", column=None)
+    ]
+    return_gap: Annotated[
+        F32,
+        meant("Gap between it and the next vehicle ahead in the lane", "m", present=".has_next"),
+    ]
+    overtaking_time: Annotated[
+        F32, _passing("Least time to be a reaction distance ahead of it; null if never", "s")
+    ]
+    overtaking_distance: Annotated[F32, _passing("Way of the ego in that time", "m")]
 
 
 _left = partial(meant, column="left_{}", present=".exists")
@@ -109,24 +92,24 @@ class LeftLane(Batch):
     Occupancy and count are of the 100 m ahead and behind.
     """
 
-    exists: Mask = field(metadata=meant("Whether there is a lane to the left", column="left_{}"))
-    front: Encounter = field(
-        metadata=meant("the ego behind the vehicle ahead on the left", column="left_{}")
-    )
-    rear: Encounter = field(
-        metadata=meant("the vehicle behind on the left, behind the ego", column="left_{}")
-    )
-    occupancy: F32 = field(
-        metadata=_left("Lengths of vehicles in 200 m of the lane to the left, over 200 m")
-    )
-    count: U8 = field(metadata=_left("Vehicles there"))
-    space_mean_speed: F32 = field(metadata=_left("Mean of their speeds", "m/s", present=".count"))
-    time_mean_speed: F32 = field(
-        metadata=_left("Mean of the speeds past a place there", "m/s", present=".count")
-    )
-    crossable: Mask = field(
-        metadata=_left("Whether the line on the left may be crossed", needs=["marks"])
-    )
+    exists: Annotated[Mask, meant("Whether there is a lane to the left", column="left_{}")]
+    front: Annotated[
+        Encounter, meant("the ego behind the vehicle ahead on the left", column="left_{}")
+    ]
+    rear: Annotated[
+        Encounter, meant("the vehicle behind on the left, behind the ego", column="left_{}")
+    ]
+    occupancy: Annotated[
+        F32, _left("Lengths of vehicles in 200 m of the lane to the left, over 200 m")
+    ]
+    count: Annotated[U8, _left("Vehicles there")]
+    space_mean_speed: Annotated[F32, _left("Mean of their speeds", "m/s", present=".count")]
+    time_mean_speed: Annotated[
+        F32, _left("Mean of the speeds past a place there", "m/s", present=".count")
+    ]
+    crossable: Annotated[
+        Mask, _left("Whether the line on the left may be crossed", needs=["marks"])
+    ]
 
 
 _weather = partial(meant, needs=["weather"])
@@ -137,26 +120,27 @@ _weather = partial(meant, needs=["weather"])
 class Surround(Batch):
     """Road, weather and light; every array has shape (simulation,)."""
 
-    on_road: Mask = field(
-        metadata=meant(
+    on_road: Annotated[
+        Mask,
+        meant(
             "Whether the ego's centre is in a driving lane; else its lane means nothing",
             column=None,
-        )
-    )
-    lane: U8 = field(metadata=meant("Lane, 0 the slowest", present=".on_road"))
-    lanes_to_left: U8 = field(metadata=meant("Driving lanes to the left of it", present=".on_road"))
-    lane_width: F32 = field(metadata=meant("Its width", "m", present=".on_road"))
-    speed_limit: F32 = field(metadata=_weather("Limit as posted", "m/s", needs=["speed_limit"]))
-    night: Mask = field(metadata=_weather("Whether it is night"))
-    low_sun: Mask = field(metadata=_weather("Whether the sun stands low ahead"))
-    rain: F32 = field(metadata=_weather("Rain rate", "mm/h"))
-    optical_range: F32 = field(metadata=_weather("Meteorological optical range", "m"))
-    wind: F32 = field(metadata=_weather("Mean wind speed", "m/s"))
-    friction: F32 = field(metadata=_weather("Peak friction under the ego"))
-    sight_lit: F32 = field(metadata=_weather("Distance at which a lit vehicle is seen", "m"))
-    sight_unlit: F32 = field(
-        metadata=_weather("Distance at which an unlit one is seen", "m", needs=["weather", "lamps"])
-    )
+        ),
+    ]
+    lane: Annotated[U8, meant("Lane, 0 the slowest", present=".on_road")]
+    lanes_to_left: Annotated[U8, meant("Driving lanes to the left of it", present=".on_road")]
+    lane_width: Annotated[F32, meant("Its width", "m", present=".on_road")]
+    speed_limit: Annotated[F32, _weather("Limit as posted", "m/s", needs=["speed_limit"])]
+    night: Annotated[Mask, _weather("Whether it is night")]
+    low_sun: Annotated[Mask, _weather("Whether the sun stands low ahead")]
+    rain: Annotated[F32, _weather("Rain rate", "mm/h")]
+    optical_range: Annotated[F32, _weather("Meteorological optical range", "m")]
+    wind: Annotated[F32, _weather("Mean wind speed", "m/s")]
+    friction: Annotated[F32, _weather("Peak friction under the ego")]
+    sight_lit: Annotated[F32, _weather("Distance at which a lit vehicle is seen", "m")]
+    sight_unlit: Annotated[
+        F32, _weather("Distance at which an unlit one is seen", "m", needs=["weather", "lamps"])
+    ]
 
 
 _law = partial(meant, column="law_{}", needs=["weather"])
@@ -170,40 +154,43 @@ class LawAhead(Batch):
     A margin to a vehicle means nothing where that vehicle is not there.
     """
 
-    follow: F32 = field(
-        metadata=_law(
+    follow: Annotated[
+        F32,
+        _law(
             "L3: gap to the vehicle ahead minus the safe distance",
             "m",
             present="ahead.encounter.valid",
-        )
-    )
-    entry_front: F32 = field(
-        metadata=_law(
+        ),
+    ]
+    entry_front: Annotated[
+        F32,
+        _law(
             "L4 if the ego moved over now: room to the vehicle ahead on the left",
             "m",
             present="left.front.valid",
-        )
-    )
-    entry_rear: F32 = field(
-        metadata=_law(
+        ),
+    ]
+    entry_rear: Annotated[
+        F32,
+        _law(
             "L5 if the ego moved over now: room to the vehicle behind on the left",
             "m",
             present="left.rear.valid",
-        )
-    )
-    speed: F32 = field(
-        metadata=_law(
+        ),
+    ]
+    speed: Annotated[
+        F32,
+        _law(
             "L12: limit of road and vehicle minus speed",
             "m/s",
             needs=["speed_limit", "kinds", "road_kind"],
-        )
-    )
-    stop_lit: F32 = field(metadata=_law("L14: sight of the lit minus stopping distance", "m"))
-    stop_unlit: F32 = field(
-        metadata=_law(
-            "L14s: sight of the unlit minus stopping distance", "m", needs=["weather", "lamps"]
-        )
-    )
+        ),
+    ]
+    stop_lit: Annotated[F32, _law("L14: sight of the lit minus stopping distance", "m")]
+    stop_unlit: Annotated[
+        F32,
+        _law("L14s: sight of the unlit minus stopping distance", "m", needs=["weather", "lamps"]),
+    ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

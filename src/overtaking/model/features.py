@@ -1,9 +1,8 @@
 """The paper's fifteen features of a simulation."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +10,15 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import F32, Mask
 from overtaking.knowledge import terms
 from overtaking.model.batch import Batch
-from overtaking.model.values import documented, meant
+from overtaking.model.values import Declaration, documented, meant
 from overtaking.model.vehicles import VehicleKind
 
 U8 = NDArray[np.uint8]
 I32 = NDArray[np.int32]
 
 
-def _paper(code: str, unit: str = "1", **declared: Any) -> Mapping[str, Any]:
-    """Metadata of a feature; its words are those of `knowledge/data/terms.toml`."""
+def _paper(code: str, unit: str = "1", **declared: Any) -> Declaration:
+    """Declaration of a feature; its words are those of `knowledge/data/terms.toml`."""
     return meant(terms("features")[code].meaning, unit, column=code, **declared)
 
 
@@ -39,25 +38,24 @@ class Features(Batch):
     that the paper gives it.
     """
 
-    policy: str = field(metadata=meant("How they were measured, `paper` or `matched`", column=None))
-    night: Mask = field(metadata=_weather("DN", names=["Day", "Night"]))
-    horizon_line: Mask = field(metadata=_weather("HL", names=["No", "Yes"]))
-    ego_kind: U8 = field(metadata=_paper("TE", names=_KINDS))
-    target_kind: U8 = field(metadata=_of_target("TP", names=_KINDS))
-    has_target: Mask = field(metadata=meant("Whether there is a target", column=None))
-    waiting_time: F32 = field(metadata=_paper("WT", "s"))
-    overtaking_time: F32 = field(metadata=_paper("OT", "s"))
-    num_vehicles: U8 = field(metadata=_paper("NV"))
-    ego_speed: F32 = field(metadata=_paper("SE", "m/s"))
-    target_speed: F32 = field(metadata=_of_target("SP", "m/s"))
-    speed_difference: F32 = field(metadata=_of_target("DSEP", "m/s"))
-    distance: F32 = field(metadata=_of_target("D", "m"))
-    left_occupancy: F32 = field(metadata=_paper("OLR"))
-    rain: F32 = field(metadata=_weather("PREC", "%"))
-    wind: F32 = field(metadata=_weather("WIND", "%"))
-    fog: F32 = field(metadata=_weather("FOG", "%"))
-    frame: I32 = field(
-        metadata=meant(
-            "Frame at which they were measured, `NEVER` for means over all frames", column=None
-        )
-    )
+    policy: Annotated[str, meant("How they were measured, `paper` or `matched`", column=None)]
+    night: Annotated[Mask, _weather("DN", names=["Day", "Night"])]
+    horizon_line: Annotated[Mask, _weather("HL", names=["No", "Yes"])]
+    ego_kind: Annotated[U8, _paper("TE", names=_KINDS)]
+    target_kind: Annotated[U8, _of_target("TP", names=_KINDS)]
+    has_target: Annotated[Mask, meant("Whether there is a target", column=None)]
+    waiting_time: Annotated[F32, _paper("WT", "s")]
+    overtaking_time: Annotated[F32, _paper("OT", "s")]
+    num_vehicles: Annotated[U8, _paper("NV")]
+    ego_speed: Annotated[F32, _paper("SE", "m/s")]
+    target_speed: Annotated[F32, _of_target("SP", "m/s")]
+    speed_difference: Annotated[F32, _of_target("DSEP", "m/s")]
+    distance: Annotated[F32, _of_target("D", "m")]
+    left_occupancy: Annotated[F32, _paper("OLR")]
+    rain: Annotated[F32, _weather("PREC", "%")]
+    wind: Annotated[F32, _weather("WIND", "%")]
+    fog: Annotated[F32, _weather("FOG", "%")]
+    frame: Annotated[
+        I32,
+        meant("Frame at which they were measured, `NEVER` for means over all frames", column=None),
+    ]

@@ -90,12 +90,10 @@ class Case(Batch):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Findings(Batch):
-    """What each rule of a pack says of each simulation; every array has shape (simulation, rule).
+class Check(Batch):
+    """What one rule says of each simulation; every array has shape (simulation,).
 
     Attributes:
-        rules: Codes of the rules, in the order of the last axis.
-        version: Version of the pack.
         verdict: `Verdict`.
         margin: How far from the border of the law, in the unit of the rule, negative in a breach;
             0 where the verdict is neither legal nor illegal.
@@ -105,14 +103,25 @@ class Findings(Batch):
         belief: `Belief`.
     """
 
-    rules: tuple[str, ...]
-    version: str
     verdict: U8
     margin: F32
     first: I32
     last: I32
     severity: U8
     belief: U8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Findings(Check):
+    """What each rule of a pack says; the arrays of `Check` have shape (simulation, rule) here.
+
+    Attributes:
+        rules: Codes of the rules, in the order of the last axis.
+        version: Version of the pack.
+    """
+
+    rules: tuple[str, ...]
+    version: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,9 +16,9 @@ the left in left-hand traffic, where it is -1.
 import dataclasses
 import enum
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -102,9 +102,9 @@ class Lane:
     """
 
     lane_id: int
-    width: float = field(metadata=within(0.0, MAX_NEIGHBOUR_WIDTH, "m", is_open=True))
+    width: Annotated[float, within(0.0, MAX_NEIGHBOUR_WIDTH, "m", is_open=True)]
     kind: str = "driving"
-    direction: int = field(default=1, metadata=within(-1, 1))
+    direction: Annotated[int, within(-1, 1)] = 1
     right_mark: RoadMark
     left_mark: RoadMark
 
@@ -145,12 +145,12 @@ class Road:
     kind: str
     driving_side: DrivingSide
     lanes: tuple[Lane, ...]
-    edge_d: float = field(metadata=_COORDINATE)
-    length: float = field(metadata=within(0.0, MAX_LENGTH, "m", is_open=True))
-    x0: float = field(metadata=_COORDINATE)
-    y0: float = field(metadata=_COORDINATE)
-    heading: float = field(metadata=within(-math.tau, math.tau, "rad"))
-    speed_limit: float = field(metadata=within(0.0, MAX_SPEED_LIMIT, "m/s", is_open=True))
+    edge_d: Annotated[float, _COORDINATE]
+    length: Annotated[float, within(0.0, MAX_LENGTH, "m", is_open=True)]
+    x0: Annotated[float, _COORDINATE]
+    y0: Annotated[float, _COORDINATE]
+    heading: Annotated[float, within(-math.tau, math.tau, "rad")]
+    speed_limit: Annotated[float, within(0.0, MAX_SPEED_LIMIT, "m/s", is_open=True)]
     slow_side_neighbour: Lane | None = None
     fast_side_neighbour: Lane | None = None
 

@@ -3,8 +3,9 @@
 A new measure is a field here and a formula in `labels.features`. The columns of the table follow.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +28,10 @@ MOMENTS = (
 
 
 _of_two = partial(meant, present=".valid")
-"""Metadata of a measure of two vehicles."""
+"""Declaration of a measure of two vehicles."""
 
 _to_front = partial(meant, column="front_{}", present="front.valid")
-"""Metadata of a measure of the ego and the vehicle ahead."""
+"""Declaration of a measure of the ego and the vehicle ahead."""
 
 
 @documented
@@ -41,19 +42,17 @@ class Encounter(Batch):
     What never happens has an infinite time. Where `valid` is false the values mean nothing.
     """
 
-    valid: Mask = field(metadata=meant("Whether there are two vehicles", column=None))
-    gap: F32 = field(metadata=_of_two("Gap between the bumpers, negative alongside", "m"))
-    closing_speed: F32 = field(metadata=_of_two("Speed at which that gap shrinks", "m/s"))
-    time_gap: F32 = field(
-        metadata=_of_two("Gap over the speed of the one behind; null if it stands", "s")
-    )
-    ttc: F32 = field(metadata=_of_two("Time to collision at constant speeds; null if never", "s"))
-    mttc: F32 = field(
-        metadata=_of_two("Time to collision at constant accelerations; null if never", "s")
-    )
-    drac: F32 = field(
-        metadata=_of_two("Deceleration that just avoids a collision; null if none does", "m/s^2")
-    )
+    valid: Annotated[Mask, meant("Whether there are two vehicles", column=None)]
+    gap: Annotated[F32, _of_two("Gap between the bumpers, negative alongside", "m")]
+    closing_speed: Annotated[F32, _of_two("Speed at which that gap shrinks", "m/s")]
+    time_gap: Annotated[
+        F32, _of_two("Gap over the speed of the one behind; null if it stands", "s")
+    ]
+    ttc: Annotated[F32, _of_two("Time to collision at constant speeds; null if never", "s")]
+    mttc: Annotated[F32, _of_two("Time to collision at constant accelerations; null if never", "s")]
+    drac: Annotated[
+        F32, _of_two("Deceleration that just avoids a collision; null if none does", "m/s^2")
+    ]
 
 
 @documented
@@ -68,49 +67,45 @@ class Safety(Batch):
     the right at `return_begin`; at other moments there is none.
     """
 
-    frame: I32 = field(
-        metadata=meant(
+    frame: Annotated[
+        I32,
+        meant(
             "Frame of each moment, `NEVER` where it did not come; of the manoeuvre the first one",
             column=None,
-        )
-    )
-    front: Encounter = field(metadata=meant("the ego behind the vehicle ahead"))
-    headway: F32 = field(
-        metadata=_to_front("From front bumper to front bumper; null if the ego stands", "s")
-    )
-    picud: F32 = field(metadata=_to_front("Gap left after sudden braking of both", "m"))
-    rss_margin: F32 = field(
-        metadata=_to_front("Gap minus the safe one of responsibility-sensitive safety", "m")
-    )
-    lawful_margin: F32 = field(
-        metadata=_to_front("Gap minus the safe distance of L3", "m", needs=["weather"])
-    )
-    rear: Encounter = field(metadata=meant("the vehicle behind, behind the ego"))
-    entered_front: Encounter = field(metadata=meant("the vehicle ahead in the lane entered"))
-    entered_rear: Encounter = field(metadata=meant("the vehicle behind in the lane entered"))
-    stop_margin_lit: F32 = field(
-        metadata=meant("Sight of the lit minus stopping distance", "m", needs=["weather"])
-    )
-    stop_margin_unlit: F32 = field(
-        metadata=meant(
-            "Sight of the unlit minus stopping distance", "m", needs=["weather", "lamps"]
-        )
-    )
-    close_share: F32 = field(
-        metadata=meant(
-            "Share of the manoeuvre closer than the safe distance of L3", needs=["weather"]
-        )
-    )
-    time_exposed: F32 = field(metadata=meant("Time at a critical time to collision, TET", "s"))
-    time_integrated: F32 = field(metadata=meant("What it lacks, integrated, TIT", "s^2"))
-    entry_encroachment: F32 = field(
-        metadata=meant(
-            "Until the vehicle behind on the left was where the ego entered; null if never", "s"
-        )
-    )
-    return_encroachment: F32 = field(
-        metadata=meant("Until the overtaken vehicle was where the ego returned; null if never", "s")
-    )
+        ),
+    ]
+    front: Annotated[Encounter, meant("the ego behind the vehicle ahead")]
+    headway: Annotated[
+        F32, _to_front("From front bumper to front bumper; null if the ego stands", "s")
+    ]
+    picud: Annotated[F32, _to_front("Gap left after sudden braking of both", "m")]
+    rss_margin: Annotated[
+        F32, _to_front("Gap minus the safe one of responsibility-sensitive safety", "m")
+    ]
+    lawful_margin: Annotated[
+        F32, _to_front("Gap minus the safe distance of L3", "m", needs=["weather"])
+    ]
+    rear: Annotated[Encounter, meant("the vehicle behind, behind the ego")]
+    entered_front: Annotated[Encounter, meant("the vehicle ahead in the lane entered")]
+    entered_rear: Annotated[Encounter, meant("the vehicle behind in the lane entered")]
+    stop_margin_lit: Annotated[
+        F32, meant("Sight of the lit minus stopping distance", "m", needs=["weather"])
+    ]
+    stop_margin_unlit: Annotated[
+        F32, meant("Sight of the unlit minus stopping distance", "m", needs=["weather", "lamps"])
+    ]
+    close_share: Annotated[
+        F32, meant("Share of the manoeuvre closer than the safe distance of L3", needs=["weather"])
+    ]
+    time_exposed: Annotated[F32, meant("Time at a critical time to collision, TET", "s")]
+    time_integrated: Annotated[F32, meant("What it lacks, integrated, TIT", "s^2")]
+    entry_encroachment: Annotated[
+        F32,
+        meant("Until the vehicle behind on the left was where the ego entered; null if never", "s"),
+    ]
+    return_encroachment: Annotated[
+        F32, meant("Until the overtaken vehicle was where the ego returned; null if never", "s")
+    ]
 
 
 MANOEUVRE_MEASURES = (

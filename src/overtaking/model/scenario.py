@@ -1,7 +1,8 @@
 """A batch of scenarios: everything that is decided before the first frame."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,18 +55,18 @@ class Scenario(Batch):
 
     profile: str
     road: Road
-    seed: int = field(metadata=within(0, 2**64 - 1))
-    frame_interval_ms: int = field(metadata=within(1, 1000, "ms"))
+    seed: Annotated[int, within(0, 2**64 - 1)]
+    frame_interval_ms: Annotated[int, within(1, 1000, "ms")]
     index: NDArray[np.uint64]
-    horizon: F32 = field(metadata=within(0.0, MAX_DURATION, "s", is_open=True))
-    attempt_deadline: F32 = field(metadata=within(0.0, 1e6, "s", is_open=True))
-    weight: NDArray[np.float64] = field(metadata=within(0.0, 1e12))
+    horizon: Annotated[F32, within(0.0, MAX_DURATION, "s", is_open=True)]
+    attempt_deadline: Annotated[F32, within(0.0, 1e6, "s", is_open=True)]
+    weight: Annotated[NDArray[np.float64], within(0.0, 1e12)]
     vehicles: VehicleSpecs
     drivers: Drivers
     weather: Weather
-    start_s: F32 = field(metadata=within(-MAX_LENGTH, MAX_LENGTH, "m", axes=_EACH))
-    start_lane: NDArray[np.uint8] = field(metadata=within(0, "lane", axes=_EACH))
-    start_speed: F32 = field(metadata=within(0.0, 150.0, "m/s", axes=_EACH))
+    start_s: Annotated[F32, within(-MAX_LENGTH, MAX_LENGTH, "m", axes=_EACH)]
+    start_lane: Annotated[NDArray[np.uint8], within(0, "lane", axes=_EACH)]
+    start_speed: Annotated[F32, within(0.0, 150.0, "m/s", axes=_EACH)]
 
     @property
     def num_simulations(self) -> int:

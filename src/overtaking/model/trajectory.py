@@ -5,8 +5,9 @@ agree.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum, IntFlag
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,14 +117,14 @@ class States(Batch):
     y: I32
     s: I32
     d: I32
-    speed: I32 = field(metadata=within(0, 1_000_000, "mm/s"))
-    heading: I16 = field(metadata=within(-31_416, 31_416, "steps of 0.1 mrad"))
-    wheel_angle: I16 = field(metadata=within(-31_416, 31_416, "steps of 0.1 mrad"))
+    speed: Annotated[I32, within(0, 1_000_000, "mm/s")]
+    heading: Annotated[I16, within(-31_416, 31_416, "steps of 0.1 mrad")]
+    wheel_angle: Annotated[I16, within(-31_416, 31_416, "steps of 0.1 mrad")]
     accel_lon: I16
     accel_lat: I16
     yaw_rate: I16
-    lane: U8 = field(metadata=within(0, "lane or beyond", also=BEYOND_SLOW_EDGE))
-    lights: U8 = field(metadata=within(0, sum(Lights)))
+    lane: Annotated[U8, within(0, "lane or beyond", also=BEYOND_SLOW_EDGE)]
+    lights: Annotated[U8, within(0, sum(Lights))]
 
 
 BYTES_PER_STATE = 32
@@ -143,9 +144,9 @@ class Contacts(Batch):
 
     AXES = ("simulation", "vehicle")
 
-    partner: U8 = field(metadata=within(0, "vehicle", also=int(NO_VEHICLE)))
-    time: I32 = field(metadata=within(0, MAX_DURATION * 1000, "ms"))
-    impulse: I32 = field(metadata=within(0, 2**31 - 1, "N s"))
+    partner: Annotated[U8, within(0, "vehicle", also=int(NO_VEHICLE))]
+    time: Annotated[I32, within(0, MAX_DURATION * 1000, "ms")]
+    impulse: Annotated[I32, within(0, 2**31 - 1, "N s")]
     closing_speed: I32
 
 
@@ -170,12 +171,10 @@ class Percepts(Batch):
 
     AXES = ("simulation", "decision", 3)
 
-    valid: NDArray[np.bool_] = field(metadata=along("simulation", "decision"))
-    kind: U8 = field(metadata=within(0, max(DecisionKind), axes=("simulation", "decision")))
-    time: I32 = field(
-        metadata=within(0, MAX_DURATION * 1000, "ms", axes=("simulation", "decision"))
-    )
-    vehicle: U8 = field(metadata=within(0, "vehicle", also=int(NO_VEHICLE)))
+    valid: Annotated[NDArray[np.bool_], along("simulation", "decision")]
+    kind: Annotated[U8, within(0, max(DecisionKind), axes=("simulation", "decision"))]
+    time: Annotated[I32, within(0, MAX_DURATION * 1000, "ms", axes=("simulation", "decision"))]
+    vehicle: Annotated[U8, within(0, "vehicle", also=int(NO_VEHICLE))]
     detected: NDArray[np.bool_]
     gap: I32
     closing_speed: I32
@@ -222,15 +221,15 @@ class Trajectories(Batch):
     scenario: Scenario
     num_frames: I32
     states: States
-    stage: U8 = field(metadata=within(0, max(Stage), axes=("simulation", "time")))
-    collided_with: U8 = field(
-        metadata=within(0, "vehicle", also=int(NO_VEHICLE), axes=("simulation", "time"))
-    )
+    stage: Annotated[U8, within(0, max(Stage), axes=("simulation", "time"))]
+    collided_with: Annotated[
+        U8, within(0, "vehicle", also=int(NO_VEHICLE), axes=("simulation", "time"))
+    ]
     contacts: Contacts
     percepts: Percepts
-    trace_hash: NDArray[np.uint32] = field(metadata=along("simulation", 4))
+    trace_hash: Annotated[NDArray[np.uint32], along("simulation", 4)]
     unknown: frozenset[str] = frozenset()
-    present: NDArray[np.bool_] | None = field(default=None, metadata=along(*States.AXES))
+    present: Annotated[NDArray[np.bool_] | None, along(*States.AXES)] = None
 
     def summary(self) -> Mapping[str, object]:
         """That of the scenario, and the frames."""

@@ -1,17 +1,19 @@
 """Declarations of fields: range, axes, unit and meaning. Types of values, and words for messages.
 
-A field of a dataclass is declared once, in its metadata (`within`, `meant`, `along`). An argument
-of a function states its range in its annotation (`Annotated[int, Range(0, 9)]`). `model.checks`
-checks both. Specifications, table columns and reference pages read `declarations`.
+A field of a dataclass is declared once, in its annotation (`Annotated[F32, within(0.0, 1.0)]`, or
+`meant`, or `along`). An argument of a function states its range there (`Annotated[int, Range(0,
+9)]`). `model.checks` checks both. Specifications, table columns and reference pages read
+`declarations`.
 """
 
 import math
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cache
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,29 +87,45 @@ class Declaration:
         meaning: What the field is, a phrase without unit or full stop; empty if not stated.
         unit: Unit, `1` for plain numbers and flags.
         range: Range of its values, if it has one.
-        axes: Axes of an array where they are not those of its class (`Batch.AXES`).
+        axes: Axes of an array; those of its class (`Batch.AXES`) if left out.
         column: Name of its table column without the unit, or what the columns of a nested batch
             begin with; None for a field without a column.
         present: Path of the field that says where there is a value: from the outermost batch, or
             from this one if it begins with a dot. Empty if there is a value everywhere.
         needs: What must be known of a recording, names of `model.trajectory.UNKNOWNS`.
         names: Names of its codes, if it is an enumeration.
-        is_flag: Whether its values are yes or no.
+        type: Its annotated type.
     """
 
     meaning: str = ""
     unit: str = "1"
     range: Range | None = None
-    axes: Axes | None = None
+    axes: Axes = ()
     column: str | None = "{}"
     present: str = ""
     needs: Sequence[str] = ()
     names: Sequence[str] = ()
-    is_flag: bool = False
+    type: Any = None
 
+    @property
+    def is_flag(self) -> bool:
+        """Whether its values are yes or no."""
+        return self.type == Mask
 
-_KEY = "declaration"
-"""Key of a field's `Declaration` in its metadata."""
+    @property
+    def is_optional(self) -> bool:
+        """Whether it may be None."""
+        return types.NoneType in choices(self.type)
+
+    @property
+    def dtype(self) -> np.dtype[Any] | None:
+        """The dtype of an array, None for anything else."""
+        hint = next(one for one in choices(self.type) if one is not types.NoneType)
+        if get_origin(hint) is not np.ndarray:
+            return None
+        (scalar,) = get_args(get_args(hint)[1])
+        # `elementary.F32` is float32 by contract, and says less for the type checker's sake.
+        return np.dtype(np.float32 if get_origin(scalar) is np.floating else scalar)
 
 
 def within(
@@ -116,11 +134,11 @@ def within(
     unit: str = "",
     meaning: str = "",
     *,
-    axes: Axes | None = None,
+    axes: Axes = (),
     also: int | None = None,
     is_open: bool = False,
-) -> Mapping[str, Any]:
-    """Metadata of a field whose values have a range.
+) -> Declaration:
+    """Declaration of a field whose values have a range.
 
     Args:
         low: Smallest value.
@@ -132,7 +150,7 @@ def within(
         is_open: Whether the smallest value itself is left out.
     """
     allowed = Range(low, high, unit, also, is_open)
-    return {_KEY: Declaration(meaning=meaning, unit=unit or "1", range=allowed, axes=axes)}
+    return Declaration(meaning=meaning, unit=unit or "1", range=allowed, axes=axes)
 
 
 def meant(
@@ -143,8 +161,8 @@ def meant(
     present: str = "",
     needs: Sequence[str] = (),
     names: Sequence[str] = (),
-) -> Mapping[str, Any]:
-    """Metadata of a field without a range, such as a flag or a derived measure.
+) -> Declaration:
+    """Declaration of a field without a range, such as a flag or a derived measure.
 
     Args:
         meaning: See `Declaration`.
@@ -154,28 +172,26 @@ def meant(
         needs: See `Declaration`.
         names: See `Declaration`.
     """
-    declared = Declaration(
+    return Declaration(
         meaning=meaning, unit=unit, column=column, present=present, needs=needs, names=names
     )
-    return {_KEY: declared}
 
 
-def along(*axes: str | int) -> Mapping[str, Any]:
-    """Metadata of an array whose axes are not those of its class; a number is a fixed length."""
-    return {_KEY: Declaration(axes=axes)}
+def along(*axes: str | int) -> Declaration:
+    """Declaration of an array whose axes are not those of its class; a number is a fixed length."""
+    return Declaration(axes=axes)
 
 
+@cache
 def declarations(cls: type) -> dict[str, Declaration]:
     """What each field of a dataclass declares, by its name, in their order."""
-    return {
-        field.name: replace(
-            declared,
-            column=declared.column and declared.column.format(field.name),
-            is_flag=field.type == Mask,
-        )
-        for field in fields(cls)
-        for declared in [field.metadata.get(_KEY, Declaration())]
-    }
+    found: dict[str, Declaration] = {}
+    for field in fields(cls):
+        is_declared = get_origin(field.type) is Annotated
+        kind, one = get_args(field.type) if is_declared else (field.type, Declaration())
+        column, axes = one.column and one.column.format(field.name), getattr(cls, "AXES", ())
+        found[field.name] = replace(one, type=kind, column=column, axes=one.axes or axes)
+    return found
 
 
 def documented(cls: Cls) -> Cls:

@@ -1,8 +1,9 @@
 """Bodies: what each vehicle is, without the person in it."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,60 +51,53 @@ class VehicleSpecs(Batch):
 
     AXES = ("simulation", "vehicle")
 
-    valid: Mask = field(
-        metadata=meant(
-            "Whether the slot holds a vehicle; an empty one has values in range without meaning"
-        )
-    )
-    kind: NDArray[np.uint8] = field(metadata=within(0, max(VehicleKind), "", "`VehicleKind`"))
-    colour: NDArray[np.uint8] = field(metadata=within(0, max(Colour), "", "`Colour`"))
-    length: F32 = field(metadata=within(0.1, 60.0, "m", "Bumper to bumper"))
-    width: F32 = field(metadata=within(0.1, 60.0, "m", "Body without mirrors"))
-    height: F32 = field(metadata=within(0.1, 6.0, "m", "Height"))
-    mass: F32 = field(metadata=within(20.0, 2e5, "kg", "With driver and load"))
-    wheelbase: F32 = field(metadata=within(0.1, 60.0, "m", "Distance of the axles"))
-    cg_to_front: F32 = field(metadata=within(0.01, 60.0, "m", "Centre of gravity to front axle"))
-    cg_height: F32 = field(metadata=within(0.01, 6.0, "m", "Height of the centre of gravity"))
-    yaw_inertia: F32 = field(metadata=within(0.1, 1e8, "kg m^2", "About the vertical axis"))
-    front_stiffness: F32 = field(
-        metadata=within(0.1, 100.0, "1/rad", "Cornering stiffness of the front axle per axle load")
-    )
-    rear_stiffness: F32 = field(
-        metadata=within(0.1, 100.0, "1/rad", "Cornering stiffness of the rear axle per axle load")
-    )
-    launch_accel: F32 = field(
-        metadata=within(0.01, 30.0, "m/s^2", "Largest acceleration at low speed")
-    )
-    power: F32 = field(metadata=within(1.0, 1e7, "W", "Power at the wheels"))
-    drag_area: F32 = field(metadata=within(0.0, 50.0, "m^2", "Drag coefficient times frontal area"))
-    side_area: F32 = field(metadata=within(0.0, 200.0, "m^2", "Side area exposed to wind"))
-    rolling_resistance: F32 = field(metadata=within(0.0, 0.5, "", "Rolling force per weight"))
-    max_speed: F32 = field(metadata=within(0.1, 150.0, "m/s", "Governor or top speed"))
-    peak_decel: F32 = field(
-        metadata=within(0.1, 30.0, "m/s^2", "Strongest braking that the brakes allow, positive")
-    )
-    wind_side_coefficient: F32 = field(
-        metadata=within(0.0, 5.0, "", "Side force coefficient on the side area")
-    )
-    wind_centre_ratio: F32 = field(
-        metadata=within(
-            -2.0, 2.0, "", "Centre of wind pressure ahead of mid-wheelbase, per wheelbase"
-        )
-    )
-    front_drive_share: F32 = field(
-        metadata=within(0.0, 1.0, "", "Share of the drive force at the front axle")
-    )
-    tyre_wear: F32 = field(metadata=within(0.0, 1.0, "", "Tread wear, 0 new to 1 worn"))
-    track_width: F32 = field(metadata=within(0.01, 6.0, "m", "Distance of left and right wheels"))
-    spray_factor: F32 = field(metadata=within(0.0, 100.0, "", "Spray behind it relative to a car"))
-    lamp_separation: F32 = field(metadata=within(0.01, 6.0, "m", "Distance of its rear lamps"))
-    contrast: F32 = field(
-        metadata=within(
-            0.0, 1.0, "", "Luminance contrast of its colour against the background by day"
-        )
-    )
-    two_wheeler: Mask = field(metadata=meant("Moves as a point mass"))
-    unlawful_presence: Mask = field(metadata=meant("May not be on a motorway at all"))
+    valid: Annotated[
+        Mask,
+        meant("Whether the slot holds a vehicle; an empty one has values in range without meaning"),
+    ]
+    kind: Annotated[NDArray[np.uint8], within(0, max(VehicleKind), "", "`VehicleKind`")]
+    colour: Annotated[NDArray[np.uint8], within(0, max(Colour), "", "`Colour`")]
+    length: Annotated[F32, within(0.1, 60.0, "m", "Bumper to bumper")]
+    width: Annotated[F32, within(0.1, 60.0, "m", "Body without mirrors")]
+    height: Annotated[F32, within(0.1, 6.0, "m", "Height")]
+    mass: Annotated[F32, within(20.0, 2e5, "kg", "With driver and load")]
+    wheelbase: Annotated[F32, within(0.1, 60.0, "m", "Distance of the axles")]
+    cg_to_front: Annotated[F32, within(0.01, 60.0, "m", "Centre of gravity to front axle")]
+    cg_height: Annotated[F32, within(0.01, 6.0, "m", "Height of the centre of gravity")]
+    yaw_inertia: Annotated[F32, within(0.1, 1e8, "kg m^2", "About the vertical axis")]
+    front_stiffness: Annotated[
+        F32, within(0.1, 100.0, "1/rad", "Cornering stiffness of the front axle per axle load")
+    ]
+    rear_stiffness: Annotated[
+        F32, within(0.1, 100.0, "1/rad", "Cornering stiffness of the rear axle per axle load")
+    ]
+    launch_accel: Annotated[F32, within(0.01, 30.0, "m/s^2", "Largest acceleration at low speed")]
+    power: Annotated[F32, within(1.0, 1e7, "W", "Power at the wheels")]
+    drag_area: Annotated[F32, within(0.0, 50.0, "m^2", "Drag coefficient times frontal area")]
+    side_area: Annotated[F32, within(0.0, 200.0, "m^2", "Side area exposed to wind")]
+    rolling_resistance: Annotated[F32, within(0.0, 0.5, "", "Rolling force per weight")]
+    max_speed: Annotated[F32, within(0.1, 150.0, "m/s", "Governor or top speed")]
+    peak_decel: Annotated[
+        F32, within(0.1, 30.0, "m/s^2", "Strongest braking that the brakes allow, positive")
+    ]
+    wind_side_coefficient: Annotated[
+        F32, within(0.0, 5.0, "", "Side force coefficient on the side area")
+    ]
+    wind_centre_ratio: Annotated[
+        F32, within(-2.0, 2.0, "", "Centre of wind pressure ahead of mid-wheelbase, per wheelbase")
+    ]
+    front_drive_share: Annotated[
+        F32, within(0.0, 1.0, "", "Share of the drive force at the front axle")
+    ]
+    tyre_wear: Annotated[F32, within(0.0, 1.0, "", "Tread wear, 0 new to 1 worn")]
+    track_width: Annotated[F32, within(0.01, 6.0, "m", "Distance of left and right wheels")]
+    spray_factor: Annotated[F32, within(0.0, 100.0, "", "Spray behind it relative to a car")]
+    lamp_separation: Annotated[F32, within(0.01, 6.0, "m", "Distance of its rear lamps")]
+    contrast: Annotated[
+        F32, within(0.0, 1.0, "", "Luminance contrast of its colour against the background by day")
+    ]
+    two_wheeler: Annotated[Mask, meant("Moves as a point mass")]
+    unlawful_presence: Annotated[Mask, meant("May not be on a motorway at all")]
 
     def constraints(self) -> Iterable[Constraint]:
         """An ego in slot 0 and no empty slot before a filled one; centres between the axles."""

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,36 +22,38 @@ NO_PRESET = np.uint8(255)
 class Weather(Batch):
     """Weather of each simulation; every array has shape (simulation,)."""
 
-    preset: NDArray[np.uint8] = field(
-        metadata=within(
+    preset: Annotated[
+        NDArray[np.uint8],
+        within(
             0,
             "preset",
             "",
             "Index into `knowledge.presets()`, or `NO_PRESET` where quantities are drawn alone",
             also=int(NO_PRESET),
-        )
-    )
-    cloudiness: F32 = field(metadata=within(0.0, 100.0, "%", "CARLA's cloudiness"))
-    rain: F32 = field(metadata=within(0.0, 100.0, "%", "CARLA's precipitation"))
-    puddles: F32 = field(metadata=within(0.0, 100.0, "%", "CARLA's precipitation deposits"))
-    wind: F32 = field(metadata=within(0.0, 100.0, "%", "CARLA's wind intensity"))
-    wind_direction: F32 = field(
-        metadata=within(
+        ),
+    ]
+    cloudiness: Annotated[F32, within(0.0, 100.0, "%", "CARLA's cloudiness")]
+    rain: Annotated[F32, within(0.0, 100.0, "%", "CARLA's precipitation")]
+    puddles: Annotated[F32, within(0.0, 100.0, "%", "CARLA's precipitation deposits")]
+    wind: Annotated[F32, within(0.0, 100.0, "%", "CARLA's wind intensity")]
+    wind_direction: Annotated[
+        F32,
+        within(
             -math.tau,
             math.tau,
             "rad",
             "Where the wind blows to, anticlockwise from the direction of travel",
-        )
-    )
-    fog: F32 = field(metadata=within(0.0, 100.0, "%", "CARLA's fog density"))
-    sun_altitude: F32 = field(
-        metadata=within(-1.5708, 1.5708, "rad", "Height of the sun above the horizon")
-    )
-    sun_azimuth: F32 = field(
-        metadata=within(-math.tau, math.tau, "rad", "Anticlockwise from the direction of travel")
-    )
-    night: Mask = field(metadata=meant("Whether it is night"))
-    horizon_line: Mask = field(metadata=meant("Whether the sun stands low ahead"))
+        ),
+    ]
+    fog: Annotated[F32, within(0.0, 100.0, "%", "CARLA's fog density")]
+    sun_altitude: Annotated[
+        F32, within(-1.5708, 1.5708, "rad", "Height of the sun above the horizon")
+    ]
+    sun_azimuth: Annotated[
+        F32, within(-math.tau, math.tau, "rad", "Anticlockwise from the direction of travel")
+    ]
+    night: Annotated[Mask, meant("Whether it is night")]
+    horizon_line: Annotated[Mask, meant("Whether the sun stands low ahead")]
 
     def sizes(self) -> Mapping[str, int]:
         """How many presets there are."""

@@ -6,7 +6,6 @@ from dividing by zero, and nothing that depends on them may be reported. They fo
 known alone, so that a recording from memory and from a file has the same ones.
 """
 
-import dataclasses
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask
 from overtaking.model.drivers import Drivers
+from overtaking.model.values import declarations
 from overtaking.model.vehicles import Colour, VehicleKind, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.scenarios.bodies import typical_bodies
@@ -44,8 +44,8 @@ def assumed_bodies(valid: Mask, kind: U8, length: F32, width: F32) -> VehicleSpe
 def assumed_drivers(shape: tuple[int, int]) -> Drivers:
     """Drivers of whom nothing is known, shape (simulation, vehicle)."""
     values: dict[str, Any] = {
-        field.name: np.zeros(shape, np.bool_) if field.type == Mask else np.ones(shape, np.float32)
-        for field in dataclasses.fields(Drivers)
+        name: np.zeros(shape, np.bool_) if one.is_flag else np.ones(shape, np.float32)
+        for name, one in declarations(Drivers).items()
     }
     return Drivers(**values)
 

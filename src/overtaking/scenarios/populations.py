@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
-from overtaking.core.elementary import as_f32
+from overtaking.core.elementary import Mask, as_f32
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge import (
     VEHICLE_CLASS_ORDER,
@@ -27,7 +27,7 @@ SPEED_TRAITS = {
         meaning="How much faster than its leader an ego wants to drive", unit="m/s"
     ),
     "wants_to_overtake": Declaration(
-        meaning="Whether an ego wants to drive faster than its leader at all", is_flag=True
+        meaning="Whether an ego wants to drive faster than its leader at all", type=Mask
     ),
 }
 """The traits that `Drivers.desired_speed` is made from; it does not keep them."""

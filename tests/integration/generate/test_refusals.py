@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from overtaking import api
 from overtaking.core.errors import ConfigError, DatasetError, SchemaError
 from overtaking.data.load import load
 from overtaking.data.recipe import Simulator
-from overtaking.data.tables.files import sha256_of
+from overtaking.data.tables.files import facts_of
 from overtaking.data.tables.schemas import SCHEMAS, VERSION
 from overtaking.sim.engine import simulate
 
@@ -114,7 +115,7 @@ def refresh(folder: Path, path: Path) -> None:
     text = (folder / "dataset.json").read_text()
     manifest = json.loads(text)
     facts = manifest["shards"][0]["tables"][path.parent.name]
-    facts |= {"size_bytes": path.stat().st_size, "sha256": sha256_of(path)}
+    facts |= asdict(facts_of(path, facts["rows"], facts["content"]))
     (folder / "dataset.json").write_text(json.dumps(manifest))
 
 

@@ -7,8 +7,11 @@ import subprocess
 import sys
 
 import pytest
+from tests.support.commands import run
 
 from overtaking import api
+
+pytestmark = pytest.mark.usefixtures("parent")
 
 
 @pytest.fixture(scope="module")
@@ -17,16 +20,8 @@ def data(tmp_path_factory):
     return api.generate("pinto2023", 6, 1, tmp_path_factory.mktemp("data") / "six", overrides=spec)
 
 
-def overtaking(*arguments: object, prelude: str = "") -> subprocess.CompletedProcess[str]:
-    words = [str(one) for one in arguments]
-    program = f"{prelude}\nimport sys\nfrom overtaking.cli import main\nsys.exit(main({words!r}))"
-    return subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False
-    )
-
-
 def test_films_are_listed_for_machines(data):
-    done = overtaking("video", data.path, "--simulations", "1,3", "--json")
+    done = run("video", data.path, "--simulations", "1,3", "--json")
     assert (done.returncode, done.stderr) == (0, "")
     films = json.loads(done.stdout)["films"]
     assert [film["simulation"] for film in films] == [1, 3]
@@ -39,7 +34,7 @@ def test_films_are_listed_for_machines(data):
 
 
 def test_films_are_listed_for_people(data, tmp_path):
-    done = overtaking("video", data.path, "--out", tmp_path / "films")
+    done = run("video", data.path, "--out", tmp_path / "films")
     assert (done.returncode, done.stderr) == (0, "")
     made = sorted((tmp_path / "films").glob("*.mp4"))
     assert made
@@ -55,7 +50,7 @@ def test_films_are_listed_for_people(data, tmp_path):
     ],
 )
 def test_a_mistake_costs_one_line(data, words, message):
-    done = overtaking("video", data.path, *words)
+    done = run("video", data.path, *words)
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr.count("\n") == 1
@@ -63,8 +58,15 @@ def test_a_mistake_costs_one_line(data, words, message):
 
 
 def test_a_missing_extra_costs_one_line(data, tmp_path):
-    without = "import sys; sys.modules['av'] = None"
-    done = overtaking("video", data.path, "--out", tmp_path / "none", prelude=without)
+    words = ["video", str(data.path), "--out", str(tmp_path / "none")]
+    program = f"""
+import sys
+sys.modules["av"] = None
+from overtaking.cli import main
+sys.exit(main({words!r}))
+"""
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "pip install 'av>=" in done.stderr

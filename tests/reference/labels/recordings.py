@@ -7,6 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 from tests.reference.labels.signals import One, Row, signals
 from tests.support.law_fixtures import FIXTURES
 from tests.support.recordings import with_gaps
@@ -60,6 +61,7 @@ RECORDINGS = {
     "pinto2023": lambda: simulated("pinto2023", 256),
     "motorway": lambda: simulated("motorway", 96),
     "motorway-risk": lambda: simulated("motorway-risk", 96),
+    "a few of motorway-risk": lambda: simulated("motorway-risk", 16),
     "25 Hz": lambda: simulated("pinto2023", 48, 40),
     "10 Hz": lambda: simulated("pinto2023", 48, 100),
     "left-hand traffic": lambda: simulated("pinto2023", 48, mirrored=True),
@@ -67,6 +69,12 @@ RECORDINGS = {
     "excerpt": excerpt,
     "off the road": nowhere,
 }
+
+LONG = {"motorway", "motorway-risk"}
+every_recording = pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.ci] if name in LONG else []) for name in RECORDINGS],
+)
 
 
 @cache

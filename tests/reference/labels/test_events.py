@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
-import pytest
 from tests.reference.labels.events import find_events
-from tests.reference.labels.recordings import RECORDINGS, case, readable, written
+from tests.reference.labels.recordings import case, every_recording, readable, written
 from tests.reference.labels.signals import One, signals
 
 from overtaking.labels.events import case_of
@@ -19,7 +18,7 @@ def of(events: Events, number: int) -> dict[str, int]:
     return {name: int(getattr(events, name)[number]) for name in names}
 
 
-@pytest.mark.parametrize("name", RECORDINGS)
+@every_recording
 def test_every_event_is_the_same(name):
     given = case(name)
     for number, (one, seen) in enumerate(readable(name)):

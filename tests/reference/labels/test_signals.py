@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tests.reference.labels.recordings import RECORDINGS, case, readable, same, written
+from tests.reference.labels.recordings import case, every_recording, readable, same, written
 from tests.reference.labels.signals import One, Row, encounter, signals, target_signals
 
 from overtaking import _core
@@ -19,7 +19,6 @@ from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.world.compiled import SIMD_VARIABLE
 
 LEVELS = [name for name, available in _core.simd_levels() if available]
-every_recording = pytest.mark.parametrize("name", RECORDINGS)
 
 
 def differences(seen: Signals, number: int, expected: dict[str, Row]) -> list[str]:

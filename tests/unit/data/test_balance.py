@@ -115,7 +115,7 @@ def test_the_number_of_candidates_follows_from_how_many_have_been_needed():
     ("changes", "said"),
     [
         ({"by": ("light",)}, "expected class or class,day-night, got light"),
-        ({"policy": "lenient"}, "expected one of paper, default, strict, got lenient"),
+        ({"policy": "lenient"}, "expected paper or default or strict, got lenient"),
         ({"candidates": 0}, "expected 1 to 1000000000000, got 0"),
     ],
 )

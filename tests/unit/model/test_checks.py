@@ -171,7 +171,7 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
         (lambda _: ot.Balance(by="class"), "balance: by: expected several values"),
         (lambda s: s.select(1), "Scenario.select: simulations: expected a slice, a mask or"),
         (lambda s: s.select(np.array([3])), "Scenario.select: simulations: expected a slice"),
-        (lambda s: s.replace(speed=3), "Scenario.replace: field: expected one of profile, road"),
+        (lambda s: s.replace(speed=3), "Scenario.replace: field: expected profile or road"),
     ],
 )
 def test_arguments_of_another_type_or_range_are_refused_in_a_line(scenario, call, says: str):

@@ -167,8 +167,8 @@ def refuse_too_few(positive: Mask, groups: I64, *, where: str, what: str, least:
     raise DatasetError.of(
         what=f"examples of {what}",
         where=where,
-        expected=f"at least {least} in which it is so, {least} in which it is not, and as many "
-        "scenarios or recordings",
+        expected=f"at least {least} positive and {least} negative ones, from as many scenarios or "
+        "recordings",
         got=f"{numbers[0]}, {numbers[1]} and {numbers[2]}",
         next_step="make a larger data set, or use --balance",
     )

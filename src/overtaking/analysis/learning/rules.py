@@ -71,7 +71,7 @@ class RulesFound(Summarized):
         is_negated: Whether they predict that the target is false, instead of true.
         comparison: Rules, baseline and black box on held-out examples.
         everywhere: The rules on the whole data set.
-        missed: Numbers of the first simulations in which no rule holds and one should.
+        missed: Numbers of the first false negatives.
         num_missed: Number of all of them.
     """
 

@@ -13,8 +13,8 @@ def rule_table(found: RulesFound) -> Table:
     return Table.of(
         name=f"rules-{found.target.name}",
         title=f"{found.target.title}: {found.target.question}",
-        note="Any of the rules is enough. Counted on simulations that were kept back; “wrong in” "
-        "names the first simulations of the whole data set in which a rule holds and is wrong.",
+        note="The prediction holds if any rule holds. Scores are on held-out simulations; “wrong "
+        "in” lists the first false positives in the whole data set.",
         columns={
             "": _TEXT,
             f"{found.head} …": _TEXT,
@@ -44,7 +44,7 @@ def comparison_table(found: RulesFound) -> Table:
     return Table.of(
         name=f"rules-{found.target.name}-compared",
         title=f"{found.target.title}: rules, speed limit and black box",
-        note="On the simulations that were kept back.",
+        note="Scores on the held-out simulations.",
         columns={"judge": _TEXT, "examples": _COUNT} | dict.fromkeys(shares, _SHARE),
         rows=[
             (
@@ -60,12 +60,12 @@ def model_table(found: FactorsFound) -> Table:
     """The models on held-out examples."""
     return Table.of(
         name="learning-models",
-        title=f"Models that foretell {_what(found)}",
-        note=f"Learned from {found.learned_from:,} simulations, judged on "
-        f"{found.held_out:,} of other scenarios or recordings; always saying the most frequent "
-        f"outcome is right in {write(found.most_frequent_accuracy, _SHARE)}. From and to: 95 % "
-        "confidence of the accuracy. Calibration error: mean distance of confidence and share "
-        "foretold rightly, before and after calibration.",
+        title=f"Models that predict {_what(found)}",
+        note=f"Trained on {found.learned_from:,} simulations, tested on {found.held_out:,} of "
+        "other scenarios or recordings. Always predicting the most frequent outcome has accuracy "
+        f"{write(found.most_frequent_accuracy, _SHARE)}. From and to: 95 % confidence interval of "
+        "the accuracy. Calibration error: mean distance between confidence and accuracy, before "
+        "and after calibration.",
         columns={
             "model": _TEXT,
             **dict.fromkeys(("accuracy", "from", "to", "balanced"), _SHARE),
@@ -89,9 +89,9 @@ def confusion_table(found: FactorsFound) -> Table:
     model = next(one for one in found.models if one.name == TREES)
     return Table.of(
         name="learning-confusion",
-        title=f"What came, by what {TREES} foretold",
-        note="Simulations that were kept back.",
-        columns={"came \\ foretold": _TEXT} | dict.fromkeys(found.outcomes, _COUNT),
+        title=f"Confusion matrix of {TREES}",
+        note="Held-out simulations.",
+        columns={"actual \\ predicted": _TEXT} | dict.fromkeys(found.outcomes, _COUNT),
         rows=[
             (name, *counts)
             for name, counts in zip(found.outcomes, model.confusion.tolist(), strict=True)
@@ -105,9 +105,9 @@ def ranking_table(found: FactorsFound) -> Table:
     return Table.of(
         name="learning-ranking",
         title=f"What decides {_what(found)}: sequential backward selection",
-        note="Accuracy with a factor and all above it, on simulations that took no part in the "
-        "choice; from and to: its 95 % confidence. Ranks: the best and the worst of all "
-        "repetitions on other simulations.",
+        note="Accuracy with a factor and all factors above it, on simulations not used for the "
+        "selection; from and to: its 95 % confidence interval. Ranks: the best and the worst rank "
+        "in all repetitions on other simulations.",
         columns={"": _TEXT, "factor": _TEXT, "ranks": _TEXT} | dict.fromkeys(shares, _SHARE),
         rows=[
             (
@@ -123,10 +123,10 @@ def leakage_table(found: FactorsFound) -> Table:
     """The accuracy that leaks would fake."""
     return Table.of(
         name="learning-leakage",
-        title="What features would fake that are known only afterwards",
-        note=f"Accuracy of {TREES} with all factors and the leak, and how much more that is than "
-        "without it. No other number here has seen them.",
-        columns={"leak": _TEXT, "why": _TEXT, "accuracy": _SHARE, "faked": _SHARE},
+        title="Accuracy gained from features that are known only after the overtake",
+        note=f"Accuracy of {TREES} with all factors and the leak, and its gain over the accuracy "
+        "without the leak. No other number here uses these features.",
+        columns={"leak": _TEXT, "why": _TEXT, "accuracy": _SHARE, "gain": _SHARE},
         rows=[(one.feature, one.why, one.accuracy, one.gain) for one in found.leakage],
     )
 

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
-from typing import Any, get_type_hints
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -171,12 +171,11 @@ def declared(
             needs something, or has no value everywhere, always may.
     """
     found: list[Column] = []
-    hints = get_type_hints(cls)
     for name, one in declarations(cls).items():
         if one.column is None or name in without or (only and name not in only):
             continue
         where = f"{path}.{name}".lstrip(".")
-        if isinstance(hint := hints[name], type) and issubclass(hint, Batch):
+        if isinstance(hint := one.type, type) and issubclass(hint, Batch):
             found += _nested(where, hint, one)
             continue
         present = f"{path}{one.present}".lstrip(".") if one.present[:1] == "." else one.present

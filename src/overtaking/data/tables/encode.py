@@ -1,15 +1,13 @@
 """Recorded simulations as tables: without padding, not rounded again, null where nothing is."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
 from overtaking.data.tables.arrow import Array, Mask, Masked, to_texts
-from overtaking.data.tables.build import Texts, build
+from overtaking.data.tables.build import Rows, Texts, build
 from overtaking.data.tables.derived import derived_weather
 from overtaking.data.tables.lanes import lane_columns
 from overtaking.data.tables.schemas import NUM_INDICATOR_BITS, RECORDED_TABLES, schema_of
@@ -126,18 +124,18 @@ def overtaking(trajectories: Trajectories) -> Mask:
 
 def states(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation, vehicle and frame, in this order."""
-    rows = _StateRows.of(trajectories)
-    lane, lights = (rows.take(getattr(trajectories.states, name)) for name in ("lane", "lights"))
+    simulation, vehicle, frame, take = _state_rows(trajectories)
+    lane, lights = (take(getattr(trajectories.states, name)) for name in ("lane", "lights"))
     lane_id = lane_columns(trajectories.road)["lane_id"]
     computed = {
-        "simulation": numbers[rows.simulation],
-        "vehicle": rows.vehicle,
-        "frame": rows.frame,
+        "simulation": numbers[simulation],
+        "vehicle": vehicle,
+        "frame": frame,
         "lane_id": Masked(lane_id.values[lane], lane_id.missing[lane]),
         "indicator": lights & _INDICATOR_BITS,
         "lights": lights >> NUM_INDICATOR_BITS,
     }
-    return build("states", trajectories, rows.take, computed, trajectories.unknown)
+    return build("states", trajectories, take, computed, trajectories.unknown)
 
 
 def percepts(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
@@ -175,59 +173,31 @@ def _recorded(table: pa.Table, sources: Sequence[str]) -> pa.Table:
     return pa.Table.from_arrays(columns, schema=schema_of("simulations", recorded=True))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _StateRows:
-    """Which states there are, in the order of simulations, vehicles and frames.
+def _state_rows(
+    run: Trajectories,
+) -> tuple[Numbers, NDArray[np.uint8], NDArray[np.int32], Rows]:
+    """The recorded states of a batch, in the order of simulations, vehicles and frames.
 
-    Attributes:
-        simulation: Row of the batch, shape (row,).
-        vehicle: Slot, same shape.
-        frame: Same shape.
-        counts: Frames of each simulation and slot if they begin with the first, shape
-            (simulation * vehicle,); else None.
-        mask: Where there is a state otherwise, shape (simulation, vehicle, time).
+    Returns:
+        Place in the batch, slot and frame of each, shape (row,); and what takes them from an array
+        of shape (simulation, vehicle, time).
     """
+    if run.present is not None:
+        mask = run.state_valid
+        simulation, vehicle, frame = np.nonzero(mask)
+        rows = simulation, vehicle.astype(np.uint8), frame.astype(np.int32)
+        return *rows, lambda values: values[mask]
+    valid = run.scenario.vehicles.valid
+    counts = np.where(valid, run.num_frames[:, None], 0).astype(np.int64).reshape(-1)
 
-    simulation: NDArray[np.int64]
-    vehicle: NDArray[np.uint8]
-    frame: NDArray[np.int32]
-    counts: NDArray[np.int64] | None
-    mask: Mask | None
-
-    @classmethod
-    def of(cls, trajectories: Trajectories) -> Self:
-        """The rows of a batch."""
-        if trajectories.present is not None:
-            mask = trajectories.state_valid
-            simulation, vehicle, frame = np.nonzero(mask)
-            return cls(
-                simulation=simulation,
-                vehicle=vehicle.astype(np.uint8),
-                frame=frame.astype(np.int32),
-                counts=None,
-                mask=mask,
-            )
-        valid = trajectories.scenario.vehicles.valid
-        counts = np.where(valid, trajectories.num_frames[:, None], 0).astype(np.int64).reshape(-1)
-        simulation, vehicle = np.divmod(np.arange(valid.size), valid.shape[1])
-        begins = np.cumsum(counts) - counts
-        return cls(
-            simulation=np.repeat(simulation, counts),
-            vehicle=np.repeat(vehicle.astype(np.uint8), counts),
-            frame=np.arange(counts.sum(), dtype=np.int32)
-            - np.repeat(begins.astype(np.int32), counts),
-            counts=counts,
-            mask=None,
-        )
-
-    def take(self, values: Array) -> Array:
-        """The recorded values of an array of shape (simulation, vehicle, time)."""
-        if self.counts is None:
-            return values[self.mask]
-        if (self.counts == values.shape[2]).all():
+    def take(values: Array) -> Array:
+        if (counts == values.shape[2]).all():
             return values.reshape(-1)
-        rows = values.reshape(len(self.counts), -1)
+        rows = zip(values.reshape(len(counts), -1), counts.tolist(), strict=True)
         # Copies slices; a mask over the padded array takes several times as long.
-        return np.concatenate(
-            [row[:count] for row, count in zip(rows, self.counts.tolist(), strict=True)]
-        )
+        return np.concatenate([row[:count] for row, count in rows])
+
+    simulation, vehicle = np.divmod(np.arange(valid.size), valid.shape[1])
+    begins = np.repeat((np.cumsum(counts) - counts).astype(np.int32), counts)
+    frame = np.arange(counts.sum(), dtype=np.int32) - begins
+    return np.repeat(simulation, counts), np.repeat(vehicle.astype(np.uint8), counts), frame, take

@@ -112,12 +112,7 @@ class TableWriter:
         self._rows.close()
         with self._path.open("rb") as file:
             os.fsync(file.fileno())
-            return FileFacts(
-                rows=self._digest.num_rows,
-                size_bytes=os.fstat(file.fileno()).st_size,
-                sha256=hashlib.file_digest(file, "sha256").hexdigest(),
-                content=self.content,
-            )
+        return facts_of(self._path, self._digest.num_rows, self.content)
 
 
 def _parquet_writer(path: Path, table: str, schema: pa.Schema) -> pq.ParquetWriter:
@@ -145,10 +140,11 @@ def _parquet_writer(path: Path, table: str, schema: pa.Schema) -> pq.ParquetWrit
     )
 
 
-def sha256_of(path: Path) -> str:
-    """Hash over the bytes of a file, 64 hexadecimal digits."""
+def facts_of(path: Path, rows: int, content: str) -> FileFacts:
+    """Size and hashes of a file whose rows, and the hash over them, are known."""
     with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        size, sha256 = os.fstat(file.fileno()).st_size, hashlib.file_digest(file, "sha256")
+    return FileFacts(rows=rows, size_bytes=size, sha256=sha256.hexdigest(), content=content)
 
 
 def read_table(path: Path, table: str) -> pa.Table:
@@ -239,13 +235,7 @@ def _check_version(path: Path, table: str, metadata: dict[bytes, bytes]) -> None
         )
     version = int(metadata.get(b"version", b"0"))
     if version > VERSION:
-        raise SchemaError.of(
-            what=f"version of schema {name}",
-            where=str(path),
-            expected=f"at most {VERSION}",
-            got=version,
-            next_step="use the version of overtaking that wrote it, or a newer one",
-        )
+        raise SchemaError.newer(f"version of schema {name}", str(path), VERSION, version)
 
 
 def _check_columns(path: Path, expected: pa.Schema, got: pa.Schema) -> None:

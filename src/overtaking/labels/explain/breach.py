@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.elementary import F32
 from overtaking.labels.instants import Index
 from overtaking.labels.law import Rule
 from overtaking.model.labels import Belief, Case, Severity
@@ -14,43 +16,32 @@ from overtaking.model.trajectory import NO_VEHICLE
 
 
 class Quantity(StrEnum):
-    """What would have had to be different."""
+    """What would have had to be different, with the unit of its values."""
 
-    GAP_AHEAD = "gap_ahead"  # Between the bumpers of the ego and a vehicle ahead.
-    GAP_BEHIND = "gap_behind"  # Between the bumpers of the ego and a vehicle behind.
-    GAP_ONCOMING = "gap_oncoming"  # Between the ego and a vehicle that comes towards it.
-    LATERAL_GAP = "lateral_gap"  # Between the sides of ego and target.
-    CLEARANCE = "clearance"  # Between a body and a line, negative beyond what is tolerated.
-    SPEED = "speed"  # Of the ego.
-    LANES_LEFT = "lanes_left"  # How many lanes to the left of the target the ego passes it.
-    LANE = "lane"  # Index of the ego's lane, 0 the slowest.
-    TIME_OUT = "time_out"  # Time outside the original lane while the return was due.
-    ARRIVAL = "arrival"  # Time until the next vehicle on the left is beside the ego.
-    SIGHT = "sight"  # How far one sees.
-    WIDTH = "width"  # Of the lane on the left.
-    UNSIGNALLED = "unsignalled"  # Time without the indicator that is due.
-    WRONG_LAMPS = "wrong_lamps"  # Time with lamps that are wrong.
-    TARGET_DRIFT = "target_drift"  # Speed of the target to the left.
-    TARGET_ACCEL = "target_accel"  # Acceleration of the target.
+    GAP_AHEAD = "gap_ahead", "m"  # Between the bumpers of the ego and a vehicle ahead.
+    GAP_BEHIND = "gap_behind", "m"  # Between the bumpers of the ego and a vehicle behind.
+    GAP_ONCOMING = "gap_oncoming", "m"  # Between the ego and a vehicle that comes towards it.
+    LATERAL_GAP = "lateral_gap", "m"  # Between the sides of ego and target.
+    CLEARANCE = "clearance", "m"  # From a body to a line, negative beyond what is tolerated.
+    SPEED = "speed", "m/s"  # Of the ego.
+    LANES_LEFT = "lanes_left", "lanes"  # How many lanes to the left of the target the ego is.
+    LANE = "lane", "lanes"  # Index of the ego's lane, 0 the slowest.
+    TIME_OUT = "time_out", "s"  # Time outside the original lane while the return was due.
+    ARRIVAL = "arrival", "s"  # Time until the next vehicle on the left is beside the ego.
+    SIGHT = "sight", "m"  # How far one sees.
+    WIDTH = "width", "m"  # Of the lane on the left.
+    UNSIGNALLED = "unsignalled", "s"  # Time without the indicator that is due.
+    WRONG_LAMPS = "wrong_lamps", "s"  # Time with lamps that are wrong.
+    TARGET_DRIFT = "target_drift", "m/s"  # Speed of the target to the left.
+    TARGET_ACCEL = "target_accel", "m/s^2"  # Acceleration of the target.
 
-    @property
-    def unit(self) -> str:
-        """Unit of its values."""
-        return _UNITS.get(self, "m")
+    unit: str
 
-
-_UNITS = {
-    Quantity.SPEED: "m/s",
-    Quantity.LANES_LEFT: "lanes",
-    Quantity.LANE: "lanes",
-    Quantity.TIME_OUT: "s",
-    Quantity.ARRIVAL: "s",
-    Quantity.UNSIGNALLED: "s",
-    Quantity.WRONG_LAMPS: "s",
-    Quantity.TARGET_DRIFT: "m/s",
-    Quantity.TARGET_ACCEL: "m/s^2",
-}
-"""Of what is no distance."""
+    def __new__(cls, value: str, unit: str) -> Self:
+        """A quantity and its unit."""
+        one = str.__new__(cls, value)
+        one._value_, one.unit = value, unit
+        return one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,6 +75,24 @@ class Change:
 
 Remedy = tuple[Change, ...]
 """Changes that together would have kept a rule, everything else being as it was."""
+
+
+def sole(
+    quantity: Quantity,
+    actual: float | np.floating,
+    needed: float | np.floating,
+    frame: int | np.integer | None = None,
+    vehicle: int | None = None,
+) -> tuple[Remedy]:
+    """One remedy of one change; the arguments are the fields of `Change`."""
+    change = Change(
+        quantity=quantity,
+        actual=float(actual),
+        needed=float(needed),
+        frame=None if frame is None else int(frame),
+        vehicle=vehicle,
+    )
+    return ((change,),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,8 +151,19 @@ class Scene:
         return frames[(frames >= self.first) & (frames <= self.last)]
 
     def worst(self, margins: NDArray[np.floating]) -> int:
-        """Which of some margins is that of the finding."""
-        return int(np.abs(margins - self.margin).argmin())
+        """The frame of the breach whose margin is that of the finding."""
+        return int(self.frames[np.abs(margins - self.margin).argmin()])
+
+    def speed(self, frame: int | np.integer, needed: float | np.floating) -> tuple[Remedy]:
+        """The ego at another speed."""
+        return sole(Quantity.SPEED, self.case.signals.speed[0, frame], needed, frame)
+
+    def slower(self, frames: Index, allowed: F32) -> tuple[Remedy, ...]:
+        """So much slower that every frame is lawful; no remedy where one of them never is."""
+        if (allowed < 0).any():
+            return ()
+        worst = int((self.case.signals.speed[0, frames] - allowed).argmax())
+        return self.speed(frames[worst], allowed[worst])
 
     @property
     def target(self) -> int:

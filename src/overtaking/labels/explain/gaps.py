@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, as_f32
-from overtaking.labels.explain.breach import Change, Quantity, Remedy, Scene
+from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.labels.explain.breach import Change, Quantity, Remedy, Scene, sole
 from overtaking.labels.instants import Index
 from overtaking.labels.law.beliefs import Margin
 from overtaking.labels.law.distances import margin_behind, margin_of_gap, sure_decel
@@ -26,11 +26,11 @@ _NONE = np.float32(-1.0)
 def safe_distance(scene: Scene) -> tuple[Remedy, ...]:
     """L3: more distance throughout, or so much slower at the same distances."""
     frames = scene.beside(Around.LEADER)
-    frames = frames[~np.isin(frames, _after_cut_ins(scene.case))]
+    frames = frames[~after_cut_ins(scene.case)[frames]]
     margins = _margins(scene, Around.LEADER, frames, margin_of_gap)
     worst, broken = int(margins.argmin()), frames[margins < 0]
-    farther = _farther(scene, Around.LEADER, int(frames[worst]), float(margins[worst]))
-    return (farther,), *_slower(scene, broken, _followable(scene, broken))
+    farther = _farther(scene, Around.LEADER, frames[worst], margins[worst])
+    return *farther, *scene.slower(broken, _followable(scene, broken))
 
 
 def room_ahead(scene: Scene) -> tuple[Remedy, ...]:
@@ -41,7 +41,7 @@ def room_ahead(scene: Scene) -> tuple[Remedy, ...]:
     in_time = ahead + gap / known("law.entry.ttc")
     allowed = np.minimum(_lawful_speed(gap, ahead, _decel(scene, frames)), in_time)
     farther = _farther(scene, place, scene.first, scene.margin)
-    return (farther,), *_slower(scene, frames, np.where(gap < 0, _NONE, allowed))
+    return *farther, *scene.slower(frames, np.where(gap < 0, _NONE, allowed))
 
 
 def room_behind(scene: Scene) -> tuple[Remedy, ...]:
@@ -52,17 +52,17 @@ def room_behind(scene: Scene) -> tuple[Remedy, ...]:
     rear = scene.case.signals.speed[0, frames] + closing
     slowest = _speed_before(np.maximum(gap, 0), rear, _decel(scene, frames))[0]
     if gap[0] < 0 or slowest > speed_limits(scene.case)[1][0]:
-        return ((farther,),)
-    return (farther,), (_speed(scene, scene.first, slowest),)
+        return farther
+    return *farther, *scene.speed(scene.first, slowest)
 
 
 def safe_return(scene: Scene) -> tuple[Remedy, ...]:
     """L8: more distance to those in the lane of the return, to both if both were too near."""
-    frame, changes = np.array([scene.first]), []
+    frame, changes = np.array([scene.first]), list[Change]()
     for place, margin in ((Around.FOLLOWER, margin_behind), (Around.LEADER, margin_of_gap)):
         found = float(_margins(scene, place, frame, margin)[0])
         if scene.case.signals.vehicle[0, place, scene.first] != NO_VEHICLE and found < 0:
-            changes.append(_farther(scene, place, scene.first, found))
+            changes += _farther(scene, place, scene.first, found)[0]
     return (tuple(changes),)
 
 
@@ -76,8 +76,7 @@ def no_obstruction(scene: Scene) -> tuple[Remedy, ...]:
     # Where the margin is cut off, several frames have it; the one that lacks most tells.
     lacking = np.where(np.isclose(limit - forced, scene.margin), needed - gap, -np.inf)
     worst = int(lacking.argmax())
-    frame = int(frames[worst])
-    return ((_farther(scene, place, frame, float(gap[worst] - needed[worst])),),)
+    return _farther(scene, place, frames[worst], gap[worst] - needed[worst])
 
 
 def oncoming(scene: Scene) -> tuple[Remedy, ...]:
@@ -88,40 +87,24 @@ def oncoming(scene: Scene) -> tuple[Remedy, ...]:
     meets = (others.valid & others.oncoming & (others.lead < 0))[0]
     slot = int(np.where(meets, others.gap[0], np.inf).argmin())
     gap = float(others.gap[0, slot])
-    change = Change(
-        quantity=Quantity.GAP_ONCOMING,
-        actual=gap,
-        needed=gap - scene.margin,
-        frame=scene.first,
-        vehicle=slot,
-    )
-    return ((change,),)
+    return sole(Quantity.GAP_ONCOMING, gap, gap - scene.margin, scene.first, slot)
 
 
-def _after_cut_ins(case: Case) -> list[int]:
-    """Frames in which the leader has cut in so lately that it may still be too near.
+def after_cut_ins(case: Case) -> Mask:
+    """Whether the leader has cut in so lately that it may still be too near, shape (time,).
 
     A vehicle cuts in where it comes from another lane and becomes the leader of an ego that keeps
     its own.
     """
-    run, own, leader = case.trajectories, case.signals.lane[0], case.signals.vehicle[0, 0]
-    found: list[int] = []
-    for frame in range(1, len(leader)):
-        slot, before = leader[frame], frame - 1
-        is_new = slot not in (leader[before], NO_VEHICLE) and own[frame] == own[before]
-        there = is_new and (run.present is None or run.present[0, slot, before])
-        if there and run.states.lane[0, slot, before] != own[before]:
-            lately = range(frame, min(frame + time_to_regain(case) + 1, len(leader)))
-            found += [each for each in lately if leader[each] == slot]
-    return found
-
-
-def _slower(scene: Scene, frames: Index, allowed: F32) -> tuple[Remedy, ...]:
-    """So much slower that every frame is lawful; no remedy where one of them never is."""
-    if (allowed < 0).any():
-        return ()
-    worst = int((scene.case.signals.speed[0, frames] - allowed).argmax())
-    return ((_speed(scene, int(frames[worst]), allowed[worst]),),)
+    run, lane, leader = case.trajectories, case.signals.lane[0], case.signals.vehicle[0, 0]
+    lately = np.zeros(len(leader), np.bool_)
+    new = (leader[1:] != leader[:-1]) & (leader[1:] != NO_VEHICLE) & (lane[1:] == lane[:-1])
+    for before in np.flatnonzero(new).tolist():
+        slot, since = leader[before + 1], slice(before + 1, before + 2 + time_to_regain(case))
+        came = run.states.lane[0, slot, before] != lane[before]
+        if came and (run.present is None or run.present[0, slot, before]):
+            lately[since] |= leader[since] == slot
+    return lately
 
 
 def _followable(scene: Scene, frames: Index) -> F32:
@@ -145,23 +128,14 @@ def _speed_before(gap: F32, rear: F32, decel: F32) -> F32:
     return np.maximum(np.sqrt(np.maximum(square, np.float32(0.0))), calm)
 
 
-def _speed(scene: Scene, frame: int, needed: np.floating) -> Change:
-    """The ego at another speed."""
-    actual = float(scene.case.signals.speed[0, frame])
-    return Change(quantity=Quantity.SPEED, actual=actual, needed=float(needed), frame=frame)
-
-
-def _farther(scene: Scene, place: Around, frame: int, margin: float) -> Change:
+def _farther(
+    scene: Scene, place: Around, frame: int | np.integer, margin: float | np.floating
+) -> tuple[Remedy]:
     """More distance to a neighbour, by what the margin lacks."""
-    gap = float(scene.case.signals.gap[0, place, frame])
-    ahead = place in (Around.LEADER, Around.LEFT_LEADER)
-    return Change(
-        quantity=Quantity.GAP_AHEAD if ahead else Quantity.GAP_BEHIND,
-        actual=gap,
-        needed=gap - margin,
-        frame=frame,
-        vehicle=int(scene.case.signals.vehicle[0, place, frame]),
-    )
+    seen, ahead = scene.case.signals, place in (Around.LEADER, Around.LEFT_LEADER)
+    quantity = Quantity.GAP_AHEAD if ahead else Quantity.GAP_BEHIND
+    gap = float(seen.gap[0, place, frame])
+    return sole(quantity, gap, gap - float(margin), frame, int(seen.vehicle[0, place, frame]))
 
 
 def _margins(scene: Scene, place: Around, frames: Index, margin: Margin) -> F32:

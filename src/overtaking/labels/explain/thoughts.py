@@ -4,10 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import as_f32
-from overtaking.labels.instants import METRES, at
-from overtaking.labels.law.beliefs import FRONT, LEADER, REAR, Decision, Margin, belief
-from overtaking.labels.law.distances import margin_ahead, margin_behind, margin_of_gap, sure_decel
+from overtaking.labels.law.beliefs import (
+    FRONT,
+    LEADER,
+    REAR,
+    Margin,
+    belief,
+    decision_at,
+    margins_of,
+)
+from overtaking.labels.law.distances import margin_ahead, margin_behind, margin_of_gap
 from overtaking.model.labels import Belief, Case
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
 
@@ -67,30 +73,13 @@ def thoughts(case: Case) -> tuple[Thought, ...]:
 
 def _thought(case: Case, row: int, whom: int, code: str, margin: Margin) -> Thought:
     percepts, place = case.trajectories.percepts, (slice(0, 1), row, whom)
-    decision = _decision(case, row)
-
-    def by(gap_mm: np.ndarray, closing_mmps: np.ndarray) -> float:
-        gap, closing = as_f32(gap_mm[place]) * METRES, as_f32(closing_mmps[place]) * METRES
-        return float(margin(gap, decision.speed, closing, decision.decel)[0])
-
-    noticed = bool(percepts.detected[0, row, whom])
+    decision = decision_at(case, np.array([row]), np.array([True]), percepts.time[:1, row])
+    true, believed = (float(one[0]) for one in margins_of(percepts, place, decision, margin))
     return Thought(
         decision=row,
         whom=whom,
         code=code,
-        margin=by(percepts.true_gap, percepts.true_closing_speed),
-        believed_margin=by(percepts.gap, percepts.closing_speed) if noticed else None,
+        margin=true,
+        believed_margin=believed if percepts.detected[0, row, whom] else None,
         belief=Belief(int(belief(case, decision, {whom: margin})[0])),
-    )
-
-
-def _decision(case: Case, row: int) -> Decision:
-    """One row of percepts with the speed and friction of its frame."""
-    time = int(case.trajectories.percepts.time[0, row])
-    frame = np.minimum(np.array([time // case.signals.frame_interval_ms]), case.events.last)
-    return Decision(
-        row=np.array([row]),
-        exists=np.array([True]),
-        speed=at(case.signals.speed, frame),
-        decel=sure_decel(at(case.signals.friction, frame)),
     )

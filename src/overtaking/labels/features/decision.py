@@ -15,6 +15,7 @@ from overtaking.labels.instants import (
     OCCUPANCY_REACH_MM,
     Index,
     at,
+    in_lane,
     left_lane_at,
     seconds_of,
     side_of,
@@ -219,9 +220,7 @@ def _lane_around(case: Case, frames: Index) -> Surround:
     return Surround(
         on_road=on_road,
         lane=lane,
-        lanes_to_left=np.where(on_road, road.num_lanes - 1 - lane.astype(np.int32), 0).astype(
-            np.uint8
-        ),
+        lanes_to_left=np.where(on_road, road.num_lanes - 1 - np.int32(lane), 0).astype(np.uint8),
         lane_width=widths[np.minimum(lane, road.num_lanes - 1)],
         speed_limit=np.full(len(frames), road.speed_limit),
         night=weather.night,
@@ -240,7 +239,7 @@ def _left_lane(case: Case, frames: Index) -> LeftLane:
     run, seen = case.trajectories, case.signals
     rows = np.arange(len(frames))
     lane = seen.lane[rows, frames].astype(np.int32)
-    inside = _in_lane(case, lane + 1, frames) & _near(case, frames)
+    inside = in_lane(case.trajectories, lane + 1, frames) & _near(case, frames)
     speed = as_f32(run.states.speed[rows, :, frames]) * METRES
     count, total = inside.sum(axis=1), _sum(speed, inside)
     return LeftLane(
@@ -273,20 +272,10 @@ def _next_ahead(case: Case, slot: Index, frames: Index) -> tuple[Mask, F32]:
     half = np.float32(0.5) * run.scenario.vehicles.length
     gap = way - half - half[rows, slot][:, None]
     lane = case.signals.lane[rows, frames].astype(np.int32)
-    there = _in_lane(case, lane, frames) & (way > 0)
+    there = in_lane(case.trajectories, lane, frames) & (way > 0)
     gap = np.where(there, gap, np.float32(np.inf)).min(axis=1)
     has_next = np.asarray(there.any(axis=1))
     return has_next, np.where(has_next, gap, _ZERO)
-
-
-def _in_lane(case: Case, lane: I32, frames: Index) -> Mask:
-    """Which vehicles are in a lane, shape (simulation, vehicle)."""
-    run, rows = case.trajectories, np.arange(len(frames))
-    inside = run.states.lane[rows, :, frames] == lane[:, None]
-    inside &= run.scenario.vehicles.valid & (lane < run.road.num_lanes)[:, None]
-    if run.present is not None:
-        inside &= run.present[rows, :, frames]
-    return inside
 
 
 def _near(case: Case, frames: Index) -> Mask:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from overtaking.labels.law.frames import frames_of
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Belief, Case
 from overtaking.model.once import once
-from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
+from overtaking.model.trajectory import NO_VEHICLE, DecisionKind, Percepts
 
 LEADER, FRONT, REAR = 0, 1, 2
 """Whom percepts are about: the leader, and the two in the lane that is entered."""
@@ -74,10 +75,7 @@ def belief(case: Case, decision: Decision, conditions: dict[int, Margin]) -> U8:
         place = (simulation, decision.row, whom)
         there = percepts.vehicle[place] != NO_VEHICLE
         noticed = there & percepts.detected[place]
-        true = _margin(
-            decision, margin, percepts.true_gap[place], percepts.true_closing_speed[place]
-        )
-        thought = _margin(decision, margin, percepts.gap[place], percepts.closing_speed[place])
+        true, thought = margins_of(percepts, place, decision, margin)
         right = right & (~there | (true >= 0))
         believed = believed & (~noticed | (thought >= 0))
         anybody = anybody | there
@@ -87,9 +85,32 @@ def belief(case: Case, decision: Decision, conditions: dict[int, Margin]) -> U8:
     return np.where(known, np.where(right, fine, wrong), np.uint8(Belief.NONE))
 
 
-def _margin(decision: Decision, margin: Margin, gap_mm: I32, closing_mmps: I32) -> F32:
-    gap, closing = as_f32(gap_mm) * METRES, as_f32(closing_mmps) * METRES
-    return margin(gap, decision.speed, closing, decision.decel)
+def margins_of(
+    percepts: Percepts, place: tuple[Any, ...], decision: Decision, margin: Margin
+) -> tuple[F32, F32]:
+    """The margin to a vehicle at a decision: in truth, and as believed.
+
+    Args:
+        percepts: What was believed in the batch.
+        place: Simulations, rows of percepts and vehicle.
+        decision: Where to look.
+        margin: Of the rule.
+    """
+
+    def by(gap_mm: I32, closing_mmps: I32) -> F32:
+        gap, closing = as_f32(gap_mm[place]) * METRES, as_f32(closing_mmps[place]) * METRES
+        return margin(gap, decision.speed, closing, decision.decel)
+
+    true = by(percepts.true_gap, percepts.true_closing_speed)
+    return true, by(percepts.gap, percepts.closing_speed)
+
+
+def decision_at(case: Case, row: Index, exists: Mask, time_ms: I32) -> Decision:
+    """A row of percepts with speed and friction of the frame in which it was decided."""
+    frame = np.maximum(time_ms, 0) // case.signals.frame_interval_ms
+    frame = np.minimum(frame, case.events.last)
+    decel = sure_decel(at(case.signals.friction, frame))
+    return Decision(row=row, exists=exists, speed=at(case.signals.speed, frame), decel=decel)
 
 
 def _last(case: Case, kind: DecisionKind, until: I32) -> Decision:
@@ -101,10 +122,4 @@ def _last(case: Case, kind: DecisionKind, until: I32) -> Decision:
         fits = np.zeros((len(until), 1), np.bool_)
     row = fits.shape[1] - 1 - fits[:, ::-1].argmax(axis=1)
     time = percepts.time[np.arange(len(row)), row] if percepts.time.shape[1] else until * 0
-    frame = np.minimum(np.maximum(time, 0) // interval, case.events.last)
-    return Decision(
-        row=row,
-        exists=np.asarray(fits.any(axis=1)),
-        speed=at(case.signals.speed, frame),
-        decel=sure_decel(at(case.signals.friction, frame)),
-    )
+    return decision_at(case, row, np.asarray(fits.any(axis=1)), time)

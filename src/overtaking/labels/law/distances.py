@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, F32Like, clamp, maximum, minimum
+from overtaking.core.elementary import F32, F32Like, as_f32, clamp, maximum, minimum
 from overtaking.labels.instants import Frames
 from overtaking.labels.signals import encounter
 from overtaking.model.labels import Case
 from overtaking.model.safety import Encounter
 from overtaking.model.signals import Around
 from overtaking.world.constants import known
+from overtaking.world.friction import stopping_distance
 from overtaking.world.measures import safe_distance, usable_decel
 
 
@@ -21,6 +22,17 @@ def sure_decel(friction: F32) -> F32:
         limit=known("law.safe_distance.decel_limit"),
         gravity=known("model.nature.gravity"),
     )
+
+
+def full_decel(friction: F32) -> F32:
+    """Deceleration with all the grip that a driver may count on, for rules about sight [m/s^2]."""
+    grip = np.maximum(friction, known("friction.table.floor"))
+    return known("friction.table.usable_share") * known("model.nature.gravity") * grip
+
+
+def stop_distance(speed: F32, friction: F32) -> F32:
+    """Distance in which the ego stops, as L14 reckons it [m]."""
+    return stopping_distance(speed, as_f32(known("law.sight.reaction_time")), full_decel(friction))
 
 
 def lawful_gap(rear_speed: F32Like, closing_speed: F32Like, decel: F32) -> F32:

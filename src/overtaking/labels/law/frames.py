@@ -217,21 +217,18 @@ def answers(case: Case, spans: dict[str, Span]) -> Stretches:
         out=out,
         level=chosen_level(),
     )
-    return _read({name: dict(zip(names[name], rows, strict=True)) for name, rows in out.items()})
-
-
-def _read(said: dict[str, Arrays]) -> Stretches:
+    said: dict[str, Arrays] = {
+        name: dict(zip(names[name], rows, strict=True)) for name, rows in out.items()
+    }
     frames, measures = said["frames"], said["measures"]
-
-    def margin(name: str) -> Stretch:
-        first, last = frames[f"{name}.first"], frames[f"{name}.last"]
-        return Stretch(low=measures[name], first=first, last=last)
-
+    margins = {
+        name: Stretch(
+            low=measures[name], first=frames[f"{name}.first"], last=frames[f"{name}.last"]
+        )
+        for name in ("stop_lit", "stop_unlit", "follow", "braking")
+    }
     return Stretches(
-        stop_lit=margin("stop_lit"),
-        stop_unlit=margin("stop_unlit"),
-        follow=margin("follow"),
-        braking=margin("braking"),
+        **margins,
         due=(frames["due.first"], frames["due.length"]),
         entry_arrival=frames["entry.arrival"],
         return_arrival=frames["return.arrival"],

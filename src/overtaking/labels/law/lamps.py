@@ -1,7 +1,5 @@
 """Rules about lamps: L18 and L19."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from overtaking.core.elementary import Mask
@@ -26,12 +24,11 @@ _FOG = int(Lights.REAR_FOG)
 def _indicates(case: Case) -> Check:
     """The indicator is on from 2 s before either line is crossed to 1 s after."""
     out, back = case.events.line_crossed, _return_crossed(case)
-    dark_out = _dark(case, out, out_indicator(case))
-    dark_back = _dark(case, back, back_indicator(case))
-    missing = seconds_of(case, dark_out.count + dark_back.count)
+    dark = _dark(case, out, out_indicator(case)), _dark(case, back, back_indicator(case))
+    counts, firsts, lasts = zip(*dark, strict=True)
     # In a short overtake the way back begins before the way out is done.
-    first = np.minimum(dark_out.first, dark_back.first)
-    last = np.maximum(dark_out.last, dark_back.last)
+    first, last = np.minimum(*firsts), np.maximum(*lasts)
+    missing = seconds_of(case, np.add(*counts))
     return decided((out != NEVER) | (back != NEVER), -missing, first, last)
 
 
@@ -48,20 +45,11 @@ def _return_crossed(case: Case) -> I32:
     return ends_in(span, rows, case.signals.right_reach[rows] < border[rows, None])[0]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Dark:
-    """Frames around a crossing without a lamp: their number, the first and the last.
+def _dark(case: Case, crossed: I32, bit: int) -> tuple[I32, Index, Index]:
+    """Frames around a crossing without a lamp of the ego: their number, the first and the last.
 
     Without any, the first is beyond all frames and the last is `NEVER`; shape (simulation,).
     """
-
-    count: I32
-    first: Index
-    last: Index
-
-
-def _dark(case: Case, crossed: I32, bit: int) -> _Dark:
-    """Frames around a crossing in which a lamp of the ego is not on."""
     before = frames_of(case, known("law.signal.before"))
     after = frames_of(case, known("law.signal.after"))
     around = Span(
@@ -76,7 +64,7 @@ def _dark(case: Case, crossed: I32, bit: int) -> _Dark:
     # Of several frames of a simulation the one that is written last stays.
     first[rows[::-1]], last[rows] = frames[::-1], frames
     count = np.bincount(rows, minlength=len(crossed)).astype(np.int32)
-    return _Dark(count=count, first=first, last=last)
+    return count, first, last
 
 
 L18 = Rule(

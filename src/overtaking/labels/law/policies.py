@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.checks import check_name
 from overtaking.core.elementary import Mask
 from overtaking.core.errors import ConfigError
 from overtaking.model.batch import Batch
@@ -73,16 +74,9 @@ def policy(name: str) -> Policy:
     Raises:
         ConfigError: There is none of that name.
     """
-    for one in POLICIES:
-        if one.name == name:
-            return one
-    raise ConfigError.of(
-        what="policy",
-        where="rules",
-        expected=f"one of {', '.join(one.name for one in POLICIES)}",
-        got=name,
-        next_step="choose one of these",
-    )
+    known = {one.name: one for one in POLICIES}
+    check_name(name, known, what="policy", where="rules")
+    return known[name]
 
 
 def legality(findings: Findings, policy: Policy) -> Legality:

@@ -9,32 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask
-from overtaking.labels.instants import I32, U8
-from overtaking.model.batch import Batch
+from overtaking.labels.instants import U8
 from overtaking.model.events import NEVER
-from overtaking.model.labels import Belief, Case, Findings, Severity, Verdict
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Check(Batch):
-    """What one rule says of each simulation; every array has shape (simulation,).
-
-    Attributes:
-        verdict: `Verdict`.
-        margin: How far from the border of the law, in the unit of the rule, negative in a breach,
-            0 where the verdict is neither legal nor illegal.
-        first: First frame of the breach, `NEVER` without one.
-        last: Last frame of the breach, `NEVER` without one.
-        severity: `Severity` of the breach.
-        belief: `Belief`.
-    """
-
-    verdict: U8
-    margin: F32
-    first: I32
-    last: I32
-    severity: U8
-    belief: U8
+from overtaking.model.labels import Belief, Case, Check, Findings, Severity, Verdict
 
 
 class Grade(Enum):

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,17 +16,8 @@ from overtaking.analysis.reproduction.run import Comparison
 from overtaking.analysis.validation.figures import Figure as Measured
 from overtaking.analysis.validation.run import Validation
 from overtaking.knowledge.paper import ALL
-from overtaking.show.plots.style import (
-    ACCENT,
-    CLASS_COLOURS,
-    GRID,
-    INK,
-    QUIET,
-    lightened,
-    new_figure,
-    styled,
-    words,
-)
+from overtaking.show import palette
+from overtaking.show.plots.style import lightened, new_figure, remark, styled, words
 
 F64 = NDArray[np.float64]
 
@@ -41,19 +33,11 @@ class Ridge:
 
     Attributes:
         label: What stands beside it.
-        scope: The class whose colour it has, or any other text.
-        replicates: Ours, without gaps.
-        paper: The paper's.
-        percentile: Its place among ours [%].
-        is_count: Whether it is a number of simulations.
+        of: The paper's number among ours.
     """
 
     label: str
-    scope: str
-    replicates: F64
-    paper: float
-    percentile: float
-    is_count: bool
+    of: Comparison
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,11 +71,7 @@ def panels(comparisons: Sequence[Comparison]) -> list[Panel]:
         if not one.is_design:
             groups.setdefault((one.statement.about, one.statement.unit), []).append(one)
     return [
-        Panel(
-            title=about,
-            unit=unit,
-            ridges=tuple(_ridge(one, group) for one in group),
-        )
+        Panel(title=about, unit=unit, ridges=tuple(_ridge(one, group) for one in group))
         for (about, unit), group in groups.items()
     ]
 
@@ -103,14 +83,7 @@ def _ridge(one: Comparison, group: Sequence[Comparison]) -> Ridge:
     parts = [] if said.scope == ALL else [words(said.scope)]
     if different or said.scope == ALL:
         parts.append(said.text)
-    return Ridge(
-        label=", ".join(parts),
-        scope=said.scope,
-        replicates=one.known,
-        paper=said.quoted,
-        percentile=one.percentile,
-        is_count=one.is_count,
-    )
+    return Ridge(label=", ".join(parts), of=one)
 
 
 @styled
@@ -156,23 +129,25 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     unit = f" [{panel.unit}]" if panel.unit else ""
     axes.set_title(f"{panel.title}{unit}", pad=4)
     low, high = _ends(panel.ridges)
-    axes.set_xlim(low, high)
-    axes.set_ylim(-0.12, len(panel.ridges) - 0.02)
+    axes.set(xlim=(low, high), ylim=(-0.12, len(panel.ridges) - 0.02))
     axes.spines["left"].set_visible(False)
     axes.grid(visible=True, axis="x")
     axes.grid(visible=False, axis="y")
     axes.tick_params(axis="x", labelsize=6.8, pad=2)
     places = [len(panel.ridges) - 1 - row for row in range(len(panel.ridges))]
     axes.set_yticks([place + 0.22 for place in places], [one.label for one in panel.ridges])
-    axes.tick_params(axis="y", labelsize=7.2, labelcolor=INK)
+    axes.tick_params(axis="y", labelsize=7.2, labelcolor=palette.INK)
     for place, one in zip(places, panel.ridges, strict=True):
-        _draw_ridge(axes, place, one, (low, high))
+        _draw_ridge(axes, place, one.of, (low, high))
 
 
-def _draw_ridge(axes: Axes, place: int, one: Ridge, ends: tuple[float, float]) -> None:
+def _draw_ridge(axes: Axes, place: int, one: Comparison, ends: tuple[float, float]) -> None:
     """The replicates of one number as a hill, and the paper's number as a diamond."""
-    colour = CLASS_COLOURS.get(one.scope, ACCENT)
-    if len(one.replicates):
+    colour, paper = (
+        palette.CLASS_COLOURS.get(one.statement.scope, palette.ACCENT),
+        one.statement.quoted,
+    )
+    if len(one.known):
         counts, edges = _bins(one, (ends[1] - ends[0]) / _BINS)
         axes.stairs(
             place + _RIDGE * counts / counts.max(),
@@ -184,21 +159,16 @@ def _draw_ridge(axes: Axes, place: int, one: Ridge, ends: tuple[float, float]) -
             linewidth=0.7,
         )
     axes.axhline(place, color=colour, linewidth=0.5, alpha=0.6)
-    axes.plot([one.paper], [place + 0.22], "D", color=INK, markersize=4.2, clip_on=False, zorder=5)
-    axes.text(
-        1.02,
-        place + 0.22,
-        percent(one.percentile),
-        transform=axes.get_yaxis_transform(),
-        va="center",
-        color=QUIET,
-        size=6.8,
+    axes.plot(
+        [paper], [place + 0.22], "D", color=palette.INK, markersize=4.2, clip_on=False, zorder=5
     )
+    beside: dict[str, Any] = {"transform": axes.get_yaxis_transform(), "va": "center", "size": 6.8}
+    axes.text(1.02, place + 0.22, percent(one.percentile), color=palette.QUIET, **beside)
 
 
-def _bins(one: Ridge, width: float) -> tuple[F64, F64]:
+def _bins(one: Comparison, width: float) -> tuple[F64, F64]:
     """A histogram whose bins have a width, or hold as many whole numbers each."""
-    values = one.replicates
+    values = one.known
     if one.is_count:
         width = max(1.0, float(np.rint(width)))
     first = width * (np.floor(values.min() / width) - 0.5)
@@ -219,16 +189,21 @@ def percent(percentile: float) -> str:
 
 def _ends(ridges: Sequence[Ridge]) -> tuple[float, float]:
     """Ends of the axis: all that is drawn, and a little room."""
-    values = np.concatenate([np.append(one.replicates, one.paper) for one in ridges])
+    values = np.concatenate([np.append(one.of.known, one.of.statement.quoted) for one in ridges])
     room = 0.06 * float(np.ptp(values)) or 1.0
     return float(values.min()) - room, float(values.max()) + room
 
 
 def _add_legend(figure: Figure) -> None:
     handles = [
-        Line2D([], [], marker="D", linestyle="", color=INK, markersize=4.2, label="the paper"),
+        Line2D(
+            [], [], marker="D", linestyle="", color=palette.INK, markersize=4.2, label="the paper"
+        ),
         Patch(
-            facecolor=lightened(QUIET, 0.45), edgecolor=QUIET, linewidth=0.7, label="our replicates"
+            facecolor=lightened(palette.QUIET, 0.45),
+            edgecolor=palette.QUIET,
+            linewidth=0.7,
+            label="our replicates",
         ),
         Patch(
             facecolor="none",
@@ -239,7 +214,7 @@ def _add_legend(figure: Figure) -> None:
     figure.legend(handles=handles, loc="upper center", ncols=3, columnspacing=1.4)
 
 
-MET, MISSED = ACCENT, "#d55e00"
+MET, MISSED = palette.ACCENT, "#d55e00"
 """Colours of a figure that meets its target and of one that does not; the mark differs, too."""
 
 _ROOM = 0.6  # Beside the target, over its width.
@@ -272,24 +247,22 @@ def _draw_strip(axes: Axes, figure: Measured) -> None:
     begin = low if figure.target_low is None else figure.target_low
     end = high if figure.target_high is None else figure.target_high
     colour = MET if figure.met else MISSED
-    axes.axvspan(begin, end, color=GRID, linewidth=0)
+    axes.axvspan(begin, end, color=palette.GRID, linewidth=0)
     if not math.isnan(figure.value):
         ends = [min(max(value, low), high) for value in (figure.low, figure.high)]
         axes.plot(ends, [0.0, 0.0], color=colour, linewidth=1.6, solid_capstyle="butt")
         place = min(max(figure.value, low), high)
         axes.plot([place], [0.0], "o" if figure.met else "X", color=colour, markersize=5.0)
-    axes.set_xlim(low, high)
-    axes.set_ylim(-1.0, 1.0)
-    axes.set_yticks([])
+    axes.set(xlim=(low, high), ylim=(-1.0, 1.0), yticks=[])
     axes.grid(visible=False)
-    axes.spines[["left"]].set_visible(False)
+    axes.spines["left"].set_visible(False)
     unit = f" {figure.unit}" if figure.unit else ""
     described = f"{figure.title} ({figure.standing})"
     unit, title = (text.replace("^2", "²") for text in (unit, described))
-    axes.set_title(title, fontweight="normal", fontsize=7.5, color=INK, pad=2.0)
+    axes.set_title(title, fontweight="normal", fontsize=7.5, color=palette.INK, pad=2.0)
     said = f"{figure.value:.3g}{unit}" if not math.isnan(figure.value) else "nothing counted"
-    axes.text(1.0, 1.02, said, transform=axes.transAxes, ha="right", va="bottom", color=colour)
-    axes.tick_params(axis="x", labelsize=6.5, labelcolor=QUIET, pad=1.5)
+    remark(axes, said, color=colour)
+    axes.tick_params(axis="x", labelsize=6.5, labelcolor=palette.QUIET, pad=1.5)
 
 
 def _scale(figure: Measured) -> tuple[float, float]:

@@ -16,17 +16,13 @@ from overtaking.analysis.stats.distributions import Box, Histogram, Points
 from overtaking.analysis.stats.sample import Sample
 from overtaking.analysis.stats.survival import Survival
 from overtaking.analysis.stats.table import Style, Table, write
+from overtaking.show import palette
 from overtaking.show.plots.style import (
-    ACCENT,
-    CLASS_COLOURS,
     CLASS_HATCHES,
-    CLASS_MARKERS,
-    INK,
-    LINE,
-    QUIET,
     is_narrow,
     lightened,
     new_figure,
+    remark,
     say_nothing_to_draw,
     set_margins,
     styled,
@@ -50,17 +46,19 @@ def draw_classes(table: Table) -> Figure:
     longest = max((high for *_, high in rows if not math.isnan(high)), default=1.0)
     for place, (name, count, share, low, high) in enumerate(rows):
         known = 0.0 if math.isnan(share) else share
-        axes.barh(place, known, height=0.68, color=CLASS_COLOURS[name])
+        axes.barh(place, known, height=0.68, color=palette.CLASS_COLOURS[name])
         if not math.isnan(high):
-            axes.plot([low, high], [place, place], color=INK, linewidth=0.9, solid_capstyle="butt")
+            axes.plot(
+                [low, high], [place, place], color=palette.INK, linewidth=0.9, solid_capstyle="butt"
+            )
         end = known if math.isnan(high) else high
         text = f"{write(float(count), Style.COUNT)}   {write(share, Style.SHARE)}"
         axes.text(end + 0.015 * longest, place, text, va="center")
     axes.set_xlim(0.0, 1.25 * longest)
     axes.set_yticks(range(len(rows)), [words(str(row[0])) for row in rows])
-    axes.tick_params(axis="y", labelcolor=INK, labelsize=8.0)
+    axes.tick_params(axis="y", labelcolor=palette.INK, labelsize=8.0)
     axes.invert_yaxis()
-    axes.set_xlabel("share of simulations; the line spans its 95 % confidence", color=QUIET)
+    axes.set_xlabel("share of simulations; the line spans its 95 % confidence", color=palette.QUIET)
     return figure
 
 
@@ -90,7 +88,7 @@ def draw_histograms(
     for axes in panels[len(histograms) :]:
         axes.set_visible(False)
     axis = "simulations, weighted" if is_weighted else "simulations"
-    figure.supylabel(axis, x=0.005, color=QUIET, size=8)
+    figure.supylabel(axis, x=0.005, color=palette.QUIET, size=8)
     add_class_legend(figure, classes)
     return figure
 
@@ -122,15 +120,16 @@ def _draw_panel(axes: Axes, one: Histogram, classes: Sequence[str]) -> None:
     if one.counts.sum(axis=0).max() < _FEW:
         axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     if one.num_missing:
-        axes.text(
-            1.0, 1.02, f"{one.num_missing:,} without", ha="right", va="bottom", color=QUIET,
-            size=6.5, transform=axes.transAxes,
-        )  # fmt: skip
+        remark(axes, f"{one.num_missing:,} without", size=6.5)
 
 
 def face(name: str) -> Mapping[str, Any]:
     """Colour and hatching of an area of a class."""
-    return {"facecolor": CLASS_COLOURS[name], "hatch": CLASS_HATCHES[name], "edgecolor": "white"}
+    return {
+        "facecolor": palette.CLASS_COLOURS[name],
+        "hatch": CLASS_HATCHES[name],
+        "edgecolor": "white",
+    }
 
 
 def add_class_legend(figure: Figure, classes: Sequence[str]) -> None:
@@ -163,7 +162,7 @@ def draw_scaled_boxes(boxes: Mapping[str, Box]) -> Figure:
     """
     figure = new_figure(2.9)
     axes = figure.add_subplot()
-    _draw_boxes(axes, boxes, dict.fromkeys(boxes, ACCENT))
+    _draw_boxes(axes, boxes, dict.fromkeys(boxes, palette.ACCENT))
     axes.set_xticks(range(len(boxes)), list(boxes))
     axes.set_ylabel("value, scaled to its range")
     axes.set_ylim(-0.04, 1.04)
@@ -185,7 +184,7 @@ def draw_boxes_and_swarm(
     figure = new_figure(5.8 if is_narrow() else 3.3)
     rows, columns = (2, 1) if is_narrow() else (1, 2)
     left, right = figure.subplots(rows, columns, sharey=True)
-    _draw_boxes(left, boxes, CLASS_COLOURS)
+    _draw_boxes(left, boxes, palette.CLASS_COLOURS)
     values = sample.values(feature.name)
     known = values[~np.isnan(values)]
     if len(known):
@@ -201,7 +200,7 @@ def draw_boxes_and_swarm(
         axes.set_xlim(-0.55, len(boxes) - 0.45)
     left.set_ylabel(f"{feature.title}, {feature.label}")
     if any(one.is_sampled for one in points.values()):
-        right.set_title("a sample of each class", color=QUIET, weight="normal", size=7.5)
+        right.set_title("a sample of each class", color=palette.QUIET, weight="normal", size=7.5)
     return figure
 
 
@@ -210,22 +209,16 @@ def _draw_boxes(axes: Axes, boxes: Mapping[str, Box], colours: Mapping[str, str]
     for place, (name, one) in enumerate(boxes.items()):
         if not one.count:
             continue
-        numbers = {
-            "q1": one.quartiles[0],
-            "med": one.quartiles[1],
-            "q3": one.quartiles[2],
-            "whislo": one.whiskers[0],
-            "whishi": one.whiskers[1],
-            "fliers": _thinned(one.outliers),
-        }
+        numbers = dict(zip(("q1", "med", "q3"), one.quartiles, strict=True))
+        numbers |= dict(zip(("whislo", "whishi"), one.whiskers, strict=True))
         axes.bxp(
-            [numbers],
+            [numbers | {"fliers": _thinned(one.outliers)}],
             positions=[place],
             widths=0.56,
             patch_artist=True,
             manage_ticks=False,
             boxprops={"facecolor": lightened(colours[name], 0.35), "edgecolor": colours[name]},
-            medianprops={"color": INK, "linewidth": 1.4},
+            medianprops={"color": palette.INK, "linewidth": 1.4},
             whiskerprops={"color": colours[name]},
             capprops={"color": colours[name]},
             flierprops={
@@ -254,14 +247,14 @@ def _draw_swarm(axes: Axes, place: int, values: F64, name: str) -> None:
     low, high = axes.get_ylim()
     # The axes take about these shares of the figure once labels have their room.
     tall, wide = (0.40, 0.86) if is_narrow() else (0.80, 0.43)
-    up, across = tall * height / (high - low), wide * width / len(CLASS_COLOURS)
+    up, across = tall * height / (high - low), wide * width / len(palette.CLASS_COLOURS)
     offsets = swarm_offsets(values * up, _POINT) / across
     axes.scatter(
         place + np.clip(offsets, -_ROOM, _ROOM),
         values,
         s=_POINT**2,
-        marker=CLASS_MARKERS[name],
-        color=CLASS_COLOURS[name],
+        marker=palette.CLASS_MARKERS[name],
+        color=palette.CLASS_COLOURS[name],
         linewidth=0.0,
     )
 
@@ -309,28 +302,25 @@ def draw_waiting(curve: Survival, last: float) -> Figure:
         return np.concatenate([[1.0], values, values[-1:] if len(values) else [1.0]])
 
     axes.fill_between(
-        time, stairs(curve.low), stairs(curve.high), step="post", color=ACCENT, alpha=0.16,
+        time, stairs(curve.low), stairs(curve.high), step="post", color=palette.ACCENT, alpha=0.16,
         linewidth=0.0,
     )  # fmt: skip
-    axes.step(time, stairs(curve.survival), where="post", color=ACCENT, linewidth=1.6)
+    axes.step(time, stairs(curve.survival), where="post", color=palette.ACCENT, linewidth=1.6)
     if not math.isnan(curve.median):
         is_late = curve.median > 0.6 * time[-1]  # Right of the line there would be no room.
-        axes.plot([0.0, curve.median, curve.median], [0.5, 0.5, 0.0], color=LINE, linewidth=0.9)
+        axes.plot(
+            [0.0, curve.median, curve.median], [0.5, 0.5, 0.0], color=palette.LINE, linewidth=0.9
+        )
         axes.annotate(
             f"half have begun after {curve.median:.2f} s",
             (curve.median, 0.5),
             (-6, 4) if is_late else (6, 4),
             textcoords="offset points",
             ha="right" if is_late else "left",
-            color=INK,
+            color=palette.INK,
         )
-    axes.set_ylim(0.0, 1.03)
-    axes.set_xlim(0.0, time[-1])
+    axes.set(xlim=(0.0, time[-1]), ylim=(0.0, 1.03))
     axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
-    axes.set_xlabel("waiting time, WT [s]")
-    axes.set_ylabel("still waiting")
-    axes.text(
-        1.0, 1.02, f"{curve.num_events:,} began, {curve.num_censored:,} censored", ha="right",
-        va="bottom", color=QUIET, transform=axes.transAxes,
-    )  # fmt: skip
+    axes.set(xlabel="waiting time, WT [s]", ylabel="still waiting")
+    remark(axes, f"{curve.num_events:,} began, {curve.num_censored:,} censored")
     return figure

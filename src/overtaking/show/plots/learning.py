@@ -7,19 +7,10 @@ from matplotlib.ticker import PercentFormatter
 
 from overtaking.analysis.learning.factors import FactorsFound
 from overtaking.analysis.learning.models import TREES
-from overtaking.show.plots.style import (
-    ACCENT,
-    GRID,
-    INK,
-    LINE,
-    QUIET,
-    new_figure,
-    set_margins,
-    styled,
-    words,
-)
+from overtaking.show import palette
+from overtaking.show.plots.style import new_figure, set_margins, styled, words, write_cells
 
-_SHADES = LinearSegmentedColormap.from_list("shares", ("#ffffff", "#8fbfdd", ACCENT))
+_SHADES = LinearSegmentedColormap.from_list("shares", ("#ffffff", "#8fbfdd", palette.ACCENT))
 _DARK = 0.6  # Shares beyond this need white letters.
 
 
@@ -37,23 +28,15 @@ def draw_confusion(found: FactorsFound) -> Figure:
     set_margins(figure, left=1.35, right=0.1, top=0.1, bottom=0.5)
     axes = figure.add_subplot()
     axes.imshow(shares, cmap=_SHADES, vmin=0.0, vmax=1.0, aspect="auto")
-    for row, column in np.ndindex(*counts.shape):
-        share = float(shares[row, column])
-        axes.text(
-            column,
-            row,
-            f"{counts[row, column]:,}\n{100.0 * share:.0f} %",
-            ha="center",
-            va="center",
-            size=7.0,
-            color="white" if share > _DARK else INK,
-        )
+    cells = np.ndindex(*counts.shape)
+    texts = {cell: f"{counts[cell]:,}\n{100.0 * float(shares[cell]):.0f} %" for cell in cells}
+    colour = {cell: "white" if shares[cell] > _DARK else palette.INK for cell in texts}
+    write_cells(axes, texts, size=7.0, color=colour.__getitem__)
     axes.set_xticks(range(len(names)), names)
     axes.set_yticks(range(len(names)), names)
-    axes.set_xlabel("foretold")
-    axes.set_ylabel("came")
+    axes.set(xlabel="foretold", ylabel="came")
     axes.grid(visible=False)
-    axes.tick_params(length=0, labelcolor=INK)
+    axes.tick_params(length=0, labelcolor=palette.INK)
     axes.spines[:].set_visible(False)
     return figure
 
@@ -68,24 +51,20 @@ def draw_reliability(found: FactorsFound) -> Figure:
     figure = new_figure(2.6)
     panels = np.atleast_1d(figure.subplots(1, len(found.models), sharey=True))
     for axes, model in zip(panels, found.models, strict=True):
-        axes.plot([0.0, 1.0], [0.0, 1.0], color=LINE, linewidth=0.9, zorder=1)
+        axes.plot([0.0, 1.0], [0.0, 1.0], color=palette.LINE, linewidth=0.9, zorder=1)
         confidence = [one.confidence for one in model.reliability]
         right = [one.right for one in model.reliability]
         counts = np.array([one.examples for one in model.reliability])
         sizes = 6.0 + 90.0 * counts / counts.sum()
-        axes.plot(confidence, right, color=ACCENT, linewidth=0.9, zorder=2)
-        axes.scatter(confidence, right, s=sizes, color=ACCENT, linewidth=0.0, zorder=3)
-        axes.set_title(model.name)
-        axes.set_xlabel("confidence")
-        axes.set_xlim(0.0, 1.02)
-        axes.set_ylim(0.0, 1.02)
+        axes.plot(confidence, right, color=palette.ACCENT, linewidth=0.9, zorder=2)
+        axes.scatter(confidence, right, s=sizes, color=palette.ACCENT, linewidth=0.0, zorder=3)
+        axes.set(title=model.name, xlabel="confidence", xlim=(0.0, 1.02), ylim=(0.0, 1.02))
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_formatter(PercentFormatter(1.0, decimals=0))
         axes.grid(visible=True, axis="both")
-        axes.text(
-            0.97, 0.05, f"error {100.0 * model.calibration_error:.1f} %", ha="right", color=QUIET,
-            transform=axes.transAxes,
-        )  # fmt: skip
+        error = f"error {100.0 * model.calibration_error:.1f} %"
+        corner = axes.transAxes
+        axes.text(0.97, 0.05, error, ha="right", color=palette.QUIET, transform=corner)
     panels[0].set_ylabel("foretold rightly")
     return figure
 
@@ -104,19 +83,17 @@ def draw_ranking(found: FactorsFound) -> Figure:
     middle = np.array([one.accuracy for one in found.ranking])
     low = np.array([one.accuracy_low for one in found.ranking])
     high = np.array([one.accuracy_high for one in found.ranking])
-    axes.fill_betweenx(places, low, high, color=ACCENT, alpha=0.16, linewidth=0.0)
-    axes.plot(middle, places, color=ACCENT, linewidth=1.4, marker="o", markersize=3.6)
-    axes.axvline(found.most_frequent_accuracy, color=LINE, linewidth=0.9, linestyle="--")
-    axes.text(
-        found.most_frequent_accuracy, len(places) - 0.6, " always the most frequent", color=QUIET,
-        va="bottom",
-    )  # fmt: skip
+    axes.fill_betweenx(places, low, high, color=palette.ACCENT, alpha=0.16, linewidth=0.0)
+    axes.plot(middle, places, color=palette.ACCENT, linewidth=1.4, marker="o", markersize=3.6)
+    least, text = found.most_frequent_accuracy, " always the most frequent"
+    axes.axvline(least, color=palette.LINE, linewidth=0.9, linestyle="--")
+    axes.text(least, len(places) - 0.6, text, color=palette.QUIET, va="bottom")
     names = [one.factor if not n else f"+ {one.factor}" for n, one in enumerate(found.ranking)]
     axes.set_yticks(places, names)
-    axes.tick_params(axis="y", labelcolor=INK)
+    axes.tick_params(axis="y", labelcolor=palette.INK)
     axes.set_ylim(len(places) - 0.4, -0.6)
     axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
     axes.set_xlabel("accuracy with this factor and all above it")
-    axes.grid(visible=True, axis="x", color=GRID)
+    axes.grid(visible=True, axis="x", color=palette.GRID)
     axes.grid(visible=False, axis="y")
     return figure

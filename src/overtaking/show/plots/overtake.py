@@ -1,20 +1,17 @@
 """One overtake in space and time, with its phases."""
 
+from typing import Any
+
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from overtaking.analysis.stats.columns import NO_ATTEMPT
 from overtaking.analysis.stats.diagrams import Diagram, Track
 from overtaking.core.units import kmh_from_mps
-from overtaking.show.plots.style import (
-    CLASS_COLOURS,
-    INK,
-    LINE,
-    PHASE_COLOURS,
-    QUIET,
-    new_figure,
-    styled,
-)
+from overtaking.show import palette
+from overtaking.show.plots.style import PHASE_COLOURS, new_figure, styled
 
 _OTHERS = "#9aa1aa"
 _SKY = "#56b4e9"  # Of the same palette; the grey of No_attempt would be lost among the others.
@@ -32,7 +29,7 @@ def draw_overtake(one: Diagram, name: str) -> Figure:
     """
     figure = new_figure(4.6)
     along, across = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
-    colour = CLASS_COLOURS[name] if name != NO_ATTEMPT else _SKY
+    colour = palette.CLASS_COLOURS[name] if name != NO_ATTEMPT else _SKY
     for axes in (along, across):
         axes.grid(visible=False)
         _draw_phases(axes, one)
@@ -53,26 +50,18 @@ def _draw_phases(axes: Axes, one: Diagram) -> None:
             phase.begin, phase.end, facecolor=PHASE_COLOURS[phase.name], linewidth=0, zorder=0
         )
     for symbol, time in one.marks:
-        is_hit = symbol == "collision"
-        axes.axvline(
-            time,
-            color=CLASS_COLOURS["Unsuccess_col"] if is_hit else LINE,
-            linewidth=1.2 if is_hit else 0.7,
-            linestyle="-" if is_hit else (0, (3, 2)),
-            zorder=0.5,
+        hit, others = (
+            (palette.CLASS_COLOURS["Unsuccess_col"], 1.2, "-"),
+            (palette.LINE, 0.7, (0, (3, 2))),
         )
+        colour, width, style = hit if symbol == "collision" else others
+        axes.axvline(time, color=colour, linewidth=width, linestyle=style, zorder=0.5)
 
 
 def _draw_along(axes: Axes, one: Diagram, colour: str) -> None:
     """Where everybody is along the road, from rear to front bumper."""
     for track in reversed(one.tracks):
-        half = track.length / 2.0
-        shade, strength = _colour(track, colour)
-        axes.fill_between(
-            one.time, track.ahead - half, track.ahead + half, color=shade, alpha=strength,
-            linewidth=0.0, zorder=2,
-        )  # fmt: skip
-        axes.plot(one.time, track.ahead, color=shade, linewidth=_thickness(track), zorder=3)
+        _draw_track(axes, one, track, track.ahead, track.length, colour)
     speed_kmh = kmh_from_mps(one.reference_speed)
     axes.set_ylabel(f"along the road, from a mark\nthat moves at {speed_kmh:.0f} km/h [m]")
     _name_tracks(axes, one, colour)
@@ -81,19 +70,11 @@ def _draw_along(axes: Axes, one: Diagram, colour: str) -> None:
 def _draw_across(axes: Axes, one: Diagram, colour: str) -> None:
     """Where ego and target are across the road, from side to side of their bodies."""
     for place, is_solid in one.lines:
-        axes.axhline(
-            place, color=QUIET, linewidth=1.0 if is_solid else 0.8,
-            linestyle="-" if is_solid else (0, (6, 5)), zorder=1,
-        )  # fmt: skip
+        width, style = (1.0, "-") if is_solid else (0.8, (0, (6, 5)))
+        axes.axhline(place, color=palette.QUIET, linewidth=width, linestyle=style, zorder=1)
     for track in reversed(one.tracks):
-        shade, strength = _colour(track, colour)
-        if track.is_ego or track.is_target:
-            half = track.width / 2.0
-            axes.fill_between(
-                one.time, track.lateral - half, track.lateral + half, color=shade, alpha=strength,
-                linewidth=0.0, zorder=2,
-            )  # fmt: skip
-        axes.plot(one.time, track.lateral, color=shade, linewidth=_thickness(track), zorder=3)
+        width = track.width if track.is_ego or track.is_target else 0.0
+        _draw_track(axes, one, track, track.lateral, width, colour)
     low, high = one.lines[0][0], one.lines[-1][0]
     reach = [track.lateral for track in one.tracks if track.is_ego]
     low = min([low, *(float(one.min()) for one in reach)])
@@ -102,11 +83,23 @@ def _draw_across(axes: Axes, one: Diagram, colour: str) -> None:
     axes.set_ylabel("across it, fast side up [m]")
 
 
+def _draw_track(
+    axes: Axes, one: Diagram, track: Track, middle: NDArray[np.float64], size: float, colour: str
+) -> None:
+    """The middle of a vehicle over time, in a band of its size."""
+    shade, strength = _colour(track, colour)
+    if size:
+        low, high = middle - size / 2.0, middle + size / 2.0
+        band: dict[str, Any] = {"color": shade, "alpha": strength, "linewidth": 0.0, "zorder": 2}
+        axes.fill_between(one.time, low, high, **band)
+    axes.plot(one.time, middle, color=shade, linewidth=_thickness(track), zorder=3)
+
+
 def _colour(track: Track, colour: str) -> tuple[str, float]:
     """Colour and strength of a vehicle's band."""
     if track.is_ego:
         return colour, 0.45
-    return (INK, 0.28) if track.is_target else (_OTHERS, 0.22)
+    return (palette.INK, 0.28) if track.is_target else (_OTHERS, 0.22)
 
 
 def _thickness(track: Track) -> float:
@@ -139,7 +132,7 @@ def _name_phases(axes: Axes, one: Diagram) -> None:
             continue
         axes.text(
             (phase.begin + phase.end) / 2.0, 1.02, phase.name, ha="center", va="bottom",
-            color=QUIET, size=7, transform=axes.get_xaxis_transform(),
+            color=palette.QUIET, size=7, transform=axes.get_xaxis_transform(),
         )  # fmt: skip
 
 
@@ -154,5 +147,5 @@ def _name_marks(axes: Axes, one: Diagram) -> None:
         axes.annotate(
             symbol, (time, 0.0), (0, -21 if is_down else -13),
             xycoords=axes.get_xaxis_transform(), textcoords="offset points", ha="center", va="top",
-            color=INK, size=7, style="italic", annotation_clip=False,
+            color=palette.INK, size=7, style="italic", annotation_clip=False,
         )  # fmt: skip

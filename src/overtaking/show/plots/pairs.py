@@ -1,6 +1,6 @@
 """Features against each other: clouds of points, and matrices of associations and p-values."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,17 +14,14 @@ from overtaking.analysis.stats.associations import ALPHA, Associations
 from overtaking.analysis.stats.columns import BY_NAME
 from overtaking.analysis.stats.distributions import Histogram, Points
 from overtaking.analysis.stats.sample import Mask, Sample
+from overtaking.show import palette
 from overtaking.show.plots.style import (
-    CLASS_COLOURS,
-    CLASS_MARKERS,
-    INK,
-    LINE,
-    QUIET,
     is_narrow,
     new_figure,
     set_margins,
     styled,
     words,
+    write_cells,
 )
 
 F64 = NDArray[np.float64]
@@ -78,7 +75,7 @@ def draw_details(sample: Sample, points: Points) -> Figure:
         axes.set_xlabel(f"{BY_NAME[across].title}, {BY_NAME[across].label}")
         axes.set_ylabel(f"{BY_NAME[up].title}, {BY_NAME[up].label}")
         if {across, up} == {"SE", "SP"}:
-            axes.axline((100.0, 100.0), slope=1.0, color=LINE, linewidth=0.8, zorder=0)
+            axes.axline((100.0, 100.0), slope=1.0, color=palette.LINE, linewidth=0.8, zorder=0)
     _add_marker_legend(figure, list(members), "outside upper center", None)
     return figure
 
@@ -97,8 +94,8 @@ def _draw_cloud(axes: Axes, across: F64, up: F64, members: dict[str, Mask], *, s
             across[of],
             up[of],
             s=size,
-            marker=CLASS_MARKERS[name],
-            color=CLASS_COLOURS[name],
+            marker=palette.CLASS_MARKERS[name],
+            color=palette.CLASS_COLOURS[name],
             alpha=0.7,
             linewidth=0.0,
             rasterized=True,  # Thousands of shapes would make a page slow.
@@ -115,7 +112,7 @@ def _draw_diagonal(axes: Axes, one: Histogram) -> None:
         widths = np.full(len(places), max(0.6 * apart, 0.05 * whole))
     else:
         places, widths = one.edges[:-1] + np.diff(one.edges) / 2.0, np.diff(one.edges)
-    axes.bar(places, one.counts.sum(axis=0), widths, color=LINE, linewidth=0.0)
+    axes.bar(places, one.counts.sum(axis=0), widths, color=palette.LINE, linewidth=0.0)
     axes.set_yticks([])
     axes.grid(visible=False)
     axes.spines["left"].set_visible(False)
@@ -135,24 +132,20 @@ def _add_marker_legend(
     figure: Figure, classes: Sequence[str], place: str, anchor: tuple[float, float] | None
 ) -> None:
     """The classes with their colours and markers."""
+    dots: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 0.0, "markersize": 5.0}
     handles = [
         Line2D(
             [],
             [],
-            linestyle="none",
-            marker=CLASS_MARKERS[name],
-            color=CLASS_COLOURS[name],
-            markeredgewidth=0.0,
-            markersize=5.0,
-            label=words(name),
+            marker=palette.CLASS_MARKERS[one],
+            color=palette.CLASS_COLOURS[one],
+            label=words(one),
+            **dots,
         )
-        for name in classes
+        for one in classes
     ]
-    beside = 3 if is_narrow() else len(handles)
-    columns = beside if anchor is None else 1
-    more: dict[str, Any] = (
-        {"loc": place} if anchor is None else {"loc": place, "bbox_to_anchor": anchor}
-    )
+    columns = 1 if anchor else 3 if is_narrow() else len(handles)
+    more: dict[str, Any] = {"loc": place, "bbox_to_anchor": anchor}
     figure.legend(handles=handles, ncols=columns, handletextpad=0.2, **more)
 
 
@@ -174,19 +167,13 @@ def draw_associations(found: Associations) -> Figure:
     figure = new_figure(4.1 if is_narrow() else 6.0)
     axes = figure.add_subplot()
     image = axes.imshow(found.values, cmap=_DIVERGING, vmin=-1.0, vmax=1.0)
-    for row, column in np.argwhere(~np.isnan(found.values)):
-        value = float(found.values[row, column])
-        colour = "white" if abs(value) > _DARK else INK
-        axes.text(
-            column,
-            row,
-            _short(value),
-            ha="center",
-            va="center",
-            size=4.6 if is_narrow() else 6.6,
-            color=colour,
-            in_layout=False,
-        )
+    write_cells(
+        axes,
+        _texts(found.values, _short),
+        size=4.6 if is_narrow() else 6.6,
+        color=lambda cell: "white" if abs(found.values[cell]) > _DARK else palette.INK,
+        in_layout=False,
+    )
     _finish(axes, found)
     bar = figure.colorbar(image, ax=axes, shrink=0.5, aspect=24, pad=0.02)
     bar.outline.set_visible(False)  # type: ignore[operator]
@@ -207,19 +194,14 @@ def draw_p_values(found: Associations) -> Figure:
     steps = np.digitize(found.p_values, _LIMITS).astype(float)
     steps[np.isnan(found.p_values)] = np.nan
     axes.imshow(steps, cmap=_STEPS, vmin=-0.5, vmax=3.5)
-    for row, column in np.argwhere(~np.isnan(found.p_values)):
-        is_kept = found.q_values[row, column] < ALPHA
-        axes.text(
-            column,
-            row,
-            _p_value(float(found.p_values[row, column])),
-            ha="center",
-            va="center",
-            size=4.0 if is_narrow() else 6.2,
-            weight="bold" if is_kept else "normal",
-            color="white" if steps[row, column] == 0 else INK,
-            in_layout=False,
-        )
+    write_cells(
+        axes,
+        _texts(found.p_values, _p_value),
+        size=4.0 if is_narrow() else 6.2,
+        weight=lambda cell: "bold" if found.q_values[cell] < ALPHA else "normal",
+        color=lambda cell: "white" if steps[cell] == 0 else palette.INK,
+        in_layout=False,
+    )
     _finish(axes, found)
     _add_steps(figure, axes)
     return figure
@@ -235,7 +217,7 @@ def _finish(axes: Axes, found: Associations) -> None:
     axes.grid(visible=False, which="major")
     axes.grid(visible=True, which="minor", axis="both", color="white", linewidth=1.2)
     axes.tick_params(which="both", length=0)
-    axes.tick_params(which="major", labelcolor=INK)
+    axes.tick_params(which="major", labelcolor=palette.INK)
     axes.spines[:].set_visible(False)
     axes.set_facecolor("#fafbfb")
     for label in [*axes.get_xticklabels(), *axes.get_yticklabels()]:
@@ -254,8 +236,13 @@ def _add_steps(figure: Figure, axes: Axes) -> None:
     ]
     legend = figure.legend(handles=patches, loc="outside upper center", ncols=4, handlelength=1.3)
     for text in legend.get_texts():
-        text.set_color(QUIET)
+        text.set_color(palette.QUIET)
     axes.set_anchor("C")
+
+
+def _texts(values: F64, text: Callable[[float], str]) -> dict[tuple[int, int], str]:
+    """The text of each value that is there, by row and column."""
+    return {cell: text(value) for cell, value in np.ndenumerate(values) if not np.isnan(value)}  # type: ignore[misc]
 
 
 def _short(value: float) -> str:

@@ -10,7 +10,7 @@ Source:
 
 import functools
 import io
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any, ParamSpec, TypeVar, cast
@@ -22,9 +22,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from overtaking.show.palette import ACCENT as ACCENT
 from overtaking.show.palette import CLASS_COLOURS, GRID, INK, LINE, QUIET
-from overtaking.show.palette import CLASS_MARKERS as CLASS_MARKERS
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -199,18 +197,30 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def say_nothing_to_draw(axes: Axes, text: str = "no values") -> None:
-    """Say in an empty panel why it is empty."""
-    axes.set_xticks([])
-    axes.set_yticks([])
+def remark(axes: Axes, text: str, **style: Any) -> None:
+    """Write a remark above the right end of a panel."""
+    known: dict[str, Any] = {"ha": "right", "va": "bottom", "color": QUIET}
+    axes.text(1.0, 1.02, text, transform=axes.transAxes, **known | style)
+
+
+def write_cells(axes: Axes, texts: Mapping[tuple[int, int], str], **styles: Any) -> None:
+    """Write into the cells of a matrix.
+
+    Args:
+        axes: Where it is drawn.
+        texts: Text of each cell, by row and column.
+        **styles: Properties of all texts, or functions of the cell that give them.
+    """
+    for cell, text in texts.items():
+        style: dict[str, Any] = {
+            name: of(cell) if callable(of) else of for name, of in styles.items()
+        }
+        axes.text(cell[1], cell[0], text, ha="center", va="center", **style)
+
+
+def say_nothing_to_draw(axes: Axes) -> None:
+    """Say in an empty panel that there are no values."""
+    axes.set(xticks=[], yticks=[])
     axes.grid(visible=False)
-    axes.text(
-        0.5,
-        0.5,
-        text,
-        ha="center",
-        va="center",
-        color=QUIET,
-        style="italic",
-        transform=axes.transAxes,
-    )
+    style: dict[str, Any] = {"ha": "center", "va": "center", "color": QUIET, "style": "italic"}
+    axes.text(0.5, 0.5, "no values", transform=axes.transAxes, **style)

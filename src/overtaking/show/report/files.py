@@ -2,12 +2,13 @@
 
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from overtaking.analysis.stats.formats import table_to_csv, table_to_latex
 from overtaking.analysis.stats.table import Table
-from overtaking.core.errors import MissingExtraError
+from overtaking.show.palette import CLASS_COLOURS
 from overtaking.show.report.page import figure_block, missing, table_block
 
 if TYPE_CHECKING:
@@ -33,29 +34,21 @@ def put(path: Path, content: bytes) -> None:
         partial.unlink(missing_ok=True)
 
 
-def make_folders(folder: Path) -> None:
-    """Make the folders of a report, where they are missing.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Written:
+    """What was written.
 
-    Raises:
-        OSError: They cannot be made.
+    Attributes:
+        path: The page.
+        figures: Names of the figures, each as SVG and PNG in `figures`.
+        tables: Names of the tables, each as LaTeX and CSV in `tables`.
+        remarks: What the page could not show, and why.
     """
-    for name in (FIGURES, TABLES):
-        (folder / name).mkdir(parents=True, exist_ok=True)
 
-
-def remove_stale(folder: Path, figures: set[str], tables: set[str]) -> None:
-    """Remove the figures and tables of an earlier report that this one does not have.
-
-    Args:
-        folder: The report.
-        figures: Names of its figures.
-        tables: Names of its tables.
-    """
-    known = {FIGURES: (figures, {".svg", ".png"}), TABLES: (tables, {".tex", ".csv"})}
-    for name, (names, endings) in known.items():
-        for path in (folder / name).iterdir():
-            if path.suffix in endings and path.stem not in names:
-                path.unlink()
+    path: Path
+    figures: tuple[str, ...]
+    tables: tuple[str, ...]
+    remarks: tuple[str, ...]
 
 
 class ReportFolder:
@@ -66,17 +59,16 @@ class ReportFolder:
         figures: Names of the figures so far.
         tables: Names of the tables so far.
         remarks: What could not be shown so far, and why.
-        colours: Colour of each class; none without the extra that draws.
     """
 
     def __init__(self, out: Path) -> None:
         """Begin with nothing written."""
-        make_folders(out)
+        for name in (FIGURES, TABLES):
+            (out / name).mkdir(parents=True, exist_ok=True)
         self.out = out
         self.figures: list[str] = []
         self.tables: list[str] = []
         self.remarks: list[str] = []
-        self.colours = _class_colours()
 
     def figure(
         self, name: str, caption: str, draw: Callable[[], "Figure"], *, for_phone: bool = True
@@ -106,7 +98,7 @@ class ReportFolder:
         put(self.out / TABLES / f"{table.name}.tex", table_to_latex(table).encode())
         put(self.out / TABLES / f"{table.name}.csv", table_to_csv(table).encode())
         self.tables.append(table.name)
-        return table_block(table, self.colours)
+        return table_block(table, CLASS_COLOURS)
 
     def lacking(self, why: str) -> str:
         """Note what cannot be shown."""
@@ -114,16 +106,17 @@ class ReportFolder:
             self.remarks.append(why)
         return missing(why)
 
-    def finish(self, text: str) -> Path:
-        """Write the page, and remove the files of an earlier report that this one does not have."""
+    def finish(self, text: str) -> dict[str, Any]:
+        """Write the page, and remove the figures and tables of an earlier report.
+
+        Returns:
+            The fields of `Written`.
+        """
         put(self.out / PAGE, text.encode())
-        remove_stale(self.out, set(self.figures), set(self.tables))
-        return self.out / PAGE
-
-
-def _class_colours() -> dict[str, str]:
-    try:
-        from overtaking.show.plots.style import CLASS_COLOURS
-    except MissingExtraError:
-        return {}
-    return CLASS_COLOURS
+        known = {FIGURES: (self.figures, {".svg", ".png"}), TABLES: (self.tables, {".tex", ".csv"})}
+        for name, (names, endings) in known.items():
+            for path in (self.out / name).iterdir():
+                if path.suffix in endings and path.stem not in names:
+                    path.unlink()
+        lists = {"figures": self.figures, "tables": self.tables, "remarks": self.remarks}
+        return {"path": self.out / PAGE, **{name: tuple(one) for name, one in lists.items()}}

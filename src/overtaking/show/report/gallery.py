@@ -156,14 +156,14 @@ def model_pictures(found: "FactorsFound") -> list[Picture]:
     return [
         Picture(
             name="learning-confusion",
-            caption="What came, by what gradient boosting foretold: simulations that were kept "
-            "back, and shares of what came.",
+            caption="Confusion matrix of gradient boosting on held-out simulations, with shares of "
+            "the actual class.",
             draw=lambda: draw_confusion(found),
         ),
         Picture(
             name="learning-calibration",
-            caption="How often each model is right, by how sure it is; larger points stand for "
-            "more simulations. On the line confidence can be taken at its word.",
+            caption="Calibration: accuracy of each model by its confidence; larger points stand "
+            "for more simulations. On the line, accuracy equals confidence.",
             draw=lambda: draw_reliability(found),
         ),
     ]

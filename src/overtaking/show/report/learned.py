@@ -15,19 +15,19 @@ if TYPE_CHECKING:
     from overtaking.show.report.write import Writer
 
 _ABOUT_RULES = (
-    "Learned from what is known when an overtake begins, or might have begun; every number is "
-    "counted on simulations that were kept back. A rule is not a cause: it says where, in these "
-    "data, something is so. Shares count each simulation once, whatever its importance weight."
+    "The rules use only the state at the instant at which an overtake begins, or could have begun; "
+    "every score is on held-out simulations. A rule describes an association in these data, not a "
+    "cause. Shares count each simulation once, whatever its importance weight."
 )
 _ABOUT_FACTORS = (
-    "Three models foretell the class from the same. What is known only afterwards (the duration, "
-    "the collision partner, changes of lane, the largest acceleration, means over the run) is kept "
-    "from them, and simulations of one scenario or recording stay on one side of the split."
+    "Three models predict the class from the same state. They do not use features that are known "
+    "only afterwards (the duration, the collision partner, lane changes, the largest acceleration, "
+    "means over the run). Simulations of one scenario or recording stay on one side of the split."
 )
 _ABOUT_RANKING = (
-    "From all factors the one is dropped without which the model loses least, then the next; the "
-    "last to go stands first. Where intervals overlap, the order says little; where factors tell "
-    "the same, one of them takes the credit for both."
+    "Backward selection drops the factor whose loss costs the model least accuracy, then the next; "
+    "the last factor left ranks first. If intervals overlap, the order is not significant. Of "
+    "redundant factors, one takes the credit for all."
 )
 
 

@@ -179,4 +179,4 @@ def methods() -> tuple[str, ...]:
         "A class counts as missing from a stratum if none of its simulations is there and chance "
         "would bring that about with a probability below 1 % (hypergeometric).",
     )
-    return tuple(f"<p>{escape(text)}</p>\n" for text in texts)
+    return tuple(map(paragraph, texts))

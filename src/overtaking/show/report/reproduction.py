@@ -1,6 +1,5 @@
 """The page on a reproduction: every number of the paper among ours, and what its labels hide."""
 
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -8,7 +7,7 @@ from overtaking.analysis.reproduction import tables, words
 from overtaking.analysis.reproduction.replicates import SIZE
 from overtaking.analysis.reproduction.run import Reproduction
 from overtaking.core.errors import MissingExtraError
-from overtaking.show.report.files import ReportFolder
+from overtaking.show.report.files import ReportFolder, Written
 from overtaking.show.report.page import Section, definitions, page, paragraph, remarks
 from overtaking.show.report.prose import FOOT
 
@@ -25,23 +24,6 @@ _CAPTIONS = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Written:
-    """What was written.
-
-    Attributes:
-        path: The page.
-        figures: Names of the figures, each as SVG and PNG in `figures`.
-        tables: Names of the tables, each as LaTeX and CSV in `tables`.
-        remarks: What the page could not show, and why.
-    """
-
-    path: Path
-    figures: tuple[str, ...]
-    tables: tuple[str, ...]
-    remarks: tuple[str, ...]
-
-
 def write_reproduction(found: Reproduction, out: Path) -> Written:
     """Write a reproduction as one page that needs no network.
 
@@ -56,13 +38,8 @@ def write_reproduction(found: Reproduction, out: Path) -> Written:
     drawn = _figures(found, folder)
     sections = _sections(found, folder, drawn)
     title = f"{found.study}, number by number"
-    path = folder.finish(page(title, words.lead(found), _facts(found), sections, FOOT))
-    return Written(
-        path=path,
-        figures=tuple(folder.figures),
-        tables=tuple(folder.tables),
-        remarks=tuple(folder.remarks),
-    )
+    text = page(title, words.lead(found), _facts(found), sections, FOOT)
+    return Written(**folder.finish(text))
 
 
 def _facts(found: Reproduction) -> list[tuple[str, str]]:

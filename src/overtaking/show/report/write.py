@@ -18,6 +18,7 @@ from overtaking.core.errors import MissingExtraError, OvertakingError
 from overtaking.core.summary import Summarized
 from overtaking.model.events import Events
 from overtaking.model.trajectory import Trajectories
+from overtaking.show.palette import CLASS_COLOURS
 from overtaking.show.report import files, gallery, prose
 from overtaking.show.report.learned import Learned
 from overtaking.show.report.learned import sections as sections_of
@@ -33,21 +34,13 @@ _NUM_PARTS = 18  # Figures, and the parts that take time beside them, for the pr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Report(Summarized):
-    """What was written.
+class Report(files.Written, Summarized):
+    """What was written, with the numbers in it.
 
     Attributes:
-        path: The page.
-        figures: Names of the figures, each as SVG and PNG in `figures`.
-        tables: Names of the tables, each as LaTeX and CSV in `tables`.
-        remarks: What the report could not show, and why.
-        statistics: The numbers in it.
+        statistics: The numbers.
     """
 
-    path: Path
-    figures: tuple[str, ...]
-    tables: tuple[str, ...]
-    remarks: tuple[str, ...]
     statistics: Statistics
 
 
@@ -89,8 +82,8 @@ def write_report(
         Section("classes", "Classes", writer.classes()),
         Section("features", "Statistics of the features", writer.tables_of_features()),
         Section("waiting", "Waiting time", writer.waiting()),
-        Section("distributions", "Distributions", [writer.distributions()]),
-        Section("pairs", "Features against each other", [writer.pairs()]),
+        Section("distributions", "Distributions", writer.drawn(gallery.distribution_pictures)),
+        Section("pairs", "Features against each other", writer.drawn(gallery.pair_pictures)),
         Section("associations", "Associations", writer.associations()),
         Section("examples", "A typical overtake of each class", writer.examples(example)),
         *(sections_of(writer, learned) if learned else ()),
@@ -98,15 +91,9 @@ def write_report(
         Section("glossary", "Glossary", list(prose.glossary())),
     ]
     text = page(title, prose.lead(found), [*facts, *prose.facts(found)], sections, prose.FOOT)
-    path = writer.finish(text)
+    written = writer.finish(text)
     writer.step(_NUM_PARTS)
-    return Report(
-        path=path,
-        figures=tuple(writer.figures),
-        tables=tuple(writer.tables),
-        remarks=tuple(writer.remarks),
-        statistics=found,
-    )
+    return Report(**written, statistics=found)
 
 
 class Writer(files.ReportFolder):
@@ -135,7 +122,7 @@ class Writer(files.ReportFolder):
         found = self._found
         return [
             paragraph(prose.about_policy(found)),
-            definitions(prose.meanings("classes", found.sample.classes), self.colours),
+            definitions(prose.meanings("classes", found.sample.classes), CLASS_COLOURS),
             self.pictures(lambda: [gallery.class_picture(found)]),
             self.table(found.classes),
         ]
@@ -157,13 +144,9 @@ class Writer(files.ReportFolder):
         drawn = self.pictures(lambda: [gallery.waiting_picture(found)])
         return [paragraph(prose.about_waiting(found.waiting)), drawn]
 
-    def distributions(self) -> str:
-        """Histograms and boxes."""
-        return self.pictures(lambda: gallery.distribution_pictures(self._found))
-
-    def pairs(self) -> str:
-        """Features against each other."""
-        return self.pictures(lambda: gallery.pair_pictures(self._found))
+    def drawn(self, made: Callable[[Statistics], Sequence[gallery.Picture]]) -> list[str]:
+        """Figures of the statistics."""
+        return [self.pictures(lambda: made(self._found))]
 
     def associations(self) -> list[str]:
         """The two matrices, and the strongest pairs in words."""

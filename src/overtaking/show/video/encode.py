@@ -65,12 +65,12 @@ def write_film(
     partial = path.parent / PARTIAL / path.name
     partial.parent.mkdir(exist_ok=True)
     try:
-        try:
-            _encode(av, film, partial, title, is_wanted)
-        except av.error.FFmpegError as error:
-            raise _failed(path, error) from error
-        _sync(partial)
+        _encode(av, film, partial, title, is_wanted)
+        with partial.open("rb+") as file:
+            os.fsync(file.fileno())
         partial.replace(path)
+    except av.error.FFmpegError as error:
+        raise _failed(path, error) from error
     finally:
         partial.unlink(missing_ok=True)
     sync_folder(path.parent)
@@ -134,12 +134,6 @@ def _options() -> dict[str, str]:
     if dict(_core.simd_levels()).get("avx512"):
         options["x264-params"] += _PARAMETERS_WITH_AVX512
     return options
-
-
-def _sync(path: Path) -> None:
-    """Force a file to the disk."""
-    with path.open("rb+") as file:
-        os.fsync(file.fileno())
 
 
 def _failed(path: Path, error: Exception) -> DatasetError:

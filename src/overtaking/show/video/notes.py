@@ -16,6 +16,7 @@ from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
 from overtaking.show.video.scene import RATE, Scene
 from overtaking.show.video.text import Picture, lettering
 from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, Camera
+from overtaking.show.wording import words
 
 Contact = tuple[int, float, float]
 """First frame after a contact, and its place along and across the road."""
@@ -124,9 +125,9 @@ def breaches(scene: Scene, findings: Findings | None, policy: Policy) -> list[No
         first, last = int(findings.first[0, rule]), int(findings.last[0, rule])
         is_broken = findings.verdict[0, rule] == Verdict.ILLEGAL and first != NEVER
         if is_broken and code in articles:
-            severity = palette.SEVERITIES[Severity(int(findings.severity[0, rule]))]
+            severity = words(Severity(int(findings.severity[0, rule])).name)
             counts = code in policy.required
-            text = articles[code] + (f" ({severity})" if severity else "")
+            text = f"{articles[code]} ({severity})"
             text += "" if counts else f" - not counted by policy {policy.name}"
             frames = np.searchsorted(scene.recorded, [first, last])
             start, stop = (min(int(one), scene.num_frames - 1) for one in frames)

@@ -1,6 +1,5 @@
 """The colours of the films."""
 
-from overtaking.model.labels import Severity
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Colour
 
@@ -65,11 +64,4 @@ STAGES = {
     Stage.DONE: ("Done", "#14a27c", TEXT),
     Stage.ABORT: ("Abort", "#cc79a7", INK),
     Stage.CRASHED: ("Crashed", "#d55e00", TEXT),
-}
-
-SEVERITIES = {
-    Severity.NONE: "",
-    Severity.LIGHT: "light",
-    Severity.SERIOUS: "serious",
-    Severity.VERY_SERIOUS: "very serious",
 }

@@ -8,22 +8,9 @@ import numpy as np
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
+from overtaking.show.video import palette
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas, Drawing
 from overtaking.show.video.notes import Note
-from overtaking.show.video.palette import (
-    ASIDE,
-    EGO,
-    FAINT,
-    GAP,
-    GRID,
-    INK,
-    PANEL,
-    PANEL_EDGE,
-    STAGES,
-    TARGET,
-    TEXT,
-    WARNING,
-)
 from overtaking.show.video.scene import F64, Scene
 from overtaking.show.video.text import lettering, line, write_number
 from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP
@@ -53,11 +40,11 @@ class Header:
         """Draw what does not change."""
         drawing, row = Drawing(), 3 if meaning else 10
         name, sky = lettering(title, _LARGE, bold=True), lettering(weather, _NORMAL)
-        drawing.mask(name, (16, row), TEXT)
-        drawing.mask(lettering(subtitle, _NORMAL), (28 + name.shape[1], row + 3), FAINT)
-        drawing.mask(lettering(meaning, _SMALL), (16, 23), FAINT)
-        drawing.mask(sky, (WIDTH - 16 - sky.shape[1], 13), TEXT)
-        self._canvas = Canvas(WIDTH, SCENE_TOP, PANEL)
+        drawing.mask(name, (16, row), palette.TEXT)
+        drawing.mask(lettering(subtitle, _NORMAL), (28 + name.shape[1], row + 3), palette.FAINT)
+        drawing.mask(lettering(meaning, _SMALL), (16, 23), palette.FAINT)
+        drawing.mask(sky, (WIDTH - 16 - sky.shape[1], 13), palette.TEXT)
+        self._canvas = Canvas(WIDTH, SCENE_TOP, palette.PANEL)
         self._canvas.draw(drawing)
 
     def draw(self, canvas: Canvas, stage: int | None) -> None:
@@ -76,22 +63,22 @@ def _pills(stage: Stage) -> Canvas:
     drawing = Drawing()
     for place, one in enumerate(shown):
         _pill(drawing, one, place * _PILL_PITCH, is_lit=one is stage)
-    canvas = Canvas(_NUM_PILLS * _PILL_PITCH, 24, PANEL)
+    canvas = Canvas(_NUM_PILLS * _PILL_PITCH, 24, palette.PANEL)
     canvas.draw(drawing)
     return canvas
 
 
 def _pill(drawing: Drawing, stage: Stage, left: int, *, is_lit: bool) -> None:
-    label, colour, ink = STAGES[stage]
+    label, colour, ink = palette.STAGES[stage]
     box = (float(left), float(left + _PILL_WIDTH)), (1.0, 23.0)
     if is_lit:
         drawing.rect(*box, colour, radius=11.0)
     else:
-        drawing.frame(*box, PANEL_EDGE, line=1.0, radius=11.0)
+        drawing.frame(*box, palette.PANEL_EDGE, line=1.0, radius=11.0)
     letters = lettering(label, _NORMAL, bold=is_lit)
     height, width = letters.shape
     place = left + (_PILL_WIDTH - width) // 2, 12 - height // 2
-    drawing.mask(letters, place, ink if is_lit else FAINT)
+    drawing.mask(letters, place, ink if is_lit else palette.FAINT)
 
 
 class Timeline:
@@ -108,7 +95,9 @@ class Timeline:
         self._past = _plots(scene, breaches, 1.0)
         self._future = _plots(scene, breaches, _FUTURE)
         self._cursor = Drawing()
-        self._cursor.rect((0.0, 2.0), (SCENE_BOTTOM + 8.0, SCENE_BOTTOM + _BREACH_ROWS[1]), TEXT)
+        self._cursor.rect(
+            (0.0, 2.0), (SCENE_BOTTOM + 8.0, SCENE_BOTTOM + _BREACH_ROWS[1]), palette.TEXT
+        )
 
     def draw(self, canvas: Canvas, frame: int) -> None:
         """Draw the strip."""
@@ -119,7 +108,7 @@ class Timeline:
         self._speeds(canvas, frame)
         self._distance(canvas, frame)
         time = f"{self._scene.time[frame]:.2f} s"
-        write_number(canvas, time, (_READOUT, SCENE_BOTTOM + 94), _NORMAL, FAINT)
+        write_number(canvas, time, (_READOUT, SCENE_BOTTOM + 94), _NORMAL, palette.FAINT)
 
     def column(self, frame: int) -> int:
         """Column of the cursor."""
@@ -128,9 +117,9 @@ class Timeline:
     def _speeds(self, canvas: Canvas, frame: int) -> None:
         """How fast ego and target are."""
         target = self._scene.target
-        shown = [("Ego", int(Role.EGO), EGO, 8)]
+        shown = [("Ego", int(Role.EGO), palette.EGO, 8)]
         if target is not None:
-            shown.append(("Target", target, TARGET, 30))
+            shown.append(("Target", target, palette.TARGET, 30))
         for name, slot, colour, row in shown:
             speed = kmh_from_mps(float(self._scene.speed[slot, frame]))
             text = line(f"{name} {speed:.0f} km/h", _LARGE, colour, bold=True)
@@ -141,12 +130,12 @@ class Timeline:
         if self._lead is None:
             return
         lead, row = float(self._lead[frame]), SCENE_BOTTOM + _ROW
-        name = line("target " if lead else "target alongside", _NORMAL, GAP)
+        name = line("target " if lead else "target alongside", _NORMAL, palette.GAP)
         canvas.draw(name.drawing, _READOUT, row)
         if lead:
             place = _READOUT + name.width, row
-            end = write_number(canvas, f"{abs(lead):.1f} m", place, _NORMAL, GAP)
-            side = line(" ahead" if lead > 0.0 else " behind", _NORMAL, GAP)
+            end = write_number(canvas, f"{abs(lead):.1f} m", place, _NORMAL, palette.GAP)
+            side = line(" ahead" if lead > 0.0 else " behind", _NORMAL, palette.GAP)
             canvas.draw(side.drawing, end, row)
 
 
@@ -159,9 +148,9 @@ def _plots(scene: Scene, breaches: Sequence[Note], opacity: float) -> Canvas:
     _stages(drawing, scene, columns, opacity)
     for one in reversed(breaches):  # What counts lies above what does not.
         ends = columns[one.first], columns[min(one.last + 1, len(columns) - 1)]
-        colour = WARNING if one.counts else ASIDE
+        colour = palette.WARNING if one.counts else palette.ASIDE
         drawing.rect(ends, _BREACH_ROWS, colour, opacity=max(opacity, 0.5), radius=2.0)
-    canvas = Canvas(WIDTH, HEIGHT - SCENE_BOTTOM, PANEL)
+    canvas = Canvas(WIDTH, HEIGHT - SCENE_BOTTOM, palette.PANEL)
     canvas.draw(drawing)
     return canvas
 
@@ -175,7 +164,11 @@ def _curve(drawing: Drawing, columns: list[float], rows: F64, colour: str, opaci
 
 def _speeds(drawing: Drawing, scene: Scene, columns: list[float], opacity: float) -> None:
     """Speeds of ego and target."""
-    shown = [(Role.EGO, EGO)] if scene.target is None else [(scene.target, TARGET), (Role.EGO, EGO)]
+    shown = (
+        [(Role.EGO, palette.EGO)]
+        if scene.target is None
+        else [(scene.target, palette.TARGET), (Role.EGO, palette.EGO)]
+    )
     speeds = {slot: kmh_from_mps(scene.speed[slot]) for slot, _ in shown}
     low, high, step = _axis([float(f(v)) for v in speeds.values() for f in (np.min, np.max)], 20.0)
     _grid(drawing, (low, high, step), _SPEED_ROWS, " km/h")
@@ -188,13 +181,13 @@ def _gap(drawing: Drawing, scene: Scene, columns: list[float], opacity: float) -
     lead = scene.lead
     if lead is None:
         letters = lettering("nobody to overtake", _NORMAL)
-        drawing.mask(letters, (_LEFT + 8, int(_GAP_ROWS[0]) + 8), FAINT)
+        drawing.mask(letters, (_LEFT + 8, int(_GAP_ROWS[0]) + 8), palette.FAINT)
         return
     low, high, step = _axis([0.0, float(lead.min()), float(lead.max())], 20.0)
     _grid(drawing, (low, high, step), _GAP_ROWS, " m ahead")
     zero = float(_rows(np.zeros(1), low, high, _GAP_ROWS)[0])
-    drawing.rect((_LEFT, _RIGHT), (zero - 0.5, zero + 0.5), FAINT, opacity=0.7)
-    _curve(drawing, columns, _rows(lead, low, high, _GAP_ROWS), GAP, opacity)
+    drawing.rect((_LEFT, _RIGHT), (zero - 0.5, zero + 0.5), palette.FAINT, opacity=0.7)
+    _curve(drawing, columns, _rows(lead, low, high, _GAP_ROWS), palette.GAP, opacity)
 
 
 def _stages(drawing: Drawing, scene: Scene, columns: list[float], opacity: float) -> None:
@@ -203,7 +196,7 @@ def _stages(drawing: Drawing, scene: Scene, columns: list[float], opacity: float
         return
     starts = np.flatnonzero(np.diff(scene.stage, prepend=255)).tolist()
     for first, after in zip(starts, [*starts[1:], len(columns) - 1], strict=True):
-        _, colour, _ = STAGES[Stage(int(scene.stage[first]))]
+        _, colour, _ = palette.STAGES[Stage(int(scene.stage[first]))]
         ends = columns[first], columns[after]
         drawing.rect(ends, _STAGE_ROWS, colour, opacity=max(opacity, 0.4))
 
@@ -227,10 +220,10 @@ def _grid(
     """Lines on a ground of their own, with the first and the last value; unit at the last."""
     low, high, step = axis
     ground = rows[0] - 5.0, rows[1] + 5.0
-    drawing.rect((_LEFT, _RIGHT), ground, INK, opacity=0.4, radius=3.0)
+    drawing.rect((_LEFT, _RIGHT), ground, palette.INK, opacity=0.4, radius=3.0)
     for row in _rows(np.arange(low, high + 0.5 * step, step), low, high, rows).tolist():
-        drawing.rect((_LEFT, _RIGHT), (row - 0.5, row + 0.5), GRID)
+        drawing.rect((_LEFT, _RIGHT), (row - 0.5, row + 0.5), palette.GRID)
     for text, row in ((f"{low:.0f}", rows[1]), (f"{high:.0f}{unit}", rows[0])):
         label = lettering(text, _SMALL)
         height, width = label.shape
-        drawing.mask(label, (_LEFT - 6 - width, round(row) - height // 2), FAINT)
+        drawing.mask(label, (_LEFT - 6 - width, round(row) - height // 2), palette.FAINT)

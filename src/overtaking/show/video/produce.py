@@ -4,6 +4,7 @@ import os
 import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -96,7 +97,8 @@ def produce(
             stop.set()
             pool.shutdown(cancel_futures=True)
             raise
-    _tidy(folder)
+    with suppress(OSError):  # Another process may be using it.
+        (folder / PARTIAL).rmdir()
     return [future.result() for future in made]
 
 
@@ -135,11 +137,3 @@ def film_of(job: Job) -> Film:
         policy=job.policy,
         label=job.label,
     )
-
-
-def _tidy(folder: Path) -> None:
-    """Take the folder for unfinished files away, if no other process is using it."""
-    try:
-        (folder / PARTIAL).rmdir()
-    except OSError:
-        return

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
@@ -70,7 +71,7 @@ def strip(road: Road, scale: float, middle_d: float, tone: Tone) -> Strip:
     dash = 2 * round(0.5 * DASH_PERIOD * scale)
     period = dash * _POST_PERIODS
     size = (WIDTH + period, SCENE_BOTTOM - SCENE_TOP)
-    painter = _Painter(road, scale, middle_d, tone, size, dash)
+    painter = _Painter(road=road, scale=scale, middle_d=middle_d, tone=tone, size=size, dash=dash)
     painter.ground()
     painter.lanes()
     painter.marks()
@@ -80,64 +81,59 @@ def strip(road: Road, scale: float, middle_d: float, tone: Tone) -> Strip:
     return Strip(canvas, period)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Painter:
-    """Paints a strip, in pixels."""
+    """Paints a strip, in pixels; the fields are those of `strip`, its size and a dash's period."""
 
-    def __init__(
-        self,
-        road: Road,
-        scale: float,
-        middle_d: float,
-        tone: Tone,
-        size: tuple[int, int],
-        dash: int,
-    ) -> None:
-        self.drawing = Drawing()
-        self._road, self._scale, self._tone, self._dash = road, scale, tone, dash
-        self._size, self._middle_d = size, middle_d
-        self._whole = (-2.0, size[0] + 2.0)
+    road: Road
+    scale: float
+    middle_d: float
+    tone: Tone
+    size: tuple[int, int]
+    dash: int
+    drawing: Drawing = field(default_factory=Drawing)
 
     def _y(self, d: float) -> float:
-        return 0.5 * self._size[1] - (d - self._middle_d) * self._scale
+        return 0.5 * self.size[1] - (d - self.middle_d) * self.scale
 
     def _band(self, d: float, other: float) -> tuple[float, float]:
         one, two = self._y(d), self._y(other)
         return min(one, two), max(one, two)
 
     def _colour(self, dry: str, wet: str | None = None) -> str:
-        return tinted(mixed(dry, wet or dry, self._tone.wet), self._tone.light)
+        return tinted(mixed(dry, wet or dry, self.tone.wet), self.tone.light)
+
+    @property
+    def _whole(self) -> tuple[float, float]:
+        """All columns."""
+        return -2.0, self.size[0] + 2.0
+
+    def _fill(
+        self, rows: tuple[float, float], dry: str, wet: str | None = None, opacity: float = 1.0
+    ) -> None:
+        """Paint some rows as far as the strip goes."""
+        self.drawing.rect(self._whole, rows, self._colour(dry, wet), opacity=opacity)
 
     def ground(self) -> None:
         """Verges and what is paved."""
-        self.drawing.rect(
-            self._whole, (-2.0, self._size[1] + 2.0), self._colour("#71885c", "#55694a")
-        )
-        low, high = shown_width(self._road)
-        gravel = (self._y(high) - 0.35 * self._scale, self._y(low) + 0.35 * self._scale)
-        self.drawing.rect(self._whole, gravel, self._colour("#a39c88", "#7c776a"))
-        self.drawing.rect(
-            self._whole, (self._y(high), self._y(low)), self._colour("#666b70", "#51565c")
-        )
+        low, high = shown_width(self.road)
+        top, bottom, gravel = self._y(high), self._y(low), 0.35 * self.scale
+        self._fill((-2.0, self.size[1] + 2.0), "#71885c", "#55694a")
+        self._fill((top - gravel, bottom + gravel), "#a39c88", "#7c776a")
+        self._fill((top, bottom), "#666b70", "#51565c")
 
     def lanes(self) -> None:
         """The driving lanes, a little darker where the wheels run."""
-        borders = self._road.boundaries
-        self.drawing.rect(
-            self._whole,
-            self._band(float(borders[0]), float(borders[-1])),
-            self._colour("#5c6166", "#454a50"),
-        )
+        borders = self.road.boundaries
+        self._fill(self._band(float(borders[0]), float(borders[-1])), "#5c6166", "#454a50")
         for slow, fast in pairwise(borders):
             for share in _WHEEL_PATHS:
                 d = float(slow + share * (fast - slow))
-                track = self._band(d - 0.3, d + 0.3)
-                self.drawing.rect(
-                    self._whole, track, self._colour("#54595e", "#3d4248"), opacity=0.8
-                )
+                self._fill(self._band(d - 0.3, d + 0.3), "#54595e", "#3d4248", 0.8)
 
     def marks(self) -> None:
         """The painted lines."""
-        road = self._road
+        road = self.road
         for index, border in enumerate(road.boundaries):
             lane = road.lanes[max(index - 1, 0)]
             is_left = (index > 0) == (road.side > 0)
@@ -151,7 +147,7 @@ class _Painter:
 
     def _line(self, d: float, kind: str) -> None:
         if kind == "kerb":
-            self.drawing.rect(self._whole, self._band(d, d + _KERB), self._colour("#b9bcbd"))
+            self._fill(self._band(d, d + _KERB), "#b9bcbd")
             return
         rows = self._band(d - 0.5 * _LINE, d + 0.5 * _LINE)
         for columns in self._stretches(kind):
@@ -162,19 +158,17 @@ class _Painter:
         if kind == "solid":
             yield self._whole
             return
-        length, period = (
-            (DASH, float(self._dash)) if kind == "broken" else (_DOT, 0.25 * self._dash)
-        )
-        for number in range(-1, math.ceil(self._size[0] / period)):
-            yield number * period, number * period + length * self._scale
+        dashed, dotted = (DASH, float(self.dash)), (_DOT, 0.25 * self.dash)
+        length, period = dashed if kind == "broken" else dotted
+        for number in range(-1, math.ceil(self.size[0] / period)):
+            yield number * period, number * period + length * self.scale
 
     def posts(self) -> None:
         """Posts beside the road, so that speed is seen where all dashes look the same."""
-        low, high = shown_width(self._road)
-        for first in range(0, self._size[0] + 1, self._dash * _POST_PERIODS):
+        low, high = shown_width(self.road)
+        for first in range(0, self.size[0] + 1, self.dash * _POST_PERIODS):
             for d in (high + 0.85, low - 0.85):
                 y = self._y(d)
                 for x in (first, first - 0.01):
-                    self.drawing.rect(
-                        (x - 1.5, x + 2.5), (y - 2.0, y + 2.0), self._colour("#eceeec")
-                    )
+                    box = (x - 1.5, x + 2.5), (y - 2.0, y + 2.0)
+                    self.drawing.rect(*box, self._colour("#eceeec"))

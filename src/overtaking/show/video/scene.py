@@ -37,7 +37,6 @@ class Scene:
         bodies: What each of them looks like.
         target: Index into `slots` of the vehicle to overtake, None if there is none.
         recorded: Recorded frame of each frame of the film.
-        frame_interval_ms: Time between recorded frames [ms].
         is_there: Whether a vehicle was recorded in a frame.
         time: Since the start of the recording [s].
         s: Position along the road [m].
@@ -54,7 +53,6 @@ class Scene:
     bodies: tuple[Body, ...]
     target: int | None
     recorded: NDArray[np.int64]
-    frame_interval_ms: int
     is_there: NDArray[np.bool_]
     time: F64
     s: F64
@@ -81,10 +79,6 @@ class Scene:
         apart = self.s[self.target] - self.s[Role.EGO]
         reach = 0.5 * (self.bodies[Role.EGO].length + self.bodies[self.target].length)
         return np.sign(apart) * np.maximum(np.abs(apart) - reach, 0.0)
-
-    def film_time(self, recorded_frame: int) -> float:
-        """Time of a recorded frame [s]."""
-        return recorded_frame * self.frame_interval_ms / _MS_PER_S
 
 
 def scene(run: Trajectories, events: Events | None = None) -> Scene:
@@ -117,7 +111,6 @@ def scene(run: Trajectories, events: Events | None = None) -> Scene:
         bodies=tuple(_body(run, slot) for slot in slots),
         target=slots.index(target) if target in slots[1:] else None,
         recorded=recorded,
-        frame_interval_ms=run.scenario.frame_interval_ms,
         is_there=run.state_valid[0][kept],
         time=recorded.astype(np.float64) * (run.scenario.frame_interval_ms / _MS_PER_S),
         s=states.s[0][kept] * METRES_PER_STEP,
@@ -149,9 +142,7 @@ def _body(run: Trajectories, slot: int) -> Body:
     return Body(
         kind=VehicleKind(int(specs.kind[0, slot])),
         colour=Colour(int(specs.colour[0, slot])),
-        length=float(specs.length[0, slot]),
-        width=float(specs.width[0, slot]),
-        height=float(specs.height[0, slot]),
+        **{name: float(getattr(specs, name)[0, slot]) for name in ("length", "width", "height")},
     )
 
 

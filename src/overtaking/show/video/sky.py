@@ -26,6 +26,7 @@ _NIGHT, _DAY, _OVERCAST, _SUNSET = (
     (0.86, 0.89, 0.93),
     (1.10, 0.90, 0.70),
 )
+_DRY_DAY = Tone(_DAY, 0.0)
 _LOW_SUN = math.radians(20.0)
 _SHADE_BY_DAY = 0.42
 _LONGEST_SHADOW = 3.2  # Per height of what casts it.
@@ -47,7 +48,7 @@ _GLIMMER, _GLIMMER_REACH = 90, 8.0  # Of 256, and metres.
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sky:
-    """Weather of one simulation, as far as it is drawn.
+    """Weather of one simulation, as far as it is drawn; a fine day by default.
 
     Attributes:
         text: In words.
@@ -60,20 +61,20 @@ class Sky:
         glare: How dazzling the low sun is, 0 to 1; negative if it stands behind.
     """
 
-    text: str
-    tone: Tone
-    is_night: bool
-    shade: tuple[float, float, float]
-    spray: float
-    extinction: float
-    rate: float
-    glare: float
+    text: str = "weather not recorded"
+    tone: Tone = _DRY_DAY
+    is_night: bool = False
+    shade: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    spray: float = 0.0
+    extinction: float = 0.0
+    rate: float = 0.0
+    glare: float = 0.0
 
 
 def sky(run: Trajectories) -> Sky:
     """The weather of a batch of one simulation; where it is not known, a fine day."""
     if "weather" in run.unknown:
-        return _FINE
+        return Sky()
     weather = run.scenario.weather
     rate = float(rain_rate(weather.rain)[0])
     extinction = float(fog_extinction(weather.fog)[0] + rain_extinction(rain_rate(weather.rain))[0])
@@ -94,18 +95,6 @@ def sky(run: Trajectories) -> Sky:
         rate=rate,
         glare=clear * math.cos(azimuth) if is_low else 0.0,
     )
-
-
-_FINE = Sky(
-    text="weather not recorded",
-    tone=Tone(_DAY, 0.0),
-    is_night=False,
-    shade=(0.0, 0.0, 0.0),
-    spray=0.0,
-    extinction=0.0,
-    rate=0.0,
-    glare=0.0,
-)
 
 
 def _is_hazy(extinction: float) -> bool:

@@ -6,25 +6,12 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 
+import numpy as np
+
 from overtaking.model.trajectory import Lights
 from overtaking.model.vehicles import Colour, VehicleKind
+from overtaking.show.video import palette
 from overtaking.show.video.canvas import Drawing
-from overtaking.show.video.palette import (
-    BRAKE_ON,
-    EGO,
-    FOG_LAMP,
-    GLASS,
-    INDICATOR_ON,
-    LAMP_OFF,
-    LAMP_ON,
-    PAINT,
-    SKIN,
-    TAIL_OFF,
-    TAIL_ON,
-    TARGET,
-    TRIM,
-    mixed,
-)
 
 _GLOW = 1.1  # Reach of a lamp's glow [m].
 _RING = 0.45  # Distance of the marks from the body [m].
@@ -80,16 +67,23 @@ def lamps(body: Body, lights: int) -> Drawing:
     """
     drawing, half = Drawing(), (0.5 * body.length, 0.5 * body.width)
     across = (0.0,) if body.kind in _TWO_WHEELERS else (-half[1] + 0.3, half[1] - 0.3)
-    if lights & (Lights.LOW_BEAM | Lights.HIGH_BEAM):
-        _lit(drawing, half[0] - 0.12, across, LAMP_ON, 0.7)
-        _lit(drawing, -half[0] + 0.12, across, TAIL_ON, 0.5)
-    if lights & Lights.REAR_FOG:
-        _lit(drawing, -half[0] + 0.12, across[-1:], FOG_LAMP, _GLOW)
-    if lights & Lights.BRAKE:
-        _lit(drawing, -half[0] + 0.10, across, BRAKE_ON, _GLOW)
+    front, rear, beams = half[0] - 0.12, -half[0] + 0.12, Lights.LOW_BEAM | Lights.HIGH_BEAM
+    for bits, x, places, colour, reach in (
+        (beams, front, across, palette.LAMP_ON, 0.7),
+        (beams, rear, across, palette.TAIL_ON, 0.5),
+        (Lights.REAR_FOG, rear, across[-1:], palette.FOG_LAMP, _GLOW),
+        (Lights.BRAKE, -half[0] + 0.10, across, palette.BRAKE_ON, _GLOW),
+    ):
+        for y in places if lights & bits else ():
+            drawing.glow(x, y, reach, colour, 0.75)
+            drawing.rect((x - 0.14, x + 0.14), (y - 0.22, y + 0.22), colour, radius=0.1)
     for bit, side in ((Lights.INDICATOR_LEFT, -1.0), (Lights.INDICATOR_RIGHT, 1.0)):
-        if lights & bit:
-            _blinker(drawing, half, side)
+        y = side * (half[1] - 0.1)
+        for x in (half[0] - 0.25, -half[0] + 0.25) if lights & bit else ():
+            drawing.glow(x, y, _GLOW, palette.INDICATOR_ON, 0.9)
+            drawing.rect(
+                (x - 0.28, x + 0.28), (y - 0.17, y + 0.17), palette.INDICATOR_ON, radius=0.1
+            )
     return drawing
 
 
@@ -105,20 +99,15 @@ def mark(body: Body, scale: float, *, is_ego: bool) -> Drawing:
     drawing, line = Drawing(), 2.0 / scale
     half = (0.5 * body.length + _RING, 0.5 * body.width + _RING)
     if is_ego:
-        drawing.frame((-half[0], half[0]), (-half[1], half[1]), EGO, line=line, radius=0.6)
+        drawing.frame((-half[0], half[0]), (-half[1], half[1]), palette.EGO, line=line, radius=0.6)
         return drawing
     arm = min(0.9, 0.6 * half[1])
     x, y = (one - 0.5 * line for one in half)
     for right in (-1.0, 1.0):
         for down in (-1.0, 1.0):
             corner = [(x - arm, y), (x, y), (x, y - arm)]
-            drawing.lines([[(right * a, down * b) for a, b in corner]], TARGET, width=line)
+            drawing.lines([[(right * a, down * b) for a, b in corner]], palette.TARGET, width=line)
     return drawing
-
-
-def _ends(one: float, other: float) -> tuple[float, float]:
-    """Two places in order."""
-    return (one, other) if one < other else (other, one)
 
 
 def _shadow(body: Body, shade: tuple[float, float, float]) -> tuple[float, float]:
@@ -154,25 +143,10 @@ def _spray(drawing: Drawing, half: tuple[float, float], spray: float) -> None:
         drawing.glow(place, 0.0, min(reach, half[1] * 2.0), "#e6ebef", strength)
 
 
-def _lit(drawing: Drawing, x: float, across: tuple[float, ...], colour: str, reach: float) -> None:
-    """Lamps beside each other."""
-    for y in across:
-        drawing.glow(x, y, reach, colour, 0.75)
-        drawing.rect((x - 0.14, x + 0.14), (y - 0.22, y + 0.22), colour, radius=0.1)
-
-
-def _blinker(drawing: Drawing, half: tuple[float, float], side: float) -> None:
-    """The indicators of one side, at both ends."""
-    y = side * (half[1] - 0.1)
-    for x in (half[0] - 0.25, -half[0] + 0.25):
-        drawing.glow(x, y, _GLOW, INDICATOR_ON, 0.9)
-        drawing.rect((x - 0.28, x + 0.28), (y - 0.17, y + 0.17), INDICATOR_ON, radius=0.1)
-
-
 def _shell(drawing: Drawing, body: Body, radius: float) -> tuple[float, float]:
     """The painted outline that every body with four wheels has; half its length and width."""
-    x, y, paint = 0.5 * body.length, 0.5 * body.width, PAINT[body.colour]
-    drawing.rect((-x, x), (-y, y), mixed(paint, "#000000", 0.55), radius=radius)
+    x, y, paint = 0.5 * body.length, 0.5 * body.width, palette.PAINT[body.colour]
+    drawing.rect((-x, x), (-y, y), palette.mixed(paint, "#000000", 0.55), radius=radius)
     inner = max(radius - 0.1, 0.02)
     drawing.rect((-x + 0.1, x - 0.1), (-y + 0.1, y - 0.1), paint, radius=inner)
     return x, y
@@ -180,63 +154,64 @@ def _shell(drawing: Drawing, body: Body, radius: float) -> tuple[float, float]:
 
 def _unlit(drawing: Drawing, x: float, y: float) -> None:
     """Lamps that are off."""
-    for side in (-1.0, 1.0):
-        place = _ends(side * (y - 0.14), side * (y - 0.50))
-        drawing.rect((x - 0.24, x - 0.06), place, LAMP_OFF)
-        drawing.rect((-x + 0.06, -x + 0.22), place, TAIL_OFF)
+    for place in ((0.14 - y, 0.50 - y), (y - 0.50, y - 0.14)):
+        drawing.rect((x - 0.24, x - 0.06), place, palette.LAMP_OFF)
+        drawing.rect((-x + 0.06, -x + 0.22), place, palette.TAIL_OFF)
 
 
 def _car(drawing: Drawing, body: Body) -> None:
     """A car: bonnet, glass all around, roof."""
     radius = _ROUNDNESS.get(body.kind, 0.42)
     x, y = _shell(drawing, body, radius)
-    paint = PAINT[body.colour]
+    paint = palette.PAINT[body.colour]
     front, back = 0.36 * x, -0.74 * x
-    drawing.rect((back, front), (-y + 0.16, y - 0.16), GLASS, radius=0.30)
+    drawing.rect((back, front), (-y + 0.16, y - 0.16), palette.GLASS, radius=0.30)
     roof = (back + 0.13 * body.length, front - 0.14 * body.length)
-    drawing.rect(roof, (-y + 0.30, y - 0.30), mixed(paint, "#ffffff", 0.12), radius=0.15)
+    drawing.rect(roof, (-y + 0.30, y - 0.30), palette.mixed(paint, "#ffffff", 0.12), radius=0.15)
     _unlit(drawing, x, y)
 
 
 def _van(drawing: Drawing, body: Body) -> None:
     """A van: short bonnet, windscreen, and a roof up to the rear doors."""
     x, y = _shell(drawing, body, _ROUNDNESS[VehicleKind.V])
-    drawing.rect((0.56 * x, 0.78 * x), (-y + 0.18, y - 0.18), GLASS, radius=0.12)
-    roof = mixed(PAINT[body.colour], "#ffffff", 0.15)
+    drawing.rect((0.56 * x, 0.78 * x), (-y + 0.18, y - 0.18), palette.GLASS, radius=0.12)
+    roof = palette.mixed(palette.PAINT[body.colour], "#ffffff", 0.15)
     drawing.rect((-x + 0.22, 0.52 * x), (-y + 0.22, y - 0.22), roof, radius=0.15)
     _unlit(drawing, x, y)
 
 
 def _truck(drawing: Drawing, body: Body) -> None:
     """A rigid truck: cab, gap, box with ribs."""
-    x, y, paint = 0.5 * body.length, 0.5 * body.width, PAINT[body.colour]
+    x, y, paint = 0.5 * body.length, 0.5 * body.width, palette.PAINT[body.colour]
     cab = min(2.2, 0.3 * body.length)
-    drawing.rect((-x, x), (-y + 0.25, y - 0.25), TRIM, radius=0.1)
-    drawing.rect((x - cab, x), (-y + 0.06, y - 0.06), mixed(paint, "#000000", 0.45), radius=0.25)
+    drawing.rect((-x, x), (-y + 0.25, y - 0.25), palette.TRIM, radius=0.1)
+    drawing.rect(
+        (x - cab, x), (-y + 0.06, y - 0.06), palette.mixed(paint, "#000000", 0.45), radius=0.25
+    )
     drawing.rect((x - cab + 0.1, x - 0.1), (-y + 0.16, y - 0.16), paint, radius=0.2)
-    drawing.rect((x - 0.72, x - 0.22), (-y + 0.22, y - 0.22), GLASS, radius=0.1)
+    drawing.rect((x - 0.72, x - 0.22), (-y + 0.22, y - 0.22), palette.GLASS, radius=0.1)
     box = (-x, x - cab - 0.4)
-    drawing.rect(box, (-y, y), mixed(paint, "#000000", 0.5), radius=0.08)
+    drawing.rect(box, (-y, y), palette.mixed(paint, "#000000", 0.5), radius=0.08)
     inner = (box[0] + 0.12, box[1] - 0.12)
-    drawing.rect(inner, (-y + 0.12, y - 0.12), mixed(paint, "#ffffff", 0.2))
-    place = inner[0] + 1.0
-    while place < inner[1] - 0.4:
+    drawing.rect(inner, (-y + 0.12, y - 0.12), palette.mixed(paint, "#ffffff", 0.2))
+    for place in np.arange(inner[0] + 1.0, inner[1] - 0.4).tolist():
         ribs = (place, place + 0.1)
-        drawing.rect(ribs, (-y + 0.12, y - 0.12), mixed(paint, "#000000", 0.2), opacity=0.6)
-        place += 1.0
+        drawing.rect(ribs, (-y + 0.12, y - 0.12), palette.mixed(paint, "#000000", 0.2), opacity=0.6)
     _unlit(drawing, x, y)
 
 
 def _two_wheeler(drawing: Drawing, body: Body) -> None:
     """A machine with a rider on it, wide enough to be seen."""
-    x, y, paint = 0.5 * body.length, 0.5 * body.width, PAINT[body.colour]
+    x, y, paint = 0.5 * body.length, 0.5 * body.width, palette.PAINT[body.colour]
     wheel = 0.12 if body.kind is VehicleKind.B else 0.2
-    drawing.rect((-x, x), (-wheel, wheel), TRIM, radius=wheel)
-    drawing.rect((0.40 * x, 0.55 * x), (-y, y), TRIM, radius=0.05)
+    drawing.rect((-x, x), (-wheel, wheel), palette.TRIM, radius=wheel)
+    drawing.rect((0.40 * x, 0.55 * x), (-y, y), palette.TRIM, radius=0.05)
     drawing.rect((-0.5 * x, 0.35 * x), (-0.7 * wheel - 0.06, 0.7 * wheel + 0.06), paint, radius=0.1)
-    drawing.rect((-0.45 * x, 0.2 * x), (-0.85 * y, 0.85 * y), SKIN, radius=0.2)
+    drawing.rect((-0.45 * x, 0.2 * x), (-0.85 * y, 0.85 * y), palette.SKIN, radius=0.2)
     drawing.rect((-0.38 * x, 0.12 * x), (-0.7 * y, 0.7 * y), paint, radius=0.18)
-    drawing.rect((-0.14 * x, 0.16 * x), (-0.16, 0.16), mixed(paint, "#ffffff", 0.75), radius=0.15)
+    drawing.rect(
+        (-0.14 * x, 0.16 * x), (-0.16, 0.16), palette.mixed(paint, "#ffffff", 0.75), radius=0.15
+    )
 
 
 _PAINTERS = {

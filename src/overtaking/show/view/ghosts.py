@@ -51,29 +51,22 @@ def _ghosts(run: Trajectories) -> Iterator[dict[str, Any]]:
 def _ghost(run: Trajectories, row: int, place: int) -> dict[str, Any]:
     percepts, states = run.percepts, run.states
     slot, is_seen = int(percepts.vehicle[0, row, place]), bool(percepts.detected[0, row, place])
-    frame = min(
-        int(percepts.time[0, row]) // run.scenario.frame_interval_ms, int(run.num_frames[0]) - 1
-    )
+    time_ms, last = int(percepts.time[0, row]), int(run.num_frames[0]) - 1
+    frame = min(time_ms // run.scenario.frame_interval_ms, last)
     is_real = slot != NO_VEHICLE
     length, width = _size(run, slot) if is_real else _BODY
-    source = (
-        (percepts.gap, percepts.closing_speed)
-        if is_seen
-        else (
-            percepts.true_gap,
-            percepts.true_closing_speed,
-        )
-    )
+    truth = percepts.true_gap, percepts.true_closing_speed
+    source = (percepts.gap, percepts.closing_speed) if is_seen else truth
     gap, closing = (int(of[0, row, place]) * METRES_PER_STEP for of in source)
     way = -1 if place == _REAR else 1
     reach = gap + 0.5 * (length + _size(run, Role.EGO)[0])
     ego = states.s[0, Role.EGO, frame] * METRES_PER_STEP
     speed = states.speed[0, Role.EGO, frame] * METRES_PER_SECOND_PER_STEP
-    lateral = (
-        states.d[0, slot, frame] * METRES_PER_STEP if is_real else _lane(run, row, place, frame)
-    )
+    true_gap = int(percepts.true_gap[0, row, place]) * METRES_PER_STEP
+    nowhere = _lane(run, row, place, frame)
+    lateral = states.d[0, slot, frame] * METRES_PER_STEP if is_real else nowhere
     return {
-        "time_s": int(percepts.time[0, row]) / 1000.0,
+        "time_s": time_ms / 1000.0,
         "decision": DecisionKind(int(percepts.kind[0, row])).name,
         "vehicle": slot if is_real else None,
         "seen": is_seen,
@@ -83,9 +76,7 @@ def _ghost(run: Trajectories, row: int, place: int) -> dict[str, Any]:
         "length_m": round(length, 3),
         "width_m": round(width, 3),
         "gap_m": round(gap, 3) if is_seen else None,
-        "true_gap_m": round(int(percepts.true_gap[0, row, place]) * METRES_PER_STEP, 3)
-        if is_real
-        else None,
+        "true_gap_m": round(true_gap, 3) if is_real else None,
     }
 
 

@@ -51,6 +51,9 @@ THEMES = {
 """Colours of the page: those of figures, and those of films; some darker or lighter, so that text
 has a contrast of 4.5 and lines one of 3 with the ground (WCAG 2.2, 1.4.3 and 1.4.11)."""
 
+_TOLD = ("title", "law", "gloss", "predicate", "unit", "of_ego")
+"""What the page tells of a rule."""
+
 _COMPRESSION = 9
 
 
@@ -77,17 +80,7 @@ def words() -> dict[str, Any]:
             one.name: {"meaning": terms("policies")[one.name].meaning, "required": one.required}
             for one in POLICIES
         },
-        "rules": {
-            one.code: {
-                "title": one.title,
-                "law": one.law,
-                "gloss": one.gloss,
-                "predicate": one.predicate,
-                "unit": one.unit,
-                "of_ego": one.of_ego,
-            }
-            for one in PORTUGAL.rules
-        },
+        "rules": {one.code: {name: getattr(one, name) for name in _TOLD} for one in PORTUGAL.rules},
         "stages": {
             stage.name: {"title": title, "colour": colour, "ink": ink}
             for stage, (title, colour, ink) in palette.STAGES.items()
@@ -118,12 +111,8 @@ def page(title: str, policy: str, simulations: Sequence[dict[str, Any]]) -> str:
     script, style = (
         here.joinpath(name).read_text(encoding="utf-8") for name in ("viewer.js", "viewer.css")
     )
-    data = {
-        "title": title,
-        "policy": policy,
-        "words": words(),
-        "simulations": list(simulations),
-    }
+    told = {"words": words(), "simulations": list(simulations)}
+    data = {"title": title, "policy": policy, **told}
     # Without "<" no text in it can end the element that it lies in.
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
     rules = (

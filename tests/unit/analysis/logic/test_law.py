@@ -59,6 +59,7 @@ def test_both_say_the_same_of_every_fixture(place: int):
     assert {code: first[code] for code in expected_first} == expected_first
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("profile", "number"), [("pinto2023", 176), ("motorway-risk", 24)])
 def test_both_say_the_same_of_simulations(profile: str, number: int):
     case = case_of(simulate(sample(profile, number, seed=23)))

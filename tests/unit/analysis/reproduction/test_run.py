@@ -147,6 +147,7 @@ def test_the_page_is_whole_offline_and_holds_every_number(found: Reproduction, t
         assert (tmp_path / "page" / "tables" / f"{name}.csv").exists()
 
 
+@pytest.mark.ci
 def test_the_same_numbers_make_the_same_page(found: Reproduction, tmp_path: Path):
     made = [ot.write_reproduction(found, tmp_path / name).path for name in ("one", "two")]
     assert made[0].read_bytes() == made[1].read_bytes()
@@ -158,6 +159,7 @@ def test_the_text_says_what_the_label_hides(found: Reproduction):
     assert "assume that CARLA's presets were used unmodified" in text
 
 
+@pytest.mark.ci
 def test_the_command_prints_the_same_as_json(found: Reproduction, tmp_path: Path):
     command = [sys.executable, "-m", "overtaking.cli", "reproduce", "pinto2023", "--json"]
     more = ["--replicates", "2", "--seed", str(SEED), "--out", str(tmp_path / "page"), "--quiet"]

@@ -96,7 +96,7 @@ def test_a_pack_without_a_required_rule_is_refused():
 
 
 def test_an_unknown_policy_is_refused_with_those_there_are():
-    with pytest.raises(ConfigError, match="expected one of paper, default, strict, got lenient"):
+    with pytest.raises(ConfigError, match="expected paper or default or strict, got lenient"):
         policy("lenient")
 
 

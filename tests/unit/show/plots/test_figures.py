@@ -16,6 +16,7 @@ from overtaking.analysis.stats.associations import associations
 from overtaking.analysis.stats.columns import ALL_CLASSES, BY_NAME, FEATURES, NUMERIC
 from overtaking.analysis.stats.results import Statistics, statistics
 from overtaking.analysis.stats.survival import kaplan_meier
+from overtaking.show import palette
 from overtaking.show.plots import distributions as single
 from overtaking.show.plots import pairs, style
 
@@ -233,7 +234,7 @@ def lab(rgb: np.ndarray) -> np.ndarray:
 def test_the_classes_can_be_told_apart_with_any_colour_vision(name: str):
     """Colours that differ by less than 10 (CIE 1976) are easily confused; ours by more than 15."""
     seen = np.array(DEFICIENCIES.get(name, np.eye(3)))
-    found = [lab(seen @ linear(style.CLASS_COLOURS[one])) for one in ALL_CLASSES]
+    found = [lab(seen @ linear(palette.CLASS_COLOURS[one])) for one in ALL_CLASSES]
     distances = [
         float(np.linalg.norm(one - other)) for n, one in enumerate(found) for other in found[:n]
     ]
@@ -241,6 +242,6 @@ def test_the_classes_can_be_told_apart_with_any_colour_vision(name: str):
 
 
 def test_every_class_has_a_look_of_its_own():
-    assert list(style.CLASS_COLOURS) == list(ALL_CLASSES)
-    for looks in (style.CLASS_COLOURS, style.CLASS_MARKERS):
+    assert list(palette.CLASS_COLOURS) == list(ALL_CLASSES)
+    for looks in (palette.CLASS_COLOURS, palette.CLASS_MARKERS):
         assert len(set(looks.values())) == len(ALL_CLASSES)

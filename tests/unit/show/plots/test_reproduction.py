@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -9,14 +11,9 @@ from overtaking.show.plots.comparison import Panel, Ridge, draw_ridges, percent
 
 
 def ridge(values: list[float], paper: float, *, is_count: bool = False) -> Ridge:
-    return Ridge(
-        label="a label",
-        scope="Success_L",
-        replicates=np.array(values),
-        paper=paper,
-        percentile=40.0,
-        is_count=is_count,
-    )
+    said = SimpleNamespace(scope="Success_L", quoted=paper)
+    of = SimpleNamespace(statement=said, known=np.array(values), percentile=40.0, is_count=is_count)
+    return Ridge(label="a label", of=of)
 
 
 def test_a_hill_holds_every_replicate_and_the_diamond_stands_at_the_number():

@@ -177,12 +177,12 @@ def test_the_same_features_make_the_same_report(undrawn: None, tmp_path: Path):
 
 
 def test_an_earlier_report_leaves_nothing_behind(tmp_path: Path):
-    files.make_folders(tmp_path)
+    folder = files.ReportFolder(tmp_path)
     stale = [tmp_path / "figures" / "example-success-l.svg", tmp_path / "tables" / "old.tex"]
     foreign = tmp_path / "figures" / "mine.txt"
     for path in (*stale, foreign):
         path.write_text("x", encoding="utf-8")
-    files.remove_stale(tmp_path, {"classes"}, set())
+    folder.finish("<p>anew</p>")
     assert not any(path.exists() for path in stale)
     assert foreign.exists()
 

@@ -74,7 +74,7 @@ def test_a_film_that_fails_ends_the_work_and_leaves_what_was_finished(data, tmp_
 
 
 def test_an_unknown_policy_is_refused(data):
-    with pytest.raises(ConfigError, match="expected one of paper, default, strict"):
+    with pytest.raises(ConfigError, match="expected paper or default or strict"):
         list(jobs(data, policy_name="lenient"))
 
 

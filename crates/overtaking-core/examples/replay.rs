@@ -1,0 +1,140 @@
+//! Simulates batches from files and prints the trace hash of each simulation, without Python.
+//!
+//! `replay [--level LEVEL] FILE ...`; `benchmarks/arm.py` writes the files: numbers in little-endian order,
+//! in the order in which `batch` reads them.
+
+use std::error::Error;
+use std::fs::File;
+use std::io::{BufReader, Read};
+
+use overtaking_core::{
+    Constants, Inputs, Later, Output, SIMULATION_NAMES, VEHICLE_NAMES, simulate,
+};
+
+type Outcome<T> = Result<T, Box<dyn Error>>;
+
+/// The next `count` numbers of a file.
+fn numbers<const SIZE: usize, T>(
+    file: &mut impl Read,
+    count: usize,
+    from: fn([u8; SIZE]) -> T,
+) -> Outcome<Vec<T>> {
+    let mut bytes = vec![0; SIZE * count];
+    file.read_exact(&mut bytes)?;
+    Ok(bytes.as_chunks().0.iter().copied().map(from).collect())
+}
+
+/// As many of the next numbers of a file as the caller's array holds.
+fn row<const SIZE: usize, const N: usize, T>(
+    file: &mut impl Read,
+    from: fn([u8; SIZE]) -> T,
+) -> Outcome<[T; N]> {
+    let values = numbers(file, N, from)?;
+    values.try_into().map_err(|_| "a short row".into())
+}
+
+/// The next floats of a file.
+fn floats<const N: usize>(file: &mut impl Read) -> Outcome<[f32; N]> {
+    row(file, f32::from_le_bytes)
+}
+
+/// A table of friction.
+fn table(file: &mut impl Read) -> Outcome<[[f32; 4]; 3]> {
+    Ok([floats(file)?, floats(file)?, floats(file)?])
+}
+
+/// Simulate a batch into memory of its own; the output `$wanted`.
+macro_rules! simulated {
+    ($inputs:expr, $later:expr, $level:expr, $frames:expr, $wanted:ident of $($field:ident),* $(,)?) => {{
+        let sizes = Output::sizes($inputs.index.len(), $inputs.slots, $frames);
+        let size = |name| sizes.iter().find(|known| known.0 == name).map_or(0, |known| known.1);
+        $(let mut $field = vec![Default::default(); size(stringify!($field))];)*
+        let out = Output {
+            $($field: &mut $field,)*
+            frames: $frames,
+            slots: $inputs.slots,
+        };
+        simulate(&$inputs, $later, $level, out)?;
+        $wanted
+    }};
+}
+
+/// Read and simulate a batch; its trace hashes, four words each.
+fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
+    let header = row(file, u64::from_le_bytes)?;
+    let [
+        simulations,
+        slots,
+        frames,
+        record_every,
+        num_lanes,
+        branched,
+        switch,
+    ] = header.map(|number| number as usize);
+    let [seed] = row(file, u64::from_le_bytes)?;
+    let index = numbers(file, simulations, u64::from_le_bytes)?;
+    let mut constants = Constants::default();
+    constants.set(&numbers(file, Constants::NAMES.len(), f32::from_le_bytes)?);
+    constants.friction_new = table(file)?;
+    constants.friction_worn = table(file)?;
+    constants.friction_speeds = floats(file)?;
+    constants.friction_films = floats(file)?;
+    let (boundaries, film_path) = (floats(file)?, floats(file)?);
+    let ([side], pose) = (floats(file)?, floats(file)?);
+    let mut parameters = || -> Outcome<_> {
+        let of_vehicles = VEHICLE_NAMES.len() * slots * simulations;
+        let of_simulations = SIMULATION_NAMES.len() * simulations;
+        Ok((
+            numbers(file, of_vehicles, f32::from_le_bytes)?,
+            numbers(file, of_simulations, f32::from_le_bytes)?,
+        ))
+    };
+    let (vehicle, simulation) = parameters()?;
+    let afterwards = if branched == 1 {
+        Some(parameters()?)
+    } else {
+        None
+    };
+    let inputs = Inputs {
+        vehicle: &vehicle,
+        simulation: &simulation,
+        index: &index,
+        slots,
+        constants: &constants,
+        num_lanes,
+        boundaries,
+        film_path,
+        side,
+        pose,
+        seed,
+        record_every: record_every as u32,
+    };
+    let later = afterwards.as_ref().map(|(vehicle, simulation)| Later {
+        vehicle,
+        simulation,
+        switch: switch as u32,
+    });
+    Ok(simulated!(
+        inputs, later.as_ref(), level, frames,
+        trace_hash of num_frames, written, x, y, s, d, speed, heading, wheel_angle, accel_lon, accel_lat, yaw_rate,
+        lane, lights, stage, collided_with, contact_partner, contact_time, contact_impulse, contact_speed,
+        percept_valid, percept_kind, percept_time, percept_vehicle, percept_detected, percept_gap,
+        percept_closing_speed, percept_true_gap, percept_true_closing_speed, trace_hash,
+    ))
+}
+
+fn main() -> Outcome<()> {
+    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    let level = arguments.first().is_some_and(|first| first == "--level");
+    let level = level.then(|| arguments.drain(..2).nth(1)).flatten();
+    for name in arguments {
+        let mut file = BufReader::new(File::open(name)?);
+        for hash in batch(&mut file, level.as_deref())?.as_chunks::<4>().0 {
+            println!("{}", hash.map(|word| format!("{word:08x}")).concat());
+        }
+        if file.read(&mut [0])? > 0 {
+            return Err("numbers are left over".into());
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,68 @@
+"""The benchmark of the peers, and the comparison of processors, do what they say."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+REPLAYED = """
+import sys
+from pathlib import Path
+import arm
+
+files, expected = arm.batches(Path(sys.argv[1]))
+first = bytearray(files[0].read_bytes())
+first[56] ^= 1  # the seed
+files[0].write_bytes(first)
+found = arm.replay(arm.build(), files=files)
+print(*(one == other for one, other in zip(found, expected, strict=True)))
+"""
+
+
+def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, *command], capture_output=True, text=True, check=False, cwd=BENCHMARKS
+    )
+
+
+@pytest.mark.ci
+def test_engine_and_peers_are_compared_in_one_run():
+    done = run("engine.py", "--turns", "1", "--seconds", "0.01", "--json")
+    rows = {row["name"]: row for row in json.loads(done.stdout) if "slower" in row}
+    ours = rows["engine, 5 vehicles, 10 s"]
+    peers = [name for name in rows if not name.startswith("engine")]
+    assert peers[:3] == [
+        "libsumo, getters",
+        "libsumo, nothing read",
+        "libsumo, sub-lane model, getters",
+    ], done.stderr
+    assert "highway-env" in peers or "pip install highway-env" in done.stderr
+    for name in peers:
+        assert math.isclose(rows[name]["vehicle_seconds"], 5 * 10.0 * rows[name]["core"])
+    for row in rows.values():
+        ratio = ours["vehicle_seconds"] / row["vehicle_seconds"]
+        assert row["slower"] == pytest.approx([ratio] * 3)
+
+
+@pytest.mark.ci
+def test_replayed_simulations_have_the_same_hashes_at_every_level_of_this_processor():
+    done = run("arm.py", "--here", "--json")
+    found = json.loads(done.stdout)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert {row["name"]: row["value"] for row in found}["portable: differences"] == 0
+
+
+@pytest.mark.ci
+def test_replayed_simulations_with_another_seed_have_other_hashes(tmp_path: Path):
+    done = run("-c", REPLAYED, tmp_path)
+    same = done.stdout.split()
+    assert set(same[:56]) == {"False"}, done.stderr
+    assert set(same[56:]) == {"True"}
+    assert len(same) == 256
