@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from overtaking.data.load import Dataset
 
-SIMULATIONS = 300
+SIMULATIONS = 1200
 CHOSEN = [0, 5, 6, 290]
 FORMATS = [one for one in api.EXPORTS if one != "popper"]
 """Popper's learner needs more examples than a few."""

@@ -73,7 +73,7 @@ def test_an_enriched_profile_is_held_against_the_one_that_it_enriches():
 
     from overtaking.cli.validation_page import render
 
-    enriched = ot.validate("motorway-risk", 48, seed=5)
+    enriched = ot.validate("motorway-risk", 96, seed=5)
     rates = {rate.title: rate for rate in enriched.comparison}
     assert {"median time gap of followers", "simulations with an attempt"} <= set(rates)
     assert all(rate.agrees for rate in enriched.comparison)

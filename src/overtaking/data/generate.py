@@ -217,7 +217,8 @@ def _begun(place: Place, identity: Identity, *, resume: bool) -> Manifest | None
     if not begun.complete and _looks_further(begun.identity, identity):
         begun = begun.model_copy(update={"identity": identity})
     if different := begun.identity.differences(identity):
-        name = different[0]
+        # Another model explains all other differences.
+        name = "simulator_version" if "simulator_version" in different else different[0]
         ours, theirs = (_shown(one, name) for one in (identity, begun.identity))
         raise DatasetError.of(
             what=f"{name} of the data set",

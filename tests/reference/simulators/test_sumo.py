@@ -46,7 +46,8 @@ def batch():
 def without_errors(monkeypatch):
     """Drivers who see exactly and drive evenly, so that formulas can be compared."""
     quiet = {"sigmagap": 0.0, "sigmaleader": 0.0, "sigmaerror": 0.0}
-    monkeypatch.setattr(traffic, "_errors", lambda *_: quiet)
+    following = traffic._following
+    monkeypatch.setattr(traffic, "_following", lambda *given: following(*given) | quiet)
 
 
 # --- what goes in comes out ---

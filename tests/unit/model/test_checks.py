@@ -156,8 +156,8 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
             lambda s: ot.branch(s, 3, weather=s.weather.select(slice(0, 2))),
             "branch: weather.preset: expected length 3 along simulation, as index has, got 2",
         ),
-        (lambda _: ot.load(5), "load: path: expected a text or a path, got 5"),
-        (lambda _: ot.load("\0"), "load: path: expected a text or a path, got '\\x00'"),
+        (lambda _: ot.load(5), "load: path: expected a text, a path or a Dataset, got 5"),
+        (lambda _: ot.load("\0"), "load: path: expected a text, a path or a Dataset, got '\\x00'"),
         (
             lambda _: ot.compare("pinto2023", 1, 1, simulators="engine"),
             "compare: simulators: expected several values, each of them a text, got 'engine'",

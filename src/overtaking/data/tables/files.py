@@ -26,6 +26,11 @@ _DENSE = frozenset({"states"})
 """The large table: of integers, and of differences that leave little to compress."""
 
 
+_WIDENED = frozenset({("checks_blind_spot", pa.bool_())})
+"""Columns that older versions hold in a narrower type: until version 3 a driver looked over the
+shoulder always or never."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileFacts:
     """Size and hashes of a finished file.
@@ -157,7 +162,7 @@ def read_table(path: Path, table: str) -> pa.Table:
     Raises:
         SchemaError: The file is missing, damaged, of another table or of a newer version.
     """
-    return _read(path, lambda: _opened(path, table).read())
+    return _read(path, lambda: _as_today(_opened(path, table).read(), table))
 
 
 def read_rows(path: Path, table: str, first: int, last: int) -> pa.Table:
@@ -178,7 +183,7 @@ def read_rows(path: Path, table: str, first: int, last: int) -> pa.Table:
         groups = [
             group for group in range(file.num_row_groups) if _overlaps(file, group, first, last)
         ]
-        rows = file.read_row_groups(groups)
+        rows = _as_today(file.read_row_groups(groups), table)
         key = column_to_numpy(rows[KEYS[table][0]])
         start, stop = key.searchsorted(first, "left"), key.searchsorted(last, "right")
         return rows.slice(start, stop - start)
@@ -223,6 +228,14 @@ def _opened(path: Path, table: str) -> pq.ParquetFile:
     return file
 
 
+def _as_today(rows: pa.Table, table: str) -> pa.Table:
+    """Rows of any version with the types of this one."""
+    for place, want in enumerate(SCHEMAS[table]):
+        if (want.name, rows.schema.field(want.name).type) in _WIDENED:
+            rows = rows.set_column(place, want, rows[want.name].cast(want.type))
+    return rows
+
+
 def _check_version(path: Path, table: str, metadata: dict[bytes, bytes]) -> None:
     name = metadata.get(b"schema", b"none").decode(errors="replace")
     if name != f"{FORMAT}.{table}":
@@ -241,6 +254,8 @@ def _check_version(path: Path, table: str, metadata: dict[bytes, bytes]) -> None
 def _check_columns(path: Path, expected: pa.Schema, got: pa.Schema) -> None:
     for want in expected:
         have = got.field(want.name) if want.name in got.names else None
+        if have is not None and (have.name, have.type) in _WIDENED:
+            continue
         if have is None or have.type != want.type:
             raise SchemaError.of(
                 what=f"column {want.name}",

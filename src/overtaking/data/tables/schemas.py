@@ -38,7 +38,7 @@ from overtaking.model.weather import Weather
 FORMAT = "overtaking"
 """First part of the schema name in a file's metadata."""
 
-VERSION = 2
+VERSION = 3
 """Version of all schemas below; raised when a column is added, removed or changes its meaning."""
 
 NUM_INDICATOR_BITS = int(Lights.BRAKE).bit_length() - 1
