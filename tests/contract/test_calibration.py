@@ -82,12 +82,12 @@ def test_the_drivers_of_the_study_are_those_that_were_frozen():
 def test_the_frozen_numbers_of_the_study_are_what_its_drivers_give():
     module = calibration("pinto2023")
     frozen = json.loads(module.FROZEN.read_text(encoding="utf-8"))
-    found = module.run(2, module.CHECK_SEED)
+    found = module.run(6, module.CHECK_SEED)
     assert set(found) == set(frozen["numbers"]) == set(module.fitted())
     for name, one in frozen["numbers"].items():
         assert one["study"] == statements()[name].quoted
         kind = "count" if name.startswith("count") else name.split("_")[0].upper()
-        # Two sets of 276 against twenty: within a few standard deviations of two.
+        # Six sets of 276 against twenty: within a few standard deviations of six.
         assert found[name] == pytest.approx(one["ours"], abs=5.0 * module.TOLERANCE[kind])
 
 

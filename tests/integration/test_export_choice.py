@@ -64,7 +64,7 @@ def test_only_simulations_of_the_class_are_written(data: Dataset, file_format: s
 
 def test_popper_gets_the_chosen_simulations_only(data: Dataset, tmp_path: Path):
     every = exported(data, "popper", tmp_path / "all")
-    some = exported(data, "popper", tmp_path / "some", "--simulations", "50-299")
+    some = exported(data, "popper", tmp_path / "some", "--simulations", "50-1199")
     assert some == {one for one in every if one >= 50}
 
 
@@ -79,7 +79,7 @@ def test_what_was_not_chosen_is_not_simulated_again(data: Dataset):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("--simulations", "300"), "0 to 299"),
+        (("--simulations", "1200"), "0 to 1199"),
         (("--class", "Success"), "No_attempt"),
         (("--class", "Success_I", "--policy", "mine"), "strict"),
         (("--class", "censored", "--policy", "paper"), "none of class censored"),

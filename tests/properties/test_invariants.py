@@ -203,8 +203,9 @@ def shifted_by(one: Trajectories, other: Trajectories, shift: float) -> np.ndarr
 def test_the_order_of_the_other_vehicles_is_irrelevant(
     seed: int, index: list[int], order: list[int]
 ):
-    # Random numbers and turns of looking belong to slots, so what they drive is switched off: gusts,
-    # wander in the lane, errors of judgement, looks over the shoulder. Ties between equally near neighbours do not occur in drawn scenarios.
+    # Random numbers and turns of looking belong to slots. What they drive is switched off: gusts,
+    # wander in the lane, errors of judgement and looks over the shoulder. Ties between equally near
+    # neighbours do not occur in drawn scenarios.
     world = drawn(seed, index)
     shuffle = np.array([0, *order])
     other = world.replace(

@@ -73,7 +73,7 @@ def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
 @pytest.mark.ci
 @pytest.mark.parametrize("profile", ["motorway", "motorway-risk"])
 def test_traffic_as_it_is_met_has_the_same_bits_in_both(profile):
-    short = {"time.horizon_s": 6.0, "time.attempt_deadline_s": 6.0}
+    short = {"time.horizon_s": 12.0, "time.attempt_deadline_s": 12.0}
     scenario = sample(spec(profile, short), load_road("motorway"), 9, np.arange(17))
     given = parameters(scenario)
     expected = reference.run(scenario, given)

@@ -57,9 +57,7 @@ class Start:
     pace: Callable[[F32], tuple[F32, F32]]
 
 
-def start(
-    spec: Spec, flow: Flow, road: Road, seed: int, index: U64, bend: Bend
-) -> Start:
+def start(spec: Spec, flow: Flow, road: Road, seed: int, index: U64, bend: Bend) -> Start:
     """Traffic as it is met, the ego one of it.
 
     Args:

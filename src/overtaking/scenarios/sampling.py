@@ -282,9 +282,7 @@ def _block(spec: Spec, road: Road, starter: Starter, seed: int, index: U64) -> S
         start_speed=unpaced,
     )
     s, speed = start.pace(wanted_speed(scenario))
-    draft = Draft(
-        valid=scenario.vehicles.valid, lane=start.lane, s=s, speed=speed, kept=start.kept
-    )
+    draft = Draft(valid=scenario.vehicles.valid, lane=start.lane, s=s, speed=speed, kept=start.kept)
     followers = Followers(
         length=scenario.vehicles.length,
         reaction_time=scenario.drivers.reaction_time,

@@ -187,7 +187,7 @@ def dense_traffic(seed: int, **driver: float) -> Trajectories:
 
 
 def test_of_two_who_signal_for_one_place_the_one_behind_waits():
-    # Both want the lane in the middle, one from either side of it, and neither sees the other's lane.
+    # Both want the lane in the middle, from either side; neither sees the other's lane.
     for ahead, first in ((5.0, 2), (-5.0, 1)):
         m = moment([FAR_AWAY, car(0.0, 0, 25.0), car(ahead, 2, 25.0)], road=wide_road(lanes=3))
         m.state.indicator[1:3, 0] = 1.0, -1.0

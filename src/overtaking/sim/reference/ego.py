@@ -9,7 +9,14 @@ from overtaking.model.decision import Decision
 from overtaking.model.trajectory import DecisionKind, Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.following import forced_braking, needed_braking
-from overtaking.sim.reference.mobil import Claims, change_of, must_wait, soon, time_left, turn_to_lane
+from overtaking.sim.reference.mobil import (
+    Claims,
+    change_of,
+    must_wait,
+    soon,
+    time_left,
+    turn_to_lane,
+)
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.recording import Recorder

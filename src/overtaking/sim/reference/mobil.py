@@ -175,7 +175,7 @@ def must_wait(state: State, given: Parameters, side: F32, claims: Claims) -> Mas
 
 
 def change_of(state: State, given: Parameters) -> tuple[Mask, Mask]:
-    """Whether each lane change is to the fast side, and a whole one: a retreat has less far to go."""
+    """Whether each lane change is to the fast side, and whole: a retreat has less far to go."""
     low, high = lane_borders(state, given, 0.0)
     half = np.float32(0.5)
     way = half * (low + high) - state.path[0]
@@ -183,7 +183,7 @@ def change_of(state: State, given: Parameters) -> tuple[Mask, Mask]:
 
 
 def _retreats(state: State, given: Parameters, p: Fields, believed: Beliefs) -> tuple[Mask, Mask]:
-    """Who gives up a lane change, as it has turned dangerous; and whether it is to the fast side."""
+    """Who gives up a lane change that has turned dangerous, and whether it is to the fast side."""
     c = given.constants
     v, gap, closing = state.vx, believed.gap, believed.closing
     to_fast, whole = change_of(state, given)
@@ -194,7 +194,7 @@ def _retreats(state: State, given: Parameters, p: Fields, believed: Beliefs) -> 
     bad_rear = imposed(given, p, v, gap[REAR], closing[REAR]) < -(c.abort_imposed * p.safe_decel)
     own = forced_braking(c, p, v, gap[LEAD], closing[LEAD], p.time_gap)
     bad_front = own < -(c.abort_factor * p.decel)
-    back = needed_braking(c, v, *front, _STEADY)
+    back = needed_braking(c, v, front[0], front[1], _STEADY)
     room = (back >= -p.hardest_decel) & (behind[0] > c.smallest_rear_gap)
     early = state.path_time < c.abort_until * state.path_duration
     sound = (state.crashed == 0) & (p.valid > 0)

@@ -75,9 +75,7 @@ def looks_around(state: State, c: Constants, p: Fields, decision: int) -> Mask:
     return regular | ((state.wanted != 0) & signalled)
 
 
-def draw_check(
-    state: State, given: Parameters, p: Fields, drawn: Mask, decision: int
-) -> None:
+def draw_check(state: State, given: Parameters, p: Fields, drawn: Mask, decision: int) -> None:
     """Draw whether the masked drivers look over the shoulder before their next lane change."""
     if not drawn.any():
         return

@@ -7,9 +7,11 @@ use std::error::Error;
 use std::fs::File;
 use std::io::{BufReader, Read};
 
+use fearless_simd::Level;
 use overtaking_core::{
-    Constants, Inputs, Later, Output, SIMULATION_NAMES, VEHICLE_NAMES, simulate,
+    Constants, Inputs, Later, Output, SIMULATION_NAMES, VEHICLE_NAMES, supported,
 };
+use overtaking_portable::portable;
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -54,9 +56,33 @@ macro_rules! simulated {
             frames: $frames,
             slots: $inputs.slots,
         };
-        simulate(&$inputs, $later, $level, out)?;
+        simulate_at(supported($level)?, &$inputs, $later, out)?;
         $wanted
     }};
+}
+
+/// Simulate a batch with the crate of a SIMD level.
+fn simulate_at(
+    level: Level,
+    inputs: &Inputs<'_>,
+    later: Option<&Later<'_>>,
+    out: Output<'_>,
+) -> Result<(), String> {
+    match level {
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Level::Avx512(simd) => overtaking_avx::avx512(simd, inputs, later, out),
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Level::Avx2(simd) => overtaking_avx::avx2(simd, inputs, later, out),
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        _ => level.as_sse2().map_or_else(
+            || Err("no SSE2".into()),
+            |simd| portable(simd, inputs, later, out),
+        ),
+        #[cfg(target_arch = "aarch64")]
+        Level::Neon(simd) => portable(simd, inputs, later, out),
+        #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
+        _ => Err("no level of this processor".into()),
+    }
 }
 
 /// Read and simulate a batch; its trace hashes, four words each.
