@@ -12,9 +12,9 @@ emulator:
 There is no Python on ARM in this: Python prepares what the engine is given and writes it to files,
 and a program of the crate `overtaking-portable` (`examples/replay.rs`) reads them, simulates, and
 prints the hashes. The same program runs here at every SIMD level of this processor. Expected is
-what the package computes here. The situations are those of `tests/reference/situations.py`, which make the
-model do everything that it can do, and full slots of 16 and 32 vehicles. Exits with 1 at the first
-difference.
+what the package computes here. The situations are those of `tests/reference/situations.py`, which
+make the model do everything that it can do, and full slots of 16 and 32 vehicles. Exits with 1 at
+the first difference.
 """
 
 import os
