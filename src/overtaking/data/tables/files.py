@@ -198,7 +198,9 @@ def read_notes(path: Path, table: str) -> dict[str, str]:
         SchemaError: The file is missing, damaged, of another table or of a newer version.
     """
     metadata = _read(path, lambda: _opened(path, table).metadata.metadata)
-    return {key.decode(): value.decode(errors="replace") for key, value in metadata.items()}
+    # A damaged file may hold anything.
+    texts = ((key.decode(errors="replace"), value) for key, value in metadata.items())
+    return {key: value.decode(errors="replace") for key, value in texts}
 
 
 def _read(path: Path, action: Callable[[], T]) -> T:

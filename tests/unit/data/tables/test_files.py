@@ -130,6 +130,15 @@ def test_notes_are_kept(tables, tmp_path: Path):
     assert read_notes(tmp_path / "a.parquet", "weather")["note"] == "kept"
 
 
+def test_the_name_of_a_note_may_be_damaged(tables, tmp_path: Path):
+    path = tmp_path / "a.parquet"
+    write(path, "weather", tables["weather"])
+    data = path.read_bytes()
+    assert data.count(b"note") == 1
+    path.write_bytes(data.replace(b"note", b"not\xf3"))  # The begin of a longer character.
+    assert "not\ufffd" in read_notes(path, "weather")
+
+
 def test_a_table_without_rows_is_a_file_all_the_same(tables, tmp_path: Path):
     write(tmp_path / "a.parquet", "percepts", tables["percepts"].slice(0, 0))
     assert read_table(tmp_path / "a.parquet", "percepts").num_rows == 0
