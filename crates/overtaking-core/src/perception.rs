@@ -311,7 +311,7 @@ pub fn perceive<S: Simd, const N: usize>(
     let depths = optical_depth(state, w, near, &leader, i);
     let everybody = p.valid.simd_eq(p.valid);
     let changing = state.path_time[i].simd_lt(state.path_duration[i]);
-    // Where nobody looks, nothing is worked out.
+    // Beliefs about roles that no driver of the block looks at are not computed.
     let watched = |role: usize| {
         role == LEAD || looks.any_true() || (role.is_multiple_of(2) && changing.any_true())
     };
