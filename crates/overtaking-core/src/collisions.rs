@@ -160,11 +160,15 @@ fn collide_pair<S: Simd, const N: usize>(
     let a = earlier(state, w, i, before, share, share * stride.length);
     let b = earlier(state, w, j, before, share, share * stride.length);
     let (enter, leave, along, across) = first_contact(&a, &b, then, now);
+    let within = is_within(enter, leave);
+    let enter = clamp_to(enter, 0.0, 1.0);
+    // Levers of any other instant than the one that the pair goes on from would make spin.
+    let turned = share * stride.length;
+    let a = earlier(state, w, i, before, 1.0 - enter, turned);
+    let b = earlier(state, w, j, before, 1.0 - enter, turned);
     let (arm_a, arm_b) = contact_arms(&a, &b);
     let (velocity_a, velocity_b) = (velocity(state, i, arm_a), velocity(state, j, arm_b));
     let approach = (velocity_a.0 - velocity_b.0) * along + (velocity_a.1 - velocity_b.1) * across;
-    let within = is_within(enter, leave);
-    let enter = clamp_to(enter, 0.0, 1.0);
     let instant = step as f32 * c.step + enter * stride.length;
     let runs = instant.simd_lt(state.end_step * c.step);
     let hit = near & within & approach.simd_gt(0.0) & runs;

@@ -294,6 +294,12 @@ fn recall<S: Simd, const N: usize>(
     V::simd_from(simd, low).deinterleave(V::simd_from(simd, high))
 }
 
+/// Line of the history that was written at decision `then`.
+#[inline(always)]
+fn row_of<S: Simd>(then: V<S>) -> V<S> {
+    then - HISTORY as f32 * floor(then * (1.0 / HISTORY as f32))
+}
+
 /// What driver `i` believes about the six neighbours.
 #[inline(always)]
 pub fn perceive<S: Simd, const N: usize>(
@@ -315,10 +321,8 @@ pub fn perceive<S: Simd, const N: usize>(
     let watched = |role: usize| {
         role == LEAD || looks.any_true() || (role.is_multiple_of(2) && changing.any_true())
     };
-    let now = splat(w.simd, decision as f32);
-    let then = at_least(now - p.reaction_ticks, 0.0);
-    let elapsed = (now - then) * c.decision;
-    let row = then - HISTORY as f32 * floor(then * (1.0 / HISTORY as f32));
+    let at = splat(w.simd, decision as f32);
+    let urgent = near.gap[LEAD].simd_lt(c.urgent_time * (state.vx[i] - leader.speed));
     let (own_speed, _) = state.road_velocity(i);
     let judged = exp(q.distance_error * state.distance_error[i]);
     let mut believed = Beliefs::nothing(w.simd);
@@ -362,8 +366,13 @@ pub fn perceive<S: Simd, const N: usize>(
                 )
             },
         );
-        let (place, speed) = recall(state, w.simd, row, slot);
-        let place = place + speed * elapsed;
+        let ticks = match role {
+            LEAD => choose(urgent, p.urgent_ticks, p.reaction_ticks),
+            _ => p.reaction_ticks,
+        };
+        let then = at_least(at - ticks, 0.0);
+        let (place, speed) = recall(state, w.simd, row_of(then), slot);
+        let place = place + speed * ((at - then) * c.decision);
         let ahead = if is_front {
             place - state.s[i]
         } else {
@@ -385,8 +394,7 @@ pub fn perceive<S: Simd, const N: usize>(
         let error = (judged - 1.0) * share;
         if is_front {
             let before = at_least(then - c.brake_memory, 0.0);
-            let row = before - HISTORY as f32 * floor(before * (1.0 / HISTORY as f32));
-            let (_, early) = recall(state, w.simd, row, slot);
+            let (_, early) = recall(state, w.simd, row_of(before), slot);
             let change = at_most((speed - early) / (c.brake_memory * c.decision), 0.0);
             let lamps = change.simd_lt(-c.stop_lamp_decel) & !looming;
             let seen = choose(lamps, at_most(change, -c.lamp_decel), change);

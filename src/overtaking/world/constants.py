@@ -111,6 +111,7 @@ class Constants:
     seen_before: np.float32 = _known("model.perception.seen_before")
     lamp_decel: np.float32 = _known("model.perception.lamp_decel")
     error_fade_time: np.float32 = _known("model.perception.error_fade_time")
+    urgent_time: np.float32 = _known("model.perception.urgent_time")
     brake_memory: np.float32 = _known("model.perception.brake_memory")
     stop_lamp_decel: np.float32 = _known("model.lights.stop_lamp_decel")
     detection_growth: np.float32 = _known("model.perception.detection_growth")

@@ -74,7 +74,7 @@ def _following(scenario: Scenario, c: Constants, world: World) -> Rows:
 
 
 def _reaction(scenario: Scenario, world: World, effects: Effects) -> Rows:
-    """Reaction time in whole decisions: longer at night, in fog and in heavy rain."""
+    """Reaction times in whole decisions: longer at night, in fog and in heavy rain, unless urgent."""
     night = known("model.perception.reaction_night_factor")
     haze = known("model.perception.reaction_haze_factor")
     fog = visibility.extinction_of_range(known("model.perception.fog_range"))
@@ -82,10 +82,17 @@ def _reaction(scenario: Scenario, world: World, effects: Effects) -> Rows:
         world.rain_rate > known("model.perception.heavy_rain_mmph")
     )
     slower = np.where(scenario.weather.night, night, _ONE)[:, None]
-    reaction = scenario.drivers.reaction_time * slower * np.where(hazy, haze, _ONE)[:, None]
-    decisions = np.rint(reaction * DECISIONS_PER_SECOND)
-    ticks = minimum(decisions, known("model.perception.history"))
-    return {"reaction_ticks": ticks if effects.delay else np.zeros_like(ticks)}
+    usual = scenario.drivers.reaction_time * slower * np.where(hazy, haze, _ONE)[:, None]
+    return {
+        "reaction_ticks": _ticks(usual, effects),
+        "urgent_ticks": _ticks(scenario.drivers.reaction_time, effects),
+    }
+
+
+def _ticks(reaction: F32, effects: Effects) -> F32:
+    """A reaction time in whole decisions, as far back as is remembered; none without delay."""
+    ticks = minimum(np.rint(reaction * DECISIONS_PER_SECOND), known("model.perception.history"))
+    return ticks if effects.delay else np.zeros_like(ticks)
 
 
 def _lane_changes(scenario: Scenario, world: World, effects: Effects) -> Rows:

@@ -145,6 +145,7 @@ def test_nobody_wants_to_drive_faster_than_the_vehicle_can():
 def test_reactions_are_slower_at_night_and_in_haze(weather: dict[str, float], factor: float):
     p, _ = step_fields(scenario([Vehicle(driver={"reaction_time": 1.0})], weather=weather))
     assert float(p.reaction_ticks[0, 0]) == round(20.0 * factor)
+    assert float(p.urgent_ticks[0, 0]) == 20.0
 
 
 def test_a_lane_change_takes_as_long_as_the_grip_asks_for():

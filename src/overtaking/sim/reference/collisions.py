@@ -152,10 +152,12 @@ def _contact(
     a, b = (_box(state, p, before, k, share, share * length) for k in pair)
     overlap = first_contact(a, b, then, now)
     enter, _, along, across = overlap
+    enter = clamp(enter, np.float32(0.0), one)
+    # Levers of any other instant than the one that the pair goes on from would make spin.
+    a, b = (_box(state, p, before, k, one - enter, share * length) for k in pair)
     arm_a, arm_b = _contact_arms(a, b)
     velocity_a, velocity_b = _velocity(state, i, arm_a), _velocity(state, j, arm_b)
     approach = (velocity_a[0] - velocity_b[0]) * along + (velocity_a[1] - velocity_b[1]) * across
-    enter = clamp(enter, np.float32(0.0), one)
     instant = np.float32(step) * c.step + enter * length
     runs = instant < state.end_step * c.step
     return Hit(

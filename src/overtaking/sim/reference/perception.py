@@ -216,9 +216,6 @@ def perceive(
     """
     c = given.constants
     depths = optical_depth(state, given, p, q, near)
-    then = maximum(np.float32(decision) - p.reaction_ticks, np.float32(0.0))
-    elapsed = (np.float32(decision) - then) * c.decision
-    row = (then.astype(np.int64)) % HISTORY
     column = np.arange(state.s.shape[1])
     own_speed, _ = road_velocity(state)
     judged = exp(q.distance_error * state.distance_error)
@@ -230,6 +227,10 @@ def perceive(
         steadily = (role == LEAD) | (changing & (role % 2 == 0))
         watches = steadily, looks | steadily
         noticed = notice(state, given, p, q, near, role, depths, before, watches)
+        ticks = np.where(_is_urgent(state, c, near, role), p.urgent_ticks, p.reaction_ticks)
+        then = maximum(np.float32(decision) - ticks, np.float32(0.0))
+        elapsed = (np.float32(decision) - then) * c.decision
+        row = (then.astype(np.int64)) % HISTORY
         who = slot.astype(np.int64).clip(0)
         speed = state.history_v[row, who, column]
         place = state.history_s[row, who, column] + speed * elapsed
@@ -254,6 +255,16 @@ def perceive(
         closing=np.stack(closings),
         accel=np.stack(accels),
     )
+
+
+def _is_urgent(state: State, c: Constants, near: Neighbours, role: int) -> Mask:
+    """Whether the leader, who alone is watched all the time, comes near very soon.
+
+    Source:
+        Markkula et al. 2016: drivers brake sooner, the more urgent the looming.
+    """
+    closing = state.vx - pick(state.vx, near.slot[LEAD])
+    return (role == LEAD) & (near.gap[LEAD] < c.urgent_time * closing)
 
 
 def _braking(
