@@ -112,13 +112,17 @@ fn behind_old_leader<S: Simd, const N: usize>(
     let aside = choose(to_fast, near.aside[SLOW_LEAD], near.aside[FAST_LEAD]).abs();
     let overlaps =
         aside.simd_lt(p.half_width + pick!(n, slot, |j| w.p[j].half_width) + c.footprint_margin);
-    let left = c.clear_fraction * state.path_duration[i] - state.path_time[i];
-    let clears = left.simd_gt(0.0) & gap.simd_gt(p.min_gap + closing * (left + c.clear_margin));
-    let matters = changing & slot.simd_ge(0.0) & overlaps & !clears;
+    let left = at_least(
+        c.clear_fraction * state.path_duration[i] - state.path_time[i],
+        0.0,
+    );
+    let time = left + c.clear_margin;
+    let lacking = time * (closing - 0.5 * time * accel) - (gap - p.min_gap);
+    let matters = changing & slot.simd_ge(0.0) & overlaps & lacking.simd_gt(0.0);
     if !matters.any_true() {
         return free;
     }
-    let wanted = follow(
+    let kept = follow(
         c,
         p,
         state.vx[i],
@@ -128,7 +132,7 @@ fn behind_old_leader<S: Simd, const N: usize>(
         p.time_gap,
         accel,
     );
-    choose(matters, wanted, free)
+    choose(matters, max(kept, -2.0 * lacking / (time * time)), free)
 }
 
 /// Move the pedals of vehicle `i` towards the wanted acceleration.

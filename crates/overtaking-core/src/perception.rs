@@ -387,7 +387,9 @@ pub fn perceive<S: Simd, const N: usize>(
         };
         let distance = at_least(gap, NEAREST);
         let width = pick!(w.count, slot, |j| w.p[j].loom_width);
-        let looming = (width * closing.abs()).simd_gt(c.looming_threshold * (distance * distance));
+        let expansion = width * closing.abs() / (distance * distance);
+        let excess = expansion / c.looming_threshold - 1.0;
+        let clear = clamp_to(excess / c.looming_growth, 0.0, 1.0);
         let fading = at_least(closing * c.error_fade_time, NEAREST);
         let share = at_most(distance / fading, 1.0);
         let sensed = closing * (1.0 + share * (q.speed_error * state.speed_error[i]));
@@ -396,13 +398,13 @@ pub fn perceive<S: Simd, const N: usize>(
             let before = at_least(then - c.brake_memory, 0.0);
             let (_, early) = recall(state, w.simd, row_of(before), slot);
             let change = at_most((speed - early) / (c.brake_memory * c.decision), 0.0);
-            let lamps = change.simd_lt(-c.stop_lamp_decel) & !looming;
+            let lamps = change.simd_lt(-c.stop_lamp_decel) & !excess.simd_gt(0.0);
             let seen = choose(lamps, at_most(change, -c.lamp_decel), change);
             believed.accel[role] = choose(noticed, seen, zero);
         }
         believed.detected[role] = noticed;
         believed.gap[role] = choose(noticed, gap + gap * error, splat(w.simd, c.unseen_gap));
-        believed.closing[role] = choose(noticed & looming, sensed, zero);
+        believed.closing[role] = choose(noticed, clear * sensed, zero);
     }
     believed
 }

@@ -122,6 +122,7 @@ class Constants:
     glance_stagger: np.float32 = _known("model.perception.glance_stagger")
     glance_time: np.float32 = _known("model.perception.glance_time")
     looming_threshold: np.float32 = _known("model.perception.looming_threshold")
+    looming_growth: np.float32 = _known("model.perception.looming_growth")
     lane_deviation: np.float32 = _known("model.perception.lane_deviation")
     error_time: np.float32 = _known("model.perception.error_time")
     lane_time: np.float32 = _known("model.perception.lane_time")

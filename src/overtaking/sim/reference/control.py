@@ -52,8 +52,9 @@ def behind_old_leader(
 ) -> F32:
     """Acceleration behind the one whose lane is being left, as long as the bodies still overlap.
 
-    Nobody brakes for a vehicle that the path clears a moment before the gap is closed. The moment
-    is what covers errors of judgement: without it a leader that is believed farther off is hit.
+    Drivers brake by what their way lacks to clear the other a moment before the gap is closed, and
+    no harder than behind a leader. The moment covers errors of judgement: without it a leader that
+    is believed farther off is hit.
     """
     c = given.constants
     changing = state.path_time < state.path_duration
@@ -64,11 +65,13 @@ def behind_old_leader(
     accel = np.where(to_fast, believed.accel[SLOW_LEAD], believed.accel[FAST_LEAD])
     aside = np.abs(np.where(to_fast, near.aside[SLOW_LEAD], near.aside[FAST_LEAD]))
     overlaps = aside < p.half_width + pick(p.half_width, slot) + c.footprint_margin
-    left = c.clear_fraction * state.path_duration - state.path_time
-    clears = (left > 0) & (gap > p.min_gap + closing * (left + c.clear_margin))
-    matters = changing & (slot >= 0) & overlaps & ~clears
-    wanted = follow(c, p, state.vx, _desired_speed(state, p), gap, closing, p.time_gap, accel)
-    return np.where(matters, wanted, _FREE)
+    half, two = np.float32(0.5), np.float32(2.0)
+    left = maximum(c.clear_fraction * state.path_duration - state.path_time, np.float32(0.0))
+    time = left + c.clear_margin
+    lacking = time * (closing - half * time * accel) - (gap - p.min_gap)
+    matters = changing & (slot >= 0) & overlaps & (lacking > 0)
+    kept = follow(c, p, state.vx, _desired_speed(state, p), gap, closing, p.time_gap, accel)
+    return np.where(matters, maximum(kept, -two * lacking / (time * time)), _FREE)
 
 
 def set_acceleration(

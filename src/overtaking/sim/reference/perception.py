@@ -207,8 +207,8 @@ def perceive(
 
     Others are seen as they were a reaction time ago and carried on at constant speed, as in the
     human driver model of Treiber, Kesting and Helbing (2006); their distance and closing speed are
-    misjudged by slowly varying factors, and an approach is noticed only above the threshold of
-    looming. The misjudgement fades as contact comes near, since expansion alone tells the time that
+    misjudged by slowly varying factors. An approach is noticed above the threshold of looming, a
+    little at first. The misjudgement fades as contact comes near, since expansion alone tells the time that
     is left.
 
     Source:
@@ -238,17 +238,17 @@ def perceive(
         gap = ahead - (near.half_length[role] + p.half_length)
         closing = own_speed - speed if role % 2 == 0 else speed - own_speed
         distance = maximum(gap, _NEAREST)
-        looming = pick(p.loom_width, slot) * np.abs(closing) > c.looming_threshold * (
-            distance * distance
-        )
+        expansion = pick(p.loom_width, slot) * np.abs(closing) / (distance * distance)
+        excess = expansion / c.looming_threshold - np.float32(1.0)
+        clear = clamp(excess / c.looming_growth, np.float32(0.0), np.float32(1.0))
         fading = maximum(closing * c.error_fade_time, _NEAREST)
         share = minimum(distance / fading, np.float32(1.0))
         sensed = closing * (np.float32(1.0) + share * (q.speed_error * state.speed_error))
         error = (judged - np.float32(1.0)) * share
         detected.append(noticed)
         gaps.append(np.where(noticed, gap + gap * error, c.unseen_gap))
-        closings.append(np.where(noticed & looming, sensed, np.float32(0.0)))
-        accels.append(_braking(state, c, near, role, then, noticed, looming))
+        closings.append(np.where(noticed, clear * sensed, np.float32(0.0)))
+        accels.append(_braking(state, c, near, role, then, noticed, excess > 0))
     return Beliefs(
         detected=np.stack(detected),
         gap=np.stack(gaps),
