@@ -116,9 +116,8 @@ fn behind_old_leader<S: Simd, const N: usize>(
         c.clear_fraction * state.path_duration[i] - state.path_time[i],
         0.0,
     );
-    let time = left + c.clear_margin;
-    let lacking = time * (closing - 0.5 * time * accel) - (gap - p.min_gap);
-    let matters = changing & slot.simd_ge(0.0) & overlaps & lacking.simd_gt(0.0);
+    let needed = braking_to_clear(w, gap - p.min_gap, closing, left + c.clear_margin) - accel;
+    let matters = changing & slot.simd_ge(0.0) & overlaps & needed.simd_gt(0.0);
     if !matters.any_true() {
         return free;
     }
@@ -132,7 +131,23 @@ fn behind_old_leader<S: Simd, const N: usize>(
         p.time_gap,
         accel,
     );
-    choose(matters, max(kept, -2.0 * lacking / (time * time)), free)
+    choose(matters, max(kept, -needed), free)
+}
+
+#[inline(always)]
+fn braking_to_clear<S: Simd, const N: usize>(
+    w: &World<'_, S, N>,
+    room: V<S>,
+    closing: V<S>,
+    time: V<S>,
+) -> V<S> {
+    let room = at_least(room, w.c.smallest_gap);
+    let way = closing * time;
+    choose(
+        way.simd_lt(2.0 * room),
+        2.0 * (way - room) / (time * time),
+        closing * closing / (2.0 * room),
+    )
 }
 
 /// Move the pedals of vehicle `i` towards the wanted acceleration.

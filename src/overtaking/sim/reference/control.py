@@ -65,13 +65,23 @@ def behind_old_leader(
     accel = np.where(to_fast, believed.accel[SLOW_LEAD], believed.accel[FAST_LEAD])
     aside = np.abs(np.where(to_fast, near.aside[SLOW_LEAD], near.aside[FAST_LEAD]))
     overlaps = aside < p.half_width + pick(p.half_width, slot) + c.footprint_margin
-    half, two = np.float32(0.5), np.float32(2.0)
     left = maximum(c.clear_fraction * state.path_duration - state.path_time, np.float32(0.0))
-    time = left + c.clear_margin
-    lacking = time * (closing - half * time * accel) - (gap - p.min_gap)
-    matters = changing & (slot >= 0) & overlaps & (lacking > 0)
+    needed = _braking_to_clear(c, gap - p.min_gap, closing, left + c.clear_margin) - accel
+    matters = changing & (slot >= 0) & overlaps & (needed > 0)
     kept = follow(c, p, state.vx, _desired_speed(state, p), gap, closing, p.time_gap, accel)
-    return np.where(matters, maximum(kept, -two * lacking / (time * time)), _FREE)
+    return np.where(matters, maximum(kept, -needed), _FREE)
+
+
+def _braking_to_clear(c: Constants, room: F32, closing: F32, time: F32) -> F32:
+    """Constant braking that uses up the room no sooner than after a time, below 0 if none is [m/s^2].
+
+    Where the closing would end before that time, it is the braking that ends it within the room.
+    """
+    two, room = np.float32(2.0), maximum(room, c.smallest_gap)
+    way = closing * time
+    return np.where(
+        way < two * room, two * (way - room) / (time * time), closing * closing / (two * room)
+    )
 
 
 def set_acceleration(
