@@ -23,6 +23,7 @@ MARKS = (
     ("back", "back"),
     ("collision", "collision"),
     ("road_departure", "off the road"),
+    ("spin", "spins"),
 )
 """Events with their symbols in the figures, in the paper's manner."""
 

@@ -10,7 +10,7 @@ from overtaking.analysis.validation.traffic import Batch, limit
 from overtaking.labels.label import label
 from overtaking.model.events import NEVER, Events
 from overtaking.model.labels import OvertakeClass
-from overtaking.model.trajectory import Stage, Trajectories
+from overtaking.model.trajectory import UNDER_WAY, Stage, Trajectories
 from overtaking.model.vehicles import VehicleKind
 
 if TYPE_CHECKING:
@@ -24,9 +24,6 @@ STRATA = ("any weather", "dry day", "night", "rain", "fog", "wind", "low sun")
 
 POLICY = "default"
 """The policy whose classes are counted."""
-
-UNDER_WAY = (Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.ABORT)
-"""An overtake whose ego is in one of these stages in the last frame is open."""
 
 SEEN_AHEAD_M, SEEN_BEHIND_M = 200.0, 100.0
 """An ego with nobody farther ahead, or behind, than this sees where the traffic ends [m]."""

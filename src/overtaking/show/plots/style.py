@@ -27,7 +27,9 @@ from overtaking.show.palette import CLASS_COLOURS, GRID, INK, LINE, QUIET
 P = ParamSpec("P")
 R = TypeVar("R")
 
-CLASS_HATCHES = dict(zip(CLASS_COLOURS, ("", "//", "", "xx", "..", "\\\\", "--"), strict=True))
+CLASS_HATCHES = dict(
+    zip(CLASS_COLOURS, ("", "//", "", "xx", "..", "\\\\", "--", "++"), strict=True)
+)
 """Hatching of each class, where areas lie on each other."""
 
 PHASE_COLOURS = {
