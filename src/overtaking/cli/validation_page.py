@@ -24,6 +24,8 @@ def render(values: Values) -> Group:
     outside = sum(figure["met"] is False for figure in values["figures"])
     verdict = f"{outside or 'no'} figure{'' if outside == 1 else 's'} outside the limits"
     head = f"{values['profile']}: {values['simulations']:,} simulations, {verdict}"
+    if not values["met"]:
+        head += " (exit status 1)"
     meanings = "\n".join(f"{one}: {one.meaning}" for one in Standing)
     parts = [Text(head), Text(), _figures(values["figures"]), Text(), Text(meanings, "dim")]
     parts += [Text(), _strata(values["strata"])]
@@ -58,6 +60,8 @@ def _target(figure: Values) -> str:
 
 
 def _verdict(figure: Values) -> Text:
+    if figure["needs_km"]:
+        return Text(f"needs {figure['needs_km']:,.0f} km", "dim")
     if figure["met"] is None:
         return Text("")
     is_ours = CHOICE in (figure["standing"], figure["source"])

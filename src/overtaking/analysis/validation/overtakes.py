@@ -6,18 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.analysis.validation.traffic import Batch, limit
+from overtaking.analysis.validation.traffic import CARS, Batch, limit
 from overtaking.labels.label import label
 from overtaking.model.events import NEVER, Events
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.trajectory import UNDER_WAY, Stage, Trajectories
-from overtaking.model.vehicles import VehicleKind
 
 if TYPE_CHECKING:
     from overtaking.analysis.validation.tally import Array, Tally
     from overtaking.model.weather import Weather
-
-CARS = (VehicleKind.S, VehicleKind.M, VehicleKind.L)
 
 STRATA = ("any weather", "dry day", "night", "rain", "fog", "wind", "low sun")
 """Strata of weather; a simulation may belong to several."""

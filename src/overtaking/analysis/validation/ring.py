@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from overtaking import scenarios
-from overtaking.analysis.validation.traffic import Batch, count_changes
+from overtaking.analysis.validation.changes import count_rate
+from overtaking.analysis.validation.traffic import Batch
 from overtaking.core.memory import Buffers
 from overtaking.model.vehicles import Role
 from overtaking.sim import engine
@@ -79,7 +80,7 @@ def count(tally: Tally, spec: Spec, road: Road, seed: int, simulations: int) -> 
         counted = batch.sound.copy()
         counted[:, Role.EGO] = False  # It is kept from overtaking.
         counted[:, :, : round(WARM_UP_S / batch.interval_s)] = False
-        count_changes(tally, batch, counted)
+        count_rate(tally, batch, counted)
 
 
 def on_ring(drawn: Scenario, density: F32) -> tuple[Scenario, Parameters]:

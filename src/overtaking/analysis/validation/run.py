@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.analysis.validation import overtakes, ring, traffic
+from overtaking.analysis.validation import accidents, changes, conflicts, overtakes, ring, traffic
 from overtaking.analysis.validation.comparison import Rate, compare
 from overtaking.analysis.validation.figures import Figure, figures
 from overtaking.analysis.validation.tally import Tally
@@ -30,6 +30,9 @@ CHUNK = 48
 
 STUDIED = tuple(OvertakeClass)[: OvertakeClass.UNSUCCESS_NCOL + 1]
 """The study's five classes."""
+
+COUNTED = (traffic, changes, conflicts, accidents, overtakes)
+"""The modules that add a batch to a tally."""
 
 RING_SHARE = 8
 """Simulations per ring: a ring keeps all its vehicles for longer."""
@@ -146,8 +149,8 @@ def _counted(spec: Spec, road: Road, simulations: int, seed: int, step: Steps) -
     for first in range(0, simulations, CHUNK):
         index = np.arange(first, min(first + CHUNK, simulations), dtype=np.uint64)
         batch = Batch.of(engine.simulate(sample(spec, road, seed, index), buffers=buffers))
-        traffic.count(tally, batch)
-        overtakes.count(tally, batch)
+        for part in COUNTED:
+            part.count(tally, batch)
         step(len(index))
     return tally
 
