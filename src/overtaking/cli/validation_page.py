@@ -31,7 +31,25 @@ def render(values: Values) -> Group:
     parts += [Text(), _strata(values["strata"])]
     if values["comparison"]:
         parts += [_missing(values["missing"]), Text(), *_comparison(values["comparison"])]
+    if values["recordings"]:
+        parts += [Text(), *_recordings(values["recordings"])]
     return Group(*parts)
+
+
+def _recordings(found: Values) -> tuple[Text, Table]:
+    dense = ", ".join(f"{one:.0f}" for one in found["densities"])
+    head = f"{len(found['files'])} recordings beside rings of {dense} vehicles/km/lane"
+    head += "".join(f"\nnot used: {one}" for one in found["unused"])
+    table = open_table("quantity", "recorded>", "simulated>", "values>", "distance>")
+    for one in found["likenesses"]:
+        table.add_row(
+            one["title"],
+            f"{number(one['recorded_median'])} {one['unit']}",
+            f"{number(one['simulated_median'])} {one['unit']}",
+            f"{one['recorded']:,} and {one['simulated']:,}",
+            number(one["distance"]),
+        )
+    return Text(head), table
 
 
 def _figures(figures: list[Values]) -> Table:

@@ -36,6 +36,8 @@ PHASES = {
     "abort": "gives up",
     "back": "follows again",
     "collision": "collided",
+    "road_departure": "off the road",
+    "spin": "spins",
 }
 """Events that begin a phase, with the name of the phase."""
 

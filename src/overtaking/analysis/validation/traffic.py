@@ -74,12 +74,11 @@ class Batch:
         contacts, scenario = runs.contacts, runs.scenario
         untouched = np.where(contacts.partner == NO_VEHICLE, np.iinfo(np.int32).max, contacts.time)
         before = runs.time_ms[None, None, :] < untouched[:, :, None]
-        there = scenario.vehicles.valid[:, :, None] & runs.frame_valid[:, None, :]
         return cls(
             runs=runs,
             group=(scenario.index % np.uint64(GROUPS)).astype(np.int64),
             weight=scenario.weight,
-            sound=there & before & (runs.states.lane < runs.road.num_lanes),
+            sound=runs.state_valid & before & (runs.states.lane < runs.road.num_lanes),
             interval_s=1e-3 * scenario.frame_interval_ms,
         )
 

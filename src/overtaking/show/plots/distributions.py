@@ -20,6 +20,7 @@ from overtaking.show import palette
 from overtaking.show.plots.style import (
     CLASS_HATCHES,
     is_narrow,
+    legend_columns,
     lightened,
     new_figure,
     remark,
@@ -138,7 +139,7 @@ def add_class_legend(figure: Figure, classes: Sequence[str]) -> None:
     figure.legend(
         handles=patches,
         loc="upper center",
-        ncols=3 if is_narrow() else len(patches),
+        ncols=legend_columns(len(patches)),
         handlelength=1.3,
         columnspacing=1.4,
     )
