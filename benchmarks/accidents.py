@@ -1,7 +1,7 @@
 """Drives a million kilometres and more: how many accidents, of which kind, and what was believed.
 
     python benchmarks/accidents.py                          # 3 million km of motorway
-    python benchmarks/accidents.py --km 1e5 --json out.json
+    python benchmarks/accidents.py --km 1e5 --json > accidents.json
     python benchmarks/accidents.py --kept kept.json         # can be stopped, and goes on from there
 
 Printed are the rate per million vehicle-km with its exact Poisson interval, how hard the accidents
@@ -397,7 +397,7 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=min(4, os.cpu_count() or 1))
     parser.add_argument("--kept", type=Path, help="file to go on from, and to keep progress in")
     parser.add_argument("--every-s", type=float, default=10.0, help="seconds between two lines")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write everything as JSON")
+    parser.add_argument("--json", action="store_true", help="print everything as JSON")
     asked = parser.parse_args()
     changes = overrides(asked.set, None)
     given = spec(asked.profile, changes)
@@ -405,9 +405,7 @@ def main() -> int:
     tally = begun(asked, changes)
     drive_far(given, road, tally, asked)
     found = summary(tally, told(given, road, tally))
-    print("\n".join(shown(found)))
-    if asked.json:
-        asked.json.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+    print(json.dumps(found, indent=2) if asked.json else "\n".join(shown(found)))
     return 0
 
 

@@ -25,11 +25,11 @@ def quintic(duration: float) -> np.ndarray:
 
 def share_of(duration: float, holds) -> float:
     """Time from the begin to the end of what holds around the middle of a quintic [s]."""
-    begin = brentq(holds, 1e-6, 0.5)
+    begin = float(brentq(holds, 1e-6, 0.5))  # type: ignore[arg-type]
     return (1.0 - 2.0 * begin) * duration
 
 
-def measured(path: np.ndarray) -> tuple[float, float, float]:
+def measured(path: np.ndarray) -> tuple[float, ...]:
     """Visible motion, body over the line, until settled [s]."""
     speed = paths.lateral_speed(path, INTERVAL)
     begin, end = paths.moving(speed)
