@@ -33,7 +33,7 @@ def watch(run: Trajectories, _: Mapping[str, Any]) -> tuple[Signals, dict[str, A
     seen = [readable_signals.signals(one) for one in ones]
     found = [readable_events.find_events(*pair) for pair in zip(ones, seen, strict=True)]
     events = {name: np.array([one[name] for one in found], np.int32) for name in found[0]}
-    del events["struck"], events["under_way"]
+    del events["struck"], events["under_way"], events["intended"]
     interval = run.scenario.frame_interval_ms
     arrays = _padded(run, seen)
     return Signals(frame_interval_ms=interval, valid=run.frame_valid, **arrays), events

@@ -73,7 +73,7 @@ def distance(found: Validation) -> float:
     """Sum of the squares of the fitted figures' distances from the middle of their targets."""
     total = 0.0
     for figure in found.figures:
-        if figure.name in FITTED_ON and figure.target_low is not None:
+        if figure.name in FITTED_ON and figure.target_low is not None and not figure.needs_km:
             assert figure.target_high is not None
             middle = 0.5 * (figure.target_low + figure.target_high)
             total += ((figure.value - middle) / (figure.target_high - middle)) ** 2

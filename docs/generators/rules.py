@@ -38,7 +38,11 @@ def content() -> str:
         INTRODUCTION,
         section("Overview", table(("rule", "title", "law", *_names()), map(_line, PORTUGAL.rules))),
         section(
-            "Policies", POLICY, table(("policy", "undecidable", "open"), map(_policy, POLICIES))
+            "Policies",
+            POLICY,
+            table(
+                ("policy", "undecidable", "open", "off the road or spun"), map(_policy, POLICIES)
+            ),
         ),
         section("The rules", *map(_rule, PORTUGAL.rules)),
         section("Numbers: `law.toml`", NUMBERS, numbers_of("law.toml")),
@@ -57,7 +61,8 @@ def _line(rule: Rule) -> tuple[str, ...]:
 def _policy(each: Policy) -> tuple[str, ...]:
     doubt = "counts as legal" if each.allows_undecided else "gives `Success_U`"
     cut = "left out as *censored*" if each.censors_open else "counts as not completed"
-    return f"`{each.name}`", doubt, cut
+    lost = "`Unsuccess_dep`" if each.names_departures else "counts as not completed"
+    return f"`{each.name}`", doubt, cut, lost
 
 
 def _anchor(rule: Rule) -> str:

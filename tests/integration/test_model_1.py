@@ -68,12 +68,25 @@ def test_it_is_reported(old: Path):
     assert (old / "report" / "index.html").exists()
 
 
-def test_it_is_labelled_again_as_it_was(old: Path):
-    before = api.load(old).labels()
+def test_it_is_labelled_again_and_only_a_departure_has_a_new_name(old: Path):
+    kept = ["simulation", "policy", "outcome", "num_broken", "num_undecidable", "class_weight"]
+    data = api.load(old)
+    before, intended = data.labels(), data.events()["intended"]
+    assert intended.isna().all()
     api.relabel(old)
     data = api.load(old)
     data.verify()
-    assert data.labels().equals(before)
+    after, events = data.labels(), data.events()
+    assert after[kept].equals(before[kept])
+    departed = (before["detail"] == "left_road").to_numpy()
+    assert departed.any()
+    assert not departed.all()
+    for name in ("class", "detail"):
+        assert (after[name].astype(str) == before[name].astype(str))[~departed].all()
+    assert set(after["detail"][departed]) == {"departed"}
+    named = {"paper": "Unsuccess_ncol", "default": "Unsuccess_dep", "strict": "Unsuccess_dep"}
+    assert dict(zip(after["policy"][departed], after["class"][departed], strict=True)) == named
+    assert events["intended"].notna().equals(events["event"] == "attempt")
 
 
 def test_frames_that_it_did_not_keep_are_refused(without_frames: Path):

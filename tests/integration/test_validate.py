@@ -6,13 +6,15 @@ import io
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 import overtaking as ot
+from overtaking.knowledge.validation import targets
 
 COMMAND = [sys.executable, "-m", "overtaking.cli", "validate", "motorway", "-n", "8"]
-TARGETS = 13
+US101 = sorted((Path(__file__).parents[3] / "shared/data/commonroad").glob("USA_US101*.xml"))
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +24,10 @@ def found():
 
 def test_every_figure_has_a_value_an_interval_and_most_a_verdict(found):
     assert found.simulations == 8
-    assert sum(figure.met is not None for figure in found.figures) == TARGETS
+    judged = {figure.name for figure in found.figures if figure.met is not None}
+    waiting = {figure.name for figure in found.figures if figure.needs_km}
+    assert judged | waiting == {name for name, one in targets().items() if one.limits}
+    assert waiting == {name for name, one in targets().items() if one.least_distance}
     assert len({figure.name for figure in found.figures}) == len(found.figures)
     assert sum(sum(one.counts.values()) for one in found.strata) >= 4
 
@@ -49,6 +54,7 @@ def test_a_page_for_people_has_every_figure(found):
         line = next(line for line in page.splitlines() if line.startswith(figure.title))
         assert figure.standing in line
         is_ours = "choice" in (figure.standing, figure.source)
+        assert (f"needs {figure.needs_km:,.0f} km" in line) == bool(figure.needs_km)
         assert ("our limits" in line) == (figure.met is not None and is_ours)
         assert ("met" in line or "missed" in line) == (figure.met is not None and not is_ours)
 
@@ -90,3 +96,33 @@ def test_an_enriched_profile_is_held_against_the_one_that_it_enriches():
 
 def test_a_profile_without_a_proposal_is_compared_with_nothing(found):
     assert found.comparison == ()
+
+
+@pytest.mark.skipif(not US101, reason="the recordings of US-101 are not here")
+def test_recordings_are_shown_beside_rings_as_dense():
+    from rich.console import Console
+
+    from overtaking.cli.validation_page import render
+
+    found = ot.validate("motorway", 8, seed=3, recordings=US101[0])
+    compared = found.recordings
+    assert compared is not None
+    assert compared.files == (US101[0].name,)
+    assert 20.0 < compared.densities[0] < 60.0
+    gaps = compared.likenesses[0]
+    assert min(gaps.recorded, gaps.simulated) > 100
+    assert 0.0 < gaps.distance < 1.0
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(render(json.loads(json.dumps(found.values()))))
+    page = console.export_text()
+    assert all(one.title in page for one in compared.likenesses)
+    assert found.is_met == all(figure.met is not False for figure in found.figures)
+
+
+def test_a_recording_that_cannot_be_used_is_named(tmp_path):
+    (tmp_path / "broken.xml").write_text("<commonRoad/>", encoding="utf-8")
+    compared = ot.validate("motorway", 2, recordings=tmp_path).recordings
+    assert compared is not None
+    assert compared.files == compared.densities == ()
+    assert "broken.xml" in compared.unused[0]
+    assert all(one.recorded == one.simulated == 0 for one in compared.likenesses)

@@ -15,7 +15,7 @@ use crate::signals::{NEVER, NO_VEHICLE, Recording, Seen};
 const SHARE: usize = 32;
 
 /// What there is to say of a simulation, in the order of `Found`.
-pub const NAMES: [&str; 20] = [
+pub const NAMES: [&str; 21] = [
     "first",
     "last",
     "target",
@@ -31,6 +31,7 @@ pub const NAMES: [&str; 20] = [
     "back",
     "collision",
     "road_departure",
+    "spin",
     "num_attempts",
     "num_passed",
     "partner",
@@ -85,6 +86,7 @@ fn of(scene: &Scene<'_>) -> Found {
         at(|one| one.back),
         frame(scene.collision),
         frame(scene.departure),
+        frame(scene.spin),
         lefts.num_attempts,
         passed,
         i32::from(scene.collision.map_or(NO_VEHICLE, |frame| scene.hit[frame])),

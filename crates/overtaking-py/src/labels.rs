@@ -77,6 +77,8 @@ pub struct Thresholds<'py> {
     advance: usize,
     follow_up: usize,
     follow_time_gap: f32,
+    direction: i32,
+    spin_angle: i32,
 }
 
 impl Thresholds<'_> {
@@ -96,6 +98,8 @@ impl Thresholds<'_> {
             advance: self.advance,
             follow_up: self.follow_up,
             follow_time_gap: self.follow_time_gap,
+            direction: self.direction,
+            spin_angle: self.spin_angle,
         })
     }
 }

@@ -188,6 +188,7 @@ def validate(
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
     progress: Progress | None = None,
+    recordings: str | Path | None = None,
 ) -> "Validation":
     """Compare the traffic of a profile with published measurements.
 
@@ -198,6 +199,8 @@ def validate(
         overrides: Dotted keys of the specification with other values.
         road: A road in place of the profile's.
         progress: Called with the number of simulations that are done, and of all.
+        recordings: A recording in CommonRoad's format, or a folder of them: what the profile's
+            drivers do in traffic as dense as theirs is compared with what they show.
 
     Returns:
         Each figure with its interval, target and verdict, and outcomes by weather;
@@ -209,7 +212,8 @@ def validate(
     from overtaking.analysis.validation.run import validate as run
 
     spec = scenarios.spec(profile, overrides)
-    return run(spec, road_of(road or spec.road), simulations, seed, progress)
+    where = None if recordings is None else Path(recordings)
+    return run(spec, road_of(road or spec.road), simulations, seed, progress, where)
 
 
 def plot_validation(found: "Validation", out: str | Path) -> None:

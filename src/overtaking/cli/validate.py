@@ -12,6 +12,12 @@ COUNT = 1000
 
 Profile = Annotated[str, typer.Argument(metavar="PROFILE", help=options.PROFILE)]
 Count = Annotated[int, options.option("--count -n N", options.COUNT)]
+Recordings = Annotated[
+    Path | None,
+    options.option(
+        "--recordings FILE|FOLDER", "Compare with recordings in CommonRoad's format too."
+    ),
+]
 Plot = Annotated[
     Path | None, options.option("--plot FILE", "Draw the figures to a .png or .svg file.")
 ]
@@ -23,6 +29,7 @@ def validate(
     count: Count = COUNT,
     seed: options.Seed = None,
     plot: Plot = None,
+    recordings: Recordings = None,
     map_file: options.Map = None,
     road: options.Road = None,
     threads: options.Threads = None,
@@ -46,6 +53,7 @@ def validate(
             overrides=arguments.overrides(changes or [], None),
             road=arguments.road(map_file, road),
             progress=meter,
+            recordings=recordings,
         )
     if figure is not None:
         api.plot_validation(found, figure)

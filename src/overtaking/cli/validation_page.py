@@ -24,12 +24,32 @@ def render(values: Values) -> Group:
     outside = sum(figure["met"] is False for figure in values["figures"])
     verdict = f"{outside or 'no'} figure{'' if outside == 1 else 's'} outside the limits"
     head = f"{values['profile']}: {values['simulations']:,} simulations, {verdict}"
+    if not values["met"]:
+        head += " (exit status 1)"
     meanings = "\n".join(f"{one}: {one.meaning}" for one in Standing)
     parts = [Text(head), Text(), _figures(values["figures"]), Text(), Text(meanings, "dim")]
     parts += [Text(), _strata(values["strata"])]
     if values["comparison"]:
         parts += [_missing(values["missing"]), Text(), *_comparison(values["comparison"])]
+    if values["recordings"]:
+        parts += [Text(), *_recordings(values["recordings"])]
     return Group(*parts)
+
+
+def _recordings(found: Values) -> tuple[Text, Table]:
+    dense = ", ".join(f"{one:.0f}" for one in found["densities"])
+    head = f"{len(found['files'])} recordings beside rings of {dense} vehicles/km/lane"
+    head += "".join(f"\nnot used: {one}" for one in found["unused"])
+    table = open_table("quantity", "recorded>", "simulated>", "values>", "distance>")
+    for one in found["likenesses"]:
+        table.add_row(
+            one["title"],
+            f"{number(one['recorded_median'])} {one['unit']}",
+            f"{number(one['simulated_median'])} {one['unit']}",
+            f"{one['recorded']:,} and {one['simulated']:,}",
+            number(one["distance"]),
+        )
+    return Text(head), table
 
 
 def _figures(figures: list[Values]) -> Table:
@@ -58,6 +78,8 @@ def _target(figure: Values) -> str:
 
 
 def _verdict(figure: Values) -> Text:
+    if figure["needs_km"]:
+        return Text(f"needs {figure['needs_km']:,.0f} km", "dim")
     if figure["met"] is None:
         return Text("")
     is_ours = CHOICE in (figure["standing"], figure["source"])

@@ -20,7 +20,7 @@ BY = (("class",), ("class", "day-night"))
 """The variables that can define the cells."""
 
 CLASSES = tuple(one for one in OvertakeClass if one <= OvertakeClass.UNSUCCESS_NCOL)
-"""The paper's five classes. They have quotas; `Success_U` and `censored` have none."""
+"""The paper's five classes. They have quotas, the others have none."""
 
 OUTSIDE = -1
 """Cell of a simulation whose class has no quota."""

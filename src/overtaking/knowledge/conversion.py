@@ -17,6 +17,7 @@ _SI_SYMBOLS = frozenset(
 _OTHER_SYMBOLS = {
     "km": ("m", 1000.0, 1.0),
     "Mm": ("m", 1e6, 1.0),
+    "Mkm": ("m", 1e9, 1.0),  # As accident rates are written: per million vehicle-km.
     "mm": ("m", 1.0, 1000.0),
     "inch": ("m", 254.0, 10000.0),
     "h": ("s", 3600.0, 1.0),

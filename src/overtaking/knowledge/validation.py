@@ -42,6 +42,7 @@ class Target:
         low: Lower limit, None if it is open.
         high: Upper limit, None if it is open.
         shown_in: Unit in which a figure without limits is shown.
+        least_distance: Distance that vehicles must have driven for a verdict; None for any.
     """
 
     what: str
@@ -49,6 +50,7 @@ class Target:
     low: Quantity | None = None
     high: Quantity | None = None
     shown_in: str = "1"
+    least_distance: Quantity | None = None
 
     @property
     def limits(self) -> list[Quantity]:

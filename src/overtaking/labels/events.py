@@ -4,7 +4,7 @@ Events are found in what was recorded, never in what the ego meant to do. The co
 them; `tests/reference/labels/events.py` reads like `docs/explanation/events.md` defines them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from overtaking.model.events import NEVER, Detail, Events, Outcome
 from overtaking.model.labels import Case
 from overtaking.model.road import Road
 from overtaking.model.signals import Signals
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectory import RADIANS_PER_STEP, UNDER_WAY, Trajectories
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.world.constants import known
 
@@ -32,6 +32,11 @@ _NARROW = frozenset(
     ["target", "original_lane", "num_attempts", "num_passed", "partner", "num_drifts"]
 )
 """Events that are bytes; the others are frames."""
+
+_LINE_OR_BACK = ("line_crossed", "back")
+
+HEADINGS = 1.0 / RADIANS_PER_STEP
+"""Recorded steps of a heading in a radian."""
 
 
 def case_of(trajectories: Trajectories) -> Case:
@@ -52,7 +57,9 @@ def case_of(trajectories: Trajectories) -> Case:
     return Case(
         trajectories=trajectories,
         signals=seen,
-        events=Events(struck=by_other, under_way=begun, **columns),
+        events=Events(
+            struck=by_other, under_way=begun, intended=_intended(trajectories, columns), **columns
+        ),
         target=target_signals(trajectories, seen, columns["target"]),
     )
 
@@ -80,6 +87,8 @@ def thresholds(trajectories: Trajectories) -> dict[str, Any]:
         "settled_shift": float(known("labels.motion.settled_shift")),
         "over_line": float(known("labels.attempt.over_line")),
         "follow_time_gap": float(known("labels.phases.follow_time_gap")),
+        "direction": round(HEADINGS * road.heading),
+        "spin_angle": round(HEADINGS * float(known("model.departure.spin_angle"))),
     }
 
 
@@ -110,6 +119,15 @@ def _struck(trajectories: Trajectories, seen: Signals, partner: U8, collision: I
     return struck
 
 
+def _intended(trajectories: Trajectories, found: Mapping[str, I32]) -> Mask:
+    """Whether the driver meant each attempt, shape (simulation,): by its stage until the line."""
+    ends = (np.where(found[name] == NEVER, found["last"], found[name]) for name in _LINE_OR_BACK)
+    begin, end = found["attempt"][:, None], np.minimum(*ends)[:, None]
+    frame = np.arange(trajectories.stage.shape[1])[None, :]
+    meant = np.isin(trajectories.stage, UNDER_WAY) & (frame >= begin) & (frame <= end)
+    return meant.any(axis=1) & (found["attempt"] != NEVER)
+
+
 def outcome(events: Events) -> U8:
     """`Outcome` of each simulation.
 
@@ -130,6 +148,8 @@ def detail(events: Events, frame_interval_ms: int) -> U8:
         frame_interval_ms: Time between frames [ms].
     """
     how, collided, back = outcome(events), events.collision != NEVER, events.back != NEVER
+    off, across = events.road_departure, events.spin
+    spun_first = (across != NEVER) & ((off == NEVER) | (across < off))
     # Passed, and in the other lane for good.
     frames = float(known("labels.phases.stay_time")) * 1000.0 / frame_interval_ms
     stayed = (events.overlap_end != NEVER) & (events.last - events.overlap_end >= frames)
@@ -137,8 +157,9 @@ def detail(events: Events, frame_interval_ms: int) -> U8:
         (collided & ~events.attempted, Detail.COLLISION_BEFORE_ATTEMPT),
         (collided & events.struck, Detail.STRUCK_BY_OTHER),
         (collided, Detail.RAN_INTO_OTHER),
+        (events.lost & spun_first, Detail.SPUN),
+        (events.lost, Detail.DEPARTED),
         (how == Outcome.COMPLETED, Detail.NONE),
-        (events.road_departure != NEVER, Detail.LEFT_ROAD),
         (how == Outcome.NO_ATTEMPT, Detail.NONE),
         (back & (events.line_crossed == NEVER), Detail.ABORTED_BEFORE_CROSSING),
         (back, Detail.ABORTED_AFTER_CROSSING),

@@ -116,8 +116,10 @@ def _classes(how: U8, way: U8, law: Legality, policy: Policy) -> U8:
     undecided = (law.num_undecidable > 0) & (not policy.allows_undecided)
     completed = how == Outcome.COMPLETED
     cut_off = (way == Detail.OPEN_AT_HORIZON) & policy.censors_open
+    lost = np.isin(way, (Detail.DEPARTED, Detail.SPUN)) & policy.names_departures
     cases = [
         (how == Outcome.COLLISION, OvertakeClass.UNSUCCESS_COL),
+        (lost, OvertakeClass.UNSUCCESS_DEP),
         (how == Outcome.NO_ATTEMPT, OvertakeClass.NO_ATTEMPT),
         (completed & (law.num_broken > 0), OvertakeClass.SUCCESS_I),
         (completed & undecided, OvertakeClass.SUCCESS_U),

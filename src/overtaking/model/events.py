@@ -36,7 +36,8 @@ class Detail(IntEnum):
     COLLISION_BEFORE_ATTEMPT = 5
     RAN_INTO_OTHER = 6
     STRUCK_BY_OTHER = 7
-    LEFT_ROAD = 8
+    DEPARTED = 8
+    SPUN = 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +64,7 @@ class Events(Batch):
         back: First frame with the whole body in the original lane after an abort.
         collision: First frame after the ego's first contact.
         road_departure: First frame with the ego's centre outside the driving lanes.
+        spin: First frame in which the ego is so far across the road that no driver brings it back.
         num_attempts: How often the ego began.
         num_passed: Vehicles that were ahead of the ego at `attempt` and are behind at the end of
             the overtake, the target among them.
@@ -73,6 +75,9 @@ class Events(Batch):
         num_drifts: How many of those there are, at most 255.
         under_way: First frame, if the attempt had begun before the recording: `attempt` is then
             that frame and too late.
+        intended: Whether the ego's driver meant to overtake: it was in a stage of an overtake
+            between `attempt` and the line, or `back`. It says nothing of a recording without
+            stages, nor without an attempt.
     """
 
     first: I32
@@ -90,6 +95,7 @@ class Events(Batch):
     back: I32
     collision: I32
     road_departure: I32
+    spin: I32
     num_attempts: U8
     num_passed: U8
     partner: U8
@@ -97,6 +103,7 @@ class Events(Batch):
     drift: I32
     num_drifts: U8
     under_way: I32
+    intended: Mask
 
     @property
     def attempted(self) -> Mask:
@@ -104,6 +111,12 @@ class Events(Batch):
         return self.attempt != NEVER
 
     @property
+    def lost(self) -> Mask:
+        """Whether the ego left the lanes or spun, and touched no other vehicle."""
+        out_of_control = (self.road_departure != NEVER) | (self.spin != NEVER)
+        return out_of_control & (self.collision == NEVER)
+
+    @property
     def completed(self) -> Mask:
-        """Whether it ended in the original lane ahead of the target, without a collision."""
-        return (self.return_end != NEVER) & (self.collision == NEVER)
+        """Whether it ended in the original lane ahead of the target, without an accident."""
+        return (self.return_end != NEVER) & (self.collision == NEVER) & ~self.lost

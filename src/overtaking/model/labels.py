@@ -45,7 +45,7 @@ class Severity(IntEnum):
 
 
 class OvertakeClass(IntEnum):
-    """The paper's five classes, and two that it does not have."""
+    """The paper's five classes, and three that it does not have."""
 
     NO_ATTEMPT = 0
     SUCCESS_I = 1
@@ -54,6 +54,7 @@ class OvertakeClass(IntEnum):
     UNSUCCESS_NCOL = 4
     SUCCESS_U = 5
     CENSORED = 6
+    UNSUCCESS_DEP = 7
 
     @property
     def title(self) -> str:
@@ -69,6 +70,7 @@ _TITLES = (
     "Unsuccess_ncol",
     "Success_U",
     "censored",
+    "Unsuccess_dep",
 )
 
 

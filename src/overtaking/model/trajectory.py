@@ -73,6 +73,10 @@ class Stage(IntEnum):
     CRASHED = 6
 
 
+UNDER_WAY = (Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.ABORT)
+"""The stages of an overtake that has begun and not ended."""
+
+
 class Lights(IntFlag):
     """Bits of the recorded `lights` of a vehicle."""
 

@@ -42,6 +42,7 @@ EVENTS = {
     "back": EventWords("B", "back", "is wholly back in its lane, behind {target}"),
     "collision": EventWords("C", "collision", "{meets} {partner}"),
     "road_departure": EventWords("D", "departure", "leaves the driving lanes with its centre"),
+    "spin": EventWords("S", "spin", "spins until it is across the road"),
     "drift": EventWords("W", "drift", "drifts to the left"),
     "under_way": EventWords("U", "under way", "had begun to move out before the recording"),
 }
@@ -70,6 +71,7 @@ def judge(labelled: Labelled, explanation: Explanation) -> Values:
         "collision_partner": _slot(events.partner[0]),
         "struck_by_partner": bool(events.struck[0]),
         "num_attempts": int(events.num_attempts[0]),
+        "intended": _intended(labelled),
         "num_drifts": int(events.num_drifts[0]),
         "num_passed": int(events.num_passed[0]),
         "events": _events(labelled),
@@ -91,6 +93,13 @@ def thought(of: Thought) -> Values:
         "believed_margin_m": None if believed is None else round(believed, _DECIMALS),
         "belief": _belief(of.belief),
     }
+
+
+def _intended(labelled: Labelled) -> bool | None:
+    """Whether the ego's driver meant its attempt; None without one, or if that is not recorded."""
+    events = labelled.events
+    is_known = events.attempted[0] and not labelled.trajectories.is_excerpt
+    return bool(events.intended[0]) if is_known else None
 
 
 def _slot(vehicle: int) -> int | None:

@@ -15,10 +15,11 @@ CLASS_COLOURS = {
     OvertakeClass.UNSUCCESS_NCOL.title: "#0072b2",
     OvertakeClass.SUCCESS_U.title: "#cc79a7",
     OvertakeClass.CENSORED.title: "#c4c8cf",
+    OvertakeClass.UNSUCCESS_DEP.title: "#56b4e9",
 }
 """Colour of each class, the same in every figure."""
 
-CLASS_MARKERS = dict(zip(CLASS_COLOURS, "osDX^Pv", strict=True))
+CLASS_MARKERS = dict(zip(CLASS_COLOURS, "osDX^Pv<", strict=True))
 """Marker of each class."""
 
 INK, QUIET, LINE, GRID = "#1d2126", "#5b626b", "#9aa1aa", "#e3e6ea"

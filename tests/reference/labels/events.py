@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +13,8 @@ import numpy as np
 from overtaking.labels.events import borders_of, thresholds
 from overtaking.model.events import NEVER
 from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.trajectory import NO_VEHICLE, Stage
+from overtaking.world.constants import known
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -44,10 +46,19 @@ class Drive:
         hit = one.run.collided_with[one.number]
         self.collision = first(range(one.frames), lambda t: hit[t] != NO_VEHICLE)
         self.departure = first(range(one.frames), lambda t: self.lane[t] >= one.road.num_lanes)
-        accident = earlier(self.collision, self.departure)
+        self.spin = first(range(one.frames), self.is_across)
+        accident = earlier(self.collision, self.departure, self.spin)
         self.end = one.frames if accident is None else accident
         self.partner = NO_VEHICLE if self.collision is None else hit[self.collision]
         self.out = self.frames_out()
+
+    def is_across(self, t: int) -> bool:
+        """Whether the ego stands so far across the road that no driver brings it back."""
+        half_turn = round(1e4 * math.pi)
+        heading = int(self.one.run.states.heading[self.one.number, 0, t])
+        turned = heading - round(1e4 * float(self.one.road.heading))
+        angle = (turned + half_turn) % (2 * half_turn) - half_turn
+        return abs(angle) > round(1e4 * float(known("model.departure.spin_angle")))
 
     def border(self, number: int) -> np.float32:
         """A lane border from the right to the left; the last one for what is beyond [m]."""
@@ -191,11 +202,13 @@ def find_events(one: One, seen: dict[str, Row]) -> dict[str, int]:
         "num_attempts": num_attempts,
         "collision": drive.collision,
         "road_departure": drive.departure,
+        "spin": drive.spin,
         "partner": int(drive.partner),
         "struck": _struck(drive),
         "drift": drifts[0] if drifts else None,
         "num_drifts": min(len(drifts), 255),
         "under_way": 0 if begun else None,
+        "intended": _intended(one, found),
     }
     names = ("attempt", "line_crossed", "overlap_begin", "overlap_end", "return_begin")
     found = dict.fromkeys((*names, "return_end", "abort", "back")) | found
@@ -290,6 +303,19 @@ def _turning(drive: Drive, begun: int, end: Frame) -> Frame:
             return begin
     # A short way back can be too short to be a movement of its own.
     return None if end is None else farthest
+
+
+def _intended(one: One, found: dict[str, Any]) -> bool:
+    """Whether the driver was overtaking at any time between the attempt and the line or back."""
+    if "attempt" not in found:
+        return False
+    end = earlier(found["line_crossed"], found["back"])
+    until = one.frames - 1 if end is None else end
+    overtaking = {"PULL_OUT", "PASS", "RETURN", "ABORT"}
+    return any(
+        Stage(one.run.stage[one.number, t]).name in overtaking
+        for t in range(found["attempt"], until + 1)
+    )
 
 
 def _prospect(drive: Drive) -> int | None:

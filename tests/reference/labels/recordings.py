@@ -40,6 +40,14 @@ def nowhere() -> Trajectories:
     return dataclasses.replace(run, states=states, num_frames=run.num_frames - np.int32(20))
 
 
+def across() -> Trajectories:
+    """A recording in which every other ego stands across the road for a while."""
+    run = simulated("pinto2023", 64)
+    heading = run.states.heading.copy()
+    heading[::2, 0, 40:60] -= 9000
+    return dataclasses.replace(run, states=dataclasses.replace(run.states, heading=heading))
+
+
 def excerpt() -> Trajectories:
     """Recordings that begin in the midst of a movement, with vehicles that come and go."""
     run, begin = simulated("pinto2023", 96), 150
@@ -68,6 +76,7 @@ RECORDINGS = {
     "gaps": lambda: with_gaps(simulated("pinto2023", 96)),
     "excerpt": excerpt,
     "off the road": nowhere,
+    "across the road": across,
 }
 
 LONG = {"motorway", "motorway-risk"}

@@ -40,4 +40,6 @@ def test_what_they_agree_on_has_every_kind_of_event():
     assert found.num_attempts.max() > 1
     assert found.num_passed.max() > 1
     assert found.struck.any()
+    assert 0 < found.intended.sum() < len(found.intended)
+    assert (case("across the road").events.spin == 40).sum() >= 30
     assert (case("excerpt").events.under_way == 0).any()

@@ -5,6 +5,8 @@ use crate::signals::{METRES, NO_VEHICLE, Recording, Seen, gap_between};
 /// Keeps time gaps finite [m/s].
 const LEAST_SPEED: f32 = 0.1;
 const LEADER: usize = 0;
+/// A full turn, as headings are recorded [0.1 mrad].
+const TURN: i32 = 62_832;
 
 /// What makes a movement one, and where the lanes lie.
 pub struct Limits<'a> {
@@ -32,6 +34,18 @@ pub struct Limits<'a> {
     pub follow_up: usize,
     /// Time gap that is close [s].
     pub follow_time_gap: f32,
+    /// Direction of the road [0.1 mrad].
+    pub direction: i32,
+    /// Angle to the road beyond which a vehicle has spun [0.1 mrad].
+    pub spin_angle: i32,
+}
+
+impl Limits<'_> {
+    /// Whether a recorded heading is that of a vehicle that has spun.
+    fn is_across(&self, heading: i16) -> bool {
+        let turned = (i32::from(heading) - self.direction + TURN / 2).rem_euclid(TURN) - TURN / 2;
+        turned.abs() > self.spin_angle
+    }
 }
 
 /// One simulation.
@@ -43,6 +57,7 @@ pub(super) struct Scene<'a> {
     pub(super) driven: usize,
     pub(super) collision: Option<usize>,
     pub(super) departure: Option<usize>,
+    pub(super) spin: Option<usize>,
     pub(super) hit: &'a [u8],
     pub(super) lane: &'a [u8],
     pub(super) lateral: &'a [f32],
@@ -79,13 +94,17 @@ impl<'a> Scene<'a> {
         let departure = lane[..recorded]
             .iter()
             .position(|&each| usize::from(each) >= beyond);
-        let accident = [collision, departure].into_iter().flatten().min();
+        let spin = recording.heading[slots.start][..recorded]
+            .iter()
+            .position(|&heading| limits.is_across(heading));
+        let accident = [collision, departure, spin].into_iter().flatten().min();
         Self {
             limits,
             recorded,
             driven: accident.unwrap_or(recorded),
             collision,
             departure,
+            spin,
             hit,
             lane,
             lateral: seen.lateral,

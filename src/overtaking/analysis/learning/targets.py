@@ -61,6 +61,7 @@ TARGETS = {
             OvertakeClass.NO_ATTEMPT.title,
             OvertakeClass.UNSUCCESS_COL.title,
             OvertakeClass.UNSUCCESS_NCOL.title,
+            OvertakeClass.UNSUCCESS_DEP.title,
         ),
         of_attempts=False,
         over_limit_means=True,

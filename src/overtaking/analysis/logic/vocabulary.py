@@ -52,7 +52,8 @@ def _constants(name: str, about: str, *words: str) -> Type:
 
 EVENTS = (
     *("first", "last", "follow", "attempt", "line_crossed", "overlap_begin", "overlap_end"),
-    *("return_begin", "return_end", "abort", "back", "collision", "road_departure", "drift"),
+    *("return_begin", "return_end", "abort", "back"),
+    *("collision", "road_departure", "spin", "drift"),
 )
 """Attributes of `model.events.Events` that become facts; `first` and `last` always happen."""
 

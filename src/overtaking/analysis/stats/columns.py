@@ -13,6 +13,7 @@ WEIGHT = "weight"
 """
 
 NO_ATTEMPT = OvertakeClass.NO_ATTEMPT.title
+COLLISION = OvertakeClass.UNSUCCESS_COL.title
 CENSORED = OvertakeClass.CENSORED.title
 """Still open when the recording ended; left out of every rate."""
 

@@ -23,6 +23,7 @@ MARKS = (
     ("back", "back"),
     ("collision", "collision"),
     ("road_departure", "off the road"),
+    ("spin", "spins"),
 )
 """Events with their symbols in the figures, in the paper's manner."""
 
@@ -35,6 +36,8 @@ PHASES = {
     "abort": "gives up",
     "back": "follows again",
     "collision": "collided",
+    "road_departure": "off the road",
+    "spin": "spins",
 }
 """Events that begin a phase, with the name of the phase."""
 

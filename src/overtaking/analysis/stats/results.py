@@ -5,7 +5,7 @@ from typing import Any
 
 import pandas as pd
 
-from overtaking.analysis.stats.columns import CENSORED, NUMERIC
+from overtaking.analysis.stats.columns import CENSORED, COLLISION, NO_ATTEMPT, NUMERIC
 from overtaking.analysis.stats.leaks import Leak, leaks
 from overtaking.analysis.stats.sample import Sample, prepare
 from overtaking.analysis.stats.survival import Survival, waiting_time
@@ -104,6 +104,13 @@ def _notes(sample: Sample) -> list[str]:
         notes.append(
             f"{censored:,} simulations were still open when they ended (censored); "
             "they are left out of every rate."
+        )
+    early = int((sample.members(COLLISION) & (sample.values("OT") == 0.0)).sum())
+    if early:
+        notes.append(
+            f"{early:,} of the {int(sample.members(COLLISION).sum()):,} simulations of class "
+            f"{COLLISION} hit another vehicle before any attempt; by the other reading of the "
+            f"study these are {NO_ATTEMPT}."
         )
     if len(sample) < 2:
         notes.append("With fewer than two simulations there is no spread and no association.")

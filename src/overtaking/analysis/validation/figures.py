@@ -14,8 +14,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from overtaking.analysis.validation.accidents import Severity
+from overtaking.analysis.validation.changes import (
+    CHANGE_WIDTH,
+    HEADWAY_WIDTH,
+    PEAK_WIDTH,
+    SPACE_WIDTH,
+)
+from overtaking.analysis.validation.poisson import poisson_limits
 from overtaking.analysis.validation.tally import Tally, quantile, ratio
-from overtaking.analysis.validation.traffic import ACCEL_WIDTH, CHANGE_WIDTH, GAP_WIDTH
+from overtaking.analysis.validation.traffic import ACCEL_WIDTH, GAP_WIDTH
 from overtaking.core.plain import plain
 from overtaking.knowledge.validation import Standing, Target, targets
 
@@ -41,6 +49,7 @@ class Figure:
         target_low: Lower limit of the target, None if it is open.
         target_high: Upper limit of the target, None if it is open.
         source: Source of the target; empty without one.
+        needs_km: Vehicle-km that a verdict needs, if fewer were driven; else 0.
     """
 
     name: str
@@ -53,11 +62,12 @@ class Figure:
     target_low: float | None = None
     target_high: float | None = None
     source: str = ""
+    needs_km: float = 0.0
 
     @property
     def met(self) -> bool | None:
-        """Whether the value lies within the target; None without a target."""
-        if self.target_low is None and self.target_high is None:
+        """Whether the value lies within the target; None without a target or enough to judge by."""
+        if self.needs_km or (self.target_low is None and self.target_high is None):
             return None
         above = self.target_low is None or self.value >= self.target_low
         return above and (self.target_high is None or self.value <= self.target_high)
@@ -84,11 +94,14 @@ class Definition:
         statistic: The number, from a tally.
         counts: The sum in the tally that must not be empty for two profiles to be compared in it;
             empty for a figure that is not a property of the traffic.
+        events: The sum of rare events whose rate it is, with their squares under `_squares`.
+            Empty for all others.
     """
 
     name: str
     statistic: Statistic
     counts: str = ""
+    events: str = ""
 
     @property
     def target(self) -> Target:
@@ -98,9 +111,10 @@ class Definition:
     def measured(self, tally: Tally) -> Figure:
         """The figure of a tally, with its interval, target and standing."""
         target = self.target
-        value, low, high = (
-            float(target.scale * number) for number in tally.estimate(self.statistic)
-        )
+        estimate = self._rare(tally) if self.events else tally.estimate(self.statistic)
+        value, low, high = (float(target.scale * number) for number in estimate)
+        least = target.least_distance.number if target.least_distance else 0.0
+        lacks = tally.total("metres").sum() < least
         return Figure(
             name=self.name,
             title=target.what,
@@ -112,16 +126,58 @@ class Definition:
             target_low=target.low and target.scale * target.low.number,
             target_high=target.high and target.scale * target.high.number,
             source=target.source,
+            needs_km=1e-3 * least if lacks else 0.0,
         )
+
+    def _rare(self, tally: Tally) -> tuple[float, float, float]:
+        """The rate with the wider limits of two: a Poisson count's and the jackknife's.
+
+        Events of one simulation may depend on each other; of few events the jackknife says nothing.
+        """
+        total, squares = (tally.total(f"{self.events}{end}").sum() for end in ("", "_squares"))
+        weight = squares / total if total > 0.0 else 1.0
+        low, high = poisson_limits(total / weight)
+        exposure = tally.total("metres").sum()
+        if not exposure > 0.0:
+            return math.nan, math.nan, math.nan
+        rate, least, most = tally.estimate(self.statistic)
+        return rate, min(weight * low / exposure, least), max(weight * high / exposure, most)
 
 
 def _share(part: str, whole: str) -> Statistic:
     return lambda tally: ratio(tally.total(part), tally.total(whole))
 
 
-def _mean_duration(tally: Tally) -> float:
+def _rate(events: str, counts: str = "") -> Definition:
+    """The rate of rare events by distance, whose figure has the name of their sum."""
+    return Definition(events, _share(events, "metres"), counts, events)
+
+
+def _mean(name: str, width: float) -> Statistic:
+    """The mean of a histogram."""
+
+    def mean(tally: Tally) -> float:
+        histogram = tally.total(name)
+        return ratio(histogram * width * np.arange(len(histogram)), histogram)
+
+    return mean
+
+
+def _median(name: str, width: float) -> Statistic:
+    """The median of a histogram."""
+    return lambda tally: quantile(tally.total(name), 0.5, width)
+
+
+def _spread_of_durations(tally: Tally) -> float:
+    """Standard deviation of the durations."""
     histogram = tally.total("durations")
-    return ratio(histogram * CHANGE_WIDTH * np.arange(len(histogram)), histogram)
+    times = CHANGE_WIDTH * np.arange(len(histogram))
+    mean = ratio(histogram * times, histogram)
+    return math.sqrt(ratio(histogram * (times - mean) ** 2, histogram))
+
+
+def _near_crashes_per_accident(tally: Tally) -> float:
+    return ratio(tally.total("near_crashes"), tally.total("accidents"))
 
 
 def _distance_from_lognormal(tally: Tally) -> float:
@@ -147,7 +203,7 @@ def _effective_share(tally: Tally) -> float:
     return float(weights * weights / (squares * number)) if number else float("nan")
 
 
-RATE = Definition("lane_changes_per_km", _share("changes", "metres"))
+RATE = Definition("lane_changes_per_km", _share("changes", "changed_metres"))
 """Measured on rings where there are some, because the published rates are of steady traffic."""
 
 OWN_RATE = Definition("own_lane_changes_per_km", RATE.statistic, "changes")
@@ -155,13 +211,23 @@ OWN_RATE = Definition("own_lane_changes_per_km", RATE.statistic, "changes")
 
 DEFINITIONS = (
     OWN_RATE,
-    Definition("lane_change_duration", _mean_duration, "durations"),
+    Definition("lane_change_duration", _mean("durations", CHANGE_WIDTH), "durations"),
+    Definition("lane_change_spread", _spread_of_durations),
     Definition("lane_change_lognormal", _distance_from_lognormal),
-    Definition(
-        "gap_time", lambda tally: quantile(tally.total("gap_times"), 0.5, GAP_WIDTH), "gap_times"
-    ),
+    Definition("lane_change_crossing", _mean("crossings", CHANGE_WIDTH), "crossings"),
+    Definition("lane_change_settled", _mean("settlings", CHANGE_WIDTH), "settlings"),
+    Definition("peak_lateral_speed", _median("peaks", PEAK_WIDTH), "peaks"),
+    Definition("undone", _share("undone", "watched"), "undone"),
+    Definition("retreats", _share("given_up", "begun"), "given_up"),
+    Definition("start_gap", _median("start_gaps", SPACE_WIDTH), "start_gaps"),
+    Definition("start_headway", _median("start_headways", HEADWAY_WIDTH), "start_headways"),
+    Definition("return_gap", _median("return_gaps", SPACE_WIDTH), "return_gaps"),
+    Definition("return_headway", _median("return_headways", HEADWAY_WIDTH), "return_headways"),
+    Definition("gap_time", _median("gap_times", GAP_WIDTH), "gap_times"),
     Definition("short_ttc", _share("critical", "behind"), "critical"),
     Definition("passing_speed", _share("passing_speed", "passing"), "passing"),
+    Definition("left_lane_time", _share("left_time", "car_time"), "left_time"),
+    Definition("night_share", _share("night_metres", "metres"), "night_metres"),
     Definition(
         "lateral_accel",
         lambda tally: quantile(tally.total("lateral"), 0.95, ACCEL_WIDTH),
@@ -169,10 +235,16 @@ DEFINITIONS = (
     ),
     Definition("usual_accel", _share("usual", "calm"), "usual"),
     Definition("impossible_accel", _share("impossible", "simulations")),
+    _rate("hard_braking", "hard_braking"),
+    _rate("very_hard_braking"),
+    _rate("near_crashes"),
+    _rate("accidents", "accidents"),
+    *(_rate(f"accidents_{one.name.lower()}") for one in Severity),
+    Definition("impact_speed", _share("impact_speed", "impacts")),
+    Definition("near_crashes_per_accident", _near_crashes_per_accident),
     Definition("flying_share", _share("flying", "overtakes"), "flying"),
     Definition("open_at_end", _share("open", "attempts"), "open"),
     Definition("effective_share", _effective_share),
-    Definition("contacts", _share("contacts", "metres"), "contacts"),
     Definition("edges", _share("edges", "frames")),
     Definition("attempts", _share("attempts", "simulations"), "attempts"),
 )

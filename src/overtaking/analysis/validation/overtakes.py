@@ -6,27 +6,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.analysis.validation.traffic import Batch, limit
+from overtaking.analysis.validation.traffic import CARS, Batch, limit
 from overtaking.labels.label import label
 from overtaking.model.events import NEVER, Events
 from overtaking.model.labels import OvertakeClass
-from overtaking.model.trajectory import Stage, Trajectories
-from overtaking.model.vehicles import VehicleKind
+from overtaking.model.trajectory import UNDER_WAY, Stage, Trajectories
 
 if TYPE_CHECKING:
     from overtaking.analysis.validation.tally import Array, Tally
     from overtaking.model.weather import Weather
-
-CARS = (VehicleKind.S, VehicleKind.M, VehicleKind.L)
 
 STRATA = ("any weather", "dry day", "night", "rain", "fog", "wind", "low sun")
 """Strata of weather; a simulation may belong to several."""
 
 POLICY = "default"
 """The policy whose classes are counted."""
-
-UNDER_WAY = (Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.ABORT)
-"""An overtake whose ego is in one of these stages in the last frame is open."""
 
 SEEN_AHEAD_M, SEEN_BEHIND_M = 200.0, 100.0
 """An ego with nobody farther ahead, or behind, than this sees where the traffic ends [m]."""

@@ -13,14 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from overtaking import scenarios
-from overtaking.analysis.validation.traffic import Batch, count_changes
+from overtaking.analysis.validation.changes import count_rate
+from overtaking.analysis.validation.traffic import Batch
 from overtaking.core.memory import Buffers
 from overtaking.model.vehicles import Role
 from overtaking.sim import engine
 from overtaking.world.parameters import Parameters, parameters, with_ring
 
 if TYPE_CHECKING:
-    from overtaking.analysis.validation.tally import Tally
+    from collections.abc import Iterator
+
+    from overtaking.analysis.validation.tally import Array, Tally
     from overtaking.core.elementary import F32
     from overtaking.model.road import Road
     from overtaking.model.scenario import Scenario
@@ -60,6 +63,25 @@ def count(tally: Tally, spec: Spec, road: Road, seed: int, simulations: int) -> 
         seed: Seed of the random numbers.
         simulations: Number of rings.
     """
+    steps = (np.arange(simulations) + 0.5) / simulations
+    density = DENSITIES[0] + (DENSITIES[1] - DENSITIES[0]) * steps
+    for batch, counted in batches(spec, road, seed, density.astype(np.float32)):
+        count_rate(tally, batch, counted)
+
+
+def batches(spec: Spec, road: Road, seed: int, density: F32) -> Iterator[tuple[Batch, Array]]:
+    """Rings with traffic of given densities.
+
+    Args:
+        spec: A specification with a flow of traffic and independent weather.
+        road: Its road.
+        seed: Seed of the random numbers.
+        density: Vehicles per kilometre and lane of each ring, shape (simulation,).
+
+    Yields:
+        Some of the rings, and which vehicles and frames count: not the egos, not the warm-up. Both
+        are valid until the next ones.
+    """
     settled = scenarios.spec(
         spec,
         _DRY_DAY
@@ -70,16 +92,15 @@ def count(tally: Tally, spec: Spec, road: Road, seed: int, simulations: int) -> 
         },
     )
     buffers = Buffers()
-    for first in range(0, simulations, CHUNK):
-        index = np.arange(first, min(first + CHUNK, simulations), dtype=np.uint64)
-        density = DENSITIES[0] + (DENSITIES[1] - DENSITIES[0]) * (index + 0.5) / simulations
+    for first in range(0, len(density), CHUNK):
+        index = np.arange(first, min(first + CHUNK, len(density)), dtype=np.uint64)
         drawn = scenarios.sample(settled, road, seed, index)
-        scenario, given = on_ring(drawn, density.astype(np.float32))
+        scenario, given = on_ring(drawn, density[first : first + CHUNK])
         batch = Batch.of(engine.run(scenario, given, buffers=buffers))
         counted = batch.sound.copy()
         counted[:, Role.EGO] = False  # It is kept from overtaking.
         counted[:, :, : round(WARM_UP_S / batch.interval_s)] = False
-        count_changes(tally, batch, counted)
+        yield batch, counted
 
 
 def on_ring(drawn: Scenario, density: F32) -> tuple[Scenario, Parameters]:

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.analysis.validation import overtakes, ring, traffic
+from overtaking.analysis.validation import (
+    accidents,
+    changes,
+    conflicts,
+    overtakes,
+    recorded,
+    ring,
+    traffic,
+)
 from overtaking.analysis.validation.comparison import Rate, compare
 from overtaking.analysis.validation.figures import Figure, figures
 from overtaking.analysis.validation.tally import Tally
@@ -22,6 +30,9 @@ from overtaking.scenarios.schema_flow import Flow
 from overtaking.sim import engine
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from overtaking.analysis.validation.recorded import Comparison
     from overtaking.model.road import Road
     from overtaking.scenarios import Spec
 
@@ -30,6 +41,9 @@ CHUNK = 48
 
 STUDIED = tuple(OvertakeClass)[: OvertakeClass.UNSUCCESS_NCOL + 1]
 """The study's five classes."""
+
+COUNTED = (traffic, changes, conflicts, accidents, overtakes)
+"""The modules that add a batch to a tally."""
 
 RING_SHARE = 8
 """Simulations per ring: a ring keeps all its vehicles for longer."""
@@ -62,6 +76,8 @@ class Validation(Summarized):
         strata: Classes by weather.
         comparison: Weighted rates and those of the profile without its proposal; empty for a
             profile that has none.
+        recordings: What the profile's drivers and recorded ones do in traffic alike; None if no
+            recordings were given.
     """
 
     profile: str
@@ -70,6 +86,7 @@ class Validation(Summarized):
     figures: tuple[Figure, ...]
     strata: tuple[Stratum, ...]
     comparison: tuple[Rate, ...] = ()
+    recordings: Comparison | None = None
 
     @property
     def is_met(self) -> bool:
@@ -100,11 +117,17 @@ class Validation(Summarized):
             },
             "missing": [list(pair) for pair in self.missing],
             "comparison": [rate.values() for rate in self.comparison],
+            "recordings": self.recordings.values() if self.recordings else None,
         }
 
 
 def validate(
-    spec: Spec, road: Road, simulations: int, seed: int, progress: Progress | None = None
+    spec: Spec,
+    road: Road,
+    simulations: int,
+    seed: int,
+    progress: Progress | None = None,
+    recordings: Path | None = None,
 ) -> Validation:
     """Simulate a profile and compute every figure.
 
@@ -116,6 +139,7 @@ def validate(
         simulations: Number of simulations.
         seed: Seed of the random numbers.
         progress: Called with the number of simulations that are done, and of all.
+        recordings: A recording in CommonRoad's format or a folder of them, to compare with.
     """
     natural = natural_of(spec)
     runs = [(spec, seed)] + ([(natural, seed + 1)] if natural else [])
@@ -132,6 +156,7 @@ def validate(
         figures=tuple(figures(tally, rings)),
         strata=_strata(tally),
         comparison=compare(*tallies) if natural else (),
+        recordings=recorded.compare(spec, road, seed, recordings) if recordings else None,
     )
 
 
@@ -146,8 +171,8 @@ def _counted(spec: Spec, road: Road, simulations: int, seed: int, step: Steps) -
     for first in range(0, simulations, CHUNK):
         index = np.arange(first, min(first + CHUNK, simulations), dtype=np.uint64)
         batch = Batch.of(engine.simulate(sample(spec, road, seed, index), buffers=buffers))
-        traffic.count(tally, batch)
-        overtakes.count(tally, batch)
+        for part in COUNTED:
+            part.count(tally, batch)
         step(len(index))
     return tally
 

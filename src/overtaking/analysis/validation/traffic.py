@@ -1,4 +1,4 @@
-"""Counts the traffic of all vehicles: distances, gaps, accelerations, lane changes."""
+"""Counts the traffic of all vehicles: distances, gaps, accelerations, time left of a free lane."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from overtaking.analysis.validation.tally import GROUPS, Array, Tally
 from overtaking.knowledge import number
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
+from overtaking.model.vehicles import VehicleKind
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,17 +21,16 @@ EVERY_S = 0.5
 GAP_BINS, GAP_WIDTH = 400, 0.01
 """Bins of time gaps [s]."""
 
-CHANGE_BINS, CHANGE_WIDTH = 400, 0.05
-"""Bins of the durations of lane changes [s]."""
-
 ACCEL_BINS, ACCEL_WIDTH = 600, 0.02
 """Bins of the amount of the lateral acceleration [m/s^2]."""
 
 USUAL_ACCEL = (-3000, 2000)
 """Limits of everyday longitudinal accelerations [mm/s^2]."""
 
-LONGEST_CHANGE_S = 20.0
-_SMOOTHING_S = 0.25  # Half of the window that a lateral speed is taken over.
+FREE_EVERY = 4
+"""Every so many of these instants, whether the lane on the right is free: it takes all pairs."""
+
+CARS = (VehicleKind.S, VehicleKind.M, VehicleKind.L)
 
 
 def limit(name: str) -> float:
@@ -62,18 +62,23 @@ class Batch:
         """Every so many frames, in which gaps and accelerations are counted."""
         return slice(None, None, max(1, round(EVERY_S / self.interval_s)))
 
+    def metres(self, counted: Array | None = None) -> NDArray[np.float64]:
+        """What the sound vehicles drove in each simulation, in all frames or in the counted [m]."""
+        there = self.sound if counted is None else counted
+        millimetres = np.where(there, self.runs.states.speed, 0).sum(axis=(1, 2), dtype=np.float64)
+        return 1e-3 * self.interval_s * millimetres
+
     @classmethod
     def of(cls, runs: Trajectories) -> Batch:
         """Prepare a batch."""
         contacts, scenario = runs.contacts, runs.scenario
         untouched = np.where(contacts.partner == NO_VEHICLE, np.iinfo(np.int32).max, contacts.time)
         before = runs.time_ms[None, None, :] < untouched[:, :, None]
-        there = scenario.vehicles.valid[:, :, None] & runs.frame_valid[:, None, :]
         return cls(
             runs=runs,
             group=(scenario.index % np.uint64(GROUPS)).astype(np.int64),
             weight=scenario.weight,
-            sound=there & before & (runs.states.lane < runs.road.num_lanes),
+            sound=runs.state_valid & before & (runs.states.lane < runs.road.num_lanes),
             interval_s=1e-3 * scenario.frame_interval_ms,
         )
 
@@ -82,47 +87,11 @@ def count(tally: Tally, batch: Batch) -> None:
     """Add a batch to a tally."""
     _distances(tally, batch)
     _following(tally, batch)
-    count_changes(tally, batch, batch.sound)
-
-
-def count_changes(tally: Tally, batch: Batch, counted: Array) -> None:
-    """Add lane changes of the counted vehicles and frames, with durations and distances."""
-    lane = batch.runs.states.lane
-    crossed = (lane[:, :, 1:] != lane[:, :, :-1]) & counted[:, :, 1:] & counted[:, :, :-1]
-    simulation, vehicle, frame = np.nonzero(crossed)
-    group, weight = batch.group[simulation], batch.weight[simulation]
-    tally.add("changes", group, weight)
-    seconds, whole = _durations(batch, simulation, vehicle, frame)
-    place = np.round(seconds[whole] / CHANGE_WIDTH)
-    tally.add_binned("durations", group[whole], place, weight[whole], CHANGE_BINS)
-    metres = np.where(counted, batch.runs.states.speed, 0).sum(axis=(1, 2), dtype=np.float64)
-    tally.add("metres", batch.group, batch.weight * 1e-3 * metres * batch.interval_s)
-
-
-def _durations(
-    batch: Batch, simulation: Array, vehicle: Array, frame: Array
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Duration of each sideways motion [s], and whether it was recorded from begin to end."""
-    reach = round(LONGEST_CHANGE_S / batch.interval_s)
-    half = max(1, round(_SMOOTHING_S / batch.interval_s))
-    last = batch.runs.num_frames[simulation] - 1
-    at = frame[:, None] + np.arange(-reach, reach + 1)[None, :]
-    d = batch.runs.states.d[simulation[:, None], vehicle[:, None], np.clip(at, 0, last[:, None])]
-    sideways = np.zeros(d.shape)
-    sideways[:, half:-half] = (d[:, 2 * half :] - d[:, : -2 * half]) / (
-        2e3 * half * batch.interval_s
-    )
-    towards = np.sign(sideways[:, reach])
-    still = sideways * towards[:, None] < limit("moving_aside")
-    before = np.argmax(still[:, reach::-1], axis=1)
-    after = np.argmax(still[:, reach:], axis=1)
-    begin, end = frame - before, frame + after
-    whole = (towards != 0) & (before > 0) & (after > 0) & (begin > half) & (end < last - half)
-    return (before + after - 1) * batch.interval_s, whole
+    _free_lanes(tally, batch)
 
 
 def _distances(tally: Tally, batch: Batch) -> None:
-    """Add vehicle-frames, accelerations and contacts."""
+    """Add distances, by day and by night, and accelerations."""
     states, sound = batch.runs.states, batch.sound
     seen = sound[:, :, batch.sampled]
     simulation = np.nonzero(seen)[0]
@@ -135,8 +104,9 @@ def _distances(tally: Tally, batch: Batch) -> None:
     impossible = (along * along + across * across > hardest**2) & batch.runs.frame_valid[:, None]
     tally.add("impossible", batch.group, batch.weight * impossible.any(axis=(1, 2)))
     tally.add("simulations", batch.group, batch.weight)
-    touched = (batch.runs.contacts.partner != NO_VEHICLE) & batch.runs.scenario.vehicles.valid
-    tally.add("contacts", batch.group, batch.weight * 0.5 * touched.sum(axis=1))
+    metres = batch.weight * batch.metres()
+    tally.add("metres", batch.group, metres)
+    tally.add("night_metres", batch.group, metres * batch.runs.scenario.weather.night)
 
 
 def _following(tally: Tally, batch: Batch) -> None:
@@ -160,6 +130,27 @@ def _following(tally: Tally, batch: Batch) -> None:
     usual = calm & (accel >= USUAL_ACCEL[0]) & (accel <= USUAL_ACCEL[1])
     tally.add("calm", group[calm], weight[calm])
     tally.add("usual", group[usual], weight[usual])
+
+
+def _free_lanes(tally: Tally, batch: Batch) -> None:
+    """Add the time of cars, and the part of it that they are on the left of a free lane."""
+    step = batch.sampled.step * FREE_EVERY
+    frames = slice(None, None, step)
+    lane, s, sound = (
+        _by_frame(one, frames) for one in (batch.runs.states.lane, batch.runs.states.s, batch.sound)
+    )
+    reach = 1e3 * limit("free_ahead") * 1e-3 * _by_frame(batch.runs.states.speed, frames)
+    ahead = (s[..., None, :] - s[..., :, None]).astype(np.float64)
+    near = (ahead > -1e3 * limit("free_behind")) & (ahead < reach[..., :, None])
+    on_the_right = lane[..., None, :].astype(np.int16) == lane[..., :, None].astype(np.int16) - 1
+    taken = (near & on_the_right & sound[..., None, :]).any(axis=3)
+    cars = sound & np.isin(batch.runs.scenario.vehicles.kind, CARS)[:, None, :]
+    group, weight = (
+        np.broadcast_to(one[:, None, None], cars.shape) for one in (batch.group, batch.weight)
+    )
+    left = cars & (lane > 0) & ~taken
+    tally.add("car_time", group[cars], weight[cars])
+    tally.add("left_time", group[left], weight[left])
 
 
 def _leaders(batch: Batch, frames: slice) -> tuple[Array, Array]:

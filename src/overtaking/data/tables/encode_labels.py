@@ -88,6 +88,10 @@ def events(labelled: Labelled, numbers: Numbers) -> pa.Table:
         "time_ms": frames[happened] * interval,
         "vehicle": Masked(vehicle, vehicle == NO_VEHICLE),
         "speed_change_mps": Masked(_speed_change(labelled)[simulation], ~is_contact),
+        "intended": Masked(
+            found.intended[simulation],
+            (event != names.EVENTS.index("attempt")) | labelled.trajectories.is_excerpt,
+        ),
     }
     return build("events", labelled, _per_simulation(1), computed)
 

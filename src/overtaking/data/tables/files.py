@@ -30,6 +30,9 @@ _WIDENED = frozenset({("checks_blind_spot", pa.bool_())})
 """Columns that older versions hold in a narrower type: until version 3 a driver looked over the
 shoulder always or never."""
 
+_ADDED = frozenset({"intended"})
+"""Columns that came with version 3; they are null in older tables."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileFacts:
@@ -233,7 +236,9 @@ def _opened(path: Path, table: str) -> pq.ParquetFile:
 def _as_today(rows: pa.Table, table: str) -> pa.Table:
     """Rows of any version with the types of this one."""
     for place, want in enumerate(SCHEMAS[table]):
-        if (want.name, rows.schema.field(want.name).type) in _WIDENED:
+        if want.name not in rows.schema.names:
+            rows = rows.add_column(place, want, pa.nulls(rows.num_rows, want.type))
+        elif (want.name, rows.schema.field(want.name).type) in _WIDENED:
             rows = rows.set_column(place, want, rows[want.name].cast(want.type))
     return rows
 
@@ -248,14 +253,20 @@ def _check_version(path: Path, table: str, metadata: dict[bytes, bytes]) -> None
             got=name,
             next_step="put the files of each table into the folder of its name",
         )
-    version = int(metadata.get(b"version", b"0"))
+    version = _version(metadata)
     if version > VERSION:
         raise SchemaError.newer(f"version of schema {name}", str(path), VERSION, version)
+
+
+def _version(metadata: dict[bytes, bytes]) -> int:
+    return int(metadata.get(b"version", b"0"))
 
 
 def _check_columns(path: Path, expected: pa.Schema, got: pa.Schema) -> None:
     for want in expected:
         have = got.field(want.name) if want.name in got.names else None
+        if have is None and want.name in _ADDED and _version(got.metadata or {}) < VERSION:
+            continue
         if have is not None and (have.name, have.type) in _WIDENED:
             continue
         if have is None or have.type != want.type:

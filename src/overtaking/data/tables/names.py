@@ -25,7 +25,7 @@ NEIGHBOURS = ("leader", "front", "rear")
 EVENTS = (
     *("follow", "attempt", "line_crossed", "overlap_begin", "overlap_end"),
     *("return_begin", "return_end", "abort", "back"),
-    *("collision", "road_departure", "drift", "under_way"),
+    *("collision", "road_departure", "spin", "drift", "under_way"),
 )
 """The attributes of `model.events.Events` that have a row each if they happened."""
 

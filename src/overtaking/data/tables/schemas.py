@@ -273,6 +273,7 @@ _LABELS: dict[str, list[Column]] = {
         column("time", INT, "Time of that frame", "ms"),
         _optional("vehicle", BYTE, "Slot of the vehicle that it is about"),
         _optional("speed_change", FLOAT, "Change of the ego's speed by the first contact", "m/s"),
+        _optional("intended", BOOL, "Whether the ego's driver meant the attempt, if recorded"),
     ],
     "labels": [
         _SIMULATION,

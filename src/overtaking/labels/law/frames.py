@@ -65,10 +65,10 @@ def is_two_way(road: Road) -> bool:
 
 @once
 def driving_end(case: Case) -> I32:
-    """Last frame in which the ego is driven: before a collision, before it is off the road."""
+    """Last frame in which the ego is driven: before a collision, off the road or a spin."""
     events = case.events
     end = events.last.copy()
-    stops = [events.collision]
+    stops = [events.collision, events.spin]
     if not is_two_way(case.trajectories.road):
         stops.append(events.road_departure)
     for stop in stops:

@@ -25,12 +25,15 @@ class Policy:
             undecidable; else it is `SUCCESS_U`.
         censors_open: Whether an overtake that is open at the horizon is `CENSORED`; else it counts
             as not completed.
+        names_departures: Whether an ego that leaves the road or spins without a contact is
+            `UNSUCCESS_DEP`; else it counts as not completed, or as no attempt if it began none.
     """
 
     name: str
     required: tuple[str, ...]
     allows_undecided: bool
     censors_open: bool
+    names_departures: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,13 +59,26 @@ _DEFAULT = (*_PAPER, "L14", "L17", "L20", "L24")
 _STRICT = (*(code for code in _DEFAULT if code not in ("L14", "L15")), "L14s", "L15s")
 
 POLICIES = (
-    Policy(name="paper", required=_PAPER, allows_undecided=True, censors_open=False),
-    Policy(name="default", required=_DEFAULT, allows_undecided=False, censors_open=True),
+    Policy(
+        name="paper",
+        required=_PAPER,
+        allows_undecided=True,
+        censors_open=False,
+        names_departures=False,
+    ),
+    Policy(
+        name="default",
+        required=_DEFAULT,
+        allows_undecided=False,
+        censors_open=True,
+        names_departures=True,
+    ),
     Policy(
         name="strict",
         required=(*_STRICT, "L6", "L7", "L18", "L19", "L21", "L23"),
         allows_undecided=False,
         censors_open=True,
+        names_departures=True,
     ),
 )
 """The policies, in the order of every table."""

@@ -20,6 +20,7 @@ from overtaking.show import palette
 from overtaking.show.plots.style import (
     CLASS_HATCHES,
     is_narrow,
+    legend_columns,
     lightened,
     new_figure,
     remark,
@@ -80,7 +81,8 @@ def draw_histograms(
     """
     rows = -(-len(histograms) // COLUMNS)
     figure = new_figure(0.6 + _PANEL_HEIGHT * rows, is_fixed=True)
-    top = 0.7 if is_narrow() else 0.52  # Room for a legend of two lines.
+    lines = -(-len(classes) // legend_columns(len(classes)))
+    top = 0.36 + 0.16 * lines  # Room for the legend.
     set_margins(figure, left=0.52, right=0.16, top=top, bottom=0.28, wspace=0.24, hspace=0.42)
     panels = np.atleast_1d(figure.subplots(rows, COLUMNS)).ravel()
     for axes, one in zip(panels, histograms, strict=False):
@@ -138,7 +140,7 @@ def add_class_legend(figure: Figure, classes: Sequence[str]) -> None:
     figure.legend(
         handles=patches,
         loc="upper center",
-        ncols=3 if is_narrow() else len(patches),
+        ncols=legend_columns(len(patches)),
         handlelength=1.3,
         columnspacing=1.4,
     )

@@ -17,6 +17,7 @@ from overtaking.analysis.stats.sample import Mask, Sample
 from overtaking.show import palette
 from overtaking.show.plots.style import (
     is_narrow,
+    legend_columns,
     new_figure,
     set_margins,
     styled,
@@ -144,7 +145,7 @@ def _add_marker_legend(
         )
         for one in classes
     ]
-    columns = 1 if anchor else 3 if is_narrow() else len(handles)
+    columns = 1 if anchor else legend_columns(len(handles))
     more: dict[str, Any] = {"loc": place, "bbox_to_anchor": anchor}
     figure.legend(handles=handles, ncols=columns, handletextpad=0.2, **more)
 

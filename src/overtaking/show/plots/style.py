@@ -10,6 +10,7 @@ Source:
 
 import functools
 import io
+import math
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -27,7 +28,12 @@ from overtaking.show.palette import CLASS_COLOURS, GRID, INK, LINE, QUIET
 P = ParamSpec("P")
 R = TypeVar("R")
 
-CLASS_HATCHES = dict(zip(CLASS_COLOURS, ("", "//", "", "xx", "..", "\\\\", "--"), strict=True))
+LEGEND_LINE = 6
+"""Classes that fit on one line of a legend."""
+
+CLASS_HATCHES = dict(
+    zip(CLASS_COLOURS, ("", "//", "", "xx", "..", "\\\\", "--", "++"), strict=True)
+)
 """Hatching of each class, where areas lie on each other."""
 
 PHASE_COLOURS = {
@@ -120,6 +126,13 @@ def narrow() -> Generator[None]:
 def is_narrow() -> bool:
     """Whether figures are drawn for a phone."""
     return _width.get() < WIDTH
+
+
+def legend_columns(entries: int) -> int:
+    """How many entries of a legend above a figure fit on a line; more take further lines."""
+    if is_narrow():
+        return 3
+    return entries if entries <= LEGEND_LINE else math.ceil(entries / 2)
 
 
 def new_figure(height: float, *, is_fixed: bool = False) -> Figure:

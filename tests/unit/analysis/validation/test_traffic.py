@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from tests.support.worlds import Vehicle, scenario, wide_road
 
-from overtaking.analysis.validation import traffic
+from overtaking.analysis.validation import accidents, conflicts, traffic
+from overtaking.analysis.validation import changes as lane_changes
 from overtaking.analysis.validation.figures import figures
 from overtaking.analysis.validation.tally import Tally, quantile
 from overtaking.analysis.validation.traffic import Batch
@@ -25,8 +26,9 @@ def counted(*vehicles: Vehicle, horizon: float = 20.0, changes: dict | None = No
                 **{name: change(getattr(runs.states, name)) for name, change in changes.items()}
             )
         )
-    tally = Tally()
-    traffic.count(tally, Batch.of(runs))
+    tally, batch = Tally(), Batch.of(runs)
+    for part in (traffic, lane_changes, conflicts, accidents):
+        part.count(tally, batch)
     return tally
 
 
@@ -85,7 +87,7 @@ def test_a_lane_change_lasts_as_long_as_it_moves_visibly(duration):
     # The quintic's speed 30 D/T u^2 (1 - u)^2 is above 0.15 m/s between u and 1 - u.
     root = np.sqrt(0.15 * duration / (30.0 * 3.5))
     u = 0.5 - np.sqrt(0.25 - root)
-    found = np.flatnonzero(tally.total("durations")) * traffic.CHANGE_WIDTH
+    found = np.flatnonzero(tally.total("durations")) * lane_changes.CHANGE_WIDTH
     assert found == pytest.approx((1.0 - 2.0 * u) * duration, abs=0.25)
 
 
@@ -95,7 +97,8 @@ def test_a_figure_is_judged_by_both_of_its_limits():
     assert by_name["lane_changes_per_km"].met is False  # Nobody changed lanes.
     assert by_name["short_ttc"].met is True
     assert by_name["impossible_accel"].value == 0.0
-    assert by_name["contacts"].met is None
+    assert by_name["accidents"].met is None  # Too few km for a verdict.
+    assert by_name["accidents"].needs_km == 1e6
     assert by_name["passing_speed"].values()["value"] is None
 
 
@@ -107,7 +110,39 @@ def test_figures_are_plain_numbers_for_machines():
 
 def test_a_figure_shows_its_limits_in_its_own_unit():
     by_name = {figure.name: figure for figure in figures(Tally(), None)}
-    passing, contacts = by_name["passing_speed"], by_name["contacts"]
+    passing, without = by_name["passing_speed"], by_name["accidents_no_contact"]
     assert (passing.unit, passing.target_low) == ("km/h", pytest.approx(15.0))
-    assert (contacts.unit, contacts.target_low, contacts.source) == ("1/Mm", None, "")
+    assert (without.unit, without.target_low, without.source) == ("1/Mkm", None, "")
     assert by_name["short_ttc"].unit == ""
+
+
+def in_lanes(*lanes: int):
+    """Changes of a recording: the lane of each vehicle, all standing where they began."""
+
+    def set_lanes(lane: np.ndarray) -> np.ndarray:
+        changed = lane.copy()
+        changed[0, : len(lanes)] = np.array(lanes, np.uint8)[:, None]
+        return changed
+
+    return {"lane": set_lanes, "s": frozen, "speed": frozen}
+
+
+@pytest.mark.parametrize(
+    ("ahead", "share"),
+    [(-24.0, 0.5), (-16.0, 0.0), (30.0, 0.0), (120.0, 0.0), (130.0, 0.5)],
+)
+def test_the_lane_on_the_right_is_free_from_just_behind_to_five_seconds_ahead(ahead, share):
+    # At 25 m/s five seconds are 125 m; the other car is in the slowest lane, left of no lane.
+    cars = [
+        Vehicle(s=500.0 + place, lane=0, speed=25.0, driver={"desired_speed": 25.0})
+        for place in (0.0, ahead)
+    ]
+    tally = counted(*cars, changes=in_lanes(1, 0))
+    found = tally.total("left_time")[0] / tally.total("car_time")[0]
+    assert found == pytest.approx(share)
+
+
+def test_a_way_by_day_is_not_driven_at_night():
+    tally = counted(*follower(200.0, 25.0, 25.0))
+    assert tally.total("night_metres")[0] == 0.0
+    assert tally.total("metres")[0] == tally.total("changed_metres")[0] > 0.0

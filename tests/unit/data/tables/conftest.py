@@ -65,13 +65,16 @@ def states(source: Source, shape: tuple[int, int, int], road: Road) -> States:
     d = np.where(lane == 255, road.boundaries[0] * 1000 - road.side * 500, 0.0)
     d = np.where(lane != 255, borders_mm[np.minimum(lane, road.num_lanes)] + road.side * 500, d)
     wide, narrow = np.int32, np.int16
+    x, y, s = (source.integers(wide, shape) for _ in range(3))
+    speed, heading = source.integers(wide, shape, low=0), source.integers(narrow, shape)
+    heading[:, 0] //= 8  # An ego that stands across the road has spun and attempts nothing.
     return States(
-        x=source.integers(wide, shape),
-        y=source.integers(wide, shape),
-        s=source.integers(wide, shape),
+        x=x,
+        y=y,
+        s=s,
         d=d.astype(np.int32),
-        speed=source.integers(wide, shape, low=0),
-        heading=source.integers(narrow, shape),
+        speed=speed,
+        heading=heading,
         wheel_angle=source.integers(narrow, shape),
         accel_lon=source.integers(narrow, shape),
         accel_lat=source.integers(narrow, shape),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -11,7 +13,10 @@ from tests.support.worlds import wide_road
 
 from overtaking.labels.events import detail, outcome
 from overtaking.model.events import NEVER, Detail, Outcome
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.trajectory import NO_VEHICLE, Stage
+
+if TYPE_CHECKING:
+    from overtaking.model.road import Road
 
 FRAMES = 500
 ROAD = wide_road(lanes=3)
@@ -290,12 +295,80 @@ def test_nothing_counts_after_a_collision():
 
 def test_leaving_the_road_ends_the_overtake():
     events = found(way((3, 1), (8, 3.5)), dataclasses.replace(AHEAD, lane=1))
-    assert said(events) == (Outcome.NOT_COMPLETED, Detail.LEFT_ROAD)
+    assert said(events) == (Outcome.NOT_COMPLETED, Detail.DEPARTED)
 
 
 def test_leaving_the_road_from_the_fastest_lane_is_no_attempt():
     events = found(way((3, 2), (8, 3.5)), dataclasses.replace(AHEAD, lane=2))
-    assert said(events) == (Outcome.NO_ATTEMPT, Detail.LEFT_ROAD)
+    assert said(events) == (Outcome.NO_ATTEMPT, Detail.DEPARTED)
+
+
+def turned(ego_lane, angle: float, at: int, road: Road = ROAD):
+    """The same tracks, the ego turned to the left by an angle [rad] from a frame on."""
+    one = case(Track(speed=28.0, lane=ego_lane), AHEAD, frames=FRAMES, road=road)
+    states = one.trajectories.states
+    along = float(road.heading)
+    across = math.atan2(math.sin(along + angle), math.cos(along + angle))
+    heading = np.full_like(states.heading, round(1e4 * along))
+    heading[:, 0, at:] = round(1e4 * across)
+    return seen_case(one.trajectories.replace(states=states.replace(heading=heading))).events
+
+
+@pytest.mark.parametrize("angle", [1.0, -1.0])
+@pytest.mark.parametrize("direction", [0.0, 3.1, -3.1])
+def test_standing_across_the_road_is_a_spin_whatever_its_direction(angle, direction):
+    road = dataclasses.replace(ROAD, heading=direction)
+    events = turned(OUT_AND_BACK, angle, at=150, road=road)
+    assert events.spin[0] == 150
+    assert said(events) == (Outcome.NOT_COMPLETED, Detail.SPUN)
+    assert events.return_end[0] == NEVER
+
+
+def test_what_a_driver_brings_back_is_no_spin():
+    assert turned(OUT_AND_BACK, 0.79, at=150).spin[0] == NEVER
+    assert turned(OUT_AND_BACK, 0.81, at=150).spin[0] == 150
+
+
+def test_a_spin_without_an_attempt_is_none():
+    assert said(turned(0.0, 1.0, at=60)) == (Outcome.NO_ATTEMPT, Detail.SPUN)
+
+
+def test_a_spin_after_the_return_still_decides():
+    events = turned(OUT_AND_BACK, 1.0, at=400)
+    assert events.return_end[0] != NEVER
+    assert said(events) == (Outcome.NOT_COMPLETED, Detail.SPUN)
+
+
+def test_who_leaves_the_road_and_spins_afterwards_has_departed():
+    events = found(way((3, 1), (8, 3.5)), dataclasses.replace(AHEAD, lane=1))
+    off = int(events.road_departure[0])
+    for spin, way_out in ((off - 1, Detail.SPUN), (off + 1, Detail.DEPARTED)):
+        both = events.replace(spin=np.array([spin], np.int32))
+        assert Detail(int(detail(both, 50)[0])) is way_out
+
+
+def test_with_a_contact_a_departure_is_a_collision():
+    events = found(way((3, 1), (8, 3.5)), dataclasses.replace(AHEAD, lane=1))
+    both = events.replace(collision=events.road_departure + np.int32(2))
+    assert said(both)[0] is Outcome.COLLISION
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "means"),
+    [(60, 100, True), (90, 100, False), (10, 40, False), (70, 71, True)],
+)
+def test_an_attempt_is_intended_if_the_driver_overtakes_before_the_line(begin, end, means):
+    one = case(Track(speed=28.0, lane=OUT_AND_BACK), AHEAD, frames=FRAMES, road=ROAD)
+    assert one.events.attempt[0] < 70 < one.events.line_crossed[0] < 90
+    stage = one.trajectories.stage.copy()
+    stage[:, begin:end] = Stage.PULL_OUT
+    assert seen_case(one.trajectories.replace(stage=stage)).events.intended[0] == means
+
+
+def test_what_is_no_attempt_is_not_intended():
+    one = case(Track(speed=20.0), AHEAD, frames=FRAMES, road=ROAD)
+    meant = one.trajectories.replace(stage=np.full_like(one.trajectories.stage, Stage.PULL_OUT))
+    assert not seen_case(meant).events.intended[0]
 
 
 def test_following_begins_when_the_time_gap_falls_below_three_seconds():

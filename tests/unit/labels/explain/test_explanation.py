@@ -164,7 +164,13 @@ def test_of_an_abort_and_without_percepts_the_law_says_nothing():
 def test_another_pack_and_policy_are_explained_too(labelled):
     rules = tuple(one for one in PORTUGAL.rules if one.code in ("L3", "L12"))
     pack = Pack(name="short", version="short-1", rules=rules)
-    only = Policy(name="slow", required=("L12",), allows_undecided=True, censors_open=False)
+    only = Policy(
+        name="slow",
+        required=("L12",),
+        allows_undecided=True,
+        censors_open=False,
+        names_departures=False,
+    )
     one = label(labelled.trajectories, pack=pack, policies=(only,))
     told = [explain(one, n, pack=pack, policies=(only,)) for n in range(NUM_SIMULATIONS)]
     asked = {each.rule.code: each.policies for of_one in told for each in of_one.breaches}

@@ -84,9 +84,10 @@ def test_an_undecidable_rule_breaks_nothing():
     assert said.num_undecidable[0] == 1
 
 
-def test_only_the_paper_lets_doubts_and_open_ends_pass():
+def test_only_the_paper_lets_doubts_and_open_ends_and_departures_pass():
     assert [each.allows_undecided for each in POLICIES] == [True, False, False]
     assert [each.censors_open for each in POLICIES] == [False, True, True]
+    assert [each.names_departures for each in POLICIES] == [False, True, True]
 
 
 def test_a_pack_without_a_required_rule_is_refused():

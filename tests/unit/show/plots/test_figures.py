@@ -245,3 +245,33 @@ def test_every_class_has_a_look_of_its_own():
     assert list(palette.CLASS_COLOURS) == list(ALL_CLASSES)
     for looks in (palette.CLASS_COLOURS, palette.CLASS_MARKERS):
         assert len(set(looks.values())) == len(ALL_CLASSES)
+
+
+@pytest.fixture(scope="module")
+def of_every_class() -> Statistics:
+    """Statistics of simulations of all classes, also those that the paper does not have."""
+    frame = synthetic_features()
+    frame["CLASS"] = np.resize(ALL_CLASSES, len(frame))
+    return statistics(frame)
+
+
+def test_a_legend_of_all_classes_fits_into_the_figure(of_every_class: Statistics):
+    sample = of_every_class.sample
+    counted = [distributions.histogram(sample, one.name) for one in FEATURES]
+    points = distributions.pair_points(sample)
+    for figure in (
+        single.draw_histograms(counted, sample.classes),
+        pairs.draw_details(sample, points),
+    ):
+        (legend,) = figure.legends
+        figure.canvas.draw()
+        inside, whole = legend.get_window_extent(), figure.bbox
+        assert len(legend.get_texts()) == len(ALL_CLASSES)
+        assert inside.x0 >= whole.x0
+        assert inside.x1 <= whole.x1
+        assert inside.y1 <= whole.y1
+
+
+def test_no_two_classes_share_a_colour_a_marker_or_a_hatching_on_a_colour():
+    for looks in (palette.CLASS_COLOURS, palette.CLASS_MARKERS):
+        assert len(set(looks.values())) == len(looks) == len(ALL_CLASSES)
