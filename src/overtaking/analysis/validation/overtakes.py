@@ -81,8 +81,15 @@ def _passing(tally: Tally, batch: Batch, events: Events) -> None:
 
 
 def _approach(tally: Tally, batch: Batch, events: Events) -> None:
-    """Add overtakes, and those that were flying."""
+    """Add overtakes whose approach is seen from its begin, and those of them that were flying.
+
+    An overtake that follows from the start has waited for an unknown time, and long waits are met
+    more often than short ones; an approach that begins late has no time to wait.
+    """
     at, is_flying = flying(batch.runs, events)
+    begin = events.follow[at] * batch.interval_s
+    seen = (begin > 0.0) & (begin <= limit("approach_begins"))
+    at, is_flying = at[seen], is_flying[seen]
     tally.add("overtakes", batch.group[at], batch.weight[at])
     tally.add("flying", batch.group[at], batch.weight[at] * is_flying)
 
