@@ -4,11 +4,11 @@
     python benchmarks/accidents.py --km 1e5 --json > accidents.json
     python benchmarks/accidents.py --kept kept.json         # can be stopped, and goes on from there
 
-Printed are the rate per million vehicle-km with its exact Poisson interval, how hard the accidents
-were, and each one: the number of its simulation, its mechanism, the change of speed, and what the
-first two vehicles believed of each other at the decisive moment. For that the simulations with
-accidents run once more with the readable twin of the engine, whose beliefs are open; it records the
-same bits.
+Printed are the rate per million vehicle-km with its exact Poisson interval, of accidents and of
+simulations with any, since one accident may lead to others; how hard they were; and each one: the
+number of its simulation, its mechanism, the change of speed, and what the first two vehicles
+believed of each other at the decisive moment. For that the simulations with accidents run once more
+with the readable twin of the engine, whose beliefs are open; it records the same bits.
 
 The decisive moment of a lane change is its begin; of a rear-end collision the first instant after
 which only hard braking would have avoided it.
@@ -211,6 +211,7 @@ def belief(seen: list[Seen], of: int, other: int, row: int, decision: int) -> di
             place = role, of, row
             found = {
                 "where": ROLES[role],
+                "looked_s_before": round(0.05 * (decision - number), 2),
                 "noticed": bool(one.detected[place]),
                 "believed_gap_m": float(one.gap[place]) if one.detected[place] else None,
                 "believed_closing_mps": float(one.closing[place]) if one.detected[place] else None,
@@ -340,6 +341,8 @@ def summary(tally: Tally, rows: list[dict[str, Any]]) -> dict[str, Any]:
         "simulations": tally.done,
         "km": 1e-3 * tally.metres,
         "all": rated(len(tally.found)),
+        # Accidents of one simulation may follow from each other; simulations are independent.
+        "simulations_with_any": rated(len({one["simulation"] for one in tally.found})),
         "by_severity": {name: rated(sum(one["severity"] == name for one in rows)) for name in hard},
         "by_mechanism": dict(collections.Counter(one["mechanism"] for one in rows)),
         "accidents": rows,
@@ -353,7 +356,8 @@ def shown(found: dict[str, Any]) -> Iterable[str]:
         f"{found['profile']}, seed {found['seed']}: {found['simulations']:,} simulations, "
         f"{found['km']:,.0f} vehicle-km, {every['count']} accidents"
     )
-    for name, one in {"all": every, **found["by_severity"]}.items():
+    counted = {"all": every, "simulations": found["simulations_with_any"], **found["by_severity"]}
+    for name, one in counted.items():
         yield (
             f"  {name:<12} {one['count']:>4}   {one['rate']:.2f} per million km "
             f"(95 % exact Poisson {one['low']:.2f} .. {one['high']:.2f})"
@@ -379,6 +383,8 @@ def in_words(believed: dict[str, Any] | None) -> str:
     if believed is None:
         return "no neighbour"
     truth = f"{believed['where']}, {believed['true_gap_m']:.1f} m away"
+    if believed["looked_s_before"]:
+        truth += f" at a look {believed['looked_s_before']} s before that"
     if not believed["noticed"]:
         return f"{truth}: not noticed"
     return (

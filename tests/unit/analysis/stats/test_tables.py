@@ -148,3 +148,14 @@ def test_the_papers_features_are_all_there():
     dynamic = " ".join(one.name for one in FEATURES if not one.is_static)
     assert static == "DN HL TE TP WT OT NV"
     assert dynamic == "SE SP DSEP D OLR PREC WIND FOG"
+
+
+def test_collisions_before_any_attempt_are_counted_beside_the_class(frame: pd.DataFrame):
+    changed = frame.copy()
+    collided = changed.index[changed["CLASS"] == "Unsuccess_col"]
+    changed.loc[collided, "OT"] = 2.0
+    assert not any("before any attempt" in note for note in statistics(changed).notes)
+    changed.loc[collided[:7], "OT"] = 0.0
+    (said,) = (note for note in statistics(changed).notes if "before any attempt" in note)
+    assert said.startswith(f"7 of the {len(collided)} simulations of class Unsuccess_col")
+    assert said.endswith("these are No_attempt.")
