@@ -59,7 +59,7 @@ CROWDED = {
 
 @pytest.mark.parametrize("vehicles", [[9, 16], pytest.param([17, 32], marks=pytest.mark.ci)])
 def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
-    crowded = spec("pinto2023", CROWDED | {"traffic.vehicles": vehicles})
+    crowded = spec("pinto2023-physical", CROWDED | {"traffic.vehicles": vehicles})
     scenario = sample(crowded, load_road("motorway"), 4, np.arange(18, dtype=np.uint64))
     assert scenario.num_slots == vehicles[1]
     given = parameters(scenario)
@@ -142,7 +142,7 @@ def test_memory_that_is_used_again_leaves_no_trace():
 
 
 def test_behind_the_end_of_a_simulation_there_is_nothing_whatever_was_in_the_memory():
-    given, buffers = spec("pinto2023"), Buffers()
+    given, buffers = spec("pinto2023-physical"), Buffers()
     road, lengths = load_road(given.road), []
     for first in range(0, 192, 48):
         index = np.arange(first, first + 48, dtype=np.uint64)

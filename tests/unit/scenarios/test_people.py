@@ -246,14 +246,14 @@ def test_the_egos_of_the_study_want_to_be_faster_than_their_leader(pinto):
 
 
 def test_some_egos_of_the_mixed_population_are_content_to_follow(town06):
-    chosen = spec("pinto2023", {"drivers.population": "mixed"})
+    chosen = spec("pinto2023-physical", {"drivers.population": "mixed"})
     drawn = sample(chosen, town06, seed=3, index=np.arange(5_000)).drivers.desired_speed
     wanting = drawn[:, 0] > drawn[:, 1]
     assert 0.85 < wanting.mean() < 0.95
 
 
 def test_the_traffic_wants_about_the_speed_that_it_came_with(town06):
-    chosen = spec("pinto2023", {"starts.allow_doomed": True})
+    chosen = spec("pinto2023-physical", {"starts.allow_doomed": True})
     drawn = sample(chosen, town06, seed=3, index=np.arange(5_000))
     others = drawn.vehicles.valid.copy()
     others[:, 0] = False
