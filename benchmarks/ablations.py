@@ -5,9 +5,9 @@
 
 Both arms simulate the same scenarios with the same random numbers; the statistic of each simulation
 with the effect removed is compared with its own value in the full model, so the standard error is
-that of the paired difference. Where `pinto2023-physical` as it is has too little of what an effect needs
-(wind, lorries, fog), the table says which overrides were used. Exits with 1 if an effect does not
-move its statistic in the stated direction by more than three standard errors.
+that of the paired difference. Where `pinto2023-physical` as it is has too little of what an effect
+needs (wind, lorries, fog), the table says which overrides were used. Exits with 1 if an effect does
+not move its statistic in the stated direction by more than three standard errors.
 """
 
 import argparse

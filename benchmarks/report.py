@@ -69,7 +69,9 @@ def main() -> int:
         api.generate("pinto2023-physical", STUDY, 1, folder / "study")
         asked = [folder / "study", *([given.data] if given.data else [])]
         if given.simulations:
-            api.generate("pinto2023-physical", given.simulations, 1, folder / "large", keep="features")
+            api.generate(
+                "pinto2023-physical", given.simulations, 1, folder / "large", keep="features"
+            )
             asked.append(folder / "large")
         measures = [reporting(data, folder / "report") for data in asked]
     finally:

@@ -89,7 +89,9 @@ class Scene:
         """The simulations of these numbers."""
         road = load_road(self.road)
         road = road.mirrored() if self.mirrored else road
-        return engine.simulate(sample(spec("pinto2023-physical", self.overrides), road, self.seed, index))
+        return engine.simulate(
+            sample(spec("pinto2023-physical", self.overrides), road, self.seed, index)
+        )
 
     def find(self) -> int:
         """Number of the first simulation in which it happens.

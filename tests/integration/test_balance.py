@@ -54,7 +54,9 @@ api.generate("pinto2023-physical", {NUM_SIMULATIONS}, {SEED}, sys.argv[1], balan
 
 def generate(out: Path, balance: Balance = BALANCE, **changes) -> api.Dataset:
     settings = {**SETTINGS, **changes}
-    return api.generate("pinto2023-physical", NUM_SIMULATIONS, SEED, out, balance=balance, **settings)
+    return api.generate(
+        "pinto2023-physical", NUM_SIMULATIONS, SEED, out, balance=balance, **settings
+    )
 
 
 def record_of(data: api.Dataset) -> BalanceRecord:

@@ -203,7 +203,18 @@ def test_a_server_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch):
 
 def test_the_command_writes_a_data_set_with_labels(tmp_path: Path, capsys: pytest.CaptureFixture):
     out = tmp_path / "data"
-    words = ["carla", "run", "pinto2023-physical", "-n", "1", "--seed", "2", "--out", str(out), "--json"]
+    words = [
+        "carla",
+        "run",
+        "pinto2023-physical",
+        "-n",
+        "1",
+        "--seed",
+        "2",
+        "--out",
+        str(out),
+        "--json",
+    ]
     short = ["--set", "time.horizon_s=4", "--set", "time.attempt_deadline_s=4"]
     assert main([*words, *short]) == 0
     assert json.loads(capsys.readouterr().out)["simulations"] == 1

@@ -160,7 +160,11 @@ def test_info_tells_what_the_folder_holds(folder, data):
     text = done("info", folder).stdout
     assert data.content_hash in text.replace("\n", "").replace(" ", "")
     values = json.loads(done("info", folder, "--json").stdout)
-    assert (values["profile"], values["seed"], values["keep"]) == ("pinto2023-physical", 3, "frames")
+    assert (values["profile"], values["seed"], values["keep"]) == (
+        "pinto2023-physical",
+        3,
+        "frames",
+    )
     rows = values["tables"]["states"]["rows"]
     assert rows == sum(len(data.states(n)) for n in range(NUM_SIMULATIONS))
 

@@ -37,7 +37,9 @@ indices = st.lists(st.integers(0, 2**40), min_size=12, max_size=12, unique=True)
 
 
 def drawn(seed: int, index: list[int]) -> Scenario:
-    return scenarios.sample(scenarios.spec("pinto2023-physical"), ROAD, seed, np.array(index, np.uint64))
+    return scenarios.sample(
+        scenarios.spec("pinto2023-physical"), ROAD, seed, np.array(index, np.uint64)
+    )
 
 
 def simulated(seed: int, index: list[int]) -> Trajectories:

@@ -176,7 +176,7 @@ def world_of(scenario: Scenario, c: Constants, effects: Effects) -> World:
 
 
 def acting(scenario: Scenario) -> Scenario:
-    """The scenario with the weather that acts by physics: where pushes act, a dry, still, clear day."""
+    """The scenario with the weather that acts by physics: a dry, still, clear day for pushes."""
     if scenario.pushes is None:
         return scenario
     weather, zero = scenario.weather, np.zeros_like(scenario.weather.rain)

@@ -173,7 +173,9 @@ def test_tables_come_as_pandas_in_si(data):
 
 def test_anyone_can_group_tables_of_many_shards_by_any_of_their_names(tmp_path: Path):
     # Arrow refuses to where the parts of a column list other names.
-    data = api.generate("pinto2023-physical", 40, 5, tmp_path / "data", shard_size=4, keep="features")
+    data = api.generate(
+        "pinto2023-physical", 40, 5, tmp_path / "data", shard_size=4, keep="features"
+    )
     grouped = 0
     for name in data.kept_tables:
         table = pq.read_table(data.path / name)

@@ -146,10 +146,22 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
     [
         (lambda _: ot.simulate(5), "simulate: scenario: expected a Scenario, got 5"),
         (lambda s: ot.label(s), "label: runs: expected a Trajectories, got a Scenario"),
-        (lambda _: ot.sample("pinto2023-physical", -1, 1), "sample: simulations: expected 0 to 100000000"),
-        (lambda _: ot.sample("pinto2023-physical", "a", 1), "sample: simulations: expected a whole number"),
-        (lambda _: ot.sample("pinto2023-physical", 1, 2**64), "sample: seed: expected 0 to 184467440737095"),
-        (lambda _: ot.sample("pinto2023-physical", True, 1), "sample: simulations: expected a whole number"),
+        (
+            lambda _: ot.sample("pinto2023-physical", -1, 1),
+            "sample: simulations: expected 0 to 100000000",
+        ),
+        (
+            lambda _: ot.sample("pinto2023-physical", "a", 1),
+            "sample: simulations: expected a whole number",
+        ),
+        (
+            lambda _: ot.sample("pinto2023-physical", 1, 2**64),
+            "sample: seed: expected 0 to 184467440737095",
+        ),
+        (
+            lambda _: ot.sample("pinto2023-physical", True, 1),
+            "sample: simulations: expected a whole number",
+        ),
         (lambda s: ot.branch(s, 10**6), "branch: frame: expected 0 to 40, "),
         (lambda s: ot.branch(s, 3, decision=7), "branch: decision: expected a Decision or None"),
         (

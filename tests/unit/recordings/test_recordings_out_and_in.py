@@ -27,7 +27,9 @@ COUNT = 4
 @pytest.fixture(scope="module")
 def runs():
     """At highD's rate, so that nothing is interpolated."""
-    scenario = ot.sample("pinto2023-physical", COUNT, seed=5, overrides={"profile.frame_interval_ms": 40})
+    scenario = ot.sample(
+        "pinto2023-physical", COUNT, seed=5, overrides={"profile.frame_interval_ms": 40}
+    )
     return ot.simulate(scenario)
 
 

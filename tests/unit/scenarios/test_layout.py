@@ -207,7 +207,10 @@ def test_starts_as_drawn_are_often_doomed_so_the_check_can_fail(town06):
 
 def test_repairs_spare_who_is_alone_in_a_lane(town06):
     drawn = sample(
-        spec("pinto2023-physical", {"starts.allow_doomed": True}), town06, seed=4, index=np.arange(5_000)
+        spec("pinto2023-physical", {"starts.allow_doomed": True}),
+        town06,
+        seed=4,
+        index=np.arange(5_000),
     )
     settled = sample(spec("pinto2023-physical"), town06, seed=4, index=np.arange(5_000))
     alone = drawn.vehicles.valid.copy()
@@ -220,7 +223,10 @@ def test_repairs_spare_who_is_alone_in_a_lane(town06):
 
 def test_repairs_only_slow_down(town06):
     drawn = sample(
-        spec("pinto2023-physical", {"starts.allow_doomed": True}), town06, seed=4, index=np.arange(5_000)
+        spec("pinto2023-physical", {"starts.allow_doomed": True}),
+        town06,
+        seed=4,
+        index=np.arange(5_000),
     )
     settled = sample(spec("pinto2023-physical"), town06, seed=4, index=np.arange(5_000))
     assert np.all(settled.start_speed <= drawn.start_speed)
@@ -270,7 +276,9 @@ def test_a_full_lane_sends_the_next_one_elsewhere(town06):
 def test_what_cannot_be_placed_is_infeasible(town06):
     crowd = {"traffic.vehicles": "8..8", "traffic.types": "T", "traffic.spawn_s_m": "100..120"}
     with pytest.raises(InfeasibleError, match=r"traffic\.vehicles: .* ask for fewer vehicles"):
-        sample(spec("pinto2023-physical", crowd | {"starts.min_gap_m": 15}), town06, seed=1, index=[0])
+        sample(
+            spec("pinto2023-physical", crowd | {"starts.min_gap_m": 15}), town06, seed=1, index=[0]
+        )
     nowhere = {"traffic.spawn_s_m": "100..100", "traffic.vehicles": "2..2"}
     with pytest.raises(InfeasibleError, match="ask for fewer"):
         sample(spec("pinto2023-physical", nowhere), town06, seed=1, index=[0])
@@ -281,14 +289,20 @@ def test_a_truck_cannot_come_faster_than_its_governor(town06):
     with pytest.raises(InfeasibleError, match="type T reaches, 90 km/h"):
         sample(spec("pinto2023-physical", fast), town06, seed=1, index=[0])
     without = fast | {"traffic.types.T": "0", "traffic.ego_types.T": "0"}
-    assert sample(spec("pinto2023-physical", without), town06, seed=1, index=[0]).num_simulations == 1
+    assert (
+        sample(spec("pinto2023-physical", without), town06, seed=1, index=[0]).num_simulations == 1
+    )
 
 
 def test_a_zone_off_the_road_is_refused(town06):
     with pytest.raises(ConfigError, match=r"spawn_s_m: .* --set traffic\.spawn_s_m=5\.\.105"):
-        sample(spec("pinto2023-physical", {"traffic.spawn_s_m": "0..100"}), town06, seed=1, index=[0])
+        sample(
+            spec("pinto2023-physical", {"traffic.spawn_s_m": "0..100"}), town06, seed=1, index=[0]
+        )
     with pytest.raises(ConfigError, match="spawn_x_m"):
-        sample(spec("pinto2023-physical", {"traffic.spawn_x_m": "500..700"}), town06, seed=1, index=[0])
+        sample(
+            spec("pinto2023-physical", {"traffic.spawn_x_m": "500..700"}), town06, seed=1, index=[0]
+        )
 
 
 def test_a_zone_for_another_road_is_refused_with_one_that_fits(town06):
@@ -297,7 +311,10 @@ def test_a_zone_for_another_road_is_refused_with_one_that_fits(town06):
         sample(spec("pinto2023-physical"), other, seed=1, index=[0])
     key, zone = str(caught.value).rsplit("add --set ", 1)[1].split("=")
     assert zone == "5..135"
-    assert sample(spec("pinto2023-physical", {key: zone}), other, seed=1, index=[0]).num_simulations == 1
+    assert (
+        sample(spec("pinto2023-physical", {key: zone}), other, seed=1, index=[0]).num_simulations
+        == 1
+    )
 
 
 def test_the_lanes_of_a_road_are_looked_at_before_its_length(town06):
@@ -308,7 +325,9 @@ def test_the_lanes_of_a_road_are_looked_at_before_its_length(town06):
 
 def test_the_fastest_lane_is_refused_to_the_ego(town06):
     with pytest.raises(ConfigError, match="0 to 3, got \\[2, 4\\]; leave out the fastest lane"):
-        sample(spec("pinto2023-physical", {"traffic.ego_lanes": "[2, 4]"}), town06, seed=1, index=[0])
+        sample(
+            spec("pinto2023-physical", {"traffic.ego_lanes": "[2, 4]"}), town06, seed=1, index=[0]
+        )
     chosen = spec("pinto2023-physical", {"traffic.ego_lanes": "[1, 3]"})
     assert set(sample(chosen, town06, seed=1, index=np.arange(200)).start_lane[:, 0]) == {1, 3}
 

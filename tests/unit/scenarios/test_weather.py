@@ -18,7 +18,9 @@ def spearman(one, other):
 
 def independent(road, **keys):
     overrides = {"weather.mode": "independent"} | {f"weather.{k}": v for k, v in keys.items()}
-    return sample(spec("pinto2023-physical", overrides), road, seed=5, index=np.arange(20_000)).weather
+    return sample(
+        spec("pinto2023-physical", overrides), road, seed=5, index=np.arange(20_000)
+    ).weather
 
 
 def test_the_eight_weathers_of_the_study_are_equally_likely(pinto):

@@ -69,9 +69,7 @@ class View:
     ordered: Mask
 
 
-def look(
-    state: State, given: Parameters, p: Fields, near: Neighbours, believed: Beliefs
-) -> View:
+def look(state: State, given: Parameters, p: Fields, near: Neighbours, believed: Beliefs) -> View:
     """The ego's beliefs and how much it demands after its wait."""
     own = p.of(Role.EGO)
     impatience = maximum(
@@ -292,7 +290,9 @@ def _starts(
     free = _in_stage(state, Stage.FOLLOW) & arrived & rested & has_lane
     seen = wants_to_pass(given, view) & may_pull_out(given, view)
     seen = np.where(view.told, view.ordered, seen)
-    wanted = np.where(looks | view.told, seen, state.wanted[Role.EGO] > 0) & (q.command != Decision.STAY)
+    wanted = np.where(looks | view.told, seen, state.wanted[Role.EGO] > 0) & (
+        q.command != Decision.STAY
+    )
     return free & (wanted | ((q.command == Decision.PULL_OUT) & (state.attempted == 0)))
 
 

@@ -144,6 +144,4 @@ def push(state: State, p: Fields, q: SimulationParameters, decision: int) -> Non
     """
     cell = np.float32(decision) * q.push_rate + q.push_phase
     pushed = (q.push_accel != 0) & (cell - film.floor(cell) < q.push_share)
-    state.wind_force = np.where(
-        pushed, state.wind_force + q.push_accel * p.mass, state.wind_force
-    )
+    state.wind_force = np.where(pushed, state.wind_force + q.push_accel * p.mass, state.wind_force)
