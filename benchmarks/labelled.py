@@ -4,9 +4,9 @@
     python benchmarks/labelled.py --simulations 50000 --agree 2000
 
 Generates `pinto2023-physical` without frames, draws some of its simulations at random, and compares
-what the files say of them with what the readable reference says, which simulates and labels in NumPy alone;
-then labels simulations from memory and from stored frames and compares every value. The share of
-each stage is measured on pieces of their own, in processor time of all threads.
+what the files say of them with what the readable reference says, which simulates and labels in
+NumPy alone; then labels simulations from memory and from stored frames and compares every value.
+The share of each stage is measured on pieces of their own, in processor time of all threads.
 """
 
 import os

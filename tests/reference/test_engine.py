@@ -70,6 +70,16 @@ def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
         assert not found, f"{level}: {found}"
 
 
+def test_pushes_and_egos_that_are_told_have_the_same_bits_in_both():
+    scenario = sample(spec("pinto2023"), load_road("town06"), 8, np.arange(48, dtype=np.uint64))
+    given = parameters(scenario)
+    expected = reference.run(scenario, given)
+    assert (given.of_simulations.push_accel != 0).all()
+    for level in LEVELS:
+        found = difference(engine.run(scenario, given, level=level), expected)
+        assert not found, f"{level}: {found}"
+
+
 @pytest.mark.ci
 @pytest.mark.parametrize("profile", ["motorway", "motorway-risk"])
 def test_traffic_as_it_is_met_has_the_same_bits_in_both(profile):
