@@ -167,7 +167,10 @@ pub fn decide<S: Simd, const N: usize>(
         leader_speed: state.vx[EGO] - believed.closing[LEAD],
         demand,
         imposes: min(
-            at_most(own.safe_decel / at_least(demand, LEAST_DEMAND), w.c.most_imposed),
+            at_most(
+                own.safe_decel / at_least(demand, LEAST_DEMAND),
+                w.c.most_imposed,
+            ),
             own.hardest_decel,
         ),
         impatience,

@@ -112,18 +112,20 @@ def test_egos_that_are_told_look_at_nobody_beside_them():
     valid = full.vehicles.valid & (np.arange(full.num_slots) < 2)
     alone = full.replace(vehicles=full.vehicles.replace(valid=valid))
     first = [_pulls_out(ot.simulate(one)) for one in (full, alone)]
-    assert (first[0] == first[1]).mean() > 0.95  # Some are hit first.
-    assert (first[0] > 0).sum() > 100
+    assert (first[0] == first[1]).mean() > 0.97  # Some are hit first.
+    assert (first[0] >= 0).sum() > 100
 
 
 def test_egos_that_are_told_give_nothing_up():
     runs = ot.simulate(ot.sample("pinto2023", 1024, SEED))
-    assert not (runs.stage == Stage.ABORT).any()
-    assert (runs.stage == Stage.DONE).any()
+    assert not ((runs.stage == Stage.ABORT) & runs.frame_valid).any()
+    assert ((runs.stage == Stage.DONE) & runs.frame_valid).any()
 
 
 def _pulls_out(runs: ot.Trajectories) -> Any:
-    return (runs.stage == Stage.PULL_OUT).argmax(axis=1)
+    """The first frame of the lane change, -1 without one."""
+    is_out = (runs.stage == Stage.PULL_OUT) & runs.frame_valid
+    return np.where(is_out.any(axis=1), is_out.argmax(axis=1), -1)
 
 
 def test_any_profile_may_have_pushes():

@@ -145,6 +145,7 @@ def test_the_score_counts_every_number_once(found: Reproduction):
 def test_pushes_are_those_of_the_profile_times_their_factor(found: Reproduction):
     assert [one.value for one in found.pushes] == [0.0, 0.5, 1.0, 2.0]
     base = spec("pinto2023")
+    assert base.weather.pushes is not None
     for factor in (0.0, 2.0):
         one = pushed(base, factor)
         assert one is not None
