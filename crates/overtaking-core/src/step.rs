@@ -66,6 +66,8 @@ pub fn decide<S: Simd, const N: usize>(
         }
     });
     let mut looks = [never(w.simd); N];
+    // Who is told to change lanes may do so at any time; what it passes by is recorded.
+    let told = w.p[EGO].gap_acceptance.simd_le(0.0).any_true();
     for i in 0..w.count {
         if step == 0 {
             let drawn = w.p[i].valid.simd_gt(0.0);
@@ -73,9 +75,7 @@ pub fn decide<S: Simd, const N: usize>(
         }
         looks[i] = perception::looks_around(state, w, i, decision);
         let changing = state.path_time[i].simd_lt(state.path_duration[i]);
-        // Who is told to change lanes may do so at any time; what it passes by is recorded.
-        let told = w.p[EGO].gap_acceptance.simd_le(0.0);
-        let lanes = if (looks[i] | changing).any_true() || (i == EGO && told.any_true()) {
+        let lanes = if (looks[i] | changing).any_true() || (i == EGO && told) {
             3
         } else {
             1

@@ -170,7 +170,7 @@ def test_a_paper_in_the_middle_is_nearer_than_all_and_one_far_away_is_farther_th
     stated = {
         one.of: one.stated.number
         for one in statements().values()
-        if one.scope == "Unsuccess_col" and one.of in ("D", "SE", "SP")
+        if one.scope == "Unsuccess_col" and one.measure == "mean"
     }
     classes = {"paper": np.full(shape, OvertakeClass.UNSUCCESS_COL)}
     near = {name: value + rng.normal(size=shape) for name, value in stated.items()}
