@@ -5,6 +5,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 DEMO   ?= data/pinto
+SEED   ?= 1
 # Tests that ask for more processes than the machine has cores only get slower. With worksteal a process
 # runs neighbouring tests, so that most fixtures of a module are made once.
 PYTEST_FLAGS ?= -n 2 --dist worksteal
@@ -40,13 +41,19 @@ help:  ## List what can be made
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1|\2/p' $(firstword $(MAKEFILE_LIST)) \
 	  | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
 
-demo: build  ## Generate the paper's 276 simulations, with report and sample videos, and show one
-	$(BIN)/overtaking generate --profile pinto2023 -n 276 --seed 1 --out $(DEMO) $(if $(wildcard $(DEMO)),--resume)
+demo: build  ## Generate the paper's 276 simulations twice, as it tells them and with physical weather, and report both
+	$(BIN)/overtaking generate --profile pinto2023 -n 276 --seed $(SEED) --out $(DEMO)-study \
+	  $(if $(wildcard $(DEMO)-study),--resume)
+	$(BIN)/overtaking generate --profile pinto2023-physical -n 276 --seed $(SEED) --out $(DEMO) \
+	  $(if $(wildcard $(DEMO)),--resume)
+	$(BIN)/overtaking stats $(DEMO)-study
 	$(BIN)/overtaking stats $(DEMO)
+	$(BIN)/overtaking reproduce pinto2023 --replicates 10 --seed $(SEED) --out $(DEMO)-study/reproduction
 	$(BIN)/overtaking report $(DEMO)
 	$(BIN)/overtaking video $(DEMO)
 	$(BIN)/overtaking show $(DEMO) 3
-	@echo "The data set is in $(abspath $(DEMO)): tables, report/index.html and videos/."
+	@echo "The study's experiment is in $(abspath $(DEMO))-study, the same scenes with physical weather in $(abspath $(DEMO)):"
+	@echo "tables, report/index.html, videos/; reproduction/index.html has the study, its experiment and ours side by side."
 
 test: check test-rust test-python  ## Checks, then the tests of both languages but those of test-ci
 

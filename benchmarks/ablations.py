@@ -5,9 +5,9 @@
 
 Both arms simulate the same scenarios with the same random numbers; the statistic of each simulation
 with the effect removed is compared with its own value in the full model, so the standard error is
-that of the paired difference. Where `pinto2023` as it is has too little of what an effect needs
-(wind, lorries, fog), the table says which overrides were used. Exits with 1 if an effect does not
-move its statistic in the stated direction by more than three standard errors.
+that of the paired difference. Where `pinto2023-physical` as it is has too little of what an effect
+needs (wind, lorries, fog), the table says which overrides were used. Exits with 1 if an effect does
+not move its statistic in the stated direction by more than three standard errors.
 """
 
 import argparse
@@ -43,7 +43,7 @@ class Ablation:
         statistic: What is compared, for people.
         measure: The statistic of each simulation; NaN where it has none.
         rises: Whether removing the effect raises it.
-        overrides: Changes to `pinto2023`.
+        overrides: Changes to `pinto2023-physical`.
     """
 
     effect: str
@@ -201,7 +201,7 @@ ABLATIONS = (
 
 def arms(ablation: Ablation, simulations: int, seed: int) -> tuple[Values, Values]:
     """The statistic of every simulation, in the full model and without the effect."""
-    given = spec("pinto2023", overrides=dict(ablation.overrides))
+    given = spec("pinto2023-physical", overrides=dict(ablation.overrides))
     road, buffers = load_road("town06"), Buffers()
     full, without = list[Values](), list[Values]()
     for begin in range(0, simulations, PIECE):

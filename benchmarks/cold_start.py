@@ -33,7 +33,7 @@ def generation(folder: Path) -> float:
     """Median time of `overtaking generate -n 276`, all tables, from a cold start [s]."""
     shared = ["-m", "overtaking.cli", "generate", "-n", "276", "--seed", "1", "--quiet"]
     return statistics.median(
-        seconds(*shared, "--profile", "pinto2023", "--out", str(folder / f"set{k}"))
+        seconds(*shared, "--profile", "pinto2023-physical", "--out", str(folder / f"set{k}"))
         for k in range(ROUNDS)
     )
 
@@ -75,7 +75,7 @@ def rate(folder: Path) -> Measure:
 
     count = 32_768
     begin = time.perf_counter()
-    data = api.generate("pinto2023", count, 2, folder / "rate", keep="features")
+    data = api.generate("pinto2023-physical", count, 2, folder / "rate", keep="features")
     taken = time.perf_counter() - begin
     frames = data.simulations()["num_frames"].mean()
     note = f"{count:,} simulations of {frames:.0f} frames on average"

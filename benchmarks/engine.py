@@ -113,14 +113,14 @@ class Row(Measure):
 
 def scenarios() -> Scenario:
     """Scenarios of five vehicles that last for 200 frames."""
-    five = spec("pinto2023", overrides={"traffic.vehicles": [VEHICLES, VEHICLES]})
+    five = spec("pinto2023-physical", overrides={"traffic.vehicles": [VEHICLES, VEHICLES]})
     return lasting(five, SIMULATIONS)
 
 
 def crowd(vehicles: int, count: int = SIMULATIONS // 4) -> Scenario:
     """Scenarios with so many vehicles on the motorway that last for 200 frames."""
     drawn = spec(
-        "pinto2023",
+        "pinto2023-physical",
         {
             "profile.road": "motorway",
             "traffic.vehicles": [vehicles, vehicles],

@@ -50,9 +50,9 @@ HOSTILE = (
 
 def corpus(folder: Path) -> Sequence[Call]:
     """Sound calls."""
-    placed = ot.sample("pinto2023", 3, 1, overrides=SHORT)
+    placed = ot.sample("pinto2023-physical", 3, 1, overrides=SHORT)
     flow = ot.sample("motorway", 2, 1, overrides=SHORT | {"time.attempt_deadline_s": 2.0})
-    ot.generate("pinto2023", 4, 1, folder / "data", overrides=SHORT, keep="features")
+    ot.generate("pinto2023-physical", 4, 1, folder / "data", overrides=SHORT, keep="features")
     data = ot.load(folder / "data")
     batches: list[Call] = []
     for scenario in (placed, flow):
@@ -63,7 +63,7 @@ def corpus(folder: Path) -> Sequence[Call]:
             ("label", {"runs": ot.simulate(scenario)}),
             ("branch", {"scenario": scenario, **changed}),
         ]
-    given = {"profile": "pinto2023", "simulations": 2, "seed": 1, "overrides": dict(SHORT)}
+    given = {"profile": "pinto2023-physical", "simulations": 2, "seed": 1, "overrides": dict(SHORT)}
     one = {"simulation": 1}
     plain: list[Call] = [
         ("sample", {**given, "first": 5, "road": "town06"}),

@@ -69,7 +69,7 @@ def _tables(folder: Path) -> list[Named]:
         "time.attempt_deadline_s": "1",
         "traffic.vehicles": "2..3",
     }
-    api.generate("pinto2023", 2, 1, folder / "data", overrides=short)
+    api.generate("pinto2023-physical", 2, 1, folder / "data", overrides=short)
     paths = [folder / "table.csv", folder / "table.parquet"]
     for path in paths:
         api.export(folder / "data", path)

@@ -40,7 +40,7 @@ def _data_set(folder: Path) -> list[str]:
 
     elsewhere = folder / "balanced"
     balance = Balance(candidates=20, allows_missing=True)
-    api.generate("pinto2023", 6, 1, elsewhere, keep="features", balance=balance)
+    api.generate("pinto2023-physical", 6, 1, elsewhere, keep="features", balance=balance)
     api.generate("motorway", 6, 1, folder / "data", shard_size=4)
     return [(path / MANIFEST).read_text(encoding="utf-8") for path in (elsewhere, folder / "data")]
 

@@ -57,7 +57,7 @@ class Job:
         """Make the data set, or complete it."""
         overrides = {"time.horizon_s": self.horizon, "time.attempt_deadline_s": self.horizon}
         api.generate(
-            "pinto2023",
+            "pinto2023-physical",
             self.simulations,
             1,
             out,

@@ -3,10 +3,10 @@
     python benchmarks/labelled.py                       # 1,000,000 simulations, minutes
     python benchmarks/labelled.py --simulations 50000 --agree 2000
 
-Generates `pinto2023` without frames, draws some of its simulations at random, and compares what the
-files say of them with what the readable reference says, which simulates and labels in NumPy alone;
-then labels simulations from memory and from stored frames and compares every value. The share of
-each stage is measured on pieces of their own, in processor time of all threads.
+Generates `pinto2023-physical` without frames, draws some of its simulations at random, and compares
+what the files say of them with what the readable reference says, which simulates and labels in
+NumPy alone; then labels simulations from memory and from stored frames and compares every value.
+The share of each stage is measured on pieces of their own, in processor time of all threads.
 """
 
 import os
@@ -55,7 +55,7 @@ def rate(folder: Path, simulations: int) -> tuple[list[Measure], Dataset]:
     """Time by the clock and memory of generating labels, findings and features."""
     begin = time.perf_counter()
     with Watch(os.getpid()) as watch:
-        data = api.generate("pinto2023", simulations, 5, folder, keep="features")
+        data = api.generate("pinto2023-physical", simulations, 5, folder, keep="features")
     seconds = (time.perf_counter() - begin) * MILLION / simulations
     frames = data.table("simulations")["num_frames"].to_numpy().mean()
     size = f"{simulations:,} simulations of {frames:.0f} frames in the mean"
@@ -68,7 +68,7 @@ def rate(folder: Path, simulations: int) -> tuple[list[Measure], Dataset]:
 def against_the_reference(data: Dataset, count: int) -> Measure:
     """How many of some simulations drawn at random differ from what the reference says."""
     draw = np.sort(np.random.default_rng(1).choice(len(data), count, replace=False))
-    given = spec("pinto2023")
+    given = spec("pinto2023-physical")
     index = draw.astype(np.uint64)
     with readable():
         runs = reference.simulate(sample(given, load_road(given.road), 5, index))
@@ -87,7 +87,7 @@ def against_the_reference(data: Dataset, count: int) -> Measure:
 
 def from_memory_and_from_files(folder: Path, count: int) -> Measure:
     """How many tables differ between labels from memory and labels from stored frames."""
-    data = api.generate("pinto2023", count, 6, folder)
+    data = api.generate("pinto2023-physical", count, 6, folder)
     before = {name: data.table(name) for name in LABEL_TABLES}
     again = api.relabel(folder)
     different = sum(not again.table(name).equals(before[name]) for name in LABEL_TABLES)
@@ -102,7 +102,7 @@ def from_memory_and_from_files(folder: Path, count: int) -> Measure:
 
 def stages() -> list[Measure]:
     """Processor time of each stage for a simulation, on pieces as `rate` worked on them."""
-    given = spec("pinto2023")
+    given = spec("pinto2023-physical")
     road, index = load_road(given.road), np.arange(PIECE, dtype=np.uint64)
     scenario = sample(given, road, 9, index)
     prepared, buffers = parameters(scenario), Buffers()

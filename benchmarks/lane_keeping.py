@@ -38,9 +38,9 @@ WINDS = (20.0, 50.0, 80.0)
 
 STORM = {"weather.wind_percent": [80.0, 100.0]}
 SOURCES: tuple[tuple[str, dict[str, Any], int], ...] = (
-    ("pinto2023", {}, 20_480),
+    ("pinto2023-physical", {}, 20_480),
     ("motorway", {}, 768),
-    ("pinto2023", STORM | {"weather.mode": "independent"}, 6_144),
+    ("pinto2023-physical", STORM | {"weather.mode": "independent"}, 6_144),
     ("motorway", STORM, 768),
 )
 STEP = 0.05

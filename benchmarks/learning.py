@@ -27,7 +27,7 @@ from overtaking.core.errors import DatasetError
 
 BEGIN = "<!-- begin: benchmarks/learning.py -->"
 END = "<!-- end: benchmarks/learning.py -->"
-SIZES = {"pinto2023": 20_000, "motorway-risk": 5_000}
+SIZES = {"pinto2023-physical": 20_000, "motorway-risk": 5_000}
 TARGETS = ("legal", "collision", "start")
 
 

@@ -31,7 +31,7 @@ from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine
 
-SHARES = {"pinto2023": 0.94, "motorway-risk": 0.03, "motorway": 0.03}
+SHARES = {"pinto2023-physical": 0.94, "motorway-risk": 0.03, "motorway": 0.03}
 """What part of the simulations is of which profile."""
 
 PIECE = 64

@@ -66,10 +66,12 @@ def main() -> int:
     given = command_line.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="overtaking-"))
     try:
-        api.generate("pinto2023", STUDY, 1, folder / "study")
+        api.generate("pinto2023-physical", STUDY, 1, folder / "study")
         asked = [folder / "study", *([given.data] if given.data else [])]
         if given.simulations:
-            api.generate("pinto2023", given.simulations, 1, folder / "large", keep="features")
+            api.generate(
+                "pinto2023-physical", given.simulations, 1, folder / "large", keep="features"
+            )
             asked.append(folder / "large")
         measures = [reporting(data, folder / "report") for data in asked]
     finally:

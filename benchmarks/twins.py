@@ -132,7 +132,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="What removing one thing from the weather changes")
     parser.add_argument("--pairs", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=77)
-    parser.add_argument("--profile", default="pinto2023")
+    parser.add_argument("--profile", default="pinto2023-physical")
     parser.add_argument("--markdown", action="store_true", help="print a table for the docs")
     given = parser.parse_args()
     found = twins(spec(given.profile), given.pairs, given.seed)

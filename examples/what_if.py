@@ -36,7 +36,9 @@ def told(run: ot.Trajectories) -> str:
 def main() -> None:
     """Print what happened, and what would have."""
     # Who stays is watched for as long as who pulls out.
-    scenarios = ot.sample("pinto2023", 1000, seed=1, overrides={"time.attempt_deadline_s": 20.0})
+    scenarios = ot.sample(
+        "pinto2023-physical", 1000, seed=1, overrides={"time.attempt_deadline_s": 20.0}
+    )
     runs = ot.simulate(scenarios)
     found = crashes(runs)
     print(f"{len(found)} of {len(runs.num_frames)} egos pulled out and hit somebody after that\n")

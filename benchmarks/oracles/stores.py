@@ -47,7 +47,13 @@ def generate(out: str | Path, simulations: int, stop_after: int = 0) -> api.Data
             raise Stopped
 
     return api.generate(
-        "pinto2023", simulations, 1, out, shard_size=SHARD_SIZE, resume=True, progress=progress
+        "pinto2023-physical",
+        simulations,
+        1,
+        out,
+        shard_size=SHARD_SIZE,
+        resume=True,
+        progress=progress,
     )
 
 

@@ -8,7 +8,7 @@ import overtaking as ot
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind, Stage
 from overtaking.model.vehicles import Role, VehicleKind
 
-PROFILE, SEED = "pinto2023", 1
+PROFILE, SEED = "pinto2023-physical", 1
 POOL, PIECE = 20_000, 1000  # Simulations that are looked through, and how many at a time.
 BEHIND, AHEAD = 58.0, 108.0  # Metres of road that are shown around the overtaken vehicle.
 

@@ -145,7 +145,7 @@ def views(data: Dataset, folder: Path) -> Iterator[tuple[str, bytes]]:
 def main() -> None:
     """Write all pictures."""
     with tempfile.TemporaryDirectory() as folder:
-        data = overtaking.generate("pinto2023", SIMULATIONS, SEED, Path(folder) / "data")
+        data = overtaking.generate("pinto2023-physical", SIMULATIONS, SEED, Path(folder) / "data")
         made = [("film.webp", film(data)), ("report.png", report(data))]
         for name, content in [*made, *views(data, Path(folder))]:
             (HERE / name).write_bytes(content)

@@ -95,12 +95,25 @@ def test_the_parameters_of_the_study_lie_where_they_can_be_defended():
         assert one.low <= value <= one.high, one.name
 
 
-def test_the_search_notices_who_cannot_overtake_any_more():
+def test_the_search_notices_egos_that_are_blind():
     module = calibration("pinto2023")
-    place = [one.name for one in module.SEARCHED].index("pull_out_time")
-    never = tuple(
-        1.6 if number in (place, place + 1) else value for number, value in enumerate(module.now())
-    )
-    found = module.run(1, module.SEARCH_SEED, never)
+    place = [one.name for one in module.SEARCHED].index("weather.pushes.sight_m")
+    blind = tuple(2.0 if number == place else value for number, value in enumerate(module.now()))
+    found = module.run(1, module.SEARCH_SEED, blind)
     assert found["count_no_attempt"] > module.run(1, module.SEARCH_SEED)["count_no_attempt"]
     assert module.distance(found) > module.distance(module.run(1, module.SEARCH_SEED))
+
+
+def test_the_search_writes_into_the_profile_what_it_finds():
+    module = calibration("pinto2023")
+    text = module.TARGET.read_text(encoding="utf-8")
+    for one in module.SEARCHED:
+        assert module.with_value(text, one.name, module._value(one)).count("\n") == text.count("\n")
+        changed = tomllib.loads(module.with_value(text, one.name, 7.25))
+        before = tomllib.loads(text)
+        *sections, key = one.name.split(".")
+        for section in sections:
+            changed, before = changed[section], before[section]
+        assert changed.pop(key) == 7.25
+        assert before.pop(key) == module._value(one)
+        assert changed == before

@@ -70,7 +70,7 @@ class Scene:
     Attributes:
         name: What it is called.
         happens: Which simulations of a batch show it.
-        overrides: Changes of the profile `pinto2023`.
+        overrides: Changes of the profile `pinto2023-physical`.
         road: Name of the road.
         mirrored: Whether traffic keeps left.
         seed: Seed.
@@ -89,7 +89,9 @@ class Scene:
         """The simulations of these numbers."""
         road = load_road(self.road)
         road = road.mirrored() if self.mirrored else road
-        return engine.simulate(sample(spec("pinto2023", self.overrides), road, self.seed, index))
+        return engine.simulate(
+            sample(spec("pinto2023-physical", self.overrides), road, self.seed, index)
+        )
 
     def find(self) -> int:
         """Number of the first simulation in which it happens.
@@ -172,7 +174,7 @@ def entry(scene: Scene) -> dict[str, Any]:
     run = scene.run(np.array([index], np.uint64))
     return {
         "name": scene.name,
-        "profile": "pinto2023",
+        "profile": "pinto2023-physical",
         "overrides": dict(scene.overrides),
         "road": scene.road,
         "mirrored": scene.mirrored,

@@ -26,7 +26,7 @@ SIMULATIONS = 24
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data set whose name is an attempt of its own."""
     path = tmp_path_factory.mktemp("data") / '"). #script(python). x'
-    api.generate("pinto2023", SIMULATIONS, 5, path, shard_size=SIMULATIONS // 2)
+    api.generate("pinto2023-physical", SIMULATIONS, 5, path, shard_size=SIMULATIONS // 2)
     return path
 
 

@@ -47,14 +47,16 @@ def teller(phase):
         if phase == held and done > after:
             sys.stdin.read()
     return tell
-api.generate("pinto2023", {NUM_SIMULATIONS}, {SEED}, sys.argv[1], balance=Balance(),
+api.generate("pinto2023-physical", {NUM_SIMULATIONS}, {SEED}, sys.argv[1], balance=Balance(),
              progress=teller("simulations"), on_candidates=teller("candidates"), **{SETTINGS!r})
 """
 
 
 def generate(out: Path, balance: Balance = BALANCE, **changes) -> api.Dataset:
     settings = {**SETTINGS, **changes}
-    return api.generate("pinto2023", NUM_SIMULATIONS, SEED, out, balance=balance, **settings)
+    return api.generate(
+        "pinto2023-physical", NUM_SIMULATIONS, SEED, out, balance=balance, **settings
+    )
 
 
 def record_of(data: api.Dataset) -> BalanceRecord:
@@ -73,7 +75,7 @@ def candidates(data, tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
     """The candidates of that data set, all of them, as an ordinary one."""
     found = record_of(data)
     out = tmp_path_factory.mktemp("candidates") / "data"
-    return api.generate("pinto2023", found.candidates, SEED, out, keep="features")
+    return api.generate("pinto2023-physical", found.candidates, SEED, out, keep="features")
 
 
 @pytest.fixture
@@ -156,7 +158,7 @@ def test_candidates_without_a_quota_are_counted_and_not_kept(tmp_path):
 @pytest.mark.parametrize(("chunk_size", "threads"), [(7, 1), (64, 3), (512, 2)])
 def test_batches_and_threads_change_nothing(chunk_size, threads, data, tmp_path):
     engine = dataclasses.replace(api.simulator_of("engine"), chunk_size=chunk_size, threads=threads)
-    profile = spec("pinto2023")
+    profile = spec("pinto2023-physical")
     recipe = Recipe(
         spec=profile,
         road=known_road(profile.road),

@@ -37,7 +37,9 @@ CARDS = ("README.md", "croissant.json")
 
 
 def generate(out: Path, **settings: Any) -> api.Dataset:
-    return api.generate("pinto2023", SIZE, 3, out, overrides=HORIZON, shard_size=4, **settings)
+    return api.generate(
+        "pinto2023-physical", SIZE, 3, out, overrides=HORIZON, shard_size=4, **settings
+    )
 
 
 @pytest.fixture(scope="module", params=["frames", "features", "recording"])

@@ -98,7 +98,7 @@ def test_a_server_that_dies_leaves_a_list_of_what_is_missing_and_resume_goes_on(
     words = [
         "carla",
         "run",
-        "pinto2023",
+        "pinto2023-physical",
         "-n",
         "10",
         "--seed",

@@ -95,7 +95,7 @@ def test_bodies_and_lanes_are_those_that_carla_reports(overtaken: Trajectories):
 
 
 def test_the_same_simulation_has_the_same_hash_in_any_batch():
-    given = api.sample("pinto2023", 2, 5).replace(horizon=np.full(2, 3.0, np.float32))
+    given = api.sample("pinto2023-physical", 2, 5).replace(horizon=np.full(2, 3.0, np.float32))
     both = carla.simulate(given)
     alone = carla.simulate(given.select(slice(1, 2)))
     assert (both.trace_hash[1] == alone.trace_hash[0]).all()
@@ -143,7 +143,7 @@ def test_a_recorded_simulation_is_played_pose_by_pose_and_filmed(tmp_path: Path)
     import av
 
     short = {"time.horizon_s": 0.6, "time.attempt_deadline_s": 0.6}
-    data = api.generate("pinto2023", 1, 3, tmp_path / "data", overrides=short)
+    data = api.generate("pinto2023-physical", 1, 3, tmp_path / "data", overrides=short)
     words = [
         "carla",
         "replay",
@@ -203,7 +203,18 @@ def test_a_server_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch):
 
 def test_the_command_writes_a_data_set_with_labels(tmp_path: Path, capsys: pytest.CaptureFixture):
     out = tmp_path / "data"
-    words = ["carla", "run", "pinto2023", "-n", "1", "--seed", "2", "--out", str(out), "--json"]
+    words = [
+        "carla",
+        "run",
+        "pinto2023-physical",
+        "-n",
+        "1",
+        "--seed",
+        "2",
+        "--out",
+        str(out),
+        "--json",
+    ]
     short = ["--set", "time.horizon_s=4", "--set", "time.attempt_deadline_s=4"]
     assert main([*words, *short]) == 0
     assert json.loads(capsys.readouterr().out)["simulations"] == 1

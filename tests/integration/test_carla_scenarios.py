@@ -43,7 +43,17 @@ def test_twenty_scenarios_go_from_the_command_to_labels_and_films(
     driver: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv(SERVER_VARIABLE, "headless")
-    words = ["carla", "run", "pinto2023", "-n", str(COUNT), "--seed", str(SEED), "--driver", driver]
+    words = [
+        "carla",
+        "run",
+        "pinto2023-physical",
+        "-n",
+        str(COUNT),
+        "--seed",
+        str(SEED),
+        "--driver",
+        driver,
+    ]
     short = [f"--set={key}={value}" for key, value in SHORT.items()]
     assert main([*words, *short, "--out", str(tmp_path / "data"), "--quiet"]) == 0
     data = api.load(tmp_path / "data")
@@ -57,7 +67,7 @@ def test_twenty_scenarios_go_from_the_command_to_labels_and_films(
 
     # The second time in one batch on a server of its own.
     again = api.simulate(
-        api.sample("pinto2023", COUNT, SEED, overrides=SHORT), simulator=SIMULATORS[driver]
+        api.sample("pinto2023-physical", COUNT, SEED, overrides=SHORT), simulator=SIMULATORS[driver]
     )
     for number in range(COUNT):
         assert (again.trace_hash[number] == data.trajectory(number).trace_hash[0]).all(), number

@@ -50,7 +50,7 @@ def folder(tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("data") / "pinto"
     process = overtaking("generate", "-n", NUM_SIMULATIONS, "--seed", 3, "--out", out)
     assert (process.returncode, process.stderr) == (0, "")
-    assert f"{NUM_SIMULATIONS} simulations of pinto2023" in process.stdout
+    assert f"{NUM_SIMULATIONS} simulations of pinto2023-physical" in process.stdout
     assert f"next: overtaking show {out} 0" in process.stdout
     return out
 
@@ -160,7 +160,11 @@ def test_info_tells_what_the_folder_holds(folder, data):
     text = done("info", folder).stdout
     assert data.content_hash in text.replace("\n", "").replace(" ", "")
     values = json.loads(done("info", folder, "--json").stdout)
-    assert (values["profile"], values["seed"], values["keep"]) == ("pinto2023", 3, "frames")
+    assert (values["profile"], values["seed"], values["keep"]) == (
+        "pinto2023-physical",
+        3,
+        "frames",
+    )
     rows = values["tables"]["states"]["rows"]
     assert rows == sum(len(data.states(n)) for n in range(NUM_SIMULATIONS))
 

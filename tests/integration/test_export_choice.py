@@ -26,7 +26,9 @@ FORMATS = [one for one in api.EXPORTS if one != "popper"]
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     out = tmp_path_factory.mktemp("data") / "pinto"
-    return api.generate("pinto2023", simulations=SIMULATIONS, seed=5, out=out, keep="features")
+    return api.generate(
+        "pinto2023-physical", simulations=SIMULATIONS, seed=5, out=out, keep="features"
+    )
 
 
 def exported(data: Dataset, file_format: str, out: Path, *options: Any) -> set[int]:

@@ -15,7 +15,7 @@ SIZE = 12
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
-    return api.generate("pinto2023", SIZE, 5, tmp_path_factory.mktemp("label") / "data")
+    return api.generate("pinto2023-physical", SIZE, 5, tmp_path_factory.mktemp("label") / "data")
 
 
 @pytest.mark.parametrize("table", LABEL_TABLES)
@@ -31,7 +31,7 @@ def test_labelling_again_changes_nothing(data):
 
 
 def test_labels_agree_with_those_of_a_run_in_memory(data):
-    runs = api.simulate(api.sample("pinto2023", SIZE, 5))
+    runs = api.simulate(api.sample("pinto2023-physical", SIZE, 5))
     found = api.label(runs)
     rows = data.labels()
     paper = rows[rows["policy"] == "paper"]

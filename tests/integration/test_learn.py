@@ -21,7 +21,9 @@ SIMULATIONS = 400
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("data") / "pinto"
-    overtaking.generate("pinto2023", simulations=SIMULATIONS, seed=5, out=path, keep="features")
+    overtaking.generate(
+        "pinto2023-physical", simulations=SIMULATIONS, seed=5, out=path, keep="features"
+    )
     return path
 
 
@@ -98,7 +100,7 @@ def test_a_mistake_costs_one_line(
     arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     few = tmp_path / "few"
-    overtaking.generate("pinto2023", simulations=20, seed=5, out=few, keep="features")
+    overtaking.generate("pinto2023-physical", simulations=20, seed=5, out=few, keep="features")
     assert main(["learn", arguments[0], str(few), *arguments[1:]]) == 2
     said = capsys.readouterr().err
     assert said.startswith("error: ")

@@ -47,7 +47,7 @@ def progress(done, total):
     if done > {2 * SHARD_SIZE}:
         sys.stdin.read()
 try:
-    overtaking.generate("pinto2023", {NUM_SIMULATIONS}, 1, sys.argv[1], engine="processes",
+    overtaking.generate("pinto2023-physical", {NUM_SIMULATIONS}, 1, sys.argv[1], engine="processes",
                         workers=2, resume=True, progress=progress, **{SETTINGS!r})
 except (Exception, KeyboardInterrupt) as error:
     sys.exit(f"{{type(error).__name__}} {{error}}")
@@ -55,7 +55,7 @@ except (Exception, KeyboardInterrupt) as error:
 
 
 def generate(out: str | Path, **changes) -> api.Dataset:
-    return api.generate("pinto2023", NUM_SIMULATIONS, 1, out, **{**SETTINGS, **changes})
+    return api.generate("pinto2023-physical", NUM_SIMULATIONS, 1, out, **{**SETTINGS, **changes})
 
 
 @pytest.fixture(scope="module")
@@ -202,7 +202,7 @@ def test_a_balanced_data_set_on_another_road_is_the_same(tmp_path):
         "overrides": {"time.horizon_s": 8.0, "time.attempt_deadline_s": 8.0},
     }
     made = [
-        api.generate("pinto2023", seed=2, out=tmp_path / engine, engine=engine, **settings)
+        api.generate("pinto2023-physical", seed=2, out=tmp_path / engine, engine=engine, **settings)
         for engine in ("threads", "processes")
     ]
     assert len(made[0]) >= 25
@@ -224,7 +224,7 @@ def test_a_store_is_filled_with_the_same(tmp_path, undisturbed, monkeypatch):
 def test_every_process_has_a_sumo_of_its_own(tmp_path):
     made = [
         api.generate(
-            "pinto2023",
+            "pinto2023-physical",
             *(4, 2, tmp_path / engine),
             **(SETTINGS | {"shard_size": 2, "simulator": "sumo", "engine": engine}),
         )
@@ -239,7 +239,7 @@ def test_a_place_that_workers_do_not_see_is_refused():
 
 
 def troubled_data(trouble: str, out: Path) -> api.Dataset:
-    given = spec("pinto2023", {"time.horizon_s": 0.2, "time.attempt_deadline_s": 0.2})
+    given = spec("pinto2023-physical", {"time.horizon_s": 0.2, "time.attempt_deadline_s": 0.2})
     recipe = Recipe(
         spec=given,
         road=load_road(given.road),

@@ -34,7 +34,7 @@ SETTINGS = {
 
 
 def generate(out: str | Path, **changes) -> api.Dataset:
-    return api.generate("pinto2023", NUM_SIMULATIONS, 1, out, **{**SETTINGS, **changes})
+    return api.generate("pinto2023-physical", NUM_SIMULATIONS, 1, out, **{**SETTINGS, **changes})
 
 
 @pytest.fixture(scope="module")
@@ -186,7 +186,7 @@ def test_an_address_at_which_no_cluster_answers_is_refused(tmp_path):
     with socket.create_server(("", 0)) as mute:
         line = refused(f"127.0.0.1:{mute.getsockname()[1]}", tmp_path / "data")
     assert "expected that of a Ray cluster that runs, got 127.0.0.1:" in line
-    api.generate("pinto2023", 1, 1, tmp_path / "data")  # The right call is not kept out.
+    api.generate("pinto2023-physical", 1, 1, tmp_path / "data")  # The right call is not kept out.
 
 
 def test_ray_is_not_started_where_others_could_reach_it(tmp_path, monkeypatch):

@@ -34,7 +34,7 @@ parent.document.title = [document.documentElement.scrollWidth, small, ...wide].j
 @pytest.mark.ci
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 def test_nothing_scrolls_sideways_and_letters_can_be_read(tmp_path: Path):
-    data = overtaking.generate("pinto2023", 100, 1, tmp_path / "data", keep="features")
+    data = overtaking.generate("pinto2023-physical", 100, 1, tmp_path / "data", keep="features")
     made = overtaking.write_report(data)
     # The browser takes no window below 500 pixels, a frame of any width.
     page = re.sub(r"<meta http-equiv=[^>]*>", "", made.path.read_text(encoding="utf-8"))

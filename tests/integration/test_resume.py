@@ -32,7 +32,8 @@ def progress(done, total):
     if done == int(sys.argv[2]):
         sys.stdin.read()
 try:
-    api.generate("pinto2023", {NUM_SIMULATIONS}, 1, sys.argv[1], progress=progress, **{SETTINGS!r})
+    api.generate("pinto2023-physical", {NUM_SIMULATIONS}, 1, sys.argv[1], progress=progress,
+                 **{SETTINGS!r})
 except (Exception, KeyboardInterrupt) as error:
     print(type(error).__name__, error, file=sys.stderr)
     sys.exit(2)
@@ -40,7 +41,7 @@ except (Exception, KeyboardInterrupt) as error:
 
 
 def generate(out: Path, *, seed: int = 1, resume: bool = False) -> api.Dataset:
-    return api.generate("pinto2023", NUM_SIMULATIONS, seed, out, resume=resume, **SETTINGS)
+    return api.generate("pinto2023-physical", NUM_SIMULATIONS, seed, out, resume=resume, **SETTINGS)
 
 
 @pytest.fixture(scope="module")

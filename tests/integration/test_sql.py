@@ -33,7 +33,7 @@ SHARDS = 3
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data set whose name is an attempt of its own."""
     path = tmp_path_factory.mktemp("data") / "it's; DROP TABLE labels --"
-    api.generate("pinto2023", SIMULATIONS, 5, path, shard_size=SIMULATIONS // SHARDS)
+    api.generate("pinto2023-physical", SIMULATIONS, 5, path, shard_size=SIMULATIONS // SHARDS)
     return path
 
 
@@ -328,7 +328,7 @@ def test_a_mistake_is_one_line(data: Dataset, sql: str):
 
 def test_a_damaged_file_is_noticed_by_a_question_about_it(tmp_path: Path):
     path = tmp_path / "small"
-    api.generate("pinto2023", 3, 1, path, keep="features")
+    api.generate("pinto2023-physical", 3, 1, path, keep="features")
     file = next((path / "labels").glob("*.parquet"))
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 1

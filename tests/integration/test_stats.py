@@ -19,7 +19,9 @@ SIMULATIONS = 40
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("data") / "pinto"
-    overtaking.generate("pinto2023", simulations=SIMULATIONS, seed=5, out=path, keep="features")
+    overtaking.generate(
+        "pinto2023-physical", simulations=SIMULATIONS, seed=5, out=path, keep="features"
+    )
     return path
 
 

@@ -25,7 +25,7 @@ SETTINGS = {
 
 
 def generate(out: str | Path, seed: int = 1, **changes) -> api.Dataset:
-    return api.generate("pinto2023", NUM_SIMULATIONS, seed, out, **{**SETTINGS, **changes})
+    return api.generate("pinto2023-physical", NUM_SIMULATIONS, seed, out, **{**SETTINGS, **changes})
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def assert_same(stored: api.Dataset, folder: api.Dataset) -> None:
 def test_a_store_holds_the_bytes_of_a_folder(url, folder):
     stored = generate(url)
     assert repr(stored) == (
-        f"Dataset(where='{url}', profile='pinto2023', simulations=20, keep='features')"
+        f"Dataset(where='{url}', profile='pinto2023-physical', simulations=20, keep='features')"
     )
     assert_same(stored, folder)
 

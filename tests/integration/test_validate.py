@@ -60,7 +60,7 @@ def test_a_page_for_people_has_every_figure(found):
 
 
 def test_a_profile_without_a_flow_is_judged_on_its_open_road():
-    found = ot.validate("pinto2023", 8)
+    found = ot.validate("pinto2023-physical", 8)
     names = [figure.name for figure in found.figures]
     assert "own_lane_changes_per_km" not in names
     assert names[0] == "lane_changes_per_km"

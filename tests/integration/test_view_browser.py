@@ -38,7 +38,7 @@ def browser() -> Iterator[Browser]:
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Forty simulations; among them is every ending."""
     folder = tmp_path_factory.mktemp("view") / "data"
-    ot.generate("pinto2023", 40, 1, folder)
+    ot.generate("pinto2023-physical", 40, 1, folder)
     return folder
 
 
@@ -240,7 +240,7 @@ def test_axe_finds_nothing(
 
 def test_names_of_strangers_are_text(browser: Browser, tmp_path: Path):
     name = "</script><b id=evil>&amp;<!--"
-    runs = ot.simulate(ot.sample("pinto2023", 2, 1))
+    runs = ot.simulate(ot.sample("pinto2023-physical", 2, 1))
     runs = runs.replace(scenario=runs.scenario.replace(profile=name))
     made = ot.write_view(runs, tmp_path / "page.html", simulations="all")
     with opened(browser, made.path) as page:
@@ -249,7 +249,7 @@ def test_names_of_strangers_are_text(browser: Browser, tmp_path: Path):
 
 
 def test_a_recording_that_knows_little_is_shown_too(browser: Browser, tmp_path: Path):
-    runs = ot.simulate(ot.sample("pinto2023", 1, 1))
+    runs = ot.simulate(ot.sample("pinto2023-physical", 1, 1))
     unknown = {"stage", "percepts", "weather", "drivers", "bodies", "indicators", "lamps", "marks"}
     present = runs.state_valid.copy()
     present[0, 1:, : runs.num_frames[0] // 2] = False

@@ -37,7 +37,9 @@ indices = st.lists(st.integers(0, 2**40), min_size=12, max_size=12, unique=True)
 
 
 def drawn(seed: int, index: list[int]) -> Scenario:
-    return scenarios.sample(scenarios.spec("pinto2023"), ROAD, seed, np.array(index, np.uint64))
+    return scenarios.sample(
+        scenarios.spec("pinto2023-physical"), ROAD, seed, np.array(index, np.uint64)
+    )
 
 
 def simulated(seed: int, index: list[int]) -> Trajectories:
@@ -476,7 +478,7 @@ def test_stages_follow_each_other_as_the_state_machine_allows(seed: int, index: 
 
 def test_a_real_map_gives_the_same_simulations_as_the_road_known_by_name():
     world = scenarios.sample(
-        scenarios.spec("pinto2023"), load_road("town06"), 3, np.arange(8, dtype=np.uint64)
+        scenarios.spec("pinto2023-physical"), load_road("town06"), 3, np.arange(8, dtype=np.uint64)
     )
     again = world.replace(road=known_road("town06"))
     np.testing.assert_array_equal(

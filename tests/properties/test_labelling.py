@@ -34,7 +34,7 @@ TIMES = [
 
 @cache
 def recorded(interval_ms: int = 50, size: int = SIZE) -> Trajectories:
-    given = spec("pinto2023", {"profile.frame_interval_ms": interval_ms})
+    given = spec("pinto2023-physical", {"profile.frame_interval_ms": interval_ms})
     index = np.arange(size, dtype=np.uint64)
     return engine.simulate(sample(given, load_road(given.road), 11, index))
 

@@ -15,7 +15,7 @@ from overtaking.scenarios import sample, spec
 from overtaking.scenarios.sampling import BLOCK
 
 TOWN06 = known_road("town06")
-PINTO = spec("pinto2023")
+PINTO = spec("pinto2023-physical")
 SEEDS = st.integers(0, 2**64 - 1)
 
 
@@ -53,7 +53,7 @@ def specifications(draw):
     }
     if overrides["weather.mode"] == "presets":
         overrides["weather.presets"] = PINTO.resolved()["weather"]["presets"]
-    return spec("pinto2023", overrides)
+    return spec("pinto2023-physical", overrides)
 
 
 @settings(max_examples=25)
@@ -77,7 +77,7 @@ def test_simulation_57_does_not_depend_on_the_largest_number_of_vehicles():
     # Each slot has streams of its own, so more slots only add vehicles.
     fixed = {"starts.allow_doomed": True, "starts.min_gap_m": 3.0}
     few, many = (
-        sample(spec("pinto2023", fixed | {"traffic.vehicles": [n, n]}), TOWN06, 1, [57])
+        sample(spec("pinto2023-physical", fixed | {"traffic.vehicles": [n, n]}), TOWN06, 1, [57])
         for n in (3, 6)
     )
     for name in ("kind", "colour", "length", "mass", "tyre_wear"):
@@ -151,7 +151,7 @@ def test_the_seed_is_checked(seed):
 
 def test_the_batch_carries_what_the_specification_says():
     batch = sample(PINTO, TOWN06, 7, [3, 1])
-    assert (batch.profile, batch.seed, batch.frame_interval_ms) == ("pinto2023", 7, 50)
+    assert (batch.profile, batch.seed, batch.frame_interval_ms) == ("pinto2023-physical", 7, 50)
     np.testing.assert_array_equal(batch.index, np.array([3, 1], np.uint64))
     np.testing.assert_array_equal(batch.horizon, np.float32([20, 20]))
     np.testing.assert_array_equal(batch.attempt_deadline, np.float32([8, 8]))

@@ -65,7 +65,7 @@ class Situation:
         first: Number of its first simulation.
         share: Simulations out of `SMALL`.
         switch: Step at which decisions and weather change, as in a branch; None if they do not.
-        overrides: Changes of the profile `pinto2023`.
+        overrides: Changes of the profile `pinto2023-physical`.
         numbers: Simulations that come before the others, because something rare happens in them.
         placed: What moves the vehicles to where they shall start; None leaves them.
     """
@@ -90,7 +90,7 @@ class Situation:
             road = dataclasses.replace(road, heading=self.heading)
         rest = np.uint64(self.first) + np.arange(count, dtype=np.uint64)
         index = np.concatenate([np.array(self.numbers, np.uint64), rest])[:count]
-        drawn = sample(spec("pinto2023", self.overrides), road, self.seed, index)
+        drawn = sample(spec("pinto2023-physical", self.overrides), road, self.seed, index)
         return self.placed(drawn) if self.placed else drawn
 
     def run(self, scenario: Scenario, run: Run) -> Trajectories:

@@ -28,7 +28,9 @@ CENTISECOND = 0.0105
 
 
 def scenarios(index: np.ndarray):
-    return sample(spec("pinto2023", ROUGH), load_road("town06"), 5, index.astype(np.uint64))
+    return sample(
+        spec("pinto2023-physical", ROUGH), load_road("town06"), 5, index.astype(np.uint64)
+    )
 
 
 def crashes(count: int) -> list[int]:

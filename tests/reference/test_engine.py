@@ -59,12 +59,22 @@ CROWDED = {
 
 @pytest.mark.parametrize("vehicles", [[9, 16], pytest.param([17, 32], marks=pytest.mark.ci)])
 def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
-    crowded = spec("pinto2023", CROWDED | {"traffic.vehicles": vehicles})
+    crowded = spec("pinto2023-physical", CROWDED | {"traffic.vehicles": vehicles})
     scenario = sample(crowded, load_road("motorway"), 4, np.arange(18, dtype=np.uint64))
     assert scenario.num_slots == vehicles[1]
     given = parameters(scenario)
     expected = reference.run(scenario, given)
     assert expected.num_frames.max() == 81
+    for level in LEVELS:
+        found = difference(engine.run(scenario, given, level=level), expected)
+        assert not found, f"{level}: {found}"
+
+
+def test_pushes_and_egos_that_are_told_have_the_same_bits_in_both():
+    scenario = sample(spec("pinto2023"), load_road("town06"), 8, np.arange(48, dtype=np.uint64))
+    given = parameters(scenario)
+    expected = reference.run(scenario, given)
+    assert (given.of_simulations.push_accel != 0).all()
     for level in LEVELS:
         found = difference(engine.run(scenario, given, level=level), expected)
         assert not found, f"{level}: {found}"
@@ -142,7 +152,7 @@ def test_memory_that_is_used_again_leaves_no_trace():
 
 
 def test_behind_the_end_of_a_simulation_there_is_nothing_whatever_was_in_the_memory():
-    given, buffers = spec("pinto2023"), Buffers()
+    given, buffers = spec("pinto2023-physical"), Buffers()
     road, lengths = load_road(given.road), []
     for first in range(0, 192, 48):
         index = np.arange(first, first + 48, dtype=np.uint64)

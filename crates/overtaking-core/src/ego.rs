@@ -20,6 +20,8 @@ const PULL_OUT_NOW: f32 = 1.0;
 const ABORT_NOW: f32 = 2.0;
 const RETURN_NOW: f32 = 3.0;
 const STAY: f32 = 4.0;
+/// Keeps what is imposed finite for who demands nothing.
+const LEAST_DEMAND: f32 = 1e-6;
 
 /// What the ego knows when it decides.
 struct View<'a, S: Simd> {
@@ -32,6 +34,10 @@ struct View<'a, S: Simd> {
     demand: V<S>,
     imposes: V<S>,
     impatience: V<S>,
+    /// Is told to change lanes: demands no gap, looks at nobody beside it, gives nothing up.
+    told: M<S>,
+    /// Is told to pull out now: a vehicle in sight ahead is slower.
+    ordered: M<S>,
 }
 
 #[inline(always)]
@@ -150,6 +156,8 @@ pub fn decide<S: Simd, const N: usize>(
         w.c.patience_floor,
     );
     let demand = own.gap_acceptance * impatience;
+    let told = own.gap_acceptance.simd_le(0.0);
+    let ahead = pick!(w.count, near.slot[LEAD], |j| state.vx[j]);
     let view = View {
         own,
         speed: state.vx[EGO],
@@ -159,10 +167,15 @@ pub fn decide<S: Simd, const N: usize>(
         leader_speed: state.vx[EGO] - believed.closing[LEAD],
         demand,
         imposes: min(
-            at_most(own.safe_decel / demand, w.c.most_imposed),
+            at_most(
+                own.safe_decel / at_least(demand, LEAST_DEMAND),
+                w.c.most_imposed,
+            ),
             own.hardest_decel,
         ),
         impatience,
+        told,
+        ordered: told & believed.detected[LEAD] & (state.vx[EGO] - ahead).simd_gt(own.passing_gain),
     };
     state.stage_time += w.c.decision;
     wait(state, w, &view);
@@ -248,6 +261,8 @@ fn intend<S: Simd, const N: usize>(
     waits: M<S>,
 ) -> Intent<S> {
     let (c, q, n) = (w.c, &w.q, w.count);
+    let told = view.told;
+    let heeds = looks & !told;
     let arrived = state.path_time[EGO].simd_ge(state.path_duration[EGO]);
     let free = in_stage(state, stage::FOLLOW)
         & arrived
@@ -255,7 +270,8 @@ fn intend<S: Simd, const N: usize>(
         & state.lane[EGO].simd_lt((w.road.num_lanes - 1) as f32);
     let held = state.wanted[EGO];
     let seen = wants_to_pass(w, view) & may_pull_out(w, view);
-    let wanted = chosen(looks, seen, held.simd_gt(0.0)) & q.command.simd_ne(STAY);
+    let seen = chosen(told, view.ordered, seen);
+    let wanted = chosen(looks | told, seen, held.simd_gt(0.0)) & q.command.simd_ne(STAY);
     let forced = q.command.simd_eq(PULL_OUT_NOW) & state.attempted.simd_eq(0.0);
     let start = free & (wanted | forced);
 
@@ -265,8 +281,8 @@ fn intend<S: Simd, const N: usize>(
     let passed = (state.s[EGO] - target_s).simd_gt(bodies + c.clear_ahead);
     let stuck = state.stage_time.simd_gt(c.give_up_after) & state.s[EGO].simd_lt(target_s);
     let rested = state.since_change[EGO].simd_ge(c.abort_cooldown);
-    let seen = may_return(w, view) & (passed | stuck) & rested;
-    let wanted = chosen(looks, seen, held.simd_lt(0.0));
+    let seen = chosen(told, passed, may_return(w, view) & (passed | stuck)) & rested;
+    let wanted = chosen(looks | told, seen, held.simd_lt(0.0));
     let back = slower_lane & (wanted | q.command.simd_eq(RETURN_NOW));
     let (zero, one) = (splat(w.simd, 0.0), splat(w.simd, 1.0));
     state.wanted[EGO] = choose(start, one, choose(back, -one, zero));
@@ -276,14 +292,14 @@ fn intend<S: Simd, const N: usize>(
     state.signalled = choose(start | back, longer, fading);
     let ready = state.signalled.simd_gt(view.own.signal_time);
     let early = state.path_time[EGO].simd_lt(c.abort_until * state.path_duration[EGO]);
-    let danger = looks & must_abort(w, view, SLOW_LEAD, SLOW_REAR);
+    let danger = heeds & must_abort(w, view, SLOW_LEAD, SLOW_REAR);
     let abort = in_stage(state, stage::PULL_OUT) & early & (danger | q.command.simd_eq(ABORT_NOW));
-    let danger = looks
+    let danger = heeds
         & must_abort(w, view, FAST_LEAD, FAST_REAR)
         & q.command.simd_ne(RETURN_NOW)
         & change_of(state, w, EGO).1;
     let comes_back = in_stage(state, stage::RETURN) | in_stage(state, stage::ABORT);
-    let sure = looks & !waits;
+    let sure = (looks & !waits) | told;
     Intent {
         start,
         back,

@@ -210,6 +210,22 @@ fn gust_bump<S: Simd, const N: usize>(
     choose(inside.simd_lt(1.0), 0.5 - 0.5 * cosine, splat(w.simd, 0.0))
 }
 
+/// Push sideways for a part of each interval, after drivers answered the wind.
+#[inline(always)]
+pub fn push<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    decision: u32,
+) {
+    let q = &w.q;
+    let cell = decision as f32 * q.push_rate + q.push_phase;
+    let pushed = q.push_accel.simd_ne(0.0) & (cell - floor(cell)).simd_lt(q.push_share);
+    for i in 0..w.count {
+        let force = state.wind_force[i] + q.push_accel * w.p[i].mass;
+        state.wind_force[i] = choose(pushed, force, state.wind_force[i]);
+    }
+}
+
 /// Side force, yaw moment and tail wind of each vehicle.
 #[inline(always)]
 pub fn wind<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, N>) {

@@ -21,9 +21,9 @@ lane_fields! {
     Simulation, SIMULATION_NAMES {
         last_step, deadline_step, fog_extinction, rain_extinction, sight_front, sight_rear,
         lamp_threshold, inverse_lit_range, detection_time, distance_error, speed_error, wind_along,
-        wind_across, gust_gain, gust_phase, gust_length, least_film, film_rain, texture,
-        puddle_reach, puddle_film, puddle_phase_1, puddle_phase_2, side_accel, command, ring,
-        inverse_ring,
+        wind_across, gust_gain, gust_phase, gust_length, push_accel, push_rate, push_share,
+        push_phase, least_film, film_rain, texture, puddle_reach, puddle_film, puddle_phase_1,
+        puddle_phase_2, side_accel, command, ring, inverse_ring,
     }
 }
 

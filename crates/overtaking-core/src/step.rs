@@ -66,6 +66,8 @@ pub fn decide<S: Simd, const N: usize>(
         }
     });
     let mut looks = [never(w.simd); N];
+    // Who is told to change lanes may do so at any time; what it passes by is recorded.
+    let told = w.p[EGO].gap_acceptance.simd_le(0.0).any_true();
     for i in 0..w.count {
         if step == 0 {
             let drawn = w.p[i].valid.simd_gt(0.0);
@@ -73,7 +75,7 @@ pub fn decide<S: Simd, const N: usize>(
         }
         looks[i] = perception::looks_around(state, w, i, decision);
         let changing = state.path_time[i].simd_lt(state.path_duration[i]);
-        let lanes = if (looks[i] | changing).any_true() {
+        let lanes = if (looks[i] | changing).any_true() || (i == EGO && told) {
             3
         } else {
             1
@@ -149,6 +151,9 @@ fn surroundings<S: Simd, const N: usize>(
     outlined!(w.simd, environment::wind(state, w));
     for i in 0..w.count {
         outlined!(w.simd, steering::hold_against_wind(state, w, i, step));
+    }
+    if outlined!(w.simd, w.q.push_accel.simd_ne(0.0).any_true()) {
+        outlined!(w.simd, environment::push(state, w, decision));
     }
     grip_again(state, w);
 }

@@ -188,7 +188,7 @@ def doctor(output: Output, folder: options.CheckedFolder = Path()) -> int:
 
 
 COMMANDS: dict[options.Body, str] = {
-    generate: "overtaking generate --profile pinto2023 -n 276 --seed 1 --out data/pinto",
+    generate: "overtaking generate --profile pinto2023-physical -n 276 --seed 1 --out data/pinto",
     show: "overtaking show data/pinto 17",
     info: "overtaking info data/pinto",
     importing.import_recording: "overtaking import commonroad scene.xml --out data/scene",
@@ -204,7 +204,7 @@ COMMANDS: dict[options.Body, str] = {
     view.view: "overtaking view data/pinto --export page.html --simulations 3,7",
     validate.validate: "overtaking validate motorway -n 1000 --seed 1 --plot motorway.png",
     reproducing.reproduce: "overtaking reproduce pinto2023 --replicates 100 --out reproduction",
-    compare: "overtaking compare pinto2023 -n 100 --seed 1 --with sumo,carla",
+    compare: "overtaking compare pinto2023-physical -n 100 --seed 1 --with sumo,carla",
     glossary.glossary: "overtaking glossary Success_I",
     doctor: "overtaking doctor --json",
 }
@@ -215,7 +215,7 @@ GROUPS: dict[str, tuple[str, dict[options.Body, str]]] = {
         "Run scenarios on CARLA 0.9.16, or serve CARLA's clients.",
         {
             carla.serve: "overtaking carla serve --port 2000",
-            carla.run: "overtaking carla run pinto2023 -n 20 --driver own --out data/carla",
+            carla.run: "overtaking carla run motorway -n 20 --driver own --out data/carla",
             carla.replay: "overtaking carla replay data/pinto --simulations 1,7 --out films",
             carla.limits: "overtaking carla limits",
         },
@@ -238,7 +238,7 @@ GROUPS: dict[str, tuple[str, dict[options.Body, str]]] = {
     ),
     "sumo": (
         "Run scenarios on Eclipse SUMO.",
-        {sumo.run: "overtaking sumo run pinto2023 -n 20 --seed 1 --out data/sumo"},
+        {sumo.run: "overtaking sumo run pinto2023-physical -n 20 --seed 1 --out data/sumo"},
     ),
 }
 """Commands of two words."""

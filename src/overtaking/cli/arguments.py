@@ -19,7 +19,7 @@ FRAME_INTERVAL_KEY = "profile.frame_interval_ms"
 MOST_NUMBERS = 1_000_000
 
 DEFAULTS: dict[str, Any] = {
-    "profile": "pinto2023",
+    "profile": "pinto2023-physical",
     "simulations": 276,  # As many as the paper has.
     "seed": 1,
 }

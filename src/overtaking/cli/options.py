@@ -73,7 +73,7 @@ OutFile = Annotated[
 CheckedFolder = Annotated[Path, option("--out FOLDER", f"{OUT} The folder whose disk is checked.")]
 
 PROFILE = "Profile of the package, or a TOML file."
-_DEFAULT_PROFILE = f"{PROFILE}  [default: pinto2023]"
+_DEFAULT_PROFILE = f"{PROFILE}  [default: pinto2023-physical]"
 Profile = Annotated[str | None, option("--profile NAME|FILE", _DEFAULT_PROFILE)]
 ProfileWord = Annotated[str | None, typer.Argument(metavar="PROFILE", help=_DEFAULT_PROFILE)]
 Others = Annotated[

@@ -65,15 +65,20 @@ def rendered(found: "Reproduction") -> str:
     from overtaking.analysis.reproduction import tables, words
     from overtaking.analysis.stats.formats import table_to_text
 
-    numbers, design, lawful, starts = map(table_to_text, tables.tables(found))
+    every = map(table_to_text, tables.tables(found))
+    score, numbers, design, collided, pushes, lawful, starts = every
     meanings = "\n".join(f"{name:<14} {text}" for name, text in words.standings())
     remarks = "\n".join(f"{name}: {text}" for name, text in words.remarks_on_numbers(found))
     parts = [
         words.lead(found),
         *(f"note: {text}" for text in words.notes(found)),
         *(f"warning: {text}" for text in words.warnings(found)),
+        score,
+        "\n".join(f"missed: {name}: {text}" for name, text in words.causes(found)),
         numbers,
         meanings,
+        collided,
+        pushes,
         design,
         remarks,
         "What the label hides",

@@ -244,7 +244,7 @@ class Dataset(Summarized):
         rows = {
             name: self._part(name, simulation) for name in ("simulations", "weather", "vehicles")
         }
-        return restore_scenario(rows, self.road, self._manifest.identity.unknown)
+        return self._scenario(rows)
 
     @checked
     def trajectory(self, simulation: int) -> Trajectories:
@@ -357,11 +357,17 @@ class Dataset(Summarized):
         names = [name for name in self._tables if name in RECORDED_TABLES]
         return {name: self._part(name, first, last) for name in names}
 
+    def _scenario(self, rows: Mapping[str, pa.Table]) -> Scenario:
+        """The scenarios of some simulations, from their rows."""
+        identity = self._manifest.identity
+        return restore_scenario(rows, self.road, identity.unknown, identity.pushes)
+
     def _recorded(self, rows: Mapping[str, pa.Table]) -> Trajectories:
         """The recordings of some simulations, from their rows or simulated again."""
         if "states" in rows:
-            return restore(rows, self.road, self._manifest.identity.unknown)
-        again = self._simulator.simulate(restore_scenario(rows, self.road))
+            identity = self._manifest.identity
+            return restore(rows, self.road, identity.unknown, identity.pushes)
+        again = self._simulator.simulate(self._scenario(rows))
         hashes = b"".join(rows["simulations"]["trace_hash"].to_pylist())
         known = np.frombuffer(hashes, dtype="<u4").reshape(-1, 4)
         changed = np.flatnonzero((again.trace_hash != known).any(axis=1))

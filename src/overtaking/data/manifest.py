@@ -28,6 +28,7 @@ from overtaking.data.recipe import Keep, Recipe, Simulator
 from overtaking.data.tables.files import FileFacts
 from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
 from overtaking.model.road import Road
+from overtaking.model.weather import Pushes
 from overtaking.scenarios import spec as checked_spec
 
 FILE_NAME = "dataset.json"
@@ -186,6 +187,12 @@ class Identity(_Record):
         names = [name for name in type(self).model_fields if name not in ("spec", "spec_hash")]
         different = [name for name in names if getattr(self, name) != getattr(other, name)]
         return [*different, *(["spec"] if self.spec_hash != other.spec_hash else [])]
+
+    @property
+    def pushes(self) -> Pushes | None:
+        """How weather acts in place of its physics; None for physics, and for recordings."""
+        found = checked_spec(self.spec).weather.pushes if self.spec else None
+        return found and found.value
 
     @property
     def fingerprint(self) -> str:

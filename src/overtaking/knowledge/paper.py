@@ -33,14 +33,26 @@ class Standing(StrEnum):
         """The same in words."""
         return _MEANINGS[self]
 
+    @property
+    def group(self) -> str:
+        """What it counts as in the score."""
+        return _GROUPS.get(self, str(self))
+
 
 _MEANINGS = {
-    Standing.CALIBRATED: "our drivers were fitted to it",
+    Standing.CALIBRATED: "the profile was fitted to it",
     Standing.IMPLIED: "it follows from what was fitted",
     Standing.PREDICTED: "nothing was fitted to it",
     Standing.PRESET: "an artefact of CARLA's weather presets",
     Standing.CONTRADICTION: "the paper contradicts itself",
     Standing.DESIGN: "an input of its simulations, taken over",
+}
+
+
+_GROUPS = {
+    Standing.DESIGN: "by design",
+    Standing.PRESET: "by design",
+    Standing.CALIBRATED: "fitted",
 }
 
 
@@ -77,6 +89,7 @@ class Statement:
         low: Where a range begins, in SI; NaN without one.
         high: Where it ends.
         note: What a reader has to know.
+        cause: Why our simulations have another number, if they have.
     """
 
     about: str
@@ -90,6 +103,7 @@ class Statement:
     low: float = math.nan
     high: float = math.nan
     note: str = ""
+    cause: str = ""
 
     @property
     def unit(self) -> str:

@@ -13,7 +13,7 @@ from overtaking.model.drivers import Drivers
 from overtaking.model.road import MAX_LENGTH, Road
 from overtaking.model.values import within
 from overtaking.model.vehicles import VehicleSpecs
-from overtaking.model.weather import Weather
+from overtaking.model.weather import Pushes, Weather
 
 SLOTS = (8, 16, 32)
 """The engine is compiled for so many vehicle slots; a batch may have any number up to the last."""
@@ -51,6 +51,7 @@ class Scenario(Batch):
         start_s: Position of the centre at the first frame, (simulation, vehicle) [m].
         start_lane: Lane index, 0 the slowest, (simulation, vehicle).
         start_speed: Speed at the first frame, (simulation, vehicle) [m/s].
+        pushes: How weather acts in place of its physics, the same for the batch; None for physics.
     """
 
     profile: str
@@ -67,6 +68,7 @@ class Scenario(Batch):
     start_s: Annotated[F32, within(-MAX_LENGTH, MAX_LENGTH, "m", axes=_EACH)]
     start_lane: Annotated[NDArray[np.uint8], within(0, "lane", axes=_EACH)]
     start_speed: Annotated[F32, within(0.0, 150.0, "m/s", axes=_EACH)]
+    pushes: Pushes | None = None
 
     @property
     def num_simulations(self) -> int:

@@ -19,6 +19,24 @@ NO_PRESET = np.uint8(255)
 
 @documented
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Pushes(Batch):
+    """How weather acts where it does not act by physics: as in the study, by pushes and less sight.
+
+    The road is dry, and air, rain and wind do nothing else.
+    """
+
+    accel: Annotated[float, within(0.0, 50.0, "m/s^2", "Lateral acceleration of a push")]
+    duration: Annotated[float, within(0.05, 10.0, "s", "How long a push lasts")]
+    interval: Annotated[
+        float, within(0.05, 1000.0, "s", "From one push to the next at 100 % of rain and wind")
+    ]
+    sight: Annotated[
+        float, within(1.0, 1000.0, "m", "Field of vision by night, under clouds, towards the sun")
+    ]
+
+
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Weather(Batch):
     """Weather of each simulation; every array has shape (simulation,)."""
 

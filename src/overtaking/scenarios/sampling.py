@@ -31,6 +31,7 @@ from overtaking.scenarios.proposal import Bending
 from overtaking.scenarios.schema import Spec, Traffic
 from overtaking.scenarios.schema_flow import Flow
 from overtaking.scenarios.weather import sample_weather
+from overtaking.world.conditions import acting
 from overtaking.world.people import wanted_speed
 
 T = TypeVar("T", bound=np.generic)
@@ -280,13 +281,14 @@ def _block(spec: Spec, road: Road, starter: Starter, seed: int, index: U64) -> S
         start_s=unpaced,
         start_lane=start.lane,
         start_speed=unpaced,
+        pushes=spec.weather.pushes and spec.weather.pushes.value,
     )
     s, speed = start.pace(wanted_speed(scenario))
     draft = Draft(valid=scenario.vehicles.valid, lane=start.lane, s=s, speed=speed, kept=start.kept)
     followers = Followers(
         length=scenario.vehicles.length,
         reaction_time=scenario.drivers.reaction_time,
-        decel=usable_decel(scenario.vehicles, weather, road, start.lane, speed),
+        decel=usable_decel(scenario.vehicles, acting(scenario).weather, road, start.lane, speed),
     )
     s, speed = settle(draft, followers, spec.starts, start.zone)
     return scenario.replace(start_s=s, start_speed=speed)

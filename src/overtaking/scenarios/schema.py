@@ -14,6 +14,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, create_model, mo
 
 from overtaking.core.units import SUFFIXES
 from overtaking.model.drivers import DRIVER_RANGES
+from overtaking.model.weather import Pushes
 from overtaking.scenarios.complaints import advice, complaint
 from overtaking.scenarios.fields import (
     MIN_GAP_M,
@@ -134,16 +135,48 @@ class Traffic(Section):
         return self
 
 
+class PushSection(Section):
+    """Section `[weather.pushes]`: weather acts as in the study, not by physics.
+
+    The road is dry and the air clear and still. Rain and wind push all vehicles sideways, towards
+    where the wind blows to; the less of them, the longer the interval. By night, above 60 % of
+    clouds and towards a low sun, drivers see as far as `sight_m`.
+
+    Attributes:
+        accel_mps2: Lateral acceleration of a push; 0 for none.
+        duration_s: How long a push lasts.
+        interval_s: From the begin of a push to that of the next at 100 % of rain and of wind.
+        sight_m: How far drivers see where vision is cut.
+    """
+
+    accel_mps2: Annotated[float, Field(ge=0.0, le=50.0)]
+    duration_s: Annotated[float, Field(ge=0.05, le=10.0)]
+    interval_s: Annotated[float, Field(ge=0.05, le=1000.0)]
+    sight_m: Annotated[float, Field(ge=1.0, le=1000.0)]
+
+    @property
+    def value(self) -> Pushes:
+        """The same in the terms of the model."""
+        return Pushes(
+            accel=self.accel_mps2,
+            duration=self.duration_s,
+            interval=self.interval_s,
+            sight=self.sight_m,
+        )
+
+
 class PresetWeather(Section):
     """Section `[weather]` with `mode = "presets"`.
 
     Attributes:
         mode: Says which of the two kinds of weather this is.
         presets: Weights of CARLA's named weathers.
+        pushes: How weather acts in place of its physics; None for physics.
     """
 
     mode: Literal["presets"]
     presets: Presets
+    pushes: PushSection | None = None
 
 
 class IndependentWeather(Section):
@@ -171,6 +204,7 @@ class IndependentWeather(Section):
         rain_weibull: Scale and shape of rain.
         wind_weibull: Scale and shape of wind.
         puddles_weibull: Scale and shape of the water that lies on the road.
+        pushes: How weather acts in place of its physics; None for physics.
     """
 
     mode: Literal["independent"]
@@ -192,6 +226,7 @@ class IndependentWeather(Section):
     rain_weibull: Weibull = None
     wind_weibull: Weibull = None
     puddles_weibull: Weibull = None
+    pushes: PushSection | None = None
 
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
@@ -338,6 +373,7 @@ _SECTIONS: dict[tuple[str, ...], type[Section]] = {
     ("profile",): Profile,
     ("time",): Time,
     ("traffic",): Traffic,
+    ("weather", "pushes"): PushSection,
     ("drivers",): People,
     ("drivers", "fixed"): FixedTraits,
     ("starts",): Starts,

@@ -10,9 +10,8 @@ from overtaking.model.road import MAX_LANES
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Lights
 from overtaking.model.vehicles import VehicleKind, VehicleSpecs
-from overtaking.model.weather import Weather
 from overtaking.world import visibility
-from overtaking.world.conditions import World
+from overtaking.world.conditions import World, acting
 from overtaking.world.constants import Constants, known
 from overtaking.world.effects import Effects
 from overtaking.world.lanes import road_parameters
@@ -43,7 +42,7 @@ def body_parameters(scenario: Scenario, c: Constants, world: World, effects: Eff
         | _drive(scenario, c)
         | _tyres(v, c)
         | _wind_surface(v, c)
-        | _lamps(v, scenario.weather, world)
+        | _lamps(scenario, world)
         | _start(scenario)
     )
 
@@ -139,10 +138,11 @@ def _wind_surface(v: VehicleSpecs, c: Constants) -> Rows:
     }
 
 
-def _lamps(v: VehicleSpecs, weather: Weather, world: World) -> Rows:
+def _lamps(scenario: Scenario, world: World) -> Rows:
     """Lamps and looks: low beam at night, in rain and in thick fog, fog lamps in that alone."""
+    v = scenario.vehicles
     has_lamps = v.kind != VehicleKind.B
-    night = weather.night[:, None]
+    night, dark = (one.weather.night[:, None] for one in (scenario, acting(scenario)))
     thick = world.sight.fog_extinction > visibility.extinction_of_range(
         known("model.lights.fog_lamp_range")
     )
@@ -153,7 +153,7 @@ def _lamps(v: VehicleSpecs, weather: Weather, world: World) -> Rows:
         "lights": _bit(lit, Lights.LOW_BEAM) + _bit(foggy, Lights.REAR_FOG),
         "inverse_tail_lamp": np.where(lit, _ONE / tail, _DARK),
         "inverse_head_lamp": np.where(lit, _ONE / known("model.lights.headlamp"), _DARK),
-        "loom_width": np.where(night, v.lamp_separation, v.width),
+        "loom_width": np.where(dark, v.lamp_separation, v.width),
         "contrast": log(v.contrast),
     }
 

@@ -11,13 +11,17 @@ from overtaking.core.elementary import F32, PI, Mask, log, minimum, sincos
 from overtaking.core.philox import Draws, Stream
 from overtaking.model.once import once
 from overtaking.model.scenario import Scenario
+from overtaking.model.weather import Weather
 from overtaking.world import film, friction, visibility
+from overtaking.world.clock import DECISIONS_PER_SECOND
 from overtaking.world.constants import Constants, known
 from overtaking.world.effects import Effects
 from overtaking.world.film import PERCENT
 from overtaking.world.lanes import road_parameters
 
 _ONE = np.float32(1.0)
+_HIGH_SUN = np.float32(0.8)  # Neither night nor glare [rad].
+_UNSEEN = np.float32(1e9)  # An illuminance at which no lamp is noticed [lx].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +67,23 @@ class Wind:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Push:
+    """Lateral pushes in place of the wind; every array has shape (simulation,).
+
+    Attributes:
+        push_accel: Lateral acceleration towards the fast side, 0 without pushes [m/s^2].
+        push_rate: Pushes per decision [1].
+        push_share: Part of the time in which a push acts [1].
+        push_phase: When the first one comes, in [0, 1) of the interval.
+    """
+
+    push_accel: F32
+    push_rate: F32
+    push_share: F32
+    push_phase: F32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Sight:
     """Visibility in the weather; every array has shape (simulation,).
 
@@ -97,6 +118,7 @@ class World:
         rain_rate: Rain [mm/h].
         water: On the road.
         wind: Beside it.
+        push: In its place.
         sight: Through all of it.
         grip: Friction coefficient that drivers believe in.
         side_accel: Lateral acceleration that they dare at most [m/s^2].
@@ -105,6 +127,7 @@ class World:
     rain_rate: F32
     water: Water
     wind: Wind
+    push: Push
     sight: Sight
     grip: F32
     side_accel: F32
@@ -135,8 +158,9 @@ def world_of(scenario: Scenario, c: Constants, effects: Effects) -> World:
     """What weather and light mean in each simulation."""
     ahead = outlook(scenario) if effects == Effects() else _outlook(scenario, effects)
     draws = Draws(scenario.seed, scenario.index, Stream.FIELD)
+    felt = acting(scenario)
     # Wind draws before water: the order of the draws is part of what a seed means.
-    wind = _wind(scenario, draws, effects)
+    wind = _wind(felt, draws, effects)
     water = _water(ahead, draws)
     grip = _believed_grip(c, water)
     dared = np.full_like(grip, known("model.steering.comfort_accel"))
@@ -144,9 +168,52 @@ def world_of(scenario: Scenario, c: Constants, effects: Effects) -> World:
         rain_rate=ahead.rain_rate,
         water=water,
         wind=wind,
-        sight=_sight(scenario, ahead, effects),
+        push=_push(scenario, draws),
+        sight=_sight(felt, ahead, effects),
         grip=grip,
         side_accel=minimum(dared, known("model.steering.grip_share") * c.gravity * grip),
+    )
+
+
+def acting(scenario: Scenario) -> Scenario:
+    """The scenario with the weather that acts by physics: a dry, still, clear day for pushes."""
+    if scenario.pushes is None:
+        return scenario
+    weather, zero = scenario.weather, np.zeros_like(scenario.weather.rain)
+    return scenario.replace(
+        weather=weather.replace(
+            cloudiness=zero,
+            rain=zero,
+            puddles=zero,
+            wind=zero,
+            fog=zero,
+            sun_altitude=np.full_like(zero, _HIGH_SUN),
+            night=np.zeros_like(weather.night),
+        )
+    )
+
+
+def vision_is_cut(weather: Weather) -> Mask:
+    """Where the study reduces the field of vision, shape (simulation,)."""
+    cloudy = weather.cloudiness > known("weather.pushes.clouds_percent")
+    return weather.night | cloudy | weather.horizon_line
+
+
+def _push(scenario: Scenario, draws: Draws) -> Push:
+    """Pushes towards where the wind blows to, as often as rain and wind are strong on average."""
+    weather, pushes = scenario.weather, scenario.pushes
+    zero = np.zeros_like(weather.rain)
+    if pushes is None:
+        return Push(push_accel=zero, push_rate=zero, push_share=zero, push_phase=zero)
+    sine, _ = sincos(weather.wind_direction)
+    towards = np.where(road_parameters(scenario.road).side * sine < 0, -_ONE, _ONE)
+    strength = np.float32(0.5) * PERCENT * (weather.rain + weather.wind)
+    per_second = strength / np.float32(pushes.interval)
+    return Push(
+        push_accel=towards * np.float32(pushes.accel),
+        push_rate=per_second / np.float32(DECISIONS_PER_SECOND),
+        push_share=minimum(per_second * np.float32(pushes.duration), _ONE),
+        push_phase=draws.uniform(),
     )
 
 
@@ -185,11 +252,12 @@ def _water(ahead: Outlook, draws: Draws) -> Water:
 
 
 def _outlook(scenario: Scenario, effects: Effects) -> Outlook:
-    rate = film.rain_rate(scenario.weather.rain)
+    felt = acting(scenario)
+    rate = film.rain_rate(felt.weather.rain)
     return Outlook(
         rain_rate=rate,
-        film=_film(scenario, rate, effects),
-        sight=_sight_ahead(scenario, rate, effects),
+        film=_film(felt, rate, effects),
+        sight=_sight_ahead(felt, rate, effects) | _cut(scenario, effects),
     )
 
 
@@ -239,6 +307,15 @@ def _sight_ahead(scenario: Scenario, rate: F32, effects: Effects) -> dict[str, F
         "lamp_threshold": limited * visibility.lamp_threshold(weather.night, _dusk(scenario)),
         "inverse_lit_range": np.where(weather.night, lit_range, np.zeros_like(rate)),
     }
+
+
+def _cut(scenario: Scenario, effects: Effects) -> dict[str, F32]:
+    """The field of vision where pushes stand for weather: it ends for lamps as for all else."""
+    if scenario.pushes is None or not effects.range:
+        return {}
+    cut = vision_is_cut(scenario.weather)
+    inverse = np.where(cut, _ONE / np.float32(scenario.pushes.sight), np.float32(0.0))
+    return {"inverse_lit_range": inverse, "lamp_threshold": np.full_like(inverse, _UNSEEN)}
 
 
 def _contrast(scenario: Scenario, rate: F32, angle: F32) -> F32:

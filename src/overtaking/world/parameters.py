@@ -22,7 +22,7 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.vehicles import VehicleSpecs
 from overtaking.world.bodies import body_parameters
 from overtaking.world.clock import STEP_MS, STEPS_PER_SECOND, SUBSTEPS
-from overtaking.world.conditions import World, world_of
+from overtaking.world.conditions import World, acting, world_of
 from overtaking.world.constants import Constants, constants
 from overtaking.world.effects import Effects, ablated
 from overtaking.world.lanes import RoadParameters, road_parameters
@@ -146,6 +146,10 @@ class SimulationParameters(NamedTuple):
     gust_gain: F32
     gust_phase: F32
     gust_length: F32
+    push_accel: F32
+    push_rate: F32
+    push_share: F32
+    push_phase: F32
     least_film: F32
     film_rain: F32
     texture: F32
@@ -214,7 +218,7 @@ def parameters(scenario: Scenario, effects: Effects | None = None) -> Parameters
     world = world_of(scenario, c, effects)
     vehicle = _unchanged(scenario.vehicles) | _unchanged(scenario.drivers)
     vehicle |= body_parameters(scenario, c, world, effects)
-    vehicle |= driver_parameters(scenario, c, world, effects)
+    vehicle |= driver_parameters(acting(scenario), c, world, effects)
     return Parameters(
         vehicle=_stacked(vehicle, VEHICLE_FIELDS),
         simulation=_stacked(_simulation_parameters(scenario, world), SIMULATION_FIELDS),
@@ -240,7 +244,10 @@ def _simulation_parameters(scenario: Scenario, world: World) -> dict[str, F32]:
         "ring": np.zeros_like(scenario.horizon),
         "inverse_ring": np.zeros_like(scenario.horizon),
     }
-    return rows | _by_name(world.water) | _by_name(world.wind) | _by_name(world.sight)
+    parts = (world.water, world.wind, world.push, world.sight)
+    for part in parts:
+        rows |= _by_name(part)
+    return rows
 
 
 def _stacked(rows: Mapping[str, NDArray[Any]], names: Sequence[str]) -> F32:

@@ -7,7 +7,7 @@ from overtaking.model.scenario import Scenario
 from overtaking.world import friction, visibility
 from overtaking.world.bodies import Rows
 from overtaking.world.clock import DECISIONS_PER_SECOND
-from overtaking.world.conditions import World, world_of
+from overtaking.world.conditions import World, acting, world_of
 from overtaking.world.constants import Constants, constants, known
 from overtaking.world.effects import Effects
 from overtaking.world.lanes import road_parameters
@@ -46,7 +46,7 @@ def driver_parameters(scenario: Scenario, c: Constants, world: World, effects: E
 def wanted_speed(scenario: Scenario) -> F32:
     """Speed that each driver wants in its weather and vehicle, (simulation, vehicle) [m/s]."""
     c = constants()
-    adapted = adapted_speed(scenario, c, world_of(scenario, c, Effects()))
+    adapted = adapted_speed(acting(scenario), c, world_of(scenario, c, Effects()))
     return minimum(adapted, scenario.vehicles.max_speed)
 
 

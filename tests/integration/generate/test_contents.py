@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 @pytest.fixture(scope="module")
 def runs() -> Trajectories:
     """The same simulations without any file."""
-    scenarios = api.sample("pinto2023", NUM_SIMULATIONS, 1, overrides=HORIZON)
+    scenarios = api.sample("pinto2023-physical", NUM_SIMULATIONS, 1, overrides=HORIZON)
     return api.simulate(scenarios)
 
 
@@ -173,7 +173,9 @@ def test_tables_come_as_pandas_in_si(data):
 
 def test_anyone_can_group_tables_of_many_shards_by_any_of_their_names(tmp_path: Path):
     # Arrow refuses to where the parts of a column list other names.
-    data = api.generate("pinto2023", 40, 5, tmp_path / "data", shard_size=4, keep="features")
+    data = api.generate(
+        "pinto2023-physical", 40, 5, tmp_path / "data", shard_size=4, keep="features"
+    )
     grouped = 0
     for name in data.kept_tables:
         table = pq.read_table(data.path / name)
@@ -223,7 +225,7 @@ def test_the_manifest_says_how_to_make_it_again(data, tmp_path: Path):
     manifest = json.loads((data.path / "dataset.json").read_text())
     assert manifest["complete"]
     identity = manifest["identity"]
-    assert (identity["profile"], identity["seed"]) == ("pinto2023", 1)
+    assert (identity["profile"], identity["seed"]) == ("pinto2023-physical", 1)
     assert identity["spec"]["time"]["horizon_s"] == 1.0
     again = api.generate(
         identity["spec"],

@@ -21,7 +21,7 @@ FEW = ["-n", "5", "--seed", "2", *SHORT]
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("sumo") / "data"
-    assert main(["sumo", "run", "pinto2023", *FEW, "--out", str(out), "--quiet"]) == 0
+    assert main(["sumo", "run", "pinto2023-physical", *FEW, "--out", str(out), "--quiet"]) == 0
     return out
 
 
@@ -77,7 +77,7 @@ def test_one_simulation_can_be_shown(folder, capsys):
 
 
 def test_a_branch_of_a_sumo_simulation_is_refused():
-    scenarios = api.sample("pinto2023", 1, 1)
+    scenarios = api.sample("pinto2023-physical", 1, 1)
     with pytest.raises(ValueError, match="expected engine or reference, got sumo"):
         api.branch(scenarios, 3, simulator="sumo")
 

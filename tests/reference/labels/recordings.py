@@ -33,7 +33,7 @@ def simulated(
 
 def nowhere() -> Trajectories:
     """A recording in which the ego is beyond the lanes for a while, and soon ends."""
-    run = simulated("pinto2023", 64)
+    run = simulated("pinto2023-physical", 64)
     lane = run.states.lane.copy()
     lane[::2, 0, 40:60] = 255
     states = dataclasses.replace(run.states, lane=lane)
@@ -50,7 +50,7 @@ def across() -> Trajectories:
 
 def excerpt() -> Trajectories:
     """Recordings that begin in the midst of a movement, with vehicles that come and go."""
-    run, begin = simulated("pinto2023", 96), 150
+    run, begin = simulated("pinto2023-physical", 96), 150
     later = {
         field.name: getattr(run.states, field.name)[..., begin:]
         for field in dataclasses.fields(run.states)
@@ -66,14 +66,14 @@ def excerpt() -> Trajectories:
 
 
 RECORDINGS = {
-    "pinto2023": lambda: simulated("pinto2023", 256),
+    "pinto2023": lambda: simulated("pinto2023-physical", 256),
     "motorway": lambda: simulated("motorway", 96),
     "motorway-risk": lambda: simulated("motorway-risk", 96),
     "a few of motorway-risk": lambda: simulated("motorway-risk", 16),
-    "25 Hz": lambda: simulated("pinto2023", 48, 40),
-    "10 Hz": lambda: simulated("pinto2023", 48, 100),
-    "left-hand traffic": lambda: simulated("pinto2023", 48, mirrored=True),
-    "gaps": lambda: with_gaps(simulated("pinto2023", 96)),
+    "25 Hz": lambda: simulated("pinto2023-physical", 48, 40),
+    "10 Hz": lambda: simulated("pinto2023-physical", 48, 100),
+    "left-hand traffic": lambda: simulated("pinto2023-physical", 48, mirrored=True),
+    "gaps": lambda: with_gaps(simulated("pinto2023-physical", 96)),
     "excerpt": excerpt,
     "off the road": nowhere,
     "across the road": across,

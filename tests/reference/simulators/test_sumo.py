@@ -29,7 +29,7 @@ OVERTAKES = {"desired_speed": 33.0, "passing_gain": 1.0, "lane_change_duration":
 
 def sampled(count, seed=1, first=0):
     index = np.arange(first, first + count, dtype=np.uint64)
-    given = spec("pinto2023")
+    given = spec("pinto2023-physical")
     return sample(given, known_road(given.road), seed, index)
 
 

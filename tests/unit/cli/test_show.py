@@ -33,7 +33,7 @@ NUM_SIMULATIONS = 48
 @pytest.fixture(scope="module")
 def labelled() -> Labelled:
     """Enough simulations for every kind of ending to be among them."""
-    return api.label(api.simulate(api.sample("pinto2023", NUM_SIMULATIONS, 1)))
+    return api.label(api.simulate(api.sample("pinto2023-physical", NUM_SIMULATIONS, 1)))
 
 
 @pytest.fixture(scope="module")

@@ -9,12 +9,12 @@ import pytest
 import overtaking as ot
 
 SHORT = {"time.horizon_s": 2.0, "time.attempt_deadline_s": 1.0}
-SAMPLED = "profile='pinto2023', road='town06', seed=1, simulations=3, vehicles=6"
+SAMPLED = "profile='pinto2023-physical', road='town06', seed=1, simulations=3, vehicles=6"
 
 
 @pytest.fixture(scope="module")
 def labelled() -> ot.Labelled:
-    return ot.label(ot.simulate(ot.sample("pinto2023", 3, 1, overrides=SHORT)))
+    return ot.label(ot.simulate(ot.sample("pinto2023-physical", 3, 1, overrides=SHORT)))
 
 
 def test_batches_say_what_they_are_in_a_line(labelled):

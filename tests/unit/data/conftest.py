@@ -19,7 +19,7 @@ def simulator() -> Simulator:
 
 @pytest.fixture
 def recipe() -> Recipe:
-    profile = spec("pinto2023")
+    profile = spec("pinto2023-physical")
     return Recipe(
         spec=profile,
         road=known_road(profile.road),

@@ -33,7 +33,7 @@ def three_processors(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def recipe(num_simulations: int, shard_size: int = 4096) -> Recipe:
-    given = spec("pinto2023")
+    given = spec("pinto2023-physical")
     return Recipe(
         spec=given,
         road=load_road(given.road),

@@ -47,7 +47,7 @@ def test_the_road_comes_back_to_the_last_bit(manifest: Manifest, written: Path):
 
 
 def test_the_specification_comes_back(manifest: Manifest, written: Path):
-    assert spec(read_manifest(Folder(written)).identity.spec) == spec("pinto2023")
+    assert spec(read_manifest(Folder(written)).identity.spec) == spec("pinto2023-physical")
 
 
 def change(folder: Path, **values: object) -> None:
@@ -171,7 +171,7 @@ def test_an_unknown_key_is_refused(written: Path):
         ("shard_size", {"shard_size": 7}),
         ("keep", {"keep": Keep.FEATURES}),
         ("road", {"road": known_road("motorway")}),
-        ("spec", {"spec": spec("pinto2023", {"time.horizon_s": "19.0"})}),
+        ("spec", {"spec": spec("pinto2023-physical", {"time.horizon_s": "19.0"})}),
     ],
 )
 def test_whatever_decides_the_content_decides_the_fingerprint(name, changed, recipe, simulator):

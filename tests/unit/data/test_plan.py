@@ -39,15 +39,15 @@ def test_a_larger_data_set_begins_with_the_full_shards_of_a_smaller_one(
 
 
 def test_large_worlds_come_in_smaller_chunks():
-    study = spec("pinto2023").resolved()
+    study = spec("pinto2023-physical").resolved()
     assert chunk_size(study) == CHUNK_SIZE
     crowded = {"traffic.vehicles": [32, 32], "time.horizon_s": 120.0}
-    large = spec("pinto2023", crowded | {"time.attempt_deadline_s": 60.0}).resolved()
+    large = spec("pinto2023-physical", crowded | {"time.attempt_deadline_s": 60.0}).resolved()
     assert 32 * 2401 * chunk_size(large) <= CHUNK_STATES < 32 * 2401 * (chunk_size(large) + 1)
 
 
 def test_chunks_are_larger_where_no_frames_are_kept_and_nobody_minds():
-    study = spec("pinto2023").resolved()
+    study = spec("pinto2023-physical").resolved()
     assert batch_size(study, CHUNK_SIZE) == CHUNK_SIZE
     assert batch_size(study, CHUNK_SIZE, keeps_frames=False) == LARGE_CHUNK_SIZE > CHUNK_SIZE
     assert batch_size(study, 4, keeps_frames=False) == 4

@@ -29,7 +29,7 @@ SHORT = {"time.horizon_s": 2.0, "time.attempt_deadline_s": 1.0}
 
 @pytest.fixture(scope="module")
 def scenario() -> ot.Scenario:
-    return ot.sample("pinto2023", 3, 1, overrides=SHORT)
+    return ot.sample("pinto2023-physical", 3, 1, overrides=SHORT)
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +136,7 @@ def test_what_a_recording_may_have_and_a_simulator_cannot_run_is_refused(scenari
 def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(os, "sysconf", {"SC_PAGE_SIZE": 1024, "SC_PHYS_PAGES": 20}.__getitem__)
     with refused("sample: memory: expected at most the 0.0 GB of this machine, got"):
-        ot.sample("pinto2023", 10**8, 1)
+        ot.sample("pinto2023-physical", 10**8, 1)
     with refused("simulate: memory: expected at most the 0.0 GB of this machine, got"):
         ot.simulate(scenario)
 
@@ -146,10 +146,22 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
     [
         (lambda _: ot.simulate(5), "simulate: scenario: expected a Scenario, got 5"),
         (lambda s: ot.label(s), "label: runs: expected a Trajectories, got a Scenario"),
-        (lambda _: ot.sample("pinto2023", -1, 1), "sample: simulations: expected 0 to 100000000"),
-        (lambda _: ot.sample("pinto2023", "a", 1), "sample: simulations: expected a whole number"),
-        (lambda _: ot.sample("pinto2023", 1, 2**64), "sample: seed: expected 0 to 184467440737095"),
-        (lambda _: ot.sample("pinto2023", True, 1), "sample: simulations: expected a whole number"),
+        (
+            lambda _: ot.sample("pinto2023-physical", -1, 1),
+            "sample: simulations: expected 0 to 100000000",
+        ),
+        (
+            lambda _: ot.sample("pinto2023-physical", "a", 1),
+            "sample: simulations: expected a whole number",
+        ),
+        (
+            lambda _: ot.sample("pinto2023-physical", 1, 2**64),
+            "sample: seed: expected 0 to 184467440737095",
+        ),
+        (
+            lambda _: ot.sample("pinto2023-physical", True, 1),
+            "sample: simulations: expected a whole number",
+        ),
         (lambda s: ot.branch(s, 10**6), "branch: frame: expected 0 to 40, "),
         (lambda s: ot.branch(s, 3, decision=7), "branch: decision: expected a Decision or None"),
         (
@@ -159,7 +171,7 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
         (lambda _: ot.load(5), "load: path: expected a text, a path or a Dataset, got 5"),
         (lambda _: ot.load("\0"), "load: path: expected a text, a path or a Dataset, got '\\x00'"),
         (
-            lambda _: ot.compare("pinto2023", 1, 1, simulators="engine"),
+            lambda _: ot.compare("pinto2023-physical", 1, 1, simulators="engine"),
             "compare: simulators: expected several values, each of them a text, got 'engine'",
         ),
         (
@@ -180,7 +192,7 @@ def test_arguments_of_another_type_or_range_are_refused_in_a_line(scenario, call
 
 
 def test_methods_of_a_data_set_check_their_arguments(tmp_path: Path):
-    data = ot.generate("pinto2023", 2, 1, tmp_path / "data", overrides=SHORT)
+    data = ot.generate("pinto2023-physical", 2, 1, tmp_path / "data", overrides=SHORT)
     for call in (data.states, data.trajectory, data.verdict, data.__getitem__):
         with pytest.raises(ConfigError, match="simulation: expected a whole number, got 'a'"):
             call("a")  # type: ignore[arg-type]

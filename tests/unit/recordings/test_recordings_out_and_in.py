@@ -27,7 +27,9 @@ COUNT = 4
 @pytest.fixture(scope="module")
 def runs():
     """At highD's rate, so that nothing is interpolated."""
-    scenario = ot.sample("pinto2023", COUNT, seed=5, overrides={"profile.frame_interval_ms": 40})
+    scenario = ot.sample(
+        "pinto2023-physical", COUNT, seed=5, overrides={"profile.frame_interval_ms": 40}
+    )
     return ot.simulate(scenario)
 
 
@@ -95,7 +97,7 @@ def test_a_highd_recording_comes_back_within_its_decimals(runs, tmp_path, place)
 
 
 def test_twenty_frames_a_second_become_twenty_five_between_the_recorded_ones(tmp_path):
-    run = ot.simulate(ot.sample("pinto2023", 1, seed=5))
+    run = ot.simulate(ot.sample("pinto2023-physical", 1, seed=5))
     assert run.scenario.frame_interval_ms == 50
     write_highd(run, np.array([0]), tmp_path)
     tracks = read_highd(tmp_path / "01_tracks.csv").tracks
@@ -183,7 +185,7 @@ def test_a_folder_appears_whole_or_not_at_all(runs, tmp_path):
 
 @pytest.fixture(scope="module")
 def table_runs():
-    return ot.simulate(ot.sample("pinto2023", 12, seed=9))
+    return ot.simulate(ot.sample("pinto2023-physical", 12, seed=9))
 
 
 @pytest.fixture(scope="module")

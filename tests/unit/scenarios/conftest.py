@@ -16,4 +16,4 @@ def town06():
 
 @pytest.fixture(scope="session")
 def pinto(town06):
-    return sample(spec("pinto2023"), town06, seed=2023, index=np.arange(SIMULATIONS))
+    return sample(spec("pinto2023-physical"), town06, seed=2023, index=np.arange(SIMULATIONS))

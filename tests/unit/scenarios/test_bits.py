@@ -27,7 +27,7 @@ PARTS = ("vehicles", "drivers", "weather", "starts")
 
 def hashes():
     """A hash for each part of a batch."""
-    batch = sample(spec("pinto2023"), known_road("town06"), seed=1, index=np.arange(2_000))
+    batch = sample(spec("pinto2023-physical"), known_road("town06"), seed=1, index=np.arange(2_000))
     starts = [batch.start_s, batch.start_lane, batch.start_speed]
     return {
         part: digest(starts if part == "starts" else fields(getattr(batch, part))) for part in PARTS

@@ -36,7 +36,7 @@ def test_the_leader_is_of_any_type(pinto):
 
 def test_weights_change_types_and_colours(town06):
     chosen = spec(
-        "pinto2023",
+        "pinto2023-physical",
         {"traffic.types": "{T = 1, S = 3}", "traffic.ego_types": "V", "traffic.colours": "red"},
     )
     vehicles = sample(chosen, town06, seed=1, index=np.arange(5_000)).vehicles

@@ -10,7 +10,7 @@ from overtaking.scenarios import Spec, profile_names, spec
 from overtaking.scenarios.reading import PROFILES
 from overtaking.scenarios.schema import FixedTraits, Starts, Traffic
 
-PINTO = "pinto2023"
+PINTO = "pinto2023-physical"
 
 
 def test_the_profiles_of_the_package_are_valid_and_carry_their_names():

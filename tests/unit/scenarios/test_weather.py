@@ -18,7 +18,9 @@ def spearman(one, other):
 
 def independent(road, **keys):
     overrides = {"weather.mode": "independent"} | {f"weather.{k}": v for k, v in keys.items()}
-    return sample(spec("pinto2023", overrides), road, seed=5, index=np.arange(20_000)).weather
+    return sample(
+        spec("pinto2023-physical", overrides), road, seed=5, index=np.arange(20_000)
+    ).weather
 
 
 def test_the_eight_weathers_of_the_study_are_equally_likely(pinto):
@@ -28,7 +30,7 @@ def test_the_eight_weathers_of_the_study_are_equally_likely(pinto):
 
 
 def test_weights_decide_how_often_a_weather_comes(town06):
-    chosen = spec("pinto2023", {"weather.presets": "{ClearNoon = 3, WetNight = 1}"})
+    chosen = spec("pinto2023-physical", {"weather.presets": "{ClearNoon = 3, WetNight = 1}"})
     weather = sample(chosen, town06, seed=5, index=np.arange(8_000)).weather
     counts = np.bincount(weather.preset, minlength=len(NAMES))
     wanted = [counts[NAMES.index("ClearNoon")], counts[NAMES.index("WetNight")]]

@@ -180,7 +180,7 @@ def test_what_it_believed_is_written_down_at_each_decision():
 def view_of(*vehicles: Vehicle) -> tuple[Moment, ego_module.View]:
     """What the ego knows at one moment."""
     m = moment(list(vehicles))
-    return m, ego_module.look(m.state, m.given, m.p, m.look())
+    return m, ego_module.look(m.state, m.given, m.p, m.neighbours(), m.look())
 
 
 @pytest.mark.parametrize(

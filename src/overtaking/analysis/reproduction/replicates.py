@@ -55,8 +55,9 @@ class Replicates:
 
     Attributes:
         classes: `OvertakeClass` under each policy, by its name.
-        columns: `FEATURES` under the paper's reading, and FLYING: 1 for an overtake whose ego never
-            slowed down to the speed of its target, 0 for another; NaN: nothing to measure.
+        columns: `FEATURES` under the paper's reading; BEGUN: 1 where an attempt began; FLYING: 1
+            for an overtake whose ego never slowed down to the speed of its target, 0 for another;
+            NaN: nothing to measure.
     """
 
     classes: dict[str, Array]
@@ -114,6 +115,7 @@ def _kept(labelled: Labelled) -> dict[str, Array]:
         kept[name] = kept[name] / 100.0
     for name in _OF_TARGET:
         kept[name] = np.where(found.has_target, kept[name], np.nan)
+    kept["BEGUN"] = labelled.events.attempted.astype(np.float64)
     at, is_flying = flying(labelled.trajectories, labelled.events)
     kept["FLYING"] = np.full(len(kept["SE"]), np.nan)
     kept["FLYING"][at] = is_flying

@@ -13,8 +13,16 @@ import numpy as np
 from overtaking.analysis.reproduction import hidden
 from overtaking.analysis.reproduction.designs import designs
 from overtaking.analysis.reproduction.measures import POLICY, measured
-from overtaking.analysis.reproduction.replicates import SIZE, Replicates, members, replicates
-from overtaking.analysis.stats.columns import PAPER_CLASSES
+from overtaking.analysis.reproduction.replicates import SIZE, Replicates, replicates
+from overtaking.analysis.reproduction.variants import (
+    PUSHES,
+    Collided,
+    Variant,
+    collided,
+    farther,
+    other_starts,
+    pushed,
+)
 from overtaking.core.checks import check_least
 from overtaking.core.errors import ConfigError
 from overtaking.core.plain import plain
@@ -22,6 +30,7 @@ from overtaking.core.steps import Progress, Steps
 from overtaking.core.summary import Summarized
 from overtaking.knowledge.paper import COUNTS, Measure, Statement, calibration, statements
 from overtaking.knowledge.reader import load
+from overtaking.scenarios import spec as checked_spec
 
 if TYPE_CHECKING:
     from overtaking.core.elementary import F64
@@ -33,10 +42,13 @@ if TYPE_CHECKING:
 STUDIES = ("pinto2023",)
 """Studies that can be reproduced; each is a profile too."""
 
+PHYSICAL = "pinto2023-physical"
+"""The profile of the same scenes with weather that acts by physics and drivers who decide."""
+
 MOST_REPLICATES = 100_000
 
 _OTHERS = 10
-"""Replicates with the profile's starts for each one with the other treatment of starts."""
+"""Replicates of the profile as it is for each one with other starts or pushes."""
 
 _REACH = 0.025  # Share of the replicates beyond either end of the interval.
 
@@ -49,11 +61,13 @@ class Comparison:
         name: Its name in `paper.toml`.
         statement: The number and its standing.
         replicates: Our number in each replicate, NaN: nothing to measure; one value for a design.
+        physical: Median of the replicates of `PHYSICAL`, NaN: nothing to measure.
     """
 
     name: str
     statement: Statement
     replicates: F64
+    physical: float = math.nan
 
     @property
     def known(self) -> F64:
@@ -118,27 +132,14 @@ class Comparison:
                 "low": low,
                 "high": high,
                 "percentile": self.percentile,
+                "physical": self.physical,
                 "inside": self.is_inside,
                 "replicates": len(self.known),
                 "note": one.note,
+                "cause": one.cause if self.is_inside is False else "",
                 "derived": one.stated.rationale,
             }
         )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Starts:
-    """Classes of simulations with one treatment of starts.
-
-    Attributes:
-        allow_doomed: Whether starts are as drawn, also where no braking avoids a collision.
-        simulations: Number of simulations.
-        shares: Share of each class of the paper.
-    """
-
-    allow_doomed: bool
-    simulations: int
-    shares: dict[str, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,6 +157,10 @@ class Reproduction(Summarized):
         inferences: The weather that its means imply, by class.
         lawful: Legal overtakes by day and by night in our replicates.
         starts: Classes with the profile's starts, and with the other treatment of starts.
+        pushes: Classes with the pushes of weather weaker and stronger; empty without pushes.
+        collided: Means of the collided, by whether they had pulled out.
+        farther: Share of the replicates whose collided are farther from the middle of all, in
+            distance and speeds jointly, than the paper's.
     """
 
     study: str
@@ -167,7 +172,10 @@ class Reproduction(Summarized):
     comparisons: tuple[Comparison, ...]
     inferences: tuple[hidden.Inference, ...]
     lawful: tuple[hidden.Lawful, ...]
-    starts: tuple[Starts, Starts]
+    starts: tuple[Variant, ...]
+    pushes: tuple[Variant, ...]
+    collided: tuple[Collided, ...]
+    farther: float
 
     def values(self) -> dict[str, Any]:
         """Everything for JSON."""
@@ -185,6 +193,9 @@ class Reproduction(Summarized):
             "inferences": plain(self.inferences),
             "lawful": plain(self.lawful),
             "starts": plain(self.starts),
+            "pushes": plain(self.pushes),
+            "collided": plain(self.collided),
+            "farther": plain(self.farther),
         }
 
 
@@ -210,13 +221,16 @@ def reproduce(
         ConfigError: The seed is one of the calibration, or a number is out of range.
     """
     _check(num_replicates, seed)
-    inputs = designs(spec, road)
-    other = _other_starts(spec)
-    num_others = -(-num_replicates // _OTHERS)
-    step = Steps((num_replicates + num_others) * SIZE, progress)
-    found = replicates(spec, road, seed, num_replicates, simulator, step)
-    contrast = replicates(other, road, seed, num_others, simulator, step)
-    digest = parameter_hash(spec)
+    inputs, beside = designs(spec, road), checked_spec(PHYSICAL)
+    few = -(-num_replicates // _OTHERS)
+    pushes = {one: found for one in PUSHES if (found := pushed(spec, one)) is not None}
+    step = Steps((2 * num_replicates + (1 + len(pushes)) * few) * SIZE, progress)
+
+    def run(one: Spec, number: int) -> Replicates:
+        return replicates(one, road, seed, number, simulator, step)
+
+    found, physical = run(spec, num_replicates), run(beside, num_replicates)
+    other, digest = other_starts(spec), parameter_hash(spec)
     return Reproduction(
         study=spec.name,
         seed=seed,
@@ -224,38 +238,39 @@ def reproduce(
         simulator=f"{simulator.name} {simulator.version}",
         parameters_sha256=digest,
         is_frozen=digest == calibration().parameters_sha256,
-        comparisons=_compared(found, inputs),
+        comparisons=_compared(found, physical, inputs),
         inferences=hidden.inferences(),
         lawful=hidden.lawful(found),
-        starts=(_starts(spec, found), _starts(other, contrast)),
+        starts=(
+            Variant.of(spec.starts.allow_doomed, found),
+            Variant.of(other.starts.allow_doomed, run(other, few)),
+        ),
+        pushes=tuple(Variant.of(factor, run(one, few)) for factor, one in pushes.items()),
+        collided=collided(found),
+        farther=farther(found),
     )
 
 
-def _compared(found: Replicates, inputs: dict[str, float]) -> tuple[Comparison, ...]:
+def _compared(
+    found: Replicates, physical: Replicates, inputs: dict[str, float]
+) -> tuple[Comparison, ...]:
     """Every number of the paper beside ours."""
     comparisons: list[Comparison] = []
     for name, one in statements().items():
         if one.measure == Measure.DESIGN:
-            ours = np.array([inputs[one.of]], np.float64)
+            ours = beside = np.array([inputs[one.of]], np.float64)
         else:
-            ours = measured(found, one)
-        comparisons.append(Comparison(name=name, statement=one, replicates=ours / one.factor))
+            ours, beside = measured(found, one), measured(physical, one)
+        known = beside[~np.isnan(beside)] / one.factor
+        comparisons.append(
+            Comparison(
+                name=name,
+                statement=one,
+                replicates=ours / one.factor,
+                physical=float(np.median(known)) if len(known) else math.nan,
+            )
+        )
     return tuple(comparisons)
-
-
-def _other_starts(spec: Spec) -> Spec:
-    """The same specification with the other treatment of starts."""
-    starts = spec.starts.model_copy(update={"allow_doomed": not spec.starts.allow_doomed})
-    return spec.model_copy(update={"starts": starts})
-
-
-def _starts(spec: Spec, found: Replicates) -> Starts:
-    classes = found.classes[POLICY]
-    return Starts(
-        allow_doomed=spec.starts.allow_doomed,
-        simulations=classes.size,
-        shares={name: float(members(classes, name).mean()) for name in PAPER_CLASSES},
-    )
 
 
 def parameter_hash(spec: Spec) -> str:

@@ -3,7 +3,8 @@
 from overtaking.analysis.reproduction.hidden import Inference
 from overtaking.analysis.reproduction.measures import POLICY
 from overtaking.analysis.reproduction.replicates import SIZE
-from overtaking.analysis.reproduction.run import Comparison, Reproduction
+from overtaking.analysis.reproduction.run import PHYSICAL, Comparison, Reproduction
+from overtaking.analysis.reproduction.variants import COLLISION
 from overtaking.knowledge.paper import Standing, calibration
 from overtaking.model.labels import OvertakeClass
 
@@ -37,8 +38,8 @@ def warnings(found: Reproduction) -> list[str]:
     missed = _missed_shares(found)
     if missed:
         said.append(
-            "These classes could not be brought to the paper's numbers with drivers that can be "
-            f"defended: {missed}. Success and failure come out of drivers and physics here, never "
+            "These classes could not be brought to the paper's numbers with a profile that can be "
+            f"defended: {missed}. Success and failure come out of drivers and motion here, never "
             "of a draw, and what is missing is left missing."
         )
     return said
@@ -66,11 +67,11 @@ def notes(found: Reproduction) -> list[str]:
     """The method in three notes."""
     seeds = " and ".join(f"{seed:g}" for seed in calibration().seeds)
     return [
-        "Fitted were, by hand and a search by coordinates, the class sizes and the printed means "
+        "Fitted were, by a search along coordinates, the class sizes and the printed means "
         "of SE, SP and D, and nothing else; every other number is a prediction, follows from what "
         "was fitted, or could not be otherwise.",
-        f"Drivers were fitted with the seeds {seeds}; these replicates have seed {found.seed}, so "
-        "no simulation is in both. "
+        f"The profile was fitted with the seeds {seeds}; these replicates have seed {found.seed}, "
+        "so no simulation is in both. "
         + (
             f"Parameters are the frozen ones ({found.parameters_sha256[:_SHORT]})."
             if found.is_frozen
@@ -96,6 +97,19 @@ def remarks_on_numbers(found: Reproduction) -> list[tuple[str, str]]:
             about = f"{one.statement.about}: " if not one.is_design else ""
             said.append((f"{about}{_title(one)}", text))
     return said
+
+
+def causes(found: Reproduction) -> list[tuple[str, str]]:
+    """Each number that the experiment misses, and why."""
+    return [
+        (
+            f"{one.statement.about}: {_title(one)}",
+            f"{one.statement.quoted:g} against {one.ours:.4g}: "
+            + (one.statement.cause or "no cause is known"),
+        )
+        for one in found.comparisons
+        if one.is_inside is False and not one.is_design
+    ]
 
 
 def hidden(found: Reproduction) -> list[str]:
@@ -134,14 +148,12 @@ def _inferred(one: Inference) -> str:
 
 def about_starts(found: Reproduction) -> str:
     """The effect of the treatment of starts on collisions."""
-    shares = {one.allow_doomed: one.shares[_COLLISION] for one in found.starts}
+    shares = {bool(one.value): one.shares[COLLISION] for one in found.starts}
     return (
         "The paper places vehicles and draws their speeds at random, and says nothing of starts "
         f"from which no driver could avoid a collision. With starts as drawn, but for a least gap, "
-        f"{shares[True]:.1%} of our simulations end as {_COLLISION}, with starts that can be "
-        f"survived {shares[False]:.1%}. The profile keeps the latter: a collision that the draw of "
-        "a start decides says nothing about overtaking."
+        f"{shares[True]:.1%} of our simulations end as {COLLISION}, with starts that can be "
+        f"survived {shares[False]:.1%}. The experiment keeps the former, as the paper repairs "
+        f"nothing; {PHYSICAL} keeps the latter: a collision that the draw of a start decides says "
+        "nothing about overtaking."
     )
-
-
-_COLLISION = OvertakeClass.UNSUCCESS_COL.title

@@ -7,7 +7,7 @@ from overtaking.core.elementary import F32
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.scenario import Scenario
 from overtaking.world import film
-from overtaking.world.conditions import mean_wind, outlook
+from overtaking.world.conditions import acting, mean_wind, outlook
 from overtaking.world.constants import constants, known
 from overtaking.world.friction import peak_friction
 from overtaking.world.lanes import road_parameters
@@ -24,7 +24,7 @@ _METRES_PER_MM = np.float32(1e-3)
 def derived_weather(scenario: Scenario) -> dict[str, F32]:
     """The derived columns of the `weather` table, each of shape (simulation,)."""
     c = constants()
-    weather = scenario.weather
+    felt = acting(scenario)
     ahead = outlook(scenario)
     sight, water = ahead.sight, ahead.film
     zero = np.zeros(scenario.num_simulations, dtype=np.float32)
@@ -34,13 +34,13 @@ def derived_weather(scenario: Scenario) -> dict[str, F32]:
     lamp = known("weather.lamps.rear_position")
     unlit = contrast_range(extinction, exp(sight["sight_front"]) * CONTRAST, zero + np.float32(1.0))
     lit = lamp_range(extinction, zero + lamp, sight["lamp_threshold"])
-    along, across = mean_wind(scenario)
+    along, across = mean_wind(felt)
     return {
         "rain_mmph": ahead.rain_rate,
         "water_film_m": maximum(film_mm, zero) * _METRES_PER_MM,
         "friction": peak_friction(c, zero + FRICTION_SPEED, film_mm, zero + FRICTION_WEAR, zero),
         "wind_mps": np.sqrt(along * along + across * across),
-        "optical_range_m": meteorological_range(weather.fog),
+        "optical_range_m": meteorological_range(felt.weather.fog),
         "sight_unlit_m": minimum(unlit, zero + c.sight_range),
         "sight_lit_m": minimum(lit, zero + c.sight_range),
     }

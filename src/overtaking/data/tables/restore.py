@@ -27,7 +27,7 @@ from overtaking.model.trajectory import (
     Trajectories,
 )
 from overtaking.model.vehicles import Role, VehicleSpecs
-from overtaking.model.weather import NO_PRESET, Weather
+from overtaking.model.weather import NO_PRESET, Pushes, Weather
 from overtaking.scenarios.assumed import KIND, assumed_bodies, assumed_drivers, assumed_weather
 from overtaking.world.constants import constants
 
@@ -35,13 +35,16 @@ Array = NDArray[Any]
 Tables = Mapping[str, pa.Table]
 
 
-def restore_scenario(tables: Tables, road: Road, unknown: Collection[str] = ()) -> Scenario:
+def restore_scenario(
+    tables: Tables, road: Road, unknown: Collection[str] = (), pushes: Pushes | None = None
+) -> Scenario:
     """The scenarios of some simulations.
 
     Args:
         tables: `simulations`, `weather` and `vehicles` of the same simulations, sorted by key.
         road: Their road.
         unknown: What the tables do not tell, names of `UNKNOWNS`.
+        pushes: How weather acts in place of its physics.
 
     Returns:
         A batch with as many vehicle slots as the sampler makes.
@@ -70,16 +73,20 @@ def restore_scenario(tables: Tables, road: Road, unknown: Collection[str] = ()) 
         start_s=vehicles.like_ego(_numbers(tables["vehicles"], "start_s_m")),
         start_lane=vehicles.like_ego(lane),
         start_speed=vehicles.like_ego(_numbers(tables["vehicles"], "start_speed_mps")),
+        pushes=pushes,
     )
 
 
-def restore(tables: Tables, road: Road, unknown: Collection[str] = ()) -> Trajectories:
+def restore(
+    tables: Tables, road: Road, unknown: Collection[str] = (), pushes: Pushes | None = None
+) -> Trajectories:
     """The recorded simulations that `encode` has made tables of.
 
     Args:
         tables: Every table of the same simulations, sorted by key.
         road: Their road.
         unknown: What the tables do not tell, names of `UNKNOWNS`.
+        pushes: How weather acts in place of its physics.
 
     Returns:
         A batch with as many vehicle slots as the sampler makes, and as many frames as needed.
@@ -92,7 +99,7 @@ def restore(tables: Tables, road: Road, unknown: Collection[str] = ()) -> Trajec
     in_vehicles = _Grid.of(tables, "vehicles", "vehicle")
     hashes = b"".join(rows["trace_hash"].to_pylist())
     restored = Trajectories(
-        scenario=restore_scenario(tables, road, unknown),
+        scenario=restore_scenario(tables, road, unknown, pushes),
         num_frames=_numbers(rows, "num_frames"),
         states=_states(tables, road),
         stage=in_frames.filled(_codes(frames, "stage", STAGES)),

@@ -61,13 +61,17 @@ def _sections(found: Reproduction, folder: ReportFolder, drawn: list[str]) -> li
         folder.table(tables.design(found)),
     ]
     hidden = [*map(paragraph, words.hidden(found)), folder.table(tables.lawful(found))]
+    score = [folder.table(tables.score(found)), definitions(words.causes(found))]
+    chosen = [folder.table(tables.collided(found)), folder.table(tables.pushes(found))]
     starts = [paragraph(words.about_starts(found)), folder.table(tables.starts(found))]
     notes = definitions(words.remarks_on_numbers(found))
     return [
         Section("first", "To know first", [remarks(words.notes(found), words.warnings(found))]),
         Section("figures", "The paper among our replicates", drawn),
+        Section("score", "What is met, and what is missed", score),
         Section("numbers", "Every number", numbers),
         Section("remarks", "Remarks on single numbers", [notes]),
+        Section("collided", "The collided, and what pushes decide", chosen),
         Section("hidden", "What the label hides", hidden),
         Section("starts", "What a start decides", starts),
     ]

@@ -34,6 +34,7 @@ from overtaking.sim.reference.state import (
 from overtaking.world.parameters import SUBSTEPS, Parameters, SimulationParameters
 
 _STEADY = np.float32(0.0)
+_LEAST_DEMAND = np.float32(1e-6)  # Keeps what is imposed finite for who demands nothing [1].
 
 
 @dataclass(slots=True, kw_only=True)
@@ -50,6 +51,9 @@ class View:
         demand: Factor on the gaps that it asks for now [1].
         imposes: Braking that it asks of others at most, positive [m/s^2].
         impatience: What waiting has left of its demands, 1 at first [1].
+        told: Whether it is told to change lanes, as in the study: who demands no gap looks at
+            nobody beside it, and gives nothing up.
+        ordered: Whether it is told to pull out now: a vehicle in sight ahead is slower.
     """
 
     own: Fields
@@ -61,9 +65,11 @@ class View:
     demand: F32
     imposes: F32
     impatience: F32
+    told: Mask
+    ordered: Mask
 
 
-def look(state: State, given: Parameters, p: Fields, believed: Beliefs) -> View:
+def look(state: State, given: Parameters, p: Fields, near: Neighbours, believed: Beliefs) -> View:
     """The ego's beliefs and how much it demands after its wait."""
     own = p.of(Role.EGO)
     impatience = maximum(
@@ -71,7 +77,9 @@ def look(state: State, given: Parameters, p: Fields, believed: Beliefs) -> View:
     )
     gap, closing = believed.gap[:, Role.EGO], believed.closing[:, Role.EGO]
     demand = own.gap_acceptance * impatience
-    bounded = minimum(own.safe_decel / demand, given.constants.most_imposed)
+    told = own.gap_acceptance <= 0
+    faster = state.vx[Role.EGO] - pick(state.vx, near.slot[LEAD, Role.EGO])
+    bounded = minimum(own.safe_decel / maximum(demand, _LEAST_DEMAND), given.constants.most_imposed)
     return View(
         own=own,
         speed=state.vx[Role.EGO],
@@ -82,6 +90,8 @@ def look(state: State, given: Parameters, p: Fields, believed: Beliefs) -> View:
         demand=demand,
         imposes=minimum(bounded, own.hardest_decel),
         impatience=impatience,
+        told=told,
+        ordered=told & believed.detected[LEAD, Role.EGO] & (faster > own.passing_gain),
     )
 
 
@@ -197,7 +207,7 @@ def decide(
     step: int,
 ) -> None:
     """One decision of every ego; what it intends holds until it looks around again."""
-    view = look(state, given, p, believed)
+    view = look(state, given, p, near, believed)
     state.stage_time = state.stage_time + given.constants.decision
     _wait(state, given, view)
     waits = must_wait(state, given, state.wanted, claims)[Role.EGO]
@@ -252,7 +262,7 @@ def _intend(
     fading = maximum(state.signalled - c.decision, np.float32(0.0))
     state.signalled = np.where(start | back, longer, fading)
     ready = state.signalled > view.own.signal_time
-    sure = looks & ~waits
+    sure = (looks & ~waits) | view.told
     return Intent(
         start=start,
         back=back,
@@ -279,7 +289,10 @@ def _starts(
     has_lane = state.lane[Role.EGO] < np.float32(given.road.num_lanes - 1)
     free = _in_stage(state, Stage.FOLLOW) & arrived & rested & has_lane
     seen = wants_to_pass(given, view) & may_pull_out(given, view)
-    wanted = np.where(looks, seen, state.wanted[Role.EGO] > 0) & (q.command != Decision.STAY)
+    seen = np.where(view.told, view.ordered, seen)
+    wanted = np.where(looks | view.told, seen, state.wanted[Role.EGO] > 0) & (
+        q.command != Decision.STAY
+    )
     return free & (wanted | ((q.command == Decision.PULL_OUT) & (state.attempted == 0)))
 
 
@@ -297,8 +310,8 @@ def _turns_back(
     late = state.stage_time > c.give_up_after
     stuck = late & (state.s[Role.EGO] < pick(state.s, state.target))
     rested = state.since_change[Role.EGO] >= c.abort_cooldown
-    seen = may_return(given, view) & (passed | stuck) & rested
-    wanted = np.where(looks, seen, state.wanted[Role.EGO] < 0)
+    seen = np.where(view.told, passed, may_return(given, view) & (passed | stuck)) & rested
+    wanted = np.where(looks | view.told, seen, state.wanted[Role.EGO] < 0)
     return has_lane & (wanted | (q.command == Decision.RETURN))
 
 
@@ -306,7 +319,7 @@ def _gives_up(
     state: State, given: Parameters, q: SimulationParameters, view: View, looks: Mask
 ) -> Mask:
     """Whether the ego goes back while pulling out: in danger, or forced by a branch."""
-    danger = looks & must_abort(given, view, SLOW_LEAD, SLOW_REAR)
+    danger = looks & ~view.told & must_abort(given, view, SLOW_LEAD, SLOW_REAR)
     forced = q.command == Decision.ABORT
     return _in_stage(state, Stage.PULL_OUT) & _is_early(state, given) & (danger | forced)
 
@@ -315,7 +328,7 @@ def _stays_out(
     state: State, given: Parameters, q: SimulationParameters, view: View, looks: Mask
 ) -> Mask:
     """Whether the ego gives up its way back in danger, unless a branch forces it to return."""
-    danger = looks & must_abort(given, view, FAST_LEAD, FAST_REAR)
+    danger = looks & ~view.told & must_abort(given, view, FAST_LEAD, FAST_REAR)
     _, whole = change_of(state, given)
     free = danger & whole[Role.EGO] & (q.command != Decision.RETURN)
     comes_back = _in_stage(state, Stage.RETURN) | _in_stage(state, Stage.ABORT)

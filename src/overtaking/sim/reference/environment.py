@@ -133,3 +133,15 @@ def wind(state: State, given: Parameters, p: Fields, q: SimulationParameters) ->
     state.wind_force = np.where(across < 0, -force, force)
     cosine = along / np.sqrt(along * along + across * across)
     state.wind_moment = state.wind_force * (p.wind_centre * cosine + p.wind_arm)
+
+
+def push(state: State, p: Fields, q: SimulationParameters, decision: int) -> None:
+    """Push sideways for a part of each interval, unannounced: after drivers answered the wind.
+
+    Source:
+        Pinto, Dutra and Fonseca 2023: forces towards the side that the wind blows to, at longer
+        intervals for less rain and wind. Size and duration are choices of the specification.
+    """
+    cell = np.float32(decision) * q.push_rate + q.push_phase
+    pushed = (q.push_accel != 0) & (cell - film.floor(cell) < q.push_share)
+    state.wind_force = np.where(pushed, state.wind_force + q.push_accel * p.mass, state.wind_force)

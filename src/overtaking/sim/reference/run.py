@@ -83,6 +83,7 @@ def decide(
     environment.grip(state, given, p, q)
     environment.wind(state, given, p, q)
     steering.hold_against_wind(state, c, p, step)
+    environment.push(state, p, q, decision)
     near = find_neighbours(state, given, p)
     if step == 0:
         perception.draw_check(state, given, p, p.valid > 0, decision)

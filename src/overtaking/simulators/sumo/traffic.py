@@ -16,6 +16,7 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.simulators.sumo.network import BEHIND, EDGE
 from overtaking.world import film, friction, visibility
+from overtaking.world.conditions import acting
 from overtaking.world.constants import constants, known
 
 _ZERO = np.float32(0.0)
@@ -23,7 +24,7 @@ _ZERO = np.float32(0.0)
 
 def is_wet(scenario: Scenario) -> NDArray[np.bool_]:
     """Whether the road is wet, shape (simulation,); on a dry one SUMO's friction is left alone."""
-    weather = scenario.weather
+    weather = acting(scenario).weather
     rain = film.rain_rate(weather.rain) > _ZERO
     return rain | (weather.puddles >= known("weather.film.wet_deposits_percent"))
 
@@ -35,7 +36,7 @@ def lane_friction(scenario: Scenario) -> F32:
     the slowest speed of the friction table, without aquaplaning, and puddles are left out.
     """
     path = film.film_per_path(_drainage_path(scenario.road))[None, :]
-    rain = film.film_per_rain(film.rain_rate(scenario.weather.rain))[:, None]
+    rain = film.film_per_rain(film.rain_rate(acting(scenario).weather.rain))[:, None]
     least = np.where(is_wet(scenario), known("weather.film.wet_film_mm"), _ZERO)[:, None]
     texture = np.full_like(rain, known("weather.film.texture_depth_mm"))
     depth = film.lane_film(least, rain, path, texture)
@@ -53,7 +54,7 @@ def _drainage_path(road: Road) -> F32:
 def distance_error(scenario: Scenario) -> F32:
     """Coefficient of variation of judged distances, shape (simulation,) [1]."""
     day, night, fog = (known(f"weather.errors.distance_cv_{x}") for x in ("day", "night", "fog"))
-    weather = scenario.weather
+    weather = acting(scenario).weather
     foggy = visibility.meteorological_range(weather.fog) < known("model.perception.fog_range")
     return np.where(foggy, fog, np.where(weather.night, night, day))
 

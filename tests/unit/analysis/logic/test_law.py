@@ -60,7 +60,9 @@ def test_both_say_the_same_of_every_fixture(place: int):
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize(("profile", "number"), [("pinto2023", 176), ("motorway-risk", 24)])
+@pytest.mark.parametrize(
+    ("profile", "number"), [("pinto2023-physical", 176), ("motorway-risk", 24)]
+)
 def test_both_say_the_same_of_simulations(profile: str, number: int):
     case = case_of(simulate(sample(profile, number, seed=23)))
     with lawyer() as reasoner:

@@ -13,13 +13,15 @@ import numpy as np
 import pytest
 
 import overtaking as ot
-from overtaking.analysis.reproduction import words
-from overtaking.analysis.reproduction.replicates import SIZE
+from overtaking.analysis.reproduction import tables, words
+from overtaking.analysis.reproduction.replicates import SIZE, Replicates
 from overtaking.analysis.reproduction.run import Comparison, Reproduction
+from overtaking.analysis.reproduction.variants import farther, pushed
 from overtaking.cli.reproducing import rendered
 from overtaking.core.errors import ConfigError
 from overtaking.knowledge.paper import calibration, statements
 from overtaking.model.labels import OvertakeClass
+from overtaking.scenarios import spec
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -128,8 +130,54 @@ def test_other_parameters_than_the_frozen_ones_are_said_to_be_other():
 
 
 def test_starts_as_drawn_end_in_more_collisions(found: Reproduction):
-    shares = {one.allow_doomed: one.shares["Unsuccess_col"] for one in found.starts}
+    shares = {bool(one.value): one.shares["Unsuccess_col"] for one in found.starts}
     assert shares[True] > shares[False]
+
+
+def test_the_score_counts_every_number_once(found: Reproduction):
+    rows = tables.score(found).rows
+    judged = [one for one in found.comparisons if one.is_inside is not None]
+    assert rows["judged"].sum() == len(judged)
+    assert rows["inside"].sum() == sum(bool(one.is_inside) for one in judged)
+    assert list(rows["standing"])[:2] == ["by design", "fitted"]
+
+
+def test_pushes_are_those_of_the_profile_times_their_factor(found: Reproduction):
+    assert [one.value for one in found.pushes] == [0.0, 0.5, 1.0, 2.0]
+    base = spec("pinto2023")
+    assert base.weather.pushes is not None
+    for factor in (0.0, 2.0):
+        one = pushed(base, factor)
+        assert one is not None
+        assert one.weather.pushes is not None
+        assert one.weather.pushes.accel_mps2 == factor * base.weather.pushes.accel_mps2
+    assert pushed(spec("pinto2023-physical"), 1.0) is None
+
+
+def test_the_collided_are_split_by_whether_they_had_pulled_out(found: Reproduction):
+    every, before, after = found.collided
+    assert every.simulations == before.simulations + after.simulations > 50
+    for name in ("D", "SE", "SP"):
+        weighted = (
+            sum(one.means[name] * one.simulations for one in (before, after)) / every.simulations
+        )
+        assert weighted == pytest.approx(every.means[name], rel=0.02)
+
+
+def test_a_paper_in_the_middle_is_nearer_than_all_and_one_far_away_is_farther_than_all():
+    rng = np.random.default_rng(1)
+    shape = (50, SIZE)
+    stated = {
+        one.of: one.stated.number
+        for one in statements().values()
+        if one.scope == "Unsuccess_col" and one.measure == "mean"
+    }
+    classes = {"paper": np.full(shape, OvertakeClass.UNSUCCESS_COL)}
+    near = {name: value + rng.normal(size=shape) for name, value in stated.items()}
+    middle = {name: values - values.mean() + stated[name] for name, values in near.items()}
+    assert farther(Replicates(classes=classes, columns=middle)) > 0.99
+    away = {name: values + 5.0 for name, values in middle.items()}
+    assert farther(Replicates(classes=classes, columns=away)) == 0.0
 
 
 def test_the_page_is_whole_offline_and_holds_every_number(found: Reproduction, tmp_path: Path):

@@ -26,7 +26,7 @@ PHASES = ("follows", "pulls out", "in the other lane", "returns", "done")
 def labelled() -> Labelled:
     road = load_road("town06")
     return label(
-        engine.simulate(sample(spec("pinto2023"), road, 1, np.arange(80, dtype=np.uint64)))
+        engine.simulate(sample(spec("pinto2023-physical"), road, 1, np.arange(80, dtype=np.uint64)))
     )
 
 
@@ -98,7 +98,9 @@ def test_the_ego_leaves_its_lane_for_the_fast_side(labelled: Labelled):
 
 def test_in_left_hand_traffic_the_fast_side_is_up_as_well():
     road = load_road("town06").mirrored()
-    run = engine.simulate(sample(spec("pinto2023"), road, 1, np.arange(80, dtype=np.uint64)))
+    run = engine.simulate(
+        sample(spec("pinto2023-physical"), road, 1, np.arange(80, dtype=np.uint64))
+    )
     mirrored = label(run)
     one = of(mirrored, completed(mirrored))
     places = [place for place, _ in one.lines]

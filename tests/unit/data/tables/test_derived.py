@@ -14,7 +14,9 @@ from overtaking.scenarios import sample, spec
 @pytest.fixture(scope="module")
 def calm():
     """One simulation on a dry, clear, windless day."""
-    scenario = sample(spec("pinto2023"), known_road("town06"), 1, np.arange(1, dtype=np.uint64))
+    scenario = sample(
+        spec("pinto2023-physical"), known_road("town06"), 1, np.arange(1, dtype=np.uint64)
+    )
     zero = np.zeros(1, dtype=np.float32)
     weather = scenario.weather.replace(
         **dict.fromkeys(("cloudiness", "rain", "puddles", "wind", "fog"), zero),

@@ -21,7 +21,7 @@ SIZE, FIRST = 60, 1000
 
 @pytest.fixture(scope="module")
 def labelled() -> Labelled:
-    given = spec("pinto2023")
+    given = spec("pinto2023-physical")
     index = np.arange(SIZE, dtype=np.uint64)
     return label(engine.simulate(sample(given, load_road(given.road), 4, index)))
 

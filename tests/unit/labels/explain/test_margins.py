@@ -10,7 +10,7 @@ from overtaking.model.labels import Verdict
 
 
 def test_least_margin_is_that_of_the_finding():
-    labelled = ot.label(ot.simulate(ot.sample("pinto2023", 64, seed=5)))
+    labelled = ot.label(ot.simulate(ot.sample("pinto2023-physical", 64, seed=5)))
     seen = dict.fromkeys(("L3", "L10", "L12", "L14", "L14s"), 0)
     for number in range(64):
         one = labelled.select(np.array([number]))

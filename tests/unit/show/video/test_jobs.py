@@ -21,7 +21,7 @@ from overtaking.show.video.produce import produce
 def data(request, tmp_path_factory):
     """Data sets with and without what has a row per frame."""
     folder = tmp_path_factory.mktemp("data") / request.param
-    return api.generate("pinto2023", 24, 1, folder, keep=request.param)
+    return api.generate("pinto2023-physical", 24, 1, folder, keep=request.param)
 
 
 def test_one_film_for_each_class_the_first_of_it(data):
@@ -108,7 +108,7 @@ SHORT = {"time.horizon_s": 2, "time.attempt_deadline_s": 2}
 
 @pytest.fixture(scope="module")
 def runs():
-    return api.simulate(api.sample("pinto2023", 3, 1, overrides=SHORT))
+    return api.simulate(api.sample("pinto2023-physical", 3, 1, overrides=SHORT))
 
 
 def test_trajectories_are_labelled_and_filmed(runs, tmp_path):

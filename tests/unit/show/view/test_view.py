@@ -34,7 +34,7 @@ NUM_SIMULATIONS = 24
 
 @pytest.fixture(scope="module")
 def labelled() -> Labelled:
-    return ot.label(ot.simulate(ot.sample("pinto2023", NUM_SIMULATIONS, 1)))
+    return ot.label(ot.simulate(ot.sample("pinto2023-physical", NUM_SIMULATIONS, 1)))
 
 
 @pytest.fixture(scope="module")
