@@ -18,6 +18,9 @@ _ONE = np.float32(1.0)
 _NEVER = np.float32(1e9)
 """A threshold that no incentive to change lanes reaches [m/s^2]."""
 
+_NO_LIMIT = np.float32(10.0)
+"""A friction coefficient that no tyre reaches."""
+
 _FAINTEST = np.float32(1e-12)
 """Keeps the range of lamps finite where light has no limit [lx]."""
 
@@ -38,6 +41,7 @@ def driver_parameters(scenario: Scenario, c: Constants, world: World, effects: E
         _speeds(scenario, c, world)
         | _following(scenario, c, world)
         | _reaction(scenario, world, effects)
+        | _limits(scenario, c)
         | _lane_changes(scenario, world, effects)
         | {"inverse_patience": _ONE / scenario.drivers.patience}
     )
@@ -86,6 +90,18 @@ def _reaction(scenario: Scenario, world: World, effects: Effects) -> Rows:
     decisions = np.rint(reaction * DECISIONS_PER_SECOND)
     ticks = minimum(decisions, known("model.perception.history"))
     return {"reaction_ticks": ticks if effects.delay else np.zeros_like(ticks)}
+
+
+def _limits(scenario: Scenario, c: Constants) -> Rows:
+    """How far ahead each driver attends to, and the most friction that its tyres find.
+
+    Alike for all; `benchmarks/nets.py` lowers them for an ego that does not know of it.
+    """
+    shape = scenario.drivers.reaction_time
+    return {
+        "attention": np.full_like(shape, c.sight_range),
+        "most_friction": np.full_like(shape, _NO_LIMIT),
+    }
 
 
 def _lane_changes(scenario: Scenario, world: World, effects: Effects) -> Rows:
