@@ -66,3 +66,24 @@ def test_replayed_simulations_with_another_seed_have_other_hashes(tmp_path: Path
     assert set(same[:56]) == {"False"}, done.stderr
     assert set(same[56:]) == {"True"}
     assert len(same) == 256
+
+
+GAMMA = """
+import json
+import numpy as np
+from conflicts import gamma_interval
+
+count, number = 7, 1000
+happened = (np.arange(number) < count).astype(float)
+print(json.dumps([gamma_interval(np.full(number, w), happened) for w in (1.0, 0.5)]))
+"""
+
+
+def test_the_interval_of_a_rate_with_equal_weights_is_the_exact_one_of_poisson():
+    done = run("-c", GAMMA)
+    (rate, low, high), halved = json.loads(done.stdout)
+    # Garwood 1936, as tabled: 7 events, 2.81 to 14.42.
+    assert rate == pytest.approx(7e-3)
+    assert low == pytest.approx(2.81e-3, abs=5e-6)
+    assert high == pytest.approx(14.42e-3, abs=5e-6)
+    assert halved == pytest.approx([0.5 * rate, 0.5 * low, 0.5 * high])
