@@ -1,0 +1,60 @@
+"""A small release has what a large one has, and is checked."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+SIZE = "300"
+
+
+@pytest.fixture(scope="module")
+def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the command with expected hashes of its own."""
+    folder = tmp_path_factory.mktemp("release")
+    for name in ("release.py", "release.md"):
+        shutil.copy(BENCHMARKS / name, folder)
+    (folder / "release.json").write_text("{}", encoding="utf-8")
+    return folder / "release.py"
+
+
+def run(script: Path, *more: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(script), "--out", str(script.parent / "out"), "-n", SIZE]
+    command += ["--profiles", "pinto2023", *more]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.ci
+def test_a_release_is_made_once_written_down_and_checked(script: Path):
+    unknown = run(script)
+    assert unknown.returncode == 1, unknown.stderr
+    assert run(script, "--write").returncode == 0
+    done = run(script)
+    assert done.returncode == 0
+    assert "as expected" in done.stdout
+    expected = script.with_suffix(".json")
+    expected.write_text(expected.read_text(encoding="utf-8").replace("pinto2023", "other"))
+    assert run(script).returncode == 1
+    folder = script.parent / "out" / "pinto2023"
+    readme = (folder / "README.md").read_text(encoding="utf-8")
+    assert readme.count("## Split and tasks") == 1
+    assert "gradient boosting" in readme
+    tasks = pq.read_table(folder / "tasks.parquet").to_pandas()
+    assert set(tasks["part"]) == {"train", "validation", "test"}
+    asked = tasks["outcome"].notna()
+    assert asked.any()
+    assert (tasks.loc[asked, "go"] == "go").all()
+    is_legal = tasks.loc[asked, "legal"] == "legal"
+    assert (is_legal == (tasks.loc[asked, "outcome"] == "Success_L")).all()
+    content = json.loads((folder / "croissant.json").read_text(encoding="utf-8"))
+    files = [one for one in content["distribution"] if one["@id"] == "tasks.parquet"]
+    sets = [one for one in content["recordSet"] if one["@id"] == "tasks"]
+    assert len(files) == len(sets) == 1
+    assert [one["name"] for one in sets[0]["field"]] == list(tasks.columns)
