@@ -135,7 +135,7 @@ def test_scenarios_carry_their_weights():
     road = load_road("motorway")
     drawn = sample(spec("motorway-risk"), road, 1, NUMBERS[:400])
     assert drawn.weight.dtype == np.float64
-    assert drawn.weight.min() < 0.5 < 2.0 < drawn.weight.max() <= 10.0 / 3.0 + 1e-9
+    assert drawn.weight.min() < 0.5 < 2.0 < drawn.weight.max() <= 1.0 / 0.36 + 1e-9
     natural = sample(spec("motorway"), road, 1, NUMBERS[:400])
     assert (natural.weight == 1.0).all()
 
