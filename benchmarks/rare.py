@@ -6,7 +6,7 @@ with fixed seeds; each seed gives a weighted rate and its 95 % interval. Printed
 the rates relative to the rate of all simulations as they are met, the same scaled to equal cost
 (vehicle-seconds), and the share of the intervals that hold the rate of the other seeds.
 
-    python benchmarks/rare.py                            # 50 seeds of 1,000: 7 minutes of a core
+    python benchmarks/rare.py                            # 50 seeds of 1,000: 8 minutes of a core
     python benchmarks/rare.py --seeds 10 --simulations 200
 """
 
