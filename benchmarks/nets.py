@@ -181,9 +181,7 @@ def main() -> int:
     for text, _ in rows:
         print(text)
     egos = [ego_row(name, found, weight) for name in names if name in EGOS]
-    print(
-        "impaired ego: weighted collisions of a simulation, normal and impaired, ratio [interval]"
-    )
+    print("impaired ego: weighted collisions of a simulation, normal and impaired [95 %], ratio")
     for text, _ in egos:
         print(text)
     print(f"ego collisions among them: {int(found[''].ego_contact.sum())} of the normal ego")
