@@ -34,7 +34,7 @@ CRATES := $(shell find crates -type f)
 LOCK   := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes \
           --no-header --no-emit-index-url --no-emit-find-links --quiet $(LOCK_FLAGS)
 
-.PHONY: help demo test test-ci test-all check check-python check-rust test-rust test-python bench docs site viewer check-viewer \
+.PHONY: help demo test test-ci test-all check check-python check-rust test-rust test-python release bench docs site viewer check-viewer \
         lock build dev format clean
 
 help:  ## List what can be made
@@ -91,6 +91,9 @@ test-rust:
 
 test-python: dev
 	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "not ci and not soak"
+
+release: dev  ## Data sets to learn from, in build/release, checked by content hash
+	$(BIN)/python benchmarks/release.py --out build/release
 
 bench: dev  ## Measure the speed against its peers
 	$(BIN)/python benchmarks/run.py

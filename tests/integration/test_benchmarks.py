@@ -90,3 +90,24 @@ def test_accidents_are_told_with_what_was_believed_and_driving_goes_on_where_it_
     other = run(*asked, "--seed", "3", "--km", "60", f"--kept={kept}")
     assert other.returncode == 1
     assert "give another --kept" in other.stderr
+
+
+GAMMA = """
+import json
+import numpy as np
+from conflicts import gamma_interval
+
+count, number = 7, 1000
+happened = (np.arange(number) < count).astype(float)
+print(json.dumps([gamma_interval(np.full(number, w), happened) for w in (1.0, 0.5)]))
+"""
+
+
+def test_the_interval_of_a_rate_with_equal_weights_is_the_exact_one_of_poisson():
+    done = run("-c", GAMMA)
+    (rate, low, high), halved = json.loads(done.stdout)
+    # Garwood 1936, as tabled: 7 events, 2.81 to 14.42.
+    assert rate == pytest.approx(7e-3)
+    assert low == pytest.approx(2.81e-3, abs=5e-6)
+    assert high == pytest.approx(14.42e-3, abs=5e-6)
+    assert halved == pytest.approx([0.5 * rate, 0.5 * low, 0.5 * high])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +18,7 @@ from overtaking.sim import engine
 from overtaking.sim.reference import collisions
 from overtaking.sim.reference.collisions import Box, first_contact
 from overtaking.sim.reference.state import Fields, State, initial_state
-from overtaking.world.parameters import Effects, parameters
+from overtaking.world.parameters import VEHICLE_FIELDS, Effects, parameters
 
 RESTITUTION = 0.1
 STEP = 0.01
@@ -339,8 +339,8 @@ def test_the_time_of_a_collision_is_that_of_the_kinematics():
     world = scenario(cars, road=wide_road(lanes=1), weather={"fog": 100.0}, horizon=10.0)
     given_ = parameters(world, Effects(gusts=False, distance_error=False))
     # Nobody can be seen farther than a millimetre.
-    unseen = given_.constants.replace(sight_range=1e-3)
-    ran = engine.run(world, replace(given_, constants=unseen))
+    given_.vehicle[VEHICLE_FIELDS.index("attention")] = 1e-3
+    ran = engine.run(world, given_)
     assert ran.contacts.partner[0, 0] == 1
     frame = int(ran.contacts.time[0, 0]) // 50
     before = ran.states.s[0, :2, frame] / 1000.0

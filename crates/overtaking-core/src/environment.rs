@@ -146,7 +146,7 @@ pub fn grip<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, 
         let water = lane_film(w, lane_value(&road.film_path[..n], lane));
         let columns = speed_columns(w.c, state.vx[i], p.wear, p.truck);
         if !has_puddles {
-            let friction = at_film(w.c, &columns, water);
+            let friction = min(at_film(w.c, &columns, water), p.most_friction);
             (state.mu_fast[i], state.mu_slow[i]) = (friction, friction);
             continue;
         }
@@ -156,7 +156,10 @@ pub fn grip<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, 
         ] {
             let wheel_path = floor((state.d[i] + offset - road.boundaries[0]) / width);
             let depth = puddle(w, state.s[i], wheel_path);
-            *friction = at_film(w.c, &columns, water + w.q.puddle_film * depth);
+            *friction = min(
+                at_film(w.c, &columns, water + w.q.puddle_film * depth),
+                p.most_friction,
+            );
         }
     }
 }

@@ -9,10 +9,10 @@ lane_fields! {
         understeer, moment_angle, side_lag, two_wheeler, side_wind, wind_centre, wind_arm, wear,
         truck, shelters, spray, loom_width, contrast, inverse_tail_lamp, inverse_head_lamp, lights,
         desired_speed, pass_speed, time_gap, min_gap, accel, decel, interaction, overspeed_exponent,
-        hardest_decel, reaction_ticks, urgent_ticks, politeness, threshold, bias, safe_decel,
-        lane_change_duration, passing_gain, inverse_patience, pull_out_time, gap_acceptance,
-        return_time_gap, signal_time, uses_indicator, checks_blind_spot, start_s, start_d,
-        start_speed, start_lane,
+        hardest_decel, reaction_ticks, urgent_ticks, attention, most_friction, politeness,
+        threshold, bias, safe_decel, lane_change_duration, passing_gain, inverse_patience,
+        pull_out_time, gap_acceptance, return_time_gap, signal_time, uses_indicator,
+        checks_blind_spot, start_s, start_d, start_speed, start_lane,
     }
 }
 

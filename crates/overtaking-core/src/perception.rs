@@ -225,9 +225,9 @@ fn notice<S: Simd, const N: usize>(
     let (slot, gap) = (near.slot[role], near.gap[role]);
     let is_front = role.is_multiple_of(2);
     let reach = if is_front {
-        c.sight_range
+        w.p[i].attention
     } else {
-        c.mirror_range
+        splat(w.simd, c.mirror_range)
     };
     let mut visible = slot.simd_ge(0.0) & effort.simd_le(1.0) & gap.simd_lt(reach);
     if is_front && role != LEAD && leader.is_tall.any_true() {

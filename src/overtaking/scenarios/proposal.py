@@ -44,7 +44,7 @@ class Bending:
             seed: Seed of the data set.
             index: Simulation numbers, shape (simulation,).
         """
-        self._components = spec or ()
+        self._components = tuple(each for one in spec or () for each in one.tempered())
         drawn = Noise(seed, index, Stream.PROPOSAL).uniform() if spec else np.ones(len(index))
         self._taken: list[Mask] = []
         below = 0.0

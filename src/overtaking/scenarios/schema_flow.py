@@ -43,6 +43,7 @@ SHIFTED = tuple(
     f"ego_{trait}"
     for trait in (
         "time_gap",
+        "reaction_time",
         "lane_change_duration",
         "passing_gain",
         "patience",
@@ -69,6 +70,7 @@ def _rising(part: tuple[float, float]) -> tuple[float, float]:
 _Power = Annotated[float, Field(ge=0.01, le=20.0)]
 _Part = Annotated[tuple[Share, Share], AfterValidator(_rising)]
 _Shift = Annotated[float, Field(ge=-3.0, le=3.0)]
+_Temper = Annotated[float, Field(gt=0.0, le=1.0)]
 DensityRange = Annotated[tuple[Density, Density], AfterValidator(ordered)]
 
 
@@ -160,6 +162,9 @@ class Component(Section):
         powers: Quantity of `BENT` to power.
         parts: Quantity of `BENT` to the part of (0, 1) that it is drawn from.
         shifts: Trait of the ego, of `SHIFTED`, to standard deviations.
+        tempers: The share is divided equally among copies of the component, one for each temper t:
+            its powers are raised to t and its shifts multiplied by it, so a small t bends little.
+            Parts stay.
     """
 
     name: Annotated[str, Field(min_length=1, max_length=40)]
@@ -169,6 +174,21 @@ class Component(Section):
     shifts: Annotated[dict[str, _Shift], AfterValidator(_known(SHIFTED))] = Field(
         default_factory=dict
     )
+    tempers: Annotated[tuple[_Temper, ...], Field(min_length=1)] = (1.0,)
+
+    def tempered(self) -> tuple[Self, ...]:
+        """The component at each of its tempers, with equal parts of its share."""
+        return tuple(
+            self.model_copy(
+                update={
+                    "share": self.share / len(self.tempers),
+                    "powers": {name: power**t for name, power in self.powers.items()},
+                    "shifts": {name: t * shift for name, shift in self.shifts.items()},
+                    "tempers": (1.0,),
+                }
+            )
+            for t in self.tempers
+        )
 
     @model_validator(mode="after")
     def _once(self) -> Self:

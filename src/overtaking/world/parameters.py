@@ -101,6 +101,8 @@ class VehicleParameters(NamedTuple):
     hardest_decel: F32
     reaction_ticks: F32
     urgent_ticks: F32
+    attention: F32
+    most_friction: F32
     politeness: F32
     threshold: F32
     bias: F32

@@ -18,6 +18,9 @@ _ONE = np.float32(1.0)
 _NEVER = np.float32(1e9)
 """A threshold that no incentive to change lanes reaches [m/s^2]."""
 
+_NO_LIMIT = np.float32(10.0)
+"""A friction coefficient that no tyre reaches."""
+
 _FAINTEST = np.float32(1e-12)
 """Keeps the range of lamps finite where light has no limit [lx]."""
 
@@ -38,6 +41,7 @@ def driver_parameters(scenario: Scenario, c: Constants, world: World, effects: E
         _speeds(scenario, c, world)
         | _following(scenario, c, world)
         | _reaction(scenario, world, effects)
+        | _limits(scenario, c)
         | _lane_changes(scenario, world, effects)
         | {"inverse_patience": _ONE / scenario.drivers.patience}
     )
@@ -93,6 +97,18 @@ def _ticks(reaction: F32, effects: Effects) -> F32:
     """A reaction time in whole decisions, as far back as is remembered; none without delay."""
     ticks = minimum(np.rint(reaction * DECISIONS_PER_SECOND), known("model.perception.history"))
     return ticks if effects.delay else np.zeros_like(ticks)
+
+
+def _limits(scenario: Scenario, c: Constants) -> Rows:
+    """How far ahead each driver attends to, and the most friction that its tyres find.
+
+    Alike for all; `benchmarks/nets.py` lowers them for an ego that does not know of it.
+    """
+    shape = scenario.drivers.reaction_time
+    return {
+        "attention": np.full_like(shape, c.sight_range),
+        "most_friction": np.full_like(shape, _NO_LIMIT),
+    }
 
 
 def _lane_changes(scenario: Scenario, world: World, effects: Effects) -> Rows:

@@ -85,6 +85,30 @@ def test_each_component_draws_its_share():
     assert (v < -1.5).mean() == pytest.approx(0.3 * 0.933 + 0.3 * 0.0668, abs=0.02)
 
 
+def test_a_tempered_component_is_a_mixture_of_its_copies():
+    one = {"powers": {"wind": 0.2}, "shifts": {"ego_time_gap": 2.0}}
+    whole = Component(name="both", share=0.6, tempers=(1.0, 0.5, 0.25), **one)
+    powers, shifts = (0.2, 0.2**0.5, 0.2**0.25), (2.0, 1.0, 0.5)
+    bending = Bending((whole,), 3, NUMBERS)
+    rng = np.random.default_rng(1)
+    u = ((rng.permutation(len(NUMBERS)) + 0.5) / len(NUMBERS)).astype(np.float32)
+    z = scipy.stats.norm.ppf((rng.permutation(len(NUMBERS)) + 0.5) / len(NUMBERS))
+    v, y = bending("wind", u), bending("ego_time_gap", z.astype(np.float32))
+    # The densities are SciPy's: u^p has that of a beta distribution with a = 1 / p.
+    drawn_from = 0.4 * scipy.stats.norm.pdf(y)
+    for power, shift in zip(powers, shifts, strict=True):
+        drawn_from += 0.2 * scipy.stats.beta.pdf(v, 1 / power, 1) * scipy.stats.norm.pdf(y - shift)
+    np.testing.assert_allclose(bending.weight, scipy.stats.norm.pdf(y) / drawn_from, rtol=1e-3)
+    assert bending.weight.mean() == pytest.approx(1.0, abs=5.0 * bending.weight.std() / 141.0)
+
+
+def test_few_simulations_of_the_risk_profile_weigh_nothing():
+    weight = sample(spec("motorway-risk"), load_road("motorway"), 1, NUMBERS[:8000]).weight
+    assert (weight < 1e-6).mean() < 0.1
+    assert weight.sum() ** 2 / (weight**2).sum() > 0.4 * len(weight)
+    assert weight.mean() == pytest.approx(1.0, abs=4.0 * weight.std() / np.sqrt(len(weight)))
+
+
 def test_without_a_proposal_every_weight_is_one():
     bending = Bending(None, 1, NUMBERS)
     u = np.full(len(NUMBERS), 0.25, np.float32)
@@ -111,7 +135,7 @@ def test_scenarios_carry_their_weights():
     road = load_road("motorway")
     drawn = sample(spec("motorway-risk"), road, 1, NUMBERS[:400])
     assert drawn.weight.dtype == np.float64
-    assert drawn.weight.min() < 0.5 < 2.0 < drawn.weight.max() <= 5.0 + 1e-9
+    assert drawn.weight.min() < 0.5 < 2.0 < drawn.weight.max() <= 1.0 / 0.36 + 1e-9
     natural = sample(spec("motorway"), road, 1, NUMBERS[:400])
     assert (natural.weight == 1.0).all()
 
@@ -145,7 +169,7 @@ def test_the_risk_profile_has_orderly_drivers_and_weighs_them_back():
     natural = sample(spec("motorway"), road, 1, NUMBERS[:8000]).drivers
     risk = sample(spec("motorway-risk"), road, 1, NUMBERS[:8000])
     weight, far = risk.weight, 2.2
-    for slot, more in ((Role.EGO, 2.0), (5, 1.2)):
+    for slot, more in ((Role.EGO, 1.5), (5, 1.05)):
         enriched, plain = (who.time_gap[:, slot] > far for who in (risk.drivers, natural))
         assert enriched.mean() > more * plain.mean()
         spread = np.hypot((weight * enriched).std(), plain.std()) / np.sqrt(len(weight))

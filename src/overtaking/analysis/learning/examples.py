@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from overtaking.analysis.learning.attributes import ATTRIBUTES, BY_NAME, DERIVED, Attribute
 from overtaking.analysis.learning.targets import Target, is_asked
@@ -132,7 +133,16 @@ def _numbers(column: pd.Series) -> F64:
 
 
 def groups_of(simulations: pd.DataFrame) -> I64:
-    """Number of the root of each simulation.
+    """Number of the root of each simulation: equal numbers have equal `roots_of`.
+
+    Args:
+        simulations: Rows of the table of that name.
+    """
+    return np.unique(roots_of(simulations), return_inverse=True)[1].astype(np.int64)
+
+
+def roots_of(simulations: pd.DataFrame) -> NDArray[np.str_]:
+    """Name of the root of each simulation, shape (simulation,).
 
     Simulations of one recording belong together, whoever is the ego. So do simulations with the
     same seed and index: twins and branches of one scenario.
@@ -145,7 +155,7 @@ def groups_of(simulations: pd.DataFrame) -> I64:
     of_recording = recording.where(is_recorded, "").astype(str).str.replace(_PART, "", regex=True)
     roots = simulations["seed"].astype(str) + ":" + simulations["index"].astype(str)
     keys = np.where(is_recorded, of_recording.to_numpy(dtype=object), roots.to_numpy(dtype=object))
-    return np.unique(keys.astype(str), return_inverse=True)[1].astype(np.int64)
+    return keys.astype(str)
 
 
 def refuse_too_few(positive: Mask, groups: I64, *, where: str, what: str, least: int) -> None:

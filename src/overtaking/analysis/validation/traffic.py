@@ -112,9 +112,9 @@ def _distances(tally: Tally, batch: Batch) -> None:
 def _following(tally: Tally, batch: Batch) -> None:
     """Add time gaps, times to collision, and whether accelerations are usual."""
     states = batch.runs.states
-    speed = 1e-3 * _by_frame(states.speed, batch.sampled)
-    accel, sound = (_by_frame(one, batch.sampled) for one in (states.accel_lon, batch.sound))
-    gap, closing = _leaders(batch, batch.sampled)
+    speed = 1e-3 * by_frame(states.speed, batch.sampled)
+    accel, sound = (by_frame(one, batch.sampled) for one in (states.accel_lon, batch.sound))
+    gap, closing = leaders(batch, batch.sampled)
     group, weight = (
         np.broadcast_to(one[:, None, None], sound.shape) for one in (batch.group, batch.weight)
     )
@@ -137,9 +137,9 @@ def _free_lanes(tally: Tally, batch: Batch) -> None:
     step = batch.sampled.step * FREE_EVERY
     frames = slice(None, None, step)
     lane, s, sound = (
-        _by_frame(one, frames) for one in (batch.runs.states.lane, batch.runs.states.s, batch.sound)
+        by_frame(one, frames) for one in (batch.runs.states.lane, batch.runs.states.s, batch.sound)
     )
-    reach = 1e3 * limit("free_ahead") * 1e-3 * _by_frame(batch.runs.states.speed, frames)
+    reach = 1e3 * limit("free_ahead") * 1e-3 * by_frame(batch.runs.states.speed, frames)
     ahead = (s[..., None, :] - s[..., :, None]).astype(np.float64)
     near = (ahead > -1e3 * limit("free_behind")) & (ahead < reach[..., :, None])
     on_the_right = lane[..., None, :].astype(np.int16) == lane[..., :, None].astype(np.int16) - 1
@@ -153,18 +153,18 @@ def _free_lanes(tally: Tally, batch: Batch) -> None:
     tally.add("left_time", group[left], weight[left])
 
 
-def _leaders(batch: Batch, frames: slice) -> tuple[Array, Array]:
+def leaders(batch: Batch, frames: slice) -> tuple[Array, Array]:
     """Gap to the next vehicle ahead in the lane [m] and speed of approach [m/s].
 
     Returns:
         Both of shape (simulation, time, vehicle); the gap is infinite where nobody is ahead.
     """
     states, scenario = batch.runs.states, batch.runs.scenario
-    s, speed = (1e-3 * _by_frame(one, frames) for one in (states.s, states.speed))
-    lane = _by_frame(states.lane, frames).astype(np.float64)
+    s, speed = (1e-3 * by_frame(one, frames) for one in (states.s, states.speed))
+    lane = by_frame(states.lane, frames).astype(np.float64)
     half = 0.5 * scenario.vehicles.length[:, None, :]
     # One sort for all lanes: by lane, then by place; vehicles that do not count come last.
-    key = np.where(_by_frame(batch.sound, frames), 1e6 * lane + s, np.inf)
+    key = np.where(by_frame(batch.sound, frames), 1e6 * lane + s, np.inf)
     order = np.argsort(key, axis=2)
     ordered, rear, front, pace = (
         np.take_along_axis(one, order, axis=2) for one in (key, s - half, s + half, speed)
@@ -178,6 +178,6 @@ def _leaders(batch: Batch, frames: slice) -> tuple[Array, Array]:
     return np.take_along_axis(gap, back, axis=2), np.take_along_axis(closing, back, axis=2)
 
 
-def _by_frame(values: Array, frames: slice) -> Array:
+def by_frame(values: Array, frames: slice) -> Array:
     """Some frames of (simulation, vehicle, time), as (simulation, time, vehicle)."""
     return values[:, :, frames].transpose(0, 2, 1)

@@ -67,7 +67,8 @@ def grip(state: State, given: Parameters, p: Fields, q: SimulationParameters) ->
         depth = film.puddle(
             c, state.s, wheel_path, q.puddle_phase_1, q.puddle_phase_2, q.puddle_reach
         )
-        sides.append(friction.at_film(c, columns, water + q.puddle_film * depth))
+        found = friction.at_film(c, columns, water + q.puddle_film * depth)
+        sides.append(minimum(found, p.most_friction))
     state.mu_fast, state.mu_slow = sides
 
 

@@ -170,7 +170,7 @@ def notice(
     c = given.constants
     slot, gap = near.slot[role], near.gap[role]
     effort = strain(state, given, p, q, near, role, depths)
-    reach = c.sight_range if role % 2 == 0 else c.mirror_range
+    reach = p.attention if role % 2 == 0 else c.mirror_range
     visible = (slot >= 0) & (effort <= np.float32(1.0)) & (gap < reach)
     if role % 2 == 0:
         visible = visible & ~is_hidden(p, near, role)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from overtaking.analysis.validation import ring
-from overtaking.analysis.validation.traffic import Batch, _leaders
+from overtaking.analysis.validation.traffic import Batch, leaders
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine, reference
@@ -44,7 +44,7 @@ def test_vehicles_are_spread_evenly_at_the_density(world):
 def test_the_foremost_follows_the_rearmost(world):
     scenario, given = world
     runs = engine.run(scenario, given)
-    gap, _ = _leaders(Batch.of(runs), slice(None))
+    gap, _ = leaders(Batch.of(runs), slice(None))
     first = np.isinf(gap[:, 0]) & scenario.vehicles.valid
     foremost = first & (scenario.drivers.desired_speed > scenario.start_speed + 5.0)
     foremost[:, 0] = False

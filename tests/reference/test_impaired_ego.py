@@ -1,0 +1,42 @@
+"""An ego that sees less, or has less friction, than it knows: alike in both implementations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.vehicles import Role
+from overtaking.recordings.roads import load_road
+from overtaking.scenarios import sample, spec
+from overtaking.sim import engine
+from overtaking.sim.reference.run import run
+from overtaking.world.parameters import VEHICLE_FIELDS, parameters
+
+DRAWN = sample(
+    spec("pinto2023", {"traffic.vehicles": "3..4"}), load_road("town06"), 4, np.arange(4)
+)
+
+
+@pytest.mark.parametrize(("name", "value"), [("attention", 30.0), ("most_friction", 0.1)])
+def test_an_impaired_ego_moves_otherwise_and_in_both_the_same_way(name: str, value: float):
+    plain = parameters(DRAWN)
+    vehicle = plain.vehicle.copy()
+    vehicle[VEHICLE_FIELDS.index(name), Role.EGO] = value
+    impaired = replace(plain, vehicle=vehicle)
+    fast, slow = engine.run(DRAWN, impaired), run(DRAWN, impaired)
+    np.testing.assert_array_equal(fast.trace_hash, slow.trace_hash)
+    assert (fast.trace_hash != engine.simulate(DRAWN).trace_hash).any()
+
+
+def test_nobody_brakes_harder_than_the_friction_allows():
+    plain = parameters(DRAWN)
+    plain.vehicle[VEHICLE_FIELDS.index("most_friction")] = 0.1
+    ran = engine.run(DRAWN, plain)
+    untouched = ran.contacts.partner == NO_VEHICLE
+    # Friction times gravity, and what drag, rolling and wind brake [mm/s^2].
+    assert untouched.sum() > 3
+    assert ran.states.accel_lon[untouched].min() > -(0.1 * 9810 + 1000)
+    assert engine.simulate(DRAWN).states.accel_lon.min() < -(0.1 * 9810 + 1000)
