@@ -2,7 +2,17 @@
 
 from overtaking.api.carla import carla_limits, replay_in_carla, serve_carla
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, simulator_of
-from overtaking.api.data import EXPORTS, export, generate, import_recording, load, relabel, resume
+from overtaking.api.data import (
+    EXPORTS,
+    export,
+    from_frame,
+    generate,
+    import_recording,
+    load,
+    relabel,
+    resume,
+    write_column_map,
+)
 from overtaking.api.learning import learn_factors, learn_rules
 from overtaking.api.logic import ask, prove
 from overtaking.api.results import (
@@ -18,7 +28,7 @@ from overtaking.api.results import (
     write_reproduction,
     write_view,
 )
-from overtaking.api.simulating import branch, compare, label, sample, simulate
+from overtaking.api.simulating import branch, compare, label, lacking, sample, simulate
 from overtaking.data.load import Dataset
 
 __all__ = [
@@ -34,9 +44,11 @@ __all__ = [
     "entity_relationship_diagram",
     "export",
     "film",
+    "from_frame",
     "generate",
     "import_recording",
     "label",
+    "lacking",
     "learn_factors",
     "learn_rules",
     "literature",
@@ -54,6 +66,7 @@ __all__ = [
     "simulator_of",
     "statistics",
     "validate",
+    "write_column_map",
     "write_report",
     "write_reproduction",
     "write_view",

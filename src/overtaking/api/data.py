@@ -23,6 +23,7 @@ from overtaking.data.place import folder_of, place_of
 from overtaking.data.recipe import Keep, Recipe
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
+from overtaking.model.trajectory import Trajectories
 from overtaking.recordings import export as recording_export
 
 EXPORTS = ("pinto2023", "commonroad", "highd", "asp", "prolog", "popper")
@@ -38,6 +39,8 @@ _READER_OPTIONS: dict[str, Any] = {
     "lanelet": int | None,
     "direction": int | None,
     "road": str | Path | Road | None,
+    "columns": str | Path | Mapping[str, Any],
+    "only": Mapping[str, str],
 }
 """Types of what the readers of recordings can be asked."""
 
@@ -384,14 +387,16 @@ def import_recording(
     """Make a data set of a recording of others: every overtake in it becomes a simulation.
 
     Args:
-        file_format: `commonroad` (XML 2018b or 2020a), `highd` or `pinto2023` (the paper's table).
-        path: The file; of highD its `_tracks.csv`.
+        file_format: `commonroad` (XML 2018b or 2020a), `exid`, `highd`, `ngsim`, `pinto2023` (the
+            paper's table) or `table` (any columns).
+        path: The file; of exiD and highD its `_tracks.csv`.
         out: Folder for the data set; it must not exist, or be empty.
         progress: Called with the number of simulations that are done, and of all.
         options: `attempts_only=True` leaves out vehicles that follow and never move left, and
             `vehicles` is how many a simulation has at most (both not for `pinto2023`); `lanelet`
             chooses a road of a CommonRoad file, `direction` (1, 2) one of highD, `road` (a `Road`)
-            is where a `pinto2023` table was recorded.
+            is where a table was recorded. `columns` is the map of a table: a name, a TOML file, or
+            its content; `only` maps columns to the value that they must have.
 
     Returns:
         The complete, labelled data set; its manifest says what was found and what was measured.
@@ -410,6 +415,75 @@ def import_recording(
     read = read_recording(file_format, path, options)
     write_scenes(read, target, file_format, progress)
     return load(target)
+
+
+@checked
+def from_frame(
+    table: Any,
+    *,
+    columns: str | Path | Mapping[str, Any],
+    road: str | Path | Road | None = None,
+    attempts_only: bool = False,
+    vehicles: int = 16,
+) -> Trajectories:
+    """The overtakes in a table of states; called as `Trajectories.from_frame`.
+
+    Args:
+        table: A row per vehicle and instant: a pandas or Arrow table, or a mapping of columns.
+        columns: Which column holds what, with units: the name of a map, a TOML file, its content,
+            or its section `columns` such as `{"vehicle": "id", "time": "t [s]", "x": "x [m]"}`.
+        road: The road in the axes of the table: a name, an OpenDRIVE file, or a `Road`. If left
+            out, what the map says of it; what that leaves open is inferred from the traffic.
+        attempts_only: Whether vehicles that follow and never move left are left out.
+        vehicles: Vehicles of a simulation at most.
+
+    Returns:
+        A simulation for each overtake, and for each vehicle that follows another; `unknown` says
+        what the table does not tell.
+
+    Raises:
+        ConfigError: The map or the road cannot be used.
+        ImportFormatError: The table cannot be used; the message names row and column.
+    """
+    from overtaking.recordings.column_map import column_map
+    from overtaking.recordings.rows import rows_of
+    from overtaking.recordings.scenes import scenes
+    from overtaking.recordings.tables import recording_of
+
+    chosen = column_map(columns)
+    place = None if road is None else road_of(road)
+    recording = recording_of(rows_of(table, chosen), chosen, "table", road=place)
+    found = scenes(recording, attempts_only=attempts_only, num_slots=vehicles)
+    return found.trajectories(range(len(found)))
+
+
+@checked
+def write_column_map(table: str | Path, out: str | Path) -> None:
+    """Write a map of columns to fill in.
+
+    Args:
+        table: The CSV or Parquet file that it is for; its columns are listed.
+        out: The file to write; it must not exist.
+
+    Raises:
+        ConfigError: There is such a file.
+        ImportFormatError: The table cannot be read.
+        OSError: The file cannot be written.
+    """
+    from overtaking.core.folders import put_file
+    from overtaking.recordings.column_map import template
+    from overtaking.recordings.table_files import column_names
+
+    target = Path(out)
+    if target.exists():
+        raise ConfigError.of(
+            what="map of columns",
+            where=str(target),
+            expected="a new file",
+            got="one that exists",
+            next_step="choose another name",
+        )
+    put_file(target, template(column_names(Path(table))))
 
 
 def _keep(name: str) -> Keep:

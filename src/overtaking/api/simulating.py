@@ -1,6 +1,6 @@
 """Simulations in memory: drawn, carried out, branched, labelled, compared."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,6 +22,8 @@ from overtaking.core.memory import require
 from overtaking.core.steps import Progress
 from overtaking.labels.label import Labelled
 from overtaking.labels.label import label as labelled
+from overtaking.labels.law import PORTUGAL
+from overtaking.labels.law import lacking as rules_lacking
 from overtaking.model.batch import concatenate
 from overtaking.model.checks import check, checked
 from overtaking.model.decision import Decision
@@ -135,6 +137,18 @@ def label(runs: Trajectories) -> Labelled:
         ConfigError: A field of the recording is out of its range.
     """
     return labelled(runs)
+
+
+def lacking(unknown: Iterable[str]) -> dict[str, list[str]]:
+    """The rules that a recording cannot decide.
+
+    Args:
+        unknown: What it does not tell: `Trajectories.unknown`.
+
+    Returns:
+        Codes of rules: `always` undecidable where they apply, or `sometimes`.
+    """
+    return rules_lacking(PORTUGAL, unknown)
 
 
 @checked

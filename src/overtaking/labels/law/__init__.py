@@ -2,7 +2,7 @@
 
 from overtaking.labels.law.policies import POLICIES, Legality, Policy, legality, policy
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.rule import Check, Grade, Pack, Rule, check, judge
+from overtaking.labels.law.rule import Check, Grade, Pack, Rule, check, judge, lacking
 
 __all__ = [
     "POLICIES",
@@ -15,6 +15,7 @@ __all__ = [
     "Rule",
     "check",
     "judge",
+    "lacking",
     "legality",
     "policy",
 ]

@@ -1,7 +1,7 @@
 """What a rule and a pack of rules are, and what they say of a batch."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -132,6 +132,25 @@ def _undecided(found: Check) -> Check:
     nothing = np.zeros(n, np.float32)
     never = np.full(n, NEVER)
     return decided(about, nothing, never, never, doubtful=np.ones(n, np.bool_))
+
+
+def lacking(pack: "Pack", unknown: Iterable[str]) -> dict[str, list[str]]:
+    """The rules that a recording cannot decide.
+
+    Args:
+        pack: The rules.
+        unknown: What the recording does not tell, names of `UNKNOWNS`.
+
+    Returns:
+        Codes of the rules that are undecidable wherever they apply, under `always`, and of those
+        that are in some simulations, under `sometimes`.
+    """
+    missing = frozenset(unknown)
+    always = [rule.code for rule in pack.rules if rule.needs & missing]
+    partly = [
+        rule.code for rule in pack.rules if rule.partly & missing and not rule.needs & missing
+    ]
+    return {"always": always, "sometimes": partly}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
