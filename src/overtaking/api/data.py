@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pyarrow as pa
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from overtaking import scenarios
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, road_of, simulator_of
+from overtaking.api.simulating import MOST_ERROR, errors_of
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.core.steps import Progress
 from overtaking.data import generate as writing
@@ -24,6 +25,7 @@ from overtaking.data.recipe import Keep, Recipe
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
 from overtaking.model.trajectory import Trajectories
+from overtaking.model.values import Range
 from overtaking.recordings import export as recording_export
 
 EXPORTS = ("pinto2023", "commonroad", "highd", "asp", "prolog", "popper")
@@ -41,6 +43,7 @@ _READER_OPTIONS: dict[str, Any] = {
     "road": str | Path | Road | None,
     "columns": str | Path | Mapping[str, Any],
     "only": Mapping[str, str],
+    "smooth": bool,
 }
 """Types of what the readers of recordings can be asked."""
 
@@ -208,11 +211,20 @@ def load(path: str | Path | Dataset) -> Dataset:
 
 
 @checked
-def relabel(data: str | Path, *, progress: Progress | None = None) -> Dataset:
+def relabel(
+    data: str | Path,
+    *,
+    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    progress: Progress | None = None,
+) -> Dataset:
     """Write the labels of a data set anew, by the rules of this version.
 
     Args:
         data: Folder of the data set.
+        position_error: Standard deviation of recorded positions, as in `label` [m]. The column
+            `rule_set` names it.
+        speed_error: Of recorded speeds [m/s].
         progress: Called with the number of simulations that are done, and of all.
 
     Raises:
@@ -221,7 +233,8 @@ def relabel(data: str | Path, *, progress: Progress | None = None) -> Dataset:
     """
     from overtaking.data.relabel import relabel as written_anew
 
-    return written_anew(folder_of(data, "label anew"), simulator_of("engine"), progress)
+    errors = errors_of(position_error, speed_error)
+    return written_anew(folder_of(data, "label anew"), simulator_of("engine"), progress, errors)
 
 
 @checked
@@ -397,6 +410,7 @@ def import_recording(
             chooses a road of a CommonRoad file, `direction` (1, 2) one of highD, `road` (a `Road`)
             is where a table was recorded. `columns` is the map of a table: a name, a TOML file, or
             its content; `only` maps columns to the value that they must have.
+            `smooth=True` smooths tracks as Thiemann et al. (2008) do those of NGSIM.
 
     Returns:
         The complete, labelled data set; its manifest says what was found and what was measured.

@@ -22,7 +22,7 @@ from overtaking.core.memory import require
 from overtaking.core.steps import Progress
 from overtaking.labels.label import Labelled
 from overtaking.labels.label import label as labelled
-from overtaking.labels.law import PORTUGAL
+from overtaking.labels.law import PORTUGAL, Errors
 from overtaking.labels.law import lacking as rules_lacking
 from overtaking.model.batch import concatenate
 from overtaking.model.checks import check, checked
@@ -35,6 +35,9 @@ from overtaking.model.weather import Weather
 from overtaking.sim.branch import branch as branched
 from overtaking.simulators.comparison import Comparison
 from overtaking.world.clock import STEP_MS
+
+MOST_ERROR = 100.0
+"""Largest standard deviation of what was measured [m] and [m/s]."""
 
 MAX_SAMPLED = 100_000_000
 """Most scenarios of a batch; data sets may be larger."""
@@ -124,11 +127,19 @@ def branch(
 
 
 @checked
-def label(runs: Trajectories) -> Labelled:
+def label(
+    runs: Trajectories,
+    *,
+    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+) -> Labelled:
     """Label recorded simulations: events, law, classes and features.
 
     Args:
         runs: A batch from `simulate`, `branch` or any other source.
+        position_error: Standard deviation of recorded positions, 0 to `MOST_ERROR` [m]. A rule is
+            undecidable where its margin is less than two standard errors.
+        speed_error: Of recorded speeds, 0 to `MOST_ERROR` [m/s].
 
     Returns:
         Signals, events, findings, labels and features, one for each simulation.
@@ -136,7 +147,14 @@ def label(runs: Trajectories) -> Labelled:
     Raises:
         ConfigError: A field of the recording is out of its range.
     """
-    return labelled(runs)
+    return labelled(runs, errors=errors_of(position_error, speed_error))
+
+
+def errors_of(position_error: float, speed_error: float) -> Errors | None:
+    """Errors of measurement, None if both are 0."""
+    if not (position_error or speed_error):
+        return None
+    return Errors(position=position_error, speed=speed_error)
 
 
 def lacking(unknown: Iterable[str]) -> dict[str, list[str]]:

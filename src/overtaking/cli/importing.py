@@ -53,6 +53,14 @@ Only = Annotated[
         "With table, ngsim, exid: rows to read, such as Location=us-101. Repeatable.",
     ),
 ]
+Smooth = Annotated[
+    bool | None,
+    options.option(
+        "--smooth",
+        "Smooth positions, speeds and accelerations by moving averages of 0.5, 1 and 4 s, made for "
+        "NGSIM.",
+    ),
+]
 Template = Annotated[
     bool,
     options.option("--template", "With table: write a map of its columns to fill in, to --out."),
@@ -94,6 +102,7 @@ def import_recording(
     direction: Direction = None,
     columns: Columns = None,
     only: Only = None,
+    smooth: Smooth = None,
     template: Template = False,
     map_file: options.Map = None,
     road: options.Road = None,
@@ -111,6 +120,7 @@ def import_recording(
         return output.wrote({"map": str(out)}, lambda _: facts([("map of columns", str(out))]))
     given = arguments.given(
         columns=columns,
+        smooth=smooth or None,
         only=arguments.overrides(only or [], None, where="--only"),
         attempts_only=attempts_only or None,
         vehicles=vehicles,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from overtaking.recordings.recording import Recording
     from overtaking.recordings.scenes import Scenes
 
-_OF_ALL = frozenset({"attempts_only", "vehicles"})
+_OF_ALL = frozenset({"attempts_only", "vehicles", "smooth"})
 FORMATS: dict[str, frozenset[str]] = {
     "commonroad": _OF_ALL | {"lanelet"},
     "exid": _OF_ALL | {"road", "only"},
@@ -52,7 +52,7 @@ def read_recording(file_format: str, path: Path | str, options: Mapping[str, Any
         path: The file; of exiD and highD its `_tracks.csv`.
         options: Options of that format by name: `attempts_only`, `vehicles` (of a simulation),
             `lanelet` (an id), `direction` (1 or 2), `road` (a `Road`), `columns` (a map), `only`
-            (values that columns must have).
+            (values that columns must have), `smooth` (whether tracks are smoothed).
 
     Raises:
         ConfigError: There is no such format, or an option is not for it.
@@ -104,8 +104,13 @@ def _read(file_format: str, source: Path, options: Mapping[str, Any]) -> Scenes 
         return read_pinto2023(source, road=options.get("road"))
     from overtaking.recordings.scenes import NUM_SLOTS, scenes
 
+    recording = _recording(file_format, source, options)
+    if options.get("smooth"):
+        from overtaking.recordings.smoothing import smoothed
+
+        recording = smoothed(recording)
     return scenes(
-        _recording(file_format, source, options),
+        recording,
         attempts_only=options.get("attempts_only", False),
         num_slots=options.get("vehicles", NUM_SLOTS),
     )

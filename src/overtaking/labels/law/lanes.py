@@ -5,6 +5,7 @@ import numpy as np
 from overtaking.core.elementary import F32, Mask, as_f32
 from overtaking.labels.instants import METRES, Index, slot_of
 from overtaking.labels.law.alongside import lane_index
+from overtaking.labels.law.errors import OF_PLACE, SLOW_LANES
 from overtaking.labels.law.frames import Span, conduct, ends_in, instant, is_two_way, reduced
 from overtaking.labels.law.others import ego_may_be
 from overtaking.labels.law.rule import Check, Grade, Rule, decided, inapplicable
@@ -113,6 +114,7 @@ L2 = Rule(
     needs=frozenset(["marks"]),
     without_attempt=True,
     check=_off_the_line,
+    spread=OF_PLACE,
 )
 
 
@@ -176,6 +178,7 @@ L17 = Rule(
     grade=Grade.BY_ROAD,
     needs=frozenset(["road_kind"]),
     check=_target_off_the_line,
+    spread=OF_PLACE,
 )
 
 
@@ -209,4 +212,5 @@ L20 = Rule(
     needs=frozenset(["kinds", "road_kind"]),
     without_attempt=True,
     check=_in_slow_lanes,
+    spread=SLOW_LANES,
 )
