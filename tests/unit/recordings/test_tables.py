@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -344,6 +345,20 @@ def test_the_template_is_a_map_once_it_is_filled_in(tmp_path, capsys):
     assert set(told["files"]) == {"t.csv", "map.toml"}
     assert main(["import", "table", str(path), "--template", "--out", str(out)]) == 2
     assert "one that exists" in capsys.readouterr().err
+
+
+def test_the_map_of_the_how_to_page_imports_a_table(tmp_path, repository):
+    page = (repository / "docs" / "how-to" / "import-a-table.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "map.toml").write_text(text, encoding="utf-8")
+    pd.DataFrame(states(TRAFFIC)).to_csv(tmp_path / "tracks.csv", index=False)
+    found = read_table(tmp_path / "tracks.csv", tmp_path / "map.toml")
+    assert found.road.speed_limit == pytest.approx(120 / 3.6)
+    assert "marks" in found.unknown
+    assert not {"kinds", "road_kind", "speed_limit"} & found.unknown
+    assert len(text.splitlines()) < 60
+    for name in map_names():
+        assert all(f"`{column}`" in page for column in column_map(name).names("tracks")), name
 
 
 def test_a_table_needs_a_map(tmp_path, capsys):
