@@ -1,5 +1,6 @@
 """The public functions: what to call from Python, and which simulator they call."""
 
+from overtaking.api import rules
 from overtaking.api.carla import carla_limits, replay_in_carla, serve_carla
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, simulator_of
 from overtaking.api.data import (
@@ -8,6 +9,7 @@ from overtaking.api.data import (
     from_frame,
     generate,
     import_recording,
+    judged,
     load,
     relabel,
     resume,
@@ -47,6 +49,7 @@ __all__ = [
     "from_frame",
     "generate",
     "import_recording",
+    "judged",
     "label",
     "lacking",
     "learn_factors",
@@ -60,6 +63,7 @@ __all__ = [
     "replay_in_carla",
     "reproduce",
     "resume",
+    "rules",
     "sample",
     "serve_carla",
     "simulate",

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from overtaking import scenarios
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, road_of, simulator_of
-from overtaking.api.simulating import MOST_ERROR, errors_of
+from overtaking.api.rules import load_pack
+from overtaking.api.simulating import MOST_ERROR, errors_of, label
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.core.steps import Progress
 from overtaking.data import generate as writing
@@ -22,6 +23,8 @@ from overtaking.data.load import Dataset
 from overtaking.data.manifest import read_manifest
 from overtaking.data.place import folder_of, place_of
 from overtaking.data.recipe import Keep, Recipe
+from overtaking.labels.label import Labelled
+from overtaking.labels.law import Pack
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
 from overtaking.model.trajectory import Trajectories
@@ -235,6 +238,45 @@ def relabel(
 
     errors = errors_of(position_error, speed_error)
     return written_anew(folder_of(data, "label anew"), simulator_of("engine"), progress, errors)
+
+
+@checked
+def judged(
+    data: Dataset | str | Path,
+    law: str | Pack,
+    *,
+    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    progress: Progress | None = None,
+) -> Iterator[tuple[NDArray[np.int64], Labelled]]:
+    """A data set under another law; nothing is written.
+
+    Args:
+        data: The data set, or its folder.
+        law: A pack of rules, or the text that `rules.load_pack` takes.
+        position_error: As in `label` [m].
+        speed_error: As in `label` [m/s].
+        progress: Called with the number of simulations that are done, and of all.
+
+    Returns:
+        Numbers of simulations and their labels, batch by batch.
+
+    Raises:
+        ConfigError: There is no such law.
+        DatasetError: The data set is not complete, or damaged.
+    """
+    source, pack = load(data), load_pack(law)
+    errors = {"position_error": position_error, "speed_error": speed_error}
+
+    def batches() -> Iterator[tuple[NDArray[np.int64], Labelled]]:
+        done = 0
+        for numbers, run in source.batches():
+            yield numbers, label(run, law=pack, **errors)
+            done += len(numbers)
+            if progress is not None:
+                progress(done, len(source))
+
+    return batches()
 
 
 @checked

@@ -17,12 +17,13 @@ from overtaking.api.choices import (
     several,
     simulator_of,
 )
+from overtaking.api.rules import load_pack, policies_of
 from overtaking.core.errors import ConfigError
 from overtaking.core.memory import require
 from overtaking.core.steps import Progress
 from overtaking.labels.label import Labelled
 from overtaking.labels.label import label as labelled
-from overtaking.labels.law import PORTUGAL, Errors
+from overtaking.labels.law import PORTUGAL, Errors, Pack
 from overtaking.labels.law import lacking as rules_lacking
 from overtaking.model.batch import concatenate
 from overtaking.model.checks import check, checked
@@ -132,6 +133,7 @@ def label(
     *,
     position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
     speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    law: str | Pack = PORTUGAL,
 ) -> Labelled:
     """Label recorded simulations: events, law, classes and features.
 
@@ -140,14 +142,17 @@ def label(
         position_error: Standard deviation of recorded positions, 0 to `MOST_ERROR` [m]. A rule is
             undecidable where its margin is less than two standard errors.
         speed_error: Of recorded speeds, 0 to `MOST_ERROR` [m/s].
+        law: A pack of rules, or the text that `rules.load_pack` takes.
 
     Returns:
         Signals, events, findings, labels and features, one for each simulation.
 
     Raises:
-        ConfigError: A field of the recording is out of its range.
+        ConfigError: A field of the recording is out of its range, or there is no such law.
     """
-    return labelled(runs, errors=errors_of(position_error, speed_error))
+    pack = load_pack(law)
+    errors = errors_of(position_error, speed_error)
+    return labelled(runs, pack=pack, policies=policies_of(pack), errors=errors)
 
 
 def errors_of(position_error: float, speed_error: float) -> Errors | None:

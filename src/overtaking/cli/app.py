@@ -125,7 +125,7 @@ def export(
     chosen: options.Chosen,
     file_format: options.Format = "pinto2023",
     is_csv: options.IsCsv = None,
-    law: options.WithLaw = False,
+    with_law: options.WithLaw = False,
     about: options.AboutTarget = None,
 ) -> None:
     """Convert a data set to the format of another program or paper."""
@@ -134,7 +134,7 @@ def export(
 
     target = arguments.export_target(out, file_format, is_csv=is_csv)
     given = arguments.chosen(chosen, "export")
-    given |= arguments.given(with_law=law or None, about=about)
+    given |= arguments.given(with_law=with_law or None, about=about)
     with output.progress("simulations") as meter:
         rows = api.export(data, target, file_format=file_format, progress=meter, **given)
     values = summary.of_table(target, rows)

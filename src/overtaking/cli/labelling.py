@@ -1,5 +1,6 @@
 """`overtaking label`: the labels of a data set, made anew."""
 
+from collections import Counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import options
@@ -7,11 +8,15 @@ from overtaking.cli.output import Output
 from overtaking.cli.tables import drawn_rows
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from rich.console import RenderableType
 
     from overtaking.data.load import Dataset
+    from overtaking.labels.label import Labelled
 
 
+_DECIDED = ("legal", "illegal", "undecidable")
 PositionError = Annotated[
     float | None,
     options.option(
@@ -27,18 +32,36 @@ SpeedError = Annotated[
     ),
 ]
 
+Law = Annotated[
+    str | None,
+    options.option(
+        "--law MODULE:PACK",
+        "Judge by a pack of rules in a Python module, which is run; the data set stays as it is.  "
+        "[default: pt, written into the data set]",
+    ),
+]
+
 
 def label(
     output: Output,
     data: options.Data,
     position_error: PositionError = None,
     speed_error: SpeedError = None,
+    law: Law = None,
 ) -> None:
-    """Label a data set again, with the rules of this version."""
+    """Label a data set again, with the rules of this version.
+
+    With --law nothing is written.
+    """
     from overtaking import api
     from overtaking.cli import arguments
 
     given = arguments.given(position_error=position_error, speed_error=speed_error)
+    if law is not None:
+        with output.progress("simulations") as meter:
+            batches = api.judged(data, law, progress=meter, **given)
+            judged = of_batches(data, batches) | output.duration
+        return output.result(judged, lambda _: render(judged))
     with output.progress("simulations") as meter:
         labelled = api.relabel(data, progress=meter, **given)
     values = of_labels(labelled) | output.duration
@@ -62,13 +85,36 @@ def of_labels(data: "Dataset") -> dict[str, Any]:
     }
 
 
+def of_batches(data: str, batches: "Iterable[tuple[Any, Labelled]]") -> dict[str, Any]:
+    """The same, from labels that are not written."""
+    from overtaking.model.labels import OvertakeClass, Verdict
+
+    classes: dict[str, Counter[str]] = {}
+    rules: dict[str, Counter[str]] = {}
+    total, version = 0, ""
+    for numbers, said in batches:
+        total, version = total + len(numbers), said.findings.version
+        for place, policy in enumerate(said.labels.policies):
+            names = (OvertakeClass(one).title for one in said.labels.classes[:, place])
+            classes.setdefault(policy, Counter()).update(names)
+        for place, rule in enumerate(said.findings.rules):
+            verdicts = (Verdict(one).name.lower() for one in said.findings.verdict[:, place])
+            rules.setdefault(rule, Counter()).update(verdicts)
+    return {
+        "data": data,
+        "simulations": total,
+        "rule_set": version,
+        "classes": {policy: dict(sorted(count.items())) for policy, count in classes.items()},
+        "rules": {rule: {one: count[one] for one in _DECIDED} for rule, count in rules.items()},
+    }
+
+
 def of_rules(data: "Dataset") -> dict[str, dict[str, int]]:
     """Number of simulations that each rule finds legal, illegal and undecidable."""
     verdicts = data.findings().groupby("rule", observed=True, sort=False)["verdict"]
     counts = {str(rule): rows.value_counts() for rule, rows in verdicts}
     return {
-        rule: {name: int(count.get(name, 0)) for name in ("legal", "illegal", "undecidable")}
-        for rule, count in counts.items()
+        rule: {name: int(count.get(name, 0)) for name in _DECIDED} for rule, count in counts.items()
     }
 
 

@@ -243,7 +243,7 @@ class Chosen:
 
 
 WithLaw = Annotated[
-    bool, option("--law", "With asp, prolog: add the facts that the law needs, and the law.")
+    bool, option("--with-law", "With asp, prolog: add the facts that the law needs, and the law.")
 ]
 
 
@@ -263,7 +263,11 @@ ROWS = "Rows to return at most."
 TIMEOUT = "Time for the query [s]."
 MEMORY = "Memory for the query [MiB]."
 
-RENAMED = {"count": ("--simulations", "--count", int), "own": ("--with", "--own", str)}
+RENAMED = {
+    "count": ("--simulations", "--count", int),
+    "own": ("--with", "--own", str),
+    "with_law": ("--law", "--with-law", bool),
+}
 """Options that had another name: parameter, old and new name, and type. For one release."""
 
 
