@@ -502,7 +502,7 @@ def from_frame(
         ImportFormatError: The table cannot be used; the message names row and column.
     """
     from overtaking.recordings.column_map import column_map
-    from overtaking.recordings.rows import rows_of
+    from overtaking.recordings.row_tables import rows_of
     from overtaking.recordings.scenes import scenes
     from overtaking.recordings.tables import recording_of
 

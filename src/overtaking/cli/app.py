@@ -192,7 +192,7 @@ COMMANDS: dict[options.Body, str] = {
     show: "overtaking show data/pinto 17",
     info: "overtaking info data/pinto",
     importing.import_recording: "overtaking import commonroad scene.xml --out data/scene",
-    labelling.label: "overtaking label data/scene",
+    labelling.label: "overtaking label data/scene --position-error 0.5",
     export: "overtaking export data/pinto --format pinto2023 --out table.csv",
     stats.stats: "overtaking stats data/pinto --format latex",
     stats.report: "overtaking report data/pinto",

@@ -317,6 +317,27 @@ class _Reading:
         )
 
 
+def files_of(path: Path, columns: ColumnMap) -> dict[str, Path]:
+    """The files of a recording by the names of `TABLES`.
+
+    Raises:
+        ConfigError: The path is not that of the table of states.
+    """
+    if not columns.files:
+        return {TRACKS: path}
+    ending = columns.files[TRACKS]
+    if not path.name.endswith(ending):
+        raise ConfigError.of(
+            what=f"{columns.name} recording",
+            where="import",
+            expected=f"a file whose name ends in {ending}",
+            got=repr(path.name),
+            next_step="name that file; the two others are found beside it",
+        )
+    stem = path.name.removesuffix(ending)
+    return {name: path.with_name(f"{stem}{columns.files[name]}") for name in TABLES}
+
+
 def template(names: tuple[str, ...] = ()) -> str:
     """A map to fill in.
 

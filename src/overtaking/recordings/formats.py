@@ -88,8 +88,7 @@ def _files(file_format: str, source: Path, options: Mapping[str, Any]) -> Sequen
     """All files of a recording, and the map of its columns."""
     if file_format in ("commonroad", "pinto2023"):
         return (source,)
-    from overtaking.recordings.column_map import column_map, map_names
-    from overtaking.recordings.rows import files_of
+    from overtaking.recordings.column_map import column_map, files_of, map_names
 
     given = options.get("columns", file_format)
     is_file = isinstance(given, str | Path) and f"{given}" not in map_names()

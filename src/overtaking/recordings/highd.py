@@ -17,16 +17,24 @@ from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError
 from overtaking.model.road import MAX_LANES, DrivingSide, Lane, Road, RoadMark
-from overtaking.recordings.column_map import RECORDING, VEHICLES, ColumnMap, column_map
+from overtaking.recordings.column_map import (
+    RECORDING,
+    VEHICLES,
+    ColumnMap,
+    column_map,
+    files_of,
+)
 from overtaking.recordings.recording import NEVER_RECORDED, Recording, kept, without_oncoming
 from overtaking.recordings.road import scaled
-from overtaking.recordings.rows import Rows, files_of, read_rows
+from overtaking.recordings.row_tables import read_rows
 from overtaking.recordings.table_files import refused, refused_cell
 from overtaking.recordings.table_road import NO_LIMIT
 from overtaking.recordings.tables import tracks_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from overtaking.recordings.rows import Rows
 
 F64 = NDArray[np.float64]
 

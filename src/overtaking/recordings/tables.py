@@ -19,7 +19,7 @@ from overtaking.recordings.recording import (
     slope,
     without_oncoming,
 )
-from overtaking.recordings.rows import Rows, read_rows
+from overtaking.recordings.row_tables import read_rows
 from overtaking.recordings.table_files import refused
 from overtaking.recordings.table_road import check_straight, place_of
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from overtaking.model.road import Road
+    from overtaking.recordings.rows import Rows
 
 F64 = NDArray[np.float64]
 

@@ -133,7 +133,8 @@ def _following(case: Case, found: Check, errors: Errors) -> F32:
 
     frame = deciding(settled(case), margin, found)
     error = gap_error(case, Around.LEADER, frame, margin_of_gap, errors)
-    return np.hypot(error, _leaving(case, frame, errors))
+    leaving = _leaving(case, frame, errors)
+    return np.sqrt(error * error + leaving * leaving)
 
 
 def _leaving(case: Case, frame: I32, errors: Errors) -> F32:
@@ -262,7 +263,7 @@ def _due(case: Case, found: Check, errors: Errors) -> F32:
     lost = slow_lane_room(case, last - 1) - slow_lane_room(case, last)
     rate = np.maximum(np.abs(lost) / seconds_of(case, np.ones_like(last)), _SLOW)
     late = np.where(ends, _room_error(case, last, errors) / rate, np.float32(0.0))
-    return np.where(frame != NEVER, np.hypot(error, late), np.float32(0.0))
+    return np.where(frame != NEVER, np.sqrt(error * error + late * late), np.float32(0.0))
 
 
 def _stopping(sight: str) -> Callable[[Case, Check, Errors], F32]:
