@@ -95,16 +95,23 @@ def generate(
     making.make(output, out, recipe, made, executor=executor)
 
 
-def show(output: Output, data: options.Data, simulation: options.Number) -> None:
+def show(
+    output: Output,
+    data: options.Data,
+    simulation: options.Number,
+    position_error: options.PositionError = None,
+    speed_error: options.SpeedError = None,
+) -> None:
     """Show one simulation in the terminal: events, beliefs, law.
 
     Each broken rule comes with what would have been legal.
     """
     from overtaking import api
-    from overtaking.cli import show
+    from overtaking.cli import arguments, show
     from overtaking.show import description
 
-    labelled = api.label(api.load(data).trajectory(simulation))
+    errors = arguments.given(position_error=position_error, speed_error=speed_error)
+    labelled = api.label(api.load(data).trajectory(simulation), **errors)
     values = description.describe(labelled, simulation)
     output.result(values, lambda console: show.render(labelled.trajectories, values, console))
 

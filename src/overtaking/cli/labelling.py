@@ -17,21 +17,6 @@ if TYPE_CHECKING:
 
 
 _DECIDED = ("legal", "illegal", "undecidable")
-PositionError = Annotated[
-    float | None,
-    options.option(
-        "--position-error M",
-        "Standard deviation of recorded positions [m]. A margin of less than two standard errors "
-        "is undecidable.  [default: 0]",
-    ),
-]
-SpeedError = Annotated[
-    float | None,
-    options.option(
-        "--speed-error MPS", "Standard deviation of recorded speeds [m/s].  [default: 0]"
-    ),
-]
-
 Law = Annotated[
     str | None,
     options.option(
@@ -45,8 +30,8 @@ Law = Annotated[
 def label(
     output: Output,
     data: options.Data,
-    position_error: PositionError = None,
-    speed_error: SpeedError = None,
+    position_error: options.PositionError = None,
+    speed_error: options.SpeedError = None,
     law: Law = None,
 ) -> None:
     """Label a data set again, with the rules of this version.

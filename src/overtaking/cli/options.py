@@ -58,6 +58,19 @@ Data = Annotated[
 ]
 Number = Annotated[int, typer.Argument(metavar="N", help="Number of the simulation, from 0.")]
 
+PositionError = Annotated[
+    float | None,
+    option(
+        "--position-error M",
+        "Standard deviation of recorded positions [m]. A margin of less than two standard errors "
+        "is undecidable.  [default: 0]",
+    ),
+]
+SpeedError = Annotated[
+    float | None,
+    option("--speed-error MPS", "Standard deviation of recorded speeds [m/s].  [default: 0]"),
+]
+
 OUT = "Where to write."
 OutFolder = Annotated[Path, option("--out FOLDER", f"{OUT} A folder.")]
 OutPlace = Annotated[

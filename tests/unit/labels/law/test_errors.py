@@ -12,6 +12,7 @@ from tests.support.law_fixtures import FIXTURES
 from tests.support.overtakes import crossing, overtake, passing
 
 import overtaking as ot
+from overtaking.cli import main
 from overtaking.core.errors import ConfigError
 from overtaking.labels.events import case_of
 from overtaking.labels.law import PORTUGAL, Errors, check, judge
@@ -145,7 +146,7 @@ def test_larger_errors_never_decide_more():
     assert (before.verdict == Verdict.UNDECIDABLE).sum() > 5
 
 
-def test_the_public_functions_take_errors_and_the_version_names_them(tmp_path):
+def test_the_public_functions_take_errors_and_the_version_names_them(tmp_path, capsys):
     run = ot.simulate(ot.sample("pinto2023", 20, seed=3))
     exact, doubtful = ot.label(run), ot.label(run, position_error=0.5, speed_error=0.2)
     assert doubtful.findings.version == f"{exact.findings.version}+-0.5m+-0.2mps"
@@ -158,4 +159,7 @@ def test_the_public_functions_take_errors_and_the_version_names_them(tmp_path):
     assert set(again.labels()["rule_set"].astype(str)) == {doubtful.findings.version}
     found = again.findings().query("verdict == 'undecidable'")
     assert len(found) == undecidable[1]
+    number = int(found["simulation"].iloc[0])
+    assert main(["show", str(data.path), str(number), "--position-error", "0.5"]) == 0
+    assert "(its margin is within its error)" in " ".join(capsys.readouterr().out.split())
     assert len(ot.relabel(data.path).findings().query("verdict == 'undecidable'")) == undecidable[0]
