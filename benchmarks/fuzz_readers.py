@@ -47,6 +47,76 @@ def _highd(folder: Path) -> list[Named]:
     return [(path.name, path.read_text(encoding="utf-8")) for path in folder.glob("*.csv")]
 
 
+_TRAFFIC = ((1, 10.0, 30.0, 0), (2, 60.0, 24.0, 0), (3, 0.0, 33.0, 1), (4, 30.0, 28.0, 2))
+
+
+def _movers() -> list[Any]:
+    """Traffic in three lanes, in which vehicle 1 moves left."""
+    made: Any = importlib.import_module("tests.support.recordings")
+    return [
+        made.Mover(number=number, s=s, speed=speed, lane=lane, last=40,
+                   moves=((1.5, 1),) if number == 1 else (), ramp=2.0)
+        for number, s, speed, lane in _TRAFFIC
+    ]  # fmt: skip
+
+
+def _exid(folder: Path) -> list[Named]:
+    """The three files of an exiD recording."""
+    made: Any = importlib.import_module("tests.support.recordings")
+    made.exid(folder, _movers(), rate=10, turn=0.5)
+    return [(path.name, path.read_text(encoding="utf-8")) for path in folder.glob("*.csv")]
+
+
+def _ngsim(_folder: Path) -> list[Named]:
+    """NGSIM's table, with names and without."""
+    made: Any = importlib.import_module("tests.support.recordings")
+    text = made.ngsim(_movers())
+    bare = "\n".join(line.rsplit(",", 1)[0].replace(",", "  ") for line in text.splitlines()[1:])
+    return [("ngsim.csv", text), ("ngsim.csv", bare + "\n")]
+
+
+def _any_table(folder: Path) -> list[Named]:
+    """A table as text and as Parquet, 24 frames a second, and the map of its columns."""
+    import pyarrow as pa
+    import pyarrow.csv as pacsv
+    import pyarrow.parquet as pq
+
+    made: Any = importlib.import_module("tests.support.recordings")
+    table = pa.table(made.states(_movers(), interval_ms=1000 / 24))
+    pacsv.write_csv(table, folder / "table.csv")
+    pq.write_table(table, folder / "table.parquet")
+    (folder / "map.toml").write_text(_MAP, encoding="utf-8")
+    return [
+        ("table.csv", (folder / "table.csv").read_text("utf-8")),
+        ("table.parquet", (folder / "table.parquet").read_bytes()),
+        ("map.toml", _MAP),
+    ]
+
+
+_MAP = """
+[recording]
+point = "centre"
+
+[columns]
+vehicle = "id"
+time = "t [s]"
+x = "x [m]"
+y = "y [m]"
+length = "length [m]"
+width = "width [m]"
+type = "kind"
+heading = "yaw [deg]"
+
+[types]
+car = ["car"]
+
+[road]
+speed_limit_kmh = 120
+heading_deg = 0
+borders_m = [0, 3.5, 7, 10.5]
+"""
+
+
 def _maps(_folder: Path) -> list[Named]:
     """A map with a road in a junction, and one with a lane offset, a roll and two sections."""
     made: Any = importlib.import_module("tests.unit.recordings.opendrive_text")
@@ -108,8 +178,10 @@ def _reads(file_format: str) -> Callable[[tuple[str, bytes], Path], None]:
         before = path.read_bytes() if path.exists() else given[1]
         path.write_bytes(given[1])
         try:
-            main = folder / "01_tracks.csv" if file_format == "highd" else path
-            scenes = read_recording(file_format, main, {}).scenes
+            main = folder / "01_tracks.csv" if file_format in ("exid", "highd") else path
+            options = {"columns": folder / "map.toml"} if file_format == "table" else {}
+            main = folder / "table.csv" if path.suffix == ".toml" else main
+            scenes = read_recording(file_format, main, options).scenes
             scenes.trajectories(range(min(len(scenes), 50)))
         finally:
             path.write_bytes(before)
@@ -129,8 +201,11 @@ READERS: tuple[dict[str, Any], ...] = tuple(
     {"name": name, "corpus": corpus, "damaged": _damaged, "call": call}
     for name, corpus, call in (
         ("commonroad", _scenes, _reads("commonroad")),
+        ("exid", _exid, _reads("exid")),
         ("highd", _highd, _reads("highd")),
+        ("ngsim", _ngsim, _reads("ngsim")),
         ("opendrive", _maps, _read_map),
         ("pinto2023", _tables, _reads("pinto2023")),
+        ("table", _any_table, _reads("table")),
     )
 )

@@ -20,7 +20,9 @@ as overtaking goes. It is an interpretation by people who are no lawyers: where 
 
 A rule says *legal*, *illegal*, *not applicable*, or *undecidable* where a recording does not tell
 what it needs. The margin is how far the border of the law is, in the unit of the rule; it is
-negative in a breach, and exactly at the border the law is kept.
+negative in a breach, and exactly at the border the law is kept. Its *standard error* follows from
+the standard deviations sp of positions and sv of speeds, where they are stated; a margin within
+two standard errors is undecidable ([more](../explanation/law.md#errors-of-measurement)).
 """
 POLICY = """\
 Which rules make an overtake illegal is the choice of a policy. Rules that no policy asks for are
@@ -78,6 +80,7 @@ def _rule(rule: Rule) -> str:
         ("what it asks", rule.gloss),
         ("what is checked", rule.predicate),
         ("unit of the margin", rule.unit),
+        ("standard error", rule.spread.formula if rule.spread else "0"),
         ("a breach is", rule.grade.value),
         ("undecidable without", _list(rule.needs)),
         ("at times undecidable without", _list(rule.partly)),

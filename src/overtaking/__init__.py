@@ -38,6 +38,7 @@ Objects:
     Balance             equal shares of classes, for generate
     Decision            a decision to force, for branch
     OvertakingError     the base of all errors
+    rules               what rules of law of one's own are made of
 
 `help(overtaking.simulate)` explains one of them. A name is loaded from its module when it is first
 used (PEP 562), so `import overtaking` is quick; `__init__.pyi` tells editors the same names.
@@ -75,6 +76,7 @@ _HOMES = {
     "relabel": "overtaking.api.data",
     "reproduce": "overtaking.api.results",
     "resume": "overtaking.api.data",
+    "rules": "overtaking.api",
     "sample": "overtaking.api.simulating",
     "simulate": "overtaking.api.simulating",
     "statistics": "overtaking.api.results",

@@ -1,3 +1,4 @@
+from overtaking.api import rules as rules
 from overtaking.api.data import generate as generate
 from overtaking.api.data import load as load
 from overtaking.api.data import relabel as relabel

@@ -244,7 +244,7 @@ def test_the_words_are_listed(data: Dataset, capsys: pytest.CaptureFixture[str])
 
 def test_an_export_holds_the_chosen_simulations(data: Dataset, tmp_path: Path):
     out = tmp_path / "facts"
-    options = ["--simulations", "3,7", "--format", "asp", "--law", "--out", str(out)]
+    options = ["--simulations", "3,7", "--format", "asp", "--with-law", "--out", str(out)]
     assert main(["export", str(data.path), *options, "--quiet"]) == 0
     assert {path.name for path in out.iterdir()} == {"facts-00000.lp", "theory.lp", "law.lp"}
     text = (out / "facts-00000.lp").read_text(encoding="utf-8")

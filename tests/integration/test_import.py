@@ -131,7 +131,10 @@ def test_all_three_formats_are_commands(tmp_path, capsys):
     ("arguments", "message"),
     [
         (["commonroad", "{scene}", "--direction", "1"], "option for commonroad"),
-        (["bvh", "{scene}"], "expected commonroad or highd or pinto2023, got bvh"),
+        (
+            ["bvh", "{scene}"],
+            "expected commonroad or exid or highd or ngsim or pinto2023 or table, got bvh",
+        ),
         (["commonroad", "{folder}"], "no plain file"),
         (["commonroad", "missing.xml"], "no such file"),
         (["commonroad", "{scene}", "--vehicles", "1"], "expected 2 to 64, got 1"),

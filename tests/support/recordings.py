@@ -162,10 +162,11 @@ def commonroad(
     version: str = "2020a",
     frame_interval_ms: int = 100,
     more: str = "",
+    yaws: bool = False,
 ) -> str:
-    """A CommonRoad scenario."""
+    """A CommonRoad scenario; vehicles point along the road, unless they yaw as they move."""
     bend = road or Bend()
-    vehicles = "".join(_obstacle(one, bend, version, frame_interval_ms) for one in movers)
+    vehicles = "".join(_obstacle(one, bend, version, frame_interval_ms, yaws) for one in movers)
     return (
         f'<?xml version="1.0" encoding="UTF-8"?>\n<commonRoad commonRoadVersion="{version}" '
         f'timeStepSize="{frame_interval_ms / 1000:g}" benchmarkID="ZAM_Hand-1_1_T-1">\n'
@@ -173,14 +174,18 @@ def commonroad(
     )
 
 
-def _obstacle(one: Mover, road: Bend, version: str, interval: int) -> str:
+def _obstacle(one: Mover, road: Bend, version: str, interval: int, yaws: bool = False) -> str:
     frame, s, place = one.path(interval)
     x, y, angle = road.world(s, (place + 0.5) * WIDTH)
     angle = angle + np.pi * (one.speed < 0.0)
+    speed = np.full(len(frame), abs(one.speed))
+    if yaws:
+        left = motion(one, interval)[3]
+        angle, speed = angle + np.arctan2(left, one.speed), np.hypot(one.speed, left)
     states = [
         f"<position><point><x>{x[k]:.4f}</x><y>{y[k]:.4f}</y></point></position>"
         f"<orientation><exact>{angle[k]:.6f}</exact></orientation>"
-        f"<time><exact>{frame[k]}</exact></time><velocity><exact>{abs(one.speed):g}</exact></velocity>"
+        f"<time><exact>{frame[k]}</exact></time><velocity><exact>{speed[k]:.9g}</exact></velocity>"
         for k in range(len(frame))
     ]
     begin = f'<dynamicObstacle id="{one.number}">'
@@ -256,6 +261,118 @@ def _highd_rows(one: Mover, direction: int, extent: float) -> list[str]:
         f"{sign * one.speed:g},0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,2"
         for k in range(len(frame))
     ]
+
+
+EXID_ROWS = (
+    "recordingId,trackId,frame,trackLifetime,xCenter,yCenter,heading,width,length,xVelocity,"
+    "yVelocity,xAcceleration,yAcceleration,lonVelocity,latVelocity,lonAcceleration,latAcceleration,"
+    "traveledDistance,latLaneCenterOffset,laneWidth,laneletId"
+)
+EXID_VEHICLES = "recordingId,trackId,initialFrame,finalFrame,numFrames,width,length,class"
+EXID_META = "recordingId,locationId,frameRate,speedLimit,weekday,startTime,duration,numTracks"
+
+
+def motion(
+    one: Mover, frame_interval_ms: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Frames, way along the road, distance from its right edge and speed to the left."""
+    frame, s, place = one.path(frame_interval_ms)
+    across = (place + 0.5) * WIDTH
+    left = np.gradient(across, frame_interval_ms * 1e-3) if len(across) > 1 else across * 0.0
+    return frame, s, across, left
+
+
+def exid(
+    folder: Path, movers: Sequence[Mover] = OVERTAKE, *, rate: int = 25, turn: float = 0.0
+) -> Path:
+    """An exiD recording in three files: a road from the origin at an angle [rad].
+
+    Returns:
+        The path of its tracks.
+    """
+    rows, vehicles = [EXID_ROWS], [EXID_VEHICLES]
+    cosine, sine = np.cos(turn), np.sin(turn)
+    for one in movers:
+        kind = "truck" if one.kind == "truck" else "car"
+        vehicles.append(
+            f"1,{one.number},{one.first},{one.last},{one.last - one.first + 1},1.8,"
+            f"{one.length:g},{kind}"
+        )
+        frame, s, across, left = motion(one, 1000 // rate)
+        x, y = s * cosine - across * sine, s * sine + across * cosine
+        vx, vy = one.speed * cosine - left * sine, one.speed * sine + left * cosine
+        heading = np.degrees(np.arctan2(vy, vx)) % 360.0
+        rows += [
+            f"1,{one.number},{frame[k]},{k},{x[k]:.5f},{y[k]:.5f},{heading[k]:.5f},1.8,"
+            f"{one.length:g},{vx[k]:.5f},{vy[k]:.5f},0,0,{one.speed:g},0,0,0,0,0,3.5,1;2"
+            for k in range(len(frame))
+        ]
+    meta = f"1,0,{rate},-1,tuesday,9,60,{len(movers)}"
+    for name, lines in (
+        ("tracks", rows),
+        ("tracksMeta", vehicles),
+        ("recordingMeta", [EXID_META, meta]),
+    ):
+        (folder / f"01_{name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder / "01_tracks.csv"
+
+
+NGSIM_ROWS = (
+    "Vehicle_ID,Frame_ID,Total_Frames,Global_Time,Local_X,Local_Y,Global_X,Global_Y,v_length,"
+    "v_Width,v_Class,v_Vel,v_Acc,Lane_ID,Preceding,Following,Space_Headway,Time_Headway,Location"
+)
+FOOT = 0.3048
+
+
+def ngsim(movers: Sequence[Mover] = OVERTAKE, *, lanes: int = 3) -> str:
+    """A recording of NGSIM, 10 frames a second, in feet, with the middles of the fronts."""
+    lines = [NGSIM_ROWS]
+    for one in movers:
+        frame, s, across, left = motion(one, 100)
+        angle = np.arctan2(left, one.speed)
+        front = s + np.cos(angle) * one.length * 0.5
+        from_left = lanes * WIDTH - across - np.sin(angle) * one.length * 0.5
+        lane = lanes - np.floor(across / WIDTH).astype(int)
+        speed = np.hypot(one.speed, left)
+        kind = 3 if one.kind == "truck" else 2
+        lines += [
+            f"{one.number},{frame[k]},{len(frame)},{1118846980200 + 100 * frame[k]},"
+            f"{from_left[k] / FOOT:.4f},{front[k] / FOOT:.4f},6451137.64,1873344.96,"
+            f"{one.length / FOOT:.4f},{1.8 / FOOT:.4f},{kind},{speed[k] / FOOT:.4f},0,{lane[k]},0,"
+            "0,0,0,us-101"
+            for k in range(len(frame))
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def states(movers: Sequence[Mover] = OVERTAKE, *, interval_ms: float = 100) -> dict[str, list]:
+    """The same as columns: centres and corners in metres, y to the left."""
+    table: dict[str, list] = {name: [] for name in ("id", "t", "x", "y", "length", "width", "kind")}
+    table |= {f"{axis}{corner}": [] for axis in "xy" for corner in range(1, 5)}
+    table |= {name: [] for name in ("vx", "vy", "yaw")}
+    for one in movers:
+        frame, s, across, left = motion(one, interval_ms)
+        angle = np.arctan2(left, one.speed)
+        count = len(frame)
+        for name, values in (
+            ("id", [one.number] * count),
+            ("t", frame * interval_ms * 1e-3),
+            ("x", s),
+            ("y", across),
+            ("length", [one.length] * count),
+            ("width", [1.8] * count),
+            ("kind", [one.kind] * count),
+            ("vx", [one.speed] * count),
+            ("vy", left),
+            ("yaw", np.degrees(angle)),
+        ):
+            table[name].extend(values)
+        signs = ((1, -1), (-1, -1), (-1, 1), (1, 1))
+        for corner, (along, side) in enumerate(signs, 1):
+            lon, lat = along * one.length * 0.5, side * 0.9
+            table[f"x{corner}"].extend(s + lon * np.cos(angle) - lat * np.sin(angle))
+            table[f"y{corner}"].extend(across + lon * np.sin(angle) + lat * np.cos(angle))
+    return table
 
 
 def whole(recording: Recording, ego_id: int) -> Trajectories:

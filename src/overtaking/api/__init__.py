@@ -1,8 +1,20 @@
 """The public functions: what to call from Python, and which simulator they call."""
 
+from overtaking.api import rules
 from overtaking.api.carla import carla_limits, replay_in_carla, serve_carla
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, simulator_of
-from overtaking.api.data import EXPORTS, export, generate, import_recording, load, relabel, resume
+from overtaking.api.data import (
+    EXPORTS,
+    export,
+    from_frame,
+    generate,
+    import_recording,
+    judged,
+    load,
+    relabel,
+    resume,
+    write_column_map,
+)
 from overtaking.api.learning import learn_factors, learn_rules
 from overtaking.api.logic import ask, prove
 from overtaking.api.results import (
@@ -18,7 +30,7 @@ from overtaking.api.results import (
     write_reproduction,
     write_view,
 )
-from overtaking.api.simulating import branch, compare, label, sample, simulate
+from overtaking.api.simulating import branch, compare, label, lacking, sample, simulate
 from overtaking.data.load import Dataset
 
 __all__ = [
@@ -34,9 +46,12 @@ __all__ = [
     "entity_relationship_diagram",
     "export",
     "film",
+    "from_frame",
     "generate",
     "import_recording",
+    "judged",
     "label",
+    "lacking",
     "learn_factors",
     "learn_rules",
     "literature",
@@ -48,12 +63,14 @@ __all__ = [
     "replay_in_carla",
     "reproduce",
     "resume",
+    "rules",
     "sample",
     "serve_carla",
     "simulate",
     "simulator_of",
     "statistics",
     "validate",
+    "write_column_map",
     "write_report",
     "write_reproduction",
     "write_view",

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pyarrow as pa
@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from overtaking import scenarios
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, road_of, simulator_of
+from overtaking.api.rules import load_pack
+from overtaking.api.simulating import MOST_ERROR, errors_of, label
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.core.steps import Progress
 from overtaking.data import generate as writing
@@ -21,8 +23,12 @@ from overtaking.data.load import Dataset
 from overtaking.data.manifest import read_manifest
 from overtaking.data.place import folder_of, place_of
 from overtaking.data.recipe import Keep, Recipe
+from overtaking.labels.label import Labelled
+from overtaking.labels.law import Pack
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
+from overtaking.model.trajectory import Trajectories
+from overtaking.model.values import Range
 from overtaking.recordings import export as recording_export
 
 EXPORTS = ("pinto2023", "commonroad", "highd", "asp", "prolog", "popper")
@@ -38,6 +44,9 @@ _READER_OPTIONS: dict[str, Any] = {
     "lanelet": int | None,
     "direction": int | None,
     "road": str | Path | Road | None,
+    "columns": str | Path | Mapping[str, Any],
+    "only": Mapping[str, str],
+    "smooth": bool,
 }
 """Types of what the readers of recordings can be asked."""
 
@@ -205,11 +214,20 @@ def load(path: str | Path | Dataset) -> Dataset:
 
 
 @checked
-def relabel(data: str | Path, *, progress: Progress | None = None) -> Dataset:
+def relabel(
+    data: str | Path,
+    *,
+    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    progress: Progress | None = None,
+) -> Dataset:
     """Write the labels of a data set anew, by the rules of this version.
 
     Args:
         data: Folder of the data set.
+        position_error: Standard deviation of recorded positions, as in `label` [m]. The column
+            `rule_set` names it.
+        speed_error: Of recorded speeds [m/s].
         progress: Called with the number of simulations that are done, and of all.
 
     Raises:
@@ -218,7 +236,47 @@ def relabel(data: str | Path, *, progress: Progress | None = None) -> Dataset:
     """
     from overtaking.data.relabel import relabel as written_anew
 
-    return written_anew(folder_of(data, "label anew"), simulator_of("engine"), progress)
+    errors = errors_of(position_error, speed_error)
+    return written_anew(folder_of(data, "label anew"), simulator_of("engine"), progress, errors)
+
+
+@checked
+def judged(
+    data: Dataset | str | Path,
+    law: str | Pack,
+    *,
+    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    progress: Progress | None = None,
+) -> Iterator[tuple[NDArray[np.int64], Labelled]]:
+    """A data set under another law; nothing is written.
+
+    Args:
+        data: The data set, or its folder.
+        law: A pack of rules, or the text that `rules.load_pack` takes.
+        position_error: As in `label` [m].
+        speed_error: As in `label` [m/s].
+        progress: Called with the number of simulations that are done, and of all.
+
+    Returns:
+        Numbers of simulations and their labels, batch by batch.
+
+    Raises:
+        ConfigError: There is no such law.
+        DatasetError: The data set is not complete, or damaged.
+    """
+    source, pack = load(data), load_pack(law)
+    errors = {"position_error": position_error, "speed_error": speed_error}
+
+    def batches() -> Iterator[tuple[NDArray[np.int64], Labelled]]:
+        done = 0
+        for numbers, run in source.batches():
+            yield numbers, label(run, law=pack, **errors)
+            done += len(numbers)
+            if progress is not None:
+                progress(done, len(source))
+
+    return batches()
 
 
 @checked
@@ -384,14 +442,17 @@ def import_recording(
     """Make a data set of a recording of others: every overtake in it becomes a simulation.
 
     Args:
-        file_format: `commonroad` (XML 2018b or 2020a), `highd` or `pinto2023` (the paper's table).
-        path: The file; of highD its `_tracks.csv`.
+        file_format: `commonroad` (XML 2018b or 2020a), `exid`, `highd`, `ngsim`, `pinto2023` (the
+            paper's table) or `table` (any columns).
+        path: The file; of exiD and highD its `_tracks.csv`.
         out: Folder for the data set; it must not exist, or be empty.
         progress: Called with the number of simulations that are done, and of all.
         options: `attempts_only=True` leaves out vehicles that follow and never move left, and
             `vehicles` is how many a simulation has at most (both not for `pinto2023`); `lanelet`
             chooses a road of a CommonRoad file, `direction` (1, 2) one of highD, `road` (a `Road`)
-            is where a `pinto2023` table was recorded.
+            is where a table was recorded. `columns` is the map of a table: a name, a TOML file, or
+            its content; `only` maps columns to the value that they must have.
+            `smooth=True` smooths tracks as Thiemann et al. (2008) do those of NGSIM.
 
     Returns:
         The complete, labelled data set; its manifest says what was found and what was measured.
@@ -410,6 +471,75 @@ def import_recording(
     read = read_recording(file_format, path, options)
     write_scenes(read, target, file_format, progress)
     return load(target)
+
+
+@checked
+def from_frame(
+    table: Any,
+    *,
+    columns: str | Path | Mapping[str, Any],
+    road: str | Path | Road | None = None,
+    attempts_only: bool = False,
+    vehicles: int = 16,
+) -> Trajectories:
+    """The overtakes in a table of states; called as `Trajectories.from_frame`.
+
+    Args:
+        table: A row per vehicle and instant: a pandas or Arrow table, or a mapping of columns.
+        columns: Which column holds what, with units: the name of a map, a TOML file, its content,
+            or its section `columns` such as `{"vehicle": "id", "time": "t [s]", "x": "x [m]"}`.
+        road: The road in the axes of the table: a name, an OpenDRIVE file, or a `Road`. If left
+            out, what the map says of it; what that leaves open is inferred from the traffic.
+        attempts_only: Whether vehicles that follow and never move left are left out.
+        vehicles: Vehicles of a simulation at most.
+
+    Returns:
+        A simulation for each overtake, and for each vehicle that follows another; `unknown` says
+        what the table does not tell.
+
+    Raises:
+        ConfigError: The map or the road cannot be used.
+        ImportFormatError: The table cannot be used; the message names row and column.
+    """
+    from overtaking.recordings.column_map import column_map
+    from overtaking.recordings.row_tables import rows_of
+    from overtaking.recordings.scenes import scenes
+    from overtaking.recordings.tables import recording_of
+
+    chosen = column_map(columns)
+    place = None if road is None else road_of(road)
+    recording = recording_of(rows_of(table, chosen), chosen, "table", road=place)
+    found = scenes(recording, attempts_only=attempts_only, num_slots=vehicles)
+    return found.trajectories(range(len(found)))
+
+
+@checked
+def write_column_map(table: str | Path, out: str | Path) -> None:
+    """Write a map of columns to fill in.
+
+    Args:
+        table: The CSV or Parquet file that it is for; its columns are listed.
+        out: The file to write; it must not exist.
+
+    Raises:
+        ConfigError: There is such a file.
+        ImportFormatError: The table cannot be read.
+        OSError: The file cannot be written.
+    """
+    from overtaking.core.folders import put_file
+    from overtaking.recordings.column_map import template
+    from overtaking.recordings.table_files import column_names
+
+    target = Path(out)
+    if target.exists():
+        raise ConfigError.of(
+            what="map of columns",
+            where=str(target),
+            expected="a new file",
+            got="one that exists",
+            next_step="choose another name",
+        )
+    put_file(target, template(column_names(Path(table))))
 
 
 def _keep(name: str) -> Keep:

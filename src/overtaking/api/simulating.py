@@ -1,6 +1,6 @@
 """Simulations in memory: drawn, carried out, branched, labelled, compared."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,11 +17,14 @@ from overtaking.api.choices import (
     several,
     simulator_of,
 )
+from overtaking.api.rules import load_pack, policies_of
 from overtaking.core.errors import ConfigError
 from overtaking.core.memory import require
 from overtaking.core.steps import Progress
 from overtaking.labels.label import Labelled
 from overtaking.labels.label import label as labelled
+from overtaking.labels.law import PORTUGAL, Errors, Pack
+from overtaking.labels.law import lacking as rules_lacking
 from overtaking.model.batch import concatenate
 from overtaking.model.checks import check, checked
 from overtaking.model.decision import Decision
@@ -33,6 +36,9 @@ from overtaking.model.weather import Weather
 from overtaking.sim.branch import branch as branched
 from overtaking.simulators.comparison import Comparison
 from overtaking.world.clock import STEP_MS
+
+MOST_ERROR = 100.0
+"""Largest standard deviation of what was measured [m] and [m/s]."""
 
 MAX_SAMPLED = 100_000_000
 """Most scenarios of a batch; data sets may be larger."""
@@ -122,19 +128,50 @@ def branch(
 
 
 @checked
-def label(runs: Trajectories) -> Labelled:
+def label(
+    runs: Trajectories,
+    *,
+    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    law: str | Pack = PORTUGAL,
+) -> Labelled:
     """Label recorded simulations: events, law, classes and features.
 
     Args:
         runs: A batch from `simulate`, `branch` or any other source.
+        position_error: Standard deviation of recorded positions, 0 to `MOST_ERROR` [m]. A rule is
+            undecidable where its margin is less than two standard errors.
+        speed_error: Of recorded speeds, 0 to `MOST_ERROR` [m/s].
+        law: A pack of rules, or the text that `rules.load_pack` takes.
 
     Returns:
         Signals, events, findings, labels and features, one for each simulation.
 
     Raises:
-        ConfigError: A field of the recording is out of its range.
+        ConfigError: A field of the recording is out of its range, or there is no such law.
     """
-    return labelled(runs)
+    pack = load_pack(law)
+    errors = errors_of(position_error, speed_error)
+    return labelled(runs, pack=pack, policies=policies_of(pack), errors=errors)
+
+
+def errors_of(position_error: float, speed_error: float) -> Errors | None:
+    """Errors of measurement, None if both are 0."""
+    if not (position_error or speed_error):
+        return None
+    return Errors(position=position_error, speed=speed_error)
+
+
+def lacking(unknown: Iterable[str]) -> dict[str, list[str]]:
+    """The rules that a recording cannot decide.
+
+    Args:
+        unknown: What it does not tell: `Trajectories.unknown`.
+
+    Returns:
+        Codes of rules: `always` undecidable where they apply, or `sometimes`.
+    """
+    return rules_lacking(PORTUGAL, unknown)
 
 
 @checked

@@ -95,16 +95,23 @@ def generate(
     making.make(output, out, recipe, made, executor=executor)
 
 
-def show(output: Output, data: options.Data, simulation: options.Number) -> None:
+def show(
+    output: Output,
+    data: options.Data,
+    simulation: options.Number,
+    position_error: options.PositionError = None,
+    speed_error: options.SpeedError = None,
+) -> None:
     """Show one simulation in the terminal: events, beliefs, law.
 
     Each broken rule comes with what would have been legal.
     """
     from overtaking import api
-    from overtaking.cli import show
+    from overtaking.cli import arguments, show
     from overtaking.show import description
 
-    labelled = api.label(api.load(data).trajectory(simulation))
+    errors = arguments.given(position_error=position_error, speed_error=speed_error)
+    labelled = api.label(api.load(data).trajectory(simulation), **errors)
     values = description.describe(labelled, simulation)
     output.result(values, lambda console: show.render(labelled.trajectories, values, console))
 
@@ -125,7 +132,7 @@ def export(
     chosen: options.Chosen,
     file_format: options.Format = "pinto2023",
     is_csv: options.IsCsv = None,
-    law: options.WithLaw = False,
+    with_law: options.WithLaw = False,
     about: options.AboutTarget = None,
 ) -> None:
     """Convert a data set to the format of another program or paper."""
@@ -134,7 +141,7 @@ def export(
 
     target = arguments.export_target(out, file_format, is_csv=is_csv)
     given = arguments.chosen(chosen, "export")
-    given |= arguments.given(with_law=law or None, about=about)
+    given |= arguments.given(with_law=with_law or None, about=about)
     with output.progress("simulations") as meter:
         rows = api.export(data, target, file_format=file_format, progress=meter, **given)
     values = summary.of_table(target, rows)
@@ -192,7 +199,7 @@ COMMANDS: dict[options.Body, str] = {
     show: "overtaking show data/pinto 17",
     info: "overtaking info data/pinto",
     importing.import_recording: "overtaking import commonroad scene.xml --out data/scene",
-    labelling.label: "overtaking label data/scene",
+    labelling.label: "overtaking label data/scene --position-error 0.5",
     export: "overtaking export data/pinto --format pinto2023 --out table.csv",
     stats.stats: "overtaking stats data/pinto --format latex",
     stats.report: "overtaking report data/pinto",

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 FRAME_INTERVAL_KEY = "profile.frame_interval_ms"
 MOST_NUMBERS = 1_000_000
 
+_LIKE = {"--set": "traffic.vehicles=2..6", "--only": "Location=us-101"}
+
 DEFAULTS: dict[str, Any] = {
     "profile": "pinto2023-physical",
     "simulations": 276,  # As many as the paper has.
@@ -37,12 +39,15 @@ def given(**arguments: Any) -> dict[str, Any]:
     return {name: value for name, value in arguments.items() if value not in (None, {})}
 
 
-def overrides(changes: list[str], frame_interval_ms: int | None) -> dict[str, Any]:
+def overrides(
+    changes: list[str], frame_interval_ms: int | None, *, where: str = "--set"
+) -> dict[str, Any]:
     """Changes of the profile, by dotted key.
 
     Args:
         changes: Texts of the form `key=value`; the last one of a key counts.
         frame_interval_ms: Time between two frames, if it is to be different.
+        where: The option.
 
     Raises:
         ConfigError: A text has another form.
@@ -53,10 +58,10 @@ def overrides(changes: list[str], frame_interval_ms: int | None) -> dict[str, An
         if not (key.strip() and equals and value.strip()):
             raise ConfigError.of(
                 what=repr(change),
-                where="--set",
+                where=where,
                 expected="KEY=VALUE",
                 got=repr(change),
-                next_step="write it like --set traffic.vehicles=2..6",
+                next_step=f"write it like {where} {_LIKE[where]}",
             )
         values[key.strip()] = value.strip()
     if frame_interval_ms is not None:

@@ -17,11 +17,14 @@ if TYPE_CHECKING:
 RecordingFormat = Annotated[
     str,
     typer.Argument(
-        metavar="FORMAT", help="Format of the recording: commonroad, highd or pinto2023."
+        metavar="FORMAT",
+        help="Format of the recording: commonroad, exid, highd, ngsim, pinto2023, or table for any "
+        "columns.",
     ),
 ]
 RecordingFile = Annotated[
-    Path, typer.Argument(metavar="FILE", help="Recording; of highD the file NN_tracks.csv.")
+    Path,
+    typer.Argument(metavar="FILE", help="Recording; of exiD and highD the file NN_tracks.csv."),
 ]
 AttemptsOnly = Annotated[
     bool | None,
@@ -36,6 +39,32 @@ Lanelet = Annotated[
 Direction = Annotated[
     int | None, options.option("--direction 1|2", "With highd: only the upper or the lower lanes.")
 ]
+Columns = Annotated[
+    str | None,
+    options.option(
+        "--columns FILE|NAME",
+        "With table: map of its columns, a TOML file or one of the package: interaction, sind.",
+    ),
+]
+Only = Annotated[
+    list[str] | None,
+    options.option(
+        "--only COLUMN=VALUE",
+        "With table, ngsim, exid: rows to read, such as Location=us-101. Repeatable.",
+    ),
+]
+Smooth = Annotated[
+    bool | None,
+    options.option(
+        "--smooth",
+        "Smooth positions, speeds and accelerations by moving averages of 0.5, 1 and 4 s, made for "
+        "NGSIM.",
+    ),
+]
+Template = Annotated[
+    bool,
+    options.option("--template", "With table: write a map of its columns to fill in, to --out."),
+]
 _WORDS = {
     "vehicles": "vehicles",
     "lane_changes_left": "lane changes to the left",
@@ -47,6 +76,10 @@ _WORDS = {
     "oncoming_left_out": "oncoming vehicles left out",
     "other_roads": "other roads, for --lanelet",
     "neighbours_with_a_slot": "share of neighbours kept",
+    "lanes_from": "lanes from",
+    "lane_fit": "fit of the lanes",
+    "tracks_torn": "tracks torn",
+    "interpolated": "states interpolated",
     "simulations": "simulations",
     "frames": "frames",
     "straightening_m": "road straightened by up to [m]",
@@ -67,18 +100,28 @@ def import_recording(
     vehicles: Vehicles = None,
     lanelet: Lanelet = None,
     direction: Direction = None,
+    columns: Columns = None,
+    only: Only = None,
+    smooth: Smooth = None,
+    template: Template = False,
     map_file: options.Map = None,
     road: options.Road = None,
 ) -> None:
     """Convert recordings of real traffic into a labelled data set.
 
     Each overtake, and each vehicle that follows another, becomes a simulation. --map and --road
-    name the road of a pinto2023 table.
+    name the road of a table, in the axes of its positions.
     """
     from overtaking import api
     from overtaking.cli import arguments
 
+    if template:
+        api.write_column_map(file, out)
+        return output.wrote({"map": str(out)}, lambda _: facts([("map of columns", str(out))]))
     given = arguments.given(
+        columns=columns,
+        smooth=smooth or None,
+        only=arguments.overrides(only or [], None, where="--only"),
         attempts_only=attempts_only or None,
         vehicles=vehicles,
         lanelet=lanelet,
@@ -97,6 +140,8 @@ import_recording.__name__ = "import"
 
 def of_import(data: "Dataset") -> dict[str, Any]:
     """What was found in a recording, and where it is now."""
+    from overtaking import api
+
     identity = data.manifest.identity
     source = identity.source
     assert source is not None
@@ -107,6 +152,7 @@ def of_import(data: "Dataset") -> dict[str, Any]:
         "files": source.files,
         "simulations": len(data),
         "unknown": list(identity.unknown),
+        "undecidable": api.lacking(identity.unknown),
         "counts": source.counts,
         "notes": source.notes,
         "content_hash": data.content_hash,
@@ -120,6 +166,8 @@ def render(values: dict[str, Any]) -> "RenderableType":
         if name in _WORDS and value is not None:
             rows.append((_WORDS[name], f"{value:,}" if isinstance(value, int) else f"{value}"))
     rows.append(("not known", ", ".join(values["unknown"])))
+    for name, codes in values["undecidable"].items():
+        rows.append((f"undecidable {name}", " ".join(codes) or "none"))
     if values["notes"].get("time_scaling"):
         warning = "positions move at {} of the recorded speeds: the clock was scaled"
         rows.append(("beware", warning.format(values["notes"]["time_scaling"])))

@@ -1,23 +1,54 @@
 """`overtaking label`: the labels of a data set, made anew."""
 
-from typing import TYPE_CHECKING, Any
+from collections import Counter
+from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
 from overtaking.cli.tables import drawn_rows
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from rich.console import RenderableType
 
     from overtaking.data.load import Dataset
+    from overtaking.labels.label import Labelled
 
 
-def label(output: Output, data: options.Data) -> None:
-    """Label a data set again, with the rules of this version."""
+_DECIDED = ("legal", "illegal", "undecidable")
+Law = Annotated[
+    str | None,
+    options.option(
+        "--law MODULE:PACK",
+        "Judge by a pack of rules in a Python module, which is run; the data set stays as it is.  "
+        "[default: pt, written into the data set]",
+    ),
+]
+
+
+def label(
+    output: Output,
+    data: options.Data,
+    position_error: options.PositionError = None,
+    speed_error: options.SpeedError = None,
+    law: Law = None,
+) -> None:
+    """Label a data set again, with the rules of this version.
+
+    With --law nothing is written.
+    """
     from overtaking import api
+    from overtaking.cli import arguments
 
+    given = arguments.given(position_error=position_error, speed_error=speed_error)
+    if law is not None:
+        with output.progress("simulations") as meter:
+            batches = api.judged(data, law, progress=meter, **given)
+            judged = of_batches(data, batches) | output.duration
+        return output.result(judged, lambda _: render(judged))
     with output.progress("simulations") as meter:
-        labelled = api.relabel(data, progress=meter)
+        labelled = api.relabel(data, progress=meter, **given)
     values = of_labels(labelled) | output.duration
     output.wrote(values, lambda _: render(values))
 
@@ -34,14 +65,57 @@ def of_labels(data: "Dataset") -> dict[str, Any]:
         "simulations": len(data),
         "rule_set": str(labels["rule_set"].iloc[0]),
         "classes": classes,
+        "rules": of_rules(data),
         "content_hash": data.content_hash,
     }
 
 
+def of_batches(data: str, batches: "Iterable[tuple[Any, Labelled]]") -> dict[str, Any]:
+    """The same, from labels that are not written."""
+    from overtaking.model.labels import OvertakeClass, Verdict
+
+    classes: dict[str, Counter[str]] = {}
+    rules: dict[str, Counter[str]] = {}
+    total, version = 0, ""
+    for numbers, said in batches:
+        total, version = total + len(numbers), said.findings.version
+        for place, policy in enumerate(said.labels.policies):
+            names = (OvertakeClass(one).title for one in said.labels.classes[:, place])
+            classes.setdefault(policy, Counter()).update(names)
+        for place, rule in enumerate(said.findings.rules):
+            verdicts = (Verdict(one).name.lower() for one in said.findings.verdict[:, place])
+            rules.setdefault(rule, Counter()).update(verdicts)
+    return {
+        "data": data,
+        "simulations": total,
+        "rule_set": version,
+        "classes": {policy: dict(sorted(count.items())) for policy, count in classes.items()},
+        "rules": {rule: {one: count[one] for one in _DECIDED} for rule, count in rules.items()},
+    }
+
+
+def of_rules(data: "Dataset") -> dict[str, dict[str, int]]:
+    """Number of simulations that each rule finds legal, illegal and undecidable."""
+    verdicts = data.findings().groupby("rule", observed=True, sort=False)["verdict"]
+    counts = {str(rule): rows.value_counts() for rule, rows in verdicts}
+    return {
+        rule: {name: int(count.get(name, 0)) for name in _DECIDED} for rule, count in counts.items()
+    }
+
+
 def render(values: dict[str, Any]) -> "RenderableType":
-    """The classes as a table, a column for each policy."""
+    """The classes, a column for each policy, and what each rule finds."""
+    from rich.console import Group
+
     classes = values["classes"]
     names = dict.fromkeys(name for one in classes.values() for name in one)
     rows = [(name, *(f"{one.get(name, 0):,}" for one in classes.values())) for name in names]
     title = f"{values['simulations']:,} simulations by {values['rule_set']}"
-    return drawn_rows(("class", *(f"{policy}>" for policy in classes)), rows, title=title)
+    found = drawn_rows(("class", *(f"{policy}>" for policy in classes)), rows, title=title)
+    rules = [
+        (rule, *(f"{one:,}" for one in count.values()))
+        for rule, count in values["rules"].items()
+        if any(count.values())
+    ]
+    verdicts = ("rule", "legal>", "illegal>", "undecidable>")
+    return Group(found, "", drawn_rows(verdicts, rules))

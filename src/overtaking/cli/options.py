@@ -58,6 +58,19 @@ Data = Annotated[
 ]
 Number = Annotated[int, typer.Argument(metavar="N", help="Number of the simulation, from 0.")]
 
+PositionError = Annotated[
+    float | None,
+    option(
+        "--position-error M",
+        "Standard deviation of recorded positions [m]. A margin of less than two standard errors "
+        "is undecidable.  [default: 0]",
+    ),
+]
+SpeedError = Annotated[
+    float | None,
+    option("--speed-error MPS", "Standard deviation of recorded speeds [m/s].  [default: 0]"),
+]
+
 OUT = "Where to write."
 OutFolder = Annotated[Path, option("--out FOLDER", f"{OUT} A folder.")]
 OutPlace = Annotated[
@@ -243,7 +256,7 @@ class Chosen:
 
 
 WithLaw = Annotated[
-    bool, option("--law", "With asp, prolog: add the facts that the law needs, and the law.")
+    bool, option("--with-law", "With asp, prolog: add the facts that the law needs, and the law.")
 ]
 
 
@@ -263,7 +276,11 @@ ROWS = "Rows to return at most."
 TIMEOUT = "Time for the query [s]."
 MEMORY = "Memory for the query [MiB]."
 
-RENAMED = {"count": ("--simulations", "--count", int), "own": ("--with", "--own", str)}
+RENAMED = {
+    "count": ("--simulations", "--count", int),
+    "own": ("--with", "--own", str),
+    "with_law": ("--law", "--with-law", bool),
+}
 """Options that had another name: parameter, old and new name, and type. For one release."""
 
 

@@ -14,12 +14,18 @@ from overtaking.data.tables.encode import Numbers
 from overtaking.data.tables.encode_labels import encode_labels
 from overtaking.data.tables.schemas import LABEL_TABLES, SCHEMAS
 from overtaking.labels.label import label
+from overtaking.labels.law import Errors
 from overtaking.model.trajectory import Trajectories
 
 Batches = Iterator[tuple[Numbers, Trajectories]]
 
 
-def relabel(path: Path, simulator: Simulator, progress: Progress | None = None) -> Dataset:
+def relabel(
+    path: Path,
+    simulator: Simulator,
+    progress: Progress | None = None,
+    errors: Errors | None = None,
+) -> Dataset:
     """Write the tables of labels of a data set anew, from what it recorded.
 
     New files wait in a folder of their own until all of them are there; only then they take the
@@ -29,6 +35,7 @@ def relabel(path: Path, simulator: Simulator, progress: Progress | None = None) 
         path: Its folder.
         simulator: Simulates again what was not kept.
         progress: Called with the number of simulations that are done, and of all.
+        errors: Of the measurement of positions and speeds.
 
     Raises:
         DatasetError: There is none, it is not complete or damaged, another process writes it, or
@@ -39,13 +46,13 @@ def relabel(path: Path, simulator: Simulator, progress: Progress | None = None) 
     after = "label it again; it is as it was"
     with all_or_nothing(path, "time to label it", after), place.locked():
         try:
-            _relabel(data, place, Steps(len(data), progress))
+            _relabel(data, place, Steps(len(data), progress), errors)
         finally:
             place.sweep()
     return load(path, simulator)
 
 
-def _relabel(data: Dataset, place: Folder, step: Steps) -> None:
+def _relabel(data: Dataset, place: Folder, step: Steps, errors: Errors | None) -> None:
     """Write the files of all shards, then put them into place and complete the manifest."""
     planned = plan.shards(len(data), data.manifest.identity.shard_size)
     place.prepare(LABEL_TABLES)
@@ -53,7 +60,7 @@ def _relabel(data: Dataset, place: Folder, step: Steps) -> None:
         step(0)
         batches, schemas = data.batches(), {name: SCHEMAS[name] for name in LABEL_TABLES}
         written = [
-            shards.write_files(staging, shard, _pieces(data, shard, batches), schemas, step)
+            shards.write_files(staging, shard, _pieces(data, shard, batches, errors), schemas, step)
             for shard in planned
         ]
         for shard in planned:
@@ -65,12 +72,14 @@ def _relabel(data: Dataset, place: Folder, step: Steps) -> None:
     complete(place, data.manifest, records, data.manifest.balance)
 
 
-def _pieces(data: Dataset, shard: plan.Shard, batches: Batches) -> Iterator[shards.Piece]:
+def _pieces(
+    data: Dataset, shard: plan.Shard, batches: Batches, errors: Errors | None
+) -> Iterator[shards.Piece]:
     """The tables of labels of a shard; `batches` stands at its first simulation."""
     is_balanced, count = data.manifest.identity.balance is not None, 0
     while count < shard.num_simulations:
         numbers, run = next(batches)
         # In a balanced data set the choice stays, whatever the new classes are.
         weight = data.class_weights(*numbers[[0, -1]].tolist()) if is_balanced else None
-        yield len(numbers), encode_labels(label(run), numbers, weight)
+        yield len(numbers), encode_labels(label(run, errors=errors), numbers, weight)
         count += len(numbers)

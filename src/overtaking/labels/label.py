@@ -14,7 +14,16 @@ from overtaking.labels.features import (
     safety_measures,
 )
 from overtaking.labels.instants import U8
-from overtaking.labels.law import POLICIES, PORTUGAL, Legality, Pack, Policy, check, legality
+from overtaking.labels.law import (
+    POLICIES,
+    PORTUGAL,
+    Errors,
+    Legality,
+    Pack,
+    Policy,
+    check,
+    legality,
+)
 from overtaking.model.batch import Batch
 from overtaking.model.decisions import Decisions
 from overtaking.model.events import Detail, Events, Outcome
@@ -64,7 +73,11 @@ class Labelled(Batch):
 
 
 def label(
-    trajectories: Trajectories, *, pack: Pack = PORTUGAL, policies: Sequence[Policy] = POLICIES
+    trajectories: Trajectories,
+    *,
+    pack: Pack = PORTUGAL,
+    policies: Sequence[Policy] = POLICIES,
+    errors: Errors | None = None,
 ) -> Labelled:
     """Label a recording of any origin.
 
@@ -72,12 +85,13 @@ def label(
         trajectories: The recording.
         pack: The rules of a jurisdiction.
         policies: Which of its rules decide about the classes.
+        errors: Of the measurement of positions and speeds; None if there are none.
 
     Raises:
         ConfigError: A policy requires a rule that the pack does not have.
     """
     case = case_of(trajectories)
-    findings = check(pack, case)
+    findings = check(pack, case, errors)
     return Labelled(
         trajectories=trajectories,
         signals=case.signals,

@@ -7,7 +7,8 @@ agree.
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
-from typing import Annotated
+from importlib import import_module
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -234,6 +235,24 @@ class Trajectories(Batch):
     trace_hash: Annotated[NDArray[np.uint32], along("simulation", 4)]
     unknown: frozenset[str] = frozenset()
     present: Annotated[NDArray[np.bool_] | None, along(*States.AXES)] = None
+
+    @classmethod
+    def from_frame(cls, table: Any, **options: Any) -> "Trajectories":
+        """The overtakes in a table of states, of any columns, units and rate.
+
+        The arguments are those of `overtaking.api.from_frame`: `columns`, `road`, `attempts_only`
+        and `vehicles`.
+
+        Args:
+            table: A row per vehicle and instant: a pandas or Arrow table, or a mapping of columns.
+            options: The other arguments.
+
+        Raises:
+            ConfigError: The map of columns or the road cannot be used.
+            ImportFormatError: The table cannot be used; the message names row and column.
+        """
+        # By name, as the root does: a noun imports no reader (docs/adr/0040).
+        return import_module("overtaking.api.data").from_frame(table, **options)
 
     def summary(self) -> Mapping[str, object]:
         """That of the scenario, and the frames."""

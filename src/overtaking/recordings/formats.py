@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +14,17 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from overtaking.recordings.pinto2023_import import TableScenes
+    from overtaking.recordings.recording import Recording
     from overtaking.recordings.scenes import Scenes
 
+_OF_ALL = frozenset({"attempts_only", "vehicles", "smooth"})
 FORMATS: dict[str, frozenset[str]] = {
-    "commonroad": frozenset({"attempts_only", "vehicles", "lanelet"}),
-    "highd": frozenset({"attempts_only", "vehicles", "direction"}),
+    "commonroad": _OF_ALL | {"lanelet"},
+    "exid": _OF_ALL | {"road", "only"},
+    "highd": _OF_ALL | {"direction"},
+    "ngsim": _OF_ALL | {"road", "only"},
     "pinto2023": frozenset({"road"}),
+    "table": _OF_ALL | {"road", "only", "columns"},
 }
 """Each format with the options that its reader takes."""
 
@@ -44,9 +49,10 @@ def read_recording(file_format: str, path: Path | str, options: Mapping[str, Any
 
     Args:
         file_format: One of `FORMATS`.
-        path: The file; of highD its `_tracks.csv`.
+        path: The file; of exiD and highD its `_tracks.csv`.
         options: Options of that format by name: `attempts_only`, `vehicles` (of a simulation),
-            `lanelet` (an id), `direction` (1 or 2), `road` (a `Road`).
+            `lanelet` (an id), `direction` (1 or 2), `road` (a `Road`), `columns` (a map), `only`
+            (values that columns must have), `smooth` (whether tracks are smoothed).
 
     Raises:
         ConfigError: There is no such format, or an option is not for it.
@@ -58,20 +64,35 @@ def read_recording(file_format: str, path: Path | str, options: Mapping[str, Any
         if name not in FORMATS[file_format]:
             allowed = sorted(FORMATS[file_format])
             raise ConfigError.not_among(f"option for {file_format}", "import", allowed, name)
+    if file_format == "table" and "columns" not in options:
+        raise ConfigError.of(
+            what="columns",
+            where="import table",
+            expected="a map of columns",
+            got="none",
+            next_step="name it with --columns; --template writes one to fill in",
+        )
     source = Path(path)
     # Before reading, so that a file that changes meanwhile is not named by what it became.
-    files = {one.name: _sha256(one) for one in _files(file_format, source)}
-    shown_options = {name: getattr(value, "name", value) for name, value in options.items()}
+    files = {one.name: _sha256(one) for one in _files(file_format, source, options)}
+    shown_options = {name: _plain(value) for name, value in options.items()}
     return Imported(scenes=_read(file_format, source, options), files=files, options=shown_options)
 
 
-def _files(file_format: str, source: Path) -> Sequence[Path]:
-    """All files of a recording."""
-    if file_format != "highd":
-        return (source,)
-    from overtaking.recordings.highd import files_of
+def _plain(value: Any) -> Any:
+    """An option as it is written into the manifest."""
+    return str(value) if isinstance(value, Path) else getattr(value, "name", value)
 
-    return files_of(source)
+
+def _files(file_format: str, source: Path, options: Mapping[str, Any]) -> Sequence[Path]:
+    """All files of a recording, and the map of its columns."""
+    if file_format in ("commonroad", "pinto2023"):
+        return (source,)
+    from overtaking.recordings.column_map import column_map, files_of, map_names
+
+    given = options.get("columns", file_format)
+    is_file = isinstance(given, str | Path) and f"{given}" not in map_names()
+    return (*files_of(source, column_map(given)).values(), *([Path(given)] if is_file else ()))
 
 
 def _read(file_format: str, source: Path, options: Mapping[str, Any]) -> Scenes | TableScenes:
@@ -82,19 +103,33 @@ def _read(file_format: str, source: Path, options: Mapping[str, Any]) -> Scenes 
         return read_pinto2023(source, road=options.get("road"))
     from overtaking.recordings.scenes import NUM_SLOTS, scenes
 
-    if file_format == "commonroad":
-        from overtaking.recordings.commonroad import read_commonroad
+    recording = _recording(file_format, source, options)
+    if options.get("smooth"):
+        from overtaking.recordings.smoothing import smoothed
 
-        recording = read_commonroad(source, lanelet_id=options.get("lanelet"))
-    else:
-        from overtaking.recordings.highd import read_highd
-
-        recording = read_highd(source, direction=options.get("direction"))
+        recording = smoothed(recording)
     return scenes(
         recording,
         attempts_only=options.get("attempts_only", False),
         num_slots=options.get("vehicles", NUM_SLOTS),
     )
+
+
+def _recording(file_format: str, source: Path, options: Mapping[str, Any]) -> Recording:
+    """A recording of a format that has tracks."""
+    if file_format == "commonroad":
+        from overtaking.recordings.commonroad import read_commonroad
+
+        return read_commonroad(source, lanelet_id=options.get("lanelet"))
+    if file_format == "highd":
+        from overtaking.recordings.highd import read_highd
+
+        return read_highd(source, direction=options.get("direction"))
+    from overtaking.recordings.tables import read_table
+
+    columns = options.get("columns", file_format)
+    chosen = {name: options[name] for name in ("road", "only") if name in options}
+    return replace(read_table(source, columns, **chosen), file_format=file_format)
 
 
 def _sha256(path: Path) -> str:

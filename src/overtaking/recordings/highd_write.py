@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from overtaking.core.folders import put_file
 from overtaking.model.trajectory import STEPS, Trajectories
 from overtaking.model.vehicles import VehicleKind
-from overtaking.recordings.highd import NO_LIMIT
+from overtaking.recordings.table_road import NO_LIMIT
 
 F64 = NDArray[np.float64]
 Places = NDArray[np.int64]

@@ -34,7 +34,7 @@ class Tracks:
     """The vehicles of a recording; the rows of a vehicle are adjacent, in order of time.
 
     Attributes:
-        ids: The source's number of each vehicle, growing, shape (vehicle,).
+        ids: The source's number of each vehicle, each different, shape (vehicle,).
         kind: `VehicleKind`, same shape.
         length: Same shape [m].
         width: Same shape [m].

@@ -160,7 +160,8 @@ def breach_words(one: Values, values: Values, dash: str) -> Breach:
 def doubt_words(one: Values) -> str:
     """A rule that cannot be decided, and what the recording lacks."""
     missing = ", ".join(words(name) for name in one["not_recorded"])
-    return f"{one['rule']} {one['title']}" + (f" (not recorded: {missing})" if missing else "")
+    why = f"not recorded: {missing}" if missing else "its margin is within its error"
+    return f"{one['rule']} {one['title']} ({why})"
 
 
 _BELIEFS = {

@@ -2,12 +2,13 @@
 
 from overtaking.labels.law.policies import POLICIES, Legality, Policy, legality, policy
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.rule import Check, Grade, Pack, Rule, check, judge
+from overtaking.labels.law.rule import Check, Errors, Grade, Pack, Rule, check, judge, lacking
 
 __all__ = [
     "POLICIES",
     "PORTUGAL",
     "Check",
+    "Errors",
     "Grade",
     "Legality",
     "Pack",
@@ -15,6 +16,7 @@ __all__ = [
     "Rule",
     "check",
     "judge",
+    "lacking",
     "legality",
     "policy",
 ]

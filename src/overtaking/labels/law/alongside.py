@@ -16,9 +16,10 @@ from overtaking.labels.instants import (
     slot_of,
     vehicle_at,
 )
+from overtaking.labels.law.errors import lane_error
 from overtaking.labels.law.frames import ENDLESS, Span, always_at, driving_end
 from overtaking.labels.law.others import num_slow, target_may_be
-from overtaking.labels.law.rule import Check, Grade, Rule
+from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.once import once
@@ -108,6 +109,29 @@ def _in_queue(case: Case, rows: Index, frames: Index) -> Mask:
     return (slow >= known("law.queue.vehicles")) & (faster <= known("law.queue.faster"))
 
 
+def _lane_of_both(case: Case, found: Check, errors: Errors) -> F32:
+    """Error of being left of the target: by the ways of both centres to the next border [lanes].
+
+    A breach is sure where one of its frames is; no breach is sure where all frames are.
+    """
+    over, run = alongside(case), case.trajectories
+    rows, frames = over.rows, over.frames
+    borders = (run.road.side * run.road.boundaries).astype(np.float32)
+    slot = slot_of(case.target.vehicle)[rows]
+    target = across_at(run, case.signals, rows, slot, frames)[0]
+    away = [
+        np.abs(centre[:, None] - borders).min(axis=1)
+        for centre in (case.signals.lateral[rows, frames], target)
+    ]
+    nearest = np.minimum(*away)
+    low = np.full(len(found.margin), ENDLESS)
+    np.minimum.at(low, rows, nearest)
+    broken = (frames >= found.first[rows]) & (frames <= found.last[rows])
+    high = np.zeros(len(found.margin), np.float32)
+    np.maximum.at(high, rows[broken], nearest[broken])
+    return lane_error(np.where(found.margin < 0, high, low), errors)
+
+
 L1 = Rule(
     id="pt.ce.36@2013",
     code="L1",
@@ -122,6 +146,10 @@ L1 = Rule(
     unit="lanes",
     grade=Grade.BY_ROAD,
     check=_on_the_left,
+    spread=Spread(
+        formula="0.5 sp / way of either centre to the next border, in the frame that decides",
+        of=_lane_of_both,
+    ),
 )
 
 
@@ -130,6 +158,12 @@ def _apart_from_motor(case: Case) -> Check:
     found = alongside(case)
     margin = found.lateral_gap - known("law.side.motor")
     return found.check(case, margin, target_may_be(case, bicycle=False))
+
+
+def _of_two_places(case: Case, found: Check, errors: Errors) -> F32:
+    """Error of a distance across the road [m]."""
+    del case
+    return np.full_like(found.margin, np.sqrt(2.0) * errors.position)
 
 
 L10 = Rule(
@@ -144,6 +178,7 @@ L10 = Rule(
     grade=Grade.BY_ROAD,
     needs=frozenset(["kinds"]),
     check=_apart_from_motor,
+    spread=Spread(formula="sqrt(2) sp", of=_of_two_places),
 )
 
 
@@ -154,6 +189,18 @@ def _apart_from_bicycle(case: Case) -> Check:
     room = (found.lateral_gap - limit) / limit
     slower = (start - speed[found.rows, found.frames]) / start
     return found.check(case, np.minimum(room, slower), target_may_be(case, bicycle=True))
+
+
+def _bicycle_error(case: Case, found: Check, errors: Errors) -> F32:
+    """Error of the share of room or of speed, whichever decides [1]."""
+    over, limit = alongside(case), known("law.side.bicycle")
+    room = np.full(len(found.margin), ENDLESS)
+    np.minimum.at(room, over.rows, (over.lateral_gap - limit) / limit)
+    start = np.maximum(at(case.signals.speed, case.events.attempt), _LEAST_SPEED)
+    # Both speeds have the same error, which changes their ratio alone.
+    of_speed = np.abs(found.margin) / start * np.float32(errors.speed)
+    is_room = np.abs(room - found.margin) < np.float32(1e-6)
+    return np.where(is_room, np.float32(np.sqrt(2.0) * errors.position) / limit, of_speed)
 
 
 L11 = Rule(
@@ -170,6 +217,9 @@ L11 = Rule(
     grade=Grade.BY_ROAD,
     needs=frozenset(["kinds"]),
     check=_apart_from_bicycle,
+    spread=Spread(
+        formula="sqrt(2) sp / 1.5 m where the room decides, else margin sv / v", of=_bicycle_error
+    ),
 )
 
 

@@ -96,14 +96,27 @@ def slow_lane_room(case: Case, frame: Frames) -> F32:
         case: The batch.
         frame: A frame of each simulation.
     """
-    own, reach = (np.arange(len(frame)), frame), known("law.return.reach")
+    own = (np.arange(len(frame)), frame)
     speed, decel = case.signals.speed[own], sure_decel(case.signals.friction[own])
     ahead = beside(case, Around.RIGHT_LEADER, frame)
     behind = beside(case, Around.RIGHT_FOLLOWER, frame)
+    return room_beside(speed, decel, ahead, behind)
+
+
+def room_beside(speed: F32, decel: F32, ahead: Encounter, behind: Encounter) -> F32:
+    """Room between two neighbours, as in `slow_lane_room` [m].
+
+    Args:
+        speed: Of the ego [m/s].
+        decel: `sure_decel` [m/s^2].
+        ahead: The neighbour ahead.
+        behind: The neighbour behind.
+    """
+    reach = known("law.return.reach")
     soon = known("law.return.free_time") * ahead.closing_speed
     before = maximum(lawful_gap(speed, ahead.closing_speed, decel), soon)
     after = lawful_gap(speed + behind.closing_speed, behind.closing_speed, decel)
-    room = np.full(len(frame), reach, np.float32)
+    room = np.full(len(speed), reach, np.float32)
     room = np.where(ahead.valid, minimum(room, ahead.gap - before), room)
     room = np.where(behind.valid, minimum(room, behind.gap - after), room)
     return clamp(room, -reach, reach)

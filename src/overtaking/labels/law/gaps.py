@@ -12,6 +12,14 @@ from overtaking.labels.law.distances import (
     margin_of_gap,
     sure_decel,
 )
+from overtaking.labels.law.errors import (
+    BRAKING,
+    ENTERING_AHEAD,
+    ENTERING_BEHIND,
+    FOLLOWING,
+    MEETING,
+    RETURNING,
+)
 from overtaking.labels.law.frames import (
     ENDLESS,
     instant,
@@ -50,6 +58,7 @@ L3 = Rule(
     needs=frozenset(["weather"]),
     without_attempt=True,
     check=_follows_safely,
+    spread=FOLLOWING,
 )
 
 
@@ -75,6 +84,7 @@ L4 = Rule(
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),
     check=_room_ahead,
+    spread=ENTERING_AHEAD,
 )
 
 
@@ -99,6 +109,7 @@ L5 = Rule(
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),
     check=_room_behind,
+    spread=ENTERING_BEHIND,
 )
 
 
@@ -129,6 +140,7 @@ L8 = Rule(
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),
     check=_safe_return,
+    spread=RETURNING,
 )
 
 
@@ -148,6 +160,7 @@ L23 = Rule(
     unit="m/s^2",
     grade=Grade.BY_ROAD,
     check=_no_hard_braking,
+    spread=BRAKING,
 )
 
 
@@ -178,4 +191,5 @@ L24 = Rule(
     unit="m",
     grade=Grade.BY_ROAD,
     check=_back_before_oncoming,
+    spread=MEETING,
 )

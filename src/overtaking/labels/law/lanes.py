@@ -5,9 +5,11 @@ import numpy as np
 from overtaking.core.elementary import F32, Mask, as_f32
 from overtaking.labels.instants import METRES, Index, slot_of
 from overtaking.labels.law.alongside import lane_index
+from overtaking.labels.law.errors import OF_PLACE, SLOW_LANES
 from overtaking.labels.law.frames import Span, conduct, ends_in, instant, is_two_way, reduced
 from overtaking.labels.law.others import ego_may_be
 from overtaking.labels.law.rule import Check, Grade, Rule, decided, inapplicable
+from overtaking.model.events import NEVER
 from overtaking.model.labels import Case, Severity, Verdict
 from overtaking.model.road import DrivingSide, Road, RoadMark
 from overtaking.model.trajectory import NO_VEHICLE
@@ -24,6 +26,9 @@ _CLOSED = frozenset(
 def _off_the_line(case: Case) -> Check:
     """No corner of the ego is beyond a line that is continuous for it."""
     road, span = case.trajectories.road, conduct(case)
+    if "marks" in case.trajectories.unknown:
+        never = np.full(len(span.start), NEVER)  # Any line may be there: the rule applies.
+        return decided(span.exists, np.zeros(len(never), np.float32), never, never)
     if not (closed := closed_borders(road)):
         return inapplicable(case.signals.num_simulations)
     tolerance = known("law.line.tolerance")
@@ -109,6 +114,7 @@ L2 = Rule(
     needs=frozenset(["marks"]),
     without_attempt=True,
     check=_off_the_line,
+    spread=OF_PLACE,
 )
 
 
@@ -172,6 +178,7 @@ L17 = Rule(
     grade=Grade.BY_ROAD,
     needs=frozenset(["road_kind"]),
     check=_target_off_the_line,
+    spread=OF_PLACE,
 )
 
 
@@ -205,4 +212,5 @@ L20 = Rule(
     needs=frozenset(["kinds", "road_kind"]),
     without_attempt=True,
     check=_in_slow_lanes,
+    spread=SLOW_LANES,
 )

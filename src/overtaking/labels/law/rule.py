@@ -1,7 +1,7 @@
 """What a rule and a pack of rules are, and what they say of a batch."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -12,6 +12,7 @@ from overtaking.core.elementary import F32, Mask
 from overtaking.labels.instants import U8
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Belief, Case, Check, Findings, Severity, Verdict
+from overtaking.world import constants
 
 
 class Grade(Enum):
@@ -21,6 +22,39 @@ class Grade(Enum):
     LIGHT = "light"
     SERIOUS = "serious (145)"
     BY_BREACH = "as the breach is, see the rule"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Errors:
+    """Standard deviations of what was measured.
+
+    The errors of a vehicle are the same in all frames of a simulation, and independent of those of
+    other vehicles. Those along the road, across it and of the speed are independent, too.
+
+    Attributes:
+        position: Of a position, along the road and across it [m].
+        speed: [m/s].
+    """
+
+    position: float = 0.0
+    speed: float = 0.0
+
+    def __str__(self) -> str:
+        """As part of the version of findings."""
+        return f"+-{self.position:g}m+-{self.speed:g}mps"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """How errors of measurement become one of a rule's margin.
+
+    Attributes:
+        formula: What is computed; sp and sv are the standard deviations of `Errors`.
+        of: The standard deviation of the margins of a `Check`, shape (simulation,).
+    """
+
+    formula: str
+    of: Callable[[Case, Check, Errors], F32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +76,8 @@ class Rule:
         without_attempt: Whether it also judges a recording without an attempt, all of it.
         of_ego: Whether the duty is the ego's; no policy requires the others' duties.
         check: The rule itself, for recordings that know all that it needs.
+        spread: The error of its margin; None if errors of positions and speeds that stay the same
+            do not change it.
     """
 
     id: str
@@ -58,6 +94,7 @@ class Rule:
     without_attempt: bool = False
     of_ego: bool = True
     check: Callable[[Case], Check]
+    spread: Spread | None = None
 
 
 def decided(
@@ -104,8 +141,37 @@ def inapplicable(num_simulations: int) -> Check:
     return decided(np.zeros(num_simulations, np.bool_), nothing, never, never)
 
 
-def judge(rule: Rule, case: Case) -> Check:
-    """What a rule says of a batch, with severity, and undecidable where it lacks what it needs."""
+def judge(rule: Rule, case: Case, errors: Errors | None = None) -> Check:
+    """What a rule says of a batch, with severity, and undecidable where it lacks what it needs.
+
+    Args:
+        rule: The rule.
+        case: The batch.
+        errors: Of its measurement; a margin within its own is undecidable.
+    """
+    found = _judged(rule, case)
+    if errors is None or rule.spread is None:
+        return found
+    is_decided = (found.verdict == Verdict.LEGAL) | (found.verdict == Verdict.ILLEGAL)
+    if not is_decided.any():
+        return found
+    error = constants.known("law.errors.coverage") * rule.spread.of(case, found, errors)
+    return _doubted(found, is_decided & (np.abs(found.margin) < error))
+
+
+def _doubted(found: Check, inside: Mask) -> Check:
+    """The same check, undecidable in some simulations."""
+    return found.replace(
+        verdict=np.where(inside, np.uint8(Verdict.UNDECIDABLE), found.verdict),
+        margin=np.where(inside, np.float32(0.0), found.margin),
+        first=np.where(inside, NEVER, found.first),
+        last=np.where(inside, NEVER, found.last),
+        severity=np.where(inside, np.uint8(Severity.NONE), found.severity),
+    )
+
+
+def _judged(rule: Rule, case: Case) -> Check:
+    """What a rule says of a batch that was measured without error."""
     found = rule.check(case)
     if rule.needs & case.trajectories.unknown:
         return _undecided(found)
@@ -134,6 +200,25 @@ def _undecided(found: Check) -> Check:
     return decided(about, nothing, never, never, doubtful=np.ones(n, np.bool_))
 
 
+def lacking(pack: "Pack", unknown: Iterable[str]) -> dict[str, list[str]]:
+    """The rules that a recording cannot decide.
+
+    Args:
+        pack: The rules.
+        unknown: What the recording does not tell, names of `UNKNOWNS`.
+
+    Returns:
+        Codes of the rules that are undecidable wherever they apply, under `always`, and of those
+        that are in some simulations, under `sometimes`.
+    """
+    missing = frozenset(unknown)
+    always = [rule.code for rule in pack.rules if rule.needs & missing]
+    partly = [
+        rule.code for rule in pack.rules if rule.partly & missing and not rule.needs & missing
+    ]
+    return {"always": always, "sometimes": partly}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pack:
     """The rules of one jurisdiction; another one is another list.
@@ -154,19 +239,21 @@ class Pack:
         return tuple(rule.code for rule in self.rules)
 
 
-def check(pack: Pack, case: Case) -> Findings:
+def check(pack: Pack, case: Case, errors: Errors | None = None) -> Findings:
     """What each rule of a pack says of each simulation.
 
     Args:
         pack: The rules.
         case: Recordings of any source, with their signals and events.
+        errors: Of their measurement; None if there are none.
 
     Returns:
         Arrays of shape (simulation, rule).
     """
-    found = [judge(rule, case) for rule in pack.rules]
+    found = [judge(rule, case, errors) for rule in pack.rules]
     columns = {
         field.name: np.stack([getattr(one, field.name) for one in found], axis=1)
         for field in dataclasses.fields(Check)
     }
-    return Findings(rules=pack.codes, version=pack.version, **columns)
+    version = pack.version if errors is None else f"{pack.version}{errors}"
+    return Findings(rules=pack.codes, version=version, **columns)

@@ -4,6 +4,7 @@ import numpy as np
 
 from overtaking.core.elementary import F32
 from overtaking.labels.instants import at, seconds_of
+from overtaking.labels.law.errors import STOPPING, STOPPING_UNLIT
 from overtaking.labels.law.frames import (
     Span,
     Stretch,
@@ -14,7 +15,7 @@ from overtaking.labels.law.frames import (
     never_negative,
     stretches,
 )
-from overtaking.labels.law.rule import Check, Grade, Rule
+from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.once import once
@@ -61,6 +62,7 @@ L14 = Rule(
     needs=frozenset(["weather"]),
     without_attempt=True,
     check=_stops_for_lit,
+    spread=STOPPING,
 )
 
 L14s = Rule(
@@ -75,6 +77,7 @@ L14s = Rule(
     needs=frozenset(["weather", "lamps"]),
     without_attempt=True,
     check=_stops_for_unlit,
+    spread=STOPPING_UNLIT,
 )
 
 
@@ -120,12 +123,29 @@ def passing_sight(case: Case) -> F32:
     Source:
         AASHTO (2018), section 3.2.4, in the form of a time on the left at both speeds.
     """
+    own = at(case.signals.speed, case.events.attempt)
+    return (own + np.float32(case.trajectories.road.speed_limit)) * _time_needed(case)
+
+
+def _time_needed(case: Case) -> F32:
+    """Time for which the oncoming lane has to be clear, shape (simulation,) [s]."""
     events = case.events
     back = np.where(events.return_end != NEVER, events.return_end, events.back)
     was_out = (events.line_crossed != NEVER) & (back != NEVER)
     out = seconds_of(case, np.where(was_out, back - events.line_crossed, 0))
-    both = at(case.signals.speed, events.attempt) + np.float32(case.trajectories.road.speed_limit)
-    return both * (out + known("law.sight.oncoming_margin"))
+    return out + known("law.sight.oncoming_margin")
+
+
+def _oncoming_error(case: Case, found: Check, errors: Errors) -> F32:
+    """Error of the sight that is needed against oncoming traffic, by the ego's speed [m]."""
+    if not is_two_way(case.trajectories.road):
+        return np.zeros_like(found.margin)
+    return _time_needed(case) * np.float32(errors.speed)
+
+
+_ONCOMING = Spread(
+    formula="(time on the left + 1 s) sv on two-way roads, else 0", of=_oncoming_error
+)
 
 
 _SEE = (
@@ -149,6 +169,7 @@ L15 = Rule(
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),
     check=_sees_through_air,
+    spread=_ONCOMING,
 )
 
 L15s = Rule(
@@ -162,4 +183,5 @@ L15s = Rule(
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather", "lamps"]),
     check=_sees_unlit,
+    spread=_ONCOMING,
 )

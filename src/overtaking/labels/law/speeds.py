@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import F32, Mask
 from overtaking.knowledge import number
 from overtaking.labels.instants import U8, Index
+from overtaking.labels.law.errors import OF_SPEED
 from overtaking.labels.law.frames import (
     ENDLESS,
     conduct,
@@ -113,6 +114,7 @@ L12 = Rule(
     partly=frozenset(["speed_limit", "kinds", "road_kind"]),
     without_attempt=True,
     check=_within_limit,
+    spread=OF_SPEED,
 )
 
 
@@ -166,4 +168,5 @@ L13 = Rule(
     partly=frozenset(["road_kind"]),
     without_attempt=True,
     check=_above_minimum,
+    spread=OF_SPEED,
 )

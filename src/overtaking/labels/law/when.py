@@ -1,13 +1,16 @@
 """Rules about when to overtake and when to return: L6, L7, L9, L21."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from overtaking.core.elementary import F32, Mask, maximum
 from overtaking.labels.instants import Index, T, at, seconds_of, slot_of
 from overtaking.labels.law.distances import slow_lane_room
+from overtaking.labels.law.errors import DUE, KEEPING_RIGHT, of_both, standard_error
 from overtaking.labels.law.frames import driving_end, frames_of, instant, passed, stretches
 from overtaking.labels.law.others import Others, others_at, out_indicator, steady_speed_at
-from overtaking.labels.law.rule import Check, Grade, Rule, decided
+from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, decided
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.trajectory import NO_VEHICLE
@@ -56,6 +59,24 @@ def _arrival(case: Case, others: Others, left: Mask, rows: Index) -> F32:
     return np.where(comes & (time < longest), time, longest).min(axis=1)
 
 
+def _arrival_error(case: Case, found: Check, errors: Errors) -> F32:
+    """Error of the arrival of the first on the left, by positions and speeds of both [s]."""
+    rows = np.flatnonzero(case.events.attempted)
+    frame = case.events.attempt[rows]
+    others = others_at(case, frame, rows)
+    lane = case.signals.lane[rows, frame]
+    left = others.valid & ~others.oncoming & (others.lead > 0)
+    left &= others.lane == lane[:, None] + 1
+
+    def moved(own: F32, its: F32, faster: F32, its_faster: F32) -> F32:
+        seen = replace(others, gap=others.gap + own - its, speed=others.speed + its_faster - faster)
+        return _arrival(case, seen, left, rows)
+
+    error = _spread(standard_error(moved, *of_both(errors)), case.events.attempted)
+    begun = found.margin <= -known("law.others.arrival")
+    return np.where(begun, np.float32(0.0), error)
+
+
 L6 = Rule(
     id="pt.ce.38-2-c@2013",
     code="L6",
@@ -69,6 +90,11 @@ L6 = Rule(
     grade=Grade.BY_ROAD,
     partly=frozenset(["indicators"]),
     check=_nobody_overtakes,
+    spread=Spread(
+        formula="sqrt(2 sp^2 + 2 time^2 sv^2) / closing speed; 0 where somebody signals or moves"
+        " left",
+        of=_arrival_error,
+    ),
 )
 
 
@@ -127,6 +153,7 @@ L9 = Rule(
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),
     check=_returns_soon,
+    spread=DUE,
 )
 
 
@@ -152,4 +179,5 @@ L21 = Rule(
     needs=frozenset(["weather"]),
     without_attempt=True,
     check=_keeps_right,
+    spread=KEEPING_RIGHT,
 )

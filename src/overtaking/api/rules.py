@@ -1,0 +1,149 @@
+"""Rules of law of one's own: what a rule and a pack are, and what rules may look at.
+
+A rule is a function of a case and what is told about it; a pack is a list of rules:
+
+    import numpy as np
+    from overtaking import rules
+
+    def slow(case: rules.Case) -> rules.Check:
+        return rules.always(np.float32(25.0) - case.signals.speed, rules.manoeuvre(case))
+
+    SLOW = rules.Rule(
+        id="my.1@2026",
+        code="S1",
+        law="none",
+        title="Slowly",
+        gloss="Overtake at no more than 25 m/s.",
+        predicate="During the manoeuvre: speed <= 25 m/s.",
+        unit="m/s",
+        grade=rules.Grade.LIGHT,
+        check=slow,
+    )
+    PACK = rules.Pack(name="mine", version="mine-1", rules=(SLOW,))
+
+`overtaking.label(runs, law=PACK)` and `overtaking label DATA --law module:PACK` apply it.
+"""
+
+import importlib
+import sys
+from pathlib import Path
+
+from overtaking.core.errors import ConfigError
+from overtaking.labels.instants import at, seconds_of
+from overtaking.labels.law import PORTUGAL, Policy
+from overtaking.labels.law.alongside import alongside
+from overtaking.labels.law.distances import beside
+from overtaking.labels.law.errors import deciding, standard_error
+from overtaking.labels.law.frames import (
+    ENDLESS,
+    Span,
+    always,
+    always_at,
+    conduct,
+    frames_of,
+    instant,
+    manoeuvre,
+    passed,
+    settled,
+)
+from overtaking.labels.law.policies import POLICIES
+from overtaking.labels.law.rule import Check, Errors, Grade, Pack, Rule, Spread, decided, judge
+from overtaking.labels.signals import encounter
+from overtaking.model.events import NEVER
+from overtaking.model.labels import Case, Severity, Verdict
+from overtaking.model.signals import Around
+
+__all__ = [
+    "ENDLESS",
+    "NEVER",
+    "PORTUGAL",
+    "Around",
+    "Case",
+    "Check",
+    "Errors",
+    "Grade",
+    "Pack",
+    "Policy",
+    "Rule",
+    "Severity",
+    "Span",
+    "Spread",
+    "Verdict",
+    "alongside",
+    "always",
+    "always_at",
+    "at",
+    "beside",
+    "conduct",
+    "decided",
+    "deciding",
+    "encounter",
+    "frames_of",
+    "instant",
+    "judge",
+    "load_pack",
+    "manoeuvre",
+    "passed",
+    "policies_of",
+    "seconds_of",
+    "settled",
+    "standard_error",
+]
+
+
+def load_pack(law: str | Pack) -> Pack:
+    """A pack of rules.
+
+    Args:
+        law: A pack, `pt` for the Portuguese one, or `module:name` of one in a Python module that is
+            installed or in the working folder. Its code is run.
+
+    Raises:
+        ConfigError: There is no such module or pack, or two of its rules have the same code.
+    """
+    if isinstance(law, Pack):
+        return _sound(law)
+    if law == PORTUGAL.name:
+        return PORTUGAL
+    module, colon, name = law.partition(":")
+    if not (module and colon and name):
+        raise _refused(law, "pt, or MODULE:NAME", "another form")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)
+    try:
+        found = getattr(importlib.import_module(module), name, None)
+    except Exception as error:  # Whatever the code of others raises, it is one line here.
+        raise _refused(law, "a module that can be imported", f"{error!r}") from None
+    if not isinstance(found, Pack):
+        raise _refused(law, f"a Pack called {name}", type(found).__name__)
+    return _sound(found)
+
+
+def policies_of(pack: Pack) -> tuple[Policy, ...]:
+    """The policies that decide about classes: those whose rules a pack has.
+
+    Without any there is one, `all`, that requires every rule about the ego's duty.
+    """
+    fitting = tuple(one for one in POLICIES if {*one.required} <= {*pack.codes})
+    duties = tuple(rule.code for rule in pack.rules if rule.of_ego)
+    every = Policy(name="all", required=duties, allows_undecided=False, censors_open=True)
+    return fitting or (every,)
+
+
+def _sound(pack: Pack) -> Pack:
+    """A pack whose rules can be told apart."""
+    if not pack.rules or len({*pack.codes}) < len(pack.rules):
+        got = ", ".join(pack.codes) or "no rules"
+        raise _refused(pack.name, "one rule or more, each with a code of its own", got)
+    return pack
+
+
+def _refused(law: str, expected: str, got: str) -> ConfigError:
+    return ConfigError.of(
+        what="law",
+        where=law,
+        expected=expected,
+        got=got,
+        next_step="correct the name, or the module",
+    )

@@ -1,0 +1,146 @@
+"""The states of a recording in SI units by vehicle and frame, and how they come to whole frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+U8 = NDArray[np.uint8]
+
+ON_GRID = 1e-3
+"""Instants this near a frame are that frame's: 3 mm at 30 m/s and 10 frames a second [frames]."""
+
+_TORN = 1.5  # A vehicle that is away for longer, in frames, has two tracks.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rows:
+    """States by vehicle and frame.
+
+    Attributes:
+        where: The file, for messages.
+        ids: Number of each vehicle, each different, shape (vehicle,). Vehicles with names are
+            numbered in the order of these; of a vehicle that was away, the later tracks have
+            numbers beyond all others.
+        kind: `VehicleKind`, same shape.
+        length: Same shape [m].
+        width: Same shape [m].
+        direction: Number of the carriageway, same shape; None where none is given.
+        start: First row of each vehicle, and the number of rows, shape (vehicle + 1,).
+        frame: Of each row, without gaps in a vehicle, shape (row,).
+        frame_interval_ms: Time between frames [ms].
+        values: Positions, speeds, headings and accelerations by the names of `QUANTITIES`, in axes
+            of which y is to the left of x, shape (row,) [SI].
+        lane: Name of the lane, shape (row,); None where none is given.
+        about: What holds for the whole recording, by the names of `QUANTITIES`.
+        notes: What was decided or measured.
+    """
+
+    where: str
+    ids: I64
+    kind: U8
+    length: F64
+    width: F64
+    direction: I64 | None
+    start: I64
+    frame: I64
+    frame_interval_ms: int
+    values: dict[str, F64]
+    lane: NDArray[Any] | None
+    about: dict[str, Any]
+    notes: dict[str, Any] = field(default_factory=dict[str, Any])
+
+    @property
+    def vehicle(self) -> I64:
+        """Place of each row's vehicle, shape (row,)."""
+        return np.repeat(np.arange(len(self.ids)), np.diff(self.start))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grid:
+    """Rows at whole frames; a vehicle that was away is another track.
+
+    Attributes:
+        owner: Vehicle of each track, shape (track,).
+        start: First row of each track, and the number of rows, shape (track + 1,).
+        frame: Shape (row,).
+        nearest: Row of the table that is nearest in time, same shape.
+        values: Same shape.
+        is_moved: Whether states are interpolated.
+    """
+
+    owner: I64
+    start: I64
+    frame: I64
+    nearest: I64
+    values: dict[str, F64]
+    is_moved: bool
+
+
+def at_whole_frames(vehicle: I64, moment: F64, values: dict[str, F64]) -> Grid:
+    """States at whole frames.
+
+    Args:
+        vehicle: Place of each row's vehicle, growing, shape (row,).
+        moment: Instant in frames, growing within a vehicle, same shape.
+        values: What is interpolated, same shape.
+    """
+    torn = (np.diff(vehicle) != 0) | (np.diff(moment) > _TORN)
+    begin = np.append(0, np.flatnonzero(torn) + 1)
+    frame = np.rint(moment)
+    if (np.abs(moment - frame) <= ON_GRID).all():
+        start = np.append(begin, len(moment)).astype(np.int64)
+        rows = np.arange(len(moment))
+        return Grid(
+            owner=vehicle[begin],
+            start=start,
+            frame=frame.astype(np.int64),
+            nearest=rows,
+            values=values,
+            is_moved=False,
+        )
+    return _interpolated(vehicle, moment, values, np.append(begin, len(moment)))
+
+
+def _interpolated(vehicle: I64, moment: F64, values: dict[str, F64], ends: I64) -> Grid:
+    """States at whole frames, linearly between those of the table."""
+    tracks: list[tuple[int, F64, I64]] = []
+    moved: dict[str, list[F64]] = {name: [] for name in values}
+    for low, high in pairwise(ends.tolist()):
+        when = moment[low:high]
+        at = np.arange(np.ceil(when[0] - ON_GRID), np.floor(when[-1] + ON_GRID) + 1.0)
+        if not len(at):
+            continue
+        after = np.clip(np.searchsorted(when, at), 1 if high - low > 1 else 0, high - low - 1)
+        before = np.maximum(after - 1, 0)
+        nearest = np.where(at - when[before] < when[after] - at, before, after)
+        tracks.append((int(vehicle[low]), at, low + nearest))
+        for name, column in values.items():
+            piece = column[low:high]
+            moved[name].append(
+                np.interp(at, when, np.unwrap(piece) if name == "heading" else piece)
+            )
+    count = [len(at) for _, at, _ in tracks]
+    return Grid(
+        owner=np.array([owner for owner, _, _ in tracks], np.int64),
+        start=np.concatenate([[0], np.cumsum(count)]).astype(np.int64),
+        frame=np.concatenate([at for _, at, _ in tracks]).astype(np.int64),
+        nearest=np.concatenate([row for _, _, row in tracks]),
+        values={name: np.concatenate(parts) for name, parts in moved.items()},
+        is_moved=True,
+    )
+
+
+def numbered(ids: NDArray[Any], owner: I64) -> I64:
+    """A number for each track: the source's for the first of a vehicle, and then others."""
+    numbers = ids if ids.dtype.kind == "i" else np.arange(len(ids))
+    is_first = np.append(True, np.diff(owner) != 0)
+    found = numbers[owner].astype(np.int64)
+    found[~is_first] = int(numbers.max()) + 1 + np.arange((~is_first).sum())
+    return found

@@ -1,0 +1,187 @@
+"""Tables of states as recordings: any columns, units and rate that a map names."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.recordings.column_map import ColumnMap, column_map
+from overtaking.recordings.recording import (
+    NEVER_RECORDED,
+    Recording,
+    Tracks,
+    kept,
+    lane_codes,
+    slope,
+    without_oncoming,
+)
+from overtaking.recordings.row_tables import read_rows
+from overtaking.recordings.table_files import refused
+from overtaking.recordings.table_road import check_straight, place_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from overtaking.model.road import Road
+    from overtaking.recordings.rows import Rows
+
+F64 = NDArray[np.float64]
+
+_MOVES = 0.5  # Below this speed a movement has no reliable direction [m/s].
+_WIDEST = 1.0e6  # Farther from each other than any two vehicles of a recording are [m].
+
+
+def read_table(
+    path: Path | str,
+    columns: str | Path | Mapping[str, Any] | ColumnMap,
+    *,
+    road: Road | None = None,
+    only: Mapping[str, str] | None = None,
+) -> Recording:
+    """The traffic in a table, or in the three of highD's family.
+
+    Args:
+        path: The file; CSV or Parquet.
+        columns: Which column holds what; see `column_map`.
+        road: The road, in the axes of the table; by default what the map says of it, and else
+            lanes are inferred from the traffic.
+        only: Values that columns must have.
+
+    Raises:
+        ImportFormatError: A file is missing or damaged, or no straight road can be inferred; the
+            message names line and column.
+        ConfigError: The map is wrong.
+    """
+    chosen = column_map(columns)
+    rows = read_rows(Path(path), chosen, only)
+    return recording_of(rows, chosen, Path(path).stem, road=road)
+
+
+def recording_of(
+    rows: Rows, columns: ColumnMap, name: str, *, road: Road | None = None
+) -> Recording:
+    """The traffic in rows.
+
+    Args:
+        rows: The rows.
+        columns: The map that they were read with.
+        name: What the recording is called.
+        road: As in `read_table`.
+
+    Raises:
+        ImportFormatError: No straight road can be inferred, or nobody drives along it.
+        ConfigError: The map is wrong.
+    """
+    place = place_of(rows, columns, road)
+    if not np.ptp(place.s) < _WIDEST:
+        raise refused(rows.where, "positions", f"less than {_WIDEST:g} m", f"{np.ptp(place.s):g} m")
+    bend = check_straight(rows, place.s, place.d)
+    driven = tracks_of(rows, place.road, place.s, place.d, turn=place.road.heading)
+    if columns.point == "front":
+        driven = _centred(driven, place.road)
+    on_road = (driven.s >= 0.0) & (driven.s <= place.road.length)
+    tracks, num_oncoming = without_oncoming(kept(driven, on_road), place.road.heading)
+    if not tracks.num_vehicles:
+        got = f"{num_oncoming} oncoming ones" if num_oncoming else "none"
+        raise refused(rows.where, "vehicles", "some that drive along the road", got)
+    unknown = NEVER_RECORDED | {"weather"} | place.unknown
+    unknown |= {"kinds"} if "type" not in columns.columns else frozenset()
+    unknown |= {"yaw_rate"} if "yaw_rate" not in columns.columns else frozenset()
+    return Recording(
+        name=f"{columns.name} {name}",
+        file_format="table",
+        road=place.road,
+        frame_interval_ms=rows.frame_interval_ms,
+        tracks=tracks,
+        unknown=unknown,
+        notes={
+            **place.notes,
+            **rows.notes,
+            "straightening_m": bend,
+            "states": tracks.num_rows,
+            "states_off_the_road": driven.num_rows - int(on_road.sum()),
+            "oncoming_left_out": num_oncoming,
+            "world_shift_m": place.shift.tolist(),
+            "derived": derived(columns),
+            "columns": {"source": columns.source, "tested": columns.is_tested},
+        },
+    )
+
+
+def derived(columns: ColumnMap) -> list[str]:
+    """What is worked out from positions, because no column holds it."""
+    there = columns.columns.keys()
+    ways = {
+        "speed": ({"speed"}, {"vx", "vy"}),
+        "heading": ({"heading"}, {"vx", "vy"}),
+        "accel_lon": ({"accel_lon"}, {"ax", "ay"}),
+        "accel_lat": ({"accel_lat"}, {"ax", "ay"}),
+    }
+    return [name for name, sets in ways.items() if not any(one <= there for one in sets)]
+
+
+def tracks_of(rows: Rows, road: Road, s: F64, d: F64, *, turn: float) -> Tracks:
+    """The vehicles in road coordinates; what no column holds is worked out from positions.
+
+    Args:
+        rows: The rows.
+        road: The road.
+        s: Along it, shape (row,) [m].
+        d: To its left, same shape [m].
+        turn: Direction of the road in the axes of the rows [rad].
+    """
+    given, nothing = rows.values, np.zeros(len(s))
+    cosine, sine = np.cos(turn), np.sin(turn)
+
+    def turned(name: str) -> tuple[F64, F64] | None:
+        if f"{name}x" not in given or f"{name}y" not in given:
+            return None
+        east, north = given[f"{name}x"], given[f"{name}y"]
+        return east * cosine + north * sine, north * cosine - east * sine
+
+    def rate(values: F64) -> F64:
+        return slope(values, rows.start, rows.frame_interval_ms)
+
+    along, left = turned("v") or (rate(s), rate(d))
+    speed = np.abs(given["speed"]) if "speed" in given else np.hypot(along, left)
+    heading = np.where(np.hypot(along, left) > _MOVES, np.arctan2(left, along), 0.0)
+    if "heading" in given:
+        heading = given["heading"] - turn
+        heading = heading - np.round(heading / (2.0 * np.pi)) * (2.0 * np.pi)
+    push, pull = turned("a") or (rate(along), rate(left))
+    cosine, sine = np.cos(heading), np.sin(heading)
+    lon = push * cosine + pull * sine if turned("a") else rate(speed)
+    x, y = road.world(s, d)
+    return Tracks(
+        ids=rows.ids,
+        kind=rows.kind.astype(np.uint8),
+        length=rows.length,
+        width=rows.width,
+        carriageway=np.zeros(len(rows.ids), np.int64),
+        first=rows.frame[rows.start[:-1]],
+        start=rows.start,
+        x=x,
+        y=y,
+        s=s,
+        d=d,
+        speed=speed,
+        heading=road.heading + heading,
+        accel_lon=given.get("accel_lon", lon),
+        accel_lat=given.get("accel_lat", pull * cosine - push * sine),
+        yaw_rate=given.get("yaw_rate", nothing),
+        wheel_angle=nothing,
+        lane=lane_codes(road, d),
+    )
+
+
+def _centred(tracks: Tracks, road: Road) -> Tracks:
+    """The tracks of centres, from those of the middles of the fronts."""
+    half = tracks.length[tracks.vehicle] * 0.5
+    relative = tracks.heading - road.heading
+    s, d = tracks.s - half * np.cos(relative), tracks.d - half * np.sin(relative)
+    x, y = road.world(s, d)
+    return replace(tracks, s=s, d=d, x=x, y=y, lane=lane_codes(road, d))

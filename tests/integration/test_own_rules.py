@@ -1,0 +1,107 @@
+"""A pack of rules of one's own, exactly as the page that tells how to write one."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+import overtaking as ot
+from overtaking.cli import main
+from overtaking.core.errors import ConfigError
+from overtaking.labels.law import PORTUGAL
+from overtaking.model.labels import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+
+@pytest.fixture
+def page(
+    repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[tuple[str, str]]:
+    """The pack and its test, in the working folder."""
+    text = (repository / "docs" / "how-to" / "write-a-rule.md").read_text(encoding="utf-8")
+    pack, test = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    (tmp_path / "two_rules.py").write_text(pack, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield pack, test
+    sys.modules.pop("two_rules", None)
+
+
+def test_the_pack_of_the_page_is_short_and_passes_its_own_test(page):
+    pack, test = page
+    assert len(pack.splitlines()) < 60
+    names: dict[str, object] = {}
+    exec(compile(test, "test", "exec"), names)
+    names["test_two_seconds"]()  # pyright: ignore[reportCallIssue]
+
+
+def test_a_pack_judges_simulations_and_data_sets_alike_and_writes_nothing(page, tmp_path, capsys):
+    data = ot.generate("pinto2023", 30, 1, tmp_path / "data")
+    before = data.content_hash
+    line = ["label", str(data.path), "--law", "two_rules:PACK", "--json"]
+    assert main(line) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["rule_set"] == "two-1"
+    assert told["simulations"] == 30
+    said = ot.label(ot.simulate(ot.sample("pinto2023", 30, seed=1)), law="two_rules:PACK")
+    assert said.findings.rules == ("G1", "G2")
+    for place, rule in enumerate(said.findings.rules):
+        for verdict in (Verdict.LEGAL, Verdict.ILLEGAL, Verdict.UNDECIDABLE):
+            count = int((said.findings.verdict[:, place] == verdict).sum())
+            assert told["rules"][rule][verdict.name.lower()] == count
+    assert sum(told["rules"]["G1"].values()) > 0
+    assert said.labels.policies == ("all",)
+    assert set(told["classes"]) == {"all"}
+    assert ot.load(data.path).content_hash == before
+    assert main([*line[:-1]]) == 0
+    assert "two-1" in capsys.readouterr().out
+
+
+def test_a_pack_has_errors_of_its_own(page):
+    run = ot.simulate(ot.sample("pinto2023", 30, seed=1))
+    exact = ot.label(run, law="two_rules:PACK").findings
+    doubtful = ot.label(run, law="two_rules:PACK", speed_error=1.0).findings
+    near = (np.abs(exact.margin[:, 1]) < 2.0) & (exact.verdict[:, 1] != Verdict.NOT_APPLICABLE)
+    assert near.any()
+    assert np.array_equal(doubtful.verdict[:, 1] == Verdict.UNDECIDABLE, near)
+    assert np.array_equal(doubtful.verdict[:, 0], exact.verdict[:, 0])
+
+
+def test_the_portuguese_pack_is_the_one_without_a_law():
+    run = ot.simulate(ot.sample("pinto2023", 5, seed=1))
+    one, two = ot.label(run), ot.label(run, law="pt")
+    assert one.findings.version == two.findings.version == PORTUGAL.version
+    assert np.array_equal(one.labels.classes, two.labels.classes)
+    assert one.labels.policies == two.labels.policies
+
+
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        ("two_rules", "expected pt, or MODULE:NAME"),
+        ("no_such_module:PACK", "a module that can be imported"),
+        ("two_rules:NOTHING", "a Pack called NOTHING, got NoneType"),
+        ("two_rules:GAP", "got Rule"),
+        ("broken:PACK", "ZeroDivisionError"),
+    ],
+)
+def test_a_wrong_law_costs_one_line(page, tmp_path, law, message):
+    del page
+    (tmp_path / "broken.py").write_text("1 / 0\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=message) as caught:
+        ot.rules.load_pack(law)
+    assert "\n" not in str(caught.value)
+
+
+def test_two_rules_of_one_code_are_no_pack():
+    pack = ot.rules.Pack(name="twice", version="1", rules=(PORTUGAL.rules[0],) * 2)
+    with pytest.raises(ConfigError, match="a code of its own"):
+        ot.rules.load_pack(pack)
