@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.data.tables.columns import STEPS, si_name, unit_of
+from overtaking.core.units import STEPS
+from overtaking.data.tables.columns import si_name, unit_of
 from overtaking.data.tables.encode import encode
 from overtaking.data.tables.names import NEIGHBOURS
 from overtaking.knowledge import terms

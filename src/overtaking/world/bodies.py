@@ -143,7 +143,7 @@ def _lamps(v: VehicleSpecs, weather: Weather, world: World) -> Rows:
     """Lamps and looks: low beam at night, in rain and in thick fog, fog lamps in that alone."""
     has_lamps = v.kind != VehicleKind.B
     night = weather.night[:, None]
-    thick = world.sight.fog_extinction > visibility.extinction_of_range(
+    thick = world.step.fog_extinction > visibility.extinction_of_range(
         known("model.lights.fog_lamp_range")
     )
     foggy = has_lamps & thick[:, None]

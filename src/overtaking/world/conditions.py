@@ -1,9 +1,7 @@
-"""Physical conditions of each simulation from weather and light: water, wind and sight.
-
-Attributes that are parameters of the step have the names of `parameters.SimulationParameters`.
-"""
+"""Parameters of each simulation: water, wind and sight, computed from weather and light."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +10,7 @@ from overtaking.core.philox import Draws, Stream
 from overtaking.model.once import once
 from overtaking.model.scenario import Scenario
 from overtaking.world import film, friction, visibility
+from overtaking.world.clock import STEPS_PER_SECOND
 from overtaking.world.constants import Constants, known
 from overtaking.world.effects import Effects
 from overtaking.world.film import PERCENT
@@ -20,53 +19,12 @@ from overtaking.world.lanes import road_parameters
 _ONE = np.float32(1.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Water:
-    """Water on the road; every array has shape (simulation,).
+class SimulationParameters(NamedTuple):
+    """Parameters of each simulation, in the order in which the engine receives them.
 
     Attributes:
-        least_film: Film of a wet road, 0 on a dry one [mm].
-        film_rain: `film.film_per_rain` of the rain.
-        texture: Depth of the road's texture [mm].
-        puddle_reach: Threshold of the field of puddles, see `film.puddle`.
-        puddle_film: Depth of a puddle above the film [mm].
-        puddle_phase_1: Phase of the first wave of that field, in [0, 1).
-        puddle_phase_2: Phase of the second.
-    """
-
-    least_film: F32
-    film_rain: F32
-    texture: F32
-    puddle_reach: F32
-    puddle_film: F32
-    puddle_phase_1: F32
-    puddle_phase_2: F32
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wind:
-    """Wind; every array has shape (simulation,).
-
-    Attributes:
-        wind_along: Mean wind in the direction of travel [m/s].
-        wind_across: Mean wind towards the fast side [m/s].
-        gust_gain: Amplitude of single gusts over the mean [1].
-        gust_phase: Where along the road they stand, in [0, 1) of their spacing.
-        gust_length: Length of road that each of them covers [m].
-    """
-
-    wind_along: F32
-    wind_across: F32
-    gust_gain: F32
-    gust_phase: F32
-    gust_length: F32
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sight:
-    """Visibility in the weather; every array has shape (simulation,).
-
-    Attributes:
+        last_step: Step at which it ends at the latest.
+        deadline_step: Step at which it ends if nothing was attempted.
         fog_extinction: Of fog [1/m].
         rain_extinction: Of rain, to an observer at rest [1/m].
         sight_front: Logarithm of glare factor over contrast threshold, looking ahead.
@@ -76,8 +34,28 @@ class Sight:
         detection_time: Until something in plain view is noticed [s].
         distance_error: Coefficient of variation of judged distances [1].
         speed_error: The same of closing speeds [1].
+        wind_along: Mean wind in the direction of travel [m/s].
+        wind_across: Mean wind towards the fast side [m/s].
+        gust_gain: Amplitude of single gusts over the mean [1].
+        gust_phase: Where along the road they stand, in [0, 1) of their spacing.
+        gust_length: Length of road that each of them covers [m].
+        least_film: Film of a wet road, 0 on a dry one [mm].
+        film_rain: `film.film_per_rain` of the rain.
+        texture: Depth of the road's texture [mm].
+        puddle_reach: Threshold of the field of puddles, see `film.puddle`.
+        puddle_film: Depth of a puddle above the film [mm].
+        puddle_phase_1: Phase of the first wave of that field, in [0, 1).
+        puddle_phase_2: Phase of the second.
+        side_accel: Largest lateral acceleration that drivers choose [m/s^2].
+        command: Decision that is forced on the ego, 0 for none (`parameters.with_command`).
+        ring: Length of a road that closes on itself, 0 for a road with ends [m].
+        inverse_ring: One over that length, 0 for a road with ends [1/m].
+
+    Every array has shape (simulation,).
     """
 
+    last_step: F32
+    deadline_step: F32
     fog_extinction: F32
     rain_extinction: F32
     sight_front: F32
@@ -87,6 +65,22 @@ class Sight:
     detection_time: F32
     distance_error: F32
     speed_error: F32
+    wind_along: F32
+    wind_across: F32
+    gust_gain: F32
+    gust_phase: F32
+    gust_length: F32
+    least_film: F32
+    film_rain: F32
+    texture: F32
+    puddle_reach: F32
+    puddle_film: F32
+    puddle_phase_1: F32
+    puddle_phase_2: F32
+    side_accel: F32
+    command: F32
+    ring: F32
+    inverse_ring: F32
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,19 +89,13 @@ class World:
 
     Attributes:
         rain_rate: Rain [mm/h].
-        water: On the road.
-        wind: Beside it.
-        sight: Through all of it.
         grip: Friction coefficient that drivers believe in.
-        side_accel: Lateral acceleration that they dare at most [m/s^2].
+        step: The parameters of the step that follow.
     """
 
     rain_rate: F32
-    water: Water
-    wind: Wind
-    sight: Sight
     grip: F32
-    side_accel: F32
+    step: SimulationParameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,8 +104,8 @@ class Outlook:
 
     Attributes:
         rain_rate: Rain [mm/h].
-        film: How much water lies on the road, the fields of `Water` that are not drawn.
-        sight: How far one sees ahead, fields of `Sight`.
+        film: Water on the road, the fields of `SimulationParameters` that are not drawn.
+        sight: Sight ahead, fields of `SimulationParameters`.
     """
 
     rain_rate: F32
@@ -137,17 +125,23 @@ def world_of(scenario: Scenario, c: Constants, effects: Effects) -> World:
     draws = Draws(scenario.seed, scenario.index, Stream.FIELD)
     # Wind draws before water: the order of the draws is part of what a seed means.
     wind = _wind(scenario, draws, effects)
-    water = _water(ahead, draws)
-    grip = _believed_grip(c, water)
+    phases = {"puddle_phase_1": draws.uniform(), "puddle_phase_2": draws.uniform()}
+    grip = _believed_grip(c, ahead.film)
     dared = np.full_like(grip, known("model.steering.comfort_accel"))
-    return World(
-        rain_rate=ahead.rain_rate,
-        water=water,
-        wind=wind,
-        sight=_sight(scenario, ahead, effects),
-        grip=grip,
+    zero = np.zeros_like(grip)
+    step = SimulationParameters(
+        last_step=np.rint(scenario.horizon * STEPS_PER_SECOND),
+        deadline_step=np.rint(scenario.attempt_deadline * STEPS_PER_SECOND),
         side_accel=minimum(dared, known("model.steering.grip_share") * c.gravity * grip),
+        command=zero,
+        ring=zero,
+        inverse_ring=zero,
+        **_sight(scenario, ahead, effects),
+        **wind,
+        **ahead.film,
+        **phases,
     )
+    return World(rain_rate=ahead.rain_rate, grip=grip, step=step)
 
 
 def mean_wind(scenario: Scenario) -> tuple[F32, F32]:
@@ -157,31 +151,23 @@ def mean_wind(scenario: Scenario) -> tuple[F32, F32]:
     return speed * cosine, road_parameters(scenario.road).side * speed * sine
 
 
-def _wind(scenario: Scenario, draws: Draws, effects: Effects) -> Wind:
+def _wind(scenario: Scenario, draws: Draws, effects: Effects) -> dict[str, F32]:
     weather = scenario.weather
     along, across = mean_wind(scenario)
     gusty = (weather.wind >= known("weather.gusts.from_percent")) & effects.gusts
     gain = _drawn(draws, "weather.gusts.smallest_ratio", "weather.gusts.largest_ratio")
-    return Wind(
-        wind_along=along,
-        wind_across=across,
-        gust_gain=np.where(gusty, gain, np.float32(0.0)),
-        gust_phase=draws.uniform(),
-        gust_length=_drawn(draws, "weather.gusts.shortest", "weather.gusts.longest"),
-    )
+    return {
+        "wind_along": along,
+        "wind_across": across,
+        "gust_gain": np.where(gusty, gain, np.float32(0.0)),
+        "gust_phase": draws.uniform(),
+        "gust_length": _drawn(draws, "weather.gusts.shortest", "weather.gusts.longest"),
+    }
 
 
 def _drawn(draws: Draws, low: str, high: str) -> F32:
     """The next number between two entries of the knowledge base."""
     return draws.uniform(float(known(low)), float(known(high)))
-
-
-def _water(ahead: Outlook, draws: Draws) -> Water:
-    return Water(
-        **ahead.film,
-        puddle_phase_1=draws.uniform(),
-        puddle_phase_2=draws.uniform(),
-    )
 
 
 def _outlook(scenario: Scenario, effects: Effects) -> Outlook:
@@ -207,26 +193,25 @@ def _film(scenario: Scenario, rate: F32, effects: Effects) -> dict[str, F32]:
     }
 
 
-def _believed_grip(c: Constants, water: Water) -> F32:
-    """What a driver takes the friction for: one tyre at one speed, outside puddles."""
-    path = np.full_like(water.film_rain, known("model.believed_grip.path_factor"))
-    h = film.lane_film(water.least_film, water.film_rain, path, water.texture)
+def _believed_grip(c: Constants, water: dict[str, F32]) -> F32:
+    """The friction that a driver assumes: that of one tyre at one speed, outside puddles."""
+    path = np.full_like(water["film_rain"], known("model.believed_grip.path_factor"))
+    h = film.lane_film(water["least_film"], water["film_rain"], path, water["texture"])
     speed = np.full_like(h, known("model.believed_grip.speed"))
     wear = np.full_like(h, known("model.believed_grip.tyre_wear"))
     return friction.peak_friction(c, speed, h, wear, np.zeros_like(h))
 
 
-def _sight(scenario: Scenario, ahead: Outlook, effects: Effects) -> Sight:
+def _sight(scenario: Scenario, ahead: Outlook, effects: Effects) -> dict[str, F32]:
     weather, rate = scenario.weather, ahead.rain_rate
     zero = np.zeros_like(rate)
     error = known("weather.errors.closing_speed_cv") if effects.distance_error else np.float32(0.0)
-    return Sight(
-        **ahead.sight,
-        sight_rear=_contrast(scenario, rate, np.abs(PI - np.abs(weather.sun_azimuth))),
-        detection_time=_detection_time(weather.night) if effects.delay else zero,
-        distance_error=_distance_error(scenario) if effects.distance_error else zero,
-        speed_error=np.full_like(rate, error),
-    )
+    return ahead.sight | {
+        "sight_rear": _contrast(scenario, rate, np.abs(PI - np.abs(weather.sun_azimuth))),
+        "detection_time": _detection_time(weather.night) if effects.delay else zero,
+        "distance_error": _distance_error(scenario) if effects.distance_error else zero,
+        "speed_error": np.full_like(rate, error),
+    }
 
 
 def _sight_ahead(scenario: Scenario, rate: F32, effects: Effects) -> dict[str, F32]:

@@ -21,8 +21,8 @@ from overtaking.model.drivers import Drivers
 from overtaking.model.scenario import Scenario
 from overtaking.model.vehicles import VehicleSpecs
 from overtaking.world.bodies import body_parameters
-from overtaking.world.clock import STEP_MS, STEPS_PER_SECOND, SUBSTEPS
-from overtaking.world.conditions import World, world_of
+from overtaking.world.clock import STEP_MS, SUBSTEPS
+from overtaking.world.conditions import SimulationParameters, world_of
 from overtaking.world.constants import Constants, constants
 from overtaking.world.effects import Effects, ablated
 from overtaking.world.lanes import RoadParameters, road_parameters
@@ -123,41 +123,6 @@ class VehicleParameters(NamedTuple):
         return VehicleParameters._make(row[slot] for row in self)
 
 
-class SimulationParameters(NamedTuple):
-    """Parameters of each simulation, in the order in which the engine receives them.
-
-    Every array has shape (simulation,). `world.conditions` explains those of weather and light.
-    """
-
-    last_step: F32
-    deadline_step: F32
-    fog_extinction: F32
-    rain_extinction: F32
-    sight_front: F32
-    sight_rear: F32
-    lamp_threshold: F32
-    inverse_lit_range: F32
-    detection_time: F32
-    distance_error: F32
-    speed_error: F32
-    wind_along: F32
-    wind_across: F32
-    gust_gain: F32
-    gust_phase: F32
-    gust_length: F32
-    least_film: F32
-    film_rain: F32
-    texture: F32
-    puddle_reach: F32
-    puddle_film: F32
-    puddle_phase_1: F32
-    puddle_phase_2: F32
-    side_accel: F32
-    command: F32
-    ring: F32
-    inverse_ring: F32
-
-
 VEHICLE_FIELDS = VehicleParameters._fields
 SIMULATION_FIELDS = SimulationParameters._fields
 
@@ -216,7 +181,7 @@ def parameters(scenario: Scenario, effects: Effects | None = None) -> Parameters
     vehicle |= driver_parameters(scenario, c, world, effects)
     return Parameters(
         vehicle=_stacked(vehicle, VEHICLE_FIELDS),
-        simulation=_stacked(_simulation_parameters(scenario, world), SIMULATION_FIELDS),
+        simulation=_stacked(world.step._asdict(), SIMULATION_FIELDS),
         road=road_parameters(scenario.road),
         constants=c,
         seed=scenario.seed,
@@ -227,19 +192,8 @@ def parameters(scenario: Scenario, effects: Effects | None = None) -> Parameters
 
 def _unchanged(batch: VehicleSpecs | Drivers) -> dict[str, NDArray[Any]]:
     """The fields that the step has under the same name, as they are."""
-    return {name: value for name, value in _by_name(batch).items() if name in VEHICLE_FIELDS}
-
-
-def _simulation_parameters(scenario: Scenario, world: World) -> dict[str, F32]:
-    rows = {
-        "last_step": np.rint(scenario.horizon * STEPS_PER_SECOND),
-        "deadline_step": np.rint(scenario.attempt_deadline * STEPS_PER_SECOND),
-        "side_accel": world.side_accel,
-        "command": np.zeros_like(scenario.horizon),
-        "ring": np.zeros_like(scenario.horizon),
-        "inverse_ring": np.zeros_like(scenario.horizon),
-    }
-    return rows | _by_name(world.water) | _by_name(world.wind) | _by_name(world.sight)
+    names = (field.name for field in dataclasses.fields(batch) if field.name in VEHICLE_FIELDS)
+    return {name: getattr(batch, name) for name in names}
 
 
 def _stacked(rows: Mapping[str, NDArray[Any]], names: Sequence[str]) -> F32:
@@ -249,11 +203,6 @@ def _stacked(rows: Mapping[str, NDArray[Any]], names: Sequence[str]) -> F32:
     for row, name in zip(stacked, names, strict=True):
         row[...] = rows[name].T
     return stacked
-
-
-def _by_name(part: Any) -> dict[str, F32]:
-    """The arrays of a part of the world by the names of its attributes."""
-    return {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
 
 
 def with_ring(given: Parameters, length: F32) -> Parameters:

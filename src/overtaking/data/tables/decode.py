@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from overtaking.data.tables.columns import STEPS, codes, flags_of, names_of, si_name, unit_of
+from overtaking.core.units import STEPS
+from overtaking.data.tables.columns import codes, flags_of, names_of, si_name, unit_of
 
 
 def decode(table: pa.Table) -> pd.DataFrame:
