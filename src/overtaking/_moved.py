@@ -102,7 +102,7 @@ class _Loader:
 
     @staticmethod
     def exec_module(module: ModuleType) -> None:
-        """Pass names on, and warn whoever asks for one."""
+        """Pass names on, with a warning to the caller."""
         old = module.__name__
         new = f"{__package__}.{_home(old.partition('.')[2])}"
 

@@ -91,7 +91,7 @@ def serve_carla(
 
     Args:
         port: For calls; streams get the next one. 0 lets the system choose both.
-        host: Address to listen on; whoever can reach it can use the server.
+        host: Address to listen on; every program that can reach it can use the server.
         maps: Each a road of the package, or an OpenDRIVE file, which clients load by its name
             without the suffix. The first is there from the beginning.
         seed: Seed of gusts and puddles, 0 <= seed < 2**64.
@@ -115,4 +115,4 @@ def serve_carla(
 
 
 def _ignore(*_: object) -> None:
-    """Report to nobody."""
+    """Report nothing."""

@@ -39,7 +39,7 @@ _READER_OPTIONS: dict[str, Any] = {
     "direction": int | None,
     "road": str | Path | Road | None,
 }
-"""Types of what the readers of recordings can be asked."""
+"""Types of the options of the readers of recordings."""
 
 
 @checked
@@ -78,8 +78,8 @@ def generate(
         road: A road in place of the profile's: a name, an OpenDRIVE file, or a `Road`.
         simulator: One of `SIMULATORS`.
         shard_size: Simulations a file; what suits the simulator if left out.
-        balance: Which classes get equal shares, and what is done if one is too rare; None for
-            natural shares.
+        balance: Which classes get equal shares, and the treatment of a class that is too rare;
+            None for natural shares.
         engine: Who makes it, one of `ENGINES`: the threads of this process, processes of this
             machine, or those of a Ray cluster; `auto` takes processes for a large data set in a
             folder. The files are the same.
@@ -142,7 +142,7 @@ def resume(
 
     Args:
         out: Folder of the data set, or its URL.
-        engine: As in `generate`, whoever began it.
+        engine: As in `generate`; it may differ from that of the earlier calls.
         address: As in `generate`.
         workers: As in `generate`.
         progress: Called with the number of simulations that are done, and of all.

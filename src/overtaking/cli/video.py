@@ -46,7 +46,7 @@ def video(
 
 
 def choice(shown: options.Shown, where: str) -> list[int] | str:
-    """What was asked for, as `api.film` takes it.
+    """The chosen simulations, as `api.film` takes them.
 
     Args:
         shown: The options.

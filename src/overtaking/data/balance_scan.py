@@ -253,7 +253,7 @@ class Scan:
 
 
 def _silent(_done: int, _total: int) -> None:
-    """Report to nobody."""
+    """Report nothing."""
 
 
 _Count = Annotated[int, Field(ge=0, le=MAX_CANDIDATES)]

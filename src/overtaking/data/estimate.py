@@ -82,7 +82,7 @@ def refuse_too_large(recipe: Recipe, place: Place, simulator: Simulator, allowed
         allowed: Whether a large one may be made; asked about every one that is estimated.
 
     Raises:
-        ConfigError: It is large, and nobody said so.
+        ConfigError: It is large, and the caller has not confirmed it.
         DatasetError: It does not fit on the disk.
     """
     count = min(SAMPLE, simulator.chunk_size)

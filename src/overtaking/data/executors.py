@@ -30,7 +30,7 @@ def executor_of(
 
     Args:
         engine: One of `ENGINES`.
-        recipe: What is to be made.
+        recipe: The data set to make.
         simulator: What simulates.
         place: Where it is to lie.
         address: Of a Ray cluster.

@@ -108,7 +108,7 @@ class _Run:
             if self._scan and not current.complete:
                 # What was begun may now look at more candidates.
                 manifest.write_manifest(self._place, current)
-            # The manifest comes first: folders of tables without one belong to nobody.
+            # The manifest comes first: tables without a manifest are not resumed.
             self._place.prepare(self._job.recipe.keep.tables)
             if self._scan:
                 self._chosen = self._scan.run(on_candidates)
@@ -210,7 +210,7 @@ def _refuse_strangers(place: Place) -> None:
 
 
 def _begun(place: Place, identity: Identity, *, resume: bool) -> Manifest | None:
-    """The manifest of what an earlier call has begun here, if this call may go on with it."""
+    """The manifest of an earlier call in this place, if this call may continue it."""
     if not place.has(manifest.FILE_NAME):
         return None
     begun = manifest.read_manifest(place)

@@ -1,4 +1,4 @@
-"""Reads data sets as pandas tables in SI units; simulates again what was not kept."""
+"""Reads data sets as pandas tables in SI units; simulates omitted frames again."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def load(where: str | Path | Place, simulator: Simulator) -> Dataset:
 
     Args:
         where: Its folder, or its URL in a store.
-        simulator: Simulates again what was not kept.
+        simulator: Simulates omitted frames again.
 
     Raises:
         DatasetError: There is none, or it is not complete.
@@ -79,7 +79,7 @@ class Dataset(Summarized):
 
     @checked
     def __getitem__(self, simulation: int) -> Trajectories:
-        """One recorded simulation, as a batch of one; what was not kept is simulated again.
+        """One recorded simulation, as a batch of one; omitted frames are simulated again.
 
         `batches` is the quick way through all of them.
 

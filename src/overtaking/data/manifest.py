@@ -82,7 +82,7 @@ class Source(_Record):
         format: Format of the recording.
         files: SHA-256 of each file that was read, by its name.
         recording: What the recording calls itself.
-        options: What was asked for.
+        options: The options of the call.
         counts: What was found in it, and what became of it.
         notes: What the reader decided, left out or measured.
     """
@@ -164,7 +164,7 @@ class Identity(_Record):
 
     @classmethod
     def of(cls, recipe: Recipe, simulator: Simulator) -> "Identity":
-        """The identity of what a recipe and a simulator will give."""
+        """The identity of the data set that a recipe and a simulator give."""
         return cls(
             profile=recipe.spec.name,
             spec=recipe.spec.resolved(),
@@ -182,7 +182,7 @@ class Identity(_Record):
         )
 
     def differences(self, other: "Identity") -> list[str]:
-        """The names of what is not the same, the telling ones first."""
+        """The names of the fields that differ, the most informative first."""
         names = [name for name in type(self).model_fields if name not in ("spec", "spec_hash")]
         different = [name for name in names if getattr(self, name) != getattr(other, name)]
         return [*different, *(["spec"] if self.spec_hash != other.spec_hash else [])]
@@ -255,7 +255,7 @@ class Manifest(_Record):
     """The whole file.
 
     Attributes:
-        format: Says what kind of file it is.
+        format: Kind of file.
         version: Version of the manifest's form.
         complete: Whether every shard is there.
         content_hash: Hash over the values of all tables; null until complete.

@@ -27,7 +27,7 @@ def relabel(path: Path, simulator: Simulator, progress: Progress | None = None) 
 
     Args:
         path: Its folder.
-        simulator: Simulates again what was not kept.
+        simulator: Simulates omitted frames again.
         progress: Called with the number of simulations that are done, and of all.
 
     Raises:

@@ -116,7 +116,7 @@ class Store:
         self._forget(name)
 
     def sweep(self) -> None:
-        """Do nothing: what is not finished is not in the store."""
+        """Do nothing: unfinished files are never in the store."""
 
     def locked(self) -> AbstractContextManager[None]:
         """Do nothing: a store cannot be held."""

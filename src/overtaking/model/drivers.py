@@ -8,7 +8,7 @@ from overtaking.model.batch import Batch
 from overtaking.model.values import Range, declarations, documented, meant, within
 
 _NEVER = 1e9
-"""Largest threshold, of a driver who never does what it is about."""
+"""Largest threshold: it disables the behaviour."""
 
 
 @documented

@@ -44,7 +44,7 @@ UNKNOWNS = (
 """What a recording from elsewhere may not say; rules that need it are undecidable."""
 
 BEYOND_SLOW_EDGE = 255
-"""Lane index of who is beyond the slow edge of the road."""
+"""Lane index of a vehicle beyond the slow edge of the road."""
 
 METRES_PER_STEP = 1e-3
 METRES_PER_SECOND_PER_STEP = 1e-3
@@ -249,7 +249,7 @@ class Trajectories(Batch):
         return {**self.scenario.summary(), **frames}
 
     def constraints(self) -> Iterable[Constraint]:
-        """One frame or more of each simulation, and names of what is not known."""
+        """Each simulation has a frame or more, and `unknown` has known names."""
         frames = self.num_frames
         wrong = (frames < 1) | (frames > self.stage.shape[1])
         yield Constraint("num_frames", f"1 to {self.stage.shape[1]}, as stage has", wrong, frames)

@@ -35,7 +35,7 @@ _PLAIN: dict[Any, tuple[Any, str]] = {
     Path: (Path, "a path"),
     types.NoneType: (types.NoneType, "None"),
 }
-"""What is asked of a plain value, and its name."""
+"""Required type of a plain value, and its name in messages."""
 
 
 @dataclass(frozen=True, slots=True)

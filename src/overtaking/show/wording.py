@@ -1,4 +1,4 @@
-"""What is said of a simulation in words: on a terminal, and on a page."""
+"""Words for the description of a simulation, for the terminal and the page."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def _nominal_text(attribute: Attribute, level: str, *, is_so: bool) -> str:
 
 
 def _or_nobody(attribute: Attribute) -> str:
-    """The words for a condition that also holds if nobody is there."""
+    """The words for a condition that also holds without a vehicle."""
     if attribute.needs.startswith("nobody"):
         return f" (or {attribute.needs})"
     return "" if attribute.needs == "ahead" else " (or nobody is there)"

@@ -123,4 +123,4 @@ def _binary(tree: Any, left: Range, right: Range) -> Range:
     if operator == _MODULO:
         most = max(abs(right[0]), abs(right[1]))
         return -most, most
-    return _ANY[0] * 2, _ANY[1] * 2  # Powers and bits count as overflows: nobody needs them.
+    return _ANY[0] * 2, _ANY[1] * 2  # Powers and bits count as overflows: no query needs them.

@@ -29,7 +29,7 @@ UNDER_WAY = (Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.ABORT)
 """An overtake whose ego is in one of these stages in the last frame is open."""
 
 SEEN_AHEAD_M, SEEN_BEHIND_M = 200.0, 100.0
-"""An ego with nobody farther ahead, or behind, than this sees where the traffic ends [m]."""
+"""An ego without a vehicle farther ahead, or behind, than this sees the end of the traffic [m]."""
 
 _RAIN, _FOG, _WIND = 20.0, 20.0, 50.0  # Percent from which weather counts as such.
 

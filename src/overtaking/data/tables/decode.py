@@ -54,7 +54,7 @@ _NULLABLE = {
 
 def _bits(values: pa.ChunkedArray, flags: tuple[str, ...]) -> dict[str, pd.Series]:
     """One boolean column for each bit."""
-    if values.null_count == len(values) > 0:  # Nobody knows any of them.
+    if values.null_count == len(values) > 0:  # All are unknown.
         unknown = pd.Series(pd.array([pd.NA] * len(values), dtype="boolean"))
         return dict.fromkeys(flags, unknown)
     bits = values.to_numpy()

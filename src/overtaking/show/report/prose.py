@@ -34,7 +34,7 @@ def lead(found: Statistics) -> str:
 
 
 def facts(found: Statistics) -> list[tuple[str, str]]:
-    """What is known of the statistics."""
+    """Facts about the statistics."""
     sample = found.sample
     known = [
         ("simulations", f"{len(sample):,}"),

@@ -1,4 +1,4 @@
-"""What is told of a film on the road itself: what is being broken, and how it ends badly."""
+"""Notes on the road of a film: rules as they are broken, and a bad end."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -66,7 +66,7 @@ def flash(canvas: Canvas, contact: Contact | None, camera: Camera, frame: int) -
 
 
 def endings(scene: Scene, contact: Contact | None) -> Iterator[Note]:
-    """Notes of how a film ends badly, from the frame on in which it is so."""
+    """Notes about a bad end, from the frame of its event on."""
     last = scene.num_frames - 1
     if scene.contact is not None and contact is not None:
         partner = scene.contact[1]
@@ -114,7 +114,7 @@ def breaches(scene: Scene, findings: Findings | None, policy: Policy) -> list[No
     """Breaches of the ego's duties, those that the policy does not count marked as such.
 
     Args:
-        scene: What is drawn.
+        scene: The drawn simulation.
         findings: What the rules find; None gives no notes.
         policy: Which rules count.
     """

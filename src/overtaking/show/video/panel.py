@@ -23,7 +23,7 @@ _ROW = 66  # Of the distance to the target.
 _NUM_PILLS = 5  # The stages of an overtake that goes well; the other two take the last one's place.
 _PILL_LEFT, _PILL_WIDTH, _PILL_PITCH = 428, 74, 82
 _SMALL, _NORMAL, _LARGE = 11, 13, 16
-_FUTURE = 0.28  # Opacity of what has not happened yet.
+_FUTURE = 0.28  # Opacity of later frames.
 
 
 class Header:
@@ -85,7 +85,7 @@ class Timeline:
     """Speeds and gap over time, with a cursor: what was lies left of it, what comes is faint.
 
     Args:
-        scene: What is drawn.
+        scene: The drawn simulation.
         breaches: Breaches of the law, those that count first.
     """
 

@@ -47,7 +47,7 @@ class Tone(NamedTuple):
 
 
 class Strip(NamedTuple):
-    """The road without anybody on it, a little longer than a picture is wide.
+    """The empty road, a little longer than a picture is wide.
 
     Attributes:
         canvas: The picture of it.

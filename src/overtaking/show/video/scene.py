@@ -29,7 +29,7 @@ _MS_PER_S = 1000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """What is drawn; arrays have shape (frame,) or (vehicle, frame), counted in the film.
+    """The drawn simulation; arrays have shape (frame,) or (vehicle, frame), counted in the film.
 
     Attributes:
         road: The road.

@@ -80,7 +80,7 @@ def lettering(text: str, size: int, *, bold: bool = False) -> NDArray[np.uint8]:
 
 @cache
 def _font(size: int) -> FreeTypeFont:
-    """The font that comes with Pillow, which everybody therefore has in the same version."""
+    """The font that comes with Pillow, so its version is the same on every machine."""
     from PIL import ImageFont
 
     font = ImageFont.load_default(size)

@@ -71,7 +71,7 @@ def view(scene: Scene) -> Camera:
 
 
 def shown_width(road: Road) -> tuple[float, float]:
-    """Smallest and largest `d` of what is paved [m]."""
+    """Smallest and largest `d` of the paved surface [m]."""
     borders = road.boundaries
     slow, fast = float(borders[0]), float(borders[-1])
     if road.slow_side_neighbour is not None:

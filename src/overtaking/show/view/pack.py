@@ -1,4 +1,4 @@
-"""One simulation as a page takes it: what is told of it, and columns of what was recorded.
+"""One simulation as the page reads it: its description, and columns of recorded integers.
 
 `viewer/src/bundle.ts` declares the same for the page. Columns are the recorded integers, or those
 of a stated step, as differences between neighbours; None where there is no value. Differences take
@@ -44,7 +44,7 @@ def pack(labelled: Labelled, number: int) -> Values:
     """Everything that a page shows of one simulation.
 
     Args:
-        labelled: A batch of one simulation, with all that is said of it.
+        labelled: A batch of one simulation, with its labels.
         number: Its number in its data set.
 
     Returns:

@@ -24,7 +24,7 @@ MOST_BYTES = 64_000_000
 """Of a page: what browsers open at once, on a phone too."""
 
 LARGE = 8_000_000
-"""Bytes from which on a size is said before anything is written: more than a mail takes."""
+"""Pages larger than this are announced before they are written: a mail takes no more [bytes]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +85,7 @@ def _entry(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _title(source: Source) -> str:
-    """What is shown."""
+    """Title of the page."""
     return source.name if isinstance(source, Dataset) else "Simulations"
 
 

@@ -237,7 +237,7 @@ class WheelTelemetry(NamedTuple):
 
 
 def telemetry(world: World, vehicle: Vehicle) -> list[object]:
-    """What is known of a vehicle; engine speed and longitudinal slip, which are not, are 0.
+    """Telemetry of a vehicle; engine speed and longitudinal slip are unknown and given as 0.
 
     Loads and side forces are those of steady cornering, with load transfer by both accelerations.
 

@@ -20,7 +20,7 @@ _PARALLEL = 1e-12
 
 
 class Hit(NamedTuple):
-    """`carla.LabelledPoint`: a point and what is there."""
+    """`carla.LabelledPoint`: a point and the label of the object there."""
 
     location: Vector
     label: int
