@@ -39,7 +39,7 @@ def replay_in_carla(
     """Play recorded simulations in CARLA pose by pose, and film them from behind and from above.
 
     Args:
-        data: The data set, or its folder; what it did not keep is simulated again.
+        data: The data set, or its folder; omitted frames are simulated again.
         out: Folder for the films; made if missing. Each appears when it is complete.
         simulations: Their numbers.
         size: Width and height of the pictures, even numbers [pixels].

@@ -313,7 +313,7 @@ def _chosen(
 
 
 def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
-    """Refuse a format that there is not, and what a format has no use for."""
+    """Refuse an unknown format, and an option that the format does not have."""
     if file_format not in EXPORTS:
         raise ConfigError.not_among("format", "export", EXPORTS, file_format)
     known = _EXPORT_OPTIONS.get(file_format, ())
@@ -394,7 +394,7 @@ def import_recording(
             is where a `pinto2023` table was recorded.
 
     Returns:
-        The complete, labelled data set; its manifest says what was found and what was measured.
+        The complete, labelled data set; its manifest counts what was found and measured.
 
     Raises:
         ConfigError: There is no such format, an option is not for it, or the folder is taken.

@@ -156,7 +156,7 @@ def write_view(
     Args:
         source: A data set or its folder, trajectories of any origin, or what `label` returned. What
             a data set did not keep is simulated again; trajectories are labelled first.
-        out: The file; one that is there is replaced, whole or not at all.
+        out: The file; an existing one is replaced as a whole.
         simulations: Their numbers (for trajectories, their places in the batch from 0 on), `all`,
             or `one-per-class`: the first of each class.
         policy: Which rules decide about the class when the page opens: `paper`, `default` or

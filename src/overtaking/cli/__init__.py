@@ -1,4 +1,4 @@
-"""The command line: parse, call one public function, show what it gives back."""
+"""The command line: parse, call one public function, show its result."""
 
 from __future__ import annotations
 

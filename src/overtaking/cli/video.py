@@ -53,7 +53,7 @@ def choice(shown: options.Shown, where: str) -> list[int] | str:
         where: The command.
 
     Raises:
-        ConfigError: More than one of these, or what is no number.
+        ConfigError: More than one of these, or an invalid number.
     """
     if (shown.simulations is not None) + shown.one_per_class + shown.every > 1:
         raise ConfigError.of(

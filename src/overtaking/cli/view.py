@@ -40,7 +40,7 @@ def view(
 
 
 def values_of(page: "View") -> dict[str, Any]:
-    """What was written, for machines."""
+    """The written file, for machines."""
     return {
         "file": str(page.path),
         "simulations": list(page.simulations),
@@ -49,7 +49,7 @@ def values_of(page: "View") -> dict[str, Any]:
 
 
 def _line(page: "View") -> str:
-    """What was written, for people."""
+    """The written file, for people."""
     what = counted(len(page.simulations), "simulation")
     return f"{page.path}  {what}, {_amount(page.size_bytes)}"
 

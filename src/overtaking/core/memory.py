@@ -43,7 +43,7 @@ finaliser in the midst of either need a lock."""
 
 
 def empty(size: int, dtype: Any) -> NDArray[Any]:
-    """An array whose content means nothing, as `numpy.empty` gives it.
+    """An array with arbitrary content, as from `numpy.empty`.
 
     Its memory returns when the array and all views of it are gone, and not before.
 
@@ -135,7 +135,7 @@ class Buffers:
         self._layouts: dict[str, Layout] = {}
 
     def array(self, name: str, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-        """An array of this shape whose content means nothing; valid until asked for again."""
+        """An array of this shape with arbitrary content; valid until the next call for it."""
         size = int(np.prod(shape, dtype=np.int64))
         memory = self._memory.get(name)
         if memory is None or memory.size < size:

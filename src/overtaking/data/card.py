@@ -22,7 +22,7 @@ from overtaking.data.tables.schemas import KEYS, SCHEMAS, schema_of
 README_NAME = "README.md"
 
 _DEFAULT = "features"
-"""The table that the Hub shows to a reader who names none."""
+"""The table that the Hub shows first."""
 
 
 @cache

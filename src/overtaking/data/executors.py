@@ -1,4 +1,4 @@
-"""Chooses what makes the shards of a data set: threads, processes or a Ray cluster."""
+"""Chooses the executor of a data set: threads, processes or a Ray cluster."""
 
 import sys
 

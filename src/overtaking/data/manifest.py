@@ -83,7 +83,7 @@ class Source(_Record):
         files: SHA-256 of each file that was read, by its name.
         recording: What the recording calls itself.
         options: The options of the call.
-        counts: What was found in it, and what became of it.
+        counts: Counts of its vehicles, overtakes and simulations.
         notes: What the reader decided, left out or measured.
     """
 
@@ -138,7 +138,7 @@ class Identity(_Record):
         seed: Seed of the random numbers; null for recordings.
         simulations: Number of simulations that were asked for.
         shard_size: Simulations a shard.
-        keep: What was written down of each simulation.
+        keep: Tables that were kept.
         table_version: Version of the tables' schemas.
         simulator: Name of the simulator.
         simulator_version: Version of the model that it computes.
@@ -365,7 +365,7 @@ class _Head(BaseModel):
 
 
 def _check_version(path: str, head: _Head) -> None:
-    """Refuse what is no manifest, or one of a version that is not known yet."""
+    """Refuse a file that is no manifest, or a manifest of a newer version."""
     version = head.version
     if head.format != FORMAT or not isinstance(version, int) or isinstance(version, bool):
         raise _unreadable(path, "another kind of file", "check the path of the data set")

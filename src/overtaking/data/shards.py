@@ -118,7 +118,7 @@ def finished_shard(
 ) -> ShardRecord | None:
     """The record of a shard that is there and intact; None if it has to be written.
 
-    Every file is read, so that what was damaged since it was written is written again.
+    Every file is read, so that files damaged since are written again.
 
     Args:
         place: Where the data set lies.
@@ -227,7 +227,7 @@ class ShardFiles:
         self.shards = plan.shards(manifest.num_simulations, manifest.identity.shard_size)
 
     def one(self, table: str, shard: Shard) -> Path:
-        """A file, once its bytes have been compared with what was written.
+        """A file, after a test of its checksum.
 
         Raises:
             DatasetError: It is missing or damaged, or there never was such a table.
@@ -246,13 +246,13 @@ class ShardFiles:
 
         Args:
             table: Name of a table that was kept.
-            is_checked: Whether their bytes are compared with what was written.
+            is_checked: Whether the checksums of the files are tested.
         """
         give = self.one if is_checked else self._fetched
         return [give(table, shard) for shard in self.shards]
 
     def verify(self) -> None:
-        """Read every file and compare it with what was written.
+        """Read every file and test its checksum.
 
         Raises:
             DatasetError: One of them is missing or damaged.

@@ -1,4 +1,4 @@
-"""What there is to know at the instant at which a driver may decide to overtake.
+"""The state at the instant at which a driver may decide to overtake.
 
 A new feature is a field here and a formula in `labels.features`. The columns of the table follow.
 """

@@ -84,4 +84,4 @@ class Drivers(Batch):
 DRIVER_RANGES: dict[str, Range] = {
     name: one.range for name, one in declarations(Drivers).items() if one.range is not None
 }
-"""What each number may be, for those who make drivers."""
+"""Range of each number, for code that makes drivers."""

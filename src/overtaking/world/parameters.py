@@ -1,8 +1,8 @@
 """From a scenario to the numbers that the step needs, computed once for reference and engine.
 
-What does not change during a simulation is worked out here: forces per unit, extinction, the speed
-that a driver thinks right for the sight and the grip. Inside the simulation the lateral axis points
-towards the fast side, so that left-hand traffic is the mirror image of right-hand traffic.
+Values that are constant during a simulation are computed here: forces per unit, extinction, the
+speed that a driver thinks right for the sight and the grip. Inside the simulation the lateral axis
+points towards the fast side, so that left-hand traffic is the mirror image of right-hand traffic.
 """
 
 import dataclasses

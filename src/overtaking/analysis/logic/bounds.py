@@ -87,7 +87,7 @@ def _assigned(tree: Any, ranges: dict[str, Range]) -> Iterator[tuple[str, Range]
 
 
 def range_of(tree: Any, ranges: dict[str, Range]) -> Range:
-    """The smallest and the largest value of a term; (0, 0) for what is no number."""
+    """The smallest and the largest value of a term; (0, 0) for a term that is no number."""
     of = kind(tree)
     if of == "Variable":
         return ranges.get(tree.name, _ANY)

@@ -1,4 +1,4 @@
-"""The paper's features: what each is called, what it is measured in, which values it may take."""
+"""The paper's features: name, unit and possible values of each."""
 
 from dataclasses import dataclass
 

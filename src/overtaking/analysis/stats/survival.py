@@ -18,8 +18,8 @@ class Survival:
 
     Attributes:
         time: The instants, growing [s].
-        at_risk: Weight of those who still waited just before.
-        events: Weight of those who began then.
+        at_risk: Weight of the drivers that still waited just before.
+        events: Weight of the drivers that began then.
         survival: Share that still waits just after.
         error: Standard error of `survival`.
         low: Lower limit of its 95 % confidence interval.

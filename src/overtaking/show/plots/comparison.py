@@ -32,7 +32,7 @@ class Ridge:
     """One number.
 
     Attributes:
-        label: What stands beside it.
+        label: Text beside it.
         of: The paper's number among ours.
     """
 

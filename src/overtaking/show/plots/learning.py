@@ -1,4 +1,4 @@
-"""What was learned: confusion, calibration, and the factors in order."""
+"""Figures of learning: confusion, calibration, and the factors in order."""
 
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap

@@ -26,7 +26,7 @@ _EXPLAINED = ("classes", "features")
 
 
 def lead(found: Statistics) -> str:
-    """One line on what this is."""
+    """One line that describes the report."""
     sample = found.sample
     policy = f"the policy {sample.policy} ({terms('policies')[sample.policy].title})"
     weighing = "counted by their importance weights" if sample.is_weighted else "each counted once"

@@ -112,7 +112,7 @@ class Writer(files.ReportFolder):
             self._progress(self._done, _NUM_PARTS)
 
     def to_know_first(self) -> list[str]:
-        """What a reader has to know before believing a number."""
+        """Limits of the numbers."""
         found = self._found
         notes = [*found.notes, *prose.known_leaks(found)]
         return [prose.about_leaks(found), remarks(notes, [leak.sentence for leak in found.leaks])]

@@ -1,4 +1,4 @@
-"""What stands above and below the road: who and where, stages, speeds and gap over time."""
+"""Panels above and below the road: vehicles, stages, speeds and gap over time."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -37,7 +37,7 @@ class Header:
     """
 
     def __init__(self, title: str, subtitle: str, meaning: str, weather: str) -> None:
-        """Draw what does not change."""
+        """Draw the constant parts."""
         drawing, row = Drawing(), 3 if meaning else 10
         name, sky = lettering(title, _LARGE, bold=True), lettering(weather, _NORMAL)
         drawing.mask(name, (16, row), palette.TEXT)
@@ -82,7 +82,7 @@ def _pill(drawing: Drawing, stage: Stage, left: int, *, is_lit: bool) -> None:
 
 
 class Timeline:
-    """Speeds and gap over time, with a cursor: what was lies left of it, what comes is faint.
+    """Speeds and gap over time, with a cursor; later values are faint.
 
     Args:
         scene: The drawn simulation.
@@ -146,7 +146,7 @@ def _plots(scene: Scene, breaches: Sequence[Note], opacity: float) -> Canvas:
     _speeds(drawing, scene, columns, opacity)
     _gap(drawing, scene, columns, opacity)
     _stages(drawing, scene, columns, opacity)
-    for one in reversed(breaches):  # What counts lies above what does not.
+    for one in reversed(breaches):  # Rules that the policy requires lie above the others.
         ends = columns[one.first], columns[min(one.last + 1, len(columns) - 1)]
         colour = palette.WARNING if one.counts else palette.ASIDE
         drawing.rect(ends, _BREACH_ROWS, colour, opacity=max(opacity, 0.5), radius=2.0)

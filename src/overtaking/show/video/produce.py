@@ -108,7 +108,7 @@ def _settled(
     progress: Callable[[int, int], None] | None,
     counts: tuple[int, int],
 ) -> set[Future[Video]]:
-    """Wait until fewer than `room` films are pending; what failed is raised at once."""
+    """Wait until fewer than `room` films are pending; errors are raised at once."""
     while len(pending) >= room:
         done, pending = wait(pending, return_when=FIRST_COMPLETED)
         for future in done:

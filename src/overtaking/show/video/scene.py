@@ -147,7 +147,7 @@ def _body(run: Trajectories, slot: int) -> Body:
 
 
 def _contact(run: Trajectories, slots: tuple[int, ...]) -> tuple[float, int | None] | None:
-    """When the ego first hit or left something, and whom."""
+    """First contact of the ego: time [s], and row of its partner, None for an undrawn one."""
     collided = np.flatnonzero(run.collided_with[0, : run.num_frames[0]] != NO_VEHICLE)
     if not len(collided):
         return None

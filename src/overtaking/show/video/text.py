@@ -54,7 +54,7 @@ def line(text: str, size: int, colour: str, *, bold: bool = False) -> Picture:
 def write_number(canvas: Canvas, text: str, place: tuple[int, int], size: int, colour: str) -> int:
     """Write a text that changes all the time, and give the column after it.
 
-    All digits are equally wide, so that what stands behind them does not tremble.
+    All digits are equally wide, so that text behind them does not move.
     """
     x, y = place
     for letter in text:

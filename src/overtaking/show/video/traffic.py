@@ -148,7 +148,7 @@ class Traffic:
         canvas.draw(name.drawing, column, row)
 
     def _name(self, place: OnScreen, frame: int) -> Picture:
-        """What is written beside a vehicle."""
+        """Text beside a vehicle."""
         scene, index, rank = self._scene, place.vehicle, self._rank(place.vehicle)
         name = ("EGO", "TARGET", str(scene.slots[index]))[rank]
         if 0.0 <= place.x < WIDTH:

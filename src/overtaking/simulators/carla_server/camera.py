@@ -24,7 +24,7 @@ Points = NDArray[np.float64]
 NOTE = "OVERTAKING: DRAWN, NOT UNREAL"
 
 FAR = 300.0
-"""What is farther away than this is not drawn [m]."""
+"""Largest distance of drawn objects [m]."""
 
 _LINE_WIDTH = 0.15
 _DASH, _PERIOD = 4.0, 10.0  # Of broken lines [m].
@@ -64,7 +64,7 @@ _MARGIN = 2
 
 
 class Air(NamedTuple):
-    """What weather does to a picture.
+    """Effects of the weather on a picture.
 
     Attributes:
         light: Brightness, 1 by day.
@@ -110,7 +110,7 @@ class Scene:
             pose: Of the camera, in CARLA's frame.
             size: Width and height [pixels].
             fov_deg: Horizontal field of view [degrees].
-            vehicles: What is on the road.
+            vehicles: The vehicles on the road.
             weather: The fourteen numbers of `carla.WeatherParameters`.
 
         Returns:
@@ -257,7 +257,7 @@ def stamp(drawing: Drawing, size: tuple[int, int], text: str) -> None:
 
     Args:
         drawing: Gets the shapes.
-        size: Width and height of the picture [pixels]; what does not fit is cut off.
+        size: Width and height of the picture [pixels]; the rest is cut off.
         text: Of the letters in this module.
     """
     width, height = size

@@ -168,7 +168,7 @@ _TAKEN = ("mass", "drag_coefficient", "steering_curve", "wheels")
 
 
 def _ignored(now: Physics, wanted: Physics) -> list[str]:
-    """What was changed without effect."""
+    """Changes without effect."""
     names = [name for name in Physics._fields if name not in _TAKEN]
     found = [name for name in names if not _same(getattr(now, name), getattr(wanted, name))]
     if len(now.wheels) != len(wanted.wheels):

@@ -1,4 +1,4 @@
-"""The table of calls: what each takes, what it does, and how the client reads its answers."""
+"""The table of calls: arguments, function, and how the client reads the answer."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from overtaking.simulators.carla_server.arguments import Transform
 Points = NDArray[np.float64]
 
 NEAR = 0.3
-"""What is nearer than this to the camera is cut off [m]."""
+"""Distance of the near plane of the camera [m]."""
 
 _BEYOND = 1e6  # Pixels; keeps what lies nearly in the plane of the camera finite.
 

@@ -25,7 +25,7 @@ UNKNOWN = frozenset({"lamps", "wheel_angle", "yaw_rate", "impulse", "percepts"})
 """Quantities that SUMO lacks: it has no wheels, headlamps, colliding masses or beliefs."""
 
 RAW = ("front", "d", "speed", "drift", "accel", "angle", "signals")
-"""What is read of a vehicle in each frame, lateral axis towards the fast side, angle in degrees."""
+"""Read of a vehicle in each frame; lateral axis towards the fast side, angle in degrees."""
 
 F64 = NDArray[np.float64]
 

@@ -92,7 +92,7 @@ _LEAST = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Traffic:
-    """What of a batch is worked out once for all its simulations.
+    """Values of a batch that all its simulations share.
 
     Attributes:
         scenario: The batch.
@@ -137,7 +137,7 @@ def routes(traffic: Traffic, row: int) -> str:
 
 def _vehicle(scenario: Scenario, row: int, slot: int) -> str:
     front = float(scenario.start_s[row, slot]) + 0.5 * float(scenario.vehicles.length[row, slot])
-    # SUMO would move or refuse what stands closer than it likes; a scenario is as it is.
+    # SUMO would move or refuse vehicles below its minimum gap; scenarios are kept unchanged.
     return (
         f'<vehicle id="{slot}" type="{slot}" route="r" depart="0" departPosLat="center"'
         f' departLane="{int(scenario.start_lane[row, slot])}" departPos="{front + BEHIND!r}"'
