@@ -29,6 +29,7 @@ _PACKAGES = {
     "video": "show.video",
 }
 _MODULES = {
+    "carla_server.places": "simulators.carla_server.maps",
     "datasets.card_header": "data.card",
     "datasets.contents": "data.tables.encode_labels",
     "datasets.crews": "data.executors",

@@ -11,7 +11,7 @@ pub const TILE: usize = 16;
 
 /// Where a number lies among the words of 32 bits in which the frame of a vehicle waits.
 #[derive(Clone, Copy)]
-pub struct Place {
+pub struct Packing {
     /// Which word.
     word: usize,
     /// Its lowest bit.
@@ -20,7 +20,7 @@ pub struct Place {
     bits: u32,
 }
 
-impl Place {
+impl Packing {
     /// Words with a number put in here.
     #[inline(always)]
     fn with<S: Simd>(self, words: i32x16<S>, number: i32x16<S>) -> i32x16<S> {
@@ -41,9 +41,9 @@ impl Place {
     }
 }
 
-/// Places side by side, none of them across the border of a word.
-const fn places<const COUNT: usize>(bits: [u32; COUNT]) -> [Place; COUNT] {
-    let mut found = [Place {
+/// Numbers side by side, none of them across the border of a word.
+const fn side_by_side<const COUNT: usize>(bits: [u32; COUNT]) -> [Packing; COUNT] {
+    let mut found = [Packing {
         word: 0,
         from: 0,
         bits: 0,
@@ -53,7 +53,7 @@ const fn places<const COUNT: usize>(bits: [u32; COUNT]) -> [Place; COUNT] {
         if from + bits[k] > u32::BITS {
             (word, from) = (word + 1, 0);
         }
-        found[k] = Place {
+        found[k] = Packing {
             word,
             from,
             bits: bits[k],
@@ -69,7 +69,7 @@ macro_rules! layout {
         /// Recorded numbers of a vehicle in a frame.
         pub const WORDS: usize = [$(stringify!($state)),*].len();
 
-        const PLACES: [Place; WORDS] = places([$($kind::BITS),*]);
+        const PACKINGS: [Packing; WORDS] = side_by_side([$($kind::BITS),*]);
 
         #[allow(non_camel_case_types)]
         enum Number { $($state),* }
@@ -81,9 +81,9 @@ macro_rules! layout {
             if k == 0 {
                 out.written[i] = out.written[i].max((start + TILE) as i32);
             }
-            // Places are constants here, so that the compiler knows each shift: a loop over them is slower.
+            // Packings are constants here, so that the compiler knows each shift: a loop over them is slower.
             $({
-                const AT: Place = PLACES[Number::$state as usize];
+                const AT: Packing = PACKINGS[Number::$state as usize];
                 if AT.word == k {
                     put(out.$state, place, row.map(|word| (word >> AT.from) as $kind));
                 }
@@ -95,7 +95,7 @@ macro_rules! layout {
         pub fn packed<S: Simd>(simd: S, words: &[i32x16<S>; WORDS]) -> [i32x16<S>; PACKED] {
             let mut packed = [i32x16::splat(simd, 0); PACKED];
             $({
-                const AT: Place = PLACES[Number::$state as usize];
+                const AT: Packing = PACKINGS[Number::$state as usize];
                 packed[AT.word] = AT.with(packed[AT.word], words[Number::$state as usize]);
             })*
             packed
@@ -117,7 +117,7 @@ macro_rules! layout {
 with_states! { layout! {} }
 
 /// Words of 32 bits that a frame of a vehicle takes.
-pub const PACKED: usize = PLACES[WORDS - 1].word + 1;
+pub const PACKED: usize = PACKINGS[WORDS - 1].word + 1;
 
 /// Memory for the frames that wait to be moved; what is in it before it is written means nothing.
 pub struct Tile<const N: usize>(pub(crate) Vec<Row>);

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from overtaking.show.report.reproduction import Written
     from overtaking.show.report.write import Report
     from overtaking.show.video.produce import Video
-    from overtaking.show.view.write import View
+    from overtaking.show.view.write import ViewPage
 
 
 @checked
@@ -150,7 +150,7 @@ def write_view(
     policy: str = "paper",
     progress: Progress | None = None,
     say: Callable[[int], None] | None = None,
-) -> "View":
+) -> "ViewPage":
     """Write simulations as one page to look at in a browser, from disk and without a network.
 
     Args:

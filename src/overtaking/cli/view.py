@@ -9,7 +9,7 @@ from overtaking.cli.video import choice
 from overtaking.core.words import counted
 
 if TYPE_CHECKING:
-    from overtaking.show.view.write import View
+    from overtaking.show.view.write import ViewPage
 
 Page = Annotated[Path, options.option("--export FILE", f"{options.OUT} One HTML file.")]
 _BYTES_PER_KB, _KB_PER_MB = 1e3, 1e3
@@ -39,7 +39,7 @@ def view(
     output.wrote(values_of(page), lambda _: _line(page))
 
 
-def values_of(page: "View") -> dict[str, Any]:
+def values_of(page: "ViewPage") -> dict[str, Any]:
     """The written file, for machines."""
     return {
         "file": str(page.path),
@@ -48,7 +48,7 @@ def values_of(page: "View") -> dict[str, Any]:
     }
 
 
-def _line(page: "View") -> str:
+def _line(page: "ViewPage") -> str:
     """The written file, for people."""
     what = counted(len(page.simulations), "simulation")
     return f"{page.path}  {what}, {_amount(page.size_bytes)}"

@@ -11,7 +11,7 @@ from overtaking.model.vehicles import Role
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas, Drawing
 from overtaking.show.video.notes import Note
-from overtaking.show.video.scene import F64, Scene
+from overtaking.show.video.scene import F64, FilmScene
 from overtaking.show.video.text import lettering, line, write_number
 from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP
 
@@ -89,7 +89,7 @@ class Timeline:
         breaches: Breaches of the law, those that count first.
     """
 
-    def __init__(self, scene: Scene, breaches: Sequence[Note]) -> None:
+    def __init__(self, scene: FilmScene, breaches: Sequence[Note]) -> None:
         """Draw past and future once."""
         self._scene, self._lead = scene, scene.lead
         self._past = _plots(scene, breaches, 1.0)
@@ -139,7 +139,7 @@ class Timeline:
             canvas.draw(side.drawing, end, row)
 
 
-def _plots(scene: Scene, breaches: Sequence[Note], opacity: float) -> Canvas:
+def _plots(scene: FilmScene, breaches: Sequence[Note], opacity: float) -> Canvas:
     """The strip with its curves as they are left or right of the cursor."""
     drawing = Drawing()
     columns = np.linspace(_LEFT, _RIGHT, max(scene.num_frames, 2)).tolist()
@@ -162,7 +162,7 @@ def _curve(drawing: Drawing, columns: list[float], rows: F64, colour: str, opaci
     drawing.lines([points], colour, width=2.0, opacity=opacity)
 
 
-def _speeds(drawing: Drawing, scene: Scene, columns: list[float], opacity: float) -> None:
+def _speeds(drawing: Drawing, scene: FilmScene, columns: list[float], opacity: float) -> None:
     """Speeds of ego and target."""
     shown = (
         [(Role.EGO, palette.EGO)]
@@ -176,7 +176,7 @@ def _speeds(drawing: Drawing, scene: Scene, columns: list[float], opacity: float
         _curve(drawing, columns, _rows(speeds[slot], low, high, _SPEED_ROWS), colour, opacity)
 
 
-def _gap(drawing: Drawing, scene: Scene, columns: list[float], opacity: float) -> None:
+def _gap(drawing: Drawing, scene: FilmScene, columns: list[float], opacity: float) -> None:
     """Distance to the target, positive while it is ahead."""
     lead = scene.lead
     if lead is None:
@@ -190,7 +190,7 @@ def _gap(drawing: Drawing, scene: Scene, columns: list[float], opacity: float) -
     _curve(drawing, columns, _rows(lead, low, high, _GAP_ROWS), palette.GAP, opacity)
 
 
-def _stages(drawing: Drawing, scene: Scene, columns: list[float], opacity: float) -> None:
+def _stages(drawing: Drawing, scene: FilmScene, columns: list[float], opacity: float) -> None:
     """A band in the colours of the stages."""
     if scene.stage is None:
         return

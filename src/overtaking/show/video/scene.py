@@ -28,7 +28,7 @@ _MS_PER_S = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class FilmScene:
     """The drawn simulation; arrays have shape (frame,) or (vehicle, frame), counted in the film.
 
     Attributes:
@@ -81,7 +81,7 @@ class Scene:
         return np.sign(apart) * np.maximum(np.abs(apart) - reach, 0.0)
 
 
-def scene(run: Trajectories, events: Events | None = None) -> Scene:
+def scene(run: Trajectories, events: Events | None = None) -> FilmScene:
     """A scene from a batch of one simulation.
 
     Args:
@@ -105,7 +105,7 @@ def scene(run: Trajectories, events: Events | None = None) -> Scene:
     kept = (np.array(slots)[:, None], recorded)
     states = run.states
     target = _target(run, events)
-    return Scene(
+    return FilmScene(
         road=run.road,
         slots=slots,
         bodies=tuple(_body(run, slot) for slot in slots),

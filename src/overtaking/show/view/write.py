@@ -28,7 +28,7 @@ LARGE = 8_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class View:
+class ViewPage:
     """A page that was written.
 
     Attributes:
@@ -50,7 +50,7 @@ def write(
     policy: str,
     progress: Progress | None = None,
     say: Callable[[int], None] | None = None,
-) -> View:
+) -> ViewPage:
     """Write a page; see `overtaking.write_view`."""
     total, entries, size = num_films(source, chosen), list[dict[str, Any]](), 0
     for job in jobs(source, chosen, policy):
@@ -66,7 +66,7 @@ def write(
         say(len(content))
     put(out, content)
     numbers = tuple(entry["number"] for entry in entries)
-    return View(path=out, simulations=numbers, size_bytes=len(content))
+    return ViewPage(path=out, simulations=numbers, size_bytes=len(content))
 
 
 def _entry(values: dict[str, Any]) -> dict[str, Any]:
