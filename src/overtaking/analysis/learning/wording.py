@@ -3,11 +3,9 @@
 import math
 
 from overtaking.analysis.learning.attributes import UNITS, Attribute
+from overtaking.knowledge.terms import terms
 
-_TYPES = {
-    "S": "a small car", "M": "a medium car", "L": "a large car", "V": "a van", "T": "a truck",
-    "MC": "a motorcycle", "B": "a bicycle",
-}  # fmt: skip
+_TYPES = {name: f"a {term.title}" for name, term in terms("vehicles").items()}
 
 
 def rounded(value: float, unit: str) -> float:
