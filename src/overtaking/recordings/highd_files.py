@@ -76,7 +76,7 @@ def refused_cell(path: Path, row: int, name: str, expected: str, got: str) -> Im
         row: Row of the table, from 0.
         name: Name of the column.
         expected: What would have been right.
-        got: What was there.
+        got: The value found.
     """
     return refused(path, f"line {row + 2}, column {name}", expected, got)
 

@@ -37,7 +37,7 @@ RELAXING_DECEL = knowledge.number("starts.toml", "flow.relaxing_decel")
 """A vehicle farther behind than it wants may be faster by what braking this softly makes up for
 [m/s^2]: the comfortable braking of the calm."""
 
-_FREE = np.float32(1e6)  # Where nobody is [m], and how fast [m/s].
+_FREE = np.float32(1e6)  # Position [m] and speed [m/s] of an absent vehicle.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -225,7 +225,7 @@ class _Row:
 
 
 def _push_apart(row: _Row, zone: Zone) -> list[F32]:
-    """Move vehicles forward until nobody is too close, then back into the zone.
+    """Move vehicles forward until no gap is too small, then back into the zone.
 
     Returns:
         The rearmost place for each that leaves room in the zone for all behind it [m].

@@ -19,7 +19,7 @@ _BELIEFS = {
     for name, one in declarations(Percepts).items()
     if one.dtype and one.axes == Percepts.AXES
 }
-"""Types of what is recorded of each neighbour at a decision; flags come as bytes."""
+"""Types of the recorded beliefs about a neighbour; flags come as bytes."""
 
 
 def simulate(
@@ -135,6 +135,6 @@ def _trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajector
 
 
 def _kept(states: NDArray[Any]) -> NDArray[Any]:
-    """Recorded states, which nobody may change: what is zero behind them is not cleared again."""
+    """Recorded states, read-only: the zeros behind them are not cleared again."""
     states.setflags(write=False)
     return states

@@ -32,7 +32,7 @@ def _is_passing(state: State) -> np.ndarray:
 
 
 def _time_gap(state: State, c: Constants, p: Fields) -> F32:
-    """Time gap kept; who is about to pull out accepts a smaller one [s]."""
+    """Time gap kept; a driver about to pull out accepts a smaller one [s]."""
     about_to = (state.signalled > 0) & (state.stage == np.float32(Stage.FOLLOW))
     kept = p.time_gap.copy()
     kept[Role.EGO] = np.where(
@@ -52,8 +52,8 @@ def behind_old_leader(
 ) -> F32:
     """Acceleration behind the one whose lane is being left, as long as the bodies still overlap.
 
-    Nobody brakes for a vehicle that the path clears a moment before the gap is closed. The moment
-    is what covers errors of judgement: without it a leader that is believed farther off is hit.
+    A driver does not brake for a vehicle that the path clears a moment before the gap is closed.
+    The moment covers errors of judgement: without it a leader that is believed farther off is hit.
     """
     c = given.constants
     changing = state.path_time < state.path_duration
@@ -76,8 +76,8 @@ def set_acceleration(
 ) -> None:
     """Move the pedals towards the wanted acceleration, as fast as it is urgent.
 
-    Nobody spares the brakes for the friction that they believe in when more is needed: anti-lock
-    brakes and the road decide.
+    A driver that needs more brakes beyond the friction that it believes in: anti-lock brakes and
+    the road decide.
 
     Source:
         Markkula and others 2016: the ramp of emergency braking grows with its urgency.

@@ -61,16 +61,13 @@ def distance_error(scenario: Scenario) -> F32:
 Attributes = dict[str, Any]
 """Numbers or words of a vehicle type, by SUMO's names."""
 
-CLASSES = {
-    VehicleKind.S: "passenger",
-    VehicleKind.M: "passenger",
-    VehicleKind.L: "passenger",
+CLASSES = dict.fromkeys(VehicleKind, "passenger") | {
     VehicleKind.V: "delivery",
     VehicleKind.T: "truck",
     VehicleKind.MC: "motorcycle",
     VehicleKind.B: "bicycle",
 }
-"""SUMO's `vClass` of each type of vehicle."""
+"""SUMO's `vClass` of each type of vehicle: a passenger car if no other is named."""
 
 _SPEED_GAIN_THRESHOLD = 0.2
 """Advantage over time that makes SL2015 change to the left, over `lcSpeedGain` [s]."""
