@@ -203,7 +203,7 @@ def _retreats(state: State, given: Parameters, p: Fields, believed: Beliefs) -> 
 
 
 def _is_ready(state: State, given: Parameters, p: Fields) -> Mask:
-    """Which vehicles may change lanes by MOBIL: not the ego, nor wrecks, nor those that just did."""
+    """Which vehicles may change lanes by MOBIL: sound ones but the ego, a pause after the last."""
     arrived = state.path_time >= state.path_duration
     rested = state.since_change >= given.constants.cooldown
     ready = arrived & rested & (state.crashed == 0) & (p.valid > 0)
