@@ -3,8 +3,8 @@
     python benchmarks/faults.py motorway -n 1000
     python benchmarks/faults.py pinto2023-physical -n 1000 --seed 5
 
-Printed is how often each fault occurs, of how many chances. The tables of docs/explanation/motorway.md
-are from here.
+Printed is how often each fault occurs, of how many chances; docs/explanation/motorway.md has the
+table.
 """
 
 import argparse
@@ -38,7 +38,7 @@ FAULTS = {
     "undone": "lane changes that are undone within 15 s",
     "imposes": "lane changes whose new follower brakes by more than 6 m/s^2 within 5 s",
     "drops": "overtakes before which the ego lost 15 km/h beside a lane that was free for 50 m",
-    "breeze": "dry simulations with 20 to 60 % of wind in which half of the vehicles slow by 5 km/h",
+    "breeze": "dry simulations with 20 to 60 % of wind in which most vehicles slow by 5 km/h",
 }
 
 Array = NDArray[np.generic]

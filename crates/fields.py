@@ -1,4 +1,4 @@
-"""Writes the names of parameters and constants for the engine from their declarations in Python.
+"""Writes the names of parameters, constants and states for the engine, as Python declares them.
 
 python crates/fields.py            writes crates/overtaking-core/src/names.rs
 python crates/fields.py --check    fails if it is out of date
@@ -10,13 +10,22 @@ import sys
 import textwrap
 from pathlib import Path
 
+from overtaking.core.units import STEPS
+from overtaking.model.trajectory import States
+from overtaking.model.values import declarations
 from overtaking.world.constants import CONSTANT_FIELDS
 from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS
 
 TARGET = Path(__file__).parent / "overtaking-core" / "src" / "names.rs"
 
 CONTENT = """\
-// Made by crates/fields.py from world/parameters.py and world/constants.py; do not edit.
+// Made by crates/fields.py from world/parameters.py, world/conditions.py, world/constants.py and
+// model/trajectory.py; do not edit.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::lanes::{{LANES, Seats, V}};
 
 lane_fields! {{
     /// Parameters of one vehicle slot.
@@ -38,7 +47,20 @@ number_fields! {{
 {constants}
     }}
 }}
+
+/// Hand the recorded states of a vehicle to a macro, in order: meaning, name and type.
+#[macro_export]
+macro_rules! with_states {{
+    ($then:ident! {{ $($given:tt)* }}) => {{
+        $then! {{
+            {{ $($given)* }}
+{states}
+        }}
+    }};
+}}
 """
+
+TYPES = {"int32": "i32", "int16": "i16", "uint8": "u8"}
 
 
 def content() -> str:
@@ -47,6 +69,7 @@ def content() -> str:
         vehicle=_listed(VEHICLE_FIELDS),
         simulation=_listed(SIMULATION_FIELDS),
         constants=_listed(CONSTANT_FIELDS),
+        states=_states(),
     )
 
 
@@ -54,6 +77,14 @@ def _listed(names: tuple[str, ...]) -> str:
     return textwrap.fill(
         ", ".join(names) + ",", 100, initial_indent=" " * 8, subsequent_indent=" " * 8
     )
+
+
+def _states() -> str:
+    lines: list[str] = []
+    for name, one in declarations(States).items():
+        unit = f" [{one.unit}]" if one.unit in STEPS else ""
+        lines += [f"/// {one.meaning}{unit}.", f"{name}: {TYPES[str(one.dtype)]},"]
+    return textwrap.indent("\n".join(lines), " " * 12)
 
 
 def main(arguments: list[str]) -> int:

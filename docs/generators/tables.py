@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from generators.markdown import page, section, table, unit
 
-from overtaking.data.tables.columns import STEPS, flags_of, names_of, si_name, unit_of
+from overtaking.core.units import STEPS
+from overtaking.data.tables.columns import flags_of, names_of, si_name, unit_of
 from overtaking.data.tables.schemas import KEYS, SCHEMAS, VERSION
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ Data sets on disk, each in a folder:
     query               ask in SQL
     ask                 ask in logic
     prove               prove why a simulation breaks the law
-    learn_rules         learn rules from what is known when an overtake begins
+    learn_rules         learn rules from the state when an overtake begins
     learn_factors       rank the factors that decide
 
 Objects:

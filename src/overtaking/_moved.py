@@ -29,6 +29,7 @@ _PACKAGES = {
     "video": "show.video",
 }
 _MODULES = {
+    "carla_server.places": "simulators.carla_server.maps",
     "datasets.card_header": "data.card",
     "datasets.contents": "data.tables.encode_labels",
     "datasets.crews": "data.executors",
@@ -102,7 +103,7 @@ class _Loader:
 
     @staticmethod
     def exec_module(module: ModuleType) -> None:
-        """Pass names on, and warn whoever asks for one."""
+        """Pass names on, with a warning to the caller."""
         old = module.__name__
         new = f"{__package__}.{_home(old.partition('.')[2])}"
 

@@ -9,8 +9,8 @@ import re
 import pyarrow as pa
 import pytest
 
-from overtaking.core.units import SUFFIXES
-from overtaking.data.tables.columns import STEPS, names_of, si_name, unit_of
+from overtaking.core.units import STEPS, SUFFIXES
+from overtaking.data.tables.columns import names_of, si_name, unit_of
 from overtaking.data.tables.schemas import COLUMNS, KEYS, SCHEMAS, VERSION
 from overtaking.model.drivers import Drivers
 from overtaking.model.trajectory import Contacts, Percepts, States

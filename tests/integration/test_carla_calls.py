@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.support.carla import Address, answer_of, ask, headless_server, needs_wheel
 
-from overtaking.simulators.carla_server.places import known_place
+from overtaking.simulators.carla_server.maps import known_map
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -188,7 +188,7 @@ def test_a_call_that_is_not_offered_says_so_where_the_client_waits(server: Addre
 
 
 def test_several_maps_are_offered_and_loaded_by_their_names(tmp_path: Path):
-    road = known_place("town06").opendrive
+    road = known_map("town06").opendrive
     for name in ("Town98", "Town99"):
         (tmp_path / f"{name}.xodr").write_text(road, encoding="utf-8")
     maps = [part for name in ("Town98", "Town99") for part in ("--map", f"{tmp_path / name}.xodr")]

@@ -10,7 +10,7 @@ import pytest
 from tests.support.carla import PATIENCE, answer_of, ask, headless_server, memory_kb, needs_wheel
 
 from overtaking.simulators.carla_server.connections import MAX_CONNECTIONS
-from overtaking.simulators.carla_server.places import known_place
+from overtaking.simulators.carla_server.maps import known_map
 from overtaking.simulators.carla_server.wire import Decoder, encode
 
 pytestmark = [
@@ -23,7 +23,7 @@ VERSION = [1, 1, None, [[1, "0.9.16"]]]
 
 
 def test_answers_are_produced_no_faster_than_they_are_taken():
-    road = known_place("town06").opendrive
+    road = known_map("town06").opendrive
     big = road.replace("</OpenDRIVE>", f"<!--{'x' * 3_000_000}--></OpenDRIVE>")
     questions = 100
     with headless_server() as server:

@@ -28,7 +28,7 @@ from overtaking.simulators.carla.library import HEADLESS, SERVER_VARIABLE
 from overtaking.simulators.carla.world import SimulationLostError
 from overtaking.simulators.carla_server import server as serving
 from overtaking.simulators.carla_server.arguments import Settings
-from overtaking.simulators.carla_server.places import Atlas, known_place
+from overtaking.simulators.carla_server.maps import Atlas, known_map
 from overtaking.simulators.carla_server.streams import Streams
 from overtaking.simulators.carla_server.survey import survey
 from overtaking.simulators.carla_server.wire import Decoder, encode
@@ -180,7 +180,7 @@ def test_a_client_that_falls_silent_between_its_ticks_is_told_of_once(
 ):
     monkeypatch.setattr(serving, "SILENCE", 0.04)
     log: list[str] = []
-    world = World(Atlas([known_place("town06")], survey), Streams(log.append), 1)
+    world = World(Atlas([known_map("town06")], survey), Streams(log.append), 1)
     world.settings = Settings()._replace(synchronous=True)
     server = serving.Server(world, log.append, managers={8000: "127.0.0.1"})
 

@@ -16,6 +16,7 @@ from overtaking.model.known_roads import known_road
 from overtaking.model.road import Lane, Road, RoadMark
 from overtaking.model.trajectory import (
     NO_VEHICLE,
+    STATE_TYPES,
     Contacts,
     DecisionKind,
     Lights,
@@ -174,21 +175,19 @@ def _states(tracks: tuple[Track, ...], road: Road, frames: int, interval_ms: int
     index = road.lane_index(d)
     x, y = road.world(s / 1000.0, d)
     heading = np.where(step < 0, np.round(np.pi * 1e4), 0.0) + np.zeros(s.shape)
-    zero = np.zeros(s.shape, np.int16)
-    return States(
-        x=_int32(x * 1000.0),
-        y=_int32(y * 1000.0),
-        s=_int32(s),
-        d=_int32(d * 1000.0),
-        speed=speed,
-        heading=heading.astype(np.int16),
-        wheel_angle=zero,
-        accel_lon=rows("accel", np.int16, 1000.0),
-        accel_lat=zero,
-        yaw_rate=zero,
-        lane=np.where(index < 0, 255, index).astype(np.uint8),
-        lights=rows("lights", np.uint8),
-    )
+    known = {
+        "x": _int32(x * 1000.0),
+        "y": _int32(y * 1000.0),
+        "s": _int32(s),
+        "d": _int32(d * 1000.0),
+        "speed": speed,
+        "heading": heading.astype(np.int16),
+        "accel_lon": rows("accel", np.int16, 1000.0),
+        "lane": np.where(index < 0, 255, index).astype(np.uint8),
+        "lights": rows("lights", np.uint8),
+    }
+    zeros = {name: np.zeros(s.shape, kind) for name, kind in STATE_TYPES.items()}
+    return States(**zeros | known)
 
 
 def _int32(values: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ from overtaking.model.drivers import Drivers
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.model.scenario import SLOTS, Scenario
+from overtaking.model.values import declarations
 from overtaking.model.vehicles import Colour, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
 
@@ -25,14 +26,14 @@ SAME_NAME = (
     "spray_factor", "lamp_separation",
 )  # fmt: skip
 
-CALM_DRIVER: dict[str, float] = {
+CALM_DRIVER: dict[str, float] = dict.fromkeys(declarations(Drivers), 1.0) | {
     "desired_speed": 30.0, "time_gap": 1.2, "min_gap": 2.0, "accel": 1.5, "decel": 2.0,
     "reaction_time": 0.0, "caution": 0.0, "politeness": 0.2, "lane_change_threshold": 1e9,
     "right_bias": 0.2, "safe_decel": 4.0, "lane_change_duration": 5.0, "passing_gain": 1e6,
     "patience": 1e6, "pull_out_time": 5.0, "gap_acceptance": 1.0, "return_time_gap": 1.0,
     "signal_time": 0.0, "uses_indicator": 1.0, "checks_blind_spot": 1.0, "limit_respect": 0.0,
 }  # fmt: skip
-"""Somebody who stays in lane and never overtakes, unless told otherwise."""
+"""A driver who stays in lane and never overtakes, unless told otherwise."""
 
 CLEAR: dict[str, float] = {
     "preset": float(NO_PRESET), "cloudiness": 0.0, "rain": 0.0, "puddles": 0.0, "wind": 0.0,

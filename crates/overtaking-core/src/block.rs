@@ -9,8 +9,8 @@ use fearless_simd::prelude::*;
 
 use crate::collisions::Pairs;
 use crate::engine::{Inputs, Later, Seat};
-use crate::fields::{Simulation, Vehicle};
 use crate::lanes::{LANES, Seats, outlined, splat};
+use crate::names::{Simulation, Vehicle};
 use crate::output::Output;
 use crate::recording::Recorder;
 use crate::state::{History, Rates, Road, State, World};

@@ -8,8 +8,8 @@ use fearless_simd::prelude::*;
 use crate::block::load;
 use crate::elementary::sincos;
 use crate::engine::{Inputs, level};
-use crate::fields::Simulation;
 use crate::lanes::{LANES, V, at_least, choose, clamp, clamp_to, dispatch, min, splat};
+use crate::names::Simulation;
 use crate::state::{History, Rates, Road, State, World};
 use crate::{MAX_VEHICLES, SLOTS, dynamics, environment};
 

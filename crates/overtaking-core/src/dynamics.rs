@@ -4,8 +4,8 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::elementary::sincos;
-use crate::fields::{Constants, Vehicle};
 use crate::lanes::{M, V, at_least, choose, clamp, clamp_to, max, min, splat};
+use crate::names::{Constants, Vehicle};
 use crate::state::{State, Stride, World};
 
 /// Keeps the direction of a wreck at rest finite [m/s].

@@ -4,10 +4,10 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::elementary::exp;
-use crate::fields::Vehicle;
 use crate::following::{forced_braking, needed_braking};
 use crate::lanes::{M, V, at_least, at_most, choose, min, pick, splat};
 use crate::mobil::{change_of, must_wait, soon, time_left, turn_to_lane};
+use crate::names::Vehicle;
 use crate::neighbours::{Body, Neighbours};
 use crate::perception::Beliefs;
 use crate::recording::{Kind, Recorder};

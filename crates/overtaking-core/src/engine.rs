@@ -4,8 +4,8 @@ use fearless_simd::{Level, Simd};
 use rayon::prelude::*;
 
 use crate::block::{self, Scratch};
-use crate::fields::{Constants, SIMULATION_NAMES};
 use crate::lanes::LANES;
+use crate::names::{Constants, SIMULATION_NAMES};
 use crate::output::Output;
 use crate::{MAX_VEHICLES, SLOTS};
 

@@ -4,8 +4,8 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::elementary::{atan, exp, sincos};
-use crate::fields::Constants;
 use crate::lanes::{V, at_least, at_most, choose, clamp_to, floor, max, min, splat};
+use crate::names::Constants;
 use crate::philox::{MOTION, uniform, words};
 use crate::state::{State, World};
 

@@ -1,11 +1,6 @@
 //! Parameters and constants by name, in the order in which Python hands them over. Their names are in
 //! `names.rs`, which `crates/fields.py` makes from their declarations in Python.
 
-use fearless_simd::Simd;
-use fearless_simd::prelude::*;
-
-use crate::lanes::{LANES, Seats, V};
-
 /// A struct whose fields are loaded in order from rows of sixteen numbers.
 macro_rules! lane_fields {
     ($(#[$doc:meta])* $name:ident, $names:ident { $($field:ident),* $(,)? }) => {
@@ -71,5 +66,3 @@ macro_rules! number_fields {
         }
     };
 }
-
-include!("names.rs");

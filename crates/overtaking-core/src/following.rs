@@ -4,8 +4,8 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::elementary::{exp, log};
-use crate::fields::{Constants, Vehicle};
 use crate::lanes::{V, at_least, at_most, choose, clamp_to, min, splat};
+use crate::names::{Constants, Vehicle};
 
 /// Keeps the quotient finite behind a standing leader [m^2/s^2].
 const LEAST_WAY: f32 = 1e-3;

@@ -4,6 +4,11 @@
 //! in the same order, so that both record the same bits. The sources of the formulas are given there.
 //! Arithmetic is `+ - * / sqrt` and comparisons on `f32` only; no fused multiply-add, no libm.
 
+#[macro_use]
+mod fields;
+#[macro_use]
+mod names;
+
 mod block;
 mod collisions;
 mod control;
@@ -15,7 +20,6 @@ mod elementary;
 mod engine;
 mod environment;
 pub mod events;
-mod fields;
 mod following;
 mod lanes;
 mod mobil;
@@ -34,8 +38,8 @@ mod trace;
 mod words;
 
 pub use engine::{Inputs, Later, available_levels, current_level, simulate, supported};
-pub use fields::{Constants, SIMULATION_NAMES, VEHICLE_NAMES};
 pub use lanes::LANES;
+pub use names::{Constants, SIMULATION_NAMES, VEHICLE_NAMES};
 pub use output::{MAX_PERCEPTS, Output};
 
 /// Vehicle slots that the engine is compiled for.

@@ -1,4 +1,10 @@
-// Made by crates/fields.py from world/parameters.py and world/constants.py; do not edit.
+// Made by crates/fields.py from world/parameters.py, world/conditions.py, world/constants.py and
+// model/trajectory.py; do not edit.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::lanes::{LANES, Seats, V};
 
 lane_fields! {
     /// Parameters of one vehicle slot.
@@ -50,4 +56,38 @@ number_fields! {
         gust_length_scale, wind_angle_factor, gust_spacing, shelter_factor, shelter_reach,
         shelter_release, gravity, half_air_density,
     }
+}
+
+/// Hand the recorded states of a vehicle to a macro, in order: meaning, name and type.
+#[macro_export]
+macro_rules! with_states {
+    ($then:ident! { $($given:tt)* }) => {
+        $then! {
+            { $($given)* }
+            /// OpenDRIVE x of the bounding-box centre [mm].
+            x: i32,
+            /// OpenDRIVE y of the bounding-box centre, right-handed [mm].
+            y: i32,
+            /// Position along the road [mm].
+            s: i32,
+            /// Position across the road, positive to the left [mm].
+            d: i32,
+            /// Speed, never negative [mm/s].
+            speed: i32,
+            /// Heading, anticlockwise from world x [0.1 mrad].
+            heading: i16,
+            /// Front wheels, positive to the left [0.1 mrad].
+            wheel_angle: i16,
+            /// Acceleration forwards, contacts excluded [mm/s^2].
+            accel_lon: i16,
+            /// Acceleration to the left [mm/s^2].
+            accel_lat: i16,
+            /// Turning rate, anticlockwise [0.1 mrad/s].
+            yaw_rate: i16,
+            /// Lane index, 0 the slowest; `num_lanes` beyond the fast edge, 255 beyond the slow edge.
+            lane: u8,
+            /// `Lights` bits.
+            lights: u8,
+        }
+    };
 }

@@ -8,7 +8,7 @@ use crate::neighbours::Neighbours;
 use crate::output::{MAX_PERCEPTS, Output};
 use crate::perception::Beliefs;
 use crate::state::{EGO, State, World};
-use crate::tile::{PACKED, Row, TILE, Tile, bytes, halves, packed, put, transposed};
+use crate::tile::{self, PACKED, Row, TILE, Tile, packed, put_tile, transposed};
 use crate::trace::{self, digest, mix, mix_word};
 use crate::words::{INT32_LIMIT, NO_VEHICLE, THOUSAND, rounded, vehicle_words};
 
@@ -81,7 +81,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
             for (k, word) in words.into_iter().enumerate() {
                 hash[k % 4] = mix(hash[k % 4], word, active & valid);
             }
-            for (k, word) in packed(&words).into_iter().enumerate() {
+            for (k, word) in packed(simd, &words).into_iter().enumerate() {
                 tile.0[(i * PACKED + k) * TILE + at] = Row(word.to_array());
             }
         }
@@ -125,20 +125,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         };
         for i in (0..w.count).filter(|i| w.p[*i].valid[at] > 0.0) {
             let place = i * out.frames + self.flushed;
-            for wide in [&*out.x, out.y, out.s, out.d, out.speed] {
-                prefetch(wide, place);
-            }
-            for half in [
-                &*out.heading,
-                out.wheel_angle,
-                out.accel_lon,
-                out.accel_lat,
-                out.yaw_rate,
-            ] {
-                prefetch(half, place);
-            }
-            prefetch(out.lane, place);
-            prefetch(out.lights, place);
+            tile::fetch(out, place);
         }
     }
 
@@ -243,48 +230,6 @@ impl<'a, const N: usize> Recorder<'a, N> {
     }
 }
 
-/// Begin to load the line of the cache that an element lies in, where the CPU has an instruction for it.
-#[inline(always)]
-fn prefetch<T>(slice: &[T], place: usize) {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(element) = slice.get(place) {
-        use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: a hint, which reads nothing and faults nowhere; every x86-64 has it.
-        unsafe { _mm_prefetch(core::ptr::from_ref(element).cast(), _MM_HINT_T0) };
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = (slice, place);
-}
-
-/// Put sixteen frames of word `k` of vehicle `i` to their place.
-#[inline(always)]
-fn put_tile(out: &mut Output<'_>, i: usize, k: usize, start: usize, row: &[i32; LANES]) {
-    let place = i * out.frames + start;
-    match k {
-        0 => {
-            out.written[i] = out.written[i].max((start + TILE) as i32);
-            put(out.x, place, *row);
-        }
-        1 => put(out.y, place, *row),
-        2 => put(out.s, place, *row),
-        3 => put(out.d, place, *row),
-        4 => put(out.speed, place, *row),
-        5 => {
-            put(out.heading, place, halves(row, 0));
-            put(out.wheel_angle, place, halves(row, 16));
-        }
-        6 => {
-            put(out.accel_lon, place, halves(row, 0));
-            put(out.accel_lat, place, halves(row, 16));
-        }
-        _ => {
-            put(out.yaw_rate, place, halves(row, 0));
-            put(out.lane, place, bytes(row, 16));
-            put(out.lights, place, bytes(row, 24));
-        }
-    }
-}
-
 /// Set what is only written where something happens.
 fn clear(out: &mut Output<'_>) {
     out.percept_valid.fill(0);
@@ -321,20 +266,7 @@ fn clear_behind<S: Simd, const N: usize>(
         let written = (out.written[i].max(0) as usize).clamp(used, room);
         out.written[i] = used as i32;
         let rest = i * room + used..i * room + written;
-        for wide in [&mut *out.x, out.y, out.s, out.d, out.speed] {
-            wide[rest.clone()].fill(0);
-        }
-        for half in [
-            &mut *out.heading,
-            out.wheel_angle,
-            out.accel_lon,
-            out.accel_lat,
-            out.yaw_rate,
-        ] {
-            half[rest.clone()].fill(0);
-        }
-        out.lane[rest.clone()].fill(0);
-        out.lights[rest].fill(0);
+        tile::clear(out, rest);
     }
 }
 

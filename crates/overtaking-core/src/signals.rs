@@ -13,8 +13,8 @@ use fearless_simd::{Level, Simd};
 pub use self::around::{Around, around};
 use self::chunk::{Chunk, Frames, in_chunks};
 pub use self::target::{Target, target};
-use crate::fields::Constants;
 use crate::lanes::{LANES, dispatch};
+use crate::names::Constants;
 
 /// Slot of a neighbour that does not exist.
 pub const NO_VEHICLE: u8 = 255;

@@ -2,8 +2,8 @@
 
 use fearless_simd::Simd;
 
-use crate::fields::{Constants, Simulation, Vehicle};
 use crate::lanes::{LANES, Seats, V, splat};
+use crate::names::{Constants, Simulation, Vehicle};
 
 /// Decisions whose kinematics are remembered.
 pub const HISTORY: usize = 64;

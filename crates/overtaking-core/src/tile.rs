@@ -4,13 +4,120 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
 
 use crate::lanes::LANES;
+use crate::output::Output;
 
 /// Frames that are collected before they are moved.
 pub const TILE: usize = 16;
-/// Recorded numbers of a vehicle in a frame.
-pub const WORDS: usize = 12;
-/// Words of 32 bits that they take: five of their own, five halves and two bytes.
-pub const PACKED: usize = 8;
+
+/// Where a number lies among the words of 32 bits in which the frame of a vehicle waits.
+#[derive(Clone, Copy)]
+pub struct Packing {
+    /// Which word.
+    word: usize,
+    /// Its lowest bit.
+    from: u32,
+    /// How many bits it has.
+    bits: u32,
+}
+
+impl Packing {
+    /// Words with a number put in here.
+    #[inline(always)]
+    fn with<S: Simd>(self, words: i32x16<S>, number: i32x16<S>) -> i32x16<S> {
+        if self.bits == u32::BITS {
+            return number;
+        }
+        let is_last = self.from + self.bits == u32::BITS;
+        let part = if is_last {
+            number
+        } else {
+            number & ((1 << self.bits) - 1)
+        };
+        if self.from == 0 {
+            part
+        } else {
+            words | (part << self.from)
+        }
+    }
+}
+
+/// Numbers side by side, none of them across the border of a word.
+const fn side_by_side<const COUNT: usize>(bits: [u32; COUNT]) -> [Packing; COUNT] {
+    let mut found = [Packing {
+        word: 0,
+        from: 0,
+        bits: 0,
+    }; COUNT];
+    let (mut word, mut from, mut k) = (0, 0, 0);
+    while k < COUNT {
+        if from + bits[k] > u32::BITS {
+            (word, from) = (word + 1, 0);
+        }
+        found[k] = Packing {
+            word,
+            from,
+            bits: bits[k],
+        };
+        (from, k) = (from + bits[k], k + 1);
+    }
+    found
+}
+
+/// What follows from the list of states.
+macro_rules! layout {
+    ({} $($(#[$doc:meta])* $state:ident: $kind:ident,)*) => {
+        /// Recorded numbers of a vehicle in a frame.
+        pub const WORDS: usize = [$(stringify!($state)),*].len();
+
+        const PACKINGS: [Packing; WORDS] = side_by_side([$($kind::BITS),*]);
+
+        #[allow(non_camel_case_types)]
+        enum Number { $($state),* }
+
+        /// Put sixteen frames of word `k` of vehicle `i` to their place.
+        #[inline(always)]
+        pub fn put_tile(out: &mut Output<'_>, i: usize, k: usize, start: usize, row: &[i32; LANES]) {
+            let place = i * out.frames + start;
+            if k == 0 {
+                out.written[i] = out.written[i].max((start + TILE) as i32);
+            }
+            // Packings are constants here, so that the compiler knows each shift: a loop over them is slower.
+            $({
+                const AT: Packing = PACKINGS[Number::$state as usize];
+                if AT.word == k {
+                    put(out.$state, place, row.map(|word| (word >> AT.from) as $kind));
+                }
+            })*
+        }
+
+        /// Numbers that are as wide as a word stay, narrow ones share: fewer words wait, and are turned.
+        #[inline(always)]
+        pub fn packed<S: Simd>(simd: S, words: &[i32x16<S>; WORDS]) -> [i32x16<S>; PACKED] {
+            let mut packed = [i32x16::splat(simd, 0); PACKED];
+            $({
+                const AT: Packing = PACKINGS[Number::$state as usize];
+                packed[AT.word] = AT.with(packed[AT.word], words[Number::$state as usize]);
+            })*
+            packed
+        }
+
+        /// Begin to load the lines of the cache in which the states at a place lie.
+        #[inline(always)]
+        pub fn fetch(out: &Output<'_>, place: usize) {
+            $(prefetch(out.$state, place);)*
+        }
+
+        /// Zero the states at some places.
+        pub fn clear(out: &mut Output<'_>, places: core::ops::Range<usize>) {
+            $(out.$state[places.clone()].fill(0);)*
+        }
+    };
+}
+
+with_states! { layout! {} }
+
+/// Words of 32 bits that a frame of a vehicle takes.
+pub const PACKED: usize = PACKINGS[WORDS - 1].word + 1;
 
 /// Memory for the frames that wait to be moved; what is in it before it is written means nothing.
 pub struct Tile<const N: usize>(pub(crate) Vec<Row>);
@@ -24,37 +131,6 @@ impl<const N: usize> Default for Tile<N> {
     fn default() -> Self {
         Self(vec![Row([0; LANES]); PACKED * N * TILE])
     }
-}
-
-/// Numbers that are as wide as a word stay, narrow ones share: fewer words wait, and are turned.
-#[inline(always)]
-pub fn packed<S: Simd>(words: &[i32x16<S>; WORDS]) -> [i32x16<S>; PACKED] {
-    let [
-        x,
-        y,
-        s,
-        d,
-        speed,
-        heading,
-        wheel,
-        a_lon,
-        a_lat,
-        yaw,
-        lane,
-        lights,
-    ] = *words;
-    let both = |low: i32x16<S>, high: i32x16<S>| (low & 0xFFFF) | (high << 16);
-    let bytes = lane | (lights << 8);
-    [
-        x,
-        y,
-        s,
-        d,
-        speed,
-        both(heading, wheel),
-        both(a_lon, a_lat),
-        both(yaw, bytes),
-    ]
 }
 
 /// Sixteen frames of sixteen simulations, turned into sixteen simulations of sixteen frames.
@@ -76,20 +152,21 @@ pub fn transposed<S: Simd>(simd: S, rows: &[Row]) -> [Row; LANES] {
 
 /// Sixteen numbers to their place.
 #[inline(always)]
-pub fn put<T: Copy>(out: &mut [T], place: usize, row: [T; LANES]) {
+fn put<T: Copy>(out: &mut [T], place: usize, row: [T; LANES]) {
     if let Some(to) = out[place..].first_chunk_mut::<LANES>() {
         *to = row;
     }
 }
 
-/// The halves of sixteen words that begin at bit `from`.
+/// Begin to load the line of the cache that an element lies in, where the CPU has an instruction for it.
 #[inline(always)]
-pub fn halves(row: &[i32; LANES], from: u32) -> [i16; LANES] {
-    row.map(|word| (word >> from) as i16)
-}
-
-/// The bytes of sixteen words that begin at bit `from`.
-#[inline(always)]
-pub fn bytes(row: &[i32; LANES], from: u32) -> [u8; LANES] {
-    row.map(|word| (word >> from) as u8)
+fn prefetch<T>(slice: &[T], place: usize) {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(element) = slice.get(place) {
+        use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: a hint, which reads nothing and faults nowhere; every x86-64 has it.
+        unsafe { _mm_prefetch(core::ptr::from_ref(element).cast(), _MM_HINT_T0) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (slice, place);
 }

@@ -7,11 +7,10 @@ use std::error::Error;
 use std::fs::File;
 use std::io::{BufReader, Read};
 
-use fearless_simd::Level;
 use overtaking_core::{
-    Constants, Inputs, Later, Output, SIMULATION_NAMES, VEHICLE_NAMES, supported,
+    Constants, Inputs, Later, Output, SIMULATION_NAMES, VEHICLE_NAMES, supported, with_outputs,
 };
-use overtaking_portable::portable;
+use overtaking_portable::simulate_at;
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -45,44 +44,26 @@ fn table(file: &mut impl Read) -> Outcome<[[f32; 4]; 3]> {
     Ok([floats(file)?, floats(file)?, floats(file)?])
 }
 
-/// Simulate a batch into memory of its own; the output `$wanted`.
-macro_rules! simulated {
-    ($inputs:expr, $later:expr, $level:expr, $frames:expr, $wanted:ident of $($field:ident),* $(,)?) => {{
+/// Outputs in memory of their own, given to `$run`.
+macro_rules! allocated {
+    (
+        {
+            { $inputs:expr, $frames:expr, $run:expr }
+            { $($(#[$doc:meta])* $field:ident: $kind:ty, $size:expr;)* }
+        }
+        $($(#[$meaning:meta])* $state:ident: $number:ty,)*
+    ) => {{
         let sizes = Output::sizes($inputs.index.len(), $inputs.slots, $frames);
         let size = |name| sizes.iter().find(|known| known.0 == name).map_or(0, |known| known.1);
         $(let mut $field = vec![Default::default(); size(stringify!($field))];)*
-        let out = Output {
+        $(let mut $state = vec![Default::default(); size(stringify!($state))];)*
+        $run(Output {
             $($field: &mut $field,)*
+            $($state: &mut $state,)*
             frames: $frames,
             slots: $inputs.slots,
-        };
-        simulate_at(supported($level)?, &$inputs, $later, out)?;
-        $wanted
+        })
     }};
-}
-
-/// Simulate a batch with the crate of a SIMD level.
-fn simulate_at(
-    level: Level,
-    inputs: &Inputs<'_>,
-    later: Option<&Later<'_>>,
-    out: Output<'_>,
-) -> Result<(), String> {
-    match level {
-        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        Level::Avx512(simd) => overtaking_avx::avx512(simd, inputs, later, out),
-        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        Level::Avx2(simd) => overtaking_avx::avx2(simd, inputs, later, out),
-        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        _ => level.as_sse2().map_or_else(
-            || Err("no SSE2".into()),
-            |simd| portable(simd, inputs, later, out),
-        ),
-        #[cfg(target_arch = "aarch64")]
-        Level::Neon(simd) => portable(simd, inputs, later, out),
-        #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
-        _ => Err("no level of this processor".into()),
-    }
 }
 
 /// Read and simulate a batch; its trace hashes, four words each.
@@ -140,13 +121,16 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
         simulation,
         switch: switch as u32,
     });
-    Ok(simulated!(
-        inputs, later.as_ref(), level, frames,
-        trace_hash of num_frames, written, x, y, s, d, speed, heading, wheel_angle, accel_lon, accel_lat, yaw_rate,
-        lane, lights, stage, collided_with, contact_partner, contact_time, contact_impulse, contact_speed,
-        percept_valid, percept_kind, percept_time, percept_vehicle, percept_detected, percept_gap,
-        percept_closing_speed, percept_true_gap, percept_true_closing_speed, trace_hash,
-    ))
+    let run = |out: Output<'_>| -> Outcome<_> {
+        let mut hashes = vec![0; 4 * simulations];
+        let out = Output {
+            trace_hash: &mut hashes,
+            ..out
+        };
+        simulate_at(supported(level)?, &inputs, later.as_ref(), out)?;
+        Ok(hashes)
+    };
+    with_outputs! { allocated! { inputs, frames, run } }
 }
 
 fn main() -> Outcome<()> {

@@ -10,13 +10,12 @@ mod hash;
 mod labels;
 mod recorded;
 
-use fearless_simd::Level;
 use numpy::PyReadonlyArray1;
 use overtaking_core::{
     Constants, Inputs, Later, MAX_PERCEPTS, MAX_VEHICLES, Output, SIMULATION_NAMES, VEHICLE_NAMES,
-    supported,
+    supported, with_outputs,
 };
-use overtaking_portable::portable;
+use overtaking_portable::simulate_at;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -59,12 +58,20 @@ impl Numbers {
 }
 
 /// Borrow every output array, call `$body` with an `Output` over them.
-macro_rules! with_outputs {
-    ($arrays:expr, $batch:expr, $slots:expr, $frames:expr, $body:expr, $($field:ident: $kind:ty),* $(,)?) => {{
+macro_rules! filled {
+    (
+        {
+            { $arrays:expr, $batch:expr, $slots:expr, $frames:expr, $body:expr }
+            { $($(#[$doc:meta])* $field:ident: $kind:ty, $size:expr;)* }
+        }
+        $($(#[$meaning:meta])* $state:ident: $number:ty,)*
+    ) => {{
         let sizes: std::collections::HashMap<_, _> = Output::sizes($batch, $slots, $frames).into_iter().collect();
         $(let mut $field = output::<$kind>($arrays, stringify!($field), sizes[stringify!($field)])?;)*
+        $(let mut $state = output::<$number>($arrays, stringify!($state), sizes[stringify!($state)])?;)*
         let out = Output {
             $($field: $field.as_slice_mut()?,)*
+            $($state: $state.as_slice_mut()?,)*
             frames: $frames,
             slots: $slots,
         };
@@ -142,41 +149,8 @@ fn simulate(
     let run = |out: Output<'_>| {
         py.detach(|| simulate_at(supported(level)?, &inputs, later.as_ref(), out))
     };
-    let done = with_outputs!(
-        outputs, batch, slots, frames, run,
-        num_frames: i32, written: i32, x: i32, y: i32, s: i32, d: i32, speed: i32, heading: i16, wheel_angle: i16,
-        accel_lon: i16, accel_lat: i16, yaw_rate: i16, lane: u8, lights: u8, stage: u8, collided_with: u8,
-        contact_partner: u8, contact_time: i32, contact_impulse: i32, contact_speed: i32,
-        percept_valid: u8, percept_kind: u8, percept_time: i32, percept_vehicle: u8, percept_detected: u8,
-        percept_gap: i32, percept_closing_speed: i32, percept_true_gap: i32,
-        percept_true_closing_speed: i32, trace_hash: u32,
-    );
+    let done = with_outputs! { filled! { outputs, batch, slots, frames, run } };
     done.map_err(PyValueError::new_err)
-}
-
-/// Simulate a batch with the crate of a SIMD level.
-fn simulate_at(
-    level: Level,
-    inputs: &Inputs<'_>,
-    later: Option<&Later<'_>>,
-    out: Output<'_>,
-) -> Result<(), String> {
-    match level {
-        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        Level::Avx512(simd) => overtaking_avx::avx512(simd, inputs, later, out),
-        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        Level::Avx2(simd) => overtaking_avx::avx2(simd, inputs, later, out),
-        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        Level::Sse4_2(_) | Level::Sse2(_) => match level.as_sse2() {
-            Some(simd) => portable(simd, inputs, later, out),
-            None => unreachable!("a level above SSE2 has SSE2"),
-        },
-        #[cfg(target_arch = "aarch64")]
-        Level::Neon(simd) => portable(simd, inputs, later, out),
-        #[cfg(not(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64")))]
-        Level::Fallback(simd) => portable(simd, inputs, later, out),
-        _ => unreachable!("every level of this architecture is handled"),
-    }
 }
 
 /// Names of the vehicle parameters, in order.

@@ -39,7 +39,7 @@ def replay_in_carla(
     """Play recorded simulations in CARLA pose by pose, and film them from behind and from above.
 
     Args:
-        data: The data set, or its folder; what it did not keep is simulated again.
+        data: The data set, or its folder; omitted frames are simulated again.
         out: Folder for the films; made if missing. Each appears when it is complete.
         simulations: Their numbers.
         size: Width and height of the pictures, even numbers [pixels].
@@ -91,7 +91,7 @@ def serve_carla(
 
     Args:
         port: For calls; streams get the next one. 0 lets the system choose both.
-        host: Address to listen on; whoever can reach it can use the server.
+        host: Address to listen on; every program that can reach it can use the server.
         maps: Each a road of the package, or an OpenDRIVE file, which clients load by its name
             without the suffix. The first is there from the beginning.
         seed: Seed of gusts and puddles, 0 <= seed < 2**64.
@@ -115,4 +115,4 @@ def serve_carla(
 
 
 def _ignore(*_: object) -> None:
-    """Report to nobody."""
+    """Report nothing."""

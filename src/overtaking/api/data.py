@@ -48,7 +48,7 @@ _READER_OPTIONS: dict[str, Any] = {
     "only": Mapping[str, str],
     "smooth": bool,
 }
-"""Types of what the readers of recordings can be asked."""
+"""Types of the options of the readers of recordings."""
 
 
 @checked
@@ -87,8 +87,8 @@ def generate(
         road: A road in place of the profile's: a name, an OpenDRIVE file, or a `Road`.
         simulator: One of `SIMULATORS`.
         shard_size: Simulations a file; what suits the simulator if left out.
-        balance: Which classes get equal shares, and what is done if one is too rare; None for
-            natural shares.
+        balance: Which classes get equal shares, and the treatment of a class that is too rare;
+            None for natural shares.
         engine: Who makes it, one of `ENGINES`: the threads of this process, processes of this
             machine, or those of a Ray cluster; `auto` takes processes for a large data set in a
             folder. The files are the same.
@@ -151,7 +151,7 @@ def resume(
 
     Args:
         out: Folder of the data set, or its URL.
-        engine: As in `generate`, whoever began it.
+        engine: As in `generate`; it may differ from that of the earlier calls.
         address: As in `generate`.
         workers: As in `generate`.
         progress: Called with the number of simulations that are done, and of all.
@@ -371,7 +371,7 @@ def _chosen(
 
 
 def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
-    """Refuse a format that there is not, and what a format has no use for."""
+    """Refuse an unknown format, and an option that the format does not have."""
     if file_format not in EXPORTS:
         raise ConfigError.not_among("format", "export", EXPORTS, file_format)
     known = _EXPORT_OPTIONS.get(file_format, ())
@@ -455,7 +455,7 @@ def import_recording(
             `smooth=True` smooths tracks as Thiemann et al. (2008) do those of NGSIM.
 
     Returns:
-        The complete, labelled data set; its manifest says what was found and what was measured.
+        The complete, labelled data set; its manifest counts what was found and measured.
 
     Raises:
         ConfigError: There is no such format, an option is not for it, or the folder is taken.

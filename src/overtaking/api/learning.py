@@ -26,7 +26,7 @@ def learn_rules(
     max_conditions: int = 3,
     progress: Progress | None = None,
 ) -> "RulesFound":
-    """Learn a few short rules from what is known when an overtake begins.
+    """Learn a few short rules from the state when an overtake begins.
 
     Args:
         data: The data set, or its folder.
@@ -77,7 +77,7 @@ def learn_factors(
     show_leakage: bool = False,
     progress: Progress | None = None,
 ) -> "FactorsFound":
-    """Find out which factors decide, from what is known when an overtake begins.
+    """Rank the factors that decide, from the state when an overtake begins.
 
     Args:
         data: The data set, or its folder.

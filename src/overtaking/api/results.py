@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from overtaking.show.report.reproduction import Written
     from overtaking.show.report.write import Report
     from overtaking.show.video.produce import Video
-    from overtaking.show.view.write import View
+    from overtaking.show.view.write import ViewPage
 
 
 @checked
@@ -150,13 +150,13 @@ def write_view(
     policy: str = "paper",
     progress: Progress | None = None,
     say: Callable[[int], None] | None = None,
-) -> "View":
+) -> "ViewPage":
     """Write simulations as one page to look at in a browser, from disk and without a network.
 
     Args:
         source: A data set or its folder, trajectories of any origin, or what `label` returned. What
             a data set did not keep is simulated again; trajectories are labelled first.
-        out: The file; one that is there is replaced, whole or not at all.
+        out: The file; an existing one is replaced as a whole.
         simulations: Their numbers (for trajectories, their places in the batch from 0 on), `all`,
             or `one-per-class`: the first of each class.
         policy: Which rules decide about the class when the page opens: `paper`, `default` or

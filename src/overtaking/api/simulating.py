@@ -217,7 +217,7 @@ def compare(
 
 
 def _check_runnable(scenario: Scenario, where: str) -> None:
-    """Refuse what recordings may have and simulators cannot run, and what memory cannot hold."""
+    """Refuse scenarios of recordings that simulators cannot run, and batches larger than memory."""
     interval, slots = scenario.frame_interval_ms, scenario.num_slots
     for what, is_wrong, expected, got in (
         ("frame_interval_ms", interval % STEP_MS != 0, f"a multiple of {STEP_MS}", interval),

@@ -1,4 +1,4 @@
-"""The command line: parse, call one public function, show what it gives back."""
+"""The command line: parse, call one public function, show its result."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     Returns:
         The exit status: 0 done, 1 done with findings, 2 wrong usage or input, 70 a fault of this
-        program, 130 interrupted, 141 nobody reads the output.
+        program, 130 interrupted, 141 the reader of the output has closed it.
     """
     from overtaking.cli.app import build
     from overtaking.cli.failures import tell

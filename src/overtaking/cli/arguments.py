@@ -131,7 +131,7 @@ def road(map_file: str | None, name: str | None) -> Road | None:
 
 
 def numbers(text: str | None, where: str) -> list[int] | None:
-    """Numbers and ranges with commas between them, None where nothing is said.
+    """Numbers and ranges with commas between them; None without an argument.
 
     Args:
         text: Such as `1,7,20-29`.

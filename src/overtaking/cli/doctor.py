@@ -89,7 +89,7 @@ def _disk(folder: Path) -> Values:
 
 
 def _extras() -> dict[str, Values]:
-    """Every extra with its packages, and the command that installs what is missing."""
+    """Every extra with its packages, and the command that installs the missing ones."""
     found: dict[str, Values] = {}
     for extra, requirements in extras().items():
         names = [re.split(r"[^\w.-]", one, maxsplit=1)[0] for one in requirements]

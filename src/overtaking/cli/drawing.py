@@ -154,7 +154,7 @@ class Strip:
 
 
 def nice_reach(distances: NDArray[np.floating]) -> float:
-    """A round distance that shows most of what is around the ego.
+    """A round distance that shows most of the vehicles around the ego.
 
     Args:
         distances: From the ego to each other vehicle, (vehicle, instant) [m].

@@ -17,7 +17,7 @@ NO_READER = 141  # 128 + SIGPIPE.
 
 
 def tell(error: BaseException) -> int:
-    """Print the error on stderr, unless nobody can read it.
+    """Print the error on stderr, unless stderr is closed.
 
     Returns:
         The exit status that belongs to it.

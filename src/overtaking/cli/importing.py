@@ -134,12 +134,12 @@ def import_recording(
     output.wrote(values, lambda _: render(values))
 
 
-# On the command line it is called what Python does not let a function be called.
+# `import` is a keyword, so the function has another name than the command.
 import_recording.__name__ = "import"
 
 
 def of_import(data: "Dataset") -> dict[str, Any]:
-    """What was found in a recording, and where it is now."""
+    """Counts of an imported recording, and the folder of the data set."""
     from overtaking import api
 
     identity = data.manifest.identity
@@ -160,7 +160,7 @@ def of_import(data: "Dataset") -> dict[str, Any]:
 
 
 def render(values: dict[str, Any]) -> "RenderableType":
-    """What was found, as a page."""
+    """The counts, as tables."""
     rows = [("recording", f"{values['recording']} ({values['format']})")]
     for name, value in (values["counts"] | values["notes"]).items():
         if name in _WORDS and value is not None:

@@ -55,7 +55,7 @@ def rules(
     max_rules: MaxRules = 12,
     max_conditions: MaxConditions = 3,
 ) -> None:
-    """Learn a few short rules from what is known at the start.
+    """Learn a few short rules from the state at the start.
 
     Each attribute is known when the overtake starts, or could have started.
     """

@@ -70,7 +70,7 @@ def datasets(
 
 
 def factors(output: Output) -> None:
-    """List what makes driving easy or hard, with our columns."""
+    """List factors of the difficulty of driving, with our columns."""
     from overtaking import api
 
     found = api.literature("factors")

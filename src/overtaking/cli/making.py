@@ -1,4 +1,4 @@
-"""Making a data set, whoever simulates."""
+"""Makes a data set with any simulator."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def recipe(made: Making, profile: str | None, map_file: str | None = None) -> di
     """The arguments of `api.generate` that the user gave.
 
     Args:
-        made: The options of what is simulated.
+        made: The options of the simulations.
         profile: The profile.
         map_file: The file of the road.
     """

@@ -32,7 +32,7 @@ class Output:
 
     Args:
         command: Name of the command.
-        quiet: Whether nothing is said but the result and errors.
+        quiet: Whether only the result and errors are printed.
         json: Whether the result is printed as JSON.
         log: File to append the log to.
     """

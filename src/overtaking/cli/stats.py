@@ -75,7 +75,7 @@ def report(
 
 
 def values_of(made: "Report") -> dict[str, Any]:
-    """What was written."""
+    """The written files."""
     return {
         "page": str(made.path),
         "simulations": len(made.statistics.sample),

@@ -113,6 +113,6 @@ def of_table(path: Path, rows: int) -> Values:
 
 
 def render_table(values: Values) -> Text:
-    """One line about what was exported."""
+    """One line about the export."""
     size = values["size_bytes"] / _BYTES_PER_MB
     return Text(f"{values['rows']:,} rows in {values['file']}: {size:.1f} MB")

@@ -54,7 +54,7 @@ def drawn_rows(
 
 
 def facts(rows: Iterable[tuple[str, object]]) -> Table:
-    """Names in bold, and what is said of each."""
+    """Names in bold, each with its values."""
     from rich.table import Table
     from rich.text import Text
 

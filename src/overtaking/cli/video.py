@@ -46,14 +46,14 @@ def video(
 
 
 def choice(shown: options.Shown, where: str) -> list[int] | str:
-    """What was asked for, as `api.film` takes it.
+    """The chosen simulations, as `api.film` takes them.
 
     Args:
         shown: The options.
         where: The command.
 
     Raises:
-        ConfigError: More than one of these, or what is no number.
+        ConfigError: More than one of these, or an invalid number.
     """
     if (shown.simulations is not None) + shown.one_per_class + shown.every > 1:
         raise ConfigError.of(

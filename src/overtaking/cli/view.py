@@ -9,7 +9,7 @@ from overtaking.cli.video import choice
 from overtaking.core.words import counted
 
 if TYPE_CHECKING:
-    from overtaking.show.view.write import View
+    from overtaking.show.view.write import ViewPage
 
 Page = Annotated[Path, options.option("--export FILE", f"{options.OUT} One HTML file.")]
 _BYTES_PER_KB, _KB_PER_MB = 1e3, 1e3
@@ -39,8 +39,8 @@ def view(
     output.wrote(values_of(page), lambda _: _line(page))
 
 
-def values_of(page: "View") -> dict[str, Any]:
-    """What was written, for machines."""
+def values_of(page: "ViewPage") -> dict[str, Any]:
+    """The written file, for machines."""
     return {
         "file": str(page.path),
         "simulations": list(page.simulations),
@@ -48,8 +48,8 @@ def values_of(page: "View") -> dict[str, Any]:
     }
 
 
-def _line(page: "View") -> str:
-    """What was written, for people."""
+def _line(page: "ViewPage") -> str:
+    """The written file, for people."""
     what = counted(len(page.simulations), "simulation")
     return f"{page.path}  {what}, {_amount(page.size_bytes)}"
 

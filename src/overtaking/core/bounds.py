@@ -39,7 +39,7 @@ def room_after(room: int | None, rows: object, where: str, memory_mib: int) -> i
     """Memory left for an answer after further rows [bytes].
 
     Args:
-        room: What was left before; None at the beginning.
+        room: The remaining room; None at the beginning.
         rows: The rows.
         where: The command that asks.
         memory_mib: Most memory of the question [MiB].

@@ -9,12 +9,12 @@ BYTES_PER_MIB = 1024 * 1024
 
 
 def confine(memory_mib: int, *, open_files: int | None = None) -> None:
-    """Let this process write no file and take no more memory than that beside what is in use.
+    """Forbid this process to write files, and bound its memory.
 
     Linux knows all of these bounds. macOS does not bound memory, Windows knows none.
 
     Args:
-        memory_mib: Memory beside what is in use [MiB].
+        memory_mib: Memory beyond what it uses now [MiB].
         open_files: Number of files that may be open, None for no bound.
     """
     try:

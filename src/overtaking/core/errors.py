@@ -1,6 +1,6 @@
 """Every error of the package, in one tree, with one shape of message.
 
-Each class is also a built-in kind, so that a caller who knows nothing of this package can still
+Each class is also a built-in kind, so that a caller without knowledge of this package can still
 catch a `ValueError` or an `ImportError`.
 """
 
@@ -32,13 +32,13 @@ class OvertakingError(Exception):
     def of(
         cls, *, what: object, where: object, expected: object, got: object, next_step: object
     ) -> Self:
-        """An error whose message tells a reader everything needed to go on.
+        """An error whose message has everything that a reader needs to go on.
 
         Args:
             what: The thing that is wrong, such as a column, a key or an option.
             where: The file, section or call in which it was found.
             expected: What would have been right.
-            got: What was there instead.
+            got: The value found.
             next_step: What the reader can do now, as an imperative.
 
         Returns:
@@ -99,7 +99,7 @@ class SchemaError(OvertakingError, ValueError):
             what: The version of what.
             where: The file.
             known: The newest that is known.
-            got: What was there instead.
+            got: The value found.
         """
         step = "use the version of overtaking that wrote it, or a newer one"
         return cls.of(what=what, where=where, expected=f"at most {known}", got=got, next_step=step)
@@ -130,7 +130,7 @@ class MissingExtraError(OvertakingError, ImportError):
             extra: Its name.
             what: The package, and what it does.
             where: What needs it.
-            got: What was there instead.
+            got: The value found.
             otherwise: What else the reader can do, as an imperative.
         """
         from overtaking.core.extras import install_command

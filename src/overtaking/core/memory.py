@@ -1,4 +1,4 @@
-"""Large arrays whose memory is used again as soon as nobody looks at them.
+"""Large arrays whose memory is reused when no reference to them is left.
 
 A batch of simulations fills some eighty megabytes, or twice that. Memory that is fresh from the
 operating system costs a fault and a clearing for each page, which took a seventh of the engine's
@@ -24,7 +24,7 @@ LARGE_BYTES = 1 << 20
 """Arrays below this are NumPy's own."""
 
 KEPT_BYTES = 256 << 20
-"""At most so much is kept while nobody uses it: a large batch, and what is worked out from it."""
+"""Most unused memory that is kept: that of a large batch and of its results."""
 
 _PAGE_BYTES = 2 << 20  # What Linux calls a huge page, on x86 and on ARM.
 
@@ -38,12 +38,12 @@ _Use = tuple[Hashable, int]
 """The use that memory is reserved for (None for any), and its size."""
 
 _free: dict[_Use, list[mmap.mmap]] = {}
-"""Memory that nobody uses. Only `append` and `pop` touch the lists, so that neither threads nor a
+"""Unused memory. Only `append` and `pop` touch the lists, so that neither threads nor a
 finaliser in the midst of either need a lock."""
 
 
 def empty(size: int, dtype: Any) -> NDArray[Any]:
-    """An array whose content means nothing, as `numpy.empty` gives it.
+    """An array with arbitrary content, as from `numpy.empty`.
 
     Its memory returns when the array and all views of it are gone, and not before.
 
@@ -61,10 +61,10 @@ def empty(size: int, dtype: Any) -> NDArray[Any]:
 def as_left(use: Hashable, size: int) -> NDArray[np.uint8]:
     """Bytes that are zero, or what the last array for the same use and size left in them.
 
-    Who notes in them how far they were filled need not clear the rest.
+    A caller that keeps in them how far they were filled need not clear the rest.
 
     Args:
-        use: What tells apart who may find whose bytes.
+        use: Name of a purpose; memory is reused only for the same purpose.
         size: Their number.
     """
     return np.zeros(size, np.uint8) if size < LARGE_BYTES else _large(size, use)
@@ -95,7 +95,7 @@ def require(size: int, where: str, next_step: str) -> None:
 
 
 def _large(length: int, use: Hashable) -> NDArray[np.uint8]:
-    """Memory from a huge page on, which returns when nobody looks at it any more."""
+    """Memory of a huge page or more, which is given back with the last reference to it."""
     room = -(-length // _PAGE_BYTES) * _PAGE_BYTES
     memory = _taken((use, room))
     whole = np.frombuffer(memory, np.uint8)
@@ -126,7 +126,7 @@ def _give_back(memory: mmap.mmap, use: _Use) -> None:
 class Buffers:
     """Output arrays that are used again as long as they are large enough.
 
-    Without one, memory is used again too, but only when nobody looks at the last batch any more.
+    Without one, memory is reused too, but only when no reference to the last batch is left.
     """
 
     def __init__(self) -> None:
@@ -135,7 +135,7 @@ class Buffers:
         self._layouts: dict[str, Layout] = {}
 
     def array(self, name: str, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-        """An array of this shape whose content means nothing; valid until asked for again."""
+        """An array of this shape with arbitrary content; valid until the next call for it."""
         size = int(np.prod(shape, dtype=np.int64))
         memory = self._memory.get(name)
         if memory is None or memory.size < size:
@@ -143,7 +143,7 @@ class Buffers:
         return memory[:size].reshape(shape)
 
     def together(self, name: str, layout: Layout) -> dict[str, NDArray[Any]]:
-        """Arrays that are zero, or what was left in arrays of the same layout; valid as above.
+        """Arrays of zeros, or with the values of an earlier array of this layout; valid as above.
 
         Args:
             name: Of all of them together.

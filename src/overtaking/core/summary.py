@@ -25,7 +25,9 @@ class Summarized:
         """Names and values to show: fields with one value, and how many the others have."""
         found: dict[str, object] = {}
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
-            with contextlib.suppress(AttributeError):  # What is not worked out yet stays so.
+            with contextlib.suppress(
+                AttributeError
+            ):  # A field that is not computed yet is left out.
                 value = object.__getattribute__(self, field.name)
                 if isinstance(value, np.ndarray):  # All of them lead with this axis.
                     found.setdefault("simulations", len(value))

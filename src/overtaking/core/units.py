@@ -41,6 +41,16 @@ SUFFIXES = {
 }
 """The ending of a name for each unit, wherever numbers leave memory: columns, keys of files."""
 
+STEPS = {
+    "mm": ("m", 1000),
+    "ms": ("s", 1000),
+    "mm/s": ("m/s", 1000),
+    "mm/s^2": ("m/s^2", 1000),
+    "0.1 mrad": ("rad", 10_000),
+    "0.1 mrad/s": ("rad/s", 10_000),
+}
+"""The SI unit and the number of steps in it, for each unit of recorded integers."""
+
 _KMH_PER_MPS = 3.6
 _RAD_PER_DEG = math.pi / 180.0
 _DEG_PER_RAD = 180.0 / math.pi

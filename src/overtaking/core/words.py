@@ -2,7 +2,7 @@
 
 
 def counted(number: int, noun: str) -> str:
-    """A number with what it counts.
+    """A number with its noun.
 
     Args:
         number: How many.

@@ -182,7 +182,7 @@ class Worker:
             self.inbox.put(self, None)
 
     def _read_printed(self) -> None:
-        """Keep the end of what the process prints."""
+        """Keep the last lines that the process prints."""
         while some := os.read(_open(self._process.stderr).fileno(), _PRINTED_BYTES):
             self._printed = (self._printed + some)[-_PRINTED_BYTES:]
 

@@ -27,7 +27,7 @@ def in_order(work: Callable[[A], B], items: Iterable[A], threads: int) -> Genera
     and no more results wait than there are threads, so memory stays flat.
 
     Args:
-        work: What to do; it must not depend on what was done before.
+        work: The work of one piece; it must not depend on earlier pieces.
         items: With what.
         threads: How many at a time; 1 works without a thread of its own.
     """

@@ -46,7 +46,7 @@ class Balance:
     after the other. A candidate is kept while its cell has room.
 
     Attributes:
-        by: What the cells are told apart by, one of `BY`.
+        by: What defines the cells, one of `BY`.
         policy: Which rules decide about the class: `paper`, `default` or `strict`.
         candidates: How many candidates to look at before giving up; None for 200 for each
             simulation that is wanted, at least 10,000.

@@ -161,7 +161,7 @@ class Scan:
     """Looks for the candidates to keep.
 
     Args:
-        recipe: What to make.
+        recipe: The data set to make.
         identity: Its identity, with a balance.
         simulator: What simulates.
         place: Where the data set lies.
@@ -253,7 +253,7 @@ class Scan:
 
 
 def _silent(_done: int, _total: int) -> None:
-    """Report to nobody."""
+    """Report nothing."""
 
 
 _Count = Annotated[int, Field(ge=0, le=MAX_CANDIDATES)]

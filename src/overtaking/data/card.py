@@ -13,15 +13,16 @@ from typing import Any
 
 import pyarrow as pa
 
+from overtaking.core.units import STEPS
 from overtaking.data.manifest import Identity, Manifest
 from overtaking.data.recipe import Keep
-from overtaking.data.tables.columns import STEPS, flags_of, names_of, unit_of
+from overtaking.data.tables.columns import flags_of, names_of, unit_of
 from overtaking.data.tables.schemas import KEYS, SCHEMAS, schema_of
 
 README_NAME = "README.md"
 
 _DEFAULT = "features"
-"""The table that the Hub shows to a reader who names none."""
+"""The table that the Hub shows first."""
 
 
 @cache

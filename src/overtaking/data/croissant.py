@@ -41,7 +41,7 @@ def croissant(card: Card) -> str:
             f"{_joined(answers, ('instances', 'purpose'))} README.md has the data sheet, "
             f"dataset.json the recipe. Content hash {manifest.content_hash}."
         ),
-        # The part after the plus sign tells apart what was made with other seeds or labels.
+        # The part after the plus sign distinguishes data sets of other seeds or labels.
         "version": f"{card.identity.table_version}.0.0+{str(manifest.content_hash)[:12]}",
         "keywords": card.keywords,
         "isLiveDataset": False,

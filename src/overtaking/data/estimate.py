@@ -15,7 +15,7 @@ from overtaking.data.recipe import Recipe, Simulator
 from overtaking.data.work import Job, Task, make_shard
 
 SAMPLE = 64
-"""Simulations that are made to learn what one takes, or fewer where each takes long."""
+"""Simulations for the estimate, or fewer if each takes long."""
 
 LEAST_SAMPLES = 64
 """Work of fewer such samples is just begun: the estimate would be a good part of it."""
@@ -76,13 +76,13 @@ def refuse_too_large(recipe: Recipe, place: Place, simulator: Simulator, allowed
     """Refuse a data set that does not fit on the disk, or that is large without permission.
 
     Args:
-        recipe: What to make.
+        recipe: The data set to make.
         place: Where.
         simulator: What simulates.
         allowed: Whether a large one may be made; asked about every one that is estimated.
 
     Raises:
-        ConfigError: It is large, and nobody said so.
+        ConfigError: It is large, and the caller has not confirmed it.
         DatasetError: It does not fit on the disk.
     """
     count = min(SAMPLE, simulator.chunk_size)
@@ -114,7 +114,7 @@ def estimate(recipe: Recipe, place: Place, simulator: Simulator, count: int = SA
     """Estimate size and time of a data set from its first simulations.
 
     Args:
-        recipe: What to make.
+        recipe: The data set to make.
         place: Where; nothing is written there.
         simulator: What simulates.
         count: How many simulations are made to learn it, 2 or more.

@@ -1,4 +1,4 @@
-"""Chooses what makes the shards of a data set: threads, processes or a Ray cluster."""
+"""Chooses the executor of a data set: threads, processes or a Ray cluster."""
 
 import sys
 
@@ -30,7 +30,7 @@ def executor_of(
 
     Args:
         engine: One of `ENGINES`.
-        recipe: What is to be made.
+        recipe: The data set to make.
         simulator: What simulates.
         place: Where it is to lie.
         address: Of a Ray cluster.

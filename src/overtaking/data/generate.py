@@ -42,10 +42,10 @@ def generate(
     """Make a data set.
 
     Args:
-        recipe: What to make.
+        recipe: The data set to make.
         place: Where; made if missing.
         simulator: What simulates.
-        executor: What makes the shards.
+        executor: Makes the shards.
         resume: Whether to complete what an earlier call has begun in this place.
         allow_large: Whether to make a large one; or a function that decides, given the estimate of
             one that takes a while. What is resumed was allowed before.
@@ -100,15 +100,15 @@ class _Run:
     def run(
         self, executor: Executor, progress: Progress | None, on_candidates: Progress | None
     ) -> None:
-        """Write what is missing, and the manifest."""
+        """Write the missing shards, and the manifest."""
         begun = _begun(self._place, self._identity, resume=self._job.is_resumed)
         self._place.sweep()
         try:
             current = begun or self._first_manifest()
             if self._scan and not current.complete:
-                # What was begun may now look at more candidates.
+                # A resumed data set may now try more candidates.
                 manifest.write_manifest(self._place, current)
-            # The manifest comes first: folders of tables without one belong to nobody.
+            # The manifest comes first: tables without a manifest are not resumed.
             self._place.prepare(self._job.recipe.keep.tables)
             if self._scan:
                 self._chosen = self._scan.run(on_candidates)
@@ -210,7 +210,7 @@ def _refuse_strangers(place: Place) -> None:
 
 
 def _begun(place: Place, identity: Identity, *, resume: bool) -> Manifest | None:
-    """The manifest of what an earlier call has begun here, if this call may go on with it."""
+    """The manifest of an earlier call in this place, if this call may continue it."""
     if not place.has(manifest.FILE_NAME):
         return None
     begun = manifest.read_manifest(place)

@@ -1,4 +1,4 @@
-"""Makes a data set of what others have recorded: the whole folder at once, or nothing.
+"""Makes a data set from recordings: the folder appears whole, or not at all.
 
 A recording is read before anything is written, so there is nothing to resume: the folder grows
 beside its place and takes its name when it is complete.

@@ -1,4 +1,4 @@
-"""Reads data sets as pandas tables in SI units; simulates again what was not kept."""
+"""Reads data sets as pandas tables in SI units; simulates omitted frames again."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def load(where: str | Path | Place, simulator: Simulator) -> Dataset:
 
     Args:
         where: Its folder, or its URL in a store.
-        simulator: Simulates again what was not kept.
+        simulator: Simulates omitted frames again.
 
     Raises:
         DatasetError: There is none, or it is not complete.
@@ -79,7 +79,7 @@ class Dataset(Summarized):
 
     @checked
     def __getitem__(self, simulation: int) -> Trajectories:
-        """One recorded simulation, as a batch of one; what was not kept is simulated again.
+        """One recorded simulation, as a batch of one; omitted frames are simulated again.
 
         `batches` is the quick way through all of them.
 
@@ -170,7 +170,7 @@ class Dataset(Summarized):
         return _decoded(self.table("findings"))
 
     def decisions(self) -> pd.DataFrame:
-        """One row per simulation: what there was to know when the overtake began, or might have.
+        """One row per simulation: the state when the overtake began, or might have begun.
 
         Raises:
             DatasetError: It was made before there was such a table.
@@ -195,7 +195,7 @@ class Dataset(Summarized):
             policy: Which rules decide about the class: `paper`, `default` or `strict`.
             reading: How features are measured, `paper` or `matched`; `paper` for the policy of that
                 name, else `matched`, if left out.
-            encoded: Whether names become the paper's numbers and what is missing becomes 0.
+            encoded: Whether names become the paper's numbers and missing values 0.
 
         Returns:
             Columns with the paper's names and units (km/h, m, s, %), and `weight`.
@@ -264,7 +264,7 @@ class Dataset(Summarized):
             chosen: Their numbers in order, each once, shape (chosen,); all by default.
 
         Yields:
-            The numbers of some simulations, shape (simulation,), and what was recorded of them.
+            The numbers of some simulations, shape (simulation,), and their recordings.
 
         Raises:
             DatasetError: A file is damaged, or the simulator has changed.
@@ -324,7 +324,7 @@ class Dataset(Summarized):
 
         Args:
             name: Name of a table that was kept.
-            is_checked: Whether their bytes are compared with what was written.
+            is_checked: Whether the checksums of the files are tested.
 
         Raises:
             DatasetError: A file is damaged.
@@ -332,7 +332,7 @@ class Dataset(Summarized):
         return self._files.of(name, is_checked=is_checked)
 
     def verify(self) -> None:
-        """Read every file and compare it with what was written.
+        """Read every file and test its checksum.
 
         Raises:
             DatasetError: One of them is missing or damaged.

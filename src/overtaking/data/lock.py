@@ -11,7 +11,7 @@ from overtaking.core.errors import LockedError
 FILE_NAME = ".lock"
 
 _FAR = 1 << 20
-"""Windows locks bytes, and nobody else can then read them: one behind the text."""
+"""Windows forbids all others to read locked bytes, so the locked byte lies behind the text."""
 
 
 @contextmanager

@@ -83,8 +83,8 @@ class Source(_Record):
         format: Format of the recording.
         files: SHA-256 of each file that was read, by its name.
         recording: What the recording calls itself.
-        options: What was asked for.
-        counts: What was found in it, and what became of it.
+        options: The options of the call.
+        counts: Counts of its vehicles, overtakes and simulations.
         notes: What the reader decided, left out or measured.
     """
 
@@ -139,7 +139,7 @@ class Identity(_Record):
         seed: Seed of the random numbers; null for recordings.
         simulations: Number of simulations that were asked for.
         shard_size: Simulations a shard.
-        keep: What was written down of each simulation.
+        keep: Tables that were kept.
         table_version: Version of the tables' schemas.
         simulator: Name of the simulator.
         simulator_version: Version of the model that it computes.
@@ -165,7 +165,7 @@ class Identity(_Record):
 
     @classmethod
     def of(cls, recipe: Recipe, simulator: Simulator) -> "Identity":
-        """The identity of what a recipe and a simulator will give."""
+        """The identity of the data set that a recipe and a simulator give."""
         return cls(
             profile=recipe.spec.name,
             spec=recipe.spec.resolved(),
@@ -183,7 +183,7 @@ class Identity(_Record):
         )
 
     def differences(self, other: "Identity") -> list[str]:
-        """The names of what is not the same, the telling ones first."""
+        """The names of the fields that differ, the most informative first."""
         names = [name for name in type(self).model_fields if name not in ("spec", "spec_hash")]
         different = [name for name in names if getattr(self, name) != getattr(other, name)]
         return [*different, *(["spec"] if self.spec_hash != other.spec_hash else [])]
@@ -262,7 +262,7 @@ class Manifest(_Record):
     """The whole file.
 
     Attributes:
-        format: Says what kind of file it is.
+        format: Kind of file.
         version: Version of the manifest's form.
         complete: Whether every shard is there.
         content_hash: Hash over the values of all tables; null until complete.
@@ -372,7 +372,7 @@ class _Head(BaseModel):
 
 
 def _check_version(path: str, head: _Head) -> None:
-    """Refuse what is no manifest, or one of a version that is not known yet."""
+    """Refuse a file that is no manifest, or a manifest of a newer version."""
     version = head.version
     if head.format != FORMAT or not isinstance(version, int) or isinstance(version, bool):
         raise _unreadable(path, "another kind of file", "check the path of the data set")

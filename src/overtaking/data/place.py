@@ -1,7 +1,7 @@
 """The place of a data set: a folder, or a store that a URL names.
 
 Files have names, such as `labels/part-00000.parquet`. What is put into a place appears whole or
-not at all; what is not finished grows in a staging folder on a disk of this machine.
+not at all; unfinished files lie in a staging folder on a disk of this machine.
 """
 
 import os
@@ -20,7 +20,7 @@ from overtaking.data import lock
 from overtaking.data.store import Store
 
 PARTIAL = ".partial"
-"""Folder in a data set for files that are not finished; what is left there has no meaning."""
+"""Folder in a data set for unfinished files; files that remain there are ignored."""
 
 
 class Folder:
@@ -120,7 +120,7 @@ class Folder:
         (self.path / name).unlink(missing_ok=True)
 
     def sweep(self) -> None:
-        """Remove what is not finished; nobody can use it."""
+        """Remove unfinished files."""
         shutil.rmtree(self.path / PARTIAL, ignore_errors=True)
 
     @contextmanager
@@ -187,7 +187,7 @@ def folder_of(where: str | Path, purpose: str) -> Path:
     """A folder or file on this machine, where nothing else will do.
 
     Args:
-        where: What was asked for.
+        where: The path or URL as it was given.
         purpose: What it is needed for, as in *a folder to ...*.
 
     Raises:

@@ -85,7 +85,7 @@ def batch_size(spec: Mapping[str, Any], simulator_size: int, *, keeps_frames: bo
     Args:
         spec: The specification.
         simulator_size: Most that it wants, `CHUNK_SIZE` if it does not mind.
-        keeps_frames: Whether what it records is written down.
+        keeps_frames: Whether frames are written.
     """
     if keeps_frames or simulator_size < CHUNK_SIZE:
         return min(chunk_size(spec), simulator_size)

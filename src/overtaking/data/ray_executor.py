@@ -36,7 +36,7 @@ _STARTS = 3
 _LOGGING = {"log_to_driver": False, "logging_level": "ERROR"}
 
 REACH_TIME = 10.0
-"""Somebody must listen at the address of a cluster within this time [s]."""
+"""A cluster must accept a connection within this time [s]."""
 
 _TRIES = "RAY_gcs_server_port_wait_time_s"
 """Environment variable with Ray's attempts to reach a cluster; Ray reads it when it connects."""
@@ -58,7 +58,7 @@ class RayExecutor:
 
     Attributes:
         address: Of a cluster that runs, as `ray.init` understands it; None for one that lives on
-            this machine as long as the work does and that nobody else can reach.
+            this machine as long as the work does, and that only this machine can reach.
         workers: How many processes work at a time on this machine; None for one on each core.
     """
 
@@ -78,14 +78,14 @@ class RayExecutor:
         )
 
     def refuse_unreachable(self) -> None:
-        """Refuse an address at which nobody listens; Ray itself would retry for 15 minutes.
+        """Refuse an address without a listener; Ray itself would retry for 15 minutes.
 
         Raises:
-            ConfigError: Nobody listens there.
+            ConfigError: No program listens there.
         """
         host, _, port = (self.address or "").rpartition("://")[2].rpartition(":")
         if not (host and port.isdecimal()):
-            return  # `auto`, or nothing that `ray.init` understands.
+            return  # `auto`, or an address that `ray.init` itself refuses.
         try:
             socket.create_connection((host.strip("[]"), int(port)), REACH_TIME).close()
         except (OSError, OverflowError) as error:

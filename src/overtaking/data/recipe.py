@@ -35,7 +35,7 @@ class Simulator:
         name: Name of the simulator.
         version: Changes whenever a simulated number changes.
         simulate: Scenarios in, recorded simulations out, in the same order.
-        details: What may differ between machines and changes no number, such as the SIMD level.
+        details: Facts of the machine that change no number, such as the SIMD level.
         unknown: What it cannot tell of a simulation, names of `model.trajectory.UNKNOWNS`.
         chunk_size: Simulations that it is given at a time; few where each of them takes long.
         shard_size: Simulations a file, and at most that many to do again after an interruption.

@@ -33,7 +33,7 @@ def relabel(
 
     Args:
         path: Its folder.
-        simulator: Simulates again what was not kept.
+        simulator: Simulates omitted frames again.
         progress: Called with the number of simulations that are done, and of all.
         errors: Of the measurement of positions and speeds.
 

@@ -1,8 +1,8 @@
 """The files of a shard: written all or not at all, and compared with what was written when read.
 
 Files grow in a staging folder and are put into place when they are complete and on the disk. That
-of the `simulations` comes last and is the commit mark: it carries what is known of the others, and
-without it the shard does not exist.
+of the `simulations` comes last and is the commit mark: it carries rows and checksums of the others,
+and without it the shard does not exist.
 """
 
 import dataclasses
@@ -118,7 +118,7 @@ def finished_shard(
 ) -> ShardRecord | None:
     """The record of a shard that is there and intact; None if it has to be written.
 
-    Every file is read, so that what was damaged since it was written is written again.
+    Every file is read, so that files damaged since are written again.
 
     Args:
         place: Where the data set lies.
@@ -157,7 +157,7 @@ def is_intact(opened: Callable[[], BufferedIOBase], facts: FileFacts) -> bool:
 
 
 def _marked(writers: Writers, fingerprint: str) -> dict[str, FileFacts]:
-    """Complete the files, with what is known of all the others in the commit mark."""
+    """Complete the files; the commit mark carries rows and checksums of all others."""
     facts = _finished({name: writer for name, writer in writers.items() if name != MARK})
     known = json.dumps({name: dataclasses.asdict(one) for name, one in facts.items()})
     seal = _seal(fingerprint, known, writers[MARK].content)
@@ -171,7 +171,7 @@ def _finished(writers: Writers) -> dict[str, FileFacts]:
     try:
         return {name: future.result() for name, future in underway.items()}
     finally:
-        wait(underway.values())  # Nobody may close a file that is being written.
+        wait(underway.values())  # A file must not be closed while a thread writes it.
 
 
 def _write_pieces(
@@ -195,7 +195,7 @@ def _write_pieces(
             simulations = count
         finish()
     finally:
-        wait(underway)  # Nobody may close a file that is being written.
+        wait(underway)  # A file must not be closed while a thread writes it.
 
 
 def _seal(fingerprint: str, facts: str, content: str) -> str:
@@ -213,11 +213,11 @@ def _record(shard: Shard, facts: Mapping[str, FileFacts]) -> ShardRecord:
 
 
 class ShardFiles:
-    """Gives the files of a data set to whoever reads them.
+    """Opens the files of a data set for reading.
 
     Args:
         place: Where they lie.
-        manifest: What is known of them.
+        manifest: Their rows and checksums.
     """
 
     def __init__(self, place: Place, manifest: Manifest) -> None:
@@ -227,7 +227,7 @@ class ShardFiles:
         self.shards = plan.shards(manifest.num_simulations, manifest.identity.shard_size)
 
     def one(self, table: str, shard: Shard) -> Path:
-        """A file, once its bytes have been compared with what was written.
+        """A file, after a test of its checksum.
 
         Raises:
             DatasetError: It is missing or damaged, or there never was such a table.
@@ -246,13 +246,13 @@ class ShardFiles:
 
         Args:
             table: Name of a table that was kept.
-            is_checked: Whether their bytes are compared with what was written.
+            is_checked: Whether the checksums of the files are tested.
         """
         give = self.one if is_checked else self._fetched
         return [give(table, shard) for shard in self.shards]
 
     def verify(self) -> None:
-        """Read every file and compare it with what was written.
+        """Read every file and test its checksum.
 
         Raises:
             DatasetError: One of them is missing or damaged.

@@ -102,7 +102,7 @@ class Store:
         self._forget(name)
 
     def put_text(self, name: str, text: str, *, is_first: bool = False) -> None:
-        """Send a text; the store itself decides who is first, if it can."""
+        """Send a text; of two writers the store accepts the first, if it can."""
         with self._asked() as files:
             mode = "create" if is_first else "overwrite"
             files.pipe_file(self._key(name), text.encode(), mode=mode)
@@ -116,7 +116,7 @@ class Store:
         self._forget(name)
 
     def sweep(self) -> None:
-        """Do nothing: what is not finished is not in the store."""
+        """Do nothing: unfinished files are never in the store."""
 
     def locked(self) -> AbstractContextManager[None]:
         """Do nothing: a store cannot be held."""
@@ -137,7 +137,7 @@ class Store:
         return f"{self._root}/{name}"
 
     def _forget(self, name: str) -> None:
-        """Do not show what was fetched before it was replaced."""
+        """Forget fetched copies of replaced files."""
         if self._copies is not None:
             (self._copies / name).unlink(missing_ok=True)
 

@@ -56,7 +56,7 @@ def features_frame(
         labels: The table of that name.
         policy: Whose class.
         reading: Whose way of measuring.
-        encoded: Whether names become the paper's numbers, and what is missing 0.
+        encoded: Whether names become the paper's numbers, and missing values 0.
 
     Raises:
         ConfigError: There is no such policy or reading.

@@ -30,7 +30,7 @@ class Job:
     """The part of the work that all shards share. With a `Task` it decides every byte of a shard.
 
     Attributes:
-        recipe: What to make.
+        recipe: The data set to make.
         simulator: What simulates.
         fingerprint: Of the identity of the data set.
         is_resumed: Whether a shard that is there already is kept.

@@ -64,9 +64,7 @@ def parse_quantity(
         low=low,
         high=high,
         unit=unit,
-        quoted_unit=entry["unit"],
-        source=entry["source"],
-        rationale=entry.get("rationale"),
+        **_origin(entry),
     )
 
 
@@ -105,10 +103,17 @@ def parse_distribution(
         low=low,
         high=high,
         unit=unit,
-        quoted_unit=entry["unit"],
-        source=entry["source"],
-        rationale=entry.get("rationale"),
+        **_origin(entry),
     )
+
+
+def _origin(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """Where the numbers of an entry come from, by field of `Quantity` and `Distribution`."""
+    return {
+        "quoted_unit": entry["unit"],
+        "source": entry["source"],
+        "rationale": entry.get("rationale"),
+    }
 
 
 def _check(

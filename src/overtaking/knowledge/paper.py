@@ -57,7 +57,7 @@ _GROUPS = {
 
 
 class Measure(StrEnum):
-    """What is computed of a set of simulations to stand beside a number."""
+    """A statistic of a set of simulations, compared with a number of the paper."""
 
     COUNT = "count"
     MEAN = "mean"
@@ -79,16 +79,16 @@ class Statement:
 
     Attributes:
         about: The group that it belongs to.
-        text: What it is, in words.
-        standing: What it is to us.
-        measure: What is computed beside it.
+        text: Its description.
+        standing: Its role for the model, such as fitted.
+        measure: The statistic to compare with it.
         stated: The number, in SI, with the unit in which the paper has it.
         of: The feature, or for a design the input, that is measured.
         against: The other feature of a ratio or a correlation.
         scope: The class of the simulations, or `ALL`.
         low: Where a range begins, in SI; NaN without one.
         high: Where it ends.
-        note: What a reader has to know.
+        note: Remark for the reader.
         cause: Why our simulations have another number, if they have.
     """
 
@@ -130,7 +130,7 @@ class Statement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """What was fitted to the paper.
+    """The population that was fitted to the paper.
 
     Attributes:
         population: The drivers that were fitted.

@@ -34,7 +34,7 @@ _MEANINGS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """What is known of one figure.
+    """Description, limits and standing of one figure.
 
     Attributes:
         what: The figure in words.

@@ -6,10 +6,10 @@ from functools import cache
 from types import MappingProxyType
 
 from overtaking.knowledge.quantity import Quantity
-from overtaking.knowledge.reader import read_section
+from overtaking.knowledge.reader import load, read_section
 
-VEHICLE_CLASS_ORDER = ("S", "M", "L", "V", "T", "MC", "B")
-"""Class names by code: 0 to 6, the encoding of the study `pinto-2023`."""
+VEHICLE_CLASS_ORDER = tuple(load("vehicles.toml"))
+"""Class names by code; 0 to 6 are the encoding of the study `pinto-2023`."""
 
 COLOUR_ORDER = ("yellow", "blue", "red", "green", "orange", "grey", "white", "brown")
 """Colour names by code, in the order of the study `pinto-2023`."""

@@ -98,7 +98,7 @@ def borders_of(road: Road) -> F32:
 
 
 def _struck(trajectories: Trajectories, seen: Signals, partner: U8, collision: I32) -> Mask:
-    """Whether the other one ran into the ego, shape (simulation,); not where nobody did.
+    """Whether another vehicle ran into the ego, shape (simulation,); False without a collision.
 
     In the last frame before the contact: where the two are apart along the road, the one behind
     runs into the one ahead; where they are side by side, the one that moves towards the other

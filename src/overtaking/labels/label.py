@@ -36,7 +36,7 @@ from overtaking.model.trajectory import Trajectories
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Labelled(Batch):
-    """A recording and what is said of it.
+    """A recording and its labels.
 
     Attributes:
         trajectories: The recording.

@@ -46,7 +46,7 @@ _OF_NEIGHBOURS = ("vehicle", "gap", "closing_speed", "lateral_gap")
 def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[Signals, Arrays]:
     """Signals and events of a batch, in one compiled call.
 
-    Gaps to all neighbours and the lane to the left are computed when somebody asks for them.
+    Gaps to all neighbours and the lane to the left are computed at their first use.
 
     Args:
         trajectories: The batch, of any origin and rate; what it holds must not change.
@@ -82,7 +82,7 @@ def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[Signals, 
 
 
 def target_signals(trajectories: Trajectories, seen: Signals, vehicle: U8) -> TargetSignals:
-    """The target of each simulation, computed frame by frame when somebody asks for it.
+    """The target of each simulation, computed frame by frame at its first use.
 
     Args:
         trajectories: The batch.
@@ -103,7 +103,7 @@ def target_signals(trajectories: Trajectories, seen: Signals, vehicle: U8) -> Ta
 
 
 def encounter(case: Case, place: Around | Index, rows: Index, frames: Index) -> Encounter:
-    """The ego and a neighbour at single frames; what their gap means for whoever is behind.
+    """The ego and a neighbour at single frames, with the measures of the follower.
 
     Args:
         case: The batch.
@@ -165,7 +165,7 @@ def pack_seen(seen: Signals) -> Arrays:
 def conditions(trajectories: Trajectories) -> dict[str, Any]:
     """What signals need beside the states; arrays of shape (simulation,), flat.
 
-    A stop is judged on the mean film of the lane: nobody knows, nor must know, which wheel will be
+    A stop is judged on the mean film of the lane: the driver cannot know which wheel will be
     in which puddle. Spray is left out: it hides only a vehicle whose own brake lamps announce it.
 
     Returns:

@@ -41,7 +41,7 @@ class Batch(Summarized):
     __slots__ = ()
 
     IS_DERIVED: ClassVar[bool] = False
-    """Whether only functions of ours make it, of what they have checked."""
+    """Whether only this package makes it, from checked values."""
 
     AXES: ClassVar[tuple[str | int, ...]] = ("simulation",)
     """Axes of the fields that do not name their own."""
@@ -110,7 +110,7 @@ class Batch(Summarized):
 
 
 class Delayed(Batch):
-    """A batch some of whose fields may be worked out when somebody asks for them."""
+    """A batch some of whose fields are computed at their first use."""
 
     __slots__ = ("_later",)
 
@@ -130,7 +130,7 @@ class Delayed(Batch):
     if not TYPE_CHECKING:  # Else any name would pass for a field.
 
         def __getattr__(self, name: str) -> Any:
-            """A field that nobody has asked for yet."""
+            """Compute a field at its first use."""
             later = {} if name == "_later" else self._later
             if name not in later:
                 raise AttributeError(name, name=name, obj=self)
@@ -140,7 +140,7 @@ class Delayed(Batch):
 
 
 def concatenate(batches: list[B]) -> B:
-    """Join batches along the simulation axis; what is not an array must be equal in all of them.
+    """Join batches along the simulation axis; all other values must be equal in all of them.
 
     Raises:
         ValueError: The list is empty or a shared value differs.

@@ -1,4 +1,4 @@
-"""Checks of what comes from outside, once: fields of batches, arguments of public functions."""
+"""Checks input once, at the door: fields of batches, arguments of public functions."""
 
 import inspect
 import types
@@ -79,7 +79,7 @@ def argument(value: Any, hint: Any, where: str, name: str) -> Any:
         name: The parameter.
 
     Returns:
-        The argument, or a tuple of what an iterable gives.
+        The argument, or a tuple of the items of an iterable.
 
     Raises:
         ConfigError: It is something else.

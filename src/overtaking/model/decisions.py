@@ -1,4 +1,4 @@
-"""What there is to know at the instant at which a driver may decide to overtake.
+"""The state at the instant at which a driver may decide to overtake.
 
 A new feature is a field here and a formula in `labels.features`. The columns of the table follow.
 """
@@ -203,7 +203,7 @@ class Believed(Batch):
     Attributes:
         exists: Whether it had decided to; there is nothing to believe of a decision not made.
         age: Time since [s].
-        detected: Whether it had noticed each, (simulation, 3); else nothing is said of it.
+        detected: Whether it had noticed each, (simulation, 3); otherwise its values mean nothing.
         gap: To it, from bumper to bumper, (simulation, 3) [m].
         closing_speed: (simulation, 3) [m/s].
     """
@@ -219,7 +219,7 @@ class Believed(Batch):
 class Decisions(Batch):
     """Features of the decision to overtake: nothing in them is later than `frame`.
 
-    All is true but what is in `believed`.
+    All values are true ones, except those in `believed`.
 
     Attributes:
         frame: Frame of the attempt, or of the instant that stands for it, shape (simulation,).

@@ -8,7 +8,7 @@ from overtaking.model.batch import Batch
 from overtaking.model.values import Range, declarations, documented, meant, within
 
 _NEVER = 1e9
-"""Largest threshold, of a driver who never does what it is about."""
+"""Largest threshold: it disables the behaviour."""
 
 
 @documented
@@ -84,4 +84,4 @@ class Drivers(Batch):
 DRIVER_RANGES: dict[str, Range] = {
     name: one.range for name, one in declarations(Drivers).items() if one.range is not None
 }
-"""What each number may be, for those who make drivers."""
+"""Range of each number, for code that makes drivers."""

@@ -1,4 +1,4 @@
-"""What is said of a simulation: the verdict of each rule, and a class for each policy."""
+"""Labels of a simulation: the verdict of each rule, and a class for each policy."""
 
 from dataclasses import dataclass
 from enum import IntEnum

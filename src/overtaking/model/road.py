@@ -109,7 +109,7 @@ class Lane:
     left_mark: RoadMark
 
     def __post_init__(self) -> None:
-        """Refuse what no lane is."""
+        """Refuse invalid lanes."""
         check(self, f"lane {self.lane_id}")
 
     def mirrored(self) -> Self:
@@ -138,7 +138,7 @@ class Road:
         fast_side_neighbour: Lane beside `lanes[-1]`, or None.
 
     Raises:
-        ConfigError: A value is outside what the model is made for.
+        ConfigError: A value is outside the model's range.
     """
 
     name: str
@@ -155,7 +155,7 @@ class Road:
     fast_side_neighbour: Lane | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what the model is not made for."""
+        """Refuse roads outside the model's range."""
         check(self, f"road {self.name}")
         self._check_lanes()
 

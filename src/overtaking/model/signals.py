@@ -1,4 +1,4 @@
-"""What can be seen of a simulation from the ego, frame by frame, whoever made the recording.
+"""Signals of the ego, frame by frame, from a recording of any origin.
 
 Left and right are meant as in right-hand traffic, the law's point of view: left is the fast side,
 right the slow side. In left-hand traffic they are the mirror image, so a mirrored world has the
@@ -97,7 +97,7 @@ class Signals(Delayed):
         return self.lane.shape[1]
 
     def has(self, place: Around) -> Mask:
-        """Whether somebody is in a place around the ego, shape (simulation, time)."""
+        """Whether a vehicle is at a position around the ego, shape (simulation, time)."""
         return self.valid & (self.vehicle[:, place] != NO_VEHICLE)
 
 

@@ -13,10 +13,11 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core import units
 from overtaking.model.batch import Batch, Constraint
 from overtaking.model.road import Road
 from overtaking.model.scenario import MAX_DURATION, Scenario
-from overtaking.model.values import along, within
+from overtaking.model.values import along, declarations, documented, meant, within
 
 I32 = NDArray[np.int32]
 I16 = NDArray[np.int16]
@@ -44,22 +45,12 @@ UNKNOWNS = (
 """What a recording from elsewhere may not say; rules that need it are undecidable."""
 
 BEYOND_SLOW_EDGE = 255
-"""Lane index of who is beyond the slow edge of the road."""
+"""Lane index of a vehicle beyond the slow edge of the road."""
 
 METRES_PER_STEP = 1e-3
 METRES_PER_SECOND_PER_STEP = 1e-3
 RADIANS_PER_STEP = 1e-4
-RADIANS_PER_SECOND_PER_STEP = 1e-4
 METRES_PER_SECOND_SQUARED_PER_STEP = 1e-3
-
-STEPS = {
-    **dict.fromkeys(("x", "y", "s", "d"), METRES_PER_STEP),
-    "speed": METRES_PER_SECOND_PER_STEP,
-    **dict.fromkeys(("heading", "wheel_angle"), RADIANS_PER_STEP),
-    **dict.fromkeys(("accel_lon", "accel_lat"), METRES_PER_SECOND_SQUARED_PER_STEP),
-    "yaw_rate": RADIANS_PER_SECOND_PER_STEP,
-}
-"""Size of a step of each number in `States` [SI units]."""
 
 
 class Stage(IntEnum):
@@ -97,42 +88,63 @@ class DecisionKind(IntEnum):
     ABORT = 2
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class States(Batch):
     """Recorded states; shape (simulation, vehicle, time), the frames of one vehicle adjacent.
 
-    Attributes:
-        x: OpenDRIVE x of the bounding-box centre [mm].
-        y: OpenDRIVE y, right-handed [mm].
-        s: Position along the road [mm].
-        d: Lateral position, left positive [mm].
-        speed: Along the vehicle's own velocity, never negative [mm/s].
-        heading: World heading, anticlockwise, in (-pi, pi] [0.1 mrad].
-        wheel_angle: Front wheel angle, left positive [0.1 mrad].
-        accel_lon: Along the vehicle's axis, contact spikes excluded [mm/s^2].
-        accel_lat: To the vehicle's left [mm/s^2].
-        yaw_rate: Anticlockwise [0.1 mrad/s].
-        lane: Lane index, 0 the slowest; `num_lanes` beyond the fast edge, 255 beyond the slow edge.
-        lights: `Lights` bits.
+    A new state is a field here and a formula in `sim.reference.recording` and in `words.rs`.
+    Memory, hash, tables and pages follow, in the order of the fields.
     """
 
     AXES = ("simulation", "vehicle", "time")
 
-    x: I32
-    y: I32
-    s: I32
-    d: I32
-    speed: Annotated[I32, within(0, 1_000_000, "mm/s")]
-    heading: Annotated[I16, within(-31_416, 31_416, "steps of 0.1 mrad")]
-    wheel_angle: Annotated[I16, within(-31_416, 31_416, "steps of 0.1 mrad")]
-    accel_lon: I16
-    accel_lat: I16
-    yaw_rate: I16
-    lane: Annotated[U8, within(0, "lane or beyond", also=BEYOND_SLOW_EDGE)]
-    lights: Annotated[U8, within(0, sum(Lights))]
+    x: Annotated[I32, meant("OpenDRIVE x of the bounding-box centre", "mm")]
+    y: Annotated[I32, meant("OpenDRIVE y of the bounding-box centre, right-handed", "mm")]
+    s: Annotated[I32, meant("Position along the road", "mm")]
+    d: Annotated[I32, meant("Position across the road, positive to the left", "mm")]
+    speed: Annotated[I32, within(0, 1_000_000, "mm/s", "Speed, never negative")]
+    heading: Annotated[
+        I16, within(-31_416, 31_416, "0.1 mrad", "Heading, anticlockwise from world x")
+    ]
+    wheel_angle: Annotated[
+        I16,
+        within(
+            -31_416,
+            31_416,
+            "0.1 mrad",
+            "Front wheels, positive to the left",
+            needs=["wheel_angle"],
+        ),
+    ]
+    accel_lon: Annotated[I16, meant("Acceleration forwards, contacts excluded", "mm/s^2")]
+    accel_lat: Annotated[I16, meant("Acceleration to the left", "mm/s^2")]
+    yaw_rate: Annotated[I16, meant("Turning rate, anticlockwise", "0.1 mrad/s", needs=["yaw_rate"])]
+    lane: Annotated[
+        U8,
+        within(
+            0,
+            "lane or beyond",
+            meaning="Lane index, 0 the slowest; `num_lanes` beyond the fast edge, 255 beyond the "
+            "slow edge",
+            also=BEYOND_SLOW_EDGE,
+            column=None,
+        ),
+    ]
+    lights: Annotated[U8, within(0, sum(Lights), meaning="`Lights` bits", column=None)]
 
 
-BYTES_PER_STATE = 32
+STATE_TYPES = {name: one.dtype.type for name, one in declarations(States).items() if one.dtype}
+"""Type of the numbers of each field of `States`, in their order."""
+
+STEPS = {
+    name: 1.0 / units.STEPS[one.unit][1]
+    for name, one in declarations(States).items()
+    if one.unit in units.STEPS
+}
+"""Size of a step of each number in `States` [SI units]."""
+
+BYTES_PER_STATE = sum(np.dtype(kind).itemsize for kind in STATE_TYPES.values())
 """Bytes that `States` has for each vehicle and frame."""
 
 
@@ -260,7 +272,7 @@ class Trajectories(Batch):
         return {**self.scenario.summary(), **frames}
 
     def constraints(self) -> Iterable[Constraint]:
-        """One frame or more of each simulation, and names of what is not known."""
+        """Each simulation has a frame or more, and `unknown` has known names."""
         frames = self.num_frames
         wrong = (frames < 1) | (frames > self.stage.shape[1])
         yield Constraint("num_frames", f"1 to {self.stage.shape[1]}, as stage has", wrong, frames)

@@ -35,7 +35,7 @@ _PLAIN: dict[Any, tuple[Any, str]] = {
     Path: (Path, "a path"),
     types.NoneType: (types.NoneType, "None"),
 }
-"""What is asked of a plain value, and its name."""
+"""Required type of a plain value, and its name in messages."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,8 @@ class Range:
 
     def described(self, high: float) -> str:
         """The range in words."""
-        unit = f" {self.unit}" if self.unit else ""
+        # The unit of a step begins with a number.
+        unit = f"{' steps of' if self.unit[0].isdigit() else ''} {self.unit}" if self.unit else ""
         if high == math.inf:
             return f"{number(self.low)}{unit} or more"
         if self.is_open:
@@ -137,6 +138,8 @@ def within(
     axes: Axes = (),
     also: int | None = None,
     is_open: bool = False,
+    column: str | None = "{}",
+    needs: Sequence[str] = (),
 ) -> Declaration:
     """Declaration of a field whose values have a range.
 
@@ -148,9 +151,17 @@ def within(
         axes: See `Declaration`.
         also: One more value, which stands for nothing.
         is_open: Whether the smallest value itself is left out.
+        column: See `meant`.
+        needs: See `Declaration`.
     """
-    allowed = Range(low, high, unit, also, is_open)
-    return Declaration(meaning=meaning, unit=unit or "1", range=allowed, axes=axes)
+    return Declaration(
+        meaning=meaning,
+        unit=unit or "1",
+        range=Range(low, high, unit, also, is_open),
+        axes=axes,
+        column=column,
+        needs=needs,
+    )
 
 
 def meant(

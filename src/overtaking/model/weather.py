@@ -1,4 +1,4 @@
-"""Weather and light of a simulation, as CARLA's knobs name them; what they mean is in `physics`."""
+"""Weather and light of a simulation, in CARLA's terms; `world` derives physical quantities."""
 
 import math
 from collections.abc import Mapping

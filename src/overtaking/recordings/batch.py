@@ -1,5 +1,6 @@
 """From windows of a recording to `Trajectories`: the ego in slot 0, others in the next."""
 
+import dataclasses
 import hashlib
 from collections import Counter
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import (
     NO_VEHICLE,
+    STATE_TYPES,
     STEPS,
     Contacts,
     Percepts,
@@ -29,9 +31,6 @@ NUM_SLOTS = 16
 """Default number of vehicles of a simulation from a recording, the ego among them."""
 
 MAX_SLOTS = 64
-
-_WIDE = frozenset({"x", "y", "s", "d", "speed"})
-_LARGEST = {np.int16: 32767, np.int32: 2**31 - 1}
 
 
 def vehicles_of(
@@ -145,17 +144,16 @@ def _place(recording: Recording, window: Window, vehicle: int, into: I64) -> Non
 def _states(recording: Recording, rows: I64, present: NDArray[np.bool_]) -> States:
     """Recorded integers; zero where a vehicle is not there."""
     tracks = recording.tracks
-    values: dict[str, Any] = {
-        "lane": np.where(present, tracks.lane[rows], np.uint8(0)),
-        "lights": np.zeros(rows.shape, np.uint8),
-    }
-    for name, step in STEPS.items():
-        given = getattr(tracks, name)
+    # Zeros for states that recordings lack.
+    values: dict[str, Any] = {k: np.zeros(rows.shape, kind) for k, kind in STATE_TYPES.items()}
+    values["lane"] = np.where(present, tracks.lane[rows], np.uint8(0))
+    for name in STEPS.keys() & {field.name for field in dataclasses.fields(tracks)}:
+        given, step, dtype = getattr(tracks, name), STEPS[name], STATE_TYPES[name]
         if name in ("heading", "wheel_angle"):
             given = given - np.round(given / (2.0 * np.pi)) * (2.0 * np.pi)
-        dtype = np.int32 if name in _WIDE else np.int16
         # No vehicle brakes with more than the largest value; noise in a recording may.
-        steps = np.clip(np.rint(given / step), -_LARGEST[dtype], _LARGEST[dtype]).astype(dtype)
+        largest = np.iinfo(dtype).max
+        steps = np.clip(np.rint(given / step), -largest, largest).astype(dtype)
         values[name] = np.where(present, steps[rows], dtype(0))
     return States(**values)
 

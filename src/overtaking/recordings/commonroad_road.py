@@ -71,7 +71,7 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Network:
-    """The lanelets of a scenario, and what is known of all of them.
+    """The lanelets of a scenario, with their common attributes.
 
     Attributes:
         name: Name of the scenario.
@@ -137,7 +137,7 @@ def _refused(home: Lanelet, what: str, expected: str, got: str) -> Exception:
 
 
 def _road(strip: Strip, shape: RoadShape, network: Network) -> tuple[Road, frozenset[str]]:
-    """The straight road, and what is not known of it."""
+    """The straight road, and the names of its unknown attributes."""
     marks, marks_known = _marks(strip)
     limit = _limit(strip, network.limits)
     count, widths = len(strip), np.diff(shape.mean_borders)

@@ -36,7 +36,7 @@ class Imported:
     Attributes:
         scenes: The simulations that wait to be made.
         files: SHA-256 of each file that was read, by its name.
-        options: What was asked for.
+        options: The options of the call.
     """
 
     scenes: Scenes | TableScenes

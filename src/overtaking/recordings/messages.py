@@ -10,7 +10,7 @@ def refused(where: str, what: str, expected: str, got: str, next_step: str) -> I
         where: The file, and the line in it.
         what: The part that is wrong.
         expected: What would have been right.
-        got: What was there instead.
+        got: The value found.
         next_step: What the reader can do now, as an imperative.
     """
     return ImportFormatError.of(

@@ -31,7 +31,7 @@ def unfit(element: Element, what: str, expected: str, got: str) -> ImportFormatE
         element: Where it stands.
         what: The part that does not fit.
         expected: What would fit.
-        got: What is there.
+        got: The value found.
     """
     return element.error(what, expected, got, "choose another road")
 

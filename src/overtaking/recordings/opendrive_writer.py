@@ -14,7 +14,7 @@ from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.recordings.opendrive_lanes import MARKS
 
 _NAMES = {mark: name for name, mark in MARKS.items()}
-_NAMES[RoadMark.OTHER] = "none"  # OpenDRIVE has no word for a mark that nobody knows.
+_NAMES[RoadMark.OTHER] = "none"  # OpenDRIVE has no word for an unknown mark.
 _MARK_WIDTH = 0.15
 """Width of a painted line, as on Portuguese motorways [m]."""
 

@@ -42,7 +42,7 @@ class CellError(ValueError):
     """
 
     def __init__(self, *, row: int, column: str, expected: str, got: str) -> None:
-        """Note where the cell is, for whoever knows the file's name and its line numbers."""
+        """Note where the cell is, for a caller that knows the file's name and its line numbers."""
         super().__init__(f"row {row}, column {column}: expected {expected}, got {got!r}")
         self.row, self.column, self.expected, self.got = row, column, expected, got
 

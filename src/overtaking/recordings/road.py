@@ -41,11 +41,11 @@ class RoadShapeError(ValueError):
     Attributes:
         what: The thing that is wrong.
         expected: What would have been right.
-        got: What was there.
+        got: The value found.
     """
 
     def __init__(self, *, what: str, expected: str, got: str) -> None:
-        """Note it, for whoever knows the file."""
+        """Note it, for a caller that knows the file."""
         super().__init__(f"{what}: expected {expected}, got {got}")
         self.what, self.expected, self.got = what, expected, got
 

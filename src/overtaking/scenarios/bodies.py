@@ -196,7 +196,7 @@ def _assembled(
     mass: F32,
     wind_centre: F32,
 ) -> VehicleSpecs:
-    """All fields of the bodies from what was drawn."""
+    """All fields of the bodies from drawn numbers."""
     wheelbase = of_kind("wheelbase", kind)
     cg_to_front = of_kind("cg_to_front_ratio", kind) * wheelbase
     arms = cg_to_front * (wheelbase - cg_to_front)

@@ -23,7 +23,7 @@ def complaint(
         expected: What would have been right.
         next_step: What the reader can do, as an imperative.
         key: Key inside the section, where the check is about a whole section.
-        got: What was there, where it is not the checked value itself.
+        got: The value found, if it is not the checked one.
     """
     context = {"expected": expected, "next_step": next_step, "key": key, "got": got}
     return PydanticCustomError(_OURS, "{expected}", context)

@@ -8,10 +8,8 @@ the fast lane. The simulation ends before the ego sees the nearest end (ADR 16).
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking import knowledge
 from overtaking.core.compiled import exp, maximum, minimum
@@ -19,10 +17,8 @@ from overtaking.core.elementary import F32, Mask
 from overtaking.core.philox import U64, Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge import VEHICLE_CLASS_ORDER
-from overtaking.scenarios.noise import U8, Noise, choose, spread, weights_of
+from overtaking.scenarios.noise import U8, Noise, choose, in_order, out_of_order, spread, weights_of
 from overtaking.scenarios.schema_flow import Flow
-
-T = TypeVar("T", bound=np.generic)
 
 UNCERTAINTY = knowledge.number("starts.toml", "flow.uncertainty")
 """By how much an end of the traffic may approach faster than is thought [m/s]."""
@@ -41,7 +37,7 @@ RELAXING_DECEL = knowledge.number("starts.toml", "flow.relaxing_decel")
 """A vehicle farther behind than it wants may be faster by what braking this softly makes up for
 [m/s^2]: the comfortable braking of the calm."""
 
-_FREE = np.float32(1e6)  # Where nobody is [m], and how fast [m/s].
+_FREE = np.float32(1e6)  # Position [m] and speed [m/s] of an absent vehicle.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,9 +148,9 @@ def equilibrium(
     """
     order = np.argsort(np.where(around.valid, around.s, np.inf), axis=1, kind="stable")
     # Empty slots come last and have a lane of their own.
-    lane = _ranked(np.where(around.valid, around.lane, np.uint8(255)), order)
-    place, length = _ranked(around.s, order), _ranked(half, order)
-    wanted, time, rest = (_ranked(values, order) for values in (wish, time_gap, min_gap))
+    lane = in_order(np.where(around.valid, around.lane, np.uint8(255)), order)
+    place, length = in_order(around.s, order), in_order(half, order)
+    wanted, time, rest = (in_order(values, order) for values in (wish, time_gap, min_gap))
     free = np.full_like(place[0], _FREE)
     rear, pace = ([free] * (int(around.lane.max(initial=0)) + 1) for _ in range(2))
     speed = [free] * len(place)
@@ -169,19 +165,7 @@ def equilibrium(
             here = lane[rank] == number
             rear[number] = np.where(here, place[rank] - length[rank], rear[number])
             pace[number] = np.where(here, speed[rank], pace[number])
-    return _unranked(place, order), _unranked(speed, order)
-
-
-def _ranked(values: NDArray[T], order: NDArray[np.intp]) -> list[NDArray[T]]:
-    """The columns of an array, those of each row in the given order."""
-    return list(np.ascontiguousarray(np.take_along_axis(values, order, axis=1).T))
-
-
-def _unranked(columns: list[F32], order: NDArray[np.intp]) -> F32:
-    """The inverse of `_ranked`."""
-    values = np.empty(order.shape, np.float32)
-    np.put_along_axis(values, order, np.stack(columns, axis=1), axis=1)
-    return values
+    return out_of_order(place, order), out_of_order(speed, order)
 
 
 def _of_lane(values: list[F32], lane: U8) -> F32:

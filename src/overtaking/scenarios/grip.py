@@ -13,7 +13,7 @@ from overtaking.world import film, friction
 from overtaking.world.constants import constants, known
 
 USABLE_SHARE = number("starts.toml", "safety.usable_grip_share")
-"""The part of the peak friction that a driver who is surprised gets out of the tyres."""
+"""The share of the peak friction that a surprised driver uses."""
 
 
 def usable_decel(vehicles: VehicleSpecs, weather: Weather, road: Road, lane: U8, speed: F32) -> F32:

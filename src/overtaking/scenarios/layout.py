@@ -6,10 +6,8 @@ simulation's number alone.
 """
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking import knowledge
 from overtaking.core.compiled import maximum, minimum, power
@@ -18,11 +16,9 @@ from overtaking.core.philox import U64, Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.vehicles import Role
 from overtaking.scenarios.bodies import top_speeds
-from overtaking.scenarios.noise import U8, Noise, spread
+from overtaking.scenarios.noise import U8, Noise, in_order, out_of_order, spread
 from overtaking.scenarios.people import LEAD_SLOT
 from overtaking.scenarios.schema import Starts, Traffic
-
-T = TypeVar("T", bound=np.generic)
 
 REACTION_MARGIN = knowledge.number("starts.toml", "safety.reaction_margin")
 """Starts allow for a reaction this much longer than the driver's own: at night, in haze."""
@@ -145,19 +141,19 @@ def settle(draft: Draft, followers: Followers, starts: Starts, zone: Zone) -> tu
     order = np.argsort(np.where(draft.valid, draft.s, np.inf), axis=1, kind="stable")
     no_lane = _NO_LANE + np.arange(order.shape[1], dtype=np.uint8)
     row = _Row(
-        lane=_columns(np.where(draft.valid, draft.lane, no_lane), order),
-        s=_columns(draft.s, order),
-        speed=_columns(draft.speed, order),
-        kept=_columns(draft.kept, order),
-        half=_columns(np.float32(0.5) * followers.length, order),
-        reaction=_columns(np.float32(REACTION_MARGIN) * followers.reaction_time, order),
-        decel=_columns(followers.decel, order),
+        lane=in_order(np.where(draft.valid, draft.lane, no_lane), order),
+        s=in_order(draft.s, order),
+        speed=in_order(draft.speed, order),
+        kept=in_order(draft.kept, order),
+        half=in_order(np.float32(0.5) * followers.length, order),
+        reaction=in_order(np.float32(REACTION_MARGIN) * followers.reaction_time, order),
+        decel=in_order(followers.decel, order),
         min_gap=np.float32(starts.min_gap_m),
     )
     rearmost = _push_apart(row, zone)
     if not starts.allow_doomed:
         _make_avoidable(row, rearmost)
-    return _back(row.s, order), _back(row.speed, order)
+    return out_of_order(row.s, order), out_of_order(row.speed, order)
 
 
 def _speed(traffic: Traffic, u: F32, kind: U8, *, is_lead: bool) -> F32:
@@ -228,20 +224,8 @@ class _Row:
         return np.where(self.lane[rear] == self.lane[front], distance, np.float32(-np.inf))
 
 
-def _columns(values: NDArray[T], order: NDArray[np.intp]) -> list[NDArray[T]]:
-    """The columns of an array, those of each row in the given order."""
-    return list(np.ascontiguousarray(np.take_along_axis(values, order, axis=1).T))
-
-
-def _back(columns: list[F32], order: NDArray[np.intp]) -> F32:
-    """The inverse of `_columns`."""
-    values = np.empty(order.shape, np.float32)
-    np.put_along_axis(values, order, np.stack(columns, axis=1), axis=1)
-    return values
-
-
 def _push_apart(row: _Row, zone: Zone) -> list[F32]:
-    """Move vehicles forward until nobody is too close, then back into the zone.
+    """Move vehicles forward until no gap is too small, then back into the zone.
 
     Returns:
         The rearmost place for each that leaves room in the zone for all behind it [m].

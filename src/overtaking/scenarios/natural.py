@@ -36,7 +36,7 @@ MARGIN = number("starts.toml", "flow.margin")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """Everybody before the first frame, shape (simulation, vehicle).
+    """All vehicles before the first frame, shape (simulation, vehicle).
 
     Attributes:
         vehicles: Bodies.
@@ -96,7 +96,7 @@ def start(spec: Spec, flow: Flow, road: Road, seed: int, index: U64, bend: Bend)
 
 
 def road_length(spec: Spec, flow: Flow) -> float:
-    """Length of a road that nobody leaves before the horizon [m]."""
+    """Length of a road that no vehicle leaves before the horizon [m]."""
     speeds = [mps_from_kmh(lane.speed_kmh) for lane in flow.lanes]
     faster = max(speeds) - min(speeds) + 2.0 * layout.UNCERTAINTY
     wish = max(lane.wish for lane in flow.lanes) * most_cruise(spec.drivers)
@@ -141,7 +141,7 @@ def _on_road(s: F32, valid: Mask) -> F32:
 
 
 def _everywhere(road: Road) -> Zone:
-    """A zone that moves nobody but by what the starts ask for."""
+    """Unbounded zone: only start-safety checks move vehicles."""
     lanes = tuple(range(road.num_lanes))
     return Zone(
         low=0.0, high=road.length, ego_lanes=lanes, num_lanes=road.num_lanes, most_in_lane=255

@@ -6,7 +6,7 @@ divisions, square roots, comparisons and the elementary functions of `core`.
 
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from overtaking.core.philox import U32, U64
 from overtaking.knowledge import number
 
 U8: TypeAlias = NDArray[np.uint8]
+T = TypeVar("T", bound=np.generic)
 Number: TypeAlias = float | np.floating[Any] | NDArray[np.float32]
 
 REACH = np.float32(number("starts.toml", "noise.reach"))
@@ -88,3 +89,15 @@ def choose(u: F32, weights: Sequence[float]) -> U8:
 def weights_of(given: Mapping[str, float], order: Sequence[str]) -> list[float]:
     """The weights of all names in `order`, zero for those that are not given."""
     return [given.get(name, 0.0) for name in order]
+
+
+def in_order(values: NDArray[T], order: NDArray[np.intp]) -> list[NDArray[T]]:
+    """The columns of an array (row, column), those of each row in the given order."""
+    return list(np.ascontiguousarray(np.take_along_axis(values, order, axis=1).T))
+
+
+def out_of_order(columns: list[F32], order: NDArray[np.intp]) -> F32:
+    """The inverse of `in_order`."""
+    values = np.empty(order.shape, np.float32)
+    np.put_along_axis(values, order, np.stack(columns, axis=1), axis=1)
+    return values

@@ -89,7 +89,7 @@ def _moved(component: Component, name: str, number: F32) -> F32:
 
 
 def _density(component: Component, name: str, drawn: F32) -> NDArray[np.float64]:
-    """The component's density over the profile's own at what was drawn."""
+    """Density of the component over that of the profile at the drawn values."""
     if name in component.powers:
         inverse = np.float32(1.0 / component.powers[name])
         density = inverse * power(drawn, np.full_like(drawn, inverse - np.float32(1.0)))

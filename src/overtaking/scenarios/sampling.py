@@ -65,7 +65,7 @@ def sample(spec: Spec, road: Road, seed: int, index: ArrayLike) -> Scenario:
     Raises:
         ConfigError: The seed or the numbers are out of range, or the specification does not fit
             the road.
-        InfeasibleError: The zone is too small, or a vehicle too slow, for what is asked.
+        InfeasibleError: The zone is too small, or a vehicle too slow, for the specification.
     """
     numbers = _checked_index(index)
     if not 0 <= seed <= MAX_SEED:
@@ -85,7 +85,7 @@ def zone_of(spec: Spec, road: Road) -> Zone:
 
     Raises:
         ConfigError: The zone or a lane is not on the road, or the traffic has no zone.
-        InfeasibleError: The zone is too small, or a vehicle too slow, for what is asked.
+        InfeasibleError: The zone is too small, or a vehicle too slow, for the specification.
     """
     if isinstance(spec.traffic, Flow):
         raise ConfigError.of(
@@ -207,7 +207,7 @@ def _check_flow(spec: Spec, flow: Flow, road: Road) -> None:
 
 
 def _needed_length(spec: Spec, traffic: Traffic, road: Road, zone: Zone) -> float:
-    """Length of a road that nobody leaves before the horizon [m]."""
+    """Length of a road that no vehicle leaves before the horizon [m]."""
     fastest = PASSING_MARGIN * fastest_wish(spec.drivers, traffic)
     return max(road.length, _round(zone.high + fastest * spec.time.horizon_s))
 

@@ -283,7 +283,7 @@ class People(Section):
         population: A population of the knowledge base.
         temper: Range of the drivers' temper, 0 careful to 1 reckless.
         fixed: Parameters that are the same for everyone.
-        scale: Factors on what is drawn for everyone, by the names of `model.drivers.Drivers`.
+        scale: Factors on the drawn traits of all drivers, by the names of `model.drivers.Drivers`.
     """
 
     population: PopulationName
@@ -330,7 +330,7 @@ class Spec(Section):
         weather: Weather and light.
         drivers: People.
         starts: Safety of the first frame.
-        proposal: What is drawn more often than it is met; None for nothing.
+        proposal: Quantities that are drawn more often than in nature; None for none.
     """
 
     profile: Profile

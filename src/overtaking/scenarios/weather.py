@@ -137,7 +137,7 @@ def _of_preset(field: str, preset: U8) -> F32:
 
 
 def _may_dazzle(altitude: F32, cloudiness: F32) -> Mask:
-    """Whether the sun is low and the sky clear enough to dazzle who drives towards it."""
+    """Whether the sun is low and the sky clear enough to dazzle a driver towards it."""
     low, high = known("weather.glare.lowest_sun"), known("weather.glare.highest_sun")
     is_clear = cloudiness < known("weather.glare.most_cloud_percent")
     return (altitude >= low) & (altitude <= high) & is_clear

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.data.tables.columns import STEPS, si_name, unit_of
+from overtaking.core.units import STEPS
+from overtaking.data.tables.columns import si_name, unit_of
 from overtaking.data.tables.encode import encode
 from overtaking.data.tables.names import NEIGHBOURS
 from overtaking.knowledge import terms
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from overtaking.show.judgement import Values
 
 _MS_PER_S = 1000.0
-_DECIMALS = 3  # Of what was recorded in thousandths.
+_DECIMALS = 3  # Of numbers that were recorded in thousandths.
 
 _WEATHER = (
     *("preset", "cloudiness_percent", "rain_percent", "puddles_percent", "wind_percent"),
@@ -44,11 +45,11 @@ def describe(labelled: Labelled, number: int) -> Values:
     """Everything that `show` prints about one simulation.
 
     Args:
-        labelled: A batch of one simulation, with all that is said of it.
+        labelled: A batch of one simulation, with its labels.
         number: Its number in its data set.
 
     Returns:
-        Values of plain Python types, in SI units; None for what was not recorded.
+        Values of plain Python types, in SI units; None for unrecorded values.
     """
     from overtaking.labels.explain import explain
 
@@ -95,7 +96,7 @@ def _road(run: Trajectories) -> Values:
 
 
 def _rows(run: Trajectories, table: str) -> list[Values]:
-    """The rows of a table of one simulation, in SI; None for what was not recorded."""
+    """The rows of a table of one simulation, in SI; None for unrecorded values."""
     made = encode(run, np.zeros(1, np.int64), [table])[table]
     return [
         {si_name(field): _plain(row[field.name], field) for field in made.schema}
@@ -116,7 +117,7 @@ def _part(row: Values, columns: tuple[str, ...], prefix: str = "") -> Values:
 
 
 def _vehicle(run: Trajectories, row: Values) -> Values:
-    """A body, who drives it, where it began, and when it was recorded."""
+    """Body, driver, start and recorded frames of a vehicle."""
     frames = np.flatnonzero(run.state_valid[0, row["vehicle"]])
     seconds = frames * run.scenario.frame_interval_ms / _MS_PER_S
     return {

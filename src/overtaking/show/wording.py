@@ -1,4 +1,4 @@
-"""What is said of a simulation in words: on a terminal, and on a page."""
+"""Words for the description of a simulation, for the terminal and the page."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ _PLACES = {"leader": "leader", "front": "ahead", "rear": "behind"}
 
 
 def percept_words(place: str, neighbour: Values) -> tuple[str, str, str, str]:
-    """One neighbour as believed and as it was: who, gap, closing speed, and what the law says."""
+    """One neighbour as believed and in truth: name, gap, closing speed, and the lawful gap."""
     gap, gap_true = neighbour["gap_m"], neighbour["true_gap_m"]
     closing, closing_true = neighbour["closing_speed_mps"], neighbour["true_closing_speed_mps"]
     truth = ("", "")
@@ -98,7 +98,7 @@ def ending_words(values: Values) -> list[str]:
 
 
 def _collision(one: Values) -> str:
-    """Who collided, when and how hard."""
+    """Collision partners, instant and impact speed."""
     pair = " and ".join(symbol(slot) for slot in one["vehicles"])
     facts = [f"Collision of {pair} at {one['time_s']:.2f} s"]
     if one["impulse_newton_s"] is not None:
@@ -118,7 +118,7 @@ class Breach:
 
     Attributes:
         rule: Title and article.
-        grade: How severe it is, and whose duty it is if not the ego's.
+        grade: Severity, and the vehicle with the duty if not the ego.
         facts: When, by how much, and what the driver believed.
         remedies: Each of them alone would have kept the rule.
     """
@@ -177,7 +177,7 @@ Told = tuple[str, str]
 
 
 def _change(change: Values, values: Values) -> str:
-    """A change in words, with the value that was and the one that would have been lawful."""
+    """A change in words, with the actual value and the lawful one."""
     what, both = _TELL.get(change["quantity"], _plain)(change, values)
     when = "" if change["time_s"] is None else f" at {change['time_s']:.2f} s"
     return what + when + (f": {both}" if both else "")

@@ -8,33 +8,18 @@ from numpy.typing import NDArray
 from overtaking import _core
 from overtaking.core.memory import Buffers, Layout
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Contacts, Percepts, States, Trajectories
+from overtaking.model.trajectory import STATE_TYPES, Contacts, Percepts, States, Trajectories
+from overtaking.model.values import declarations
 from overtaking.world.compiled import chosen_level, constant_values
 from overtaking.world.parameters import Parameters, parameters
 
-_WIDE, _HALF, _BYTE = np.int32, np.int16, np.uint8
-_STATE_TYPES = {
-    "x": _WIDE,
-    "y": _WIDE,
-    "s": _WIDE,
-    "d": _WIDE,
-    "speed": _WIDE,
-    "heading": _HALF,
-    "wheel_angle": _HALF,
-    "accel_lon": _HALF,
-    "accel_lat": _HALF,
-    "yaw_rate": _HALF,
-    "lane": _BYTE,
-    "lights": _BYTE,
+_WIDE, _BYTE = np.int32, np.uint8
+_BELIEFS = {
+    name: _BYTE if one.dtype == bool else one.dtype.type
+    for name, one in declarations(Percepts).items()
+    if one.dtype and one.axes == Percepts.AXES
 }
-_PERCEPT_TYPES = {
-    "vehicle": _BYTE,
-    "detected": _BYTE,
-    "gap": _WIDE,
-    "closing_speed": _WIDE,
-    "true_gap": _WIDE,
-    "true_closing_speed": _WIDE,
-}
+"""Types of the recorded beliefs about a neighbour; flags come as bytes."""
 
 
 def simulate(
@@ -104,7 +89,7 @@ def road_values(given: Parameters) -> dict[str, Any]:
 def _outputs(batch: int, slots: int, frames: int, buffers: Buffers) -> dict[str, NDArray[Any]]:
     array = buffers.array
     shape = (batch, slots, frames)
-    states: Layout = tuple((name, shape, kind) for name, kind in _STATE_TYPES.items())
+    states: Layout = tuple((name, shape, kind) for name, kind in STATE_TYPES.items())
     # With how far each row is written: so the engine clears no more than was ever there.
     outputs = buffers.together("states", (*states, ("written", shape[:2], _WIDE)))
     outputs |= {name: array(name, (batch, frames), _BYTE) for name in ("stage", "collided_with")}
@@ -117,7 +102,7 @@ def _outputs(batch: int, slots: int, frames: int, buffers: Buffers) -> dict[str,
         f"percept_{name}": array(f"percept_{name}", rows, _BYTE) for name in ("valid", "kind")
     }
     outputs["percept_time"] = array("percept_time", rows, _WIDE)
-    for name, dtype in _PERCEPT_TYPES.items():
+    for name, dtype in _BELIEFS.items():
         outputs[f"percept_{name}"] = array(f"percept_{name}", (*rows, 3), dtype)
     outputs["trace_hash"] = array("trace_hash", (batch, 4), np.uint32)
     return outputs
@@ -125,11 +110,11 @@ def _outputs(batch: int, slots: int, frames: int, buffers: Buffers) -> dict[str,
 
 def _trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajectories:
     longest = int(out["num_frames"].max()) if scenario.num_simulations else 0
-    percepts = {name: out[f"percept_{name}"] for name in _PERCEPT_TYPES if name != "detected"}
+    percepts = {name: out[f"percept_{name}"] for name in _BELIEFS if name != "detected"}
     return Trajectories(
         scenario=scenario,
         num_frames=out["num_frames"],
-        states=States(**{name: _kept(out[name][:, :, :longest]) for name in _STATE_TYPES}),
+        states=States(**{name: _kept(out[name][:, :, :longest]) for name in STATE_TYPES}),
         stage=out["stage"][:, :longest],
         collided_with=out["collided_with"][:, :longest],
         contacts=Contacts(
@@ -150,6 +135,6 @@ def _trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajector
 
 
 def _kept(states: NDArray[Any]) -> NDArray[Any]:
-    """Recorded states, which nobody may change: what is zero behind them is not cleared again."""
+    """Recorded states, read-only: the zeros behind them are not cleared again."""
     states.setflags(write=False)
     return states

@@ -143,7 +143,7 @@ def _lamps(scenario: Scenario, world: World) -> Rows:
     v = scenario.vehicles
     has_lamps = v.kind != VehicleKind.B
     night, dark = (one.weather.night[:, None] for one in (scenario, acting(scenario)))
-    thick = world.sight.fog_extinction > visibility.extinction_of_range(
+    thick = world.step.fog_extinction > visibility.extinction_of_range(
         known("model.lights.fog_lamp_range")
     )
     foggy = has_lamps & thick[:, None]

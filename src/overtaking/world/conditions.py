@@ -1,9 +1,7 @@
-"""Physical conditions of each simulation from weather and light: water, wind and sight.
-
-Attributes that are parameters of the step have the names of `parameters.SimulationParameters`.
-"""
+"""Parameters of each simulation: water, wind and sight, computed from weather and light."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +11,7 @@ from overtaking.model.once import once
 from overtaking.model.scenario import Scenario
 from overtaking.model.weather import Weather
 from overtaking.world import film, friction, visibility
-from overtaking.world.clock import DECISIONS_PER_SECOND
+from overtaking.world.clock import DECISIONS_PER_SECOND, STEPS_PER_SECOND
 from overtaking.world.constants import Constants, known
 from overtaking.world.effects import Effects
 from overtaking.world.film import PERCENT
@@ -24,70 +22,12 @@ _HIGH_SUN = np.float32(0.8)  # Neither night nor glare [rad].
 _UNSEEN = np.float32(1e9)  # An illuminance at which no lamp is noticed [lx].
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Water:
-    """Water on the road; every array has shape (simulation,).
+class SimulationParameters(NamedTuple):
+    """Parameters of each simulation, in the order in which the engine receives them.
 
     Attributes:
-        least_film: Film of a wet road, 0 on a dry one [mm].
-        film_rain: `film.film_per_rain` of the rain.
-        texture: Depth of the road's texture [mm].
-        puddle_reach: Threshold of the field of puddles, see `film.puddle`.
-        puddle_film: Depth of a puddle above the film [mm].
-        puddle_phase_1: Phase of the first wave of that field, in [0, 1).
-        puddle_phase_2: Phase of the second.
-    """
-
-    least_film: F32
-    film_rain: F32
-    texture: F32
-    puddle_reach: F32
-    puddle_film: F32
-    puddle_phase_1: F32
-    puddle_phase_2: F32
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wind:
-    """Wind; every array has shape (simulation,).
-
-    Attributes:
-        wind_along: Mean wind in the direction of travel [m/s].
-        wind_across: Mean wind towards the fast side [m/s].
-        gust_gain: Amplitude of single gusts over the mean [1].
-        gust_phase: Where along the road they stand, in [0, 1) of their spacing.
-        gust_length: Length of road that each of them covers [m].
-    """
-
-    wind_along: F32
-    wind_across: F32
-    gust_gain: F32
-    gust_phase: F32
-    gust_length: F32
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Push:
-    """Lateral pushes in place of the wind; every array has shape (simulation,).
-
-    Attributes:
-        push_accel: Lateral acceleration towards the fast side, 0 without pushes [m/s^2].
-        push_rate: Pushes per decision [1].
-        push_share: Part of the time in which a push acts [1].
-        push_phase: When the first one comes, in [0, 1) of the interval.
-    """
-
-    push_accel: F32
-    push_rate: F32
-    push_share: F32
-    push_phase: F32
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sight:
-    """Visibility in the weather; every array has shape (simulation,).
-
-    Attributes:
+        last_step: Step at which it ends at the latest.
+        deadline_step: Step at which it ends if nothing was attempted.
         fog_extinction: Of fog [1/m].
         rain_extinction: Of rain, to an observer at rest [1/m].
         sight_front: Logarithm of glare factor over contrast threshold, looking ahead.
@@ -97,8 +37,32 @@ class Sight:
         detection_time: Until something in plain view is noticed [s].
         distance_error: Coefficient of variation of judged distances [1].
         speed_error: The same of closing speeds [1].
+        wind_along: Mean wind in the direction of travel [m/s].
+        wind_across: Mean wind towards the fast side [m/s].
+        gust_gain: Amplitude of single gusts over the mean [1].
+        gust_phase: Where along the road they stand, in [0, 1) of their spacing.
+        gust_length: Length of road that each of them covers [m].
+        push_accel: Lateral acceleration of pushes towards the fast side, 0 without them [m/s^2].
+        push_rate: Pushes per decision [1].
+        push_share: Part of the time in which a push acts [1].
+        push_phase: When the first one comes, in [0, 1) of the interval.
+        least_film: Film of a wet road, 0 on a dry one [mm].
+        film_rain: `film.film_per_rain` of the rain.
+        texture: Depth of the road's texture [mm].
+        puddle_reach: Threshold of the field of puddles, see `film.puddle`.
+        puddle_film: Depth of a puddle above the film [mm].
+        puddle_phase_1: Phase of the first wave of that field, in [0, 1).
+        puddle_phase_2: Phase of the second.
+        side_accel: Largest lateral acceleration that drivers choose [m/s^2].
+        command: Decision that is forced on the ego, 0 for none (`parameters.with_command`).
+        ring: Length of a road that closes on itself, 0 for a road with ends [m].
+        inverse_ring: One over that length, 0 for a road with ends [1/m].
+
+    Every array has shape (simulation,).
     """
 
+    last_step: F32
+    deadline_step: F32
     fog_extinction: F32
     rain_extinction: F32
     sight_front: F32
@@ -108,6 +72,26 @@ class Sight:
     detection_time: F32
     distance_error: F32
     speed_error: F32
+    wind_along: F32
+    wind_across: F32
+    gust_gain: F32
+    gust_phase: F32
+    gust_length: F32
+    push_accel: F32
+    push_rate: F32
+    push_share: F32
+    push_phase: F32
+    least_film: F32
+    film_rain: F32
+    texture: F32
+    puddle_reach: F32
+    puddle_film: F32
+    puddle_phase_1: F32
+    puddle_phase_2: F32
+    side_accel: F32
+    command: F32
+    ring: F32
+    inverse_ring: F32
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,21 +100,13 @@ class World:
 
     Attributes:
         rain_rate: Rain [mm/h].
-        water: On the road.
-        wind: Beside it.
-        push: In its place.
-        sight: Through all of it.
         grip: Friction coefficient that drivers believe in.
-        side_accel: Lateral acceleration that they dare at most [m/s^2].
+        step: The parameters of the step that follow.
     """
 
     rain_rate: F32
-    water: Water
-    wind: Wind
-    push: Push
-    sight: Sight
     grip: F32
-    side_accel: F32
+    step: SimulationParameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,8 +115,8 @@ class Outlook:
 
     Attributes:
         rain_rate: Rain [mm/h].
-        film: How much water lies on the road, the fields of `Water` that are not drawn.
-        sight: How far one sees ahead, fields of `Sight`.
+        film: Water on the road, the fields of `SimulationParameters` that are not drawn.
+        sight: Sight ahead, fields of `SimulationParameters`.
     """
 
     rain_rate: F32
@@ -161,18 +137,24 @@ def world_of(scenario: Scenario, c: Constants, effects: Effects) -> World:
     felt = acting(scenario)
     # Wind draws before water: the order of the draws is part of what a seed means.
     wind = _wind(felt, draws, effects)
-    water = _water(ahead, draws)
-    grip = _believed_grip(c, water)
+    phases = {"puddle_phase_1": draws.uniform(), "puddle_phase_2": draws.uniform()}
+    grip = _believed_grip(c, ahead.film)
     dared = np.full_like(grip, known("model.steering.comfort_accel"))
-    return World(
-        rain_rate=ahead.rain_rate,
-        water=water,
-        wind=wind,
-        push=_push(scenario, draws),
-        sight=_sight(felt, ahead, effects),
-        grip=grip,
+    zero = np.zeros_like(grip)
+    step = SimulationParameters(
+        last_step=np.rint(scenario.horizon * STEPS_PER_SECOND),
+        deadline_step=np.rint(scenario.attempt_deadline * STEPS_PER_SECOND),
         side_accel=minimum(dared, known("model.steering.grip_share") * c.gravity * grip),
+        command=zero,
+        ring=zero,
+        inverse_ring=zero,
+        **_sight(felt, ahead, effects),
+        **wind,
+        **ahead.film,
+        **phases,
+        **_push(scenario, draws),
     )
+    return World(rain_rate=ahead.rain_rate, grip=grip, step=step)
 
 
 def acting(scenario: Scenario) -> Scenario:
@@ -199,22 +181,22 @@ def vision_is_cut(weather: Weather) -> Mask:
     return weather.night | cloudy | weather.horizon_line
 
 
-def _push(scenario: Scenario, draws: Draws) -> Push:
+def _push(scenario: Scenario, draws: Draws) -> dict[str, F32]:
     """Pushes towards where the wind blows to, as often as rain and wind are strong on average."""
     weather, pushes = scenario.weather, scenario.pushes
     zero = np.zeros_like(weather.rain)
     if pushes is None:
-        return Push(push_accel=zero, push_rate=zero, push_share=zero, push_phase=zero)
+        return dict.fromkeys(("push_accel", "push_rate", "push_share", "push_phase"), zero)
     sine, _ = sincos(weather.wind_direction)
     towards = np.where(road_parameters(scenario.road).side * sine < 0, -_ONE, _ONE)
     strength = np.float32(0.5) * PERCENT * (weather.rain + weather.wind)
     per_second = strength / np.float32(pushes.interval)
-    return Push(
-        push_accel=towards * np.float32(pushes.accel),
-        push_rate=per_second / np.float32(DECISIONS_PER_SECOND),
-        push_share=minimum(per_second * np.float32(pushes.duration), _ONE),
-        push_phase=draws.uniform(),
-    )
+    return {
+        "push_accel": towards * np.float32(pushes.accel),
+        "push_rate": per_second / np.float32(DECISIONS_PER_SECOND),
+        "push_share": minimum(per_second * np.float32(pushes.duration), _ONE),
+        "push_phase": draws.uniform(),
+    }
 
 
 def mean_wind(scenario: Scenario) -> tuple[F32, F32]:
@@ -224,31 +206,23 @@ def mean_wind(scenario: Scenario) -> tuple[F32, F32]:
     return speed * cosine, road_parameters(scenario.road).side * speed * sine
 
 
-def _wind(scenario: Scenario, draws: Draws, effects: Effects) -> Wind:
+def _wind(scenario: Scenario, draws: Draws, effects: Effects) -> dict[str, F32]:
     weather = scenario.weather
     along, across = mean_wind(scenario)
     gusty = (weather.wind >= known("weather.gusts.from_percent")) & effects.gusts
     gain = _drawn(draws, "weather.gusts.smallest_ratio", "weather.gusts.largest_ratio")
-    return Wind(
-        wind_along=along,
-        wind_across=across,
-        gust_gain=np.where(gusty, gain, np.float32(0.0)),
-        gust_phase=draws.uniform(),
-        gust_length=_drawn(draws, "weather.gusts.shortest", "weather.gusts.longest"),
-    )
+    return {
+        "wind_along": along,
+        "wind_across": across,
+        "gust_gain": np.where(gusty, gain, np.float32(0.0)),
+        "gust_phase": draws.uniform(),
+        "gust_length": _drawn(draws, "weather.gusts.shortest", "weather.gusts.longest"),
+    }
 
 
 def _drawn(draws: Draws, low: str, high: str) -> F32:
     """The next number between two entries of the knowledge base."""
     return draws.uniform(float(known(low)), float(known(high)))
-
-
-def _water(ahead: Outlook, draws: Draws) -> Water:
-    return Water(
-        **ahead.film,
-        puddle_phase_1=draws.uniform(),
-        puddle_phase_2=draws.uniform(),
-    )
 
 
 def _outlook(scenario: Scenario, effects: Effects) -> Outlook:
@@ -275,26 +249,25 @@ def _film(scenario: Scenario, rate: F32, effects: Effects) -> dict[str, F32]:
     }
 
 
-def _believed_grip(c: Constants, water: Water) -> F32:
-    """What a driver takes the friction for: one tyre at one speed, outside puddles."""
-    path = np.full_like(water.film_rain, known("model.believed_grip.path_factor"))
-    h = film.lane_film(water.least_film, water.film_rain, path, water.texture)
+def _believed_grip(c: Constants, water: dict[str, F32]) -> F32:
+    """The friction that a driver assumes: that of one tyre at one speed, outside puddles."""
+    path = np.full_like(water["film_rain"], known("model.believed_grip.path_factor"))
+    h = film.lane_film(water["least_film"], water["film_rain"], path, water["texture"])
     speed = np.full_like(h, known("model.believed_grip.speed"))
     wear = np.full_like(h, known("model.believed_grip.tyre_wear"))
     return friction.peak_friction(c, speed, h, wear, np.zeros_like(h))
 
 
-def _sight(scenario: Scenario, ahead: Outlook, effects: Effects) -> Sight:
+def _sight(scenario: Scenario, ahead: Outlook, effects: Effects) -> dict[str, F32]:
     weather, rate = scenario.weather, ahead.rain_rate
     zero = np.zeros_like(rate)
     error = known("weather.errors.closing_speed_cv") if effects.distance_error else np.float32(0.0)
-    return Sight(
-        **ahead.sight,
-        sight_rear=_contrast(scenario, rate, np.abs(PI - np.abs(weather.sun_azimuth))),
-        detection_time=_detection_time(weather.night) if effects.delay else zero,
-        distance_error=_distance_error(scenario) if effects.distance_error else zero,
-        speed_error=np.full_like(rate, error),
-    )
+    return ahead.sight | {
+        "sight_rear": _contrast(scenario, rate, np.abs(PI - np.abs(weather.sun_azimuth))),
+        "detection_time": _detection_time(weather.night) if effects.delay else zero,
+        "distance_error": _distance_error(scenario) if effects.distance_error else zero,
+        "speed_error": np.full_like(rate, error),
+    }
 
 
 def _sight_ahead(scenario: Scenario, rate: F32, effects: Effects) -> dict[str, F32]:

@@ -21,7 +21,7 @@ class Effects:
         distance_error: Misjudged distances.
         looming: The threshold below which an approach goes unnoticed.
         occlusion: Vehicles that hide others.
-        mobil: Lane changes of everybody but the ego.
+        mobil: Lane changes of the other vehicles.
     """
 
     film: bool = True

@@ -41,7 +41,7 @@ class RoadParameters:
 
 @lru_cache(maxsize=16)
 def road_parameters(road: Road) -> RoadParameters:
-    """The road as the step sees it; all who ask share its arrays, which must not be changed."""
+    """The road as the step sees it; all callers share its arrays, which must not be changed."""
     side = np.float32(1.0 if road.driving_side is DrivingSide.RIGHT else -1.0)
     borders = _padded(side * as_f32(road.boundaries))
     heading = np.float32(road.heading)

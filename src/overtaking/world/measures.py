@@ -285,14 +285,6 @@ def rss_lateral(
     return margin + np.maximum(left - right, _ZERO)
 
 
-def imposed_braking(gap: F32Like, closing_speed: F32Like) -> F32:
-    """Acceleration that a steady vehicle ahead forces on the one behind, never positive [m/s^2].
-
-    The negative of `drac`.
-    """
-    return as_f32(-drac(gap, closing_speed))
-
-
 def _halt(speed: F32Like, reaction_time: F32Like, accel: F32Like, decel: F32Like) -> F32:
     """Way of a vehicle that accelerates until it reacts and then stops [m]."""
     reached = speed + reaction_time * accel

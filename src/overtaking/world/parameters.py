@@ -1,8 +1,8 @@
 """From a scenario to the numbers that the step needs, computed once for reference and engine.
 
-What does not change during a simulation is worked out here: forces per unit, extinction, the speed
-that a driver thinks right for the sight and the grip. Inside the simulation the lateral axis points
-towards the fast side, so that left-hand traffic is the mirror image of right-hand traffic.
+Values that are constant during a simulation are computed here: forces per unit, extinction, the
+speed that a driver thinks right for the sight and the grip. Inside the simulation the lateral axis
+points towards the fast side, so that left-hand traffic is the mirror image of right-hand traffic.
 """
 
 import dataclasses
@@ -21,8 +21,8 @@ from overtaking.model.drivers import Drivers
 from overtaking.model.scenario import Scenario
 from overtaking.model.vehicles import VehicleSpecs
 from overtaking.world.bodies import body_parameters
-from overtaking.world.clock import STEP_MS, STEPS_PER_SECOND, SUBSTEPS
-from overtaking.world.conditions import World, acting, world_of
+from overtaking.world.clock import STEP_MS, SUBSTEPS
+from overtaking.world.conditions import SimulationParameters, acting, world_of
 from overtaking.world.constants import Constants, constants
 from overtaking.world.effects import Effects, ablated
 from overtaking.world.lanes import RoadParameters, road_parameters
@@ -126,45 +126,6 @@ class VehicleParameters(NamedTuple):
         return VehicleParameters._make(row[slot] for row in self)
 
 
-class SimulationParameters(NamedTuple):
-    """Parameters of each simulation, in the order in which the engine receives them.
-
-    Every array has shape (simulation,). `world.conditions` explains those of weather and light.
-    """
-
-    last_step: F32
-    deadline_step: F32
-    fog_extinction: F32
-    rain_extinction: F32
-    sight_front: F32
-    sight_rear: F32
-    lamp_threshold: F32
-    inverse_lit_range: F32
-    detection_time: F32
-    distance_error: F32
-    speed_error: F32
-    wind_along: F32
-    wind_across: F32
-    gust_gain: F32
-    gust_phase: F32
-    gust_length: F32
-    push_accel: F32
-    push_rate: F32
-    push_share: F32
-    push_phase: F32
-    least_film: F32
-    film_rain: F32
-    texture: F32
-    puddle_reach: F32
-    puddle_film: F32
-    puddle_phase_1: F32
-    puddle_phase_2: F32
-    side_accel: F32
-    command: F32
-    ring: F32
-    inverse_ring: F32
-
-
 VEHICLE_FIELDS = VehicleParameters._fields
 SIMULATION_FIELDS = SimulationParameters._fields
 
@@ -223,7 +184,7 @@ def parameters(scenario: Scenario, effects: Effects | None = None) -> Parameters
     vehicle |= driver_parameters(acting(scenario), c, world, effects)
     return Parameters(
         vehicle=_stacked(vehicle, VEHICLE_FIELDS),
-        simulation=_stacked(_simulation_parameters(scenario, world), SIMULATION_FIELDS),
+        simulation=_stacked(world.step._asdict(), SIMULATION_FIELDS),
         road=road_parameters(scenario.road),
         constants=c,
         seed=scenario.seed,
@@ -234,22 +195,8 @@ def parameters(scenario: Scenario, effects: Effects | None = None) -> Parameters
 
 def _unchanged(batch: VehicleSpecs | Drivers) -> dict[str, NDArray[Any]]:
     """The fields that the step has under the same name, as they are."""
-    return {name: value for name, value in _by_name(batch).items() if name in VEHICLE_FIELDS}
-
-
-def _simulation_parameters(scenario: Scenario, world: World) -> dict[str, F32]:
-    rows = {
-        "last_step": np.rint(scenario.horizon * STEPS_PER_SECOND),
-        "deadline_step": np.rint(scenario.attempt_deadline * STEPS_PER_SECOND),
-        "side_accel": world.side_accel,
-        "command": np.zeros_like(scenario.horizon),
-        "ring": np.zeros_like(scenario.horizon),
-        "inverse_ring": np.zeros_like(scenario.horizon),
-    }
-    parts = (world.water, world.wind, world.push, world.sight)
-    for part in parts:
-        rows |= _by_name(part)
-    return rows
+    names = (field.name for field in dataclasses.fields(batch) if field.name in VEHICLE_FIELDS)
+    return {name: getattr(batch, name) for name in names}
 
 
 def _stacked(rows: Mapping[str, NDArray[Any]], names: Sequence[str]) -> F32:
@@ -259,11 +206,6 @@ def _stacked(rows: Mapping[str, NDArray[Any]], names: Sequence[str]) -> F32:
     for row, name in zip(stacked, names, strict=True):
         row[...] = rows[name].T
     return stacked
-
-
-def _by_name(part: Any) -> dict[str, F32]:
-    """The arrays of a part of the world by the names of its attributes."""
-    return {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
 
 
 def with_ring(given: Parameters, length: F32) -> Parameters:

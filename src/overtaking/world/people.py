@@ -78,11 +78,11 @@ def _following(scenario: Scenario, c: Constants, world: World) -> Rows:
 
 
 def _reaction(scenario: Scenario, world: World, effects: Effects) -> Rows:
-    """Reaction times in whole decisions: longer at night, in fog and in heavy rain, unless urgent."""
+    """Reaction times in whole decisions, longer at night and in haze, and when it is urgent."""
     night = known("model.perception.reaction_night_factor")
     haze = known("model.perception.reaction_haze_factor")
     fog = visibility.extinction_of_range(known("model.perception.fog_range"))
-    hazy = (world.sight.fog_extinction > fog) | (
+    hazy = (world.step.fog_extinction > fog) | (
         world.rain_rate > known("model.perception.heavy_rain_mmph")
     )
     slower = np.where(scenario.weather.night, night, _ONE)[:, None]
@@ -127,7 +127,7 @@ def _quickest_change(scenario: Scenario, world: World) -> F32:
     borders = road_parameters(scenario.road).boundaries
     width = borders[1] - borders[0]
     share = known("model.lane_change.accel_share")
-    return np.sqrt(_QUINTIC_PEAK * width / (share * world.side_accel))
+    return np.sqrt(_QUINTIC_PEAK * width / (share * world.step.side_accel))
 
 
 def adapted_speed(scenario: Scenario, c: Constants, world: World) -> F32:
@@ -156,7 +156,7 @@ def _rain_slowing(world: World) -> F32:
 
 def _stoppable_speed(scenario: Scenario, c: Constants, world: World) -> F32:
     """Speed from which one stops within sight of a lit vehicle, shape (simulation,) [m/s]."""
-    sight = world.sight
+    sight = world.step
     rain_factor = known("model.speed_choice.rain_sight_factor")
     extinction = sight.fog_extinction + rain_factor * sight.rain_extinction
     contrast = exp(sight.sight_front) * known("model.speed_choice.contrast")

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from overtaking.world.measures import (
     drac,
     headway,
-    imposed_braking,
     picud,
     rss_lateral,
     rss_longitudinal,
@@ -100,7 +99,6 @@ def test_braking_at_drac_ends_the_approach_at_the_bumper(gap, closing):
     needed = float(drac(F(gap), F(closing)))
     time = closing / needed
     assert closing * time - 0.5 * needed * time**2 == pytest.approx(gap, rel=1e-4)
-    assert imposed_braking(F(gap), F(closing)) == -F(needed)
 
 
 def test_measures_of_two_that_overlap_are_those_of_a_collision():

@@ -37,7 +37,7 @@ _SETTINGS = (
     # The sizes of streams are unknown, and guesses put the states of all vehicles into memory; in
     # the order of the query, a join keeps the table on its right.
     "SET disabled_optimizers = 'build_side_probe_side'",
-    "SET temp_directory = ''",  # Nothing is written to disk: what needs more memory fails.
+    "SET temp_directory = ''",  # Nothing is written to disk: a query that needs more memory fails.
     "SET autoinstall_known_extensions = false",
     "SET autoload_known_extensions = false",
     "SET enable_external_access = false",

@@ -142,7 +142,7 @@ def _answer(worker: Worker, timeout_s: float) -> Answer:
 def _tables(data: Dataset, sql: str) -> dict[str, tuple[list[str], Any]]:
     """The files of each table, and its schema where a query cannot read it.
 
-    Views want to know the columns of tables that nobody asks about; their files stay closed.
+    Views need the columns of unused tables too; the files of those tables stay closed.
     """
     from overtaking.data.tables.schemas import SCHEMAS  # Slow; `child` needs none of it.
 

@@ -42,7 +42,7 @@ class Scale:
 
     Attributes:
         unit: The unit of the words, a key of `UNITS`.
-        absent: The value where there is nobody, or nothing, to measure: the harmless end [SI].
+        absent: The value without a vehicle, or quantity, to measure: the harmless extreme [SI].
         low: Lower values count as this one [SI].
         high: Higher values count as this one [SI].
     """
@@ -129,7 +129,7 @@ def speed_wish(column: Column) -> F64:
 def time_to_safe_gap(column: Column) -> F64:
     """Time until the gap is shorter than the safe distance, at constant speeds [s].
 
-    0 if it is so already, NaN if the gap does not shrink.
+    0 if it is shorter already, NaN if the gap does not shrink.
     """
     margin, closing = column("law_follow_m"), column("ahead_closing_speed_mps")
     time = np.divide(margin, closing, out=np.full(len(margin), np.nan), where=closing > 0.0)

@@ -114,7 +114,7 @@ def _of_attribute(attribute: Attribute, examples: Examples, positive: Mask) -> l
     values = examples.column(attribute.name)
     if attribute.is_nominal:
         borders = [float(level) for level in np.unique(values)]
-        sides = (True,)  # Nobody would say "not a van".
+        sides = (True,)  # "Not a van" is not a readable condition.
     else:
         cuts = supervised_cuts(values, positive)
         borders = sorted({rounded(one, attribute.scale.unit) for one in cuts.tolist()})

@@ -76,7 +76,7 @@ def cover(
         on_round: Called with the number of rounds that are done, and of all.
 
     Returns:
-        The rules, the one that is worth most first; none where none is worth its words.
+        The rules, the most valuable first; empty if no rule is worth its words.
     """
     if not conditions or not positive.any():
         return RuleSet(rules=(), is_negated=False)
@@ -99,7 +99,7 @@ def cover(
 def _searches(
     examples: Examples, positive: Mask, conditions: Sequence[Condition], limits: tuple[int, int]
 ) -> list["_Search"]:
-    """A search for what is true, and unless that is rare one for what is false, for each weight."""
+    """For each weight a search for rules of the target, and of its opposite if that is not rare."""
     holds = np.column_stack([one.holds(examples) for one in conditions]).astype(np.float32)
     may_join = _may_join(holds, [one.attribute.name for one in conditions])
     least = _LEAST_GAIN * float(positive.sum())

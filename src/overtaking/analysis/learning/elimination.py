@@ -60,7 +60,7 @@ def num_fits(factors: int, repeats: int) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ranking:
-    """What is ranked, and on what.
+    """The ranked factors, and the examples for it.
 
     Attributes:
         examples: The examples.

@@ -78,7 +78,7 @@ class Examples:
     @property
     def is_seen(self) -> Mask:
         """Whether there is a vehicle ahead, shape (simulation,)."""
-        # The longest gap stands for nobody.
+        # The longest gap stands for no vehicle.
         return self.column("ahead_gap_m") < BY_NAME["ahead_gap_m"].scale.absent
 
 
@@ -144,8 +144,8 @@ def groups_of(simulations: pd.DataFrame) -> I64:
 def roots_of(simulations: pd.DataFrame) -> NDArray[np.str_]:
     """Name of the root of each simulation, shape (simulation,).
 
-    Simulations of one recording belong together, whoever is the ego. So do simulations with the
-    same seed and index: twins and branches of one scenario.
+    Simulations of one recording belong together, whichever vehicle is the ego. So do simulations
+    with the same seed and index: twins and branches of one scenario.
 
     Args:
         simulations: Rows of the table of that name.

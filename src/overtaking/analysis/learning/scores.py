@@ -15,7 +15,7 @@ class Score:
     """The confusion matrix of a binary prediction, and its scores; NaN where one is undefined.
 
     Attributes:
-        name: Who predicted.
+        name: Name of the predictor.
         hits: TP, predicted and true.
         false_alarms: FP, predicted and false.
         misses: FN, not predicted and true.
@@ -92,7 +92,7 @@ def score(name: str, said: Mask, positive: Mask, area: float = float("nan")) -> 
     """Compare predictions with the truth.
 
     Args:
-        name: Who predicted.
+        name: Name of the predictor.
         said: The predictions, shape (example,).
         positive: The truth, same shape.
         area: As in `Score`.

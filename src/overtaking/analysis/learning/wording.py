@@ -3,11 +3,9 @@
 import math
 
 from overtaking.analysis.learning.attributes import UNITS, Attribute
+from overtaking.knowledge.terms import terms
 
-_TYPES = {
-    "S": "a small car", "M": "a medium car", "L": "a large car", "V": "a van", "T": "a truck",
-    "MC": "a motorcycle", "B": "a bicycle",
-}  # fmt: skip
+_TYPES = {name: f"a {term.title}" for name, term in terms("vehicles").items()}
 
 
 def rounded(value: float, unit: str) -> float:
@@ -63,7 +61,7 @@ def _nominal_text(attribute: Attribute, level: str, *, is_so: bool) -> str:
 
 
 def _or_nobody(attribute: Attribute) -> str:
-    """The words for a condition that also holds if nobody is there."""
+    """The words for a condition that also holds without a vehicle."""
     if attribute.needs.startswith("nobody"):
         return f" (or {attribute.needs})"
     return "" if attribute.needs == "ahead" else " (or nobody is there)"

@@ -87,7 +87,7 @@ def _assigned(tree: Any, ranges: dict[str, Range]) -> Iterator[tuple[str, Range]
 
 
 def range_of(tree: Any, ranges: dict[str, Range]) -> Range:
-    """The smallest and the largest value of a term; (0, 0) for what is no number."""
+    """The smallest and the largest value of a term; (0, 0) for a term that is no number."""
     of = kind(tree)
     if of == "Variable":
         return ranges.get(tree.name, _ANY)
@@ -123,4 +123,4 @@ def _binary(tree: Any, left: Range, right: Range) -> Range:
     if operator == _MODULO:
         most = max(abs(right[0]), abs(right[1]))
         return -most, most
-    return _ANY[0] * 2, _ANY[1] * 2  # Powers and bits count as overflows: nobody needs them.
+    return _ANY[0] * 2, _ANY[1] * 2  # Powers and bits count as overflows: no query needs them.

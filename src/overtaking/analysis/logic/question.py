@@ -1,4 +1,4 @@
-"""Reads a question, and refuses what is none."""
+"""Parses a query, and refuses invalid ones."""
 
 # clingo's syntax trees are typed as nodes of any kind.
 # pyright: reportAttributeAccessIssue=false

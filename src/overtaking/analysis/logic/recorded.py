@@ -232,7 +232,7 @@ class _Recorded:
 
     @cached_property
     def _near(self) -> Mask:
-        """Who is within reach of the ego, shape (simulation, vehicle, time)."""
+        """Which vehicles are near the ego, shape (simulation, vehicle, time)."""
         s = self._states.s
         return self._run.state_valid & (np.abs(s - s[:, [Role.EGO]]) <= REACH_MM)
 
@@ -279,7 +279,7 @@ class _Recorded:
         return _joined([self._spacing(words.PLACE.names.index(one)) for one in places], 6)
 
     def _spacing(self, code: int) -> Columns:
-        """Of one place: the lawful gap is that of whoever is behind, the ego or the other."""
+        """Lawful gaps at one position; the follower, ego or neighbour, must keep the gap."""
         seen, target = self._seen, self._case.target
         is_target, is_ahead = code == len(Around), code in _AHEAD
         at = row, frame = self._there(code)
@@ -300,7 +300,7 @@ class _Recorded:
         return self._numbers[row], place, frame, down(gap), exact, beside(lawful, gap)
 
     def _there(self, code: int) -> tuple[Index, Index]:
-        """Simulations and frames in which somebody is in a place."""
+        """Simulations and frames with a vehicle at a position around the ego."""
         if code == len(Around):
             row, frame = np.nonzero(self._case.target.valid)
         else:

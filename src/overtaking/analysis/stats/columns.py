@@ -1,9 +1,10 @@
-"""The paper's features: what each is called, what it is measured in, which values it may take."""
+"""The paper's features: name, unit and possible values of each."""
 
 from dataclasses import dataclass
 
 from overtaking.knowledge import terms
 from overtaking.model.labels import OvertakeClass
+from overtaking.model.vehicles import VehicleKind
 
 CLASS = "CLASS"
 """Column of the class."""
@@ -51,8 +52,7 @@ class Feature:
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
 
-# The order of the codes 0 to 6 in the paper's text.
-VEHICLE_TYPES = ("S", "M", "L", "V", "T", "MC", "B")
+VEHICLE_TYPES = tuple(VehicleKind.__members__)  # In the order of the paper's codes.
 EGO_TYPES = VEHICLE_TYPES[:5]
 """Those that the ego has in the paper; two-wheelers are shown where a recording has one."""
 

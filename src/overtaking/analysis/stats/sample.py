@@ -98,7 +98,7 @@ def prepare(
 
     Args:
         frame: One row per simulation, with the paper's features and CLASS, and `weight` if
-            `weighted`. What else it has is left out.
+            `weighted`. Other columns are left out.
         policy: The policy that decided about the classes.
         reading: How it was measured; `paper` for the policy of that name, else `matched`.
         weighted: Whether to count each simulation by its importance weight.

@@ -18,8 +18,8 @@ class Survival:
 
     Attributes:
         time: The instants, growing [s].
-        at_risk: Weight of those who still waited just before.
-        events: Weight of those who began then.
+        at_risk: Weight of the drivers that still waited just before.
+        events: Weight of the drivers that began then.
         survival: Share that still waits just after.
         error: Standard error of `survival`.
         low: Lower limit of its 95 % confidence interval.
@@ -79,7 +79,7 @@ def kaplan_meier(time: F64, is_event: Mask, weight: F64 | None = None) -> Surviv
     shown = events > 0.0
     events, at_risk, squares = events[shown], at_risk[shown], squares[shown]
     stay = np.clip(1.0 - events / at_risk, 0.0, 1.0)
-    stay[stay < 1e-12] = 0.0  # The last ones began: what is left is rounding.
+    stay[stay < 1e-12] = 0.0  # The last ones began: the rest is rounding error.
     survival = np.cumprod(stay, dtype=np.float64)
     effective = at_risk**2 / squares
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,1 +1,1 @@
-"""Holds the traffic of a profile against what is known of real traffic."""
+"""Compares the traffic of a profile with published measurements."""

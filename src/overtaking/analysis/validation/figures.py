@@ -87,7 +87,7 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """How a figure is computed; `validation.toml` says what it is, in which unit and limits.
+    """How a figure is computed; `validation.toml` has its description, unit and limits.
 
     Attributes:
         name: Its name, as in `validation.toml`.

@@ -23,7 +23,7 @@ POLICY = "default"
 """The policy whose classes are counted."""
 
 SEEN_AHEAD_M, SEEN_BEHIND_M = 200.0, 100.0
-"""An ego with nobody farther ahead, or behind, than this sees where the traffic ends [m]."""
+"""An ego without a vehicle farther ahead, or behind, than this sees the end of the traffic [m]."""
 
 _RAIN, _FOG, _WIND = 20.0, 20.0, 50.0  # Percent from which weather counts as such.
 

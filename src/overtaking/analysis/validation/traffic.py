@@ -46,7 +46,7 @@ class Batch:
         runs: The recordings.
         group: Group of each simulation.
         weight: Weight of each simulation.
-        sound: Whether a vehicle is present and has touched nobody yet, shape
+        sound: Whether a vehicle is present and has had no contact yet, shape
             (simulation, vehicle, time).
         interval_s: Time between frames [s].
     """
@@ -157,7 +157,7 @@ def leaders(batch: Batch, frames: slice) -> tuple[Array, Array]:
     """Gap to the next vehicle ahead in the lane [m] and speed of approach [m/s].
 
     Returns:
-        Both of shape (simulation, time, vehicle); the gap is infinite where nobody is ahead.
+        Both of shape (simulation, time, vehicle); the gap is infinite without a leader.
     """
     states, scenario = batch.runs.states, batch.runs.scenario
     s, speed = (1e-3 * by_frame(one, frames) for one in (states.s, states.speed))

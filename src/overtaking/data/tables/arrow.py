@@ -85,7 +85,7 @@ def missing_in(chunk: pa.Array) -> Mask:
 
 
 def _validity(missing: Mask | None) -> pa.Buffer | None:
-    """Arrow's bits for what is there, or nothing where all is."""
+    """Arrow's validity bits, or None if all values are there."""
     return pa.py_buffer(_packed(~missing)) if missing is not None and missing.any() else None
 
 

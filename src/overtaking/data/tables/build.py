@@ -54,7 +54,7 @@ def build(
         batch: Where the paths of its columns begin.
         rows: Takes the rows of the table from an attribute.
         computed: Columns by name that are not attributes of the batch, a key first.
-        unknown: What is not known of a recording.
+        unknown: Names of what a recording does not tell.
     """
     schema, count = schema_of(table, unknown), len(next(iter(computed.values())))
     known = [one for one in COLUMNS[table] if not one.is_silent(unknown)]

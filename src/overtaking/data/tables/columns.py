@@ -18,7 +18,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask
-from overtaking.core.units import SUFFIXES
+from overtaking.core.units import STEPS, SUFFIXES
 from overtaking.data.tables.arrow import missing_in, to_numpy
 from overtaking.model.batch import Batch
 from overtaking.model.values import Declaration, declarations
@@ -26,17 +26,13 @@ from overtaking.model.values import Declaration, declarations
 FLOAT, DOUBLE, BOOL, TEXT = pa.float32(), pa.float64(), pa.bool_(), pa.string()
 BYTE, SHORT, INT, LONG, ULONG = pa.uint8(), pa.int16(), pa.int32(), pa.int64(), pa.uint64()
 
-STEPS = {
-    "mm": ("m", 1000),
-    "ms": ("s", 1000),
-    "mm/s": ("m/s", 1000),
-    "mm/s^2": ("m/s^2", 1000),
-    "0.1 mrad": ("rad", 10_000),
-    "0.1 mrad/s": ("rad/s", 10_000),
+_TYPES = {
+    F32: FLOAT,
+    Mask: BOOL,
+    NDArray[np.uint8]: BYTE,
+    NDArray[np.int16]: SHORT,
+    NDArray[np.int32]: INT,
 }
-"""The SI unit and the number of steps in it, for each unit of an integer column."""
-
-_TYPES = {F32: FLOAT, Mask: BOOL, NDArray[np.uint8]: BYTE}
 """Arrow types for the annotations of fields."""
 
 Names = tuple[str, ...]
@@ -155,7 +151,7 @@ def declared(
     kinds: Mapping[str, pa.DataType] = MappingProxyType({}),
     units: Mapping[str, str] = MappingProxyType({}),
     needs: Sequence[str] = (),
-    nullable: bool | Collection[str] = False,
+    nullable: bool | Collection[str] = (),
 ) -> list[Column]:
     """Columns that the fields of a batch declare themselves, in the order of the fields.
 
@@ -167,8 +163,8 @@ def declared(
         kinds: Types of columns that are not those of their fields.
         units: The same for units.
         needs: What all of these columns need, as in `Column`.
-        nullable: Whether columns may hold nulls, or names of the fields that may. A column that
-            needs something, or has no value everywhere, always may.
+        nullable: Whether columns may hold nulls. Names of fields allow nulls in their columns, in
+            those that need something, and in those without a value everywhere.
     """
     found: list[Column] = []
     for name, one in declarations(cls).items():
@@ -179,7 +175,10 @@ def declared(
             found += _nested(where, hint, one)
             continue
         present = f"{path}{one.present}".lstrip(".") if one.present[:1] == "." else one.present
-        is_nullable = nullable if isinstance(nullable, bool) else name in nullable
+        if isinstance(nullable, bool):
+            is_nullable = nullable or bool(present)
+        else:
+            is_nullable = name in nullable or bool(present or one.needs)
         found.append(
             column(
                 one.column,
@@ -187,7 +186,7 @@ def declared(
                 one.meaning,
                 units.get(name, one.unit),
                 path=where,
-                nullable=is_nullable or bool(present or one.needs),
+                nullable=is_nullable,
                 present=present,
                 needs=[*needs, *one.needs],
             )

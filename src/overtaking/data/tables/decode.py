@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from overtaking.data.tables.columns import STEPS, codes, flags_of, names_of, si_name, unit_of
+from overtaking.core.units import STEPS
+from overtaking.data.tables.columns import codes, flags_of, names_of, si_name, unit_of
 
 
 def decode(table: pa.Table) -> pd.DataFrame:
@@ -53,7 +54,7 @@ _NULLABLE = {
 
 def _bits(values: pa.ChunkedArray, flags: tuple[str, ...]) -> dict[str, pd.Series]:
     """One boolean column for each bit."""
-    if values.null_count == len(values) > 0:  # Nobody knows any of them.
+    if values.null_count == len(values) > 0:  # All are unknown.
         unknown = pd.Series(pd.array([pd.NA] * len(values), dtype="boolean"))
         return dict.fromkeys(flags, unknown)
     bits = values.to_numpy()

@@ -16,7 +16,7 @@ class ContentDigest:
     """A hash over the values of a table that arrives in pieces.
 
     Each column has a BLAKE3 hash of its own, so that pieces of any length give the same result;
-    nulls are hashed as a column of their own, and what stands behind them does not count.
+    nulls are hashed as a column of their own, and the values behind them do not count.
     """
 
     def __init__(self, schema: pa.Schema) -> None:

@@ -93,7 +93,7 @@ def vehicles(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
 
 
 def frames(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
-    """One row per simulation and frame: what is the same for all vehicles, and the ego's lane."""
+    """One row per simulation and frame: values common to all vehicles, and the ego's lane."""
     simulation, frame = np.nonzero(trajectories.frame_valid)
     lane = trajectories.states.lane[simulation, Role.EGO, frame]
     about = lane_columns(trajectories.road)

@@ -158,7 +158,7 @@ def features(labelled: Labelled, numbers: Numbers) -> pa.Table:
 
 
 def decisions(labelled: Labelled, numbers: Numbers) -> pa.Table:
-    """One row per simulation: what there was to know when the overtake began, or might have."""
+    """One row per simulation: the state when the overtake began, or might have begun."""
     found, unknown = labelled.decisions, labelled.trajectories.unknown
     return build("decisions", found, lambda values: values, {"simulation": numbers}, unknown)
 

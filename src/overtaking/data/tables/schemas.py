@@ -31,7 +31,7 @@ from overtaking.model.drivers import Drivers
 from overtaking.model.events import NEVER
 from overtaking.model.features import Features
 from overtaking.model.safety import MOMENTS, Safety
-from overtaking.model.trajectory import NO_VEHICLE, Lights
+from overtaking.model.trajectory import NO_VEHICLE, Lights, States
 from overtaking.model.vehicles import VehicleSpecs
 from overtaking.model.weather import Weather
 
@@ -45,6 +45,7 @@ NUM_INDICATOR_BITS = int(Lights.BRAKE).bit_length() - 1
 """The lowest bits of `Lights` are the indicator's."""
 
 _NOBODY = int(NO_VEHICLE)
+_ALONG = ("x", "y", "s", "d")  # The states that come before the lane in the table.
 _optional = partial(column, nullable=True)
 _key = partial(column, is_key=True)
 
@@ -221,31 +222,9 @@ _RECORDED: dict[str, list[Column]] = {
         _SIMULATION,
         _VEHICLE,
         _FRAME,
-        *attributes(
-            "states",
-            column("x", INT, "OpenDRIVE x of the bounding-box centre", "mm"),
-            column("y", INT, "OpenDRIVE y of the bounding-box centre, right-handed", "mm"),
-            column("s", INT, "Position along the road", "mm"),
-            column("d", INT, "Position across the road, positive to the left", "mm"),
-        ),
+        *declared("states", States, only=_ALONG),
         _optional("lane_id", SHORT, "OpenDRIVE id of its lane"),
-        *attributes(
-            "states",
-            column("speed", INT, "Speed, never negative", "mm/s"),
-            column("heading", SHORT, "Heading, anticlockwise from world x", "0.1 mrad"),
-            column(
-                "wheel_angle",
-                SHORT,
-                "Front wheels, positive to the left",
-                "0.1 mrad",
-                needs=["wheel_angle"],
-            ),
-            column("accel_lon", SHORT, "Acceleration forwards, contacts excluded", "mm/s^2"),
-            column("accel_lat", SHORT, "Acceleration to the left", "mm/s^2"),
-            column(
-                "yaw_rate", SHORT, "Turning rate, anticlockwise", "0.1 mrad/s", needs=["yaw_rate"]
-            ),
-        ),
+        *declared("states", States, without=_ALONG, nullable=False),  # But see `schema_of`.
         column("indicator", names.INDICATORS, "Direction indicator", needs=["indicators"]),
         column(
             "lights", BYTE, "Lights that are on, one bit each", flags=names.FLAGS, needs=["lamps"]

@@ -82,7 +82,7 @@ def _stop(scene: Scene, sight: F32) -> tuple[Remedy, ...]:
 
 
 def see_farther(scene: Scene) -> tuple[Remedy, ...]:
-    """L15 and L15s: more sight; nothing that a driver can do but wait for it."""
+    """L15 and L15s: more sight; a driver can only wait for it."""
     needed, first = float(known("law.sight.least")), scene.case.events.attempt[0]
     if is_two_way(scene.case.trajectories.road):
         passing = float(passing_sight(scene.case)[0])

@@ -23,7 +23,7 @@ from overtaking.world.measures import headway, picud, rss_longitudinal
 _LEFT = (Around.LEFT_LEADER, Around.LEFT_FOLLOWER)
 _RIGHT = (Around.RIGHT_LEADER, Around.RIGHT_FOLLOWER)
 _INTO = {"attempt": _LEFT, "line_crossed": _LEFT, "return_begin": _RIGHT}
-"""Who is ahead and behind in the lane that the ego moves into."""
+"""The vehicles ahead and behind in the lane that the ego moves into."""
 
 _ENTERS = np.array([name in _INTO for name in MOMENTS[1:]])
 _ENTERED = np.array([_INTO.get(name, _LEFT) for name in MOMENTS[1:]], np.intp)
@@ -96,7 +96,7 @@ def entry_encroachment(case: Case) -> F32:
 
     From the frame in which the ego crosses the line to the arrival of the vehicle behind in that
     lane at the place where the ego's rear bumper was then, shape (simulation,) [s]. 0 alongside;
-    infinite where nobody is behind, or it does not arrive in that lane within the recording.
+    infinite without a vehicle behind, or if it does not arrive in that lane within the recording.
 
     Source:
         Allen, Shin, Cooper (1978), Analysis of traffic conflicts and collisions.
@@ -148,7 +148,7 @@ def _past(case: Case, rows: Index, slot: Index, begin: I32, frame: I32) -> F32:
 
 
 def front_margins(case: Case, front: Encounter, rows: Index, frames: Index) -> dict[str, F32]:
-    """What else there is to say of the vehicle ahead."""
+    """Further measures of the vehicle ahead."""
     seen = case.signals
     speed, slot = seen.speed[rows, frames], slot_of(seen.vehicle[rows, Around.LEADER, frames])
     length = case.trajectories.scenario.vehicles.length[rows, slot]

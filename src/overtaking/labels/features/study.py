@@ -92,7 +92,7 @@ def matched_features(case: Case) -> Features:
 def _instant(case: Case) -> dict[str, F32]:
     own = at(case.signals.speed, case.events.attempt)
     target = _of_target(case, case.events.attempt)
-    left = left_lane_then(case)  # Nobody looks at it where nothing was attempted.
+    left = left_lane_then(case)  # Unused without an attempt.
     others = np.maximum(case.trajectories.scenario.num_vehicles - 1, 1)
     return {
         "ego_speed": own,

@@ -92,7 +92,7 @@ def _on_the_left(case: Case) -> Check:
     found = alongside(case)
     own = lane_index(case.signals.lane)[found.rows, found.frames]
     other = lane_index(found.lane)
-    # A target that makes room to the right puts nobody in the wrong.
+    # A target that makes room to the right causes no breach.
     entered = np.maximum(other, lane_index(case.events.original_lane)[found.rows])
     margin = np.minimum(own - other - _HALF_LANE, entered + _LANE_AND_HALF - own)
     wrong = np.flatnonzero(margin < 0)

@@ -1,4 +1,4 @@
-"""What the ego believed when it decided, beside what was so."""
+"""Beliefs of the ego at its decision, beside the true values."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

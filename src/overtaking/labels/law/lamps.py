@@ -109,7 +109,7 @@ def _suspect(lights: U8, span: Span, needed: Mask, thick: Mask) -> Mask:
 
 
 def _dazzles(case: Case, rows: Index, frames: Index) -> Mask:
-    """Whether high beam would dazzle somebody ahead or oncoming, at single frames."""
+    """Whether high beam would dazzle a driver ahead or oncoming, at single frames."""
     ahead = encounter(case, Around.LEADER, rows, frames)
     behind = ahead.valid & (ahead.gap < known("law.lamps.high_beam_behind"))
     others = others_at(case, frames.astype(np.int32), rows)

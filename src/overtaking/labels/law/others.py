@@ -29,7 +29,7 @@ _THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Others:
-    """Everybody at one frame of each simulation; arrays have shape (simulation, vehicle).
+    """All vehicles at one frame of each simulation; arrays have shape (simulation, vehicle).
 
     Attributes:
         valid: Whether this is a vehicle other than the ego, recorded in that frame.
@@ -51,7 +51,7 @@ class Others:
 
 
 def others_at(case: Case, frame: I32, rows: Index | None = None) -> Others:
-    """Everybody at one frame of some simulations; frame 0 where that is negative.
+    """All vehicles at one frame of some simulations; frame 0 where that is negative.
 
     Args:
         case: The batch.
@@ -158,7 +158,7 @@ def steady_speed_at(
 def _noise(
     run: Trajectories, rows: Index, slot: Index, frames: Frames, around: int
 ) -> NDArray[np.float64]:
-    """Standard deviation of what is noise in a lateral position, from frames around it [m]."""
+    """Standard deviation of the noise of a lateral position, from frames around it [m]."""
     frame = frames[:, None] + np.arange(-around, around + 1)
     inside = (frame >= 0) & (frame < run.num_frames[rows, None])
     place = (rows[:, None], slot[:, None], np.where(inside, frame, 0))

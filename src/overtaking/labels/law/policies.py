@@ -16,7 +16,7 @@ U8 = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Policy:
-    """Which rules count, and what is done where they cannot be decided.
+    """Which rules count, and how undecidable ones are treated.
 
     Attributes:
         name: Short name, a value of the column `policy`.

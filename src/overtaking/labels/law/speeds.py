@@ -27,7 +27,7 @@ ROAD_KINDS = ("motorway", "other", "town")
 CLASSES = ("light", "van", "heavy")
 
 _CLASS_OF = {VehicleKind.V: 1, VehicleKind.T: 2}
-"""Index into `CLASSES` of what is neither a light passenger vehicle nor a two-wheeler."""
+"""Index into `CLASSES` of vehicles that are neither light passenger vehicles nor two-wheelers."""
 
 _ROUNDING = np.float32(5e-4)
 """Half of the step in which speeds are recorded: 25 m/s must not be more than 90 km/h [m/s]."""

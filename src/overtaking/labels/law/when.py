@@ -18,7 +18,7 @@ from overtaking.world.constants import known
 
 
 def _nobody_overtakes(case: Case) -> Check:
-    """At the start nobody comes up on the left within 4 s, and no follower is pulling out."""
+    """At the start no vehicle arrives on the left within 4 s, and no follower is pulling out."""
     frame, attempted = case.events.attempt, case.events.attempted
     rows = np.flatnonzero(attempted)
     others, own_lane = others_at(case, frame[rows], rows), case.signals.lane[rows, frame[rows]]

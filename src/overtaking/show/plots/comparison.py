@@ -32,7 +32,7 @@ class Ridge:
     """One number.
 
     Attributes:
-        label: What stands beside it.
+        label: Text beside it.
         of: The paper's number among ours.
     """
 
@@ -111,7 +111,7 @@ def _columns(panels: Sequence[Panel]) -> list[list[Panel]]:
 
 
 def _draw_column(figure: Figure, side: int, panels: Sequence[Panel]) -> None:
-    """Panels below each other; what is left of the column stays empty."""
+    """Panels below each other; the rest of the column stays empty."""
     width, tall = figure.get_size_inches()
     top = tall - _TOP
     across = 0.5 * width

@@ -1,4 +1,4 @@
-"""What was learned: confusion, calibration, and the factors in order."""
+"""Figures of learning: confusion, calibration, and the factors in order."""
 
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
@@ -16,7 +16,7 @@ _DARK = 0.6  # Shares beyond this need white letters.
 
 @styled
 def draw_confusion(found: FactorsFound) -> Figure:
-    """What came, by what the trees foretold, as shares of what came.
+    """Confusion matrix of the trees: shares of each true outcome by prediction.
 
     Args:
         found: `analysis.learning.factors.learn_factors`.

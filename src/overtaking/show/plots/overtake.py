@@ -59,7 +59,7 @@ def _draw_phases(axes: Axes, one: Diagram) -> None:
 
 
 def _draw_along(axes: Axes, one: Diagram, colour: str) -> None:
-    """Where everybody is along the road, from rear to front bumper."""
+    """Position of every vehicle along the road, from rear to front bumper."""
     for track in reversed(one.tracks):
         _draw_track(axes, one, track, track.ahead, track.length, colour)
     speed_kmh = kmh_from_mps(one.reference_speed)
@@ -107,7 +107,7 @@ def _thickness(track: Track) -> float:
 
 
 def _name_tracks(axes: Axes, one: Diagram, colour: str) -> None:
-    """The vehicles' names at the ends of their lines; who would hide a nearer one has none."""
+    """The vehicles' names at the ends of their lines, without those that would overlap."""
     low, high = axes.get_ylim()
     taken: list[float] = []
     for track in one.tracks:

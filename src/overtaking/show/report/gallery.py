@@ -91,7 +91,7 @@ def distribution_pictures(found: Statistics) -> list[Picture]:
 
 
 def _sampled_swarm() -> str:
-    """What is said where not every simulation is a point."""
+    """Caption if the points are a sample of the simulations."""
     return (
         f" Of each class at most {distributions.MAX_SWARM} simulations are drawn on the right, at "
         "equal distances in the data set; the boxes hold all."

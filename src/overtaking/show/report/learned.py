@@ -1,4 +1,4 @@
-"""The sections of a report about what was learned."""
+"""The sections of a report about learned rules and factors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

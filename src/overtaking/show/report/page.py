@@ -38,7 +38,7 @@ def page(
     Args:
         title: Its heading.
         lead: One line below it.
-        facts: What is known of the data, as names and values.
+        facts: Facts about the data, as names and values.
         sections: Its parts.
         foot: The last line.
     """

@@ -26,7 +26,7 @@ _EXPLAINED = ("classes", "features")
 
 
 def lead(found: Statistics) -> str:
-    """One line on what this is."""
+    """One line that describes the report."""
     sample = found.sample
     policy = f"the policy {sample.policy} ({terms('policies')[sample.policy].title})"
     weighing = "counted by their importance weights" if sample.is_weighted else "each counted once"
@@ -34,7 +34,7 @@ def lead(found: Statistics) -> str:
 
 
 def facts(found: Statistics) -> list[tuple[str, str]]:
-    """What is known of the statistics."""
+    """Facts about the statistics."""
     sample = found.sample
     known = [
         ("simulations", f"{len(sample):,}"),

@@ -63,12 +63,12 @@ def write_report(
         frame: One row per simulation: the paper's features, CLASS, and `weight` if `weighted`.
         out: Folder of the report; made if missing, files of an earlier report are replaced.
         title: Its heading.
-        facts: What is known of the data, as names and values.
+        facts: Facts about the data, as names and values.
         policy: The policy that decided about the classes.
         reading: How the features were measured.
         weighted: Whether to count each simulation by its importance weight.
         example: Gives a simulation for the diagrams; without it there are none.
-        learned: What was learned from the data, if it is to be told.
+        learned: Learned rules and factors, if the page shows them.
         progress: Called with the number of parts that are done, and of all.
 
     Raises:
@@ -112,7 +112,7 @@ class Writer(files.ReportFolder):
             self._progress(self._done, _NUM_PARTS)
 
     def to_know_first(self) -> list[str]:
-        """What a reader has to know before believing a number."""
+        """Limits of the numbers."""
         found = self._found
         notes = [*found.notes, *prose.known_leaks(found)]
         return [prose.about_leaks(found), remarks(notes, [leak.sentence for leak in found.leaks])]

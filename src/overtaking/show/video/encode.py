@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from overtaking.show.video.film import Film
 
 PARTIAL = ".partial"
-"""Folder for files that are not finished; what is left there has no meaning."""
+"""Folder for unfinished files; files that remain there are ignored."""
 
 # Flat areas that move as a whole need no search: the fastest preset finds them. A constant
 # quantiser lets the encoder do without looking ahead, which is half of its work here.
@@ -41,7 +41,7 @@ _BT601, _BT709, _LIMITED = 6, 1, 1  # As ISO/IEC 23091-2 numbers them.
 
 
 class Interrupted(Exception):
-    """Somebody asked to end; nothing of the film was kept."""
+    """The caller asked to stop; no part of the film was kept."""
 
 
 def write_film(

@@ -50,7 +50,7 @@ class Film:
         policy: Policy = POLICIES[0],
         label: OvertakeClass | None = None,
     ) -> None:
-        """Prepare what is the same in many frames."""
+        """Prepare the layers that many frames share."""
         self.scene = scene(run, events)
         self.view = view(self.scene)
         self._sky = seen = sky.sky(run)

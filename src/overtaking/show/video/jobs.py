@@ -1,4 +1,4 @@
-"""Which simulations become films, and what is known of each."""
+"""Which simulations become films, and the facts that each film shows."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What is told of a film on the road itself: what is being broken, and how it ends badly."""
+"""Notes on the road of a film: rules as they are broken, and a bad end."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -13,7 +13,7 @@ from overtaking.model.labels import Findings, Severity, Verdict
 from overtaking.model.vehicles import Role
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
-from overtaking.show.video.scene import RATE, Scene
+from overtaking.show.video.scene import RATE, FilmScene
 from overtaking.show.video.text import Picture, lettering
 from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, Camera
 from overtaking.show.wording import words
@@ -65,8 +65,8 @@ def flash(canvas: Canvas, contact: Contact | None, camera: Camera, frame: int) -
         canvas.draw_all([(_burst(frame - first), *place, 0.0)], camera.scale)
 
 
-def endings(scene: Scene, contact: Contact | None) -> Iterator[Note]:
-    """Notes of how a film ends badly, from the frame on in which it is so."""
+def endings(scene: FilmScene, contact: Contact | None) -> Iterator[Note]:
+    """Notes about a bad end, from the frame of its event on."""
     last = scene.num_frames - 1
     if scene.contact is not None and contact is not None:
         partner = scene.contact[1]
@@ -79,7 +79,7 @@ def endings(scene: Scene, contact: Contact | None) -> Iterator[Note]:
         yield Note(int(np.argmax(off)), last, "LEFT THE LANES")
 
 
-def contact(scene: Scene) -> Contact | None:
+def contact(scene: FilmScene) -> Contact | None:
     """First frame after the ego's first contact, and the place of the contact along and across."""
     if scene.contact is None:
         return None
@@ -95,7 +95,7 @@ def contact(scene: Scene) -> Contact | None:
 
 
 def _nearest(
-    scene: Scene, index: int, frame: int, point: tuple[float, float]
+    scene: FilmScene, index: int, frame: int, point: tuple[float, float]
 ) -> tuple[float, float]:
     """The point of a body that is nearest to another point, on the road."""
     body, angle = scene.bodies[index], float(scene.angle[index, frame])
@@ -110,11 +110,11 @@ def _nearest(
     )
 
 
-def breaches(scene: Scene, findings: Findings | None, policy: Policy) -> list[Note]:
+def breaches(scene: FilmScene, findings: Findings | None, policy: Policy) -> list[Note]:
     """Breaches of the ego's duties, those that the policy does not count marked as such.
 
     Args:
-        scene: What is drawn.
+        scene: The drawn simulation.
         findings: What the rules find; None gives no notes.
         policy: Which rules count.
     """

@@ -1,4 +1,4 @@
-"""What stands above and below the road: who and where, stages, speeds and gap over time."""
+"""Panels above and below the road: vehicles, stages, speeds and gap over time."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -11,7 +11,7 @@ from overtaking.model.vehicles import Role
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas, Drawing
 from overtaking.show.video.notes import Note
-from overtaking.show.video.scene import F64, Scene
+from overtaking.show.video.scene import F64, FilmScene
 from overtaking.show.video.text import lettering, line, write_number
 from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP
 
@@ -23,7 +23,7 @@ _ROW = 66  # Of the distance to the target.
 _NUM_PILLS = 5  # The stages of an overtake that goes well; the other two take the last one's place.
 _PILL_LEFT, _PILL_WIDTH, _PILL_PITCH = 428, 74, 82
 _SMALL, _NORMAL, _LARGE = 11, 13, 16
-_FUTURE = 0.28  # Opacity of what has not happened yet.
+_FUTURE = 0.28  # Opacity of later frames.
 
 
 class Header:
@@ -37,7 +37,7 @@ class Header:
     """
 
     def __init__(self, title: str, subtitle: str, meaning: str, weather: str) -> None:
-        """Draw what does not change."""
+        """Draw the constant parts."""
         drawing, row = Drawing(), 3 if meaning else 10
         name, sky = lettering(title, _LARGE, bold=True), lettering(weather, _NORMAL)
         drawing.mask(name, (16, row), palette.TEXT)
@@ -82,14 +82,14 @@ def _pill(drawing: Drawing, stage: Stage, left: int, *, is_lit: bool) -> None:
 
 
 class Timeline:
-    """Speeds and gap over time, with a cursor: what was lies left of it, what comes is faint.
+    """Speeds and gap over time, with a cursor; later values are faint.
 
     Args:
-        scene: What is drawn.
+        scene: The drawn simulation.
         breaches: Breaches of the law, those that count first.
     """
 
-    def __init__(self, scene: Scene, breaches: Sequence[Note]) -> None:
+    def __init__(self, scene: FilmScene, breaches: Sequence[Note]) -> None:
         """Draw past and future once."""
         self._scene, self._lead = scene, scene.lead
         self._past = _plots(scene, breaches, 1.0)
@@ -139,14 +139,14 @@ class Timeline:
             canvas.draw(side.drawing, end, row)
 
 
-def _plots(scene: Scene, breaches: Sequence[Note], opacity: float) -> Canvas:
+def _plots(scene: FilmScene, breaches: Sequence[Note], opacity: float) -> Canvas:
     """The strip with its curves as they are left or right of the cursor."""
     drawing = Drawing()
     columns = np.linspace(_LEFT, _RIGHT, max(scene.num_frames, 2)).tolist()
     _speeds(drawing, scene, columns, opacity)
     _gap(drawing, scene, columns, opacity)
     _stages(drawing, scene, columns, opacity)
-    for one in reversed(breaches):  # What counts lies above what does not.
+    for one in reversed(breaches):  # Rules that the policy requires lie above the others.
         ends = columns[one.first], columns[min(one.last + 1, len(columns) - 1)]
         colour = palette.WARNING if one.counts else palette.ASIDE
         drawing.rect(ends, _BREACH_ROWS, colour, opacity=max(opacity, 0.5), radius=2.0)
@@ -162,7 +162,7 @@ def _curve(drawing: Drawing, columns: list[float], rows: F64, colour: str, opaci
     drawing.lines([points], colour, width=2.0, opacity=opacity)
 
 
-def _speeds(drawing: Drawing, scene: Scene, columns: list[float], opacity: float) -> None:
+def _speeds(drawing: Drawing, scene: FilmScene, columns: list[float], opacity: float) -> None:
     """Speeds of ego and target."""
     shown = (
         [(Role.EGO, palette.EGO)]
@@ -176,7 +176,7 @@ def _speeds(drawing: Drawing, scene: Scene, columns: list[float], opacity: float
         _curve(drawing, columns, _rows(speeds[slot], low, high, _SPEED_ROWS), colour, opacity)
 
 
-def _gap(drawing: Drawing, scene: Scene, columns: list[float], opacity: float) -> None:
+def _gap(drawing: Drawing, scene: FilmScene, columns: list[float], opacity: float) -> None:
     """Distance to the target, positive while it is ahead."""
     lead = scene.lead
     if lead is None:
@@ -190,7 +190,7 @@ def _gap(drawing: Drawing, scene: Scene, columns: list[float], opacity: float) -
     _curve(drawing, columns, _rows(lead, low, high, _GAP_ROWS), palette.GAP, opacity)
 
 
-def _stages(drawing: Drawing, scene: Scene, columns: list[float], opacity: float) -> None:
+def _stages(drawing: Drawing, scene: FilmScene, columns: list[float], opacity: float) -> None:
     """A band in the colours of the stages."""
     if scene.stage is None:
         return

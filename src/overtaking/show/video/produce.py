@@ -64,7 +64,7 @@ def produce(
     enough.
 
     Args:
-        jobs: The films; taken one by one, as there is somebody to make them.
+        jobs: The films; each worker takes the next when it is free.
         folder: Where they go; made if missing. Each file appears when it is complete.
         total: Number of jobs, if it is known, for `progress`.
         threads: How many films are made beside each other; all processors if not given.
@@ -108,7 +108,7 @@ def _settled(
     progress: Callable[[int, int], None] | None,
     counts: tuple[int, int],
 ) -> set[Future[Video]]:
-    """Wait until fewer than `room` films are pending; what failed is raised at once."""
+    """Wait until fewer than `room` films are pending; errors are raised at once."""
     while len(pending) >= room:
         done, pending = wait(pending, return_when=FIRST_COMPLETED)
         for future in done:

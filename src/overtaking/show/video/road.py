@@ -47,7 +47,7 @@ class Tone(NamedTuple):
 
 
 class Strip(NamedTuple):
-    """The road without anybody on it, a little longer than a picture is wide.
+    """The empty road, a little longer than a picture is wide.
 
     Attributes:
         canvas: The picture of it.
@@ -115,7 +115,7 @@ class _Painter:
         self.drawing.rect(self._whole, rows, self._colour(dry, wet), opacity=opacity)
 
     def ground(self) -> None:
-        """Verges and what is paved."""
+        """Verges and paved surface."""
         low, high = shown_width(self.road)
         top, bottom, gravel = self._y(high), self._y(low), 0.35 * self.scale
         self._fill((-2.0, self.size[1] + 2.0), "#71885c", "#55694a")

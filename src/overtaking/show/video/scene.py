@@ -28,8 +28,8 @@ _MS_PER_S = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
-    """What is drawn; arrays have shape (frame,) or (vehicle, frame), counted in the film.
+class FilmScene:
+    """The drawn simulation; arrays have shape (frame,) or (vehicle, frame), counted in the film.
 
     Attributes:
         road: The road.
@@ -81,7 +81,7 @@ class Scene:
         return np.sign(apart) * np.maximum(np.abs(apart) - reach, 0.0)
 
 
-def scene(run: Trajectories, events: Events | None = None) -> Scene:
+def scene(run: Trajectories, events: Events | None = None) -> FilmScene:
     """A scene from a batch of one simulation.
 
     Args:
@@ -105,7 +105,7 @@ def scene(run: Trajectories, events: Events | None = None) -> Scene:
     kept = (np.array(slots)[:, None], recorded)
     states = run.states
     target = _target(run, events)
-    return Scene(
+    return FilmScene(
         road=run.road,
         slots=slots,
         bodies=tuple(_body(run, slot) for slot in slots),
@@ -147,7 +147,7 @@ def _body(run: Trajectories, slot: int) -> Body:
 
 
 def _contact(run: Trajectories, slots: tuple[int, ...]) -> tuple[float, int | None] | None:
-    """When the ego first hit or left something, and whom."""
+    """First contact of the ego: time [s], and row of its partner, None for an undrawn one."""
     collided = np.flatnonzero(run.collided_with[0, : run.num_frames[0]] != NO_VEHICLE)
     if not len(collided):
         return None

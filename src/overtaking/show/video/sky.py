@@ -29,16 +29,16 @@ _NIGHT, _DAY, _OVERCAST, _SUNSET = (
 _DRY_DAY = Tone(_DAY, 0.0)
 _LOW_SUN = math.radians(20.0)
 _SHADE_BY_DAY = 0.42
-_LONGEST_SHADOW = 3.2  # Per height of what casts it.
+_LONGEST_SHADOW = 3.2  # Per height of the object.
 _CLEAR_TO_SEE = 1500.0  # Fog that lets one see farther is not drawn [m].
 _OWN_HALF = 2.3  # Half a car's length [m].
 _FOG_ABOVE = 100.0  # Depth of fog that the sun shines through before it casts a shadow [m].
 _LEAST_SHARE = 24  # Of 256: what lies in fog stays a hint, so that the film still tells it.
 _OPAQUE = 256
-"""Scale of what veils hide."""
+"""Scale of the veil of rain and fog."""
 
 MOONLIGHT = 64
-"""What is left of the day's light at night, of 256."""
+"""Share of the daylight that remains at night, of 256."""
 
 _HEAVY_RAIN = 60.0  # Rate at which wetness and spray are drawn in full [mm/h].
 _NUM_RAIN_PICTURES = 5  # These take turns.
@@ -150,7 +150,7 @@ class Veil(NamedTuple):
 
     Attributes:
         hidden: Share of each column, of 256.
-        colour: What is seen instead.
+        colour: Colour of the veil.
     """
 
     hidden: NDArray[np.uint16]

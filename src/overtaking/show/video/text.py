@@ -54,7 +54,7 @@ def line(text: str, size: int, colour: str, *, bold: bool = False) -> Picture:
 def write_number(canvas: Canvas, text: str, place: tuple[int, int], size: int, colour: str) -> int:
     """Write a text that changes all the time, and give the column after it.
 
-    All digits are equally wide, so that what stands behind them does not tremble.
+    All digits are equally wide, so that text behind them does not move.
     """
     x, y = place
     for letter in text:
@@ -80,7 +80,7 @@ def lettering(text: str, size: int, *, bold: bool = False) -> NDArray[np.uint8]:
 
 @cache
 def _font(size: int) -> FreeTypeFont:
-    """The font that comes with Pillow, which everybody therefore has in the same version."""
+    """The font that comes with Pillow, so its version is the same on every machine."""
     from PIL import ImageFont
 
     font = ImageFont.load_default(size)

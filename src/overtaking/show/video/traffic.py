@@ -12,7 +12,7 @@ from overtaking.model.trajectory import Lights
 from overtaking.model.vehicles import Role
 from overtaking.show.video import palette, sky
 from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
-from overtaking.show.video.scene import F64, Scene
+from overtaking.show.video.scene import F64, FilmScene
 from overtaking.show.video.sky import Light
 from overtaking.show.video.text import Picture, lettering
 from overtaking.show.video.vehicles import lamps, mark, painted
@@ -64,7 +64,7 @@ class Traffic:
     """
 
     def __init__(
-        self, scene: Scene, camera: Camera, shade: tuple[float, float, float], spray: float
+        self, scene: FilmScene, camera: Camera, shade: tuple[float, float, float], spray: float
     ) -> None:
         """Work out the places of all vehicles in all frames."""
         self._scene, self._scale = scene, camera.scale
@@ -148,7 +148,7 @@ class Traffic:
         canvas.draw(name.drawing, column, row)
 
     def _name(self, place: OnScreen, frame: int) -> Picture:
-        """What is written beside a vehicle."""
+        """Text beside a vehicle."""
         scene, index, rank = self._scene, place.vehicle, self._rank(place.vehicle)
         name = ("EGO", "TARGET", str(scene.slots[index]))[rank]
         if 0.0 <= place.x < WIDTH:

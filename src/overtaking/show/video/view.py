@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from overtaking.model.road import Road
 from overtaking.model.vehicles import Role
 from overtaking.show.video.canvas import WIDTH
-from overtaking.show.video.scene import Scene
+from overtaking.show.video.scene import FilmScene
 
 Metres = TypeVar("Metres", float, "NDArray[np.float64]")
 """One offset, or many."""
@@ -53,7 +53,7 @@ class Camera:
         return 0.5 * self.height - (d - self.middle_d) * self.scale
 
 
-def view(scene: Scene) -> Camera:
+def view(scene: FilmScene) -> Camera:
     """A camera that keeps the whole width of the road, and ego and target as long as both fit."""
     low, high = shown_width(scene.road)
     fitting = (SCENE_BOTTOM - SCENE_TOP) / (high - low + 2.0 * _MARGIN)
@@ -71,7 +71,7 @@ def view(scene: Scene) -> Camera:
 
 
 def shown_width(road: Road) -> tuple[float, float]:
-    """Smallest and largest `d` of what is paved [m]."""
+    """Smallest and largest `d` of the paved surface [m]."""
     borders = road.boundaries
     slow, fast = float(borders[0]), float(borders[-1])
     if road.slow_side_neighbour is not None:

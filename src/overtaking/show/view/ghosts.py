@@ -87,7 +87,7 @@ def _size(run: Trajectories, slot: int) -> tuple[float, float]:
 
 
 def _lane(run: Trajectories, row: int, place: int, frame: int) -> float:
-    """Middle of the lane in which nobody was, but somebody was believed to be [m]."""
+    """Middle of the empty lane in which the driver believed a vehicle [m]."""
     lane = int(run.states.lane[0, Role.EGO, frame])
     if place != _LEADER:
         lane += 1 if run.percepts.kind[0, row] == DecisionKind.PULL_OUT else -1

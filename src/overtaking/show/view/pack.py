@@ -1,4 +1,4 @@
-"""One simulation as a page takes it: what is told of it, and columns of what was recorded.
+"""One simulation as the page reads it: its description, and columns of recorded integers.
 
 `viewer/src/bundle.ts` declares the same for the page. Columns are the recorded integers, or those
 of a stated step, as differences between neighbours; None where there is no value. Differences take
@@ -44,7 +44,7 @@ def pack(labelled: Labelled, number: int) -> Values:
     """Everything that a page shows of one simulation.
 
     Args:
-        labelled: A batch of one simulation, with all that is said of it.
+        labelled: A batch of one simulation, with its labels.
         number: Its number in its data set.
 
     Returns:
@@ -83,7 +83,7 @@ def sparse(column: NDArray[np.floating], steps_per_unit: float) -> list[int | No
 
     Args:
         column: Shape (time,), NaN where there is no value.
-        steps_per_unit: What it is multiplied with before it is rounded to integers.
+        steps_per_unit: Factor before it is rounded to integers.
     """
     there = np.isfinite(column)
     whole = np.rint(np.where(there, column, 0.0) * steps_per_unit).astype(np.int64)
@@ -116,7 +116,7 @@ def _told(values: Values) -> Values:
 
 
 def _decision(one: Values) -> Values:
-    """What was believed at a decision: a row for each neighbour."""
+    """Beliefs at a decision: a row for each neighbour."""
     near = [(place, of) for place, of in one["neighbours"].items() if of is not None]
     rows = [wording.percept_words(place, of) for place, of in near] or [("nobody near", "", "", "")]
     return {"kind": wording.words(one["kind"]), "rows": rows}

@@ -103,7 +103,7 @@ def page(title: str, policy: str, simulations: Sequence[dict[str, Any]]) -> str:
     """The whole page.
 
     Args:
-        title: What is shown, such as the name of a data set.
+        title: Title, such as the name of a data set.
         policy: Which policy is chosen when it opens.
         simulations: One entry for each: what the list shows, and `data`, its text of `packed`.
     """

@@ -24,11 +24,11 @@ MOST_BYTES = 64_000_000
 """Of a page: what browsers open at once, on a phone too."""
 
 LARGE = 8_000_000
-"""Bytes from which on a size is said before anything is written: more than a mail takes."""
+"""Pages larger than this are announced before they are written: a mail takes no more [bytes]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class View:
+class ViewPage:
     """A page that was written.
 
     Attributes:
@@ -50,7 +50,7 @@ def write(
     policy: str,
     progress: Progress | None = None,
     say: Callable[[int], None] | None = None,
-) -> View:
+) -> ViewPage:
     """Write a page; see `overtaking.write_view`."""
     total, entries, size = num_films(source, chosen), list[dict[str, Any]](), 0
     for job in jobs(source, chosen, policy):
@@ -66,7 +66,7 @@ def write(
         say(len(content))
     put(out, content)
     numbers = tuple(entry["number"] for entry in entries)
-    return View(path=out, simulations=numbers, size_bytes=len(content))
+    return ViewPage(path=out, simulations=numbers, size_bytes=len(content))
 
 
 def _entry(values: dict[str, Any]) -> dict[str, Any]:
@@ -85,7 +85,7 @@ def _entry(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _title(source: Source) -> str:
-    """What is shown."""
+    """Title of the page."""
     return source.name if isinstance(source, Dataset) else "Simulations"
 
 

@@ -34,7 +34,7 @@ def is_near(state: State, c: Constants, p: Fields, i: int, j: int) -> Mask:
 
 
 def leave_road(state: State, c: Constants, p: Fields, borders: F32, step: int) -> None:
-    """Who has left the lanes, or stands across them, is lost: a wreck that slides to rest.
+    """Vehicles that have left the lanes, or stand across them, become wrecks that slide to rest.
 
     Args:
         state: State at a decision.
@@ -67,7 +67,7 @@ def collide(
 ) -> None:
     """Exchange momentum in every near pair that touched during the last step.
 
-    What is left of the step after a contact, the pair has moved with its new velocities.
+    For the rest of the step after a contact, the pair moves with its new velocities.
 
     Args:
         state: State after the step.
@@ -95,7 +95,7 @@ class Hit:
         lever_a, lever_b: Levers of the impulse about both centres [m].
         approach: Speed of approach along the normal [m/s].
         instant: When they touched [s].
-        left: What was left of the step [s].
+        left: Rest of the step [s].
     """
 
     mask: Mask
@@ -299,7 +299,7 @@ def _velocity(state: State, i: int, arm: tuple[F32, F32]) -> tuple[F32, F32]:
 
 
 def _push(state: State, p: Fields, hit: Hit, i: int, impulse: F32, lever: F32) -> None:
-    """Change the motion of a vehicle by an impulse, and its place by what is left of the step."""
+    """Change the motion of a vehicle by an impulse, and its position over the rest of the step."""
     zero = np.zeros_like(lever)
     change = impulse * p.inverse_mass[i]
     along, across = _velocity(state, i, (zero, zero))

@@ -32,7 +32,7 @@ def _is_passing(state: State) -> np.ndarray:
 
 
 def _time_gap(state: State, c: Constants, p: Fields) -> F32:
-    """Time gap kept; who is about to pull out accepts a smaller one [s]."""
+    """Time gap kept; a driver about to pull out accepts a smaller one [s]."""
     about_to = (state.signalled > 0) & (state.stage == np.float32(Stage.FOLLOW))
     kept = p.time_gap.copy()
     kept[Role.EGO] = np.where(
@@ -73,7 +73,7 @@ def behind_old_leader(
 
 
 def _braking_to_clear(c: Constants, room: F32, closing: F32, time: F32) -> F32:
-    """Constant braking that uses up the room no sooner than after a time, below 0 if none is [m/s^2].
+    """Constant braking with which the room lasts for a time, below 0 where it lasts without [m/s^2].
 
     Where the closing would end before that time, it is the braking that ends it within the room.
     """
@@ -89,8 +89,8 @@ def set_acceleration(
 ) -> None:
     """Move the pedals towards the wanted acceleration, as fast as it is urgent.
 
-    Nobody spares the brakes for the friction that they believe in when more is needed: anti-lock
-    brakes and the road decide.
+    A driver that needs more brakes beyond the friction that it believes in: anti-lock brakes and
+    the road decide.
 
     Source:
         Markkula and others 2016: the ramp of emergency braking grows with its urgency.

@@ -1,4 +1,4 @@
-"""A tick of vehicles with somebody else at pedals and wheel; nobody of ours decides anything.
+"""A tick of vehicles under external control, without drivers of the model.
 
 Vehicles head anywhere, so the wind has other axes for each.
 """

@@ -96,13 +96,13 @@ def look(state: State, given: Parameters, p: Fields, near: Neighbours, believed:
 
 
 def own_braking(given: Parameters, view: View, gap: F32, closing: F32) -> F32:
-    """Acceleration that somebody ahead forces on the ego at the gap demanded now."""
+    """Acceleration that a vehicle ahead forces on the ego at the gap demanded now."""
     time_gap = view.own.time_gap * view.demand
     return forced_braking(given.constants, view.own, view.speed, gap, closing, time_gap)
 
 
 def their_braking(given: Parameters, view: View, gap: F32, closing: F32) -> F32:
-    """Acceleration that the ego in front would force on somebody behind it."""
+    """Acceleration that the ego in front would force on a vehicle behind it."""
     time_gap = view.own.time_gap * view.demand
     return forced_braking(given.constants, view.own, view.speed + closing, gap, closing, time_gap)
 
@@ -151,8 +151,8 @@ def must_abort(given: Parameters, view: View, lead: int, rear: int) -> Mask:
     Args:
         given: All inputs.
         view: What the ego knows.
-        lead: Role of who is ahead in the old lane.
-        rear: Role of who is behind in the old lane.
+        lead: Role of the vehicle ahead in the old lane.
+        rear: Role of the vehicle behind in the old lane.
     """
     c, own = given.constants, view.own
     imposed = their_braking(given, view, view.gap[REAR], view.closing[REAR])

@@ -90,7 +90,7 @@ def cooled(c: Constants, p: Fields, wanted: F32, needed: F32) -> F32:
     """A wanted acceleration without the alarm of car-following models at small gaps [m/s^2].
 
     Where the model asks for more braking than is needed, the excess is limited to about the
-    comfortable deceleration, so that a cut-in by a faster vehicle frightens nobody.
+    comfortable deceleration, so that a cut-in by a faster vehicle causes no hard braking.
 
     Args:
         c: Constants.

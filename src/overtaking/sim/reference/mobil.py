@@ -1,4 +1,4 @@
-"""Lane changes of everybody but the ego."""
+"""Lane changes of the other vehicles."""
 
 import numpy as np
 
@@ -38,7 +38,7 @@ def incentives(
     """MOBIL's incentives to change to the fast and to the slow side [m/s^2].
 
     European rule: to the fast side only the new follower counts, to the slow side the old one;
-    above 60 km/h nobody expects to be faster than the traffic on the fast side.
+    above 60 km/h no driver expects to be faster than the traffic on the fast side.
 
     Source:
         Kesting, Treiber, Helbing 2007, equations 10 to 13.
@@ -97,7 +97,7 @@ def change_lanes(
     claims: Claims,
     decision: int,
 ) -> None:
-    """Let everybody but the ego change lanes where it pays and is safe, or back in danger.
+    """Let the other vehicles change lanes where it pays and is safe, or back in danger.
 
     Args:
         state: State at a decision.
@@ -105,7 +105,7 @@ def change_lanes(
         p: Vehicle parameters.
         believed: What drivers believe about their neighbours.
         own: Acceleration behind the present leader, (vehicle, simulation) [m/s^2].
-        looks: Who looks around, (vehicle, simulation).
+        looks: Which drivers look around, (vehicle, simulation).
         claims: `claimed` at the begin of the decision.
         decision: Number of the decision.
     """
@@ -203,7 +203,7 @@ def _retreats(state: State, given: Parameters, p: Fields, believed: Beliefs) -> 
 
 
 def _is_ready(state: State, given: Parameters, p: Fields) -> Mask:
-    """Who may change lanes by MOBIL: everybody sound but the ego, a while after the last change."""
+    """Which vehicles may change lanes by MOBIL: sound ones but the ego, a pause after the last."""
     arrived = state.path_time >= state.path_duration
     rested = state.since_change >= given.constants.cooldown
     ready = arrived & rested & (state.crashed == 0) & (p.valid > 0)

@@ -1,4 +1,4 @@
-"""Who drives around each vehicle: six neighbours by lane and direction."""
+"""Neighbours of each vehicle: six, by lane and direction."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.state import NOBODY, Fields, State, pick
 from overtaking.world.parameters import Parameters
 
-_FAR = np.float32(1e9)  # Where nobody is [m].
+_FAR = np.float32(1e9)  # Gap without a neighbour [m].
 _SHIFTS = (0.0, 1.0, -1.0)  # The own, the faster and the slower lane, from the own.
 
 

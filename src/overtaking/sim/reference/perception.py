@@ -208,8 +208,8 @@ def perceive(
     Others are seen as they were a reaction time ago and carried on at constant speed, as in the
     human driver model of Treiber, Kesting and Helbing (2006); their distance and closing speed are
     misjudged by slowly varying factors. An approach is noticed above the threshold of looming, a
-    little at first. The misjudgement fades as contact comes near, since expansion alone tells the time that
-    is left.
+    little at first. The misjudgement fades as contact comes near, since expansion alone tells the
+    time that is left.
 
     Source:
         Lee 1976 (time to contact from optical expansion).

@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import F32, Mask, clamp
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import (
+    BEYOND_SLOW_EDGE,
     NO_VEHICLE,
+    STATE_TYPES,
     Contacts,
     DecisionKind,
     Lights,
@@ -28,7 +30,6 @@ MAX_PERCEPTS = 4
 
 _INT16_LIMIT = np.float32(32767.0)
 _INT32_LIMIT = np.float32(2.0e9)
-_BEYOND_SLOW_EDGE = 255  # Lane of what has left the lanes there.
 _TURN = np.float32(6.283_185_5)
 _TURNS_PER_RADIAN = np.float32(0.159_154_94)
 _THOUSAND = np.float32(1000.0)
@@ -51,12 +52,7 @@ def wrapped(angle: F32) -> F32:
 
 def _empty_states(shape: tuple[int, int, int]) -> States:
     """Zeros of shape (simulation, vehicle, time)."""
-    types: dict[str, Any] = dict.fromkeys(("x", "y", "s", "d", "speed"), np.int32)
-    types |= dict.fromkeys(("lane", "lights"), np.uint8)
-    arrays: dict[str, Any] = {
-        name: np.zeros(shape, types.get(name, np.int16)) for name in States.__slots__
-    }
-    return States(**arrays)
+    return States(**{name: np.zeros(shape, kind) for name, kind in STATE_TYPES.items()})
 
 
 def _belief_and_truth(
@@ -135,7 +131,7 @@ class Recorder:
     def _values(self, state: State, p: Fields) -> dict[str, NDArray[np.int32]]:
         road, side = self.given.road, self.given.road.side
         d = side * state.d
-        lane = np.full(d.shape, np.int32(_BEYOND_SLOW_EDGE))
+        lane = np.full(d.shape, np.int32(BEYOND_SLOW_EDGE))
         for k in range(road.num_lanes + 1):
             lane = np.where(state.d >= road.boundaries[k], np.int32(k), lane)
         return {

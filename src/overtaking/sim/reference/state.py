@@ -52,7 +52,7 @@ class State:
         since_change: Time since the last lane change was decided [s].
         indicator: +1 towards the fast side, -1 towards the slow side, 0 off.
         wanted: Side of the lane change that a driver has in mind, as `indicator`.
-        wanted_time: Since when, of everybody but the ego [s].
+        wanted_time: Since when, of the other vehicles [s].
         checks: 1 if the driver looks over the shoulder before the next lane change.
         gust, distance_error, speed_error, wander: Ornstein-Uhlenbeck processes of unit variance.
         mu_fast, mu_slow: Friction under the wheels of either side.
@@ -123,7 +123,7 @@ class State:
 
 
 def initial_state(given: Parameters) -> State:
-    """The state at the first frame: everybody drives straight in lane at constant speed."""
+    """The state at the first frame: all vehicles drive straight in lane at constant speed."""
     p, q = given.of_vehicles, given.of_simulations
     zero = np.zeros_like(p.start_s)
     ego = np.zeros_like(q.last_step)
@@ -181,7 +181,7 @@ def initial_state(given: Parameters) -> State:
 
 
 def pick(values: F32, slot: F32) -> F32:
-    """The value of vehicle `slot` in each simulation; slot 0's where there is nobody.
+    """The value of vehicle `slot` in each simulation; slot 0's without a vehicle.
 
     Args:
         values: Shape (vehicle, simulation).

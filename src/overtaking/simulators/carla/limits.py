@@ -33,7 +33,7 @@ _SIDEWAYS = 0.25  # Lateral speed from which a vehicle is changing lanes [m/s].
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What was measured.
+    """Measured limits.
 
     Attributes:
         speeds_kmh: Speeds at which a lane change was asked for.

@@ -30,7 +30,7 @@ from overtaking.world.clock import SUBSTEPS
 from overtaking.world.parameters import parameters
 
 SLOWER = 3
-"""By what speeds are divided: 120 km/h become 40 km/h."""
+"""Divisor of all speeds: 120 km/h become 40 km/h."""
 
 SIGHT = 60.0
 """Distance ahead of its front in which the ego looks for a vehicle to overtake [m]; a choice."""

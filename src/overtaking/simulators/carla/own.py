@@ -1,6 +1,6 @@
 """Our drivers at the wheel of CARLA's vehicles, at true speed.
 
-Whoever moves the vehicles, the drivers of the model see, decide and steer as in a simulation: the
+CARLA moves the vehicles; the drivers of the model see, decide and steer as in a simulation: the
 same functions of `sim.reference`, 20 times a second, from the states that CARLA reports. Their
 wishes become throttle, brake and steering.
 """

@@ -95,7 +95,7 @@ def _with_patience(job: Job, *, keep: bool) -> Any:
     """One result, asked for again of a new worker where it is lost.
 
     Args:
-        job: What is asked for.
+        job: The work.
         keep: Whether the worker may be used again: a Traffic Manager that was shut down leaves some
             of its state in the client.
     """

@@ -66,7 +66,7 @@ class ReplayJob:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replayed:
-    """What was played.
+    """A replayed simulation.
 
     Attributes:
         files: The films, in the order of `VIEWS`.

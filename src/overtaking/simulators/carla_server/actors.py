@@ -29,7 +29,7 @@ class Actor:
 
     Attributes:
         actor_id: Its number in the episode.
-        description: What was asked for.
+        description: The blueprint and attributes that the client sent.
         pose: Its pose, relative to the parent if it has one.
         parent: Actor that it is attached to, 0 for none.
         stream: Where its data go, None if it has none.
@@ -132,7 +132,7 @@ class Camera(Actor):
 
 
 def attached(parent: Transform, relative: Transform) -> Transform:
-    """The pose of what sits on something else; pitch and roll are added, as both are small."""
+    """The pose of an attached actor; pitch and roll are added, as both are small."""
     ahead, aside, up = relative.location
     x, y = turned(ahead, aside, math.radians(parent.rotation.yaw))
     base = parent.location

@@ -90,13 +90,13 @@ def set_episode_settings(world: World, settings: Settings) -> int:
 @call()
 def get_map_info(world: World) -> Rows:
     """Name and spawn points of the map."""
-    return [f"Carla/Maps/{world.place.name}", world.place.spawn_points()]
+    return [f"Carla/Maps/{world.map.name}", world.map.spawn_points()]
 
 
 @call()
 def get_map_data(world: World) -> str:
     """OpenDRIVE text of the map."""
-    return world.place.opendrive
+    return world.map.opendrive
 
 
 @call()

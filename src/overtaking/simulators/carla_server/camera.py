@@ -15,7 +15,7 @@ from overtaking._core import Canvas, Drawing
 from overtaking.simulators.carla_server.actors import Vehicle
 from overtaking.simulators.carla_server.arguments import Transform
 from overtaking.simulators.carla_server.boxes import Colour, Face, faces
-from overtaking.simulators.carla_server.places import Lanes, Place
+from overtaking.simulators.carla_server.maps import Lanes, Map
 from overtaking.simulators.carla_server.raster import Lens, project, projected
 
 Image = NDArray[np.uint8]
@@ -24,7 +24,7 @@ Points = NDArray[np.float64]
 NOTE = "OVERTAKING: DRAWN, NOT UNREAL"
 
 FAR = 300.0
-"""What is farther away than this is not drawn [m]."""
+"""Largest distance of drawn objects [m]."""
 
 _LINE_WIDTH = 0.15
 _DASH, _PERIOD = 4.0, 10.0  # Of broken lines [m].
@@ -64,7 +64,7 @@ _MARGIN = 2
 
 
 class Air(NamedTuple):
-    """What weather does to a picture.
+    """Effects of the weather on a picture.
 
     Attributes:
         light: Brightness, 1 by day.
@@ -84,17 +84,17 @@ class Air(NamedTuple):
         return self.light * _mixed(_SKY_LOW, _CLOUD, self.cloud)
 
 
-class Scene:
+class RoadScene:
     """The lanes of a map, ready to be drawn from anywhere.
 
     Args:
-        place: The map.
+        town: The map.
     """
 
-    def __init__(self, place: Place) -> None:
+    def __init__(self, town: Map) -> None:
         """Lay out the surfaces and lines."""
-        self._asphalt = _surfaces(place.lanes)
-        self._lines = _lines(place.lanes)
+        self._asphalt = _surfaces(town.lanes)
+        self._lines = _lines(town.lanes)
 
     def draw(
         self,
@@ -110,7 +110,7 @@ class Scene:
             pose: Of the camera, in CARLA's frame.
             size: Width and height [pixels].
             fov_deg: Horizontal field of view [degrees].
-            vehicles: What is on the road.
+            vehicles: The vehicles on the road.
             weather: The fourteen numbers of `carla.WeatherParameters`.
 
         Returns:
@@ -142,11 +142,11 @@ def _mixed(one: Sequence[float], other: Sequence[float], share: float) -> NDArra
     return (1.0 - share) * np.array(one) + share * np.array(other)
 
 
-def _quads(place: Points, yaw: Points, along: Points, aside: tuple[Points, Points]) -> Points:
+def _quads(middles: Points, yaw: Points, along: Points, aside: tuple[Points, Points]) -> Points:
     """Flat rectangles on the road, shape (quad, 4, 3).
 
     Args:
-        place: Points of the lanes' middles, shape (quad, 3) [m].
+        middles: Points of the lanes' middles, shape (quad, 3) [m].
         yaw: Headings in CARLA's frame [rad].
         along: Lengths, the point in the middle [m].
         aside: Where they begin and end to the right of the middle [m].
@@ -155,7 +155,7 @@ def _quads(place: Points, yaw: Points, along: Points, aside: tuple[Points, Point
     right = np.stack([-np.sin(yaw), np.cos(yaw), np.zeros_like(yaw)], axis=1)
     half = 0.5 * along[:, None] * ahead
     corners = [
-        place + sign * half + side[:, None] * right
+        middles + sign * half + side[:, None] * right
         for sign, side in ((1, aside[0]), (1, aside[1]), (-1, aside[1]), (-1, aside[0]))
     ]
     return np.stack(corners, axis=1)
@@ -164,7 +164,7 @@ def _quads(place: Points, yaw: Points, along: Points, aside: tuple[Points, Point
 def _surfaces(lanes: Lanes) -> Points:
     """The surface of every lane; a little longer than its piece, so that no gaps show."""
     half = 0.5 * lanes.width
-    return _quads(lanes.place, lanes.yaw, lanes.length * 1.02, (-half, half))
+    return _quads(lanes.position, lanes.yaw, lanes.length * 1.02, (-half, half))
 
 
 def _lines(lanes: Lanes) -> Points:
@@ -178,7 +178,7 @@ def _lines(lanes: Lanes) -> Points:
         dashed = (lanes.length >= _PERIOD) | (lanes.station % _PERIOD < _DASH)
         length = np.where(kind == 1, lanes.length * 1.02, np.minimum(lanes.length, _DASH))
         drawn = (kind == 1) | ((kind == 2) & dashed)
-        every = _quads(lanes.place, lanes.yaw, length, strip)
+        every = _quads(lanes.position, lanes.yaw, length, strip)
         found.append(every[drawn])
     return np.concatenate(found)
 
@@ -191,7 +191,7 @@ def _backdrop(drawing: Drawing, lens: Lens, air: Air) -> None:
     share = np.clip((horizon - rows) / max(0.6 * lens.height, 1.0), 0.0, 1.0)[:, None]
     colours = air.horizon * (1.0 - share) + high * share
     # The nearer the horizon, the farther the ground and the thicker the haze before it.
-    depth = lens.focal * max(lens.place[2], 1.0) / np.maximum(rows[horizon:] - lens.horizon, 0.5)
+    depth = lens.focal * max(lens.position[2], 1.0) / np.maximum(rows[horizon:] - lens.horizon, 0.5)
     clear = np.exp(-air.haze * np.minimum(depth, 2.0 * FAR))[:, None]
     colours[horizon:] = air.light * np.array(_VERGE) * clear + air.horizon * (1.0 - clear)
     for row, colour in enumerate(colours):
@@ -200,7 +200,7 @@ def _backdrop(drawing: Drawing, lens: Lens, air: Air) -> None:
 
 def _flat(drawing: Drawing, lens: Lens, air: Air, quads: Points, colour: Points) -> None:
     """Draw flat shapes on the ground that are near enough."""
-    centre = quads.mean(axis=1) - np.array(lens.place)
+    centre = quads.mean(axis=1) - np.array(lens.position)
     distance = np.hypot(centre[:, 0], centre[:, 1])
     near = distance < FAR
     for k, corners in projected(lens, quads[near]):
@@ -226,8 +226,8 @@ def _named(colour: Points) -> str:
 
 def _vehicles(drawing: Drawing, lens: Lens, air: Air, vehicles: Iterable[Vehicle]) -> None:
     """Draw vehicles, the farthest first."""
-    eye = np.array(lens.place)
-    for vehicle in sorted(vehicles, key=lambda one: -math.dist(one.pose.location, lens.place)):
+    eye = np.array(lens.position)
+    for vehicle in sorted(vehicles, key=lambda one: -math.dist(one.pose.location, lens.position)):
         seen: list[tuple[float, Face]] = [
             (float(np.linalg.norm(face.corners.mean(axis=0) - eye)), face)
             for face in faces(vehicle, eye)
@@ -257,7 +257,7 @@ def stamp(drawing: Drawing, size: tuple[int, int], text: str) -> None:
 
     Args:
         drawing: Gets the shapes.
-        size: Width and height of the picture [pixels]; what does not fit is cut off.
+        size: Width and height of the picture [pixels]; the rest is cut off.
         text: Of the letters in this module.
     """
     width, height = size

@@ -20,7 +20,7 @@ class Connection:
     """One connection.
 
     Attributes:
-        writer: What answers are written to.
+        writer: Stream for the answers.
         name: Address of the client.
         heard: Time of its last call, or of its beginning [s].
         has_called: Whether it ever made a call.

@@ -104,7 +104,7 @@ class Fleet:
         return vehicle in self._vehicles
 
     def __getitem__(self, vehicle: int) -> FleetVehicle:
-        """What is kept of a vehicle."""
+        """Record of a vehicle."""
         return self._vehicles[vehicle]
 
     def add(self, vehicle: int, body: Body, motion: Motion) -> None:

@@ -1,4 +1,4 @@
-"""Where vehicles are, what they stand on and how far their wheels turn, as values."""
+"""Poses, ground and wheel angles of vehicles, as values."""
 
 import math
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ LEVELS_APART = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What vehicles stand on.
+    """The ground under vehicles.
 
     Attributes:
         road: The road whose frame, lanes and limit hold.

@@ -37,7 +37,7 @@ def set_actor_target_angular_velocity(world: World, actor: Id, turning: Vector) 
 @call(command=10)
 def add_actor_impulse(world: World, actor: Id, impulse: Vector) -> None:
     """Push a vehicle [N s]; the upward part has no effect."""
-    world.fleet.push(world.vehicle(actor).actor_id, *world.place.to_ground(impulse))
+    world.fleet.push(world.vehicle(actor).actor_id, *world.map.to_ground(impulse))
 
 
 @call()
@@ -52,7 +52,7 @@ def add_actor_impulse_at_location(
 @call(command=11)
 def add_actor_force(world: World, actor: Id, force: Vector) -> None:
     """Apply a force to a vehicle during the next tick [N]."""
-    world.fleet.force(world.vehicle(actor).actor_id, *world.place.to_ground(force))
+    world.fleet.force(world.vehicle(actor).actor_id, *world.map.to_ground(force))
 
 
 @call()
@@ -76,8 +76,8 @@ def add_actor_torque(world: World, actor: Id, torque: Vector) -> None:
 
 def _moment(world: World, actor: int, force: Vector, location: Vector) -> float:
     """Moment about the vertical of a force or impulse at a point, anticlockwise."""
-    here, there = world.fleet.motion(actor), world.place.motion(Transform(location, UPRIGHT))
-    along, across = world.place.to_ground(force)
+    here, there = world.fleet.motion(actor), world.map.motion(Transform(location, UPRIGHT))
+    along, across = world.map.to_ground(force)
     return (there.s - here.s) * across - (there.d - here.d) * along
 
 
@@ -168,7 +168,7 @@ _TAKEN = ("mass", "drag_coefficient", "steering_curve", "wheels")
 
 
 def _ignored(now: Physics, wanted: Physics) -> list[str]:
-    """What was changed without effect."""
+    """Changes without effect."""
     names = [name for name in Physics._fields if name not in _TAKEN]
     found = [name for name in names if not _same(getattr(now, name), getattr(wanted, name))]
     if len(now.wheels) != len(wanted.wheels):
@@ -237,7 +237,7 @@ class WheelTelemetry(NamedTuple):
 
 
 def telemetry(world: World, vehicle: Vehicle) -> list[object]:
-    """What is known of a vehicle; engine speed and longitudinal slip, which are not, are 0.
+    """Telemetry of a vehicle; engine speed and longitudinal slip are unknown and given as 0.
 
     Loads and side forces are those of steady cornering, with load transfer by both accelerations.
 

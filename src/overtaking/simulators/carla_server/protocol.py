@@ -1,4 +1,4 @@
-"""The table of calls: what each takes, what it does, and how the client reads its answers."""
+"""The table of calls: arguments, function, and how the client reads the answer."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ COMMANDS: dict[int, Call] = {}
 """The calls that a batch may contain as well, by their number there."""
 
 SLOW = frozenset(("copy_opendrive_to_file",))
-"""Calls that may take seconds and touch nothing that others use; they run in a thread."""
+"""Calls that may take seconds and share no state with others; they run in a thread."""
 
 LACKING_VOID = frozenset(
     (

@@ -12,7 +12,7 @@ from overtaking.simulators.carla_server.arguments import Transform
 Points = NDArray[np.float64]
 
 NEAR = 0.3
-"""What is nearer than this to the camera is cut off [m]."""
+"""Distance of the near plane of the camera [m]."""
 
 _BEYOND = 1e6  # Pixels; keeps what lies nearly in the plane of the camera finite.
 
@@ -21,14 +21,14 @@ class Lens(NamedTuple):
     """A camera in CARLA's frame.
 
     Attributes:
-        place: Where it is [m].
+        position: Where it is [m].
         forward, right, down: Its axes.
         focal: Focal length [pixels].
         width, height: Of the picture [pixels].
         horizon: Row of the horizon, possibly outside the picture.
     """
 
-    place: tuple[float, float, float]
+    position: tuple[float, float, float]
     forward: tuple[float, float, float]
     right: tuple[float, float, float]
     down: tuple[float, float, float]
@@ -46,7 +46,7 @@ class Lens(NamedTuple):
         slope = sp / max(cp, 1e-6)
         horizon = min(max(0.5 * size[1] + focal * slope, -_BEYOND), _BEYOND)
         return cls(
-            place=(pose.location.x, pose.location.y, pose.location.z),
+            position=(pose.location.x, pose.location.y, pose.location.z),
             forward=(cp * cy, cp * sy, sp),
             right=(-sy, cy, 0.0),
             down=(sp * cy, sp * sy, -cp),
@@ -68,7 +68,7 @@ def project(lens: Lens, corners: Points) -> Points | None:
 
 
 def projected(lens: Lens, polygons: Points) -> Iterator[tuple[int, Points]]:
-    """The polygons in view, with their place in the list, on the picture.
+    """The polygons in view, with their index in the list, on the picture.
 
     Args:
         lens: The camera.
@@ -87,7 +87,7 @@ def projected(lens: Lens, polygons: Points) -> Iterator[tuple[int, Points]]:
 def _seen(lens: Lens, points: Points) -> Points:
     """World points in the axes of the camera: right, down and forward [m]."""
     axes = np.array((lens.right, lens.down, lens.forward))
-    return (points - np.array(lens.place)) @ axes.T
+    return (points - np.array(lens.position)) @ axes.T
 
 
 def _pixels(lens: Lens, seen: Points) -> Points:

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from overtaking.simulators.carla_server.actors import Vehicle
 from overtaking.simulators.carla_server.arguments import Vector
+from overtaking.simulators.carla_server.maps import Map
 from overtaking.simulators.carla_server.motion import turned
-from overtaking.simulators.carla_server.places import Place
 from overtaking.simulators.carla_server.world import World
 
 ROAD, TERRAIN = 1, 10
@@ -20,7 +20,7 @@ _PARALLEL = 1e-12
 
 
 class Hit(NamedTuple):
-    """`carla.LabelledPoint`: a point and what is there."""
+    """`carla.LabelledPoint`: a point and the label of the object there."""
 
     location: Vector
     label: int
@@ -39,9 +39,9 @@ def cast(world: World, start: Vector, end: Vector) -> list[Hit]:
         share = _entered(vehicle, start, end)
         if share is not None:
             found.append((share, vehicle.tag))
-    share = _ground(world.place, start, end)
+    share = _ground(world.map, start, end)
     if share is not None:
-        on_lane = world.place.is_lane(*_at(start, end, share))
+        on_lane = world.map.is_lane(*_at(start, end, share))
         found.append((share, ROAD if on_lane else TERRAIN))
     return [Hit(_at(start, end, share), label) for share, label in sorted(found)]
 
@@ -79,14 +79,14 @@ def _entered(vehicle: Vehicle, start: Vector, end: Vector) -> float | None:
     return enter if enter <= leave else None
 
 
-def _ground(place: Place, start: Vector, end: Vector) -> float | None:
+def _ground(town: Map, start: Vector, end: Vector) -> float | None:
     """Share of the way after which the ground is entered from above."""
 
     def above(share: float) -> float:
         point = _at(start, end, share)
-        return point.z - place.surface(*point).height
+        return point.z - town.surface(*point).height
 
-    if place.is_flat:
+    if town.is_flat:
         falls = start.z > 0.0 >= end.z
         return start.z / (start.z - end.z) if falls else None
     length = math.dist(start, end)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.parent import Parent
-from overtaking.simulators.carla_server.places import Atlas, Place, known_place
+from overtaking.simulators.carla_server.maps import Atlas, Map, known_map
 from overtaking.simulators.carla_server.server import serve
 from overtaking.simulators.carla_server.survey import survey
 
@@ -31,7 +31,7 @@ def run_server(
 
     Args:
         port: For calls, 0 to 65535; streams get the next one. 0 lets the system choose both.
-        host: Address to listen on; whoever can reach it can use the server.
+        host: Address to listen on; every program that can reach it can use the server.
         maps: Each one of `knowledge.roads.ROAD_NAMES`, or an OpenDRIVE file, which clients load by
             its name without the suffix. The first is loaded at the start.
         seed: Seed of gusts and puddles, 0 <= seed < 2**64.
@@ -44,7 +44,7 @@ def run_server(
     """
     if not 0 <= seed < 2**64:
         raise ConfigError.out_of_range("seed", "run_server", 0, "2**64 - 1", seed)
-    atlas = Atlas(_places(maps), survey)
+    atlas = Atlas(_maps(maps), survey)
 
     async def until_told() -> None:
         loop, told = asyncio.get_running_loop(), asyncio.Event()
@@ -64,10 +64,10 @@ def run_server(
     asyncio.run(until_told())
 
 
-def _places(maps: Sequence[str | Path]) -> list[Place]:
+def _maps(maps: Sequence[str | Path]) -> list[Map]:
     """The maps, each with a name of its own."""
-    found = [_place(one) for one in maps]
-    names = [place.name for place in found]
+    found = [_map(one) for one in maps]
+    names = [one.name for one in found]
     if not names or len(set(names)) < len(names):
         expected = "one or more, each with a name of its own"
         next_step = "name each map once; rename a file that has the name of another map"
@@ -75,11 +75,11 @@ def _places(maps: Sequence[str | Path]) -> list[Place]:
     return found
 
 
-def _place(place: str | Path) -> Place:
+def _map(name: str | Path) -> Map:
     """A map by the name of a road, or from a file."""
-    path = Path(place)
+    path = Path(name)
     if not path.suffix and not path.is_file():
-        return known_place(str(place))
+        return known_map(str(name))
     if (size := path.stat().st_size) > _MAX_FILE_BYTES:
         most, got = f"at most {_MAX_FILE_BYTES >> 20} MB", f"{size >> 20} MB"
         raise _refused("map", most, got, "cut the map to what is needed", where=str(path))

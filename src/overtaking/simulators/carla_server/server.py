@@ -12,7 +12,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.simulators.carla_server import protocol
 from overtaking.simulators.carla_server.calls import CALLS
 from overtaking.simulators.carla_server.connections import Connection, Connections, CrowdedError
-from overtaking.simulators.carla_server.places import Atlas
+from overtaking.simulators.carla_server.maps import Atlas
 from overtaking.simulators.carla_server.protocol import Session
 from overtaking.simulators.carla_server.streams import SETTLING_TIME, Streams
 from overtaking.simulators.carla_server.wire import Budget, Decoder, ProtocolError, encode

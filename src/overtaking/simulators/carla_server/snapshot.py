@@ -57,7 +57,7 @@ def state(actor: Actor, pose: Transform, speed_limit_kmh: float) -> bytes:
     Args:
         actor: The actor.
         pose: Where it is in the world.
-        speed_limit_kmh: What a vehicle is told.
+        speed_limit_kmh: Limit that the vehicle reads.
     """
     rates, rest = (0.0,) * 9, b""
     if isinstance(actor, Vehicle):

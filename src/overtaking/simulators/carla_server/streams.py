@@ -56,7 +56,7 @@ class Streams:
             writer.close()
 
     def token(self, stream: int) -> bytes:
-        """What a client needs to listen to a stream."""
+        """Address and id that a client needs to listen to a stream."""
         return snapshot.token(stream, self.port)
 
     def announce(self, stream: int) -> None:

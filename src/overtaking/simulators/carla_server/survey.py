@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
+from overtaking.simulators.carla_server.maps import Lanes, Map, cells_of, drawn_mark
 from overtaking.simulators.carla_server.motion import Ground
-from overtaking.simulators.carla_server.places import Lanes, Place, cells_of, drawn_mark
 
 SPACING = 2.0
 """Distance of two samples of a lane [m]."""
@@ -36,7 +36,7 @@ _FIELDS = ("x", "y", "z", "yaw", "slope", "width", "left", "right", "station", "
 _OPEN_GROUND = 5000.0
 
 
-def survey(name: str, opendrive: str) -> Place:
+def survey(name: str, opendrive: str) -> Map:
     """A map from an OpenDRIVE text.
 
     Args:
@@ -57,7 +57,7 @@ def survey(name: str, opendrive: str) -> Place:
     rows = _in_own_process(name, opendrive)
     lanes = _lanes(rows)
     ground = Ground(_open_ground(name), shelters=False)
-    return Place(name, opendrive, ground, lanes, is_flat=False, _cells=cells_of(lanes))
+    return Map(name, opendrive, ground, lanes, is_flat=False, _cells=cells_of(lanes))
 
 
 def _in_own_process(name: str, opendrive: str) -> NDArray[np.float64]:
@@ -97,7 +97,7 @@ def _unusable(name: str, got: str) -> ConfigError:
 def _lanes(rows: NDArray[np.float64]) -> Lanes:
     x, y, z, yaw, slope, width, left, right, station, is_open = rows.T
     return Lanes(
-        place=np.stack([x, y, z], axis=1),
+        position=np.stack([x, y, z], axis=1),
         yaw=yaw,
         slope=slope,
         width=width,
@@ -137,7 +137,7 @@ def _sampled(opendrive: str) -> NDArray[np.float64]:
 
 
 def _station(point: Any) -> float:
-    """Place along the lane, growing in the direction of travel [m]."""
+    """Distance along the lane, growing in the direction of travel [m]."""
     return point.s if point.lane_id < 0 else -point.s
 
 
@@ -149,8 +149,8 @@ def _row(point: Any) -> list[float]:
     ]
     # CARLA's reader takes the rise for each metre for an angle, and adds a turn in left lanes.
     slope = math.remainder(math.radians(turned.pitch), math.tau)
-    place = [where.x, where.y, where.z, math.radians(turned.yaw), slope]
-    return [*place, point.lane_width, *marks, _station(point), not point.is_junction]
+    row = [where.x, where.y, where.z, math.radians(turned.yaw), slope]
+    return [*row, point.lane_width, *marks, _station(point), not point.is_junction]
 
 
 def main() -> None:

@@ -21,10 +21,10 @@ from overtaking.simulators.carla_server.actors import (
 )
 from overtaking.simulators.carla_server.arguments import Description, Settings, Transform, Vector
 from overtaking.simulators.carla_server.bodies import Nature, body_of
-from overtaking.simulators.carla_server.camera import Scene
+from overtaking.simulators.carla_server.camera import RoadScene
 from overtaking.simulators.carla_server.fleet import Fleet
+from overtaking.simulators.carla_server.maps import Atlas
 from overtaking.simulators.carla_server.motion import Touch
-from overtaking.simulators.carla_server.places import Atlas
 from overtaking.simulators.carla_server.protocol import Refused
 from overtaking.simulators.carla_server.snapshot import SensorType
 from overtaking.simulators.carla_server.streams import Streams
@@ -50,7 +50,7 @@ class World:
 
     def __init__(self, atlas: Atlas, streams: Streams, seed: int) -> None:
         """Begin the first episode."""
-        self.atlas, self.place, self._seed = atlas, atlas.first, seed
+        self.atlas, self.map, self._seed = atlas, atlas.first, seed
         self.streams = streams
         self.world_stream = streams.open()
         self.settings = Settings()
@@ -79,8 +79,8 @@ class World:
             ConfigError: There is no such map.
         """
         short = name.rsplit("/", 1)[-1]
-        if short and short != self.place.name:
-            self.place = self.atlas.find(short)
+        if short and short != self.map.name:
+            self.map = self.atlas.find(short)
         for actor in list(self.actors.values()):
             if actor.stream is not None:
                 self.streams.close(actor.stream)
@@ -93,10 +93,10 @@ class World:
         self.episode += 1
         self.time = 0.0
         self.weather: Sequence[float] = tuple(presets()["ClearNoon"].carla_fields().values())
-        self.fleet = Fleet(self.place.ground, self.weather, Nature(self._seed))
+        self.fleet = Fleet(self.map.ground, self.weather, Nature(self._seed))
         self.actors: dict[int, Actor] = {}
         self._next_id = _FIRST_ID
-        self._scene: Scene | None = None
+        self._scene: RoadScene | None = None
         above = Transform(Vector(0.0, 0.0, 50.0), UPRIGHT)
         self.spectator = self._enter(
             Actor(
@@ -150,7 +150,7 @@ class World:
         return self._enter(self._new_sensor(wanted, pose, parent))
 
     def _new_vehicle(self, wanted: Description, pose: Transform) -> Vehicle:
-        body, motion = body_of(wanted.blueprint), self.place.motion(pose)
+        body, motion = body_of(wanted.blueprint), self.map.motion(pose)
         if not self.fleet.is_free(body, motion, pose.location.z):
             raise Refused("Spawn failed because of collision at spawn position")
         actor_id = self._take_id()
@@ -184,13 +184,13 @@ class World:
         actor = self.actor(actor_id)
         actor.pose = pose
         if actor_id in self.fleet:
-            self.fleet.place(actor_id, self.place.motion(pose))
+            self.fleet.place(actor_id, self.map.motion(pose))
             self.fleet[actor_id].height = pose.location.z
 
     def set_velocity(self, actor_id: int, velocity: Vector) -> None:
         """Give a vehicle a velocity [m/s]."""
         vehicle = self.vehicle(actor_id)
-        self.fleet.set_velocity(actor_id, *self.place.to_ground(velocity))
+        self.fleet.set_velocity(actor_id, *self.map.to_ground(velocity))
         vehicle.velocity = velocity
 
     def set_weather(self, values: Sequence[float]) -> None:
@@ -255,12 +255,12 @@ class World:
             if not self.fleet[actor_id].moves:
                 vehicle.acceleration = ORIGIN
                 continue
-            new = self.place.to_world(motion.along, motion.across)
+            new = self.map.to_world(motion.along, motion.across)
             old = vehicle.velocity
             vehicle.acceleration = Vector(*((b - a) / delta for a, b in zip(old, new, strict=True)))
             vehicle.velocity = new
             vehicle.turning = -math.degrees(motion.yaw_rate)
-            vehicle.pose = self.place.pose(motion, vehicle.pose.location.z)
+            vehicle.pose = self.map.pose(motion, vehicle.pose.location.z)
             self.fleet[actor_id].height = vehicle.pose.location.z
 
     def _tell_contacts(self, touches: Sequence[Touch]) -> None:
@@ -268,7 +268,7 @@ class World:
         totals: dict[tuple[int, int], Vector] = {}
         for touch in touches:
             pair = (touch.own, touch.other)
-            gain = self.place.to_world(touch.along, touch.across)
+            gain = self.map.to_world(touch.along, touch.across)
             old = totals.get(pair, ORIGIN)
             totals[pair] = Vector(*(a + b for a, b in zip(old, gain, strict=True)))
         for (own, other), impulse in totals.items():
@@ -279,7 +279,7 @@ class World:
                     self._send(sensor, SensorType.COLLISION, body)
 
     def _tell_world(self, delta: float) -> None:
-        limit = kmh_from_mps(self.place.ground.road.speed_limit)
+        limit = kmh_from_mps(self.map.ground.road.speed_limit)
         every = self.actors.values()
         states = (snapshot.state(one, world_pose(one, self.actors), limit) for one in every)
         body = snapshot.world(self.episode, self.time, delta, states)
@@ -303,7 +303,7 @@ class World:
             if self.time < camera.due - 1e-6 or not self.streams.is_heard(camera.stream):
                 continue
             camera.due = self.time + camera.interval
-            self._scene = self._scene or Scene(self.place)
+            self._scene = self._scene or RoadScene(self.map)
             pose, size = world_pose(camera, self.actors), (camera.width, camera.height)
             pixels = self._scene.draw(pose, size, camera.fov_deg, self.vehicles, self.weather)
             body = snapshot.image(*size, camera.fov_deg, pixels.tobytes())

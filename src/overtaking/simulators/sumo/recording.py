@@ -12,6 +12,7 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import (
     BEYOND_SLOW_EDGE,
     NO_VEHICLE,
+    STATE_TYPES,
     STEPS,
     Contacts,
     Lights,
@@ -24,18 +25,12 @@ UNKNOWN = frozenset({"lamps", "wheel_angle", "yaw_rate", "impulse", "percepts"})
 """Quantities that SUMO lacks: it has no wheels, headlamps, colliding masses or beliefs."""
 
 RAW = ("front", "d", "speed", "drift", "accel", "angle", "signals")
-"""What is read of a vehicle in each frame, lateral axis towards the fast side, angle in degrees."""
+"""Read of a vehicle in each frame; lateral axis towards the fast side, angle in degrees."""
 
 F64 = NDArray[np.float64]
 
 _RIGHT, _LEFT, _BRAKE = 1, 2, 8  # SUMO's VEH_SIGNAL_BLINKER_RIGHT, _BLINKER_LEFT, _BRAKELIGHT.
 _NORTH = 90.0  # SUMO counts angles clockwise from y; its x is our `s`.
-_WIDE, _HALF, _BYTE = np.int32, np.int16, np.uint8
-_TYPES: dict[str, type[np.integer[Any]]] = {
-    **dict.fromkeys(("x", "y", "s", "d", "speed"), _WIDE),
-    **dict.fromkeys(("heading", "wheel_angle", "accel_lon", "accel_lat", "yaw_rate"), _HALF),
-    **dict.fromkeys(("lane", "lights"), _BYTE),
-}
 
 
 @dataclass(slots=True, kw_only=True)
@@ -67,7 +62,7 @@ class Recording:
         """Make room."""
         n, slots = scenario.num_simulations, scenario.num_slots
         self._scenario = scenario
-        self._states = {k: np.zeros((n, slots, frames), kind) for k, kind in _TYPES.items()}
+        self._states = {k: np.zeros((n, slots, frames), kind) for k, kind in STATE_TYPES.items()}
         self._stage = np.zeros((n, frames), np.uint8)
         self._collided_with = np.full((n, frames), NO_VEHICLE)
         self._num_frames = np.zeros(n, np.int32)
@@ -115,7 +110,7 @@ class Recording:
         """128 bits over the recorded integers of one simulation (BLAKE2b, RFC 7693)."""
         total = hashlib.blake2b(digest_size=16)
         valid = self._scenario.vehicles.valid[row]
-        parts = [self._states[name][row, valid, :count] for name in _TYPES]
+        parts = [self._states[name][row, valid, :count] for name in STATE_TYPES]
         parts += [self._stage[row, :count], self._collided_with[row, :count]]
         parts += [self._partner[row, valid], *(a[row, valid] for a in self._contact.values())]
         for part in parts:
@@ -150,9 +145,9 @@ def _values(scenario: Scenario, row: int, raw: F64, frame_time: float) -> dict[s
 
 def _steps(value: Any, name: str) -> Any:
     """A number in steps of a column of `States`, half to even, clamped to what it holds."""
-    limit = np.iinfo(_TYPES[name]).max
+    limit = np.iinfo(STATE_TYPES[name]).max
     steps = np.clip(np.asarray(value) * (1.0 / STEPS[name]), -limit, limit)
-    return np.rint(steps).astype(_TYPES[name])
+    return np.rint(steps).astype(STATE_TYPES[name])
 
 
 def _lane(road: Road, d: F64) -> NDArray[np.int64]:

@@ -14,7 +14,7 @@ drifts within a lane.
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sight:
-    """What is looked at in one instant, lateral axis towards the fast side.
+    """The ego and its leader at one instant, lateral axis towards the fast side.
 
     Attributes:
         lane: Lane index of the ego.

@@ -62,16 +62,13 @@ def distance_error(scenario: Scenario) -> F32:
 Attributes = dict[str, Any]
 """Numbers or words of a vehicle type, by SUMO's names."""
 
-CLASSES = {
-    VehicleKind.S: "passenger",
-    VehicleKind.M: "passenger",
-    VehicleKind.L: "passenger",
+CLASSES = dict.fromkeys(VehicleKind, "passenger") | {
     VehicleKind.V: "delivery",
     VehicleKind.T: "truck",
     VehicleKind.MC: "motorcycle",
     VehicleKind.B: "bicycle",
 }
-"""SUMO's `vClass` of each type of vehicle."""
+"""SUMO's `vClass` of each type of vehicle: a passenger car if no other is named."""
 
 _SPEED_GAIN_THRESHOLD = 0.2
 """Advantage over time that makes SL2015 change to the left, over `lcSpeedGain` [s]."""
@@ -93,7 +90,7 @@ _LEAST = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Traffic:
-    """What of a batch is worked out once for all its simulations.
+    """Values of a batch that all its simulations share.
 
     Attributes:
         scenario: The batch.
@@ -138,7 +135,7 @@ def routes(traffic: Traffic, row: int) -> str:
 
 def _vehicle(scenario: Scenario, row: int, slot: int) -> str:
     front = float(scenario.start_s[row, slot]) + 0.5 * float(scenario.vehicles.length[row, slot])
-    # SUMO would move or refuse what stands closer than it likes; a scenario is as it is.
+    # SUMO would move or refuse vehicles below its minimum gap; scenarios are kept unchanged.
     return (
         f'<vehicle id="{slot}" type="{slot}" route="r" depart="0" departPosLat="center"'
         f' departLane="{int(scenario.start_lane[row, slot])}" departPos="{front + BEHIND!r}"'

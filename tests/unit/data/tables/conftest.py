@@ -14,6 +14,7 @@ from overtaking.model.known_roads import known_road
 from overtaking.model.scenario import SLOTS, Scenario
 from overtaking.model.trajectory import (
     NO_VEHICLE,
+    STATE_TYPES,
     Contacts,
     DecisionKind,
     Percepts,
@@ -64,24 +65,12 @@ def states(source: Source, shape: tuple[int, int, int], road: Road) -> States:
     borders_mm = np.rint(np.array([*road.boundaries, road.boundaries[-1] + 2]) * 1000)
     d = np.where(lane == 255, road.boundaries[0] * 1000 - road.side * 500, 0.0)
     d = np.where(lane != 255, borders_mm[np.minimum(lane, road.num_lanes)] + road.side * 500, d)
-    wide, narrow = np.int32, np.int16
-    x, y, s = (source.integers(wide, shape) for _ in range(3))
-    speed, heading = source.integers(wide, shape, low=0), source.integers(narrow, shape)
-    heading[:, 0] //= 8  # An ego that stands across the road has spun and attempts nothing.
-    return States(
-        x=x,
-        y=y,
-        s=s,
-        d=d.astype(np.int32),
-        speed=speed,
-        heading=heading,
-        wheel_angle=source.integers(narrow, shape),
-        accel_lon=source.integers(narrow, shape),
-        accel_lat=source.integers(narrow, shape),
-        yaw_rate=source.integers(narrow, shape),
-        lane=lane,
-        lights=source.integers(np.uint8, shape, low=0, high=63),
-    )
+    drawn = {name: source.integers(kind, shape) for name, kind in STATE_TYPES.items()}
+    drawn |= {"d": d.astype(np.int32), "lane": lane}
+    drawn["speed"] = source.integers(np.int32, shape, low=0)
+    drawn["heading"][:, 0] //= 8  # An ego across the road has spun and attempts nothing.
+    drawn["lights"] = source.integers(np.uint8, shape, low=0, high=63)
+    return States(**drawn)
 
 
 def contacts(source: Source, valid: np.ndarray) -> Contacts:

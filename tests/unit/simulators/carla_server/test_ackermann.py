@@ -17,6 +17,7 @@ from overtaking.simulators.carla_server.arguments import (
     Transform,
     Vector,
 )
+from overtaking.simulators.carla_server.maps import Atlas, known_map
 from overtaking.simulators.carla_server.physics import (
     add_actor_angular_impulse,
     add_actor_force_at_location,
@@ -27,7 +28,6 @@ from overtaking.simulators.carla_server.physics import (
     enable_actor_constant_velocity,
     physics_control,
 )
-from overtaking.simulators.carla_server.places import Atlas, known_place
 from overtaking.simulators.carla_server.protocol import Refused
 from overtaking.simulators.carla_server.streams import Streams
 from overtaking.simulators.carla_server.survey import survey
@@ -40,7 +40,7 @@ AT_REST = Seen(0.0, 0.0, LOCK)
 
 def car_in_the_calm() -> tuple[World, int]:
     """A world without wind, and a car in it at 20 m/s."""
-    world = World(Atlas([known_place("town06")], survey), Streams(lambda _: None), 1)
+    world = World(Atlas([known_map("town06")], survey), Streams(lambda _: None), 1)
     weather = list(world.weather)
     weather[3] = 0.0
     world.set_weather(weather)

@@ -9,7 +9,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from overtaking.simulators.carla_server import server as module
-from overtaking.simulators.carla_server.places import Atlas, known_place
+from overtaking.simulators.carla_server.maps import Atlas, known_map
 from overtaking.simulators.carla_server.streams import Streams
 from overtaking.simulators.carla_server.survey import survey
 from overtaking.simulators.carla_server.wire import Decoder, encode
@@ -37,7 +37,7 @@ class Clock(World):
 
 def tried(script: Callable[[World, Callable[[Call], Awaitable[None]]], Awaitable[Any]]) -> Any:
     """What a script finds that runs while free time passes; it gets the world and makes calls."""
-    world = Clock(Atlas([known_place("town06")], survey), Streams(print), 1)
+    world = Clock(Atlas([known_map("town06")], survey), Streams(print), 1)
     server = module.Server(world, print)
 
     async def run() -> Any:

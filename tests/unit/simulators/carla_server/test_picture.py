@@ -10,11 +10,11 @@ import pytest
 from overtaking._core import Canvas, Drawing
 from overtaking.knowledge import presets
 from overtaking.simulators.carla_server.arguments import Rotation, Transform, Vector
-from overtaking.simulators.carla_server.camera import NOTE, Scene, air_of, dots, stamp
-from overtaking.simulators.carla_server.places import known_place
+from overtaking.simulators.carla_server.camera import NOTE, RoadScene, air_of, dots, stamp
+from overtaking.simulators.carla_server.maps import known_map
 from overtaking.simulators.carla_server.raster import Lens, project
 
-PLACE = known_place("town06")
+MAP = known_map("town06")
 
 
 def weather(name: str) -> tuple[float, ...]:
@@ -45,7 +45,7 @@ def test_what_lies_behind_is_not_seen_and_what_passes_the_camera_is_cut():
 
 
 def picture(pose: Transform, name: str = "ClearNoon") -> np.ndarray:
-    return Scene(PLACE).draw(pose, (320, 180), 90.0, (), weather(name))
+    return RoadScene(MAP).draw(pose, (320, 180), 90.0, (), weather(name))
 
 
 def test_every_picture_says_that_it_is_not_unreal():

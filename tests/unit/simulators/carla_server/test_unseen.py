@@ -6,7 +6,7 @@ import asyncio
 from contextlib import suppress
 from typing import Any
 
-from overtaking.simulators.carla_server.places import Atlas, known_place
+from overtaking.simulators.carla_server.maps import Atlas, known_map
 from overtaking.simulators.carla_server.server import MAX_TOLD, Server
 from overtaking.simulators.carla_server.streams import Streams
 from overtaking.simulators.carla_server.survey import survey
@@ -20,7 +20,7 @@ POSE = [[300.0, 244.65, 0.3], [0.0, 0.0, 0.0]]
 def told(*calls: tuple[str, list[Any]], clients: int = 1) -> tuple[list[str], list[Any]]:
     """What the server says, and what it answers to the last client, when clients make calls."""
     log: list[str] = []
-    world = World(Atlas([known_place("town06")], survey), Streams(log.append), 1)
+    world = World(Atlas([known_map("town06")], survey), Streams(log.append), 1)
     server = Server(world, log.append)
     answers: list[Any] = []
 

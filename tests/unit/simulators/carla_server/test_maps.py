@@ -17,8 +17,8 @@ from overtaking.simulators.carla_server.arguments import (
     Transform,
     Vector,
 )
+from overtaking.simulators.carla_server.maps import Atlas, Map, known_map
 from overtaking.simulators.carla_server.physics import WheelTelemetry, telemetry
-from overtaking.simulators.carla_server.places import Atlas, Place, known_place
 from overtaking.simulators.carla_server.rays import ROAD, TERRAIN, cast, project
 from overtaking.simulators.carla_server.running import run_server
 from overtaking.simulators.carla_server.streams import Streams
@@ -33,16 +33,16 @@ CAR_TAG, TRUCK_TAG = 14, 15
 
 def straight(elevation: str = "") -> str:
     """Our road along the x axis from the origin on, with an elevation."""
-    text = known_place("town06").opendrive
+    text = known_map("town06").opendrive
     text = re.sub(r'x="[^"]*" y="[^"]*" hdg="[^"]*"', 'x="0" y="0" hdg="0"', text)
     return text.replace('<elevation s="0" a="0" b="0"', elevation) if elevation else text
 
 
-def sloping() -> Place:
+def sloping() -> Map:
     return survey("hill", straight(f'<elevation s="0" a="2" b="{SLOPE}"'))
 
 
-def crossing() -> Place:
+def crossing() -> Map:
     """A road, and another at right angles 9 m above it, at x = 500 m."""
     lower = straight()
     road = lower[lower.index("<road ") : lower.index("</road>") + len("</road>")]
@@ -53,8 +53,8 @@ def crossing() -> Place:
     return survey("bridge", lower.replace("</OpenDRIVE>", upper + "</OpenDRIVE>"))
 
 
-def world_on(place: Place) -> World:
-    return World(Atlas([place], survey), Streams(lambda _: None), 1)
+def world_on(town: Map) -> World:
+    return World(Atlas([town], survey), Streams(lambda _: None), 1)
 
 
 def put(
@@ -112,7 +112,7 @@ def test_who_drives_on_a_bridge_stays_on_it_and_touches_nobody_below():
 
 
 def test_who_is_hidden_underground_is_in_nobodys_way():
-    world = world_on(known_place("town06"))
+    world = world_on(known_map("town06"))
     car = put(world, 300.0, 244.65, 0.3)
     hidden = put(world, 320.0, 244.65, -100.0)
     world.fleet[hidden].moves = False
@@ -122,7 +122,7 @@ def test_who_is_hidden_underground_is_in_nobodys_way():
 
 
 def test_a_ray_meets_vehicles_and_then_the_road():
-    world = world_on(known_place("town06"))
+    world = world_on(known_map("town06"))
     car, truck = put(world, 300.0, 244.65, 0.0), put(world, 320.0, 244.65, 0.0, name=TRUCK)
     hits = cast(world, Vector(290.0, 244.65, 0.5), Vector(330.0, 244.65, -0.1))
     assert [hit.label for hit in hits] == [CAR_TAG, TRUCK_TAG, ROAD]
@@ -134,7 +134,7 @@ def test_a_ray_meets_vehicles_and_then_the_road():
 
 
 def test_a_turned_box_is_met_where_its_side_is():
-    world = world_on(known_place("town06"))
+    world = world_on(known_map("town06"))
     extent = world.vehicle(put(world, 300.0, 244.65, 0.0, 90.0)).extent
     hit = project(world, Vector(290.0, 244.65, 0.5), Vector(5.0, 0.0, 0.0), 50.0)
     assert hit is not None
@@ -142,7 +142,7 @@ def test_a_turned_box_is_met_where_its_side_is():
 
 
 def test_downwards_is_the_road_or_what_lies_beside_it():
-    world = world_on(known_place("town06"))
+    world = world_on(known_map("town06"))
     on_lane = project(world, Vector(300.0, 244.65, 5.0), DOWN, 10.0)
     beside = project(world, Vector(300.0, 400.0, 5.0), DOWN, 10.0)
     assert on_lane == (Vector(300.0, 244.65, 0.0), ROAD)
@@ -166,7 +166,7 @@ def test_a_ray_finds_the_slope_and_every_level():
 
 
 def test_wheels_carry_the_weight_and_turn_as_the_vehicle_rolls():
-    world = world_on(known_place("town06"))
+    world = world_on(known_map("town06"))
     car = put(world, 300.0, 244.65, 0.0)
     world.tick()
     body = world.vehicle(car).body
@@ -182,7 +182,7 @@ def test_wheels_carry_the_weight_and_turn_as_the_vehicle_rolls():
 
 
 def test_in_a_curve_to_the_right_the_left_wheels_carry_more_and_all_push_to_the_right():
-    world = world_on(known_place("town06"))
+    world = world_on(known_map("town06"))
     car = put(world, 300.0, 244.65, 0.0)
     drive(world, car, 1)
     vehicle = world.vehicle(car)
@@ -197,7 +197,7 @@ def test_in_a_curve_to_the_right_the_left_wheels_carry_more_and_all_push_to_the_
 
 
 def test_an_unknown_map_names_those_there_are_and_the_option():
-    atlas = Atlas([known_place("town06")], survey)
+    atlas = Atlas([known_map("town06")], survey)
     assert atlas.names() == ["Town06", "motorway"]
     with pytest.raises(ConfigError, match=r"Town06 or motorway, got 'Town01'.*--map Town01\.xodr"):
         atlas.find("Town01")

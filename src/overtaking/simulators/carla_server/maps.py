@@ -37,7 +37,7 @@ class Lanes:
     """Samples of all lanes of a map, for heights, spawn points and pictures; shape (sample, ...).
 
     Attributes:
-        place: x, y and z in CARLA's frame [m].
+        position: x, y and z in CARLA's frame [m].
         yaw: Heading in CARLA's frame [rad].
         slope: Rise for each metre of travel.
         width: Of the lane [m].
@@ -47,7 +47,7 @@ class Lanes:
         driving: Whether it is a lane to drive in.
     """
 
-    place: NDArray[np.float64]
+    position: NDArray[np.float64]
     yaw: NDArray[np.float64]
     slope: NDArray[np.float64]
     width: NDArray[np.float64]
@@ -71,7 +71,7 @@ class Surface(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Map:
     """One map.
 
     Attributes:
@@ -97,7 +97,7 @@ class Place:
         return Motion(float(s), float(d), psi, 0.0, 0.0, 0.0)
 
     def pose(self, motion: Motion, height: float) -> Transform:
-        """A motion's place as a pose of CARLA, on the ground.
+        """A motion as a pose of CARLA, on the ground.
 
         Args:
             motion: Where in the frame of the ground.
@@ -129,7 +129,7 @@ class Place:
         if found is None:
             return Surface()
         k, apart = found
-        (x0, y0, z0), yaw = self.lanes.place[k].tolist(), float(self.lanes.yaw[k])
+        (x0, y0, z0), yaw = self.lanes.position[k].tolist(), float(self.lanes.yaw[k])
         if apart > _ON_LANE:
             return Surface(z0)
         slope = float(self.lanes.slope[k])
@@ -151,11 +151,11 @@ class Place:
         near = self._cells.get((math.floor(x / _CELL), math.floor(y / _CELL)), [])
         if not near:
             return None
-        places = self.lanes.place[near]
-        apart = np.hypot(places[:, 0] - x, places[:, 1] - y)
-        heights = places[apart < max(_ON_LANE, float(apart.min()) + _LEVEL_REACH), 2]
+        near_points = self.lanes.position[near]
+        apart = np.hypot(near_points[:, 0] - x, near_points[:, 1] - y)
+        heights = near_points[apart < max(_ON_LANE, float(apart.min()) + _LEVEL_REACH), 2]
         level = heights[np.argmin(np.abs(heights - z))]
-        apart = np.where(np.abs(places[:, 2] - level) < LEVELS_APART, apart, np.inf)
+        apart = np.where(np.abs(near_points[:, 2] - level) < LEVELS_APART, apart, np.inf)
         best = int(np.argmin(apart))
         return near[best], float(apart[best])
 
@@ -169,7 +169,7 @@ class Place:
             if 0.0 <= station - last < SPAWN_SPACING:
                 continue
             last = station
-            x, y, z = (float(part) for part in lanes.place[k])
+            x, y, z = (float(part) for part in lanes.position[k])
             pitch = math.degrees(math.atan(float(lanes.slope[k])))
             rotation = Rotation(pitch, math.degrees(float(lanes.yaw[k])), 0.0)
             points.append(Transform(Vector(x, y, z + SPAWN_HEIGHT), rotation))
@@ -184,9 +184,9 @@ _LEVEL_REACH = 0.5
 
 
 def cells_of(lanes: Lanes) -> dict[tuple[int, int], list[int]]:
-    """Samples that are near each square of 10 m, for `Place.surface`."""
+    """Samples that are near each square of 10 m, for `Map.surface`."""
     cells: dict[tuple[int, int], list[int]] = {}
-    for k, (x, y, _) in enumerate(lanes.place):
+    for k, (x, y, _) in enumerate(lanes.position):
         column, row = math.floor(x / _CELL), math.floor(y / _CELL)
         for i in (-1, 0, 1):
             for j in (-1, 0, 1):
@@ -194,7 +194,7 @@ def cells_of(lanes: Lanes) -> dict[tuple[int, int], list[int]]:
     return cells
 
 
-def known_place(name: str) -> Place:
+def known_map(name: str) -> Map:
     """A road of ours as a map, under CARLA's name for it where it has one.
 
     Raises:
@@ -206,7 +206,7 @@ def known_place(name: str) -> Place:
     road = known_road(key)
     road = road.extended(max(road.length, ROAD_LENGTH))
     carla_name, road_id = _CARLA_NAMES.get(key, (key, "1"))
-    return Place(
+    return Map(
         carla_name,
         write_opendrive(road, road_id=road_id),
         Ground(road, shelters=True),
@@ -228,22 +228,22 @@ class Atlas:
     """The maps that a server can load.
 
     Args:
-        places: Those that it was started with; it begins with the first.
+        maps: Those that it was started with; it begins with the first.
         survey: Makes a map of a name and an OpenDRIVE text.
     """
 
-    def __init__(self, places: Sequence[Place], survey: Callable[[str, str], Place]) -> None:
+    def __init__(self, maps: Sequence[Map], survey: Callable[[str, str], Map]) -> None:
         """Know these maps, and our roads."""
-        self.first = places[0]
+        self.first = maps[0]
         self._survey = survey
-        self._learned = {place.name: place for place in places}
+        self._learned = {one.name: one for one in maps}
 
     def names(self) -> list[str]:
         """Names of all maps."""
         ours = {_CARLA_NAMES.get(name, (name,))[0] for name in ROAD_NAMES}
         return sorted(ours | set(self._learned))
 
-    def find(self, name: str) -> Place:
+    def find(self, name: str) -> Map:
         """The map of a name.
 
         Raises:
@@ -252,7 +252,7 @@ class Atlas:
         if name in self._learned:
             return self._learned[name]
         if name.lower() in ROAD_NAMES:
-            return known_place(name)
+            return known_map(name)
         raise _no_map(name, self.names(), f"--map {name}.xodr as well")
 
     def learn(self, opendrive: str) -> None:
@@ -277,7 +277,7 @@ def _sampled(road: Road) -> Lanes:
     pairs = [(lane.left_mark.value, lane.right_mark.value) for lane in road.lanes]
     marks = [[drawn_mark(left), drawn_mark(right)] for left, right in pairs]
     return Lanes(
-        place=np.stack([x, -y, np.zeros_like(x)], axis=1),
+        position=np.stack([x, -y, np.zeros_like(x)], axis=1),
         yaw=np.full(len(s), -road.heading),
         slope=np.zeros(len(s)),
         width=np.repeat([lane.width for lane in road.lanes], every),
