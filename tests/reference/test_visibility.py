@@ -108,19 +108,31 @@ def test_dusk_and_night_need_more_contrast(night: int, dusk: int, expected: floa
     assert float(doubled) == pytest.approx(2.0 * expected)
 
 
-@pytest.mark.parametrize(("degrees", "share"), [(12.0, 0.6), (5.0, 0.2)])
-def test_a_low_sun_leaves_the_contrast_worked_out_by_hand(degrees: float, share: float):
-    value = visibility.glare_factor(*f32(math.radians(degrees), 0.0, 0.0))
-    assert float(value) == pytest.approx(share, abs=0.01)
+# Kasten and Young 1989, table of the relative optical air mass.
+@pytest.mark.parametrize(
+    ("degrees", "mass"), [(1.0, 26.3), (5.0, 10.31), (10.0, 5.58), (30.0, 1.99)]
+)
+def test_sunlight_comes_through_the_tabled_air_mass(degrees: float, mass: float):
+    (altitude,) = f32(math.radians(degrees))
+    value = float(visibility.sun_illuminance(altitude))
+    assert -math.log(value / 127_500.0) / 0.21 == pytest.approx(mass, rel=3e-3)
 
 
 @given(altitude=st.floats(0.1, 17.9), azimuth=st.floats(0.0, 24.9))
 def test_glare_is_the_veil_of_stiles_and_holladay(altitude: float, azimuth: float):
     theta = max(math.hypot(altitude, azimuth), 1.0)
-    veil = 10.0 * 40_000.0 / theta**2
     numbers = f32(math.radians(altitude), math.radians(azimuth), 0.0)
+    veil = 10.0 * float(visibility.sun_illuminance(numbers[0])) / theta**2
     value = float(visibility.glare_factor(*numbers))
     assert value == pytest.approx(4000.0 / (4000.0 + veil), rel=1e-4)
+
+
+def test_a_sun_some_degrees_high_dazzles_most_and_nobody_is_blind():
+    altitudes = np.radians(np.linspace(0.1, 17.9, 100)).astype(np.float32)
+    zero = np.zeros_like(altitudes)
+    left = visibility.glare_factor(altitudes, zero, zero)
+    assert 2.0 < math.degrees(altitudes[left.argmin()]) < 7.0
+    assert 0.3 < float(left.min()) < 0.5
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,18 @@ from functools import cache
 
 import numpy as np
 
-from overtaking.core.elementary import F32, F32Like, Mask, as_f32, exp, log, maximum, minimum, power
+from overtaking.core.elementary import (
+    F32,
+    F32Like,
+    Mask,
+    as_f32,
+    exp,
+    log,
+    maximum,
+    minimum,
+    power,
+    sincos,
+)
 from overtaking.core.units import deg_from_rad
 from overtaking.world.constants import known
 from overtaking.world.film import PERCENT
@@ -59,13 +70,10 @@ def glare_factor(sun_altitude: F32, angle: F32, cloudiness: F32) -> F32:
     Source:
         Veiling luminance of Stiles and Holladay.
     """
+    sun_altitude = np.asarray(sun_altitude, np.float32)
     theta = np.sqrt(sun_altitude * sun_altitude + angle * angle) * np.float32(deg_from_rad(1.0))
     theta = maximum(theta, known("weather.glare.smallest_angle_deg"))
-    veil = (
-        known("weather.glare.coefficient")
-        * known("weather.glare.sun_illuminance")
-        / (theta * theta)
-    )
+    veil = known("weather.glare.coefficient") * sun_illuminance(sun_altitude) / (theta * theta)
     luminance = known("weather.glare.road_luminance")
     low = (sun_altitude >= known("weather.glare.lowest_sun")) & (
         sun_altitude <= known("weather.glare.highest_sun")
@@ -76,6 +84,24 @@ def glare_factor(sun_altitude: F32, angle: F32, cloudiness: F32) -> F32:
         & (cloudiness < known("weather.glare.most_cloud_percent"))
     )
     return np.where(dazzled, luminance / (luminance + veil), np.float32(1.0))
+
+
+def sun_illuminance(altitude: F32) -> F32:
+    """Illuminance of the sun in clear air on a plane that faces it [lx].
+
+    Args:
+        altitude: Of the sun; below the horizon as at it [rad].
+
+    Source:
+        Kasten and Young 1989 (relative optical air mass); IES RP-21 (extinction of clear air).
+    """
+    degrees = maximum(altitude, np.float32(0.0)) * np.float32(deg_from_rad(1.0))
+    sine, _ = sincos(maximum(altitude, np.float32(0.0)))
+    offset, exponent = known("weather.sunlight.mass_offset_deg"), known("weather.sunlight.exponent")
+    haze = known("weather.sunlight.mass_factor") * power(degrees + offset, -exponent)
+    air_mass = np.float32(1.0) / (sine + haze)
+    outside = known("weather.sunlight.outside")
+    return outside * exp(-known("weather.sunlight.extinction") * air_mass)
 
 
 def contrast_threshold(night: Mask, dusk: Mask, rate: F32) -> F32:

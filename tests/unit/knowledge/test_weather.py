@@ -152,13 +152,6 @@ def test_lamps_are_as_bright_as_type_approval_allows(lamp: str, lowest: float, h
     assert lowest <= getattr(weather_maps().lamps, lamp) <= highest
 
 
-@pytest.mark.parametrize(("angle_deg", "left"), [(12.0, 0.6), (5.0, 0.2)])
-def test_a_low_sun_leaves_the_contrast_worked_out_by_hand(angle_deg: float, left: float):
-    glare = weather_maps().glare
-    veil = glare.coefficient * glare.sun_illuminance / angle_deg**2
-    assert glare.road_luminance / (glare.road_luminance + veil) == pytest.approx(left, abs=0.011)
-
-
 def test_only_a_low_sun_ahead_dazzles():
     glare = weather_maps().glare
     assert deg_from_rad(glare.highest_sun) == pytest.approx(18.0)
