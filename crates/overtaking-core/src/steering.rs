@@ -89,14 +89,19 @@ pub fn reach<S: Simd, const N: usize>(
 }
 
 /// Turn the front wheels of vehicle `i`, or lean, towards the path for one step; the angle in its middle.
+///
+/// Another driver may have `ordered` an angle of the front wheels.
 #[inline(always)]
 pub fn steer<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
     stride: &Stride,
+    ordered: Option<V<S>>,
 ) -> V<S> {
     let (angle, lean) = asked(state, w, i, stride.half);
+    let limit = w.c.steering_limit;
+    let angle = ordered.map_or(angle, |wheel| clamp_to(wheel, -limit, limit));
     let wheel = state.wheel[i];
     let turn = clamp_to((angle - wheel) * stride.steering, -stride.most, stride.most);
     let lean = (lean - wheel) * stride.leaning;

@@ -3,6 +3,7 @@
 from overtaking.api.carla import carla_limits, replay_in_carla, serve_carla
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, simulator_of
 from overtaking.api.data import EXPORTS, export, generate, import_recording, load, relabel, resume
+from overtaking.api.driving import drive, driver_of
 from overtaking.api.learning import learn_factors, learn_rules
 from overtaking.api.logic import ask, prove
 from overtaking.api.results import (
@@ -31,6 +32,8 @@ __all__ = [
     "branch",
     "carla_limits",
     "compare",
+    "drive",
+    "driver_of",
     "entity_relationship_diagram",
     "export",
     "film",

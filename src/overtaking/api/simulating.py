@@ -87,7 +87,7 @@ def simulate(scenario: Scenario, *, simulator: str = "engine") -> Trajectories:
         MissingExtraError: The simulator is not installed.
     """
     chosen = simulator_of(simulator)
-    _check_runnable(scenario, "simulate")
+    check_runnable(scenario, "simulate")
     return chosen.simulate(scenario)
 
 
@@ -115,7 +115,7 @@ def branch(
             as long as the batch, no simulation has the frame, or there is no such simulator.
     """
     run = module_of(simulator, BRANCHING).run
-    _check_runnable(scenario, "branch")
+    check_runnable(scenario, "branch")
     if weather is not None:
         check(scenario.replace(weather=weather), "branch")
     return branched(scenario, frame, decision=decision, weather=weather, run=run)
@@ -179,7 +179,7 @@ def compare(
     return concatenate(parts)
 
 
-def _check_runnable(scenario: Scenario, where: str) -> None:
+def check_runnable(scenario: Scenario, where: str) -> None:
     """Refuse what recordings may have and simulators cannot run, and what memory cannot hold."""
     interval, slots = scenario.frame_interval_ms, scenario.num_slots
     for what, is_wrong, expected, got in (

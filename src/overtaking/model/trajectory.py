@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.model.actions import Actions
 from overtaking.model.batch import Batch, Constraint
 from overtaking.model.road import Road
 from overtaking.model.scenario import MAX_DURATION, Scenario
@@ -216,6 +217,7 @@ class Trajectories(Batch):
             are there and mean nothing. Empty for simulations of this package.
         present: Which vehicles were recorded in which frame, (simulation, vehicle, time); None
             where every vehicle is there from the first frame to the last.
+        actions: What another driver did with the ego; None where the model drove it.
     """
 
     scenario: Scenario
@@ -230,6 +232,7 @@ class Trajectories(Batch):
     trace_hash: Annotated[NDArray[np.uint32], along("simulation", 4)]
     unknown: frozenset[str] = frozenset()
     present: Annotated[NDArray[np.bool_] | None, along(*States.AXES)] = None
+    actions: Actions | None = None
 
     def summary(self) -> Mapping[str, object]:
         """That of the scenario, and the frames."""

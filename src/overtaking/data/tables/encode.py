@@ -7,14 +7,22 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from overtaking.data.tables.arrow import Array, Mask, Masked, to_texts
-from overtaking.data.tables.build import Rows, Texts, build
+from overtaking.data.tables.build import Given, Rows, Texts, build
 from overtaking.data.tables.derived import derived_weather
 from overtaking.data.tables.lanes import lane_columns
-from overtaking.data.tables.schemas import NUM_INDICATOR_BITS, RECORDED_TABLES, schema_of
+from overtaking.data.tables.schemas import (
+    COLUMNS,
+    KEYS,
+    NUM_INDICATOR_BITS,
+    RECORDED_TABLES,
+    schema_of,
+)
 from overtaking.knowledge import presets
+from overtaking.model.actions import Actions
 from overtaking.model.trajectory import Stage, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.model.weather import NO_PRESET
+from overtaking.world.clock import STEP_MS, SUBSTEPS
 
 Numbers = NDArray[np.int64]
 """Numbers of the simulations in their data set, shape (simulation,)."""
@@ -151,7 +159,23 @@ def percepts(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     return build("percepts", trajectories, lambda one: one.reshape(-1).take(made), computed)
 
 
+def actions(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
+    """One row per simulation and change of what another driver did with the ego."""
+    done = trajectories.actions or Actions.none(len(numbers))
+    simulation, action = np.nonzero(done.changes)
+    values = done.values[simulation, action]
+    known = {part.name: values[:, place] for place, part in enumerate(done.parts)}
+    nothing = Masked(np.zeros(len(action), np.int32), np.ones(len(action), np.bool_))
+    time = action.astype(np.int32) * np.int32(STEP_MS * SUBSTEPS)
+    keys = numbers[simulation], action.astype(np.int32)
+    computed: dict[str, Given] = dict(zip(KEYS["actions"], keys, strict=True))
+    for one in COLUMNS["actions"][len(computed) :]:
+        computed[one.name] = time if one.path == "time" else known.get(one.path, nothing)
+    return build("actions", trajectories, _as_they_are, computed)
+
+
 _ENCODERS = {
+    "actions": actions,
     "simulations": simulations,
     "weather": weather,
     "vehicles": vehicles,
