@@ -81,3 +81,20 @@ class HumanEgo:
         home = must_abort(self.given, view, FAST_LEAD, FAST_REAR)
         danger = np.where(seen.of("stage") == Stage.PULL_OUT, out, home)
         return looks & danger & (seen.of("can_abort") > 0)
+
+
+def main() -> None:
+    """Compare it with the built-in ego."""
+    scenes = ot.sample("pinto2023", 100, seed=1)
+    ours = ot.simulate(scenes)
+    runs = ot.drive(scenes, HumanEgo(), observe="human", action="decision")
+    same = (runs.trace_hash == ours.trace_hash).all(axis=1)
+    print("100 scenes of pinto2023, percepts to decisions")
+    print(f"  same trace as the built-in ego: {same.sum()}")
+    print(f"  overtakes begun: {(runs.stage == Stage.PULL_OUT).any(axis=1).sum()}")
+    assert runs.actions is not None
+    print(f"  changes of what it does: {runs.actions.changes.sum()}")
+
+
+if __name__ == "__main__":
+    main()

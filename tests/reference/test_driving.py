@@ -28,7 +28,12 @@ def scenes(count: int, profile: str = "pinto2023", **changes: object):
 
 def random_actions(kind: str, shape: tuple[int, int], seed: int = 1) -> Actions:
     """Actions that change every half second, mostly within what a driver would do."""
-    limits = {"move": (0, 6), "accel": (-3000, 2500), "lane": (-1, 2), "wheel_angle": (-40, 40)}
+    limits = {
+        "move": (0, 6),
+        "accel": (-3000, 2500),
+        "lane_change": (-1, 2),
+        "wheel_angle": (-40, 40),
+    }
     draw = np.random.default_rng(seed)
     values = np.zeros((*shape, MOST_PARTS), np.int32)
     for place, part in enumerate(KINDS[kind]):

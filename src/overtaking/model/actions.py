@@ -50,7 +50,7 @@ class Part:
 
 
 _ACCEL = Part("accel", "m/s^2", 1e-3, -20.0, 20.0)
-_LANE = Part("lane", "lanes towards the fast side", 1.0, -1.0, 1.0)
+_LANE = Part("lane_change", "lanes towards the fast side", 1.0, -1.0, 1.0)
 
 KINDS: Final[dict[str, tuple[Part, ...]]] = {
     "decision": (Part("move", "Move", 1.0, min(Move), max(Move)),),

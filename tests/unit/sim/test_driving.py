@@ -163,7 +163,7 @@ def changes_its_mind(seen: ot.Observation) -> np.ndarray:
     [
         (fails, "simulation 0 and 5 others at 0.00 s.*an answer, got ZeroDivisionError: of mine"),
         (sometimes_nan, r"simulation 3 at 1.00 s.*finite numbers, got \[nan, 0.0\]"),
-        (changes_its_mind, r"at 0.45 s.*shape \(6, 2\): accel, lane, got shape \(6, 3\)"),
+        (changes_its_mind, r"at 0.45 s.*shape \(6, 2\): accel, lane_change, got shape \(6, 3\)"),
         (lambda _: np.zeros(6), r"at 0.00 s.*got shape \(6,\)"),
         (lambda _: ["left"] * 6, "numbers, got an array of <U4"),
         (lambda _: None, "numbers, got an array of object"),

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from overtaking.data.tables.arrow import Array, Mask, Masked, to_texts
 from overtaking.data.tables.build import Given, Rows, Texts, build
+from overtaking.data.tables.columns import names_of
 from overtaking.data.tables.derived import derived_weather
 from overtaking.data.tables.lanes import lane_columns
 from overtaking.data.tables.schemas import (
     COLUMNS,
-    KEYS,
     NUM_INDICATOR_BITS,
     RECORDED_TABLES,
     schema_of,
@@ -165,12 +165,14 @@ def actions(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     simulation, action = np.nonzero(done.changes)
     values = done.values[simulation, action]
     known = {part.name: values[:, place] for place, part in enumerate(done.parts)}
-    nothing = Masked(np.zeros(len(action), np.int32), np.ones(len(action), np.bool_))
-    time = action.astype(np.int32) * np.int32(STEP_MS * SUBSTEPS)
-    keys = numbers[simulation], action.astype(np.int32)
-    computed: dict[str, Given] = dict(zip(KEYS["actions"], keys, strict=True))
+    action = action.astype(np.int32)
+    known["time"] = action * np.int32(STEP_MS * SUBSTEPS)
+    nothing = np.ones(len(action), np.bool_)
+    computed: dict[str, Given] = {"simulation": numbers[simulation], "action": action}
     for one in COLUMNS["actions"][len(computed) :]:
-        computed[one.name] = time if one.path == "time" else known.get(one.path, nothing)
+        kind = np.int64 if names_of(one.field) else one.field.type.to_pandas_dtype()
+        none = Masked(np.zeros(len(action), kind), nothing)
+        computed[one.name] = known[one.path].astype(kind) if one.path in known else none
     return build("actions", trajectories, _as_they_are, computed)
 
 

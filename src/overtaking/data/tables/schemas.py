@@ -269,8 +269,8 @@ _RECORDED: dict[str, list[Column]] = {
         column("time", INT, "Instant of that decision", "ms"),
         _optional("move", names.MOVES, "Decision of another driver of the ego"),
         _optional("accel", INT, "Acceleration that it asked for", "mm/s^2"),
-        _optional("lane", INT, "Lane that it wished for, 1 to the fast side, -1 to the slow one"),
-        _optional("wheel_angle", INT, "Front wheels, positive to the fast side", "0.1 mrad"),
+        _optional("lane_change", INT, "Wish for a lane: 1 the faster one, -1 the slower one"),
+        _optional("wheel_angle", SHORT, "Front wheels, positive to the fast side", "0.1 mrad"),
     ],
 }
 
