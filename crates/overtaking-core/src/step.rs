@@ -262,8 +262,13 @@ pub fn advance<S: Simd, const N: usize>(
         }
         // Short passes over all vehicles, so that the CPU works on several of them at once.
         let mut angle = [splat(w.simd, 0.0); N];
-        for i in 0..w.count {
-            angle[i] = steering::steer(state, w, i, stride, wheel.filter(|_| i == EGO));
+        let mut first = EGO;
+        if let Some(ordered) = wheel {
+            angle[EGO] = steering::steer_as_ordered(state, w, ordered, stride);
+            first += 1;
+        }
+        for i in first..w.count {
+            angle[i] = steering::steer(state, w, i, stride);
         }
         let mut motion = [Motion::none(w.simd); N];
         for i in 0..w.count {
