@@ -4,6 +4,7 @@ In memory:
 
     sample              draw scenarios from a profile
     simulate            simulate them
+    drive               simulate them with a policy of your own at the wheel
     branch              simulate them again with a decision or the weather changed
     label               find what happened, whether it was lawful, and features
     compare             simulate on several simulators, and say where they part
@@ -37,6 +38,10 @@ Objects:
     Dataset             a data set on disk
     Balance             equal shares of classes, for generate
     Decision            a decision to force, for branch
+    Driver              a policy and what it observes and answers, for generate
+    Observation         what a policy is given
+    Sensor              the numbers of a sensor, for a policy that does not see like a human
+    Move                a decision that a policy may answer
     OvertakingError     the base of all errors
     rules               what rules of law of one's own are made of
 
@@ -52,18 +57,23 @@ _HOMES = {
     "Balance": "overtaking.data.balance",
     "Dataset": "overtaking.data.load",
     "Decision": "overtaking.model.decision",
+    "Driver": "overtaking.sim.driving",
     "Drivers": "overtaking.model.drivers",
     "Labelled": "overtaking.labels.label",
     "Lane": "overtaking.model.road",
+    "Move": "overtaking.model.actions",
+    "Observation": "overtaking.sim.observation",
     "OvertakingError": "overtaking.core.errors",
     "Road": "overtaking.model.road",
     "Scenario": "overtaking.model.scenario",
+    "Sensor": "overtaking.sim.sensor",
     "Trajectories": "overtaking.model.trajectory",
     "VehicleSpecs": "overtaking.model.vehicles",
     "Weather": "overtaking.model.weather",
     "ask": "overtaking.api.logic",
     "branch": "overtaking.api.simulating",
     "compare": "overtaking.api.simulating",
+    "drive": "overtaking.api.driving",
     "film": "overtaking.api.results",
     "generate": "overtaking.api.data",
     "label": "overtaking.api.simulating",

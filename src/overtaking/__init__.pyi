@@ -3,6 +3,7 @@ from overtaking.api.data import generate as generate
 from overtaking.api.data import load as load
 from overtaking.api.data import relabel as relabel
 from overtaking.api.data import resume as resume
+from overtaking.api.driving import drive as drive
 from overtaking.api.learning import learn_factors as learn_factors
 from overtaking.api.learning import learn_rules as learn_rules
 from overtaking.api.logic import ask as ask
@@ -25,6 +26,7 @@ from overtaking.core.errors import OvertakingError as OvertakingError
 from overtaking.data.balance import Balance as Balance
 from overtaking.data.load import Dataset as Dataset
 from overtaking.labels.label import Labelled as Labelled
+from overtaking.model.actions import Move as Move
 from overtaking.model.decision import Decision as Decision
 from overtaking.model.drivers import Drivers as Drivers
 from overtaking.model.road import Lane as Lane
@@ -33,5 +35,8 @@ from overtaking.model.scenario import Scenario as Scenario
 from overtaking.model.trajectory import Trajectories as Trajectories
 from overtaking.model.vehicles import VehicleSpecs as VehicleSpecs
 from overtaking.model.weather import Weather as Weather
+from overtaking.sim.driving import Driver as Driver
+from overtaking.sim.observation import Observation as Observation
+from overtaking.sim.sensor import Sensor as Sensor
 
 __version__: str

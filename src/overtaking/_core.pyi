@@ -24,6 +24,7 @@ def simulate(
     constants: Mapping[str, Any],
     outputs: dict[str, NDArray[Any]],
     later: tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], int] | None = None,
+    actions: tuple[str, NDArray[np.int32]] | None = None,
     level: str | None = None,
 ) -> None:
     """Simulate a batch and fill the flat arrays of `outputs`.
@@ -42,6 +43,8 @@ def simulate(
             friction_speeds (3), friction_films (4).
         outputs: Flat arrays by name.
         later: vehicle and simulation parameters from a step on, and that step.
+        actions: Kind and numbers of what another driver did with the ego, (simulation, action,
+            part).
         level: SIMD level; None for the best of this CPU.
 
     Raises:
@@ -289,6 +292,43 @@ def simd_level() -> str:
 
 def num_threads() -> int:
     """Threads of the pool that simulations are spread over."""
+
+def own_fields() -> list[str]:
+    """Names of what a driver observes of itself, in order."""
+
+def around_fields() -> list[str]:
+    """Names of what a driver observes of each neighbour, in order."""
+
+class Stepper:
+    """A batch that waits at every decision for what another driver orders."""
+
+    def __init__(
+        self, batch: Mapping[str, Any], kind: str, is_true: bool, level: str | None = None
+    ) -> None:
+        """Stand before the first decision.
+
+        Args:
+            batch: vehicle, simulation, index, slots, seed, record_every, road and constants as in
+                `simulate`.
+            kind: What orders are.
+            is_true: Whether the truth is observed.
+            level: SIMD level; None for the best of this CPU.
+
+        Raises:
+            ValueError: An array has another length, or the kind or SIMD level is unknown.
+        """
+
+    def begin(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """What is observed at first, (simulation, field), and which simulations run."""
+
+    def step(
+        self, values: NDArray[np.int32], decisions: int
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """What is observed after some decisions with the same orders, (simulation, part).
+
+        Raises:
+            ValueError: The orders have another length.
+        """
 
 class Hash:
     """BLAKE3, 256 bits."""

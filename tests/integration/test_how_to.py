@@ -20,6 +20,7 @@ PAGES = {
     "export-the-papers-table.md": {"table.csv", "table.parquet"},
     "query-with-sql.md": {"data/er.svg"},
     "ask-with-logic.md": set(),
+    "drive-it-yourself.md": {"data/patient"},
     "literature.md": set(),
     "check-the-installation.md": set(),
 }
@@ -65,6 +66,7 @@ def pinto(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_what_a_page_says_works(page, repository, workdir, pinto, capsys):
     if page != FIRST:
         shutil.copytree(pinto, workdir / "data" / "pinto")
+    (workdir / "examples").symlink_to(repository / "examples")
     capsys.readouterr()
     found = blocks(repository, page)
     assert found
@@ -72,4 +74,4 @@ def test_what_a_page_says_works(page, repository, workdir, pinto, capsys):
         follow(language, block, capsys)
     assert all((workdir / made).exists() for made in PAGES[page])
     made = {Path(one).parts[0] for one in PAGES[page]}
-    assert {path.name for path in workdir.iterdir()} <= made | {"data"}
+    assert {path.name for path in workdir.iterdir()} <= made | {"data", "examples"}

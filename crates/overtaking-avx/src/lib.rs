@@ -5,6 +5,7 @@
 #![cfg(any(target_arch = "x86", target_arch = "x86_64"))]
 
 use fearless_simd::x86::{Avx2, Avx512};
+use overtaking_core::stepper::{Talk, serve};
 use overtaking_core::{Inputs, Later, Output, simulate};
 
 /// Simulate a batch with AVX2.
@@ -31,4 +32,20 @@ pub fn avx512(
     out: Output<'_>,
 ) -> Result<(), String> {
     simulate(simd, inputs, later, out)
+}
+
+/// Serve another driver of a batch with AVX2.
+///
+/// # Errors
+/// Those of `overtaking_core::stepper::serve`.
+pub fn serve_avx2(simd: Avx2, inputs: &Inputs<'_>, talk: &Talk) -> Result<(), String> {
+    serve(simd, inputs, talk)
+}
+
+/// Serve another driver of a batch with AVX-512.
+///
+/// # Errors
+/// Those of `overtaking_core::stepper::serve`.
+pub fn serve_avx512(simd: Avx512, inputs: &Inputs<'_>, talk: &Talk) -> Result<(), String> {
+    serve(simd, inputs, talk)
 }

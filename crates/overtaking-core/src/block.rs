@@ -9,12 +9,13 @@ use fearless_simd::prelude::*;
 
 use crate::collisions::Pairs;
 use crate::engine::{Inputs, Later, Seat};
-use crate::lanes::{LANES, Seats, outlined, splat};
+use crate::lanes::{LANES, Seats, V, outlined, splat};
 use crate::names::{Simulation, Vehicle};
+use crate::orders::Script;
 use crate::output::Output;
 use crate::recording::Recorder;
-use crate::state::{History, Rates, Road, State, World};
-use crate::step::{Minds, SUBSTEPS, advance, decide, grip_again};
+use crate::state::{History, Rates, Road, State, Stride, World};
+use crate::step::{Mind, Minds, SUBSTEPS, advance, decide, drive_ego, grip_again};
 use crate::tile::{TILE, Tile};
 
 /// Tiles of frames between two pauses at least.
@@ -35,13 +36,7 @@ pub fn run<'a, S: Simd, const N: usize>(
     share: Vec<Seat<'a>>,
     scratch: &mut Scratch<N>,
 ) {
-    let road = Road {
-        num_lanes: inputs.num_lanes,
-        boundaries: inputs.boundaries,
-        film_path: inputs.film_path,
-        side: inputs.side,
-        pose: inputs.pose,
-    };
+    let road = Road::of(inputs);
     let Scratch { tile, histories } = scratch;
     histories.resize_with(
         histories.len().max(share.len().div_ceil(LANES)),
@@ -76,18 +71,20 @@ fn phase(record_every: u32) -> u32 {
 }
 
 /// Sixteen simulations, or fewer when some have ended.
-struct Block<'a, S: Simd, const N: usize> {
-    world: World<'a, S, N>,
-    state: State<'a, S, N>,
-    recorder: Recorder<'a, N>,
-    pairs: Pairs<S, N>,
+pub(crate) struct Block<'a, S: Simd, const N: usize> {
+    pub(crate) world: World<'a, S, N>,
+    pub(crate) state: State<'a, S, N>,
+    pub(crate) recorder: Recorder<'a, N>,
+    pub(crate) pairs: Pairs<S, N>,
+    /// Angle of the ego's front wheels that another driver ordered at the last decision.
+    wheel: Option<V<S>>,
     /// Number of the simulation in each lane within the batch; free lanes repeat another one.
-    simulations: [usize; LANES],
+    pub(crate) simulations: [usize; LANES],
 }
 
 impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
     /// A block of the next simulations; `None` if there are no more.
-    fn new(
+    pub(crate) fn new(
         simd: S,
         inputs: &Inputs<'a>,
         road: &'a Road,
@@ -133,6 +130,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             state,
             recorder,
             pairs: Pairs::none(),
+            wheel: None,
             simulations,
         }))
     }
@@ -147,13 +145,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         minds: &mut Minds<S, N>,
     ) {
         let simd = self.world.simd;
-        // Frames at other times than decisions want a state at every step.
-        let rates = self.world.rates;
-        let (stride, steps) = if inputs.record_every.is_multiple_of(SUBSTEPS) {
-            (&rates.coarse, SUBSTEPS)
-        } else {
-            (&rates.fine, 1)
-        };
+        let (stride, steps) = self.stride(inputs);
         let mut step = first;
         while step < end && runs(&self.state, simd, step) {
             if let Some(later) = later.filter(|later| later.switch == step) {
@@ -164,7 +156,13 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             }
             let (state, world, recorder) = (&mut self.state, &self.world, &mut self.recorder);
             if step.is_multiple_of(SUBSTEPS) {
-                decide(state, world, minds, recorder, &mut self.pairs, step);
+                let decision = (step / SUBSTEPS) as usize;
+                let orders = inputs
+                    .script
+                    .map(|script| script.orders(simd, &self.simulations, decision));
+                self.wheel = orders.and_then(|orders| orders.wheel());
+                let pairs = &mut self.pairs;
+                decide(state, world, minds, recorder, pairs, step, orders.as_ref());
             }
             if step.is_multiple_of(inputs.record_every) {
                 let number = (step / inputs.record_every) as usize;
@@ -173,14 +171,52 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
                     recorder.frame(state, world, active, number, tile);
                 });
             }
-            advance(state, world, &self.pairs, &mut minds.before, step, stride);
+            let before = &mut minds.before;
+            advance(state, world, &self.pairs, before, step, &stride, self.wheel);
             step += steps;
         }
         outlined!(simd, self.recorder.flush(&self.world, tile));
     }
 
+    /// Let the ego do as ordered at a decision, and everything move until the next one.
+    pub(crate) fn go_on(
+        &mut self,
+        first: u32,
+        inputs: &Inputs<'_>,
+        script: &Script<'_>,
+        mind: Mind<'_, S>,
+        minds: &mut Minds<S, N>,
+    ) {
+        let (stride, steps) = self.stride(inputs);
+        let orders = script.orders(self.world.simd, &self.simulations, 0);
+        let (state, world, pairs) = (&mut self.state, &self.world, &mut self.pairs);
+        drive_ego(
+            state,
+            world,
+            mind,
+            &mut self.recorder,
+            pairs,
+            first,
+            Some(&orders),
+        );
+        for step in (first..first + SUBSTEPS).step_by(steps as usize) {
+            let before = &mut minds.before;
+            advance(state, world, pairs, before, step, &stride, orders.wheel());
+        }
+    }
+
+    /// A step, and how many of 10 ms that is: frames at other times than decisions want a state at each.
+    fn stride(&self, inputs: &Inputs<'_>) -> (Stride, u32) {
+        let rates = &self.world.rates;
+        if inputs.record_every.is_multiple_of(SUBSTEPS) {
+            (rates.coarse, SUBSTEPS)
+        } else {
+            (rates.fine, 1)
+        }
+    }
+
     /// Finish the simulations that have ended before `step`; whether others still run.
-    fn dismiss(&mut self, step: u32) -> bool {
+    pub(crate) fn dismiss(&mut self, step: u32) -> bool {
         for lane in 0..LANES {
             if self.state.end_step[lane] < step as f32 {
                 self.recorder.finish(lane, &self.state, &self.world);
@@ -220,7 +256,7 @@ fn slots_in_use<S: Simd, const N: usize>(w: &World<'_, S, N>, recorder: &Recorde
 }
 
 /// Move simulations together where that frees whole blocks.
-fn merge<S: Simd, const N: usize>(blocks: &mut Vec<Box<Block<'_, S, N>>>) {
+pub(crate) fn merge<S: Simd, const N: usize>(blocks: &mut Vec<Box<Block<'_, S, N>>>) {
     let running: usize = blocks.iter().map(|block| block.num_running()).sum();
     let needed = running.div_ceil(LANES);
     if needed == blocks.len() {

@@ -150,7 +150,7 @@ fn braking_to_clear<S: Simd, const N: usize>(
     )
 }
 
-/// Move the pedals of vehicle `i` towards the wanted acceleration.
+/// Move the pedals of vehicle `i` as its driver wants.
 #[inline(always)]
 pub fn set_acceleration<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
@@ -160,12 +160,32 @@ pub fn set_acceleration<S: Simd, const N: usize>(
     believed: &Beliefs<S>,
     leader: V<S>,
 ) {
+    press(state, w, i, wanted(state, w, i, near, believed, leader));
+}
+
+/// The acceleration that driver `i` wants behind the leader, and behind the one whose lane is being left.
+#[inline(always)]
+pub fn wanted<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    near: &Neighbours<S>,
+    believed: &Beliefs<S>,
+    leader: V<S>,
+) -> V<S> {
+    min(leader, behind_old_leader(state, w, i, near, believed))
+}
+
+/// Move the pedals of vehicle `i` towards the wanted acceleration.
+#[inline(always)]
+pub fn press<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    wanted: V<S>,
+) {
     let c = w.c;
-    let old_leader = behind_old_leader(state, w, i, near, believed);
-    let wanted = max(
-        min(leader, old_leader),
-        -(w.p[i].brake_force * w.p[i].inverse_mass),
-    );
+    let wanted = max(wanted, -(w.p[i].brake_force * w.p[i].inverse_mass));
     let up = choose(
         state.accel[i].simd_lt(0.0),
         splat(w.simd, c.jerk_release),

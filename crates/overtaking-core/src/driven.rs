@@ -119,13 +119,7 @@ fn controls_fit(deed: Deed<'_>, vehicles: usize) -> bool {
 }
 
 fn among<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, deed: Deed<'_>, table: &mut [f32]) {
-    let road = Road {
-        num_lanes: inputs.num_lanes,
-        boundaries: inputs.boundaries,
-        film_path: inputs.film_path,
-        side: inputs.side,
-        pose: inputs.pose,
-    };
+    let road = Road::of(inputs);
     let (p, q) = load(simd, inputs.vehicle, inputs.simulation, inputs, &[0; LANES]);
     let world = World::<S, N> {
         simd,

@@ -6,15 +6,15 @@ use fearless_simd::prelude::*;
 use crate::elementary::exp;
 use crate::following::{forced_braking, needed_braking};
 use crate::lanes::{M, V, at_least, at_most, choose, min, pick, splat};
-use crate::mobil::{change_of, must_wait, soon, time_left, turn_to_lane};
+use crate::mobil::{change_of, soon, time_left, turn_to_lane};
 use crate::names::Vehicle;
-use crate::neighbours::{Body, Neighbours};
-use crate::perception::Beliefs;
+use crate::neighbours::Neighbours;
+use crate::orders::{self, Orders};
 use crate::recording::{Kind, Recorder};
 use crate::state::{
     EGO, FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State, World, stage,
 };
-use crate::step::SUBSTEPS;
+use crate::step::{Mind, SUBSTEPS};
 
 const PULL_OUT_NOW: f32 = 1.0;
 const ABORT_NOW: f32 = 2.0;
@@ -121,35 +121,33 @@ fn must_abort<S: Simd, const N: usize>(
 }
 
 /// What the ego sets out to do at a decision.
-struct Intent<S: Simd> {
+pub struct Intent<S: Simd> {
     /// Wants to pull out, or to change back, and shows it.
-    start: M<S>,
-    back: M<S>,
+    pub start: M<S>,
+    pub back: M<S>,
     /// Does it now.
-    go_out: M<S>,
-    go_back: M<S>,
-    abort: M<S>,
+    pub go_out: M<S>,
+    pub go_back: M<S>,
+    pub abort: M<S>,
     /// Gives up changing back now.
-    remain: M<S>,
+    pub remain: M<S>,
     /// The target is behind.
-    passed: M<S>,
+    pub passed: M<S>,
     /// The last lane change is over.
-    arrived: M<S>,
+    pub arrived: M<S>,
 }
 
 /// One decision of every ego of the block; what it intends holds until it looks around again.
-#[allow(clippy::too_many_arguments)]
 #[inline(always)]
 pub fn decide<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
-    bodies: &[Body<S>; N],
-    near: &Neighbours<S>,
-    believed: &Beliefs<S>,
-    looks: M<S>,
+    mind: Mind<'_, S>,
     recorder: &mut Recorder<'_, N>,
     step: u32,
+    orders: Option<&Orders<S>>,
 ) {
+    let (near, believed) = (mind.near, mind.believed);
     let own = &w.p[EGO];
     let impatience = at_least(
         exp(-(state.waited * own.inverse_patience)),
@@ -177,10 +175,11 @@ pub fn decide<S: Simd, const N: usize>(
         told,
         ordered: told & believed.detected[LEAD] & (state.vx[EGO] - ahead).simd_gt(own.passing_gain),
     };
-    state.stage_time += w.c.decision;
     wait(state, w, &view);
-    let waits = must_wait(state, w, bodies, EGO, state.wanted[EGO]);
-    let intent = intend(state, w, &view, looks, waits);
+    let intent = match orders {
+        None => intend(state, w, &view, mind.looks, mind.waits),
+        Some(orders) => orders::obey(state, w, orders),
+    };
     let (out, back) = ([LEAD, FAST_LEAD, FAST_REAR], [LEAD, SLOW_LEAD, SLOW_REAR]);
     recorder.percepts(
         state,
@@ -233,7 +232,7 @@ pub fn decide<S: Simd, const N: usize>(
 
 /// Whether the ego is sound and in a stage.
 #[inline(always)]
-fn in_stage<S: Simd, const N: usize>(state: &State<'_, S, N>, which: f32) -> M<S> {
+pub fn in_stage<S: Simd, const N: usize>(state: &State<'_, S, N>, which: f32) -> M<S> {
     state.crashed[EGO].simd_eq(0.0) & state.stage.simd_eq(which)
 }
 
@@ -260,10 +259,10 @@ fn intend<S: Simd, const N: usize>(
     looks: M<S>,
     waits: M<S>,
 ) -> Intent<S> {
-    let (c, q, n) = (w.c, &w.q, w.count);
+    let (c, q) = (w.c, &w.q);
     let told = view.told;
     let heeds = looks & !told;
-    let arrived = state.path_time[EGO].simd_ge(state.path_duration[EGO]);
+    let arrived = has_arrived(state);
     let free = in_stage(state, stage::FOLLOW)
         & arrived
         & state.since_change[EGO].simd_ge(c.abort_cooldown)
@@ -276,29 +275,17 @@ fn intend<S: Simd, const N: usize>(
     let start = free & (wanted | forced);
 
     let slower_lane = in_stage(state, stage::PASS) & state.lane[EGO].simd_ge(1.0);
-    let target_s = pick!(n, state.target, |j| state.s[j]);
-    let bodies = view.own.half_length + pick!(n, state.target, |j| w.p[j].half_length);
-    let passed = (state.s[EGO] - target_s).simd_gt(bodies + c.clear_ahead);
-    let stuck = state.stage_time.simd_gt(c.give_up_after) & state.s[EGO].simd_lt(target_s);
+    let passed = has_passed(state, w);
+    let stuck = state.stage_time.simd_gt(c.give_up_after) & is_behind(state, w);
     let rested = state.since_change[EGO].simd_ge(c.abort_cooldown);
     let seen = chosen(told, passed, may_return(w, view) & (passed | stuck)) & rested;
     let wanted = chosen(looks | told, seen, held.simd_lt(0.0));
     let back = slower_lane & (wanted | q.command.simd_eq(RETURN_NOW));
-    let (zero, one) = (splat(w.simd, 0.0), splat(w.simd, 1.0));
-    state.wanted[EGO] = choose(start, one, choose(back, -one, zero));
-
-    let longer = state.signalled + c.decision;
-    let fading = at_least(state.signalled - c.decision, 0.0);
-    state.signalled = choose(start | back, longer, fading);
+    signal(state, w, start, back);
     let ready = state.signalled.simd_gt(view.own.signal_time);
-    let early = state.path_time[EGO].simd_lt(c.abort_until * state.path_duration[EGO]);
     let danger = heeds & must_abort(w, view, SLOW_LEAD, SLOW_REAR);
-    let abort = in_stage(state, stage::PULL_OUT) & early & (danger | q.command.simd_eq(ABORT_NOW));
-    let danger = heeds
-        & must_abort(w, view, FAST_LEAD, FAST_REAR)
-        & q.command.simd_ne(RETURN_NOW)
-        & change_of(state, w, EGO).1;
-    let comes_back = in_stage(state, stage::RETURN) | in_stage(state, stage::ABORT);
+    let abort = can_abort(state, w) & (danger | q.command.simd_eq(ABORT_NOW));
+    let danger = heeds & must_abort(w, view, FAST_LEAD, FAST_REAR) & q.command.simd_ne(RETURN_NOW);
     let sure = (looks & !waits) | told;
     Intent {
         start,
@@ -306,10 +293,64 @@ fn intend<S: Simd, const N: usize>(
         go_out: start & ready & (sure | q.command.simd_eq(PULL_OUT_NOW)),
         go_back: back & ready & (sure | q.command.simd_eq(RETURN_NOW)),
         abort,
-        remain: comes_back & early & danger,
+        remain: can_remain(state, w) & danger,
         passed,
         arrived,
     }
+}
+
+/// Whether the last lane change of the ego is over.
+#[inline(always)]
+pub fn has_arrived<S: Simd, const N: usize>(state: &State<'_, S, N>) -> M<S> {
+    state.path_time[EGO].simd_ge(state.path_duration[EGO])
+}
+
+/// Whether the target's front is visibly behind the ego's rear.
+#[inline(always)]
+pub fn has_passed<S: Simd, const N: usize>(state: &State<'_, S, N>, w: &World<'_, S, N>) -> M<S> {
+    let target_s = pick!(w.count, state.target, |j| state.s[j]);
+    let bodies = w.p[EGO].half_length + pick!(w.count, state.target, |j| w.p[j].half_length);
+    (state.s[EGO] - target_s).simd_gt(bodies + w.c.clear_ahead)
+}
+
+/// Whether the target is ahead.
+#[inline(always)]
+pub fn is_behind<S: Simd, const N: usize>(state: &State<'_, S, N>, w: &World<'_, S, N>) -> M<S> {
+    state.s[EGO].simd_lt(pick!(w.count, state.target, |j| state.s[j]))
+}
+
+/// Whether going back is shorter than going on.
+#[inline(always)]
+fn is_early<S: Simd, const N: usize>(state: &State<'_, S, N>, w: &World<'_, S, N>) -> M<S> {
+    state.path_time[EGO].simd_lt(w.c.abort_until * state.path_duration[EGO])
+}
+
+/// Whether the ego pulls out, and going back is shorter than going on.
+#[inline(always)]
+pub fn can_abort<S: Simd, const N: usize>(state: &State<'_, S, N>, w: &World<'_, S, N>) -> M<S> {
+    in_stage(state, stage::PULL_OUT) & is_early(state, w)
+}
+
+/// Whether the ego changes back by a whole lane, and going back is shorter than going on.
+#[inline(always)]
+pub fn can_remain<S: Simd, const N: usize>(state: &State<'_, S, N>, w: &World<'_, S, N>) -> M<S> {
+    let comes_back = in_stage(state, stage::RETURN) | in_stage(state, stage::ABORT);
+    comes_back & is_early(state, w) & change_of(state, w, EGO).1
+}
+
+/// Remember the side that is wanted, and for how long it has been shown.
+#[inline(always)]
+pub fn signal<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    start: M<S>,
+    back: M<S>,
+) {
+    let (zero, one) = (splat(w.simd, 0.0), splat(w.simd, 1.0));
+    state.wanted[EGO] = choose(start, one, choose(back, -one, zero));
+    let longer = state.signalled + w.c.decision;
+    let fading = at_least(state.signalled - w.c.decision, 0.0);
+    state.signalled = choose(start | back, longer, fading);
 }
 
 /// One mask where another holds, and a third elsewhere.
@@ -344,7 +385,8 @@ fn next_stage<S: Simd, const N: usize>(
     );
     let next = choose(intent.abort, splat(w.simd, abort), next);
     let returning = choose(intent.passed, splat(w.simd, back), splat(w.simd, abort));
-    let next = choose(intent.go_back, returning, next);
+    let returns = intent.go_back & in_stage(state, pass);
+    let next = choose(returns, returning, next);
     let next = choose(in_stage(state, back) & finished, splat(w.simd, done), next);
     let next = choose(
         in_stage(state, abort) & finished,

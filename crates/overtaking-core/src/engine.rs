@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use crate::block::{self, Scratch};
 use crate::lanes::LANES;
 use crate::names::{Constants, SIMULATION_NAMES};
+use crate::orders::Script;
 use crate::output::Output;
 use crate::{MAX_VEHICLES, SLOTS};
 
@@ -43,6 +44,8 @@ pub struct Inputs<'a> {
     pub seed: u64,
     /// Steps between recorded frames.
     pub record_every: u32,
+    /// What another driver did with the ego.
+    pub script: Option<Script<'a>>,
 }
 
 /// Parameters that take over at a step, for branches.
@@ -154,7 +157,7 @@ fn run_blocks<S: Simd, const N: usize>(
 
 /// The simulations from the fullest to the emptiest, and those with the same weather side by side: a
 /// block works on as many vehicles as its fullest has, and on water and gusts if any simulation has them.
-fn alike_together(inputs: &Inputs<'_>) -> Vec<usize> {
+pub(crate) fn alike_together(inputs: &Inputs<'_>) -> Vec<usize> {
     let batch = inputs.index.len();
     let valid = &inputs.vehicle[..inputs.slots * batch];
     let vehicles = |simulation: usize| {
@@ -176,7 +179,7 @@ fn alike_together(inputs: &Inputs<'_>) -> Vec<usize> {
 
 /// Simulations in portions for the threads: several blocks each, so that they can be merged, but
 /// enough portions for every thread.
-fn shares(mut seats: Vec<Seat<'_>>) -> Vec<Vec<Seat<'_>>> {
+pub(crate) fn shares(mut seats: Vec<Seat<'_>>) -> Vec<Vec<Seat<'_>>> {
     let portions = seats.len().div_ceil(LANES * BLOCKS_PER_SHARE);
     let wanted = portions.max(rayon::current_num_threads());
     let size = seats

@@ -68,6 +68,36 @@ macro_rules! output_fields {
             pub slots: usize,
         }
 
+        /// Memory of its own for outputs, where nobody has given any.
+        pub(crate) struct Storage {
+            $($field: Vec<$kind>,)*
+            $($state: Vec<$number>,)*
+            frames: usize,
+            slots: usize,
+        }
+
+        impl Storage {
+            /// Room for the outputs of a batch.
+            pub(crate) fn new(batch: usize, slots: usize, frames: usize) -> Self {
+                Self {
+                    $($field: vec![0; batch * $size(slots, frames)],)*
+                    $($state: vec![0; batch * slots * frames],)*
+                    frames,
+                    slots,
+                }
+            }
+
+            /// Outputs into it.
+            pub(crate) fn output(&mut self) -> Output<'_> {
+                Output {
+                    $($field: &mut self.$field,)*
+                    $($state: &mut self.$state,)*
+                    frames: self.frames,
+                    slots: self.slots,
+                }
+            }
+        }
+
         impl<'a> Output<'a> {
             /// Length that each slice must have for `batch` simulations, by name.
             pub fn sizes(batch: usize, slots: usize, frames: usize) -> Vec<(&'static str, usize)> {

@@ -2,6 +2,7 @@
 
 use fearless_simd::Simd;
 
+use crate::engine::Inputs;
 use crate::lanes::{LANES, Seats, V, splat};
 use crate::names::{Constants, Simulation, Vehicle};
 
@@ -60,6 +61,19 @@ pub struct Road {
     pub side: f32,
     /// World x, y of the road's origin [m], heading [rad], its cosine and sine.
     pub pose: [f32; 5],
+}
+
+impl Road {
+    /// That of a batch.
+    pub fn of(inputs: &Inputs<'_>) -> Self {
+        Self {
+            num_lanes: inputs.num_lanes,
+            boundaries: inputs.boundaries,
+            film_path: inputs.film_path,
+            side: inputs.side,
+            pose: inputs.pose,
+        }
+    }
 }
 
 /// A length of step, and what follows from it.

@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::lanes::{M, V, at_least, choose, clamp, clamp_to, min, splat};
-use crate::state::{State, Stride, World};
+use crate::state::{EGO, State, Stride, World};
 
 /// Lay a quintic from where the path of vehicle `i` is now to the centre of another lane.
 #[inline(always)]
@@ -96,7 +96,33 @@ pub fn steer<S: Simd, const N: usize>(
     i: usize,
     stride: &Stride,
 ) -> V<S> {
-    let (angle, lean) = asked(state, w, i, stride.half);
+    let wanted = asked(state, w, i, stride.half);
+    turn(state, w, i, wanted, stride)
+}
+
+/// The same for the ego, where another driver has ordered an angle of the front wheels.
+#[inline(always)]
+pub fn steer_as_ordered<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    ordered: V<S>,
+    stride: &Stride,
+) -> V<S> {
+    let (_, lean) = asked(state, w, EGO, stride.half);
+    let limit = w.c.steering_limit;
+    let angle = clamp_to(ordered, -limit, limit);
+    turn(state, w, EGO, (angle, lean), stride)
+}
+
+/// Turn the front wheels of vehicle `i`, or lean, as asked, with a lag.
+#[inline(always)]
+fn turn<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    (angle, lean): (V<S>, V<S>),
+    stride: &Stride,
+) -> V<S> {
     let wheel = state.wheel[i];
     let turn = clamp_to((angle - wheel) * stride.steering, -stride.most, stride.most);
     let lean = (lean - wheel) * stride.leaning;

@@ -5,8 +5,9 @@ use fearless_simd::prelude::*;
 
 use crate::collisions::{Pairs, collide, leave_road, near_pairs};
 use crate::dynamics::Motion;
-use crate::lanes::{M, outlined, splat};
+use crate::lanes::{M, V, outlined, splat};
 use crate::neighbours::{Body, Neighbours, find_neighbours};
+use crate::orders::Orders;
 use crate::perception::Beliefs;
 use crate::recording::Recorder;
 use crate::state::{EGO, Each, State, Stride, World};
@@ -21,6 +22,9 @@ pub struct Minds<S: Simd, const N: usize> {
     bodies: [Body<S>; N],
     near: [Neighbours<S>; N],
     believed: [Beliefs<S>; N],
+    looks: [M<S>; N],
+    /// Whether the ego would let somebody first who signals for the same place.
+    waits: M<S>,
     /// Where everybody was before a step, if anybody is near anybody.
     pub before: Places<S, N>,
 }
@@ -32,7 +36,30 @@ impl<S: Simd, const N: usize> Minds<S, N> {
             bodies: [Body::nothing(simd); N],
             near: [Neighbours::nobody(simd); N],
             believed: [Beliefs::nothing(simd); N],
+            looks: [never(simd); N],
+            waits: never(simd),
             before: ([splat(simd, 0.0); N], [splat(simd, 0.0); N]),
+        }
+    }
+}
+
+/// What the ego knows when it decides.
+#[derive(Clone, Copy)]
+pub struct Mind<'a, S: Simd> {
+    pub near: &'a Neighbours<S>,
+    pub believed: &'a Beliefs<S>,
+    pub looks: M<S>,
+    pub waits: M<S>,
+}
+
+impl<S: Simd, const N: usize> Minds<S, N> {
+    /// That of the ego.
+    pub fn of_ego(&self) -> Mind<'_, S> {
+        Mind {
+            near: &self.near[EGO],
+            believed: &self.believed[EGO],
+            looks: self.looks[EGO],
+            waits: self.waits,
         }
     }
 }
@@ -51,6 +78,23 @@ pub fn decide<S: Simd, const N: usize>(
     recorder: &mut Recorder<'_, N>,
     pairs: &mut Pairs<S, N>,
     step: u32,
+    orders: Option<&Orders<S>>,
+) {
+    perceive(state, w, minds, step, orders.is_some());
+    drive_others(state, w, minds, step);
+    drive_ego(state, w, minds.of_ego(), recorder, pairs, step, orders);
+}
+
+/// What happens before anyone decides: weather, perception.
+///
+/// Another driver of the ego may decide `any_time`, and its neighbours on both sides are looked for, too,
+/// when the model's driver would not look at them.
+pub fn perceive<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    minds: &mut Minds<S, N>,
+    step: u32,
+    any_time: bool,
 ) {
     let decision = step / SUBSTEPS;
     surroundings(state, w, step);
@@ -58,6 +102,8 @@ pub fn decide<S: Simd, const N: usize>(
         bodies,
         near,
         believed,
+        looks,
+        waits,
         ..
     } = minds;
     outlined!(w.simd, {
@@ -65,7 +111,6 @@ pub fn decide<S: Simd, const N: usize>(
             bodies[i] = Body::new(state, w, i);
         }
     });
-    let mut looks = [never(w.simd); N];
     // Who is told to change lanes may do so at any time; what it passes by is recorded.
     let told = w.p[EGO].gap_acceptance.simd_le(0.0).any_true();
     for i in 0..w.count {
@@ -75,7 +120,8 @@ pub fn decide<S: Simd, const N: usize>(
         }
         looks[i] = perception::looks_around(state, w, i, decision);
         let changing = state.path_time[i].simd_lt(state.path_duration[i]);
-        let lanes = if (looks[i] | changing).any_true() || (i == EGO && told) {
+        let is_asked = i == EGO && (any_time || told);
+        let lanes = if is_asked || (looks[i] | changing).any_true() {
             3
         } else {
             1
@@ -90,11 +136,31 @@ pub fn decide<S: Simd, const N: usize>(
             believed[i] = perception::perceive(state, w, bodies, &near[i], i, decision, looks[i]);
         });
     }
+    outlined!(
+        w.simd,
+        *waits = mobil::must_wait(state, w, bodies, EGO, state.wanted[EGO])
+    );
+}
+
+/// What everybody but the ego decides.
+pub fn drive_others<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    minds: &Minds<S, N>,
+    step: u32,
+) {
+    let Minds {
+        bodies,
+        near,
+        believed,
+        looks,
+        ..
+    } = minds;
     let mut leader = [splat(w.simd, 0.0); N];
-    for i in 0..w.count {
+    for i in 1..w.count {
         leader[i] = outlined!(w.simd, control::behind_leader(state, w, i, &believed[i]));
     }
-    for i in 0..w.count {
+    for i in 1..w.count {
         outlined!(
             w.simd,
             control::set_acceleration(state, w, i, &near[i], &believed[i], leader[i])
@@ -110,15 +176,30 @@ pub fn decide<S: Simd, const N: usize>(
                 &believed[i],
                 leader[i],
                 looks[i],
-                decision,
+                step / SUBSTEPS,
             );
         });
     }
-    let (near, believed) = (&near[EGO], &believed[EGO]);
-    outlined!(
-        w.simd,
-        ego::decide(state, w, bodies, near, believed, looks[EGO], recorder, step)
-    );
+}
+
+/// What the ego decides, or another driver orders, and who may collide until the next decision.
+pub fn drive_ego<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    mind: Mind<'_, S>,
+    recorder: &mut Recorder<'_, N>,
+    pairs: &mut Pairs<S, N>,
+    step: u32,
+    orders: Option<&Orders<S>>,
+) {
+    outlined!(w.simd, {
+        let wanted = orders.and_then(Orders::accel).unwrap_or_else(|| {
+            let leader = control::behind_leader(state, w, EGO, mind.believed);
+            control::wanted(state, w, EGO, mind.near, mind.believed, leader)
+        });
+        control::press(state, w, EGO, wanted);
+    });
+    outlined!(w.simd, ego::decide(state, w, mind, recorder, step, orders));
     outlined!(w.simd, *pairs = near_pairs(state, w));
 }
 
@@ -136,6 +217,7 @@ fn surroundings<S: Simd, const N: usize>(
 ) {
     let decision = step / SUBSTEPS;
     outlined!(w.simd, {
+        state.stage_time += w.c.decision;
         for i in 0..w.count {
             state.since_change[i] += w.c.decision;
             state.wanted_time[i] += w.c.decision;
@@ -175,6 +257,7 @@ pub fn advance<S: Simd, const N: usize>(
     before: &mut Places<S, N>,
     step: u32,
     stride: &Stride,
+    wheel: Option<V<S>>,
 ) {
     outlined!(w.simd, {
         if pairs.any {
@@ -184,7 +267,12 @@ pub fn advance<S: Simd, const N: usize>(
         }
         // Short passes over all vehicles, so that the CPU works on several of them at once.
         let mut angle = [splat(w.simd, 0.0); N];
-        for i in 0..w.count {
+        let mut first = EGO;
+        if let Some(ordered) = wheel {
+            angle[EGO] = steering::steer_as_ordered(state, w, ordered, stride);
+            first += 1;
+        }
+        for i in first..w.count {
             angle[i] = steering::steer(state, w, i, stride);
         }
         let mut motion = [Motion::none(w.simd); N];

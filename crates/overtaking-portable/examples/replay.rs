@@ -115,6 +115,7 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
         pose,
         seed,
         record_every: record_every as u32,
+        script: None,
     };
     let later = afterwards.as_ref().map(|(vehicle, simulation)| Later {
         vehicle,

@@ -53,6 +53,7 @@ impl Driven<'_> {
             pose: self.road.pose,
             seed: self.seed,
             record_every: 1,
+            script: None,
         };
         overtaking_core::driven::act(&inputs, deed, level, table.as_slice_mut()?)
             .map_err(PyValueError::new_err)

@@ -9,8 +9,10 @@ mod driven;
 mod hash;
 mod labels;
 mod recorded;
+mod stepper;
 
-use numpy::PyReadonlyArray1;
+use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
+use overtaking_core::orders::{Kind, PARTS, Script};
 use overtaking_core::{
     Constants, Inputs, Later, MAX_PERCEPTS, MAX_VEHICLES, Output, SIMULATION_NAMES, VEHICLE_NAMES,
     supported, with_outputs,
@@ -81,7 +83,7 @@ macro_rules! filled {
 
 /// Simulate a batch and fill the arrays of `outputs`, a dictionary by field.
 #[pyfunction]
-#[pyo3(signature = (*, vehicle, simulation, index, slots, frames, seed, record_every, road, constants, outputs, later=None, level=None))]
+#[pyo3(signature = (*, vehicle, simulation, index, slots, frames, seed, record_every, road, constants, outputs, later=None, actions=None, level=None))]
 #[allow(clippy::too_many_arguments)]
 fn simulate(
     py: Python<'_>,
@@ -96,6 +98,7 @@ fn simulate(
     constants: Numbers,
     outputs: &Bound<'_, PyDict>,
     later: Option<(PyReadonlyArray1<'_, f32>, PyReadonlyArray1<'_, f32>, u32)>,
+    actions: Option<(String, PyReadonlyArray3<'_, i32>)>,
     level: Option<&str>,
 ) -> PyResult<()> {
     let (vehicle, simulation, index) = (
@@ -132,6 +135,7 @@ fn simulate(
         expect_length("later vehicle", later.vehicle.len(), vehicle.len())?;
         expect_length("later simulation", later.simulation.len(), simulation.len())?;
     }
+    let script = actions.as_ref().map(|actions| script(actions, batch));
     let inputs = Inputs {
         vehicle,
         simulation,
@@ -145,12 +149,35 @@ fn simulate(
         pose: road.pose,
         seed,
         record_every,
+        script: script.transpose()?,
     };
     let run = |out: Output<'_>| {
         py.detach(|| simulate_at(supported(level)?, &inputs, later.as_ref(), out))
     };
     let done = with_outputs! { filled! { outputs, batch, slots, frames, run } };
     done.map_err(PyValueError::new_err)
+}
+
+/// What another driver did, (simulation, decision, part), by the name of what it means.
+fn script<'a>(
+    (kind, values): &'a (String, PyReadonlyArray3<'_, i32>),
+    batch: usize,
+) -> PyResult<Script<'a>> {
+    let [simulations, decisions, parts] = *values.shape() else {
+        unreachable!("an array of three axes has three lengths");
+    };
+    let kind =
+        Kind::named(kind).ok_or_else(|| PyValueError::new_err(format!("no action {kind}")))?;
+    expect_length("actions", simulations, batch)?;
+    expect_length("parts", parts, PARTS)?;
+    if decisions == 0 {
+        return Err(PyValueError::new_err("actions: expected one decision"));
+    }
+    Ok(Script {
+        kind,
+        values: values.as_slice()?,
+        decisions,
+    })
 }
 
 /// Names of the vehicle parameters, in order.
@@ -220,6 +247,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(simd_levels, module)?)?;
     module.add_function(wrap_pyfunction!(simd_level, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)?;
+    module.add_function(wrap_pyfunction!(stepper::own_fields, module)?)?;
+    module.add_function(wrap_pyfunction!(stepper::around_fields, module)?)?;
+    module.add_class::<stepper::Stepper>()?;
     module.add_class::<hash::Hash>()?;
     module.add_class::<canvas::Canvas>()?;
     module.add_class::<drawing::Drawing>()?;

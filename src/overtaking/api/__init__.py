@@ -15,6 +15,7 @@ from overtaking.api.data import (
     resume,
     write_column_map,
 )
+from overtaking.api.driving import drive, driver_of
 from overtaking.api.learning import learn_factors, learn_rules
 from overtaking.api.logic import ask, prove
 from overtaking.api.results import (
@@ -43,6 +44,8 @@ __all__ = [
     "branch",
     "carla_limits",
     "compare",
+    "drive",
+    "driver_of",
     "entity_relationship_diagram",
     "export",
     "film",

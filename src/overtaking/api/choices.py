@@ -3,17 +3,22 @@
 import importlib
 import os
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Annotated, Any
 
 from overtaking.core.errors import ConfigError
 from overtaking.data.recipe import Simulator
+from overtaking.model.actions import Actions
 from overtaking.model.road import Road
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import Trajectories
 from overtaking.model.values import Range
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import Spec
 from overtaking.sim.version import MODEL_VERSION
+from overtaking.world.parameters import parameters
 
 Profile = str | Path | Mapping[str, Any] | Spec
 """A profile of the package, a TOML file, what a manifest recorded, or a specification."""
@@ -53,6 +58,7 @@ def simulator_of(name: str) -> Simulator:
             version=MODEL_VERSION,
             simulate=module.simulate,
             threads=os.cpu_count() or 1,
+            replay=partial(replay, simulator=name),
         )
     return Simulator(
         name=name,
@@ -63,6 +69,12 @@ def simulator_of(name: str) -> Simulator:
         shard_size=module.SHARD_SIZE,
         shares_world=name in SERVED,
     )
+
+
+def replay(scenario: Scenario, actions: Actions, *, simulator: str = "engine") -> Trajectories:
+    """Simulate a batch in which another driver did something; it is not needed again."""
+    run = module_of(simulator, BRANCHING).run
+    return run(scenario, parameters(scenario), actions=actions)
 
 
 def module_of(name: str, among: tuple[str, ...] = SIMULATORS) -> ModuleType:

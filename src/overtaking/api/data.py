@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from overtaking import scenarios
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, road_of, simulator_of
+from overtaking.api.driving import driven_by, record_of
 from overtaking.api.rules import load_pack
 from overtaking.api.simulating import MOST_ERROR, errors_of, label
 from overtaking.core.errors import ConfigError, DatasetError
@@ -30,6 +31,7 @@ from overtaking.model.road import Road
 from overtaking.model.trajectory import Trajectories
 from overtaking.model.values import Range
 from overtaking.recordings import export as recording_export
+from overtaking.sim.driving import Driver
 
 EXPORTS = ("pinto2023", "commonroad", "highd", "asp", "prolog", "popper")
 """The formats that a data set can be written in."""
@@ -63,6 +65,7 @@ def generate(
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
     simulator: str = "engine",
+    driver: Driver | None = None,
     shard_size: int | None = None,
     balance: Balance | None = None,
     engine: str = ENGINES[0],
@@ -86,6 +89,8 @@ def generate(
         overrides: Dotted keys of the specification with other values, as in `scenarios.spec`.
         road: A road in place of the profile's: a name, an OpenDRIVE file, or a `Road`.
         simulator: One of `SIMULATORS`.
+        driver: A policy in the place of every ego's driver, with one of `BRANCHING`; asked by this
+            process alone.
         shard_size: Simulations a file; what suits the simulator if left out.
         balance: Which classes get equal shares, and the treatment of a class that is too rare;
             None for natural shares.
@@ -114,7 +119,7 @@ def generate(
         KeyboardInterrupt: Ctrl-C; the same holds.
     """
     spec = scenarios.spec(profile, overrides)
-    chosen = simulator_of(simulator)
+    chosen = simulator_of(simulator) if driver is None else driven_by(driver, simulator)
     recipe = Recipe(
         spec=spec,
         road=road_of(road or spec.road),
@@ -123,6 +128,7 @@ def generate(
         keep=_keep(keep),
         shard_size=chosen.shard_size if shard_size is None else shard_size,
         balance=balance,
+        policy=None if driver is None else record_of(driver),
     )
     place = place_of(out)
     return writing.generate(
@@ -172,6 +178,14 @@ def resume(
             expected="one that was generated",
             got=f"one that was imported from {begun.profile}",
             next_step="import it again into another folder",
+        )
+    if begun.policy is not None:
+        raise DatasetError.of(
+            what="data set",
+            where=str(out),
+            expected="one without a policy",
+            got=f"one that {begun.policy.name} drives",
+            next_step="complete it with that policy: overtaking drive --resume",
         )
     return generate(
         begun.spec,

@@ -93,7 +93,7 @@ def simulate(scenario: Scenario, *, simulator: str = "engine") -> Trajectories:
         MissingExtraError: The simulator is not installed.
     """
     chosen = simulator_of(simulator)
-    _check_runnable(scenario, "simulate")
+    check_runnable(scenario, "simulate")
     return chosen.simulate(scenario)
 
 
@@ -121,7 +121,7 @@ def branch(
             as long as the batch, no simulation has the frame, or there is no such simulator.
     """
     run = module_of(simulator, BRANCHING).run
-    _check_runnable(scenario, "branch")
+    check_runnable(scenario, "branch")
     if weather is not None:
         check(scenario.replace(weather=weather), "branch")
     return branched(scenario, frame, decision=decision, weather=weather, run=run)
@@ -216,7 +216,7 @@ def compare(
     return concatenate(parts)
 
 
-def _check_runnable(scenario: Scenario, where: str) -> None:
+def check_runnable(scenario: Scenario, where: str) -> None:
     """Refuse scenarios of recordings that simulators cannot run, and batches larger than memory."""
     interval, slots = scenario.frame_interval_ms, scenario.num_slots
     for what, is_wrong, expected, got in (

@@ -7,6 +7,7 @@ import typer
 
 from overtaking.cli import (
     carla,
+    driving,
     glossary,
     importing,
     labelling,
@@ -196,6 +197,8 @@ def doctor(output: Output, folder: options.CheckedFolder = Path()) -> int:
 
 COMMANDS: dict[options.Body, str] = {
     generate: "overtaking generate --profile pinto2023-physical -n 276 --seed 1 --out data/pinto",
+    driving.drive: "overtaking drive motorway --policy my_driver.py:policy --observe human -n 100 "
+    "--out data/mine",
     show: "overtaking show data/pinto 17",
     info: "overtaking info data/pinto",
     importing.import_recording: "overtaking import commonroad scene.xml --out data/scene",

@@ -24,7 +24,7 @@ def of_dataset(data: Dataset) -> Values:
     """Summary of a data set, from its manifest."""
     manifest = data.manifest
     identity, provenance = manifest.identity, manifest.provenance
-    tables = {name: {"rows": 0, "size_bytes": 0} for name in identity.keep.tables}
+    tables = {name: {"rows": 0, "size_bytes": 0} for name in identity.tables}
     for shard in manifest.shards:
         for name, file in shard.tables.items():
             tables[name]["rows"] += file.rows

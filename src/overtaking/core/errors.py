@@ -105,6 +105,10 @@ class SchemaError(OvertakingError, ValueError):
         return cls.of(what=what, where=where, expected=f"at most {known}", got=got, next_step=step)
 
 
+class PolicyError(OvertakingError, RuntimeError):
+    """A policy that raises, or answers what is no action."""
+
+
 class ImportFormatError(OvertakingError, ValueError):
     """A file of another program that does not say what its format requires."""
 

@@ -99,12 +99,23 @@ class Card:
             "files": "\n".join(
                 f"| file | {plain(name)}, SHA-256 `{digest}` |" for name, digest in files.items()
             ),
-            "again": ",\n        balance=made.balance," if balance else "",
+            "again": self._again(),
             "content_hash": self.manifest.content_hash,
             "unknown_names": ", ".join(identity.unknown) or "nothing",
             "unknown": self._unknown(),
             "candidates": balance.candidates if balance else None,
         }
+
+    def _again(self) -> str:
+        """Further arguments of the call that makes the values again."""
+        words = ["balance=made.balance"] if self.manifest.balance else []
+        if (policy := self.identity.policy) is not None:
+            is_sensor = isinstance(policy.observe, dict)
+            observe = "made.policy.observe"
+            observe = f"overtaking.Sensor(**{observe})" if is_sensor else observe
+            rest = "action=made.policy.action, hold=made.policy.hold, name=made.policy.name"
+            words.append(f"driver=overtaking.Driver(policy=policy, observe={observe}, {rest})")
+        return "".join(f",\n        {one}" for one in words) + ("," if words else "")
 
     def _unknown(self) -> str:
         """The quantities that are unknown, as a part of a sentence."""

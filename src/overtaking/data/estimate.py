@@ -139,7 +139,7 @@ def _made(recipe: Recipe, simulator: Simulator, count: int) -> tuple[int, int]:
     task = Task(shard=Shard(number=0, first=0, stop=count))
     with tempfile.TemporaryDirectory(prefix="overtaking-") as folder:
         place = Folder(Path(folder))
-        place.prepare(recipe.keep.tables)
+        place.prepare(recipe.tables)
         facts = make_shard(job.for_one_core(), task, place, lambda _: None).tables.values()
     return sum(one.rows for one in facts), sum(one.size_bytes for one in facts)
 

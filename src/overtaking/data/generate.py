@@ -109,7 +109,7 @@ class _Run:
                 # A resumed data set may now try more candidates.
                 manifest.write_manifest(self._place, current)
             # The manifest comes first: tables without a manifest are not resumed.
-            self._place.prepare(self._job.recipe.keep.tables)
+            self._place.prepare(self._job.recipe.tables)
             if self._scan:
                 self._chosen = self._scan.run(on_candidates)
                 self._count = len(self._chosen.index)

@@ -17,7 +17,7 @@ from overtaking.data.shards import ShardFiles
 from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.files import read_rows, read_table
 from overtaking.data.tables.names import POLICY_NAMES
-from overtaking.data.tables.restore import restore, restore_scenario
+from overtaking.data.tables.restore import restore, restore_actions, restore_scenario
 from overtaking.data.tables.schemas import RECORDED_TABLES, SCHEMAS
 from overtaking.model.checks import checked
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from overtaking.data.place import Place
     from overtaking.data.recipe import Simulator
     from overtaking.data.views import Verdict
+    from overtaking.model.actions import Actions
     from overtaking.model.road import Road
     from overtaking.model.scenario import Scenario
     from overtaking.model.trajectory import Trajectories
@@ -156,6 +157,14 @@ class Dataset(Summarized):
     def percepts(self) -> pd.DataFrame:
         """One row per simulation and decision: what the ego believed, and the truth beside it."""
         return _decoded(self.table("percepts"))
+
+    def actions(self) -> pd.DataFrame:
+        """One row per simulation and change of what another driver did with the ego.
+
+        Raises:
+            ConfigError: The model drove every ego.
+        """
+        return _decoded(self.table("actions"))
 
     def events(self) -> pd.DataFrame:
         """One row per simulation and event that happened."""
@@ -341,7 +350,7 @@ class Dataset(Summarized):
 
     @property
     def _tables(self) -> tuple[str, ...]:
-        return self._manifest.identity.keep.tables
+        return self._manifest.identity.tables
 
     def _part(self, table: str, first: int, last: int | None = None) -> pa.Table:
         """The rows of one simulation, or of all up to another one in the same file."""
@@ -367,7 +376,7 @@ class Dataset(Summarized):
         if "states" in rows:
             identity = self._manifest.identity
             return restore(rows, self.road, identity.unknown, identity.pushes)
-        again = self._simulator.simulate(self._scenario(rows))
+        again = self._again(self._scenario(rows), restore_actions(rows))
         hashes = b"".join(rows["simulations"]["trace_hash"].to_pylist())
         known = np.frombuffer(hashes, dtype="<u4").reshape(-1, 4)
         changed = np.flatnonzero((again.trace_hash != known).any(axis=1))
@@ -381,6 +390,20 @@ class Dataset(Summarized):
                 next_step=self._manifest.how_to_simulate,
             )
         return again
+
+    def _again(self, scenario: Scenario, actions: Actions | None) -> Trajectories:
+        """Simulate what was not kept; another driver's actions are carried out, it is not asked."""
+        if actions is None:
+            return self._simulator.simulate(scenario)
+        if self._simulator.replay is None:
+            raise DatasetError.of(
+                what="simulator",
+                where=self.where,
+                expected="one that carries out recorded actions",
+                got=self._simulator.name,
+                next_step="load it with the engine or the reference",
+            )
+        return self._simulator.replay(scenario, actions)
 
     def _encoded(self, simulation: int) -> Mapping[str, pa.Table]:
         """Every table of one simulation that is simulated again."""

@@ -24,7 +24,7 @@ from overtaking.core.files import whole
 from overtaking.data import plan
 from overtaking.data.balance import Balance
 from overtaking.data.place import Place
-from overtaking.data.recipe import Keep, Recipe, Simulator
+from overtaking.data.recipe import Keep, PolicyRecord, Recipe, Simulator, tables_of
 from overtaking.data.tables.files import FileFacts
 from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
 from overtaking.model.road import Road
@@ -146,6 +146,7 @@ class Identity(_Record):
         unknown: What the simulations do not tell, names of `model.trajectory.UNKNOWNS`.
         source: The recording that it was imported from; null for simulations.
         balance: How it is balanced; null if it is not.
+        policy: Another driver of the egos; null if the model drove them.
     """
 
     profile: str
@@ -162,6 +163,12 @@ class Identity(_Record):
     unknown: tuple[str, ...] = ()
     source: Source | None = None
     balance: Balance | None = None
+    policy: PolicyRecord | None = None
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Names of its tables."""
+        return tables_of(self.keep, self.policy)
 
     @classmethod
     def of(cls, recipe: Recipe, simulator: Simulator) -> "Identity":
@@ -180,6 +187,7 @@ class Identity(_Record):
             simulator_version=simulator.version,
             unknown=tuple(sorted(simulator.unknown)),
             balance=_with_limit(recipe),
+            policy=recipe.policy,
         )
 
     def differences(self, other: "Identity") -> list[str]:
@@ -204,7 +212,7 @@ class Identity(_Record):
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-_NEW = frozenset({"unknown", "source", "balance"})
+_NEW = frozenset({"unknown", "source", "balance", "policy"})
 
 
 def _with_limit(recipe: Recipe) -> Balance | None:

@@ -7,6 +7,7 @@ from enum import StrEnum
 from overtaking.data.balance import Balance
 from overtaking.data.plan import CHUNK_SIZE, SHARD_SIZE
 from overtaking.data.tables.schemas import LABEL_TABLES
+from overtaking.model.actions import Actions
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
@@ -28,6 +29,27 @@ class Keep(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PolicyRecord:
+    """Another driver of the ego, as a manifest names it.
+
+    Attributes:
+        name: Its name.
+        version: Its version, empty if it has none.
+        digest: SHA-256 of the file it comes from, or what it says itself; empty if unknown.
+        observe: What it observes: `human`, `truth`, or the numbers of a sensor.
+        action: What it answers.
+        hold: Decisions for which an answer holds.
+    """
+
+    name: str
+    version: str
+    digest: str
+    observe: str | dict[str, float]
+    action: str
+    hold: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Simulator:
     """A function that simulates, and what identifies its results.
 
@@ -42,6 +64,7 @@ class Simulator:
         threads: How many threads may simulate at a time; one where it has a world of its own.
         shares_world: Whether all processes share one world, such as a server, so that only one of
             them may simulate at a time.
+        replay: Simulates scenarios in which another driver did something; None if it cannot.
     """
 
     name: str
@@ -53,6 +76,7 @@ class Simulator:
     shard_size: int = SHARD_SIZE
     threads: int = 1
     shares_world: bool = False
+    replay: Callable[[Scenario, Actions], Trajectories] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +91,7 @@ class Recipe:
         keep: What to write down of each.
         shard_size: Simulations a shard.
         balance: How the cells are filled; None for every simulation as it comes.
+        policy: Another driver of the egos; None for the model's.
     """
 
     spec: Spec
@@ -76,3 +101,14 @@ class Recipe:
     keep: Keep
     shard_size: int
     balance: Balance | None = None
+    policy: PolicyRecord | None = None
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """The tables that are written; `simulations` is always the last."""
+        return tables_of(self.keep, self.policy)
+
+
+def tables_of(keep: Keep, policy: PolicyRecord | None) -> tuple[str, ...]:
+    """The tables of a data set; what another driver did is always kept."""
+    return keep.tables if policy is None else ("actions", *keep.tables)

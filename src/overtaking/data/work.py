@@ -97,7 +97,7 @@ def make_shard(job: Job, task: Task, place: Place, on_done: OnDone) -> ShardReco
     Raises:
         OSError: It cannot be written.
     """
-    tables = job.recipe.keep.tables
+    tables = job.recipe.tables
     if job.is_resumed:
         known = shards.finished_shard(place, task.shard, tables=tables, fingerprint=job.fingerprint)
         if known is not None and task.known in (None, known):
@@ -157,4 +157,4 @@ def _piece(job: Job, task: Task, chunk: range) -> shards.Piece:
     scenario = sample(recipe.spec, recipe.road, recipe.seed, index)
     run = job.simulator.simulate(scenario)
     weight = scenario.weight if task.weight is None else scenario.weight * task.weight[part]
-    return len(chunk), contents(run, numbers, recipe.keep.tables, class_weight=weight)
+    return len(chunk), contents(run, numbers, recipe.tables, class_weight=weight)

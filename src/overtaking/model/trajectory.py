@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core import units
+from overtaking.model.actions import Actions
 from overtaking.model.batch import Batch, Constraint
 from overtaking.model.road import Road
 from overtaking.model.scenario import MAX_DURATION, Scenario
@@ -233,6 +234,7 @@ class Trajectories(Batch):
             are there and mean nothing. Empty for simulations of this package.
         present: Which vehicles were recorded in which frame, (simulation, vehicle, time); None
             where every vehicle is there from the first frame to the last.
+        actions: What another driver did with the ego; None where the model drove it.
     """
 
     scenario: Scenario
@@ -247,6 +249,7 @@ class Trajectories(Batch):
     trace_hash: Annotated[NDArray[np.uint32], along("simulation", 4)]
     unknown: frozenset[str] = frozenset()
     present: Annotated[NDArray[np.bool_] | None, along(*States.AXES)] = None
+    actions: Actions | None = None
 
     @classmethod
     def from_frame(cls, table: Any, **options: Any) -> "Trajectories":

@@ -1,5 +1,6 @@
 """The Rust engine: the same model as `sim.reference`, sixteen simulations at a time."""
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,7 @@ from numpy.typing import NDArray
 
 from overtaking import _core
 from overtaking.core.memory import Buffers, Layout
+from overtaking.model.actions import Actions
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import STATE_TYPES, Contacts, Percepts, States, Trajectories
 from overtaking.model.values import declarations
@@ -45,10 +47,21 @@ def run(
     later: Parameters | None = None,
     switch: int = 0,
     *,
+    actions: Actions | None = None,
     level: str | None = None,
     buffers: Buffers | None = None,
 ) -> Trajectories:
-    """Simulate a batch from its parameters; from step `switch` on with the parameters `later`."""
+    """Simulate a batch from its parameters.
+
+    Args:
+        scenario: A batch of scenarios.
+        given: Its parameters.
+        later: The parameters from step `switch` on.
+        switch: A step.
+        actions: What another driver did with the ego; None for the model's own.
+        level: As in `simulate`.
+        buffers: As in `simulate`.
+    """
     room = -(-given.num_frames // _core.LANES) * _core.LANES
     outputs = _outputs(scenario.num_simulations, scenario.num_slots, room, buffers or Buffers())
     forced = chosen_level(level)
@@ -68,9 +81,10 @@ def run(
         constants=constant_values(given.constants),
         outputs=flat,
         later=afterwards,
+        actions=None if actions is None else (actions.kind, actions.values),
         level=forced,
     )
-    return _trajectories(scenario, outputs)
+    return dataclasses.replace(_trajectories(scenario, outputs), actions=actions)
 
 
 def road_values(given: Parameters) -> dict[str, Any]:

@@ -7,14 +7,22 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from overtaking.data.tables.arrow import Array, Mask, Masked, to_texts
-from overtaking.data.tables.build import Rows, Texts, build
+from overtaking.data.tables.build import Given, Rows, Texts, build
+from overtaking.data.tables.columns import names_of
 from overtaking.data.tables.derived import derived_weather
 from overtaking.data.tables.lanes import lane_columns
-from overtaking.data.tables.schemas import NUM_INDICATOR_BITS, RECORDED_TABLES, schema_of
+from overtaking.data.tables.schemas import (
+    COLUMNS,
+    NUM_INDICATOR_BITS,
+    RECORDED_TABLES,
+    schema_of,
+)
 from overtaking.knowledge import presets
+from overtaking.model.actions import Actions
 from overtaking.model.trajectory import Stage, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.model.weather import NO_PRESET
+from overtaking.world.clock import STEP_MS, SUBSTEPS
 
 Numbers = NDArray[np.int64]
 """Numbers of the simulations in their data set, shape (simulation,)."""
@@ -151,7 +159,25 @@ def percepts(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     return build("percepts", trajectories, lambda one: one.reshape(-1).take(made), computed)
 
 
+def actions(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
+    """One row per simulation and change of what another driver did with the ego."""
+    done = trajectories.actions or Actions.none(len(numbers))
+    simulation, action = np.nonzero(done.changes)
+    values = done.values[simulation, action]
+    known = {part.name: values[:, place] for place, part in enumerate(done.parts)}
+    action = action.astype(np.int32)
+    known["time"] = action * np.int32(STEP_MS * SUBSTEPS)
+    nothing = np.ones(len(action), np.bool_)
+    computed: dict[str, Given] = {"simulation": numbers[simulation], "action": action}
+    for one in COLUMNS["actions"][len(computed) :]:
+        kind = np.int64 if names_of(one.field) else one.field.type.to_pandas_dtype()
+        none = Masked(np.zeros(len(action), kind), nothing)
+        computed[one.name] = known[one.path].astype(kind) if one.path in known else none
+    return build("actions", trajectories, _as_they_are, computed)
+
+
 _ENCODERS = {
+    "actions": actions,
     "simulations": simulations,
     "weather": weather,
     "vehicles": vehicles,

@@ -1,6 +1,7 @@
 """The names that enumeration columns can hold, in the order of their codes in memory."""
 
 from overtaking.labels.law import POLICIES, PORTUGAL
+from overtaking.model.actions import Move
 from overtaking.model.events import Detail, Outcome
 from overtaking.model.labels import Belief, OvertakeClass, Severity, Verdict
 from overtaking.model.road import RoadMark
@@ -13,6 +14,7 @@ COLOURS = tuple(colour.name.lower() for colour in Colour)
 MARKS = tuple(mark.value for mark in RoadMark)
 STAGES = tuple(stage.name for stage in Stage)
 DECISIONS = tuple(kind.name for kind in DecisionKind)
+MOVES = tuple(move.name for move in Move)
 INDICATORS = ("off", "left", "right", "both")
 """In the order of the two indicator bits of `Lights`."""
 

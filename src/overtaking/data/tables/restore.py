@@ -15,6 +15,8 @@ from overtaking.data.tables.lanes import lane_codes
 from overtaking.data.tables.names import INDICATORS, KINDS, STAGES
 from overtaking.data.tables.schemas import COLUMNS, NUM_INDICATOR_BITS
 from overtaking.knowledge import presets
+from overtaking.model import actions
+from overtaking.model.actions import MOST_PARTS, Actions
 from overtaking.model.drivers import Drivers
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario, slots_for
@@ -108,10 +110,41 @@ def restore(
         percepts=_percepts(tables),
         trace_hash=np.frombuffer(hashes, dtype="<u4").reshape(-1, 4).astype(np.uint32),
         unknown=frozenset(unknown),
+        actions=restore_actions(tables),
     )
     if tables["states"].num_rows == np.count_nonzero(restored.state_valid):
         return restored
     return restored.replace(present=_Grid.of(tables, "states", "vehicle", "frame").present)
+
+
+def restore_actions(tables: Tables) -> Actions | None:
+    """What another driver did in some simulations; None where there was none.
+
+    Args:
+        tables: `simulations` and `actions` of the same simulations, sorted by key, or no `actions`.
+    """
+    if "actions" not in tables or not tables["actions"].num_rows:
+        return None
+    table, grid = tables["actions"], _Grid.of(tables, "actions", "action")
+    columns = {one.path: one for one in COLUMNS["actions"]}
+    named = {
+        kind
+        for kind, parts in actions.KINDS.items()
+        if _has(table, [columns[p.name] for p in parts])
+    }
+    kind = named.pop()
+    rows = np.zeros((table.num_rows, MOST_PARTS), np.int32)
+    for place, part in enumerate(actions.KINDS[kind]):
+        rows[:, place] = _values(table, columns[part.name], 0)
+    # Each holds until the next.
+    last = np.maximum.accumulate(np.where(grid.present, np.arange(grid.shape[1]), 0), axis=1)
+    values = np.take_along_axis(grid.filled(rows), last[:, :, None], axis=1)
+    return Actions(values=values, kind=kind)
+
+
+def _has(table: pa.Table, columns: list[Column]) -> bool:
+    """Whether every one of some columns has values."""
+    return all(table[one.name].null_count == 0 for one in columns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -242,6 +242,15 @@ _RECORDED: dict[str, list[Column]] = {
         *_percept(1, "front", "the vehicle ahead in the target lane"),
         *_percept(2, "rear", "the vehicle behind in the target lane"),
     ],
+    "actions": [
+        _SIMULATION,
+        _key("action", INT, "Number of the decision from which on it holds, 20 a second"),
+        column("time", INT, "Instant of that decision", "ms"),
+        _optional("move", names.MOVES, "Decision of another driver of the ego"),
+        _optional("accel", INT, "Acceleration that it asked for", "mm/s^2"),
+        _optional("lane_change", INT, "Wish for a lane: 1 the faster one, -1 the slower one"),
+        _optional("wheel_angle", SHORT, "Front wheels, positive to the fast side", "0.1 mrad"),
+    ],
 }
 
 _LABELS: dict[str, list[Column]] = {

@@ -73,7 +73,7 @@ def behind_old_leader(
 
 
 def _braking_to_clear(c: Constants, room: F32, closing: F32, time: F32) -> F32:
-    """Constant braking with which the room lasts for a time, below 0 where it lasts without [m/s^2].
+    """Constant braking with which the room lasts a time, below 0 if it does so without [m/s^2].
 
     Where the closing would end before that time, it is the braking that ends it within the room.
     """

@@ -9,15 +9,24 @@ from overtaking.model.decision import Decision
 from overtaking.model.trajectory import DecisionKind, Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.following import forced_braking, needed_braking
+from overtaking.sim.reference.intent import (
+    Intent,
+    can_abort,
+    can_remain,
+    has_arrived,
+    has_passed,
+    in_stage,
+    signal,
+)
 from overtaking.sim.reference.mobil import (
     Claims,
-    change_of,
     must_wait,
     soon,
     time_left,
     turn_to_lane,
 )
 from overtaking.sim.reference.neighbours import Neighbours
+from overtaking.sim.reference.orders import Orders, obey
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import (
@@ -162,38 +171,6 @@ def must_abort(given: Parameters, view: View, lead: int, rear: int) -> Mask:
     return bad & (back >= -own.hardest_decel) & (view.gap[rear] > c.smallest_rear_gap)
 
 
-def has_passed(state: State, given: Parameters, p: Fields) -> Mask:
-    """Whether the target's front is visibly behind the ego's rear."""
-    behind = state.s[Role.EGO] - pick(state.s, state.target)
-    bodies = p.half_length[Role.EGO] + pick(p.half_length, state.target)
-    return behind > bodies + given.constants.clear_ahead
-
-
-@dataclass(slots=True, kw_only=True)
-class Intent:
-    """What the ego sets out to do at a decision; masks of shape (simulation,).
-
-    Attributes:
-        start: Wants to pull out, and shows it.
-        back: Wants to change back, and shows it.
-        go_out: Pulls out now.
-        go_back: Changes back now.
-        abort: Gives up pulling out now.
-        remain: Gives up changing back now.
-        passed: The target is behind.
-        arrived: The last lane change is over.
-    """
-
-    start: Mask
-    back: Mask
-    go_out: Mask
-    go_back: Mask
-    abort: Mask
-    remain: Mask
-    passed: Mask
-    arrived: Mask
-
-
 def decide(
     state: State,
     given: Parameters,
@@ -203,22 +180,26 @@ def decide(
     believed: Beliefs,
     looks: Mask,
     claims: Claims,
-    recorder: Recorder,
+    recorder: Recorder | None,
     step: int,
+    orders: Orders | None = None,
 ) -> None:
     """One decision of every ego; what it intends holds until it looks around again."""
     view = look(state, given, p, near, believed)
-    state.stage_time = state.stage_time + given.constants.decision
     _wait(state, given, view)
-    waits = must_wait(state, given, state.wanted, claims)[Role.EGO]
-    intent = _intend(state, given, p, q, view, looks, waits)
+    if orders is None:
+        waits = must_wait(state, given, state.wanted, claims)[Role.EGO]
+        intent = _intend(state, given, p, q, view, looks, waits)
+    else:
+        intent = obey(state, given, p, orders)
     for mask, kind, roles in (
         (intent.go_out, DecisionKind.PULL_OUT, (LEAD, FAST_LEAD, FAST_REAR)),
         (intent.abort, DecisionKind.ABORT, (LEAD, SLOW_LEAD, SLOW_REAR)),
         (intent.remain, DecisionKind.ABORT, (LEAD, FAST_LEAD, FAST_REAR)),
         (intent.go_back, DecisionKind.RETURN, (LEAD, SLOW_LEAD, SLOW_REAR)),
     ):
-        recorder.percepts(state, near, believed, mask, kind, roles, step)
+        if recorder is not None:
+            recorder.percepts(state, near, believed, mask, kind, roles, step)
     next_stage = _next_stage(state, given, near, intent)
     _act(state, given, p, near, view, intent, step // SUBSTEPS)
     _end(state, given, q, intent, next_stage, step)
@@ -226,17 +207,12 @@ def decide(
     state.stage = next_stage
 
 
-def _in_stage(state: State, stage: Stage) -> Mask:
-    """Whether the ego is sound and in a stage."""
-    return (state.crashed[Role.EGO] == 0) & (state.stage == np.float32(stage))
-
-
 def _wait(state: State, given: Parameters, view: View) -> None:
     """Count the time behind a slower leader."""
     c = given.constants
     queues = view.gap[LEAD] < c.waiting_time_gap * view.speed
     slower = view.own.desired_speed > view.leader_speed
-    waits = _in_stage(state, Stage.FOLLOW) & view.detected[LEAD] & queues & slower
+    waits = in_stage(state, Stage.FOLLOW) & view.detected[LEAD] & queues & slower
     state.waited = np.where(waits, state.waited + c.decision, state.waited)
 
 
@@ -250,17 +226,11 @@ def _intend(
     waits: Mask,
 ) -> Intent:
     """What the ego wants, and what of it is done now that it has signalled long enough."""
-    c = given.constants
-    arrived = state.path_time[Role.EGO] >= state.path_duration[Role.EGO]
+    arrived = has_arrived(state)
     passed = has_passed(state, given, p)
     start = _starts(state, given, q, view, arrived, looks)
     back = _turns_back(state, given, q, view, passed, looks)
-    one = np.float32(1.0)
-    state.wanted[Role.EGO] = np.where(start, one, np.where(back, -one, np.float32(0.0)))
-    longer = state.signalled + c.decision
-    # Doubts while waiting do not switch the indicator off at once.
-    fading = maximum(state.signalled - c.decision, np.float32(0.0))
-    state.signalled = np.where(start | back, longer, fading)
+    signal(state, given, start, back)
     ready = state.signalled > view.own.signal_time
     sure = (looks & ~waits) | view.told
     return Intent(
@@ -287,7 +257,7 @@ def _starts(
     c = given.constants
     rested = state.since_change[Role.EGO] >= c.abort_cooldown
     has_lane = state.lane[Role.EGO] < np.float32(given.road.num_lanes - 1)
-    free = _in_stage(state, Stage.FOLLOW) & arrived & rested & has_lane
+    free = in_stage(state, Stage.FOLLOW) & arrived & rested & has_lane
     seen = wants_to_pass(given, view) & may_pull_out(given, view)
     seen = np.where(view.told, view.ordered, seen)
     wanted = np.where(looks | view.told, seen, state.wanted[Role.EGO] > 0) & (
@@ -306,7 +276,7 @@ def _turns_back(
 ) -> Mask:
     """Whether the ego may return: past the target, or stuck beside it, or forced by a branch."""
     c = given.constants
-    has_lane = _in_stage(state, Stage.PASS) & (state.lane[Role.EGO] >= np.float32(1.0))
+    has_lane = in_stage(state, Stage.PASS) & (state.lane[Role.EGO] >= np.float32(1.0))
     late = state.stage_time > c.give_up_after
     stuck = late & (state.s[Role.EGO] < pick(state.s, state.target))
     rested = state.since_change[Role.EGO] >= c.abort_cooldown
@@ -321,7 +291,7 @@ def _gives_up(
     """Whether the ego goes back while pulling out: in danger, or forced by a branch."""
     danger = looks & ~view.told & must_abort(given, view, SLOW_LEAD, SLOW_REAR)
     forced = q.command == Decision.ABORT
-    return _in_stage(state, Stage.PULL_OUT) & _is_early(state, given) & (danger | forced)
+    return can_abort(state, given) & (danger | forced)
 
 
 def _stays_out(
@@ -329,16 +299,7 @@ def _stays_out(
 ) -> Mask:
     """Whether the ego gives up its way back in danger, unless a branch forces it to return."""
     danger = looks & ~view.told & must_abort(given, view, FAST_LEAD, FAST_REAR)
-    _, whole = change_of(state, given)
-    free = danger & whole[Role.EGO] & (q.command != Decision.RETURN)
-    comes_back = _in_stage(state, Stage.RETURN) | _in_stage(state, Stage.ABORT)
-    return comes_back & _is_early(state, given) & free
-
-
-def _is_early(state: State, given: Parameters) -> Mask:
-    """Whether going back is shorter than going on."""
-    halfway = given.constants.abort_until * state.path_duration[Role.EGO]
-    return state.path_time[Role.EGO] < halfway
+    return can_remain(state, given) & danger & (q.command != Decision.RETURN)
 
 
 def _next_stage(state: State, given: Parameters, near: Neighbours, intent: Intent) -> F32:
@@ -348,12 +309,12 @@ def _next_stage(state: State, given: Parameters, near: Neighbours, intent: Inten
     finished = intent.arrived & settled
     returning = np.where(intent.passed, np.float32(Stage.RETURN), np.float32(Stage.ABORT))
     stage = np.where(intent.go_out, np.float32(Stage.PULL_OUT), state.stage)
-    entered = _in_stage(state, Stage.PULL_OUT) & intent.arrived
+    entered = in_stage(state, Stage.PULL_OUT) & intent.arrived
     stage = np.where(entered, np.float32(Stage.PASS), stage)
     stage = np.where(intent.abort, np.float32(Stage.ABORT), stage)
-    stage = np.where(intent.go_back, returning, stage)
-    stage = np.where(_in_stage(state, Stage.RETURN) & finished, np.float32(Stage.DONE), stage)
-    stage = np.where(_in_stage(state, Stage.ABORT) & finished, np.float32(Stage.FOLLOW), stage)
+    stage = np.where(intent.go_back & in_stage(state, Stage.PASS), returning, stage)
+    stage = np.where(in_stage(state, Stage.RETURN) & finished, np.float32(Stage.DONE), stage)
+    stage = np.where(in_stage(state, Stage.ABORT) & finished, np.float32(Stage.FOLLOW), stage)
     return np.where(intent.remain, np.float32(Stage.PASS), stage)
 
 
@@ -404,6 +365,6 @@ def _end(
     over = (next_stage == np.float32(Stage.DONE)) & (state.stage != np.float32(Stage.DONE))
     after = now + np.rint(c.after_overtake / c.step)
     state.end_step = np.where(over, minimum(state.end_step, after), state.end_step)
-    idle = _in_stage(state, Stage.FOLLOW) & ~intent.start
+    idle = in_stage(state, Stage.FOLLOW) & ~intent.start
     late = idle & (now >= q.deadline_step)
     state.end_step = np.where(late, minimum(state.end_step, now), state.end_step)

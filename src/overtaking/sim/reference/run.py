@@ -1,7 +1,12 @@
 """The loop over time."""
 
+import dataclasses
+from dataclasses import dataclass
+
 import numpy as np
 
+from overtaking.core.elementary import Mask
+from overtaking.model.actions import Actions
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
 from overtaking.model.vehicles import Role
@@ -15,7 +20,9 @@ from overtaking.sim.reference import (
     perception,
     steering,
 )
-from overtaking.sim.reference.neighbours import find_neighbours
+from overtaking.sim.reference.neighbours import Neighbours, find_neighbours
+from overtaking.sim.reference.orders import Orders, orders_at, pedals, wheel
+from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import Fields, State, initial_state
 from overtaking.world.parameters import (
@@ -41,13 +48,27 @@ def simulate(scenario: Scenario) -> Trajectories:
 
 
 def run(
-    scenario: Scenario, given: Parameters, later: Parameters | None = None, switch: int = 0
+    scenario: Scenario,
+    given: Parameters,
+    later: Parameters | None = None,
+    switch: int = 0,
+    *,
+    actions: Actions | None = None,
 ) -> Trajectories:
-    """Simulate a batch from its parameters; from step `switch` on with the parameters `later`."""
+    """Simulate a batch from its parameters.
+
+    Args:
+        scenario: A batch of scenarios.
+        given: Its parameters.
+        later: The parameters from step `switch` on.
+        switch: A step.
+        actions: What another driver did with the ego; None for the model's own.
+    """
     state = initial_state(given)
     recorder = Recorder(scenario, given)
     p, q = given.of_vehicles, given.of_simulations
     pairs: Pairs = {}
+    orders: Orders | None = None
     # Frames at other times than decisions want a state at every step.
     stride = SUBSTEPS if given.record_every % SUBSTEPS == 0 else 1
     step = 0
@@ -55,12 +76,13 @@ def run(
         if later is not None and step == switch:
             given, p, q = later, later.of_vehicles, later.of_simulations
         if step % SUBSTEPS == 0:
-            pairs = decide(state, given, p, q, recorder, step)
+            orders = orders_at(actions, step // SUBSTEPS)
+            pairs = decide(state, given, p, q, recorder, step, orders)
         if step % given.record_every == 0:
             recorder.frame(state, p, np.float32(step) <= state.end_step, step // given.record_every)
-        advance(state, given, p, q, pairs, step, stride)
+        advance(state, given, p, q, pairs, step, stride, orders)
         step += stride
-    return recorder.finish(state)
+    return dataclasses.replace(recorder.finish(state), actions=actions)
 
 
 def decide(
@@ -68,15 +90,42 @@ def decide(
     given: Parameters,
     p: Fields,
     q: SimulationParameters,
-    recorder: Recorder,
+    recorder: Recorder | None,
     step: int,
+    orders: Orders | None = None,
 ) -> Pairs:
     """Everything that happens 20 times a second: weather, perception, decisions."""
+    moment = perceive(state, given, p, q, step)
+    return act(state, given, p, q, moment, recorder, step, orders)
+
+
+@dataclass(slots=True, kw_only=True)
+class Moment:
+    """What drivers know at a decision.
+
+    Attributes:
+        near: Their neighbours.
+        believed: What they believe of them.
+        looks: Who looks around, (vehicle, simulation).
+        claims: `mobil.claimed` before anyone decides.
+    """
+
+    near: Neighbours
+    believed: Beliefs
+    looks: Mask
+    claims: mobil.Claims
+
+
+def perceive(
+    state: State, given: Parameters, p: Fields, q: SimulationParameters, step: int
+) -> Moment:
+    """What happens 20 times a second before anyone decides: weather, perception."""
     c = given.constants
     decision = step // SUBSTEPS
     road = given.road
     state.since_change = state.since_change + c.decision
     state.wanted_time = state.wanted_time + c.decision
+    state.stage_time = state.stage_time + c.decision
     collisions.leave_road(state, c, p, road.boundaries[[0, road.num_lanes]], step)
     perception.remember(state, decision)
     environment.move_random_processes(state, given, q, decision)
@@ -89,15 +138,29 @@ def decide(
         perception.draw_check(state, given, p, p.valid > 0, decision)
     looks = perception.looks_around(state, c, p, decision)
     believed = perception.perceive(state, given, p, q, near, decision, looks)
-    claims = mobil.claimed(state)
+    return Moment(near=near, believed=believed, looks=looks, claims=mobil.claimed(state))
+
+
+def act(
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: SimulationParameters,
+    moment: Moment,
+    recorder: Recorder | None,
+    step: int,
+    orders: Orders | None,
+) -> Pairs:
+    """What everybody decides; what the ego does, where another driver has it, `orders` say."""
+    near, believed, looks, claims = moment.near, moment.believed, moment.looks, moment.claims
     leader = control.behind_leader(state, given, p, believed)
     old_leader = control.behind_old_leader(state, given, p, near, believed)
-    control.set_acceleration(state, given, p, leader, old_leader)
-    mobil.change_lanes(state, given, p, believed, leader, looks, claims, decision)
-    ego.decide(state, given, p, q, near, believed, looks[Role.EGO], claims, recorder, step)
+    control.set_acceleration(state, given, p, *pedals(orders, leader, old_leader))
+    mobil.change_lanes(state, given, p, believed, leader, looks, claims, step // SUBSTEPS)
+    ego.decide(state, given, p, q, near, believed, looks[Role.EGO], claims, recorder, step, orders)
     count = len(p.valid)
     every = [(i, j) for i in range(count) for j in range(i + 1, count)]
-    return {(i, j): collisions.is_near(state, c, p, i, j) for i, j in every}
+    return {(i, j): collisions.is_near(state, given.constants, p, i, j) for i, j in every}
 
 
 def advance(
@@ -108,11 +171,12 @@ def advance(
     pairs: Pairs,
     step: int,
     stride: int,
+    orders: Orders | None = None,
 ) -> None:
     """Steer, move, collide: one step of 10 ms, or `stride` of them at once."""
     c = given.constants
     length = c.step if stride == 1 else c.decision
     before = (state.s, state.d)
-    angle = steering.steer(state, c, p, q.side_accel, length)
+    angle = steering.steer(state, c, p, q.side_accel, length, wheel(orders))
     dynamics.move(state, c, p, angle, length)
     collisions.collide(state, c, p, pairs, before, step, length)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from overtaking.core.elementary import F32, Mask, clamp, maximum, minimum, sincos
+from overtaking.model.vehicles import Role
 from overtaking.sim.reference.state import Fields, State
 from overtaking.world.constants import Constants
 
@@ -76,7 +77,14 @@ def hold_against_wind(state: State, c: Constants, p: Fields, step: int) -> None:
     state.trim = state.trim + (target - state.trim) * (c.decision / c.wind_lag)
 
 
-def steer(state: State, c: Constants, p: Fields, side_accel: F32, length: np.float32) -> F32:
+def steer(
+    state: State,
+    c: Constants,
+    p: Fields,
+    side_accel: F32,
+    length: np.float32,
+    wheel: F32 | None = None,
+) -> F32:
     """Turn the front wheels, or lean, towards the path for one step.
 
     Wheels and leaning answer with a lag, by the linearly implicit step of the motion: to what is
@@ -88,12 +96,15 @@ def steer(state: State, c: Constants, p: Fields, side_accel: F32, length: np.flo
         p: Parameters.
         side_accel: Largest lateral acceleration that drivers ask for [m/s^2].
         length: Length of the step [s].
+        wheel: Angle of the ego's front wheels that another driver asks for, (simulation,) [rad].
 
     Returns:
         Wheel angle, or lean, in the middle of the step.
     """
     half = np.float32(0.5) * length
     angle, lean = _asked(state, c, p, side_accel, half)
+    if wheel is not None:
+        angle[Role.EGO] = clamp(wheel, -c.steering_limit, c.steering_limit)
     most = c.steering_rate * length
     turn = clamp((angle - state.wheel) * (length / (c.steering_lag + half)), -most, most)
     lean = (lean - state.wheel) * (length / (c.two_wheeler_lag + half))

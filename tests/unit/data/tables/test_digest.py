@@ -12,11 +12,14 @@ from overtaking import _core
 from overtaking.data.tables.digest import ContentDigest, content_of
 from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.schemas import SCHEMAS
+from overtaking.model.actions import MOST_PARTS, Actions
 
 
 @pytest.fixture(scope="module")
 def tables(recorder):
-    return contents(recorder(seed=3), np.arange(5), tuple(SCHEMAS))
+    values = np.random.default_rng(2).integers(-1, 2, (5, 9, MOST_PARTS)).astype(np.int32)
+    run = recorder(seed=3).replace(actions=Actions(values=values, kind="accel_lane"))
+    return contents(run, np.arange(5), tuple(SCHEMAS))
 
 
 @pytest.mark.parametrize("name", SCHEMAS)

@@ -1,0 +1,217 @@
+//! Binding of `overtaking_core::stepper`: a batch that waits for another driver between calls.
+
+use std::sync::Mutex;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::{JoinHandle, spawn};
+
+use numpy::ndarray::Array2;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyUntypedArrayMethods, ToPyArray};
+use overtaking_core::observation::{AROUND_NAMES, OWN_NAMES, Source, WIDTH};
+use overtaking_core::orders::{Kind, PARTS};
+use overtaking_core::stepper::{Answer, Request, Talk};
+use overtaking_core::{
+    Constants, Inputs, MAX_VEHICLES, SIMULATION_NAMES, VEHICLE_NAMES, supported,
+};
+use overtaking_portable::serve_at;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::arrays::expect_length;
+use crate::{Numbers, Road};
+
+/// What a batch is simulated from.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct Batch<'py> {
+    vehicle: PyReadonlyArray1<'py, f32>,
+    simulation: PyReadonlyArray1<'py, f32>,
+    index: PyReadonlyArray1<'py, u64>,
+    slots: usize,
+    seed: u64,
+    record_every: u32,
+    road: Road,
+    constants: Numbers,
+}
+
+/// The same, kept by the thread that simulates it.
+struct Kept {
+    vehicle: Vec<f32>,
+    simulation: Vec<f32>,
+    index: Vec<u64>,
+    slots: usize,
+    seed: u64,
+    record_every: u32,
+    road: Road,
+    constants: Constants,
+}
+
+impl Batch<'_> {
+    fn kept(self) -> PyResult<Kept> {
+        let (slots, batch) = (self.slots, self.index.len());
+        if slots == 0 || slots > MAX_VEHICLES || self.record_every == 0 || batch == 0 {
+            return Err(PyValueError::new_err(format!(
+                "slots: expected 1 to {MAX_VEHICLES}, got {slots}"
+            )));
+        }
+        let (vehicle, simulation) = (self.vehicle.as_slice()?, self.simulation.as_slice()?);
+        expect_length(
+            "vehicle",
+            vehicle.len(),
+            VEHICLE_NAMES.len() * slots * batch,
+        )?;
+        expect_length(
+            "simulation",
+            simulation.len(),
+            SIMULATION_NAMES.len() * batch,
+        )?;
+        Ok(Kept {
+            vehicle: vehicle.to_vec(),
+            simulation: simulation.to_vec(),
+            index: self.index.as_slice()?.to_vec(),
+            slots,
+            seed: self.seed,
+            record_every: self.record_every,
+            constants: self.constants.constants()?,
+            road: self.road,
+        })
+    }
+}
+
+impl Kept {
+    fn inputs(&self) -> Inputs<'_> {
+        Inputs {
+            vehicle: &self.vehicle,
+            simulation: &self.simulation,
+            index: &self.index,
+            slots: self.slots,
+            constants: &self.constants,
+            num_lanes: self.road.num_lanes.clamp(1, 8),
+            boundaries: self.road.boundaries,
+            film_path: self.road.film_path,
+            side: self.road.side,
+            pose: self.road.pose,
+            seed: self.seed,
+            record_every: self.record_every,
+            script: None,
+        }
+    }
+}
+
+/// A batch that waits at every decision for what another driver orders.
+#[pyclass(frozen)]
+pub struct Stepper {
+    batch: usize,
+    line: Mutex<Option<Line>>,
+}
+
+/// The line to the thread that simulates it.
+struct Line {
+    requests: Sender<Request>,
+    answers: Receiver<Answer>,
+    thread: JoinHandle<()>,
+}
+
+/// What the egos observe, (simulation, field), and which simulations run.
+type Observed<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<bool>>);
+
+#[pymethods]
+impl Stepper {
+    #[new]
+    #[pyo3(signature = (batch, kind, is_true, level=None))]
+    fn new(batch: Batch<'_>, kind: &str, is_true: bool, level: Option<&str>) -> PyResult<Self> {
+        let kind =
+            Kind::named(kind).ok_or_else(|| PyValueError::new_err(format!("no action {kind}")))?;
+        let level = supported(level).map_err(PyValueError::new_err)?;
+        let kept = batch.kept()?;
+        let count = kept.index.len();
+        let (requests, theirs) = channel();
+        let (given, answers) = channel();
+        let talk = Talk {
+            kind,
+            source: if is_true {
+                Source::Truth
+            } else {
+                Source::Human
+            },
+            requests: theirs,
+            answers: given,
+        };
+        let thread = spawn(move || {
+            // Slots were checked before: then there is nothing else to refuse.
+            let served = serve_at(level, &kept.inputs(), &talk);
+            debug_assert!(served.is_ok());
+        });
+        Ok(Self {
+            batch: count,
+            line: Mutex::new(Some(Line {
+                requests,
+                answers,
+                thread,
+            })),
+        })
+    }
+
+    /// What is observed at first.
+    fn begin<'py>(&self, py: Python<'py>) -> PyResult<Observed<'py>> {
+        self.ask(py, None)
+    }
+
+    /// What is observed after some decisions with the same orders, (simulation, part).
+    fn step<'py>(
+        &self,
+        py: Python<'py>,
+        values: PyReadonlyArray2<'py, i32>,
+        decisions: u32,
+    ) -> PyResult<Observed<'py>> {
+        expect_length("values", values.len(), self.batch * PARTS)?;
+        let values = values.as_slice()?.to_vec();
+        self.ask(py, Some(Request { values, decisions }))
+    }
+}
+
+impl Stepper {
+    fn ask<'py>(&self, py: Python<'py>, request: Option<Request>) -> PyResult<Observed<'py>> {
+        let answer = py.detach(|| {
+            let line = self.line.lock().ok()?;
+            let line = line.as_ref()?;
+            if let Some(request) = request {
+                line.requests.send(request).ok()?;
+            }
+            line.answers.recv().ok()
+        });
+        let answer = answer.ok_or_else(|| PyValueError::new_err("the simulation has ended"))?;
+        let table = Array2::from_shape_vec((self.batch, WIDTH), answer.table)
+            .map_err(|error| PyValueError::new_err(error.to_string()))?;
+        Ok((table.into_pyarray(py), answer.runs.to_pyarray(py)))
+    }
+}
+
+impl Drop for Stepper {
+    /// Hang up, and wait until the memory is free.
+    fn drop(&mut self) {
+        let line = self.line.get_mut().ok().and_then(Option::take);
+        if let Some(Line {
+            requests,
+            answers,
+            thread,
+        }) = line
+        {
+            drop((requests, answers));
+            // A panic of the thread has been told already.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Names of what a driver observes of itself, in order.
+#[pyfunction]
+pub fn own_fields() -> Vec<&'static str> {
+    OWN_NAMES.to_vec()
+}
+
+/// Names of what a driver observes of each neighbour, in order.
+#[pyfunction]
+pub fn around_fields() -> Vec<&'static str> {
+    AROUND_NAMES.to_vec()
+}

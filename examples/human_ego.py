@@ -1,0 +1,100 @@
+r"""The ego of this package as a policy: the driver to begin with when you write your own.
+
+    overtaking drive motorway --policy examples/human_ego.py:HumanEgo \
+        --observe human --action decision -n 100 --out data/human
+
+It decides when to signal, pull out, give up and return, from what the driver of the scenario
+believes. So it drives like the built-in ego, bit for bit. Change a line, and it does not.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+import overtaking as ot
+from overtaking.core.elementary import Mask, exp, maximum, minimum
+from overtaking.model.observation import ROLES
+from overtaking.model.trajectory import Stage
+from overtaking.sim.reference.ego import View, may_pull_out, may_return, must_abort, wants_to_pass
+from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, SLOW_LEAD, SLOW_REAR
+from overtaking.world.parameters import Parameters, parameters
+
+
+class HumanEgo:
+    """The built-in ego, from percepts to decisions; asks for `human` and answers `decision`."""
+
+    given: Parameters
+
+    def reset(self, scenario: ot.Scenario) -> None:
+        """Take the constants of the model for a new batch."""
+        self.given = parameters(scenario)
+
+    def __call__(self, seen: ot.Observation) -> NDArray[np.int64]:
+        """A move for each simulation."""
+        view, looks = self.view(seen), seen.of("looks") > 0
+        start, back = self.starts(seen, view, looks), self.returns(seen, view, looks)
+        signalled = seen.of("signalled") + self.given.constants.decision
+        now = (signalled > seen.driver.signal_time) & looks & (seen.of("contested") == 0)
+        out = np.where(now, ot.Move.PULL_OUT, ot.Move.SHOW_OUT)
+        home = np.where(now, ot.Move.RETURN, ot.Move.SHOW_BACK)
+        move = np.where(start, out, np.where(back, home, ot.Move.KEEP))
+        return np.where(self.aborts(seen, view, looks), ot.Move.ABORT, move)
+
+    def view(self, seen: ot.Observation) -> View:
+        """What the decisions are made from; who has waited for long demands less."""
+        c, driver = self.given.constants, seen.driver
+        impatience = maximum(exp(-(seen.of("waited") * driver.inverse_patience)), c.patience_floor)
+        demand = driver.gap_acceptance * impatience
+        around = np.moveaxis(seen.around, 0, -1)[: len(ROLES) - 2]
+        return View(
+            own=driver,
+            speed=seen.of("speed"),
+            gap=around[:, 1],
+            closing=around[:, 2],
+            detected=around[:, 0] > 0,
+            leader_speed=seen.of("speed") - around[LEAD, 2],
+            demand=demand,
+            imposes=minimum(
+                minimum(driver.safe_decel / demand, c.most_imposed), driver.hardest_decel
+            ),
+            impatience=impatience,
+        )
+
+    def starts(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
+        """Whether to signal to pull out: decided at looks into the mirrors, held between them."""
+        free = (seen.of("stage") == Stage.FOLLOW) & (seen.of("can_go_out") > 0)
+        rested = seen.of("since_change") >= self.given.constants.abort_cooldown
+        wants = wants_to_pass(self.given, view) & may_pull_out(self.given, view)
+        return free & rested & np.where(looks, wants, seen.of("wanted") > 0)
+
+    def returns(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
+        """Whether to signal to return: past the other, or stuck beside it for too long."""
+        c = self.given.constants
+        passes = (seen.of("stage") == Stage.PASS) & (seen.of("can_go_back") > 0)
+        stuck = (seen.of("stage_time") > c.give_up_after) & (seen.of("behind_target") > 0)
+        rested = seen.of("since_change") >= c.abort_cooldown
+        wants = may_return(self.given, view) & ((seen.of("passed") > 0) | stuck) & rested
+        return passes & np.where(looks, wants, seen.of("wanted") < 0)
+
+    def aborts(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
+        """Whether to give up the lane change: the lane being entered has turned dangerous."""
+        out = must_abort(self.given, view, SLOW_LEAD, SLOW_REAR)
+        home = must_abort(self.given, view, FAST_LEAD, FAST_REAR)
+        danger = np.where(seen.of("stage") == Stage.PULL_OUT, out, home)
+        return looks & danger & (seen.of("can_abort") > 0)
+
+
+def main() -> None:
+    """Compare it with the built-in ego."""
+    scenes = ot.sample("pinto2023", 100, seed=1)
+    ours = ot.simulate(scenes)
+    runs = ot.drive(scenes, HumanEgo(), observe="human", action="decision")
+    same = (runs.trace_hash == ours.trace_hash).all(axis=1)
+    print("100 scenes of pinto2023, percepts to decisions")
+    print(f"  same trace as the built-in ego: {same.sum()}")
+    print(f"  overtakes begun: {(runs.stage == Stage.PULL_OUT).any(axis=1).sum()}")
+    assert runs.actions is not None
+    print(f"  changes of what it does: {runs.actions.changes.sum()}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+"""A driver of one's own in the world."""
+
+import dataclasses
+import importlib
+import importlib.util
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from overtaking.api.choices import BRANCHING, module_of, simulator_of
+from overtaking.api.simulating import check_runnable
+from overtaking.core.errors import ConfigError
+from overtaking.data.recipe import PolicyRecord, Simulator
+from overtaking.model.checks import checked
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import Trajectories
+from overtaking.sim import driving
+from overtaking.sim.driving import Driver
+from overtaking.sim.observation import Policy
+from overtaking.sim.sensor import Sensor
+
+
+@checked
+def drive(
+    scenario: Scenario,
+    policy: Any,
+    *,
+    observe: str | Sensor,
+    action: str = "accel_lane",
+    hold: int = 1,
+    simulator: str = "engine",
+) -> Trajectories:
+    """Simulate a batch in which a policy drives every ego; the others drive as ever.
+
+    Args:
+        scenario: A batch of scenarios.
+        policy: A function from an `Observation` of all simulations to an array with an action for
+            each.
+        observe: What it observes: `human` for what the model's driver believes, `truth` for the
+            state of the world, or a `Sensor`.
+        action: What it answers: `accel_lane`, `speed_lane`, `accel_steer`, `trajectory` or
+            `decision`.
+        hold: Decisions for which an answer holds, 20 a second.
+        simulator: One of `BRANCHING`; the results are the same, bit for bit.
+
+    Returns:
+        The batch, with what the policy did as `actions`; simulated with them again it is the same.
+
+    Raises:
+        ConfigError: An argument cannot be used, or the scenario cannot be run.
+        PolicyError: The policy raises, or answers what is no action.
+    """
+    run = module_of(simulator, BRANCHING).run
+    check_runnable(scenario, "drive")
+    driver = Driver(policy=policy, observe=observe, action=action, hold=hold)
+    return driving.drive(scenario, driver, run, simulator)
+
+
+def driven_by(driver: Driver, simulator: str) -> Simulator:
+    """The simulator in which a policy drives every ego."""
+    base = simulator_of(simulator)
+    run = module_of(simulator, BRANCHING).run
+    asks = partial(driving.drive, driver=driver, run=run, simulator=simulator)
+    # A policy may keep a state of its own, so it is asked by one process, one batch at a time.
+    return dataclasses.replace(base, simulate=asks, threads=1, shares_world=True)
+
+
+def record_of(driver: Driver) -> PolicyRecord:
+    """What a manifest says of a driver."""
+    sensor = driver.observe
+    return PolicyRecord(
+        name=driver.title,
+        version=driver.version,
+        digest=driver.digest,
+        observe=dataclasses.asdict(sensor) if isinstance(sensor, Sensor) else sensor,
+        action=driver.action,
+        hold=driver.hold,
+    )
+
+
+def driver_of(policy: str, observe: str, *, action: str, hold: int) -> Driver:
+    """The driver that words name.
+
+    Args:
+        policy: `module:name` or `file.py:name` of a function, or of a class of policies.
+        observe: `human`, `truth`, or a TOML file with the numbers of a sensor.
+        action: As in `Driver`.
+        hold: As in `Driver`.
+
+    Raises:
+        ConfigError: There is no such policy or sensor, or another word cannot be used.
+    """
+    is_file = observe.endswith(".toml")
+    sees = Sensor.read(observe) if is_file else observe
+    return Driver(policy=_policy_named(policy), observe=sees, action=action, hold=hold, name=policy)
+
+
+def _policy_named(name: str) -> Policy:
+    """The policy that `module:name` or `file.py:name` names; of a class, an object.
+
+    Raises:
+        ConfigError: There is none.
+    """
+    where, _, attribute = name.rpartition(":")
+    try:
+        found = getattr(_module(where), attribute)
+        return found() if isinstance(found, type) else found
+    except (ImportError, AttributeError, OSError, ValueError) as error:
+        raise ConfigError.of(
+            what="policy",
+            where="drive",
+            expected="module:name, or file.py:name, of a function",
+            got=f"{name} ({error})",
+            next_step="correct it; modules are looked for in this folder, too",
+        ) from error
+
+
+def _module(where: str) -> Any:
+    """A module by its name or file."""
+    if not where.endswith(".py"):
+        sys.path.insert(0, str(Path.cwd()))
+        try:
+            return importlib.import_module(where)
+        finally:
+            sys.path.pop(0)
+    spec = importlib.util.spec_from_file_location(Path(where).stem, where)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"no module in {where}")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[module.__name__] = module  # Classes are looked up in it.
+    spec.loader.exec_module(module)
+    return module

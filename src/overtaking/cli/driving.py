@@ -1,0 +1,47 @@
+"""The command that puts a policy at the wheel."""
+
+from typing import Annotated
+
+from overtaking.cli import options
+from overtaking.cli.output import Output
+
+Policy = Annotated[
+    str, options.option("--policy MODULE:NAME", "Policy: a function in a module, or in a .py file.")
+]
+Observe = Annotated[
+    str,
+    options.option(
+        "--observe human|truth|FILE",
+        "What it observes: what a human driver believes, the truth, or a sensor in a TOML file.",
+    ),
+]
+Action = Annotated[
+    str,
+    options.option(
+        "--action NAME",
+        "What it answers: accel_lane, speed_lane, accel_steer, trajectory or decision.",
+    ),
+]
+Hold = Annotated[
+    int, options.option("--hold N", "Decisions for which an answer holds, 20 a second.", min=1)
+]
+
+
+def drive(
+    output: Output,
+    policy: Policy,
+    observe: Observe,
+    out: options.OutPlace,
+    made: options.Making,
+    profile: options.ProfileWord = None,
+    action: Action = "accel_lane",
+    hold: Hold = 1,
+    map_file: options.Map = None,
+) -> None:
+    """Let a policy drive every ego, and write a labelled data set."""
+    from overtaking import api
+    from overtaking.cli import making
+
+    driver = api.driver_of(policy, observe, action=action, hold=hold)
+    recipe = making.recipe(made, profile, map_file)
+    making.make(output, out, recipe | {"driver": driver}, made)

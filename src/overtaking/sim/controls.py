@@ -1,0 +1,107 @@
+"""What a policy may answer, and how that becomes the action that is carried out and recorded."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.model.actions import KINDS, Part
+from overtaking.sim.observation import Observation
+
+F64 = NDArray[np.float64]
+
+Track = Callable[[Observation], F64]
+"""From what is observed to an action, while an answer holds."""
+
+_SPEED_TIME = 1.0  # In which a difference of speed is made up for; a choice [s].
+_POINT_TIMES = (0.5, 1.0, 1.5, 2.0)  # When the points of a trajectory are reached [s].
+_SLOWEST = 1.0  # Keeps curvatures finite [m/s].
+
+_, _LANE = KINDS["accel_lane"]
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """A way in which a policy drives.
+
+    Attributes:
+        parts: The numbers of an answer.
+        kind: The kind of action that it becomes, a name in `model.actions.KINDS`.
+        plan: From an answer and what was observed then to what follows it; None where the answer is
+            the action.
+    """
+
+    parts: tuple[Part, ...]
+    kind: str
+    plan: Callable[[F64, Observation], Track] | None = None
+
+
+def _towards_speed(answer: F64, _: Observation) -> Track:
+    """Accelerate as comfortably as the scenario's driver towards a speed."""
+
+    def track(seen: Observation) -> F64:
+        wanted = (answer[:, 0] - seen.of("speed")) / _SPEED_TIME
+        accel = np.clip(wanted, -seen.driver.decel, seen.driver.accel)
+        return np.stack([accel, answer[:, 1]], axis=1)
+
+    return track
+
+
+def _along_points(answer: F64, begin: Observation) -> Track:
+    """Drive through points with the constant accelerations that miss them least.
+
+    Along and across the road these are the least squares over the points that are left; anew at
+    every decision, so errors fade.
+    """
+    points = answer.reshape(len(answer), len(_POINT_TIMES), 2)
+    places = points[:, :, 0] + begin.of("position")[:, None]
+    sides = points[:, :, 1] + begin.of("lateral")[:, None]
+
+    def track(seen: Observation) -> F64:
+        times = np.maximum(np.array(_POINT_TIMES) - (seen.time - begin.time), 0.0)
+        speed, heading = (seen.of(name).astype(np.float64) for name in ("speed", "heading"))
+        along, across = speed * np.cos(heading), speed * np.sin(heading)
+        accel = _missing_least(places - seen.of("position")[:, None], along, times)
+        aside = _missing_least(sides - seen.of("lateral")[:, None], across, times)
+        v = np.maximum(speed, _SLOWEST)
+        angle = aside * (seen.driver.wheelbase / (v * v) + seen.driver.understeer)
+        return np.stack([accel, angle], axis=1)
+
+    return track
+
+
+def _missing_least(way: F64, speed: F64, times: F64) -> F64:
+    """The constant acceleration that misses points least, shape (simulation,) [m/s^2].
+
+    Args:
+        way: How far each point is, shape (simulation, point) [m].
+        speed: The speed now, shape (simulation,) [m/s].
+        times: In how long each point is to be reached, shape (point,) [s].
+    """
+    half_squares = 0.5 * times * times
+    total = float((half_squares * half_squares).sum())
+    rest = (half_squares * (way - speed[:, None] * times)).sum(axis=1)
+    return rest / total if total > 0.0 else np.zeros_like(rest)
+
+
+_POINTS = tuple(
+    part
+    for k in range(1, len(_POINT_TIMES) + 1)
+    for part in (
+        Part(f"ahead_{k}", "m", 1e-3, 0.0, 200.0),
+        Part(f"aside_{k}", "m towards the fast side", 1e-3, -20.0, 20.0),
+    )
+)
+
+CONTROLS: Final = {
+    "accel_lane": Control(KINDS["accel_lane"], "accel_lane"),
+    "speed_lane": Control(
+        (Part("speed", "m/s", 1e-3, 0.0, 100.0), _LANE), "accel_lane", _towards_speed
+    ),
+    "accel_steer": Control(KINDS["accel_steer"], "accel_steer"),
+    "trajectory": Control(_POINTS, "accel_steer", _along_points),
+    "decision": Control(KINDS["decision"], "decision"),
+}
+"""What a policy may answer, by name; the first is what is meant if none is named."""

@@ -1,0 +1,226 @@
+"""Another driver of the ego: a policy that is asked at decisions, in a batch of simulations."""
+
+import hashlib
+import inspect
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.checks import check_name
+from overtaking.core.elementary import F32, Mask
+from overtaking.core.errors import ConfigError, PolicyError
+from overtaking.model.actions import KINDS, MOST_PARTS, Actions, Part
+from overtaking.model.observation import AROUND, OWN, ROLES
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import Trajectories
+from overtaking.sim.branch import Run
+from overtaking.sim.controls import CONTROLS, F64, Control
+from overtaking.sim.observation import Observation, Policy
+from overtaking.sim.sensor import Sensing, Sensor
+from overtaking.sim.stepping import stepper
+from overtaking.world.clock import DECISIONS_PER_SECOND, SUBSTEPS
+from overtaking.world.parameters import Parameters, parameters
+
+OBSERVED = ("human", "truth")
+"""What is observed without a sensor: percepts of the model, or the state of the world."""
+
+MOST_HELD = 200
+"""Most decisions for which an answer can hold."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Driver:
+    """A policy in the place of the ego's driver, and what it observes and answers.
+
+    Attributes:
+        policy: Asked with an `Observation`, answers an array of shape (simulation, part). If it has
+            a method `reset`, that is given the scenarios before each batch.
+        observe: `human` for what the model's driver believes, `truth`, or a sensor.
+        action: What it answers, a name in `CONTROLS`.
+        hold: Decisions for which an answer holds, 20 a second.
+        name: Its name; that of the function if left out.
+        version: Its version, if it has one.
+    """
+
+    policy: Policy
+    observe: str | Sensor
+    action: str = next(iter(CONTROLS))
+    hold: int = 1
+    name: str = ""
+    version: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse what no policy can observe or answer."""
+        if not callable(self.policy):
+            raise ConfigError.of(
+                what="policy",
+                where="drive",
+                expected="a function of an observation",
+                got=self.policy,
+                next_step="give a function, or an object with __call__",
+            )
+        if not isinstance(self.observe, Sensor):
+            check_name(self.observe, OBSERVED, what="observe", where="drive")
+        check_name(self.action, CONTROLS, what="action", where="drive")
+        if not (isinstance(self.hold, int) and 1 <= self.hold <= MOST_HELD):
+            raise ConfigError.out_of_range("hold", "drive", 1, MOST_HELD, self.hold)
+
+    @property
+    def control(self) -> Control:
+        """What the policy answers."""
+        return CONTROLS[self.action]
+
+    @property
+    def title(self) -> str:
+        """Its name."""
+        one: Any = self.policy
+        named = one if hasattr(one, "__qualname__") else type(one)
+        return self.name or f"{named.__module__}:{named.__qualname__}"
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the file that the policy comes from, 64 digits; empty if unknown."""
+        one: Any = self.policy
+        try:
+            path = inspect.getfile(one if hasattr(one, "__qualname__") else type(one))
+            return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+        except (OSError, TypeError):
+            return ""
+
+
+def drive(scenario: Scenario, driver: Driver, run: Run, simulator: str = "engine") -> Trajectories:
+    """Simulate a batch in which a policy drives every ego.
+
+    Args:
+        scenario: A batch of scenarios.
+        driver: The policy.
+        run: `engine.run` or `reference.run`.
+        simulator: Which of them, by name.
+
+    Raises:
+        PolicyError: The policy raises, or answers what is no action.
+    """
+    given = parameters(scenario)
+    return run(scenario, given, actions=asked(scenario, given, driver, simulator))
+
+
+def asked(scenario: Scenario, given: Parameters, driver: Driver, simulator: str) -> Actions:
+    """What a policy does in a batch; simulated with it, the batch is the one that it has seen.
+
+    Args:
+        scenario: A batch of scenarios.
+        given: Its parameters.
+        driver: The policy.
+        simulator: `engine` or `reference`; both let it do the same.
+    """
+    last = int(given.of_simulations.last_step.max(initial=0.0))
+    log = np.zeros((scenario.num_simulations, last // SUBSTEPS + 1, MOST_PARTS), np.int32)
+    if scenario.num_simulations:
+        for decision, values in _asked(scenario, given, driver, simulator):
+            rows = log[:, decision : decision + len(values)]
+            rows[...] = values.swapaxes(0, 1)[:, : rows.shape[1]]
+    return Actions(values=log, kind=driver.control.kind)
+
+
+def _asked(
+    scenario: Scenario, given: Parameters, driver: Driver, simulator: str
+) -> Iterator[tuple[int, NDArray[np.int32]]]:
+    """The number of a decision, and the actions from there on, (decision, simulation, part)."""
+    control, sensor, hold = driver.control, driver.observe, driver.hold
+    is_true = sensor != "human"
+    if (reset := getattr(driver.policy, "reset", None)) is not None:
+        reset(scenario)
+    steps = stepper(given, control.kind, is_true=is_true, simulator=simulator)
+    eyes = _Eyes(scenario, given, sensor if isinstance(sensor, Sensor) else None)
+    seen, decision = eyes.look(*steps.begin(), 0), 0
+    while seen.active.any():
+        answer = _answer(driver.policy, seen, control)
+        if control.plan is None:
+            values = _rounded(answer, seen.active, KINDS[control.kind])
+            yield decision, np.broadcast_to(values, (hold, *values.shape))
+            decision += hold
+            seen = eyes.look(*steps.step(values, hold), decision)
+            continue
+        track = control.plan(answer, seen)
+        for _ in range(hold):
+            values = _rounded(track(seen), seen.active, KINDS[control.kind])
+            yield decision, values[None]
+            decision += 1
+            seen = eyes.look(*steps.step(values, 1), decision)
+
+
+class _Eyes:
+    """Makes observations of a batch from the numbers of the engines."""
+
+    def __init__(self, scenario: Scenario, given: Parameters, sensor: Sensor | None) -> None:
+        self._scenario, self._driver = scenario, given.of_vehicles.of(0)
+        self._sensing = Sensing(sensor, scenario, given) if sensor else None
+
+    def look(self, table: F32, active: Mask, decision: int) -> Observation:
+        around = table[:, len(OWN) :].reshape(len(table), len(ROLES), len(AROUND))
+        if self._sensing:
+            around = self._sensing.sense(around, active, decision)
+        return Observation(
+            time=decision / float(DECISIONS_PER_SECOND),
+            decision=decision,
+            active=active,
+            own=table[:, : len(OWN)],
+            around=around,
+            driver=self._driver,
+            scenario=self._scenario,
+        )
+
+
+def _answer(policy: Policy, seen: Observation, control: Control) -> F64:
+    """What a policy answers, shape (simulation, part).
+
+    Raises:
+        PolicyError: It raises, or answers something else.
+    """
+    expected = (len(seen.active), len(control.parts))
+    try:
+        answer: Any = np.asarray(policy(seen))
+    except Exception as error:
+        got = f"{type(error).__name__}: {error}"
+        raise _refused(seen, "an answer", got, np.flatnonzero(seen.active)) from error
+    if answer.dtype.kind not in "fiub":
+        raise _refused(seen, "numbers", f"an array of {answer.dtype}", np.flatnonzero(seen.active))
+    if answer.shape == expected[:1] and expected[1] == 1:
+        answer = answer[:, None]
+    if answer.shape != expected:
+        wanted = f"shape {expected}: {', '.join(part.name for part in control.parts)}"
+        raise _refused(seen, wanted, f"shape {answer.shape}", np.flatnonzero(seen.active))
+    values = answer.astype(np.float64)
+    wrong = np.flatnonzero(~np.isfinite(values).all(axis=1) & seen.active)
+    if len(wrong):
+        raise _refused(seen, "finite numbers", values[wrong[0]].tolist(), wrong)
+    least, most = ([getattr(one, name) for one in control.parts] for name in ("least", "most"))
+    return np.clip(np.where(seen.active[:, None], values, 0.0), least, most)
+
+
+def _refused(
+    seen: Observation, expected: str, got: object, wrong: NDArray[np.integer]
+) -> PolicyError:
+    """The error for an answer that is none."""
+    first = int(seen.scenario.index[wrong[0]])
+    others = f" and {len(wrong) - 1} others" if len(wrong) > 1 else ""
+    return PolicyError.of(
+        what="answer of the policy",
+        where=f"simulation {first}{others} at {seen.time:.2f} s",
+        expected=expected,
+        got=got,
+        next_step="correct the policy; what is already written stays, and --resume goes on with it",
+    )
+
+
+def _rounded(values: F64, active: Mask, parts: tuple[Part, ...]) -> NDArray[np.int32]:
+    """Whole steps within limits, zero where nothing runs, shape (simulation, `MOST_PARTS`)."""
+    steps = np.zeros((len(values), MOST_PARTS), np.int32)
+    for k, part in enumerate(parts):
+        clipped = np.clip(values[:, k], part.least, part.most)
+        steps[:, k] = np.where(active, np.rint(clipped / part.step), 0.0)
+    return steps

@@ -1,0 +1,74 @@
+"""What a policy is given at a decision."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core import philox
+from overtaking.core.elementary import F32, Mask
+from overtaking.model.observation import AROUND, OWN, ROLES
+from overtaking.model.scenario import Scenario
+from overtaking.world.parameters import VehicleParameters
+
+_OWN_PLACE = {name: place for place, name in enumerate(OWN)}
+_AROUND_PLACE = {name: place for place, name in enumerate(AROUND)}
+_ROLE_PLACE = {name: place for place, name in enumerate(ROLES)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observation:
+    """What the egos of a batch observe at a decision, every row a simulation.
+
+    Attributes:
+        time: Time since the start [s].
+        decision: Number of the decision, 20 a second.
+        active: Which simulations run; the numbers of the others are zero, shape (simulation,).
+        own: Numbers of the ego, named by `model.observation.OWN`, shape (simulation, `OWN`).
+        around: Numbers of its neighbours, named by `ROLES` and `AROUND`, shape (simulation,
+            `ROLES`, `AROUND`).
+        driver: Parameters of the ego's vehicle, and of the driver that the scenario has put into
+            it, each of shape (simulation,).
+        scenario: Number, road and weather of each simulation, and all others in it.
+    """
+
+    time: float
+    decision: int
+    active: Mask
+    own: F32
+    around: F32
+    driver: VehicleParameters
+    scenario: Scenario
+
+    def of(self, name: str, role: str | None = None) -> F32:
+        """One number, shape (simulation,).
+
+        Args:
+            name: A name in `AROUND` with a role, or else in `OWN`.
+            role: A name in `ROLES`.
+
+        Raises:
+            KeyError: There is no such name.
+        """
+        if role is None:
+            return self.own[:, _OWN_PLACE[name]]
+        return self.around[:, _ROLE_PLACE[role], _AROUND_PLACE[name]]
+
+    def random(self) -> F32:
+        """Four numbers in (0, 1) for a policy that draws, shape (simulation, 4).
+
+        They follow from seed, number and decision alone, so what is drawn does not depend on the
+        batch.
+        """
+        return uniforms(self.scenario, int(philox.Stream.POLICY), self.decision)
+
+
+Policy = Callable[[Observation], NDArray[np.floating | np.integer]]
+"""Observations of all simulations in, an action for each out."""
+
+
+def uniforms(scenario: Scenario, stream: int | NDArray[np.uint32], decision: int) -> F32:
+    """Four numbers in (0, 1) of each simulation and stream, along a last axis."""
+    drawn = philox.words(scenario.seed, scenario.index, stream, decision)
+    return np.stack([philox.uniform(word) for word in drawn], axis=-1)

@@ -1,0 +1,141 @@
+"""Another driver at the ego's wheel: what it asks for, as far as that is possible."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from overtaking.core.elementary import F32, Mask
+from overtaking.model.actions import KINDS, Actions, Move
+from overtaking.model.trajectory import Stage
+from overtaking.model.vehicles import Role
+from overtaking.sim.reference.intent import (
+    Intent,
+    can_abort,
+    can_go_back,
+    can_go_out,
+    can_remain,
+    has_arrived,
+    has_passed,
+    in_stage,
+    signal,
+)
+from overtaking.sim.reference.state import Fields, State
+from overtaking.world.parameters import Parameters
+
+_FREE = np.float32(1e9)  # Behind nobody [m/s^2].
+
+
+@dataclass(slots=True, kw_only=True)
+class Orders:
+    """What another driver asks for at a decision.
+
+    Attributes:
+        kind: A name in `KINDS`.
+        values: Its numbers in SI units, each of shape (simulation,).
+    """
+
+    kind: str
+    values: tuple[F32, ...]
+
+
+def orders_at(actions: Actions | None, decision: int) -> Orders | None:
+    """The orders of a decision; those of the last one where there are no more."""
+    if actions is None:
+        return None
+    row = actions.values[:, min(decision, actions.values.shape[1] - 1)]
+    return orders_of(actions.kind, row)
+
+
+def orders_of(kind: str, steps: np.ndarray) -> Orders:
+    """Orders from whole numbers of steps, shape (simulation, part)."""
+    scales = [np.float32(round(1.0 / part.step)) for part in KINDS[kind]]
+    values = (steps[:, k].astype(np.float32) / scale for k, scale in enumerate(scales))
+    return Orders(kind=kind, values=tuple(values))
+
+
+def pedals(orders: Orders | None, leader: F32, old_leader: F32) -> tuple[F32, F32]:
+    """The accelerations that drivers want for two reasons, the ego's as another driver asks."""
+    if orders is None or orders.kind == "decision":
+        return leader, old_leader
+    leader, old_leader = leader.copy(), old_leader.copy()
+    leader[Role.EGO], old_leader[Role.EGO] = orders.values[0], _FREE
+    return leader, old_leader
+
+
+def wheel(orders: Orders | None) -> F32 | None:
+    """Angle of the front wheels that another driver asks for, (simulation,) [rad]."""
+    return orders.values[1] if orders is not None and orders.kind == "accel_steer" else None
+
+
+def obey(state: State, given: Parameters, p: Fields, orders: Orders) -> Intent:
+    """What the ego sets out to do: what another driver asks for, where that is possible."""
+    if orders.kind == "accel_steer":
+        return _drift(state, given, p)
+    side = _side(orders)
+    # Who changes their mind shows the other side for as long.
+    turned = state.wanted[Role.EGO] * side < 0
+    state.signalled = np.where(turned, np.float32(0.0), state.signalled)
+    start = can_go_out(state, given) & (side > 0)
+    back = can_go_back(state) & (side < 0)
+    signal(state, given, start, back)
+    now = _now(state, p, orders)
+    drops_out, drops_back = _gives_up(orders)
+    return Intent(
+        start=start,
+        back=back,
+        go_out=start & now,
+        go_back=back & now,
+        abort=can_abort(state, given) & drops_out,
+        remain=can_remain(state, given) & drops_back,
+        passed=has_passed(state, given, p),
+        arrived=has_arrived(state),
+    )
+
+
+def _side(orders: Orders) -> F32:
+    """Where the ego is to go: 1 towards the fast side, -1 towards the slow side, 0 nowhere."""
+    if orders.kind == "accel_lane":
+        return orders.values[1]
+    move, one = orders.values[0], np.float32(1.0)
+    out = (move == np.float32(Move.SHOW_OUT)) | (move == np.float32(Move.PULL_OUT))
+    back = (move == np.float32(Move.SHOW_BACK)) | (move == np.float32(Move.RETURN))
+    return np.where(out, one, np.where(back, -one, np.float32(0.0)))
+
+
+def _now(state: State, p: Fields, orders: Orders) -> Mask:
+    """Whether the ego moves over now: when told to, or once it has signalled for its usual time."""
+    if orders.kind == "accel_lane":
+        return state.signalled > p.signal_time[Role.EGO]
+    move = orders.values[0]
+    return (move == np.float32(Move.PULL_OUT)) | (move == np.float32(Move.RETURN))
+
+
+def _gives_up(orders: Orders) -> tuple[Mask, Mask]:
+    """Whether the ego is to give up pulling out, and to give up changing back."""
+    if orders.kind == "accel_lane":
+        return orders.values[1] < 0, orders.values[1] > 0
+    aborts = orders.values[0] == np.float32(Move.ABORT)
+    return aborts, aborts
+
+
+def _drift(state: State, given: Parameters, p: Fields) -> Intent:
+    """What the ego has set out to do, told from the lane that it is in: nothing is shown before."""
+    road = given.road
+    lane = np.zeros_like(state.stage)
+    for k in range(1, road.num_lanes):
+        lane = np.where(state.d[Role.EGO] >= road.boundaries[k], np.float32(k), lane)
+    faster, slower = lane > state.lane[Role.EGO], lane < state.lane[Role.EGO]
+    out = in_stage(state, Stage.PULL_OUT)
+    comes_back = in_stage(state, Stage.RETURN) | in_stage(state, Stage.ABORT)
+    never = np.zeros_like(out)
+    signal(state, given, never, never)
+    return Intent(
+        start=never,
+        back=never,
+        go_out=faster & ~comes_back,
+        go_back=slower & ~out,
+        abort=slower & out,
+        remain=faster & comes_back,
+        passed=has_passed(state, given, p),
+        arrived=has_arrived(state),
+    )

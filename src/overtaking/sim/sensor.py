@@ -1,0 +1,171 @@
+"""Sensors of an automated vehicle: what of the truth reaches another driver, when and how well."""
+
+import math
+import tomllib
+from collections import deque
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from overtaking.core.elementary import F32, Mask
+from overtaking.core.errors import ConfigError
+from overtaking.core.philox import Stream, normal_pair
+from overtaking.model.observation import AROUND, ROLES
+from overtaking.model.scenario import Scenario
+from overtaking.sim.observation import uniforms
+from overtaking.world.clock import DECISIONS_PER_SECOND
+from overtaking.world.parameters import Parameters
+
+_COLUMN = {name: place for place, name in enumerate(AROUND)}
+_AHEAD = np.array([role.endswith("lead") or role == "oncoming" for role in ROLES])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensor:
+    """Numbers of a sensor around the vehicle; whose they are, the user says.
+
+    What is nearest in a lane is detected where its centre is within range and field of view, unless
+    it is missed. Ranges shrink with the weather.
+
+    Attributes:
+        range_ahead: Range ahead [m].
+        range_behind: Range behind [m].
+        range_around: Range in every direction [m].
+        field_of_view: Whole angle of the view ahead, and of that behind [rad].
+        latency: Age of what is observed, in whole decisions of 50 ms [s].
+        gap_error: Standard deviation of gaps [m].
+        closing_error: Standard deviation of speeds of approach [m/s].
+        missed: Share of detections that are missed at a decision.
+        rain_loss: Share of the range that is lost in CARLA's heaviest rain.
+        fog_loss: Share of the range that is lost in CARLA's thickest fog.
+    """
+
+    range_ahead: float
+    range_behind: float
+    range_around: float
+    field_of_view: float
+    latency: float
+    gap_error: float
+    closing_error: float
+    missed: float
+    rain_loss: float
+    fog_loss: float
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that no sensor has."""
+        for name, (most, unit) in _LIMITS.items():
+            value = getattr(self, name)
+            if not (isinstance(value, int | float) and 0.0 <= value <= most):
+                raise ConfigError.out_of_range(name, "sensor", 0, f"{most:g} {unit}".strip(), value)
+
+    @classmethod
+    def read(cls, path: str | Path) -> "Sensor":
+        """The sensor of a TOML file with a value for each attribute.
+
+        Raises:
+            ConfigError: It cannot be read, or says something else.
+        """
+        try:
+            numbers = tomllib.loads(Path(path).read_text("utf-8"))
+        except (OSError, ValueError) as error:
+            raise ConfigError.of(
+                what="sensor",
+                where=path,
+                expected="a TOML file",
+                got=error,
+                next_step="correct the path or the file",
+            ) from error
+        known = {one.name for one in fields(cls)}
+        if set(numbers) != known:
+            raise ConfigError.of(
+                what="sensor",
+                where=path,
+                expected=f"the numbers {', '.join(sorted(known))}",
+                got=f"{', '.join(sorted(set(numbers) ^ known))} too many or missing",
+                next_step="correct the file",
+            )
+        return cls(**numbers)
+
+
+_LIMITS = {
+    "range_ahead": (2000.0, "m"),
+    "range_behind": (2000.0, "m"),
+    "range_around": (2000.0, "m"),
+    "field_of_view": (math.tau, "rad"),
+    "latency": (2.0, "s"),
+    "gap_error": (100.0, "m"),
+    "closing_error": (100.0, "m/s"),
+    "missed": (1.0, ""),
+    "rain_loss": (1.0, ""),
+    "fog_loss": (1.0, ""),
+}
+"""Largest value and unit of each number; the smallest is zero."""
+
+
+class Sensing:
+    """A sensor in every simulation of a batch.
+
+    Args:
+        sensor: The sensor.
+        scenario: A batch of scenarios.
+        given: Its parameters.
+    """
+
+    def __init__(self, sensor: Sensor, scenario: Scenario, given: Parameters) -> None:
+        """Have seen nothing yet."""
+        self._sensor, self._scenario = sensor, scenario
+        self._unseen = given.constants.unseen_gap
+        self._half = given.of_vehicles.of(0).half_length
+        weather = scenario.weather
+        kept = 1.0 - sensor.rain_loss * weather.rain / 100.0
+        self._clear = (kept * (1.0 - sensor.fog_loss * weather.fog / 100.0)).astype(np.float32)
+        delay = round(sensor.latency * float(DECISIONS_PER_SECOND))
+        self._delay = delay
+        self._past = deque[tuple[int, F32]](maxlen=max(delay, 0) + 1)
+
+    def sense(self, around: F32, active: Mask, decision: int) -> F32:
+        """What the sensors tell, in the shape of `around`.
+
+        Args:
+            around: The truth at a decision, shape (simulation, `ROLES`, `AROUND`).
+            active: Which simulations run, shape (simulation,).
+            decision: Number of the decision, greater each time.
+        """
+        self._past.append((decision, self._measured(around, decision)))
+        while len(self._past) > 1 and self._past[1][0] <= decision - self._delay:
+            self._past.popleft()
+        return np.where(active[:, None, None], self._past[0][1], np.float32(0.0))
+
+    def _measured(self, around: F32, decision: int) -> F32:
+        """What is measured now, and told after the latency."""
+        sensor = self._sensor
+        streams = np.arange(len(ROLES), dtype=np.uint32) + np.uint32(Stream.SENSOR)
+        draws = self._draws(streams, decision)
+        first, second = normal_pair(draws[..., 1], draws[..., 2])
+        sees = self._sees(around) & (draws[..., 0] >= np.float32(sensor.missed))
+        told = np.where(sees[..., None], around, np.float32(0.0))
+        gap, closing = around[..., _COLUMN["gap"]], around[..., _COLUMN["closing"]]
+        measured = gap + np.float32(sensor.gap_error) * first
+        told[..., _COLUMN["gap"]] = np.where(sees, measured, self._unseen)
+        speed = closing + np.float32(sensor.closing_error) * second
+        told[..., _COLUMN["closing"]] = np.where(sees, speed, np.float32(0.0))
+        return told
+
+    def _draws(self, streams: np.ndarray, decision: int) -> F32:
+        columns = [uniforms(self._scenario, int(stream), decision) for stream in streams]
+        return np.stack(columns, axis=1)
+
+    def _sees(self, around: F32) -> Mask:
+        """Whether each neighbour is within range and field of view."""
+        sensor = self._sensor
+        there = around[..., _COLUMN["detected"]] > 0
+        half = self._half[:, None] + np.float32(0.5) * around[..., _COLUMN["length"]]
+        along = around[..., _COLUMN["gap"]] + half
+        aside = np.abs(around[..., _COLUMN["aside"]])
+        distance = np.hypot(along, aside)
+        angle = np.arctan2(aside, along)
+        far = np.where(_AHEAD, sensor.range_ahead, sensor.range_behind) * self._clear[:, None]
+        near = sensor.range_around * self._clear[:, None]
+        inside = (angle <= 0.5 * sensor.field_of_view) & (distance <= far)
+        return there & (inside | (distance <= near))

@@ -1,0 +1,144 @@
+"""A policy makes a data set like any other, and the data set does not need it any more."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+import overtaking as ot
+from overtaking.cli import main
+from overtaking.core.errors import DatasetError, PolicyError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SHORT = {"time.horizon_s": 8.0, "time.attempt_deadline_s": 8.0}
+POLICY = """
+import numpy as np
+
+def steady(seen):
+    brakes = seen.of("closing", "lead").clip(0.0, 4.0)
+    return np.stack([-0.5 * brakes, np.ones(len(brakes))], axis=1)
+"""
+
+
+def wants_to_pass(seen: ot.Observation) -> np.ndarray:
+    """Accelerate a little, and change to the fast side as long as there is a vehicle ahead."""
+    ahead = seen.of("detected", "lead")
+    return np.stack([0.3 * seen.random()[:, 0], ahead], axis=1)
+
+
+def driver(**changes: object) -> ot.Driver:
+    return ot.Driver(policy=wants_to_pass, observe="human", **changes)
+
+
+def made(out: Path, keep: str, **given: object) -> ot.Dataset:
+    return ot.generate(
+        "pinto2023", 20, 3, out, keep=keep, overrides=SHORT, driver=driver(), shard_size=8, **given
+    )
+
+
+def test_a_data_set_of_a_policy_is_one_like_any_other(tmp_path):
+    data = made(tmp_path / "frames", "frames")
+    few = made(tmp_path / "features", "features")
+    scenario = ot.sample("pinto2023", 20, seed=3, overrides=SHORT)
+    run = ot.drive(scenario, wants_to_pass, observe="human")
+    for one in (0, 7, 19):
+        for kept in (data[one], few[one]):  # Of the second only what was done is kept.
+            np.testing.assert_array_equal(kept.trace_hash[0], run.trace_hash[one])
+            assert kept.actions
+            assert run.actions
+            assert kept.actions.hashes[0] == run.actions.hashes[one]
+    np.testing.assert_array_equal(few.states(5), data.states(5))
+    rows = data.actions()
+    assert list(rows.simulation.unique()) == list(range(20))
+    assert rows.accel_mps2.between(0.0, 0.3).all()
+    assert rows.move.isna().all()
+    policy = data.manifest.identity.policy
+    assert policy
+    assert policy.name.endswith("test_drive:wants_to_pass")
+    assert set(data.labels().policy) == {"paper", "default", "strict"}
+    assert ot.load(few.path).content_hash == few.content_hash
+
+
+def test_data_sets_without_a_policy_have_no_actions(tmp_path):
+    data = ot.generate("pinto2023", 3, 3, tmp_path / "own", overrides=SHORT)
+    assert data[1].actions is None
+    assert "actions" not in data.kept_tables
+    assert not (tmp_path / "own" / "actions").exists()
+
+
+def test_a_policy_that_fails_loses_nothing_that_was_written(tmp_path):
+    failing = {"left": 2}
+
+    def tired(seen: ot.Observation) -> np.ndarray:
+        if seen.decision == 0:
+            failing["left"] -= 1
+        if failing["left"] < 0:
+            raise RuntimeError("tired")
+        return wants_to_pass(seen)
+
+    given = {"keep": "features", "overrides": SHORT, "shard_size": 8}
+    tiring = ot.Driver(policy=tired, observe="human")
+    with pytest.raises(PolicyError, match=r"simulation 16 .*at 0.00 s.*RuntimeError: tired"):
+        ot.generate("pinto2023", 20, 3, tmp_path / "data", driver=tiring, **given)
+    written = sorted(path.name for path in (tmp_path / "data" / "simulations").iterdir())
+    assert len(written) == 2
+    failing["left"] = 9
+    data = ot.generate("pinto2023", 20, 3, tmp_path / "data", driver=tiring, resume=True, **given)
+    assert failing["left"] == 8  # Two of the three files were there already.
+    assert data.content_hash == made(tmp_path / "again", "features").content_hash
+
+
+def test_another_policy_does_not_complete_it(tmp_path):
+    made(tmp_path / "data", "features")
+    with pytest.raises(DatasetError, match="policy"):
+        ot.generate(
+            "pinto2023",
+            20,
+            3,
+            tmp_path / "data",
+            keep="features",
+            overrides=SHORT,
+            shard_size=8,
+            driver=driver(hold=2),
+            resume=True,
+        )
+    with pytest.raises(DatasetError, match="overtaking drive --resume"):
+        ot.resume(tmp_path / "data")
+
+
+def test_the_command_drives(tmp_path, capsys):
+    (tmp_path / "mine.py").write_text(POLICY, encoding="utf-8")
+    words = ["drive", "pinto2023", "--policy", f"{tmp_path / 'mine.py'}:steady", "-n", "4"]
+    words += ["--observe", "truth", "--out", str(tmp_path / "data")]
+    words += [word for pair in SHORT.items() for word in ("--set", "{}={}".format(*pair))]
+    assert main([*words, "--json", "--quiet"]) == 0
+    assert json.loads(capsys.readouterr().out)["simulations"] == 4
+    policy = json.loads((tmp_path / "data" / "dataset.json").read_text())["identity"]["policy"]
+    assert policy["name"].endswith("mine.py:steady")
+    assert (policy["observe"], policy["action"], policy["hold"]) == ("truth", "accel_lane", 1)
+    assert len(policy["digest"]) == 64
+    (tmp_path / "mine.py").unlink()
+    assert main(["show", str(tmp_path / "data"), "2"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("policy", "observe", "says"),
+    [
+        ("nothing_here:policy", "human", "module:name"),
+        ("json:nothing", "human", "module:name"),
+        ("json:dumps", "everything", "human or truth"),
+        ("json:dumps", "missing.toml", "a TOML file"),
+        ("json:dumps", "human", "an answer, got TypeError"),
+    ],
+)
+def test_words_that_cannot_be_used_are_one_line(tmp_path, capsys, policy, observe, says):
+    words = ["drive", "--policy", policy, "--observe", observe, "-n", "2"]
+    assert main([*words, "--out", str(tmp_path / "data")]) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1

@@ -1,0 +1,123 @@
+"""Another driver of the ego: the same on both engines, and the built-in ego is one of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from examples.human_ego import HumanEgo
+
+from overtaking import _core
+from overtaking.model.actions import KINDS, MOST_PARTS, Actions
+from overtaking.model.observation import AROUND, OWN, ROLES, WIDTH
+from overtaking.recordings.roads import load_road
+from overtaking.scenarios import sample, spec
+from overtaking.sim import engine, reference
+from overtaking.sim.driving import Driver, drive
+from overtaking.sim.stepping import stepper
+from overtaking.world.parameters import parameters
+
+from .situations import difference
+
+SHORT = {"time.horizon_s": 15.0, "time.attempt_deadline_s": 15.0}
+
+
+def scenes(count: int, profile: str = "pinto2023", **changes: object):
+    given = spec(profile, SHORT | changes)
+    return sample(given, load_road(given.road), 4, np.arange(count, dtype=np.uint64))
+
+
+def random_actions(kind: str, shape: tuple[int, int], seed: int = 1) -> Actions:
+    """Actions that change every half second, mostly within what a driver would do."""
+    limits = {
+        "move": (0, 6),
+        "accel": (-3000, 2500),
+        "lane_change": (-1, 2),
+        "wheel_angle": (-40, 40),
+    }
+    draw = np.random.default_rng(seed)
+    values = np.zeros((*shape, MOST_PARTS), np.int32)
+    for place, part in enumerate(KINDS[kind]):
+        few = draw.integers(*limits[part.name], (shape[0], -(-shape[1] // 10)))
+        values[:, :, place] = np.repeat(few, 10, axis=1)[:, : shape[1]]
+    return Actions(values=values, kind=kind)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_recorded_actions_have_the_same_bits_on_both_engines(kind):
+    scenario = scenes(12)
+    given = parameters(scenario)
+    actions = random_actions(kind, (12, 301))
+    expected = reference.run(scenario, given, actions=actions)
+    for level in [name for name, available in _core.simd_levels() if available]:
+        found = engine.run(scenario, given, actions=actions, level=level)
+        assert not (wrong := difference(found, expected)), f"{level}: {wrong}"
+    own = engine.run(scenario, given)
+    assert (expected.trace_hash != own.trace_hash).any(axis=1).sum() > 6
+
+
+@pytest.mark.parametrize("is_true", [False, True])
+@pytest.mark.parametrize("kind", KINDS)
+def test_both_engines_observe_the_same_bits(kind, is_true):
+    given = parameters(scenes(10))
+    values = random_actions(kind, (10, 301), seed=2).values
+    pair = [
+        stepper(given, kind, is_true=is_true, simulator=name) for name in ("engine", "reference")
+    ]
+    (table, runs), (expected, still) = (one.begin() for one in pair)
+    at = 0
+    while still.any():
+        np.testing.assert_array_equal(runs, still)
+        np.testing.assert_array_equal(table, expected, err_msg=f"decision {at}")
+        hold = 1 + at % 3
+        now = np.ascontiguousarray(values[:, at])
+        (table, runs), (expected, still) = (one.step(now, hold) for one in pair)
+        at += hold
+    assert at > 100
+    assert not runs.any()
+    assert not table.any()
+
+
+def test_the_numbers_of_an_observation_have_their_names():
+    assert _core.own_fields() == list(OWN)
+    assert _core.around_fields() == list(AROUND)
+    given = parameters(scenes(3))
+    table, runs = stepper(given, "accel_lane", is_true=True).begin()
+    assert table.shape == (3, WIDTH) == (3, len(OWN) + len(ROLES) * len(AROUND))
+    assert runs.all()
+    around = table[:, len(OWN) :].reshape(3, len(ROLES), len(AROUND))
+    empty = dict(zip(AROUND, around[0, -1], strict=True))
+    assert empty.pop("gap") == given.constants.unseen_gap
+    assert not any(empty.values())
+
+
+HUMAN = Driver(policy=HumanEgo(), observe="human", action="decision")
+
+
+@pytest.mark.parametrize("profile", ["pinto2023", "motorway", "motorway-risk"])
+def test_the_built_in_ego_as_a_policy_leaves_the_same_trace(profile):
+    given = spec(profile, {"time.horizon_s": 30.0, "time.attempt_deadline_s": 30.0})
+    scenario = sample(given, load_road(given.road), 7, np.arange(48, dtype=np.uint64))
+    expected = engine.run(scenario, parameters(scenario))
+    found = drive(scenario, HUMAN, engine.run)
+    assert np.unique(expected.stage).size > 4
+    assert not difference(found.replace(actions=None), expected)
+
+
+def test_the_reference_lets_a_policy_do_the_same():
+    scenario = scenes(8)
+    found = drive(scenario, HUMAN, reference.run, "reference")
+    assert not difference(found, drive(scenario, HUMAN, engine.run))
+    expected = engine.run(scenario, parameters(scenario)).trace_hash
+    np.testing.assert_array_equal(found.trace_hash, expected)
+
+
+def test_what_a_policy_does_does_not_depend_on_the_batch():
+    scenario = scenes(33)
+    whole = drive(scenario, HUMAN, engine.run)
+    order = np.random.default_rng(5).permutation(33)
+    for part in (order, order[:16], np.array([32])):
+        found = drive(scenario.select(part), HUMAN, engine.run)
+        np.testing.assert_array_equal(found.trace_hash, whole.trace_hash[part])
+        assert found.actions
+        assert whole.actions
+        assert found.actions.hashes == [whole.actions.hashes[one] for one in part]

@@ -1,0 +1,268 @@
+"""A policy is asked, its answers are checked, rounded and carried out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import overtaking as ot
+from overtaking.core.errors import ConfigError, PolicyError
+from overtaking.model.observation import AROUND, ROLES
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.sim.controls import CONTROLS
+from overtaking.sim.sensor import Sensing, Sensor
+from overtaking.world.parameters import parameters
+
+SHORT = {"time.horizon_s": 6.0, "time.attempt_deadline_s": 6.0}
+
+RADAR = Sensor(
+    range_ahead=150.0,
+    range_behind=80.0,
+    range_around=20.0,
+    field_of_view=math.radians(60.0),
+    latency=0.1,
+    gap_error=0.2,
+    closing_error=0.1,
+    missed=0.02,
+    rain_loss=0.2,
+    fog_loss=0.1,
+)
+
+
+@pytest.fixture(scope="module")
+def scenes() -> ot.Scenario:
+    return ot.sample("pinto2023", 6, seed=2, overrides=SHORT)
+
+
+@pytest.fixture(scope="module")
+def calm(scenes: ot.Scenario) -> ot.Scenario:
+    """The same without wind, which another driver has to steer against."""
+    return scenes.replace(weather=scenes.weather.replace(wind=np.zeros(6, np.float32)))
+
+
+def constant(*answer: float):
+    return lambda seen: np.tile(answer, (len(seen.active), 1))
+
+
+def speeds(run: ot.Trajectories) -> np.ndarray:
+    """Speed of the egos, (simulation, time) [m/s]."""
+    return run.states.speed[:, 0] * 1e-3
+
+
+def test_an_acceleration_is_carried_out_with_the_egos_jerk(scenes):
+    run = ot.drive(scenes, constant(-1.0, 0.0), observe="truth")
+    accel = run.states.accel_lon[:, 0, 60:-1] * 1e-3
+    sound = (run.collided_with == NO_VEHICLE) & run.frame_valid
+    rolls = (speeds(run) > 2.0)[:, 60:-1] & sound[:, 60:-1]
+    assert rolls.any(axis=1).sum() >= 5
+    np.testing.assert_allclose(accel[rolls], -1.0, atol=0.05)
+
+
+def test_a_speed_is_reached(calm):
+    run = ot.drive(calm, constant(20.0, 0.0), observe="human", action="speed_lane")
+    sound = run.contacts.time[:, 0] == 0
+    assert sound.sum() >= 4
+    end = speeds(run)[np.arange(6), run.num_frames - 1]
+    np.testing.assert_allclose(end[sound], 20.0, atol=2.0)
+
+
+def test_a_wish_for_a_lane_is_signalled_first_and_ends_in_its_middle(scenes):
+    run = ot.drive(scenes, constant(0.0, 1.0), observe="human")
+    states = run.states
+    for one in range(6):
+        moved = np.flatnonzero(states.lane[one, 0] > states.lane[one, 0, 0])
+        if states.lane[one, 0, 0] == run.road.num_lanes - 1:
+            continue
+        assert moved.size
+        uses = scenes.drivers.uses_indicator[one, 0] > 0
+        shown = np.flatnonzero(states.lights[one, 0] & 3)
+        assert (shown[:1] < moved[0] - 20).all() == uses or not uses
+
+
+def test_a_trajectory_is_followed(calm):
+    begin = dict[str, np.ndarray]()
+
+    def wave(seen: ot.Observation) -> np.ndarray:
+        """Steady speed, and half a metre towards the fast side of where it began."""
+        times, ahead = np.array([0.5, 1.0, 1.5, 2.0]), seen.of("speed")
+        at = begin.setdefault("lateral", seen.of("lateral"))
+        aside = np.where(seen.active, at + 0.5 - seen.of("lateral"), 0.0)
+        points = [(ahead * t, aside) for t in times]
+        return np.stack([number for pair in points for number in pair], axis=1)
+
+    run = ot.drive(calm, wave, observe="truth", action="trajectory", hold=4)
+    last = run.num_frames - 1
+    d = run.states.d[np.arange(6), 0] * 1e-3
+    went = np.abs(d[np.arange(6), last] - d[:, 0])
+    sound = run.contacts.time[:, 0] == 0
+    assert sound.sum() >= 4
+    np.testing.assert_allclose(went[sound], 0.5, atol=0.05)
+    change = speeds(run)[np.arange(6), last] - speeds(run)[:, 0]
+    assert (np.abs(change[sound]) < 0.5).all()
+    assert run.actions
+    assert run.actions.kind == "accel_steer"
+
+
+def test_what_acts_is_what_is_recorded(scenes):
+    finer = ot.drive(scenes, constant(0.123_4, 0.0), observe="human")
+    rounded = ot.drive(scenes, constant(0.123, 0.0), observe="human")
+    np.testing.assert_array_equal(finer.trace_hash, rounded.trace_hash)
+    assert finer.actions
+    assert rounded.actions
+    np.testing.assert_array_equal(finer.actions.values, rounded.actions.values)
+    assert finer.actions.hashes == rounded.actions.hashes
+    other = ot.drive(scenes, constant(0.124, 0.0), observe="human")
+    assert other.actions
+    assert set(other.actions.hashes).isdisjoint(finer.actions.hashes)
+    far = ot.drive(scenes, constant(1e9, 0.0), observe="human")
+    assert far.actions
+    assert far.actions.values.max() == 20_000
+
+
+def test_an_answer_holds(scenes):
+    asked = list[int]()
+
+    def policy(seen: ot.Observation) -> np.ndarray:
+        asked.append(seen.decision)
+        return np.tile([0.01 * len(asked), 0.0], (6, 1))
+
+    run = ot.drive(scenes, policy, observe="human", hold=7)
+    assert asked == list(range(0, 121, 7))[: len(asked)]
+    assert run.actions
+    first = run.actions.values[:, :14, 0]
+    np.testing.assert_array_equal(first, np.repeat([10, 20], 7) + np.zeros((6, 14)))
+
+
+def test_a_policy_draws_the_same_in_every_batch(scenes):
+    def draws(seen: ot.Observation) -> np.ndarray:
+        return np.stack([4.0 * seen.random()[:, 0] - 3.0, np.zeros(len(seen.active))], axis=1)
+
+    whole = ot.drive(scenes, draws, observe="human")
+    part = ot.drive(scenes.select(slice(2, 4)), draws, observe="human")
+    np.testing.assert_array_equal(part.trace_hash, whole.trace_hash[2:4])
+
+
+def fails(seen: ot.Observation) -> np.ndarray:
+    raise ZeroDivisionError("of mine")
+
+
+def sometimes_nan(seen: ot.Observation) -> np.ndarray:
+    answer = np.zeros((len(seen.active), 2))
+    answer[3, 0] = np.nan if seen.decision == 20 else 0.0
+    return answer
+
+
+def changes_its_mind(seen: ot.Observation) -> np.ndarray:
+    return np.zeros((len(seen.active), 2 if seen.decision < 9 else 3))
+
+
+@pytest.mark.parametrize(
+    ("policy", "says"),
+    [
+        (fails, "simulation 0 and 5 others at 0.00 s.*an answer, got ZeroDivisionError: of mine"),
+        (sometimes_nan, r"simulation 3 at 1.00 s.*finite numbers, got \[nan, 0.0\]"),
+        (changes_its_mind, r"at 0.45 s.*shape \(6, 2\): accel, lane_change, got shape \(6, 3\)"),
+        (lambda _: np.zeros(6), r"at 0.00 s.*got shape \(6,\)"),
+        (lambda _: ["left"] * 6, "numbers, got an array of <U4"),
+        (lambda _: None, "numbers, got an array of object"),
+    ],
+)
+def test_what_is_no_answer_is_one_clear_error(scenes, policy, says):
+    with pytest.raises(PolicyError, match=says) as raised:
+        ot.drive(scenes, policy, observe="human")
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"observe": "everything"}, {"action": "fly"}, {"hold": 0}, {"simulator": "sumo"}],
+)
+def test_an_argument_that_cannot_be_used_is_refused(scenes, wrong):
+    with pytest.raises(ConfigError):
+        ot.drive(scenes, constant(0.0, 0.0), **({"observe": "human"} | wrong))
+
+
+def test_what_is_observed_is_never_assumed(scenes):
+    with pytest.raises(TypeError, match="observe"):
+        ot.drive(scenes, constant(0.0, 0.0))  # pyright: ignore[reportCallIssue]
+
+
+def test_every_action_names_its_numbers():
+    assert {name: len(one.parts) for name, one in CONTROLS.items()} == {
+        "accel_lane": 2,
+        "speed_lane": 2,
+        "accel_steer": 2,
+        "trajectory": 8,
+        "decision": 1,
+    }
+
+
+class TestSensor:
+    def sensed(self, scenes, decisions=40, **changes):
+        """The truth at some decisions, and what a sensor tells of it."""
+        given = parameters(scenes)
+        sensor = Sensor(**{name: getattr(RADAR, name) for name in RADAR.__slots__} | changes)
+        sensing = Sensing(sensor, scenes, given)
+        truth = np.zeros((decisions, 6, len(ROLES), len(AROUND)), np.float32)
+        columns = dict(zip(AROUND, np.moveaxis(truth, -1, 0), strict=True))
+        columns["detected"][...] = 1.0
+        columns["gap"][...] = np.linspace(5.0, 200.0, decisions)[:, None, None]
+        columns["closing"][...] = 5.0
+        active = np.ones(6, bool)
+        told = np.stack([sensing.sense(one, active, k) for k, one in enumerate(truth)])
+        return columns, dict(zip(AROUND, np.moveaxis(told, -1, 0), strict=True))
+
+    def test_it_sees_as_far_as_it_does(self, scenes):
+        clear = scenes.replace(
+            weather=scenes.weather.replace(
+                rain=np.zeros(6, np.float32), fog=np.zeros(6, np.float32)
+            )
+        )
+        truth, told = self.sensed(clear, latency=0.0, missed=0.0, gap_error=0.0)
+        ahead = np.array([name.endswith("lead") or name == "oncoming" for name in ROLES])
+        half = parameters(clear).of_vehicles.of(0).half_length[:, None]
+        within = truth["gap"] + half <= np.where(ahead, 150.0, 80.0)
+        np.testing.assert_array_equal(told["detected"] > 0, within)
+        np.testing.assert_array_equal(told["gap"][within], truth["gap"][within])
+
+    def test_it_sees_less_far_in_rain(self, scenes):
+        heavy = scenes.weather.replace(rain=np.full(6, 100.0, np.float32))
+        _, told = self.sensed(scenes.replace(weather=heavy), missed=0.0, gap_error=0.0)
+        assert told["gap"][told["detected"] > 0].max() <= 0.8 * 150.0
+
+    def test_it_tells_late(self, scenes):
+        _, now = self.sensed(scenes, latency=0.0)
+        _, late = self.sensed(scenes, latency=0.15)
+        np.testing.assert_array_equal(late["gap"][3:], now["gap"][:-3])
+
+    def test_it_errs_and_misses_as_often_as_it_does(self, scenes):
+        given = {"range_ahead": 500.0, "range_behind": 500.0, "rain_loss": 0.0, "fog_loss": 0.0}
+        truth, told = self.sensed(scenes, 400, latency=0.0, missed=0.1, gap_error=0.5, **given)
+        seen = told["detected"] > 0
+        assert abs(seen.mean() - 0.9) < 0.01  # 19,200 draws: a standard error of 0.002
+        error = (told["gap"] - truth["gap"])[seen]
+        assert abs(error.mean()) < 0.02
+        assert abs(error.std() - 0.5) < 0.02
+
+    def test_a_file_says_what_it_is(self, tmp_path, repository):
+        assert Sensor.read(repository / "examples" / "radar.toml").range_ahead > 0.0
+        wrong = tmp_path / "sensor.toml"
+        wrong.write_text("range_ahead = 100.0\n", encoding="utf-8")
+        with pytest.raises(ConfigError, match="latency"):
+            Sensor.read(wrong)
+
+    def test_impossible_numbers_are_refused(self):
+        with pytest.raises(ConfigError, match="missed"):
+            Sensor(**{name: getattr(RADAR, name) for name in RADAR.__slots__} | {"missed": 1.5})
+
+    def test_a_policy_may_see_by_it(self, scenes):
+        seen = list[float]()
+
+        def policy(one: ot.Observation) -> np.ndarray:
+            seen.append(float((one.of("detected", "lead") > 0).mean()))
+            return np.zeros((6, 2))
+
+        ot.drive(scenes, policy, observe=RADAR)
+        assert 0.0 < np.mean(seen) < 1.0
