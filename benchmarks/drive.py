@@ -5,8 +5,8 @@
 
 A constant policy, asked 20 times a second in a batch: what is measured is the engine, the copies of
 actions and observations, and nothing of a policy. Only decisions of simulations that run count.
-`pinto2023` has up to six vehicles, `motorway` up to 32. Two rows are calls of the stepper alone,
-one a call of `overtaking.drive`, which checks, rounds and simulates again with the recorded
+`pinto2023-physical` has up to six vehicles, `motorway` up to 32. Two rows are calls of the stepper
+alone, one a call of `overtaking.drive`, which checks, rounds and simulates again with the recorded
 actions. highway-env steps its road with five vehicles, of which we count one for a driver of one's
 own (`highway.py`; README.md beside this file says how to install it). All take turns; a rate is the
 median of the turns.
@@ -20,6 +20,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from statistics import median
+from typing import Any
 
 import numpy as np
 
@@ -76,14 +77,14 @@ def highway() -> Rates | None:
 
 def measures(simulations: int, turns: int) -> list[Measure]:
     """Every row, all of them in turns."""
-    study = ot.sample("pinto2023", simulations, seed=3)
-    short = dict.fromkeys(("time.horizon_s", "time.attempt_deadline_s"), 20.0)
+    study = ot.sample("pinto2023-physical", simulations, seed=3)
+    short: dict[str, Any] = dict.fromkeys(("time.horizon_s", "time.attempt_deadline_s"), 20.0)
     busy = ot.sample("motorway", simulations // 8, seed=3, overrides=short)
     work: dict[str, Callable[[], Rates | None]] = {
-        f"pinto2023, {simulations} at a time": partial(timed, partial(steps, study, 1)),
-        f"pinto2023, {simulations}, held for 4": partial(timed, partial(steps, study, 4)),
+        f"pinto2023-physical, {simulations} at a time": partial(timed, partial(steps, study, 1)),
+        f"pinto2023-physical, {simulations}, held for 4": partial(timed, partial(steps, study, 4)),
         f"motorway, {simulations // 8} at a time": partial(timed, partial(steps, busy, 1)),
-        "pinto2023, overtaking.drive": partial(timed, partial(drives, study)),
+        "pinto2023-physical, overtaking.drive": partial(timed, partial(drives, study)),
         "highway-env, five vehicles, road alone": highway,
     }
     rates = [{name: one() for name, one in work.items()} for _ in range(turns)]

@@ -41,7 +41,7 @@ FAULTS = {
     "breeze": "dry simulations with 20 to 60 % of wind in which most vehicles slow by 5 km/h",
 }
 
-Array = NDArray[np.generic]
+Places = tuple[NDArray[np.intp], ...]
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def _lane_changes(batch: Batch) -> Iterator[tuple[str, int, int]]:
     yield _imposed(batch, at)
 
 
-def _overshoots(batch: Batch, at: tuple[Array, ...]) -> tuple[str, int, int]:
+def _overshoots(batch: Batch, at: Places) -> tuple[str, int, int]:
     """The way beyond the middle of the new lane, of changes that stay in it for a while."""
     runs, reach = batch.runs, round(SETTLES_S * batch.rate)
     simulation, vehicle, frame = at
@@ -110,7 +110,7 @@ def _overshoots(batch: Batch, at: tuple[Array, ...]) -> tuple[str, int, int]:
     return "overshoots", int((stays & (beyond > OVERSHOOT_MM)).sum()), int(stays.sum())
 
 
-def _imposed(batch: Batch, at: tuple[Array, ...]) -> tuple[str, int, int]:
+def _imposed(batch: Batch, at: Places) -> tuple[str, int, int]:
     """The braking of the next vehicle behind in the lane that was entered."""
     states, span = batch.runs.states, round(LATER_S * batch.rate)
     found = 0
@@ -158,7 +158,7 @@ def _breeze(batch: Batch) -> tuple[str, int, int]:
 
 def main() -> None:
     """Count and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("profile", nargs="?", default="motorway")
     parser.add_argument("-n", "--simulations", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=5)

@@ -57,6 +57,8 @@ class HumanEgo:
                 minimum(driver.safe_decel / demand, c.most_imposed), driver.hardest_decel
             ),
             impatience=impatience,
+            told=np.zeros_like(demand, np.bool_),
+            ordered=np.zeros_like(demand, np.bool_),
         )
 
     def starts(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
@@ -85,11 +87,11 @@ class HumanEgo:
 
 def main() -> None:
     """Compare it with the built-in ego."""
-    scenes = ot.sample("pinto2023", 100, seed=1)
+    scenes = ot.sample("pinto2023-physical", 100, seed=1)
     ours = ot.simulate(scenes)
     runs = ot.drive(scenes, HumanEgo(), observe="human", action="decision")
     same = (runs.trace_hash == ours.trace_hash).all(axis=1)
-    print("100 scenes of pinto2023, percepts to decisions")
+    print("100 scenes of pinto2023-physical, percepts to decisions")
     print(f"  same trace as the built-in ego: {same.sum()}")
     print(f"  overtakes begun: {(runs.stage == Stage.PULL_OUT).any(axis=1).sum()}")
     assert runs.actions is not None

@@ -37,14 +37,22 @@ def driver(**changes: object) -> ot.Driver:
 
 def made(out: Path, keep: str, **given: object) -> ot.Dataset:
     return ot.generate(
-        "pinto2023", 20, 3, out, keep=keep, overrides=SHORT, driver=driver(), shard_size=8, **given
+        "pinto2023-physical",
+        20,
+        3,
+        out,
+        keep=keep,
+        overrides=SHORT,
+        driver=driver(),
+        shard_size=8,
+        **given,
     )
 
 
 def test_a_data_set_of_a_policy_is_one_like_any_other(tmp_path):
     data = made(tmp_path / "frames", "frames")
     few = made(tmp_path / "features", "features")
-    scenario = ot.sample("pinto2023", 20, seed=3, overrides=SHORT)
+    scenario = ot.sample("pinto2023-physical", 20, seed=3, overrides=SHORT)
     run = ot.drive(scenario, wants_to_pass, observe="human")
     for one in (0, 7, 19):
         for kept in (data[one], few[one]):  # Of the second only what was done is kept.
@@ -65,7 +73,7 @@ def test_a_data_set_of_a_policy_is_one_like_any_other(tmp_path):
 
 
 def test_data_sets_without_a_policy_have_no_actions(tmp_path):
-    data = ot.generate("pinto2023", 3, 3, tmp_path / "own", overrides=SHORT)
+    data = ot.generate("pinto2023-physical", 3, 3, tmp_path / "own", overrides=SHORT)
     assert data[1].actions is None
     assert "actions" not in data.kept_tables
     assert not (tmp_path / "own" / "actions").exists()
@@ -84,11 +92,13 @@ def test_a_policy_that_fails_loses_nothing_that_was_written(tmp_path):
     given = {"keep": "features", "overrides": SHORT, "shard_size": 8}
     tiring = ot.Driver(policy=tired, observe="human")
     with pytest.raises(PolicyError, match=r"simulation 16 .*at 0.00 s.*RuntimeError: tired"):
-        ot.generate("pinto2023", 20, 3, tmp_path / "data", driver=tiring, **given)
+        ot.generate("pinto2023-physical", 20, 3, tmp_path / "data", driver=tiring, **given)
     written = sorted(path.name for path in (tmp_path / "data" / "simulations").iterdir())
     assert len(written) == 2
     failing["left"] = 9
-    data = ot.generate("pinto2023", 20, 3, tmp_path / "data", driver=tiring, resume=True, **given)
+    data = ot.generate(
+        "pinto2023-physical", 20, 3, tmp_path / "data", driver=tiring, resume=True, **given
+    )
     assert failing["left"] == 8  # Two of the three files were there already.
     assert data.content_hash == made(tmp_path / "again", "features").content_hash
 
@@ -97,7 +107,7 @@ def test_another_policy_does_not_complete_it(tmp_path):
     made(tmp_path / "data", "features")
     with pytest.raises(DatasetError, match="policy"):
         ot.generate(
-            "pinto2023",
+            "pinto2023-physical",
             20,
             3,
             tmp_path / "data",
@@ -113,7 +123,7 @@ def test_another_policy_does_not_complete_it(tmp_path):
 
 def test_the_command_drives(tmp_path, capsys):
     (tmp_path / "mine.py").write_text(POLICY, encoding="utf-8")
-    words = ["drive", "pinto2023", "--policy", f"{tmp_path / 'mine.py'}:steady", "-n", "4"]
+    words = ["drive", "pinto2023-physical", "--policy", f"{tmp_path / 'mine.py'}:steady", "-n", "4"]
     words += ["--observe", "truth", "--out", str(tmp_path / "data")]
     words += [word for pair in SHORT.items() for word in ("--set", "{}={}".format(*pair))]
     assert main([*words, "--json", "--quiet"]) == 0

@@ -21,7 +21,7 @@ from .situations import difference
 SHORT = {"time.horizon_s": 15.0, "time.attempt_deadline_s": 15.0}
 
 
-def scenes(count: int, profile: str = "pinto2023", **changes: object):
+def scenes(count: int, profile: str = "pinto2023-physical", **changes: object):
     given = spec(profile, SHORT | changes)
     return sample(given, load_road(given.road), 4, np.arange(count, dtype=np.uint64))
 
@@ -93,7 +93,7 @@ def test_the_numbers_of_an_observation_have_their_names():
 HUMAN = Driver(policy=HumanEgo(), observe="human", action="decision")
 
 
-@pytest.mark.parametrize("profile", ["pinto2023", "motorway", "motorway-risk"])
+@pytest.mark.parametrize("profile", ["pinto2023-physical", "motorway", "motorway-risk"])
 def test_the_built_in_ego_as_a_policy_leaves_the_same_trace(profile):
     given = spec(profile, {"time.horizon_s": 30.0, "time.attempt_deadline_s": 30.0})
     scenario = sample(given, load_road(given.road), 7, np.arange(48, dtype=np.uint64))

@@ -20,6 +20,8 @@ const FARTHEST: f32 = 1e4;
 const DEEPEST: f32 = 40.0;
 /// What is left of the logarithm of the contrast of something as large as a vehicle near by.
 const LEAST_CONTRAST: f32 = 0.02;
+/// Keeps the growth finite where all looming is seen [rad/s].
+const LEAST_LOOMING: f32 = 1e-9;
 /// Keeps sight lines finite alongside [m].
 const LEAST_REACH: f32 = 0.1;
 
@@ -388,8 +390,9 @@ pub fn perceive<S: Simd, const N: usize>(
         let distance = at_least(gap, NEAREST);
         let width = pick!(w.count, slot, |j| w.p[j].loom_width);
         let expansion = width * closing.abs() / (distance * distance);
-        let excess = expansion / c.looming_threshold - 1.0;
-        let clear = clamp_to(excess / c.looming_growth, 0.0, 1.0);
+        let excess = expansion - c.looming_threshold;
+        let span = (c.looming_growth * c.looming_threshold).max(LEAST_LOOMING);
+        let clear = clamp_to(excess / span, 0.0, 1.0);
         let fading = at_least(closing * c.error_fade_time, NEAREST);
         let share = at_most(distance / fading, 1.0);
         let sensed = closing * (1.0 + share * (q.speed_error * state.speed_error[i]));

@@ -127,7 +127,13 @@ def policies_of(pack: Pack) -> tuple[Policy, ...]:
     """
     fitting = tuple(one for one in POLICIES if {*one.required} <= {*pack.codes})
     duties = tuple(rule.code for rule in pack.rules if rule.of_ego)
-    every = Policy(name="all", required=duties, allows_undecided=False, censors_open=True)
+    every = Policy(
+        name="all",
+        required=duties,
+        allows_undecided=False,
+        censors_open=True,
+        names_departures=True,
+    )
     return fitting or (every,)
 
 

@@ -95,9 +95,9 @@ def brakes_for_the_old_leader(*, gap: float, done: float, duration: float = 5.0)
 
 def test_who_pulls_out_late_brakes_until_the_bodies_are_clear():
     assert brakes_for_the_old_leader(gap=10.0, done=0.5)
-    # 10 m/s closing, 3 s until clear, 1 s to spare and 2 m at standstill: 42 m.
-    assert not brakes_for_the_old_leader(gap=45.0, done=0.0)
-    assert brakes_for_the_old_leader(gap=39.0, done=0.0)
+    # 10 m/s closing, 3 s until clear, 2 s to spare and 2 m at standstill: 52 m.
+    assert not brakes_for_the_old_leader(gap=55.0, done=0.0)
+    assert brakes_for_the_old_leader(gap=49.0, done=0.0)
 
 
 def test_who_is_beside_the_old_leader_does_not_brake():
@@ -123,3 +123,20 @@ def test_traction_control_leaves_driven_axles_most_of_their_side_force(kind: str
         assert float(axle.along[0, 0]) == pytest.approx(expected * grip, rel=1e-5)
         rest = np.sqrt(1.0 - expected * expected)
         assert float(axle.limit[0, 0]) == pytest.approx(rest * grip, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("room", "closing", "time", "needed"),
+    # 2 (v t - x) / t^2 while the room is used up with speed to spare, else v^2 / 2x.
+    [(40.0, 10.0, 5.0, 0.8), (10.0, 10.0, 5.0, 5.0), (60.0, 10.0, 5.0, -0.8)],
+)
+def test_the_room_lasts_until_the_bodies_are_clear(
+    room: float, closing: float, time: float, needed: float
+):
+    m = moment([Vehicle(s=0.0)])
+    numbers = (np.array([x], np.float32) for x in (room, closing, time))
+    found = float(control._braking_to_clear(m.given.constants, *numbers)[0])
+    assert found == pytest.approx(needed)
+    # Driven at that braking, the room is never used up before the time.
+    instants = np.linspace(0.0, min(time, closing / max(found, 1e-9)), 200)
+    assert (closing * instants - 0.5 * max(found, 0.0) * instants**2 <= room + 1e-3).all()

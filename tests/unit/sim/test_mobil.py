@@ -223,8 +223,8 @@ def test_a_follower_must_be_safe_in_two_seconds_as_well():
 
 
 def test_who_would_reach_the_leader_hurries():
-    # At 10 m/s more the gap of 60 m is closed after 6 s: clear a second before, at 0.6 of the path.
-    for closing, expected in ((0.0, 9.0), (10.0, (6.0 - 1.0) / 0.6), (30.0, 4.0)):
+    # At 10 m/s more the gap of 60 m is closed after 6 s: clear 2 s before, at 0.6 of the path.
+    for closing, expected in ((0.0, 9.0), (10.0, (6.0 - 2.0) / 0.6), (30.0, 4.0)):
         m = moment([FAR_AWAY, car(0.0, 0, 25.0, lane_change_duration=9.0)])
         shape = m.state.s.shape
         moved, nobody = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING
@@ -18,6 +20,8 @@ from overtaking.model.trajectory import (
 from overtaking.world.constants import known
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from overtaking.analysis.validation.tally import Array, Tally
     from overtaking.analysis.validation.traffic import Batch
 
@@ -68,7 +72,7 @@ class Accident:
 
 def count(tally: Tally, batch: Batch) -> None:
     """Add the accidents of a batch to a tally."""
-    found = accidents(batch.runs)
+    found = first_of_each(accidents(batch.runs))
     simulation = np.array([one.simulation for one in found], np.intp)
     group, weight = batch.group[simulation], batch.weight[simulation]
     tally.add("accidents", group, weight)
@@ -103,6 +107,21 @@ def accidents(runs: Trajectories) -> list[Accident]:
                 )
             )
     return sorted(found, key=lambda one: (one.simulation, one.time, one.vehicles))
+
+
+def first_of_each(found: Iterable[Accident]) -> list[Accident]:
+    """The first accident of each simulation, as hard as the hardest that follows it.
+
+    A simulation is some hundred metres of traffic for a minute or two: what collides behind wrecks
+    belongs to the accident that made them, as in the statistics of roads.
+
+    Args:
+        found: Accidents, by simulation and time.
+    """
+    return [
+        dataclasses.replace(first, delta_v=max([first.delta_v, *(one.delta_v for one in later)]))
+        for _, (first, *later) in itertools.groupby(found, lambda one: one.simulation)
+    ]
 
 
 def _contacts(runs: Trajectories, simulation: int, touched: Array) -> list[Accident]:

@@ -27,6 +27,7 @@ _NEAREST = np.float32(1.0)  # Who touches is as visible, and looms as much, as a
 _FARTHEST = np.float32(1e4)  # Beyond this every limit of sight has been passed [m].
 _DEEPEST = np.float32(40.0)  # Nothing is seen through e**-40; larger exponents only overflow.
 _LEAST_CONTRAST = np.float32(0.02)  # Logarithm at which contrast is as good as gone.
+_LEAST_LOOMING = np.float32(1e-9)  # Keeps the growth finite where all looming is seen [rad/s].
 _LEAST_REACH = np.float32(0.1)  # Keeps sight lines finite alongside [m].
 
 
@@ -239,8 +240,9 @@ def perceive(
         closing = own_speed - speed if role % 2 == 0 else speed - own_speed
         distance = maximum(gap, _NEAREST)
         expansion = pick(p.loom_width, slot) * np.abs(closing) / (distance * distance)
-        excess = expansion / c.looming_threshold - np.float32(1.0)
-        clear = clamp(excess / c.looming_growth, np.float32(0.0), np.float32(1.0))
+        excess = expansion - c.looming_threshold
+        span = maximum(c.looming_growth * c.looming_threshold, _LEAST_LOOMING)
+        clear = clamp(excess / span, np.float32(0.0), np.float32(1.0))
         fading = maximum(closing * c.error_fade_time, _NEAREST)
         share = minimum(distance / fading, np.float32(1.0))
         sensed = closing * (np.float32(1.0) + share * (q.speed_error * state.speed_error))

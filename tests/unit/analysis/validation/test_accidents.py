@@ -9,7 +9,7 @@ import pytest
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.analysis.validation import accidents as module
-from overtaking.analysis.validation.accidents import Severity, accidents
+from overtaking.analysis.validation.accidents import Severity, accidents, first_of_each
 from overtaking.analysis.validation.figures import DEFINITIONS
 from overtaking.analysis.validation.tally import Tally
 from overtaking.analysis.validation.traffic import Batch, limit
@@ -61,6 +61,13 @@ def test_who_is_connected_by_contacts_is_in_one_accident():
     assert [one.time for one in found] == [2.0, 2.5]
     assert all(one.is_contact for one in found)
     assert found[0].delta_v == pytest.approx(12 / 3.6, rel=1e-3)
+
+
+def test_what_follows_in_a_simulation_belongs_to_the_first_accident_and_may_be_harder():
+    hits = (0, 1, 2000, 1), (1, 0, 2000, 1), (4, 5, 2500, 30), (5, 4, 2500, 30)
+    (only,) = first_of_each(accidents(touching(drive(), *hits)))
+    assert (only.vehicles, only.time) == ((0, 1), 2.0)
+    assert only.severity is Severity.SEVERE
 
 
 def test_a_chain_is_one_accident_in_whatever_order_its_links_are_known():
