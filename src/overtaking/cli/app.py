@@ -196,7 +196,7 @@ def doctor(output: Output, folder: options.CheckedFolder = Path()) -> int:
 
 
 COMMANDS: dict[options.Body, str] = {
-    generate: "overtaking generate --profile pinto2023-physical -n 276 --seed 1 --out data/pinto",
+    generate: "overtaking generate -n 276 --seed 1 --out data/pinto",
     driving.drive: "overtaking drive motorway --policy my_driver.py:policy --observe human -n 100 "
     "--out data/mine",
     show: "overtaking show data/pinto 17",

@@ -214,7 +214,7 @@ def test_the_folders_can_be_queried_by_anyone(data, runs):
     query = f"""
         select count(*), sum(x_mm::bigint)
         from '{data.path}/states/*.parquet' join '{data.path}/simulations/*.parquet'
-        using (simulation) where profile = 'pinto2023'
+        using (simulation) where profile = 'pinto2023-physical'
     """
     valid = runs.scenario.vehicles.valid[:, :, None] & runs.frame_valid[:, None, :]
     expected = (valid.sum(), runs.states.x[valid].astype(np.int64).sum())

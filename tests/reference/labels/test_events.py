@@ -32,7 +32,7 @@ def test_events_of_overtakes_written_by_hand_are_the_same():
 
 
 def test_what_they_agree_on_has_every_kind_of_event():
-    found = case("pinto2023-physical").events
+    found = case("pinto2023").events
     for name in ("attempt", "line_crossed", "return_end", "abort", "back", "collision", "drift"):
         happened = getattr(found, name) != NEVER
         assert happened.any(), name

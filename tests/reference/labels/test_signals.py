@@ -109,7 +109,7 @@ def test_single_frames_are_what_they_are_among_all_frames(name):
 
 
 def test_what_is_not_recorded_is_zero_although_memory_is_used_again():
-    run = case("pinto2023-physical").trajectories
+    run = case("pinto2023").trajectories
     last = case_of(run).signals.speed.copy()
     assert last.any()
     again = case_of(dataclasses.replace(run, num_frames=np.full_like(run.num_frames, 40))).signals
@@ -121,11 +121,11 @@ def test_what_is_not_recorded_is_zero_although_memory_is_used_again():
 def test_an_unknown_level_is_refused(monkeypatch):
     monkeypatch.setenv(SIMD_VARIABLE, "abacus")
     with pytest.raises(ConfigError, match=r"SIMD level: .* got abacus"):
-        case_of(case("pinto2023-physical").trajectories)
+        case_of(case("pinto2023").trajectories)
 
 
 def test_frames_that_do_not_exist_are_refused():
-    given = case("pinto2023-physical")
+    given = case("pinto2023")
     rows = np.zeros(3, np.intp)
     for frames in (rows + given.signals.num_frames, rows - 1):
         with pytest.raises(ValueError, match="expected recorded frames"):
@@ -133,7 +133,7 @@ def test_frames_that_do_not_exist_are_refused():
 
 
 def test_a_vehicle_that_does_not_exist_is_refused():
-    given = case("pinto2023-physical")
+    given = case("pinto2023")
     run, wrong = given.trajectories, given.signals.vehicle.copy()
     wrong[0, Around.LEADER] = run.states.s.shape[1]
     strange = given.signals.replace(vehicle=wrong)

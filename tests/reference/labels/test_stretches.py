@@ -74,7 +74,7 @@ def test_answers_about_overtakes_written_by_hand_are_the_same():
 
 
 def test_what_they_agree_on_has_something_of_everything():
-    batches = [case(name) for name in ("pinto2023-physical", "motorway-risk")]
+    batches = [case(name) for name in ("pinto2023", "motorway-risk")]
     batches += [case_of(run) for run in written()]
     found = [answers(given, dict.fromkeys(SPANS, whole(given))) for given in batches]
     for name in ("stop_lit", "stop_unlit", "follow", "braking"):
@@ -92,7 +92,7 @@ def test_what_they_agree_on_has_something_of_everything():
 
 
 def test_frames_that_do_not_exist_are_refused():
-    given = case("pinto2023-physical")
+    given = case("pinto2023")
     late = given.events.replace(line_crossed=given.events.last + np.int32(10_000))
     with pytest.raises(ValueError, match="no frame"):
         answers(given.replace(events=late), dict.fromkeys(SPANS, whole(given)))

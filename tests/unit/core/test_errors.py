@@ -11,6 +11,7 @@ KINDS = [
     (errors.NoSuchSimulationError, errors.ConfigError),
     (errors.NoSuchSimulationError, IndexError),
     (errors.SchemaError, ValueError),
+    (errors.PolicyError, RuntimeError),
     (errors.ImportFormatError, ValueError),
     (errors.DatasetError, RuntimeError),
     (errors.LockedError, errors.DatasetError),

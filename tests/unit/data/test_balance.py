@@ -99,7 +99,7 @@ def test_a_cell_is_named_after_its_class_and_its_light():
         assert [BY_LIGHT.cells[cell] for cell in cells if cell != OUTSIDE] == [
             f"{one.title}/{light}" for one in CLASSES
         ]
-        assert cells[len(CLASSES) :] == [OUTSIDE, OUTSIDE], "Success_U and censored"
+        assert cells[len(CLASSES) :] == [OUTSIDE] * 3, "Success_U, censored and departed"
 
 
 def test_the_number_of_candidates_follows_from_how_many_have_been_needed():
