@@ -28,7 +28,7 @@ def simulated(
     given = spec(profile, {"profile.frame_interval_ms": interval_ms})
     road = load_road(given.road)
     road = road.mirrored() if mirrored else road
-    return simulator.simulate(sample(given, road, 22, np.arange(count, dtype=np.uint64)))
+    return simulator.simulate(sample(given, road, 27, np.arange(count, dtype=np.uint64)))
 
 
 def nowhere() -> Trajectories:
