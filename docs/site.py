@@ -14,6 +14,7 @@ import subprocess
 import sys
 from itertools import takewhile
 from pathlib import Path
+from types import ModuleType
 
 from latex2mathml.converter import convert
 
@@ -127,7 +128,8 @@ def api() -> str:
         lines += [f"## {heading}", ""]
         for name, one in public.items():
             if isinstance(one, type) == classes:
-                lines += [f"::: {one.__module__}.{name}", ""]
+                home = one.__name__ if isinstance(one, ModuleType) else f"{one.__module__}.{name}"
+        lines += [f"::: {home}", ""]
     return "\n".join(lines)
 
 
