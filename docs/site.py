@@ -129,7 +129,7 @@ def api() -> str:
         for name, one in public.items():
             if isinstance(one, type) == classes:
                 home = one.__name__ if isinstance(one, ModuleType) else f"{one.__module__}.{name}"
-        lines += [f"::: {home}", ""]
+                lines += [f"::: {home}", ""]
     return "\n".join(lines)
 
 
