@@ -45,6 +45,8 @@ PHASE_COLOURS = {
     "gives up": "#f3dcea",
     "follows again": "#eef0f2",
     "collided": "#f8d9c7",
+    "off the road": "#e6dccb",
+    "spins": "#e3d5e8",
 }
 """Background of each phase of an overtake, light enough to print on."""
 

@@ -14,6 +14,7 @@ from tests.support.features import synthetic_features
 from overtaking.analysis.stats import distributions
 from overtaking.analysis.stats.associations import associations
 from overtaking.analysis.stats.columns import ALL_CLASSES, BY_NAME, FEATURES, NUMERIC
+from overtaking.analysis.stats.diagrams import PHASES
 from overtaking.analysis.stats.results import Statistics, statistics
 from overtaking.analysis.stats.survival import kaplan_meier
 from overtaking.show import palette
@@ -275,3 +276,7 @@ def test_a_legend_of_all_classes_fits_into_the_figure(of_every_class: Statistics
 def test_no_two_classes_share_a_colour_a_marker_or_a_hatching_on_a_colour():
     for looks in (palette.CLASS_COLOURS, palette.CLASS_MARKERS):
         assert len(set(looks.values())) == len(looks) == len(ALL_CLASSES)
+
+
+def test_every_phase_of_an_overtake_has_a_colour():
+    assert {"follows", *PHASES.values()} == style.PHASE_COLOURS.keys()
