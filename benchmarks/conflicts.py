@@ -16,7 +16,7 @@ conflict by Hayward (1972), with the braking that naturalistic studies ask for b
 
 EVERY_S = 0.2
 LONGEST_TTC_S = 10.0
-"""Farther than this nobody is near anything; keeps the mean of the least times finite."""
+"""Upper bound of a time to collision; keeps the mean of the minima finite."""
 
 Values = NDArray[np.float64]
 

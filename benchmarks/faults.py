@@ -126,7 +126,7 @@ def _imposed(batch: Batch, at: Places) -> tuple[str, int, int]:
 
 
 def _drops(batch: Batch) -> tuple[str, int, int]:
-    """The speed lost between coming near and pulling out, with nobody in the next lane."""
+    """Loss of speed between approach and pull-out while the next lane is free."""
     runs = batch.runs
     events = label(runs).events
     begun = np.flatnonzero((events.attempt != NEVER) & (events.follow != NEVER))

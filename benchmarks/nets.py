@@ -75,7 +75,7 @@ NETS: dict[str, Change] = {
     "stop lamps": Change(constants={"stop_lamp_decel": OFF}),
     "errors fade near contact": Change(constants={"error_fade_time": 0.0}),
     "urgency of braking": Change(constants={"brake_ramp": OFF}),
-    # Nobody brakes harder than the friction that is believed in allows.
+    # Drivers limit braking to the friction that they believe in.
     "emergency braking": Change(
         rows={"brake_force": lambda p: np.minimum(p.brake_force, p.hardest_decel * p.mass)}
     ),

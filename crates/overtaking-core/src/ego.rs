@@ -34,7 +34,7 @@ struct View<'a, S: Simd> {
     demand: V<S>,
     imposes: V<S>,
     impatience: V<S>,
-    /// Is told to change lanes: demands no gap, looks at nobody beside it, gives nothing up.
+    /// Is told to change lanes: needs no gap, ignores vehicles beside it and never aborts.
     told: M<S>,
     /// Is told to pull out now: a vehicle in sight ahead is slower.
     ordered: M<S>,

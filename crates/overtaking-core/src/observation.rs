@@ -80,7 +80,7 @@ pub fn observe<S: Simd, const N: usize>(
                 Source::Truth => real(state, w, mind, role),
             }
         } else {
-            nobody(w)
+            no_neighbour(w)
         };
         neighbour(state, w, mind, role.min(ROLES - 1), seen).write(columns);
     }
@@ -172,7 +172,7 @@ fn real<S: Simd, const N: usize>(
 }
 
 #[inline(always)]
-fn nobody<S: Simd, const N: usize>(w: &World<'_, S, N>) -> Seen<S> {
+fn no_neighbour<S: Simd, const N: usize>(w: &World<'_, S, N>) -> Seen<S> {
     let zero = splat(w.simd, 0.0);
     Seen {
         detected: zero.simd_ne(zero),
