@@ -44,7 +44,7 @@ _NOBODY = -1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class ImageTracks:
     """One simulation in the coordinates of a highD image, 25 frames a second.
 
     Arrays have shape (vehicle, frame); where a vehicle is not there, the values mean nothing.
@@ -94,21 +94,21 @@ def write_highd(trajectories: Trajectories, numbers: NDArray[np.integer], folder
     """
     written = 0
     for place, number in enumerate(numbers.tolist()):
-        scene = scene_of(trajectories, place)
-        neighbours = _neighbours(scene)
-        gaps = _gaps(scene, neighbours["precedingId"])
+        image = image_tracks(trajectories, place)
+        neighbours = _neighbours(image)
+        gaps = _gaps(image, neighbours["precedingId"])
         tables = {
-            "recordingMeta": recording_meta(scene, number + 1),
-            "tracksMeta": tracks_meta(scene, neighbours["precedingId"] != _NOBODY, gaps),
-            "tracks": tracks(scene, neighbours, gaps),
+            "recordingMeta": recording_meta(image, number + 1),
+            "tracksMeta": tracks_meta(image, neighbours["precedingId"] != _NOBODY, gaps),
+            "tracks": tracks(image, neighbours, gaps),
         }
         for kind, columns in tables.items():
             put_file(folder / f"{number + 1:02d}_{kind}.csv", _text(columns))
-        written += int(scene.there.sum())
+        written += int(image.there.sum())
     return written
 
 
-def scene_of(trajectories: Trajectories, place: int) -> Scene:
+def image_tracks(trajectories: Trajectories, place: int) -> ImageTracks:
     """One simulation, resampled and turned into the image."""
     road, count = trajectories.road, int(trajectories.num_frames[place])
     interval = trajectories.scenario.frame_interval_ms
@@ -131,7 +131,7 @@ def scene_of(trajectories: Trajectories, place: int) -> Scene:
     edges = np.sort(road.boundaries)
     bodies = trajectories.scenario.vehicles
     known = "speed_limit" not in trajectories.unknown and road.speed_limit < NO_LIMIT
-    return Scene(
+    return ImageTracks(
         there=there,
         length=bodies.length[place, slots].astype(np.float64),
         width=bodies.width[place, slots].astype(np.float64),
@@ -147,12 +147,12 @@ def scene_of(trajectories: Trajectories, place: int) -> Scene:
     )
 
 
-def _neighbours(scene: Scene) -> dict[str, Places]:
+def _neighbours(image: ImageTracks) -> dict[str, Places]:
     """The neighbours of each vehicle in its own lane and the two beside it, in highD's order."""
-    apart, reach = _apart(scene)
-    shift = scene.lane[None, :, :] - scene.lane[:, None, :]
-    both = scene.there[None, :, :] & scene.there[:, None, :]
-    both &= ~np.eye(len(scene.length), dtype=np.bool_)[:, :, None]
+    apart, reach = _apart(image)
+    shift = image.lane[None, :, :] - image.lane[:, None, :]
+    both = image.there[None, :, :] & image.there[:, None, :]
+    both &= ~np.eye(len(image.length), dtype=np.bool_)[:, :, None]
     beside, own = np.abs(apart) <= reach, both & (shift == 0)
     found = {
         "precedingId": _nearest(apart, own & (apart >= 0)),
@@ -166,10 +166,10 @@ def _neighbours(scene: Scene) -> dict[str, Places]:
     return found
 
 
-def _apart(scene: Scene) -> tuple[F64, F64]:
+def _apart(image: ImageTracks) -> tuple[F64, F64]:
     """Distance of the centres ahead and of touching ones, shapes (vehicle, other, frame or 1)."""
-    half = scene.length * 0.5
-    apart = scene.x[None, :, :] - scene.x[:, None, :]
+    half = image.length * 0.5
+    apart = image.x[None, :, :] - image.x[:, None, :]
     return apart, (half[None, :] + half[:, None])[:, :, None]
 
 
@@ -179,10 +179,10 @@ def _nearest(distance: F64, there: NDArray[np.bool_]) -> Places:
     return np.where(there.any(axis=1), masked.argmin(axis=1), _NOBODY)
 
 
-def _gaps(scene: Scene, preceding: Places) -> Columns:
+def _gaps(image: ImageTracks, preceding: Places) -> Columns:
     """Gap [m], times [s] and speed [m/s] of the vehicle ahead, 0 without one; (vehicle, frame)."""
-    apart, reach = _apart(scene)
-    speed, somebody = scene.velocity[0], preceding != _NOBODY
+    apart, reach = _apart(image)
+    speed, somebody = image.velocity[0], preceding != _NOBODY
     ahead = np.maximum(preceding, 0)
     clear = np.take_along_axis(apart - reach, ahead[:, None, :], axis=1)[:, 0]
     gap = np.where(somebody, clear, 0.0)
@@ -197,41 +197,41 @@ def _gaps(scene: Scene, preceding: Places) -> Columns:
     }
 
 
-def tracks(scene: Scene, neighbours: dict[str, Places], gaps: Columns) -> Columns:
+def tracks(image: ImageTracks, neighbours: dict[str, Places], gaps: Columns) -> Columns:
     """The states, by vehicle and frame."""
-    length, width = scene.length[:, None], scene.width[:, None]
-    x = scene.x - length * 0.5
+    length, width = image.length[:, None], image.width[:, None]
+    x = image.x - length * 0.5
     values: Columns = {
-        "frame": np.arange(scene.there.shape[1]) + 1,
+        "frame": np.arange(image.there.shape[1]) + 1,
         "id": np.arange(len(length))[:, None] + 1,
         "x": x,
-        "y": scene.y - width * 0.5,
+        "y": image.y - width * 0.5,
         "width": length,
         "height": width,
-        "xVelocity": scene.velocity[0],
-        "yVelocity": scene.velocity[1],
-        "xAcceleration": scene.accel[0],
-        "yAcceleration": scene.accel[1],
-        "frontSightDistance": scene.extent - (x + length),
+        "xVelocity": image.velocity[0],
+        "yVelocity": image.velocity[1],
+        "xAcceleration": image.accel[0],
+        "yAcceleration": image.accel[1],
+        "frontSightDistance": image.extent - (x + length),
         "backSightDistance": x,
         **gaps,
         **{name: np.where(one == _NOBODY, 0, one + 1) for name, one in neighbours.items()},
         # From the top: what is above the upper line is 1, the median is 2, then come the lanes.
-        "laneId": 1 + len(scene.lines) - scene.lane,
+        "laneId": 1 + len(image.lines) - image.lane,
     }
-    shape = scene.there.shape
-    return {name: np.broadcast_to(one, shape)[scene.there] for name, one in values.items()}
+    shape = image.there.shape
+    return {name: np.broadcast_to(one, shape)[image.there] for name, one in values.items()}
 
 
-def tracks_meta(scene: Scene, follows: NDArray[np.bool_], gaps: Columns) -> Columns:
+def tracks_meta(image: ImageTracks, follows: NDArray[np.bool_], gaps: Columns) -> Columns:
     """One row per vehicle; measures that a vehicle never has are -1.
 
     Args:
-        scene: The simulation.
+        image: The simulation.
         follows: Whether a vehicle has another ahead, shape (vehicle, frame).
         gaps: From `_gaps`.
     """
-    there, speed = scene.there, np.abs(scene.velocity[0])
+    there, speed = image.there, np.abs(image.velocity[0])
     follows = there & follows
 
     def least(values: F64, where: NDArray[np.bool_]) -> F64:
@@ -240,16 +240,16 @@ def tracks_meta(scene: Scene, follows: NDArray[np.bool_], gaps: Columns) -> Colu
 
     first = there.argmax(axis=1)
     last = np.where(there, np.arange(there.shape[1]), 0).max(axis=1)
-    ends = (np.take_along_axis(scene.x, frame[:, None], axis=1) for frame in (last, first))
+    ends = (np.take_along_axis(image.x, frame[:, None], axis=1) for frame in (last, first))
     both = there[:, 1:] & there[:, :-1]
     return {
         "id": np.arange(len(first)) + 1,
-        "width": scene.length,
-        "height": scene.width,
+        "width": image.length,
+        "height": image.width,
         "initialFrame": first + 1,
         "finalFrame": last + 1,
         "numFrames": there.sum(axis=1),
-        "class": np.where(scene.is_truck, "Truck", "Car"),
+        "class": np.where(image.is_truck, "Truck", "Car"),
         "drivingDirection": np.full(len(first), 2),
         "traveledDistance": np.subtract(*ends)[:, 0],
         "minXVelocity": least(speed, there),
@@ -258,30 +258,30 @@ def tracks_meta(scene: Scene, follows: NDArray[np.bool_], gaps: Columns) -> Colu
         "minDHW": least(gaps["dhw"], follows),
         "minTHW": least(gaps["thw"], follows & (gaps["thw"] > 0)),
         "minTTC": least(gaps["ttc"], follows & (gaps["ttc"] > 0)),
-        "numLaneChanges": (both & (np.diff(scene.lane, axis=1) != 0)).sum(axis=1),
+        "numLaneChanges": (both & (np.diff(image.lane, axis=1) != 0)).sum(axis=1),
     }
 
 
-def recording_meta(scene: Scene, number: int) -> Columns:
+def recording_meta(image: ImageTracks, number: int) -> Columns:
     """The one row about the whole recording; its date means nothing."""
-    count, trucks = len(scene.length), int(scene.is_truck.sum())
-    driven = (np.where(scene.there, np.abs(scene.velocity[0]), 0.0)).sum() / FRAME_RATE
+    count, trucks = len(image.length), int(image.is_truck.sum())
+    driven = (np.where(image.there, np.abs(image.velocity[0]), 0.0)).sum() / FRAME_RATE
     row = {
         "id": number,
         "frameRate": FRAME_RATE,
         "locationId": 0,
-        "speedLimit": scene.limit,
+        "speedLimit": image.limit,
         "month": "1.1970",
         "weekDay": "Thu",
         "startTime": "00:00",
-        "duration": scene.there.shape[1] / FRAME_RATE,
+        "duration": image.there.shape[1] / FRAME_RATE,
         "totalDrivenDistance": driven,
-        "totalDrivenTime": float(scene.there.sum()) / FRAME_RATE,
+        "totalDrivenTime": float(image.there.sum()) / FRAME_RATE,
         "numVehicles": count,
         "numCars": count - trucks,
         "numTrucks": trucks,
         "upperLaneMarkings": "0.00",
-        "lowerLaneMarkings": ";".join(f"{line:.{_DECIMALS}f}" for line in scene.lines),
+        "lowerLaneMarkings": ";".join(f"{line:.{_DECIMALS}f}" for line in image.lines),
     }
     return {name: np.array([value]) for name, value in row.items()}
 

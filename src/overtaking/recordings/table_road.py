@@ -55,7 +55,7 @@ _SAMPLE = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class Located:
     """A road and where the rows are on it.
 
     Attributes:
@@ -75,7 +75,7 @@ class Place:
     notes: dict[str, Any]
 
 
-def place_of(rows: Rows, columns: ColumnMap, road: Road | None) -> Place:
+def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
     """Where the rows are on a road.
 
     Args:
@@ -91,7 +91,7 @@ def place_of(rows: Rows, columns: ColumnMap, road: Road | None) -> Place:
     if road is not None:
         s, d = road.road_coordinates(x, y)
         notes = {"lanes_from": f"road {road.name}"}
-        return Place(road=road, s=s, d=d, shift=np.zeros(2), unknown=frozenset(), notes=notes)
+        return Located(road=road, s=s, d=d, shift=np.zeros(2), unknown=frozenset(), notes=notes)
     shift = np.round(np.array([x.min(), y.min()]) / 1000.0) * 1000.0
     shift = shift if max(np.abs(x).max(), np.abs(y).max()) > _FAR else np.zeros(2)
     x, y = x - shift[0], y - shift[1]
@@ -120,7 +120,7 @@ def place_of(rows: Rows, columns: ColumnMap, road: Road | None) -> Place:
         (first * cosine - middle * sine, first * sine + middle * cosine),
     )
     notes |= {"lane_widths_m": np.round(np.diff(borders), 2).tolist()}
-    return Place(
+    return Located(
         road=made,
         s=along - first,
         d=across - middle,

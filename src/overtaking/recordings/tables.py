@@ -21,7 +21,7 @@ from overtaking.recordings.recording import (
 )
 from overtaking.recordings.row_tables import read_rows
 from overtaking.recordings.table_files import refused
-from overtaking.recordings.table_road import check_straight, place_of
+from overtaking.recordings.table_road import check_straight, located
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -76,7 +76,7 @@ def recording_of(
         ImportFormatError: No straight road can be inferred, or nobody drives along it.
         ConfigError: The map is wrong.
     """
-    place = place_of(rows, columns, road)
+    place = located(rows, columns, road)
     if not np.ptp(place.s) < _WIDEST:
         raise refused(rows.where, "positions", f"less than {_WIDEST:g} m", f"{np.ptp(place.s):g} m")
     bend = check_straight(rows, place.s, place.d)

@@ -118,27 +118,28 @@ def replay(carla: Any, client: Any, sign: Callable[[], None], *, job: ReplayJob)
         ConfigError: The server has no such map.
         SimulationLostError: A vehicle could not be spawned, or a picture did not come.
     """
-    scene = _Scene(carla, _world(client, job), job.run)
+    replay = _Replay(carla, _world(client, job), job.run)
     partial = job.folder / PARTIAL
     partial.mkdir(exist_ok=True)
     films = [
-        _Film(encoder(), partial / f"{job.name}-{view}.mp4", job.size, scene.rate) for view in VIEWS
+        _Film(encoder(), partial / f"{job.name}-{view}.mp4", job.size, replay.rate)
+        for view in VIEWS
     ]
     try:
-        cameras = [scene.camera(view, job.size) for view in VIEWS]
-        for frame in range(scene.num_frames):
-            number = scene.show(frame)
+        cameras = [replay.camera(view, job.size) for view in VIEWS]
+        for frame in range(replay.num_frames):
+            number = replay.show(frame)
             for film, camera in zip(films, cameras, strict=True):
                 film.add(_picture(camera, number))
             sign()
         files = tuple(film.close(job.folder) for film in films)
     finally:
-        scene.tear_down()
+        replay.tear_down()
         for film in films:
             film.drop()
         with contextlib.suppress(OSError):  # Another one is still being made.
             partial.rmdir()
-    return Replayed(files=files, num_frames=scene.num_frames)
+    return Replayed(files=files, num_frames=replay.num_frames)
 
 
 def _world(client: Any, job: ReplayJob) -> Any:
@@ -159,7 +160,7 @@ def map_of(run: Trajectories) -> str | None:
 
 
 @dataclass(slots=True)
-class _Scene:
+class _Replay:
     """The recorded vehicles in a world."""
 
     carla: Any
