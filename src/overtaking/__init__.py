@@ -10,6 +10,8 @@ In memory:
     compare             simulate on several simulators, and say where they part
     validate            hold the traffic of a profile against real traffic
     plot_validation     draw what validate found
+    map_roads           list the roads of an OpenDRIVE file, and which can be simulated
+    plot_map            draw them
     reproduce           repeat a published study
     write_reproduction  write what reproduce found as one page
 
@@ -80,6 +82,8 @@ _HOMES = {
     "learn_factors": "overtaking.api.learning",
     "learn_rules": "overtaking.api.learning",
     "load": "overtaking.api.data",
+    "map_roads": "overtaking.recordings.opendrive_map",
+    "plot_map": "overtaking.api.maps",
     "plot_validation": "overtaking.api.results",
     "prove": "overtaking.api.logic",
     "query": "overtaking.api.results",

@@ -8,6 +8,7 @@ from overtaking.api.learning import learn_factors as learn_factors
 from overtaking.api.learning import learn_rules as learn_rules
 from overtaking.api.logic import ask as ask
 from overtaking.api.logic import prove as prove
+from overtaking.api.maps import plot_map as plot_map
 from overtaking.api.results import film as film
 from overtaking.api.results import plot_validation as plot_validation
 from overtaking.api.results import query as query
@@ -35,6 +36,7 @@ from overtaking.model.scenario import Scenario as Scenario
 from overtaking.model.trajectory import Trajectories as Trajectories
 from overtaking.model.vehicles import VehicleSpecs as VehicleSpecs
 from overtaking.model.weather import Weather as Weather
+from overtaking.recordings.opendrive_map import map_roads as map_roads
 from overtaking.sim.driving import Driver as Driver
 from overtaking.sim.observation import Observation as Observation
 from overtaking.sim.sensor import Sensor as Sensor

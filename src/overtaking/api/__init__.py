@@ -18,6 +18,7 @@ from overtaking.api.data import (
 from overtaking.api.driving import drive, driver_of
 from overtaking.api.learning import learn_factors, learn_rules
 from overtaking.api.logic import ask, prove
+from overtaking.api.maps import map_roads, plot_map
 from overtaking.api.results import (
     entity_relationship_diagram,
     film,
@@ -59,6 +60,8 @@ __all__ = [
     "learn_rules",
     "literature",
     "load",
+    "map_roads",
+    "plot_map",
     "plot_validation",
     "prove",
     "query",

@@ -16,6 +16,7 @@ from overtaking.cli import (
     logic,
     options,
     reproducing,
+    roads,
     sql,
     stats,
     sumo,
@@ -215,6 +216,7 @@ COMMANDS: dict[options.Body, str] = {
     validate.validate: "overtaking validate motorway -n 1000 --seed 1 --plot motorway.png",
     reproducing.reproduce: "overtaking reproduce pinto2023 --replicates 100 --out reproduction",
     compare: "overtaking compare pinto2023-physical -n 100 --seed 1 --with sumo,carla",
+    roads.roads: "overtaking roads town.xodr --plot town.png",
     glossary.glossary: "overtaking glossary Success_I",
     doctor: "overtaking doctor --json",
 }

@@ -107,6 +107,7 @@ Road = Annotated[
         "--road ID|NAME", "Id of a road of --map; without --map the name of a road of the package."
     ),
 ]
+Plot = Annotated[Path | None, option("--plot FILE", "Draw the figures to a .png or .svg file.")]
 Keep = Annotated[
     str | None,
     option(

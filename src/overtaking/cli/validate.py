@@ -18,9 +18,6 @@ Recordings = Annotated[
         "--recordings FILE|FOLDER", "Compare with recordings in CommonRoad's format too."
     ),
 ]
-Plot = Annotated[
-    Path | None, options.option("--plot FILE", "Draw the figures to a .png or .svg file.")
-]
 
 
 def validate(
@@ -28,7 +25,7 @@ def validate(
     profile: Profile,
     count: Count = COUNT,
     seed: options.Seed = None,
-    plot: Plot = None,
+    plot: options.Plot = None,
     recordings: Recordings = None,
     map_file: options.Map = None,
     road: options.Road = None,

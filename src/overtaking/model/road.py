@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from overtaking.core.errors import ConfigError
 from overtaking.model.checks import check
+from overtaking.model.line import direction
 from overtaking.model.values import within
 
 F64 = NDArray[np.float64]
@@ -37,10 +38,6 @@ MAX_COORDINATE = 1.0e8  # Wider than any map projection of the Earth in metres.
 MAX_SPEED_LIMIT = 100.0
 
 _COORDINATE = within(-MAX_COORDINATE, MAX_COORDINATE, "m")
-
-_HALF_PI = math.pi / 2.0
-_SINE = tuple((-1.0) ** (k // 2) / math.factorial(k) for k in range(19, 0, -2))
-_COSINE = tuple((-1.0) ** (k // 2) / math.factorial(k) for k in range(18, -1, -2))
 
 
 class RoadMark(enum.Enum):
@@ -194,7 +191,7 @@ class Road:
             x and y in the right-handed world frame [m].
         """
         along, left = np.asarray(s, dtype=np.float64), np.asarray(d, dtype=np.float64)
-        cosine, sine = _direction(self.heading)
+        cosine, sine = direction(self.heading)
         return (
             self.x0 + (along * cosine - left * sine),
             self.y0 + (along * sine + left * cosine),
@@ -204,7 +201,7 @@ class Road:
         """Road coordinates (s, d) of world points [m]; the inverse of `world`."""
         east = np.asarray(x, dtype=np.float64) - self.x0
         north = np.asarray(y, dtype=np.float64) - self.y0
-        cosine, sine = _direction(self.heading)
+        cosine, sine = direction(self.heading)
         return east * cosine + north * sine, north * cosine - east * sine
 
     def lane_index(self, d: ArrayLike) -> NDArray[np.int64]:
@@ -290,24 +287,3 @@ class Road:
                 "a 'driving' lane with direction 1; others can only be neighbours",
                 f"{lane.kind!r} with direction {lane.direction}",
             )
-
-
-def _direction(heading: float) -> tuple[float, float]:
-    """Cosine and sine of an angle of at most a few turns, with the same bits on every machine.
-
-    The last bit of libm's differs between systems. These are Taylor series on [-pi/4, pi/4], where
-    the first term left out is below 1e-19, in IEEE double additions and multiplications only.
-    """
-    turns = round(heading / _HALF_PI)
-    angle = heading - turns * _HALF_PI
-    square = angle * angle
-    cosine, sine = _series(_COSINE, square), angle * _series(_SINE, square)
-    return ((cosine, sine), (-sine, cosine), (-cosine, -sine), (sine, -cosine))[turns % 4]
-
-
-def _series(coefficients: tuple[float, ...], argument: float) -> float:
-    """Polynomial with the highest power first, by Horner's rule."""
-    total = 0.0
-    for coefficient in coefficients:
-        total = total * argument + coefficient
-    return total

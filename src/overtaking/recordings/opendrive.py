@@ -66,13 +66,13 @@ def read_opendrive(
     wanted = None if road_id is None else str(road_id)
     found: list[Element] = []
     ids: list[str] = []
-    for road in _roads(file, wanted, ids):
+    for road in roads_in(file, wanted, ids):
         found.append(road)
         del found[2:]  # Two are enough to know that the choice is not clear.
     try:
         if len(found) != 1:
             raise _unclear(file, wanted, ids)
-        return _road(file, found[0], lanes, speed_limit)
+        return read_road(file, found[0], lanes, speed_limit)
     except ImportFormatError as error:
         if len(ids) < 2:
             raise
@@ -94,10 +94,10 @@ def survey_opendrive(
         ImportFormatError: The file as a whole cannot be read.
     """
     verdicts: dict[str, Road | ImportFormatError] = {}
-    for road in _roads(Path(path), None, []):
+    for road in roads_in(Path(path)):
         name = shown(road.attribute("id"))
         try:
-            verdicts[name] = _road(Path(path), road, lanes, speed_limit)
+            verdicts[name] = read_road(Path(path), road, lanes, speed_limit)
         except ImportFormatError as error:
             verdicts[name] = error
     return verdicts
@@ -131,14 +131,26 @@ def _check_choice(lanes: str | None, speed_limit: float | None) -> None:
         )
 
 
-def _roads(path: Path, wanted: str | None, ids: list[str]) -> Iterator[Element]:
-    """The roads of a file, or the wanted one; `ids` collects the ids of all of them."""
+def roads_in(
+    path: Path, wanted: str | None = None, ids: list[str] | None = None
+) -> Iterator[Element]:
+    """The roads of a file, one after the other.
+
+    Args:
+        path: The file.
+        wanted: Id of the only one to read; all of them without it.
+        ids: Collects the ids of all of them.
+
+    Raises:
+        ImportFormatError: The file cannot be read.
+    """
+    seen = [] if ids is None else ids
 
     def keep(name: str, attributes: Mapping[str, str]) -> bool:
         if name != "road":
             return False
-        ids.append(attributes.get("id", ""))
-        return wanted is None or ids[-1] == wanted
+        seen.append(attributes.get("id", ""))
+        return wanted is None or seen[-1] == wanted
 
     document = elements(path, root="OpenDRIVE", keep=keep, skip=_SKIPPED)
     next(document)
@@ -158,8 +170,20 @@ def _unclear(path: Path, wanted: str | None, ids: list[str]) -> ImportFormatErro
     )
 
 
-def _road(path: Path, road: Element, lanes: Side | None, speed_limit: float | None) -> Road:
-    """A road from its element."""
+def read_road(
+    path: Path, road: Element, lanes: Side | None = None, speed_limit: float | None = None
+) -> Road:
+    """A road from its element.
+
+    Args:
+        path: The file, for the name of the road.
+        road: The `<road>`.
+        lanes: As for `read_opendrive`.
+        speed_limit: As for `read_opendrive` [m/s].
+
+    Raises:
+        ImportFormatError: The road is of a shape that is not supported.
+    """
     name = shown(road.attribute("id"))
     road.belongs_to(f"road {name}")
     if road.attribute("junction", default="-1") != "-1":

@@ -1,0 +1,103 @@
+"""What roads an OpenDRIVE file has: their course, lanes and slopes, and which can be simulated."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from overtaking.core.errors import ImportFormatError
+from overtaking.model.line import ReferenceLine
+from overtaking.model.road import Road
+from overtaking.recordings.messages import shown
+from overtaking.recordings.opendrive import read_road, roads_in
+from overtaking.recordings.opendrive_lanes import DRIVING, Side, lane_sections, side_lanes
+from overtaking.recordings.opendrive_plan import plan
+from overtaking.recordings.opendrive_shape import profile, spans
+from overtaking.recordings.xml import Element
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MappedRoad:
+    """One road of a map.
+
+    Attributes:
+        road_id: Id in the file.
+        name: Name in the file, which may be empty.
+        in_junction: Whether it is a way across a junction.
+        length: Length of its reference line [m].
+        right: Most driving lanes right of the reference line at one place.
+        left: Most driving lanes left of it at one place.
+        line: The reference line; None where the file states none that can be read.
+        steepest: Largest slope, up or down [1]; None where none can be read.
+        road: The road as it is simulated, None where it cannot be.
+        refusal: Why it cannot be simulated; None where it can be.
+    """
+
+    road_id: str
+    name: str
+    in_junction: bool
+    length: float
+    right: int
+    left: int
+    line: ReferenceLine | None
+    steepest: float | None
+    road: Road | None
+    refusal: str | None
+
+    @property
+    def radius(self) -> float | None:
+        """Radius of the sharpest bend [m]; None where the road is straight, or not readable."""
+        sharpest = 0.0 if self.line is None else self.line.sharpest
+        return 1.0 / sharpest if sharpest > 0.0 else None
+
+
+def map_roads(path: str | Path) -> list[MappedRoad]:
+    """Every road of an OpenDRIVE file, in its order.
+
+    A road that is damaged is listed with the reason; the others are read all the same.
+
+    Args:
+        path: The file, not compressed.
+
+    Raises:
+        ImportFormatError: The file as a whole cannot be read.
+    """
+    return [_mapped(Path(path), road) for road in roads_in(Path(path))]
+
+
+def _mapped(path: Path, road: Element) -> MappedRoad:
+    """One road from its element."""
+    line, steepest, length, right, left = None, None, 0.0, 0, 0
+    try:
+        length = road.number("length")
+        right, left = (_most_lanes(road, side, length) for side in ("right", "left"))
+        line, steepest = plan(road), _steepest(road, length)
+        simulated, refusal = read_road(path, road), None
+    except ImportFormatError as error:
+        simulated, refusal = None, str(error)
+    return MappedRoad(
+        road_id=shown(road.attribute("id", default="")),
+        name=shown(road.attribute("name", default="")),
+        in_junction=road.attribute("junction", default="-1") != "-1",
+        length=length if line is None else line.length,
+        right=right,
+        left=left,
+        line=line,
+        steepest=steepest,
+        road=simulated,
+        refusal=refusal,
+    )
+
+
+def _most_lanes(road: Element, side: Side, length: float) -> int:
+    """The largest number of driving lanes that lie beside each other on a side."""
+    return max(
+        sum(lane.attribute("type") == DRIVING for lane in side_lanes(section.element, side))
+        for section in lane_sections(road, length)
+    )
+
+
+def _steepest(road: Element, length: float) -> float:
+    """The largest slope of a road, up or down [1]."""
+    heights = road.optional("elevationProfile")
+    pieces = () if heights is None else profile(heights.all("elevation"), origin=0.0)
+    slopes = [piece.slope.extremes(span) for piece, span in spans(pieces, length)]
+    return max((abs(slope) for found in slopes for slope in found), default=0.0)
