@@ -135,7 +135,7 @@ class Row:
 
     def _ground(self, panel: Panel, levels: dict[float, str]) -> list[str]:
         ends = panel.left, panel.x(float(self.time[-1]))
-        parts = [box((ends[0], panel.top), (ends[1] - ends[0], TALL), THEME.band[0])]
+        parts = [box((ends[0], panel.top), (ends[1] - ends[0], TALL), THEME.band[1])]
         for level, name in levels.items():
             y = panel.y(level)
             parts.append(line((ends[0], y), (ends[1], y), THEME.paper, 1.1))
@@ -143,7 +143,7 @@ class Row:
         return parts
 
     def _curves(self, panel: Panel, values: F64) -> list[str]:
-        strokes = {int(slot): (THEME.other, 0.9) for slot in self.others}
+        strokes = {int(slot): (THEME.faint, 0.8) for slot in self.others}
         if self.target in strokes:
             strokes[self.target] = (THEME.overtaken, 1.6)
         strokes[int(Role.EGO)] = (THEME.ego, 2.0)
@@ -175,7 +175,7 @@ def heading(profile: str) -> list[str]:
     """What is shown, who is who, and the names of the three columns."""
     parts = [label((20, 26), f"{profile}: simulations 0 to 9 of seed {SEED}", THEME.ink, 16)]
     x = LEFT + PANEL + BETWEEN
-    signs = (("ego", THEME.ego), ("to overtake", THEME.overtaken), ("others", THEME.other))
+    signs = (("ego", THEME.ego), ("to overtake", THEME.overtaken), ("others", THEME.faint))
     for name, stroke in signs:
         parts += [line((x, 21), (x + 22, 21), stroke, 2.4), label((x + 28, 26), name, THEME.ink)]
         x += 46 + 6.6 * len(name)
