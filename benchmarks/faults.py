@@ -3,8 +3,8 @@
     python benchmarks/faults.py motorway -n 1000
     python benchmarks/faults.py pinto2023-physical -n 1000 --seed 5
 
-Printed is how often each fault occurs, of how many chances; docs/explanation/motorway.md has the
-table.
+Printed is how often each fault occurs, of how many chances, and how often trucks overtake trucks;
+docs/explanation/motorway.md has the table.
 """
 
 import argparse
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from overtaking.labels.label import label
 from overtaking.model.events import NEVER
 from overtaking.model.trajectory import Trajectories
+from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine
@@ -156,6 +157,21 @@ def _breeze(batch: Batch) -> tuple[str, int, int]:
     return "breeze", int((windy & slowed).sum()), int(windy.sum())
 
 
+def truck_overtakes(batch: Batch) -> tuple[int, float]:
+    """How often a truck passes another one on its right, and the way of all trucks [km]."""
+    runs, passes, way = batch.runs, 0, 0.0
+    trucks = runs.scenario.vehicles.valid & (runs.scenario.vehicles.kind == VehicleKind.T)
+    for simulation, slots in enumerate(trucks):
+        frames = slice(int(runs.num_frames[simulation]))
+        s = runs.states.s[simulation, slots, frames].astype(np.int64)
+        lane = runs.states.lane[simulation, slots, frames]
+        ahead = s[:, None] > s[None]
+        left = lane[:, None, 1:] > lane[None, :, 1:]
+        passes += int((ahead[:, :, 1:] & ~ahead[:, :, :-1] & left).sum())
+        way += 1e-6 * float((s[:, -1] - s[:, 0]).sum())
+    return passes, way
+
+
 def main() -> None:
     """Count and print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -165,16 +181,20 @@ def main() -> None:
     asked = parser.parse_args()
     given = spec(asked.profile)
     road, counts, chances = load_road(given.road), Counter[str](), Counter[str]()
+    passes, way = 0, 0.0
     for first in range(0, asked.simulations, BATCH):
         index = range(first, min(first + BATCH, asked.simulations))
         batch = Batch.of(engine.simulate(sample(given, road, asked.seed, index)))
         for name, found, of in faults(batch):
             counts[name] += found
             chances[name] += of
+        more, further = truck_overtakes(batch)
+        passes, way = passes + more, way + further
     print(f"{asked.profile}, {asked.simulations:,} simulations of seed {asked.seed}")
     for name, words in FAULTS.items():
         share = counts[name] / max(chances[name], 1)
         print(f"{counts[name]:>7,} of {chances[name]:>7,}  {share:7.2%}  {words}")
+    print(f"{passes:>7,} overtakes of trucks by trucks in {way:,.0f} truck-km")
 
 
 if __name__ == "__main__":

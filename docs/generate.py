@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from figures import overtake
+from figures import overtake, ten
 from generators import commands, glossary, knowledge, numbers, rules, tables
 
 HERE = Path(__file__).parent
@@ -30,7 +30,8 @@ def generated() -> dict[str, str]:
     }
     model = HERE / "explanation" / "model.md"
     pages["explanation/model.md"] = numbers.filled(model.read_text(encoding="utf-8"))
-    return pages | {f"figures/{name}": picture for name, picture in overtake.pictures().items()}
+    pictures = overtake.pictures() | ten.pictures()
+    return pages | {f"figures/{name}": picture for name, picture in pictures.items()}
 
 
 def stale(files: dict[str, str]) -> list[str]:
