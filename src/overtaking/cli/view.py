@@ -34,7 +34,7 @@ def view(
     port: Port = 0,
     opens: Open = False,
 ) -> None:
-    """Look at a data set in a browser, or write simulations as a page.
+    """Look at a data set in a browser, or write a page of it.
 
     Without --export a server on this machine shows all simulations until Ctrl-C. With it the page
     is one file: it opens from disk and needs no network.
