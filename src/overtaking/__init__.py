@@ -24,6 +24,7 @@ Data sets on disk, each in a folder:
     statistics          count classes, features and waiting times
     write_report        write figures and tables as one page
     film                film simulations
+    serve_view          show a data set in the browser of this machine
     write_view          write simulations as a page to look at in a browser
     query               ask in SQL
     ask                 ask in logic
@@ -97,6 +98,7 @@ _HOMES = {
     "validate": "overtaking.api.results",
     "write_report": "overtaking.api.results",
     "write_reproduction": "overtaking.api.results",
+    "serve_view": "overtaking.api.results",
     "write_view": "overtaking.api.results",
 }
 """The module that defines each public name."""

@@ -13,6 +13,7 @@ from overtaking.api.results import film as film
 from overtaking.api.results import plot_validation as plot_validation
 from overtaking.api.results import query as query
 from overtaking.api.results import reproduce as reproduce
+from overtaking.api.results import serve_view as serve_view
 from overtaking.api.results import statistics as statistics
 from overtaking.api.results import validate as validate
 from overtaking.api.results import write_report as write_report

@@ -303,14 +303,14 @@ class Stepper:
     """A batch that waits at every decision for what another driver orders."""
 
     def __init__(
-        self, batch: Mapping[str, Any], kind: str, is_true: bool, level: str | None = None
+        self, batch: Mapping[str, Any], kind: str | None, is_true: bool, level: str | None = None
     ) -> None:
         """Stand before the first decision.
 
         Args:
             batch: vehicle, simulation, index, slots, seed, record_every, road and constants as in
                 `simulate`.
-            kind: What orders are.
+            kind: What orders are; None where the model's own driver decides.
             is_true: Whether the truth is observed.
             level: SIMD level; None for the best of this CPU.
 

@@ -1,6 +1,6 @@
 // Everything that lies on the axis of time: stages, events, law and charts, with one cursor.
 
-import type { Gaps, LawRow, Run, Words } from "./bundle.ts";
+import type { Gaps, LawRow, Overlay, Run, Words } from "./bundle.ts";
 import { h, svg, write } from "./dom.ts";
 
 export interface Board {
@@ -14,6 +14,8 @@ export interface Needs {
   words: Words;
   policy: string;
   width: number; // Of the plots [px].
+  overlays: Overlay[]; // Other courses on the same clock.
+  frames: number; // Of the longest course.
   seek: (frame: number) => void;
   tellRule: (rule: string) => void;
 }
@@ -25,7 +27,8 @@ interface Row {
 
 interface Line {
   name: string;
-  kind: "ego" | "target" | "other" | "limit" | "faint";
+  kind: "ego" | "target" | "other" | "limit" | "faint" | "belief" | "branch";
+  letter?: string; // Of a branch.
   values: Gaps;
   digits: number;
 }
@@ -36,14 +39,15 @@ const STRIP = 30;
 const MOST_GAP = 100; // [m]; what is farther is of no interest here.
 
 export function board(needs: Needs): Board {
-  const rows = [stageRow(needs), eventRow(needs), ...lawRows(needs), ...chartRows(needs), axisRow(needs)];
+  const events = [{ letter: "", run: needs.run }, ...needs.overlays].map((one) => eventRow(needs, one.run, one.letter));
+  const rows = [stageRow(needs), ...events, ...lawRows(needs), ...chartRows(needs), axisRow(needs)];
   const cursor = h("div", { class: "cursor" });
   const field = h("div", { class: "field", "aria-hidden": true }, cursor);
   const element = h("div", { class: "board" }, ...rows.map((row) => row.element), field);
-  const { run, seek } = needs;
+  const { frames, seek } = needs;
   const seekTo = (event: PointerEvent): void => {
     const box = field.getBoundingClientRect();
-    seek(((event.clientX - box.left) / box.width) * (run.frames - 1));
+    seek(((event.clientX - box.left) / box.width) * (frames - 1));
   };
   field.addEventListener("pointerdown", (event) => {
     field.setPointerCapture(event.pointerId);
@@ -55,7 +59,7 @@ export function board(needs: Needs): Board {
   return {
     element,
     update: (frame) => {
-      cursor.style.transform = `translateX(${(frame / Math.max(run.frames - 1, 1)) * needs.width}px)`;
+      cursor.style.transform = `translateX(${(frame / Math.max(frames - 1, 1)) * needs.width}px)`;
       for (const row of rows) row.update(frame);
     },
   };
@@ -70,7 +74,7 @@ function plot(needs: Needs, height: number, ...children: (Node | null)[]): SVGEl
 }
 
 function xOf(needs: Needs): (frame: number) => number {
-  return (frame) => (frame / Math.max(needs.run.frames - 1, 1)) * needs.width;
+  return (frame) => (frame / Math.max(needs.frames - 1, 1)) * needs.width;
 }
 
 function row(label: Node, drawing: SVGElement, kind: string, update: Row["update"] = () => undefined): Row {
@@ -102,8 +106,7 @@ export function stageAt(run: Run, words: Words, frame: number): string | null {
   return found ? words.stages[found.stage]!.title : null;
 }
 
-function eventRow(needs: Needs): Row {
-  const { run } = needs;
+function eventRow(needs: Needs, run: Run, letter: string): Row {
   const x = xOf(needs);
   let last = -Infinity;
   let level = 0;
@@ -116,7 +119,7 @@ function eventRow(needs: Needs): Row {
     return [svg("line", { x1: place, x2: place, y1: 27, y2: 34, class: "tick" }), text];
   });
   const value = h("span", { class: "value" });
-  const label = h("div", { class: "label" }, h("b", {}, "Events"), value);
+  const label = h("div", { class: letter ? "label key branch" : "label" }, h("b", {}, letter ? `Events in ${letter}` : "Events"), value);
   return row(label, plot(needs, 34, ...marks), "strip", (frame) => {
     const k = run.values.events.findLastIndex((one) => one.frame <= frame + 1e-6);
     write(value, k < 0 ? "" : run.told.events[k]!.name);
@@ -260,24 +263,45 @@ function chartRows(needs: Needs): Row[] {
     ...(symbol ? [{ name: `target ${symbol}`, kind: "target" as const, values: along(run, target, of), digits }] : []),
     { name: "ego", kind: "ego" as const, values: along(run, 0, of), digits },
   ];
+  // The ego of each other course.
+  const others = (of: (vehicle: Run["vehicles"][number], k: number) => number, digits: number): Line[] =>
+    needs.overlays.map((one) => ({ name: `ego in ${one.letter}`, kind: "branch", letter: one.letter, values: along(one.run, 0, of).map((value, k) => (k < one.frame ? null : value)), digits }));
   const limit = run.values.road.speed_limit_mps;
-  const constant = (value: number): Gaps => Array.from({ length: run.frames }, () => value);
+  const constant = (value: number): Gaps => Array.from({ length: needs.frames }, () => value);
   const limits: Line[] =
     limit === null ? [] : [{ name: "limit", kind: "limit", values: constant(limit * KMH), digits: 0 }];
-  const others: Line[] = run.vehicles
+  const bystanders: Line[] = run.vehicles
     .filter((one) => one.slot !== 0 && one.slot !== target)
     .map((one) => ({ name: "", kind: "faint", values: along(run, one.slot, (of, k) => of.speed[k]! * KMH), digits: 0 }));
   const gaps: Line[] = [
     ...(symbol ? [{ name: `target ${symbol}`, kind: "target" as const, values: lead(run), digits: 1 }] : []),
     { name: "next ahead", kind: "ego", values: run.gap, digits: 1 },
+    ...(run.every ? [{ name: "as believed", kind: "belief" as const, values: believed(run), digits: 1 }] : []),
+    ...needs.overlays.map((one): Line => ({ name: `next ahead in ${one.letter}`, kind: "branch", letter: one.letter, values: one.run.gap.map((gap, k) => (k < one.frame ? null : gap)), digits: 1 })),
   ];
   const clipped = (line: Line): Line => ({ ...line, values: line.values.map((one) => (one !== null && Math.abs(one) > MOST_GAP ? null : one)) });
   return [
-    chart(needs, "Speed", "km/h", [...others, ...limits, ...both((one, k) => one.speed[k]! * KMH, 0)]),
+    chart(needs, "Speed", "km/h", [...bystanders, ...limits, ...both((one, k) => one.speed[k]! * KMH, 0), ...others((one, k) => one.speed[k]! * KMH, 0)]),
     chart(needs, "Gap", "m", gaps.map(clipped)),
-    chart(needs, "Lateral position", "m", both((one, k) => one.d[k]!, 2), run.road.borders),
-    chart(needs, "Acceleration", "m/s²", both((one, k) => one.accel[k]!, 1)),
+    chart(needs, "Lateral position", "m", [...both((one, k) => one.d[k]!, 2), ...others((one, k) => one.d[k]!, 2)], run.road.borders),
+    chart(needs, "Acceleration", "m/s²", [...both((one, k) => one.accel[k]!, 1), ...others((one, k) => one.accel[k]!, 1)]),
   ];
+}
+
+// The gap to the vehicle ahead as the driver believes it, frame by frame.
+export function believed(run: Run): Gaps {
+  const role = run.every?.roles.find((one) => one.role === "lead");
+  const step = (run.interval * 1000) / (run.every?.interval_ms ?? 1);
+  return Array.from({ length: run.frames }, (_, frame) => {
+    const gap = role?.gap_mm[Math.floor(frame * step + 1e-6)];
+    return gap == null ? null : gap / 1000;
+  });
+}
+
+// In the legend the ego comes first, other courses last.
+function ranked(lines: Line[]): Line[] {
+  const rank = ["ego", "target", "belief", "branch"];
+  return lines.toSorted((a, b) => rank.indexOf(a.kind) - rank.indexOf(b.kind));
 }
 
 function chart(needs: Needs, title: string, unit: string, lines: Line[], rules?: number[]): Row {
@@ -288,11 +312,11 @@ function chart(needs: Needs, title: string, unit: string, lines: Line[], rules?:
     svg("line", { x1: 0, x2: needs.width, y1: y(tick), y2: y(tick), class: tick === 0 && !rules ? "grid zero" : "grid" }),
     rules ? null : svg("text", { x: 3, y: y(tick) - 3, class: "tick-text" }, String(tick)),
   ]);
-  const curves = lines.map((line) => svg("path", { d: path(xOf(needs), line.values, y), class: `curve ${line.kind}` }));
-  const shown = lines.filter((line) => line.kind === "ego" || line.kind === "target");
-  const readings = shown.toReversed().map((line) => ({ line, value: h("span", { class: "number" }) }));
+  const curves = lines.map((line) => svg("path", { d: path(xOf(needs), line.values, y), class: `curve ${line.kind} ${line.letter ? `branch-${line.letter}` : ""}` }));
+  const shown = lines.filter((line) => line.name && line.kind !== "limit");
+  const readings = ranked(shown).map((line) => ({ line, value: h("span", { class: "number" }) }));
   const legend = readings.map(({ line, value }) =>
-    h("span", { class: `key ${line.kind}` }, h("i", {}), ` ${line.name} `, value),
+    h("span", { class: `key ${line.kind} ${line.letter ? `branch-${line.letter}` : ""}` }, h("i", {}), ` ${line.name} `, value),
   );
   const extra = lines.some((line) => line.kind === "limit") ? h("span", { class: "key limit" }, h("i", {}), " limit") : null;
   const empty = values.length ? null : svg("text", { x: 8, y: CHART / 2, class: "tick-text" }, "nothing to show");
@@ -318,7 +342,7 @@ export function scale(least: number, most: number, rules?: number[]): [number, n
 }
 
 function axisRow(needs: Needs): Row {
-  const seconds = (needs.run.frames - 1) * needs.run.interval;
+  const seconds = (needs.frames - 1) * needs.run.interval;
   const step = [0.5, 1, 2, 5, 10, 20, 50].find((one) => (seconds / one) * 46 <= needs.width) ?? 100;
   const x = xOf(needs);
   const ticks: SVGElement[] = [];

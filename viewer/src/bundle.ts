@@ -1,5 +1,4 @@
-// What a page is given, whoever made it: `overtaking.show.view` writes it into a file. A server may
-// send the same.
+// What a page is given: `overtaking.show.view` writes it into a file, `overtaking.show.server` sends it.
 
 export interface Bundle {
   title: string;
@@ -14,7 +13,8 @@ export interface Words {
   rules: Record<string, RuleWords>;
   stages: Record<string, { title: string; colour: string; ink: string }>;
   themes: Record<"light" | "dark", Record<string, string>>;
-  road: Record<"ego" | "target" | "brake" | "indicator" | "tail" | "lamp" | "glass" | "flash", string>;
+  kinds?: Record<string, string>; // Vehicles by name.
+  road: Record<"ego" | "target" | "branch" | "brake" | "indicator" | "tail" | "lamp" | "glass" | "flash", string>;
 }
 
 export interface RuleWords {
@@ -26,8 +26,8 @@ export interface RuleWords {
   of_ego: boolean;
 }
 
-// A row of the list; `data` is a `Packed`, compressed.
-export interface Entry {
+// A row of the list.
+export interface Row {
   number: number;
   classes: Record<string, string>;
   broken: string[];
@@ -35,7 +35,24 @@ export interface Entry {
   night: boolean;
   outcome: string;
   duration_s: number;
+}
+
+// The same with a `Packed`, compressed.
+export interface Entry extends Row {
   data: string;
+}
+
+// Where others are along the road over time, seen from the ego.
+export interface Thumbnail {
+  lines: { target: boolean; ahead: Gaps }[]; // [m]
+  lane: number[]; // The ego's way across the road [dm].
+  stages: [string, number, number][]; // With its share of the time.
+}
+
+// Where the ego believes its neighbours to be, at every decision, in millimetres.
+export interface EveryBelief {
+  interval_ms: number;
+  roles: { role: string; slot: Gaps; seen: number[]; s_mm: Gaps; d_mm: Gaps; gap_mm: Gaps; true_gap_mm: Gaps; length_mm: Gaps; width_mm: Gaps }[];
 }
 
 export type Gaps = (number | null)[];
@@ -121,6 +138,7 @@ export interface Told {
 }
 
 export interface Ghost {
+  held?: boolean; // As it was at the last look.
   time_s: number;
   decision: string;
   vehicle: number | null;
@@ -143,6 +161,14 @@ export interface Run extends Omit<Packed, "vehicles" | "gap_mm" | "sight_dm" | "
   gap: Gaps;
   sight: number[] | null;
   law: LawRow[];
+  every: EveryBelief | null; // Once it is there.
+}
+
+// Another course on the same clock.
+export interface Overlay {
+  letter: string;
+  run: Run;
+  frame: number; // From which on it is drawn.
 }
 
 export interface LawRow {
@@ -218,6 +244,7 @@ export function unpack(packed: Packed): Run {
     gap: sparse(packed.gap_mm, 1e-3),
     sight: packed.sight_dm && column(packed.sight_dm, 0.1),
     law: packed.law.map((one) => ({ ...one, margins: one.margins && sparse(one.margins, 1e-3) })),
+    every: null,
   };
 }
 
@@ -225,6 +252,34 @@ export async function open(entry: Entry): Promise<Run> {
   const bytes = Uint8Array.from(atob(entry.data), (one) => one.charCodeAt(0));
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   return unpack((await new Response(stream).json()) as Packed);
+}
+
+// Where the ego believes its neighbours to be at an instant; null where that is not known.
+export function ghostsAt(run: Run, seconds: number): Ghost[] | null {
+  const { every } = run;
+  if (!every) return null;
+  const k = Math.floor((seconds * 1000) / every.interval_ms + 1e-6);
+  const metres = (column: Gaps): number | null => (column[k] == null ? null : column[k]! / 1000);
+  return every.roles.flatMap((role) => {
+    const [s, d] = [metres(role.s_mm), metres(role.d_mm)];
+    if (s === null || d === null) return [];
+    return [
+      {
+        time_s: seconds,
+        decision: "",
+        held: role.seen[k] === 2,
+        vehicle: role.slot[k] ?? null,
+        seen: !!role.seen[k],
+        s_m: s,
+        d_m: d,
+        speed_mps: 0,
+        length_m: metres(role.length_mm) ?? 0,
+        width_m: metres(role.width_mm) ?? 0,
+        gap_m: metres(role.gap_mm),
+        true_gap_m: metres(role.true_gap_mm),
+      },
+    ];
+  });
 }
 
 // Where a vehicle is at a frame that may lie between two recorded ones; null if it is not there.

@@ -15,6 +15,8 @@ const KEYS: [string, string][] = [
   ["P", "next policy"],
   ["T", "theme: system, light, dark"],
   ["L", "to the rules; Tab for the next, Esc to close what is said of one"],
+  ["B", "to what if, in a served page"],
+  ["A", "to all simulations, in a served page"],
   ["/", "to the filter of the list"],
   ["?", "this help"],
 ];
@@ -28,6 +30,7 @@ export function helpDialog(): HTMLDialogElement {
     ["solid frame, blue", "the ego, whose overtaking is studied"],
     ["dashed frame, orange", "the target, the vehicle to overtake"],
     ["dashed white box", "where the driver believed a vehicle to be when it decided; hatched if it was not seen"],
+    ["dashed box with a letter", "a vehicle of that branch, where it is elsewhere than in the original"],
     ["dotted line across the road", "how far the ego sees a lit vehicle"],
     ["✗ and coloured hatching", "a rule is broken, and the policy counts it"],
     ["✗ and grey hatching", "a rule is broken, and the policy does not count it"],

@@ -2,41 +2,121 @@
 
 export const CAMERAS = ["ego", "target", "all"] as const;
 export const STRETCHES = [1, 2, 3] as const;
+export const ORDERS = ["number", "duration", "margin"] as const;
+
+// Properties of which any of the chosen values may be met; of `rules` all must be broken.
+export const FACETS = ["classes", "rules", "weather", "light", "ego", "overtaken"] as const;
+export type Facet = (typeof FACETS)[number];
+
+const NAMES: Record<Facet, string> = { classes: "class", rules: "rule", weather: "weather", light: "light", ego: "ego", overtaken: "target" };
+
+// Which simulations are listed, and in which order.
+export interface Choice extends Record<Facet, string[]> {
+  margin: { rule: string; least: number | null; most: number | null } | null;
+  sql: string;
+  order: (typeof ORDERS)[number];
+  descending: boolean;
+  first: number;
+}
 
 export interface Moment {
-  sim: number;
+  sim: number | null; // None: the list alone.
   t: number; // [s]
   policy: string;
   cam: (typeof CAMERAS)[number];
   stretch: number;
   ghosts: boolean;
-  filter: string; // A class, or empty.
+  choice: Choice;
+  branches: Change[];
+  beside: number | null; // Another simulation on the same clock.
+}
+
+// What is otherwise from an instant on: a decision or a weather.
+export interface Change {
+  what: string;
+  t: number; // [s]
+}
+
+export const MOST_BRANCHES = 4;
+
+export function noChoice(): Choice {
+  return { classes: [], rules: [], weather: [], light: [], ego: [], overtaken: [], margin: null, sql: "", order: "number", descending: false, first: 0 };
+}
+
+// How many conditions a choice has.
+export function conditions(choice: Choice): number {
+  return FACETS.filter((one) => choice[one].length).length + (choice.margin ? 1 : 0) + (choice.sql ? 1 : 0);
 }
 
 export function print(moment: Moment, policy: string): string {
-  const parts = [`sim=${moment.sim}`, `t=${moment.t.toFixed(3).replace(/\.?0+$/, "")}`];
-  if (moment.policy !== policy) parts.push(`policy=${encodeURIComponent(moment.policy)}`);
-  if (moment.cam !== "ego") parts.push(`cam=${moment.cam}`);
-  if (moment.stretch !== 1) parts.push(`stretch=${moment.stretch}`);
-  if (!moment.ghosts) parts.push("ghosts=0");
-  if (moment.filter) parts.push(`class=${encodeURIComponent(moment.filter)}`);
+  const parts: string[] = [];
+  const say = (name: string, value: string | number): number => parts.push(`${name}=${encodeURIComponent(value).replaceAll("%2C", ",").replaceAll("%40", "@").replaceAll("%3A", ":")}`);
+  if (moment.sim !== null) {
+    say("sim", moment.sim);
+    say("t", short(moment.t));
+  }
+  if (moment.policy !== policy) say("policy", moment.policy);
+  if (moment.cam !== "ego") say("cam", moment.cam);
+  if (moment.stretch !== 1) say("stretch", moment.stretch);
+  if (!moment.ghosts) say("ghosts", 0);
+  if (moment.branches.length) say("if", moment.branches.map((one) => `${one.what}@${short(one.t)}`).join(","));
+  if (moment.beside !== null) say("vs", moment.beside);
+  const { choice } = moment;
+  for (const facet of FACETS) if (choice[facet].length) say(NAMES[facet], choice[facet].join(","));
+  if (choice.margin) say("margin", `${choice.margin.rule}:${choice.margin.least ?? ""}:${choice.margin.most ?? ""}`);
+  if (choice.sql) say("sql", choice.sql);
+  if (choice.order !== "number" || choice.descending) say("sort", `${choice.descending ? "-" : ""}${choice.order}`);
+  if (choice.first) say("from", choice.first);
   return `#${parts.join("&")}`;
 }
 
+function short(value: number): string {
+  return value.toFixed(3).replace(/\.?0+$/, "");
+}
+
 // What a link says; what it leaves open or what cannot be, is left out.
-export function parse(hash: string): Partial<Moment> {
+export function parse(hash: string): Partial<Moment> & { choice: Choice; branches: Change[]; token?: string } {
   const said = new URLSearchParams(hash.replace(/^#/, ""));
-  const found: Partial<Moment> = {};
-  const sim = Number(said.get("sim") ?? NaN);
-  const t = Number(said.get("t") ?? NaN);
-  const stretch = Number(said.get("stretch") ?? 1);
+  const number = (name: string): number => Number(said.get(name)?.trim() || NaN);
+  const whole = (name: string): number | null => (Number.isSafeInteger(number(name)) && number(name) >= 0 ? number(name) : null);
+  const found: ReturnType<typeof parse> = { choice: parseChoice(said), branches: parseChanges(said.get("if") ?? "") };
   const cam = CAMERAS.find((one) => one === said.get("cam"));
-  if (Number.isInteger(sim)) found.sim = sim;
-  if (Number.isFinite(t) && t >= 0) found.t = t;
+  const stretch = said.has("stretch") ? number("stretch") : 1;
+  if (whole("sim") !== null) found.sim = whole("sim");
+  if (number("t") >= 0) found.t = number("t");
   if (STRETCHES.some((one) => one === stretch)) found.stretch = stretch;
   if (said.has("policy")) found.policy = said.get("policy")!;
   if (cam) found.cam = cam;
+  if (whole("vs") !== null) found.beside = whole("vs");
+  if (said.has("token")) found.token = said.get("token")!;
   found.ghosts = said.get("ghosts") !== "0";
-  found.filter = said.get("class") ?? "";
   return found;
+}
+
+function parseChoice(said: URLSearchParams): Choice {
+  const choice = noChoice();
+  for (const facet of FACETS) choice[facet] = (said.get(NAMES[facet]) ?? "").split(",").filter(Boolean);
+  const [rule, least, most] = (said.get("margin") ?? "").split(":");
+  if (rule) choice.margin = { rule, least: bound(least), most: bound(most) };
+  choice.sql = said.get("sql") ?? "";
+  const sort = said.get("sort") ?? "";
+  choice.order = ORDERS.find((one) => one === sort.replace(/^-/, "")) ?? "number";
+  choice.descending = sort.startsWith("-");
+  const first = Number(said.get("from") ?? 0);
+  choice.first = Number.isSafeInteger(first) && first > 0 ? first : 0;
+  return choice;
+}
+
+export function bound(text: string | undefined): number | null {
+  const value = Number(text?.trim() || NaN);
+  return Number.isFinite(value) ? value : null;
+}
+
+function parseChanges(text: string): Change[] {
+  const changes = text.split(",").flatMap((one) => {
+    const [what, t] = one.split("@");
+    const seconds = bound(t);
+    return what && /^\w+$/.test(what) && seconds !== null && seconds >= 0 ? [{ what, t: seconds }] : [];
+  });
+  return changes.slice(0, MOST_BRANCHES);
 }

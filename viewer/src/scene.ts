@@ -1,8 +1,8 @@
 // The road from above, at one instant.
 
-import type { Pose, Run, Vehicle, Words } from "./bundle.ts";
-import { pose } from "./bundle.ts";
-import { drawBeams, drawGhost, drawLabels, drawVehicle, tag, type View } from "./vehicles.ts";
+import type { Overlay, Pose, Run, Vehicle, Words } from "./bundle.ts";
+import { ghostsAt, pose } from "./bundle.ts";
+import { drawBeams, drawBranch, drawGhost, drawLabels, drawVehicle, tag, type View } from "./vehicles.ts";
 
 const LEAST_METRES = 62; // Of road on a narrow screen.
 const MOST_SCALE = 10.5; // [px/m]
@@ -21,7 +21,7 @@ export interface Size {
   height: number;
 }
 
-export function draw(canvas: HTMLCanvasElement, { width, height }: Size, run: Run, words: Words, frame: number, look: Look): void {
+export function draw(canvas: HTMLCanvasElement, { width, height }: Size, run: Run, words: Words, frame: number, look: Look, overlays: Overlay[] = []): void {
   const ratio = window.devicePixelRatio || 1;
   if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
     canvas.width = Math.round(width * ratio);
@@ -29,20 +29,29 @@ export function draw(canvas: HTMLCanvasElement, { width, height }: Size, run: Ru
   }
   const c = canvas.getContext("2d")!;
   c.setTransform(ratio, 0, 0, ratio, 0, 0);
-  const here = run.vehicles.flatMap((vehicle) => {
-    const at = pose(vehicle, frame);
-    return at ? [{ vehicle, at }] : [];
-  });
-  const view = viewOf(c, width, height, run, here, frame, look);
+  const here = there(run, frame);
+  const branches = overlays.filter((one) => frame >= one.frame).map((one) => ({ ...one, here: there(one.run, frame) }));
+  // Where this course has ended, another one may go on.
+  const shown = here.length ? here : (branches.find((one) => one.here.length)?.here ?? []);
+  const view = viewOf(c, width, height, run, shown, frame, look);
   drawGround(view, run);
   for (const one of here) drawBeams(view, one.vehicle, one.at, words);
   for (const one of here) drawVehicle(view, one.vehicle, one.at, words, run.values.target);
   drawAir(view, run, here[0]?.at, frame, here[0]?.vehicle.length ?? 0);
-  if (look.ghosts) for (const one of run.ghosts) drawGhost(view, one, words, here[0]?.at);
+  for (const one of branches) drawBranch(view, one.letter, one.here, here, words);
+  const ghosts = ghostsAt(run, frame * run.interval);
+  if (look.ghosts) for (const one of ghosts ?? run.ghosts) drawGhost(view, one, words, here[0]?.at, ghosts !== null);
   drawGap(view, here, run.values.target);
   drawLabels(view, here, words, run.values.target);
   drawBurst(view, run, here[0]?.at, words);
   drawScaleBar(view);
+}
+
+function there(run: Run, frame: number): { vehicle: Vehicle; at: Pose }[] {
+  return run.vehicles.flatMap((vehicle) => {
+    const at = pose(vehicle, frame);
+    return at ? [{ vehicle, at }] : [];
+  });
 }
 
 // The least and the largest zoom, and by how much a step zooms.

@@ -6,6 +6,12 @@ const LIGHTS = { left: 1, right: 2, brake: 4, low: 8, high: 16, fog: 32 };
 const GHOST_LASTS = 1.5; // [s]
 const TWO_WHEELER_WIDTH = 1.2; // [m]
 const SAME_LANE = 1.2; // [m]
+const SAME_PLACE = 0.3; // [m]; what is nearer is not drawn twice.
+
+export interface Placed {
+  vehicle: Vehicle;
+  at: Pose;
+}
 
 export interface View {
   c: CanvasRenderingContext2D;
@@ -149,15 +155,41 @@ function rounded(c: CanvasRenderingContext2D, x: number, y: number, w: number, h
   c.roundRect(x, y, w, h, r);
 }
 
-// Where somebody was believed to be at a decision, and for a while where it would be since.
-export function drawGhost(view: View, ghost: Ghost, words: Words, own: Pose | undefined): void {
+// Vehicles of a branch that are elsewhere than in the original.
+export function drawBranch(view: View, letter: string, branch: Placed[], original: Placed[], words: Words): void {
+  const { c, x, y, scale, across } = view;
+  for (const { vehicle, at } of branch) {
+    const same = original.find((one) => one.vehicle.slot === vehicle.slot);
+    if (same && Math.hypot(same.at.s - at.s, same.at.d - at.d) < SAME_PLACE) continue;
+    const [w, h] = [vehicle.length * scale, vehicle.width * across];
+    c.save();
+    rounded(c, x(at.s) - w / 2, y(at.d) - h / 2, w, h, 4);
+    c.fillStyle = `${words.road.branch}59`;
+    c.fill();
+    c.lineWidth = 4;
+    c.strokeStyle = "#0d1116a0";
+    c.stroke();
+    c.setLineDash([7, 3]);
+    c.lineWidth = 2.2;
+    c.strokeStyle = words.road.branch;
+    c.stroke();
+    c.restore();
+    if (vehicle.slot !== 0 && same && Math.abs(same.at.s - at.s) < vehicle.length) continue;
+    const name = vehicle.slot === 0 ? "E" : vehicle.symbol;
+    tag(view, x(at.s), y(at.d) + 5, `${letter}: ${name}`, "#14181d", words.road.branch);
+  }
+}
+
+// Where somebody was believed to be at a decision, and for a while where it would be since. Where
+// beliefs are known all the time, gaps are written beside those ahead and behind in the lane only.
+export function drawGhost(view: View, ghost: Ghost, words: Words, own: Pose | undefined, always: boolean): void {
   const { c, x, y, scale, across, time } = view;
   const age = time - ghost.time_s;
   if (age < -1e-9 || age > GHOST_LASTS) return;
   const middle = x(ghost.s_m + ghost.speed_mps * age);
   const [w, h] = [ghost.length_m * scale, ghost.width_m * across];
   c.save();
-  c.globalAlpha = 1 - 0.6 * (age / GHOST_LASTS);
+  c.globalAlpha = ghost.held ? 0.55 : 1 - 0.6 * (age / GHOST_LASTS);
   rounded(c, middle - w / 2, y(ghost.d_m) - h / 2, w, h, 4);
   if (!ghost.seen) hatch(c, middle, y(ghost.d_m), w, h);
   rounded(c, middle - w / 2, y(ghost.d_m) - h / 2, w, h, 4);
@@ -169,6 +201,7 @@ export function drawGhost(view: View, ghost: Ghost, words: Words, own: Pose | un
   c.strokeStyle = "#ffffff";
   c.stroke();
   c.setLineDash([]);
+  if (always && (!own || Math.abs(ghost.d_m - own.d) > SAME_LANE)) return c.restore();
   const text = ghost.gap_m === null ? "not seen" : `believed ${ghost.gap_m.toFixed(0)} m`;
   const truth = ghost.true_gap_m === null ? ", nobody there" : `, true ${ghost.true_gap_m.toFixed(0)} m`;
   // On the other side than the name of the vehicle.

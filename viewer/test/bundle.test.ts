@@ -5,7 +5,7 @@ import { test } from "node:test";
 
 import { brokenSpans, isBroken, scale } from "../src/board.ts";
 import { column, pose, sparse, type Vehicle } from "../src/bundle.ts";
-import { parse, print, type Moment } from "../src/link.ts";
+import { noChoice, parse, print, type Moment } from "../src/link.ts";
 
 test("columns are sums of their differences", () => {
   assert.deepEqual(column([5, 1, -2]), [5, 6, 4]);
@@ -39,18 +39,31 @@ test("a vehicle is between two frames, and nowhere where it was not recorded", (
   assert.equal(pose(car, 11)!.lights, 4);
 });
 
-const moment: Moment = { sim: 3, t: 4.25, policy: "strict", cam: "all", stretch: 2, ghosts: false, filter: "Success_I" };
+const choice = { ...noChoice(), classes: ["Success_I", "No_attempt"], rules: ["L3"], margin: { rule: "L8", least: -5, most: null }, sql: "SELECT 'a,b' & 1", order: "margin" as const, descending: true, first: 50 };
+const moment: Moment = {
+  sim: 3,
+  t: 4.25,
+  policy: "strict",
+  cam: "all",
+  stretch: 2,
+  ghosts: false,
+  choice,
+  branches: [{ what: "ABORT", t: 6.35 }, { what: "HardRainNight", t: 0 }],
+  beside: 42,
+};
+const plain: Moment = { sim: 3, t: 4.25, policy: "paper", cam: "ego", stretch: 1, ghosts: true, choice: noChoice(), branches: [], beside: null };
 
 test("a link says the moment that was printed", () => {
   assert.deepEqual(parse(print(moment, "paper")), moment);
-  assert.equal(print({ ...moment, policy: "paper", cam: "ego", stretch: 1, ghosts: true, filter: "" }, "paper"), "#sim=3&t=4.25");
-  for (const t of [0, 0.05, 10, 100.1]) assert.equal(parse(print({ ...moment, t }, "paper")).t, t);
+  assert.equal(print(plain, "paper"), "#sim=3&t=4.25");
+  assert.equal(print({ ...plain, sim: null }, "paper"), "#");
+  for (const t of [0, 0.05, 10, 100.1]) assert.equal(parse(print({ ...plain, t }, "paper")).t, t);
 });
 
 test("what a link cannot mean is left out", () => {
-  const found = parse("#sim=x&t=-1&cam=moon&stretch=9&policy=%3Cb%3E");
-  assert.deepEqual(found, { policy: "<b>", ghosts: true, filter: "" });
-  assert.deepEqual(parse(""), { stretch: 1, ghosts: true, filter: "" });
+  const found = parse("#sim=x&t=-1&cam=moon&stretch=9&policy=%3Cb%3E&if=a%3Cb@1,ABORT@x,STAY@-2&margin=L3:x:&from=-3&sort=moon&vs=1.5");
+  assert.deepEqual(found, { policy: "<b>", ghosts: true, branches: [], choice: { ...noChoice(), margin: { rule: "L3", least: null, most: null } } });
+  assert.deepEqual(parse(""), { stretch: 1, ghosts: true, branches: [], choice: noChoice() });
 });
 
 test("a rule is broken where its margin is negative", () => {

@@ -11,7 +11,7 @@ use crate::collisions::Pairs;
 use crate::engine::{Inputs, Later, Seat};
 use crate::lanes::{LANES, Seats, V, outlined, splat};
 use crate::names::{Simulation, Vehicle};
-use crate::orders::Script;
+use crate::orders::{Orders, Script};
 use crate::output::Output;
 use crate::recording::Recorder;
 use crate::state::{History, Rates, Road, State, Stride, World};
@@ -183,12 +183,12 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         &mut self,
         first: u32,
         inputs: &Inputs<'_>,
-        script: &Script<'_>,
+        script: Option<&Script<'_>>,
         mind: Mind<'_, S>,
         minds: &mut Minds<S, N>,
     ) {
         let (stride, steps) = self.stride(inputs);
-        let orders = script.orders(self.world.simd, &self.simulations, 0);
+        let orders = script.map(|one| one.orders(self.world.simd, &self.simulations, 0));
         let (state, world, pairs) = (&mut self.state, &self.world, &mut self.pairs);
         drive_ego(
             state,
@@ -197,11 +197,12 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             &mut self.recorder,
             pairs,
             first,
-            Some(&orders),
+            orders.as_ref(),
         );
+        let wheel = orders.as_ref().and_then(Orders::wheel);
         for step in (first..first + SUBSTEPS).step_by(steps as usize) {
             let before = &mut minds.before;
-            advance(state, world, pairs, before, step, &stride, orders.wheel());
+            advance(state, world, pairs, before, step, &stride, wheel);
         }
     }
 

@@ -24,7 +24,7 @@ const MERGING: u32 = 16;
 
 /// What another driver orders in every simulation, for some decisions.
 pub struct Request {
-    /// Steps of each number, (simulation, part).
+    /// Steps of each number, (simulation, part); nothing reads them where the model drives.
     pub values: Vec<i32>,
     /// How many decisions they hold for, one at least.
     pub decisions: u32,
@@ -40,8 +40,8 @@ pub struct Answer {
 
 /// Who talks to a batch: orders, observations, and what both mean.
 pub struct Talk {
-    /// What the numbers of orders mean.
-    pub kind: Kind,
+    /// What the numbers of orders mean; None where the model's own driver decides.
+    pub kind: Option<Kind>,
     /// What is observed.
     pub source: Source,
     /// Where orders come from; the batch ends when nobody gives any more.
@@ -123,7 +123,7 @@ fn go_on<S: Simd, const N: usize>(
     inputs: &Inputs<'_>,
     shares: &mut [Share<'_, S, N>],
     places: &[usize],
-    (kind, source): (Kind, Source),
+    (kind, source): (Option<Kind>, Source),
     orders: Option<&Request>,
 ) -> Answer {
     let mut answer = Answer {
@@ -145,16 +145,16 @@ fn go_on<S: Simd, const N: usize>(
         .collect();
     work.par_iter_mut().for_each(|(share, rows)| {
         if let Some(orders) = orders {
-            let script = Script {
+            let script = kind.map(|kind| Script {
                 kind,
                 values: &orders.values,
                 decisions: 1,
-            };
+            });
             for _ in 1..orders.decisions {
-                share.act(inputs, &script);
+                share.act(inputs, script.as_ref());
                 share.look(None);
             }
-            share.act(inputs, &script);
+            share.act(inputs, script.as_ref());
         }
         share.look(Some((source, places, rows)));
     });
@@ -230,8 +230,8 @@ impl<'a, S: Simd, const N: usize> Share<'a, S, N> {
         }
     }
 
-    /// Let egos do as ordered, and everything move until the next decision.
-    fn act(&mut self, inputs: &Inputs<'_>, script: &Script<'_>) {
+    /// Let egos do as ordered, or as they decide, and everything move until the next decision.
+    fn act(&mut self, inputs: &Inputs<'_>, script: Option<&Script<'_>>) {
         for (block, kept) in self.blocks.iter_mut().zip(&self.kept) {
             block.go_on(self.step, inputs, script, kept.mind(), &mut self.minds);
         }

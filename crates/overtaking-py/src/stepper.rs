@@ -119,9 +119,16 @@ type Observed<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<bool>>);
 impl Stepper {
     #[new]
     #[pyo3(signature = (batch, kind, is_true, level=None))]
-    fn new(batch: Batch<'_>, kind: &str, is_true: bool, level: Option<&str>) -> PyResult<Self> {
-        let kind =
-            Kind::named(kind).ok_or_else(|| PyValueError::new_err(format!("no action {kind}")))?;
+    fn new(
+        batch: Batch<'_>,
+        kind: Option<&str>,
+        is_true: bool,
+        level: Option<&str>,
+    ) -> PyResult<Self> {
+        let known = |name| {
+            Kind::named(name).ok_or_else(|| PyValueError::new_err(format!("no action {name}")))
+        };
+        let kind = kind.map(known).transpose()?;
         let level = supported(level).map_err(PyValueError::new_err)?;
         let kept = batch.kept()?;
         let count = kept.index.len();

@@ -1,19 +1,21 @@
 """Results from a data set or a profile: statistics, reports, films, queries."""
 
 from collections.abc import Callable, Iterable, Mapping
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking import scenarios
 from overtaking.api.choices import Count, Profile, Seed, road_of, simulator_of
 from overtaking.api.data import load
-from overtaking.core.errors import ConfigError
+from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.core.steps import Progress
 from overtaking.data.load import Dataset
 from overtaking.labels.label import Labelled
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
 from overtaking.model.trajectory import Trajectories
+from overtaking.model.values import Range
 
 if TYPE_CHECKING:
     from overtaking.analysis.database.query import Answer
@@ -177,6 +179,39 @@ def write_view(
     runs = load(source) if isinstance(source, (str, Path)) else source
     chosen = simulations if isinstance(simulations, str) else list(simulations)
     return write(runs, Path(out), chosen=chosen, policy=policy, progress=progress, say=say)
+
+
+@checked
+def serve_view(
+    data: str | Path | Dataset,
+    *,
+    policy: str = "paper",
+    port: Annotated[int, Range(0, 65535)] = 0,
+    ready: Callable[[str], None] | None = None,
+) -> None:
+    """Show a whole data set in the browser of this machine, until the process is interrupted.
+
+    It listens on the loopback address only. Nothing is written into the data set.
+
+    Args:
+        data: The data set, or its folder.
+        policy: Which rules decide about the class when the page opens: `paper`, `default` or
+            `strict`. The page can change it.
+        port: To listen on; 0 lets the system choose.
+        ready: Called with the address of the page when it can be opened. Its token opens it once.
+
+    Raises:
+        ConfigError: There is no such policy, or the port is taken.
+        DatasetError: The data set is not complete or damaged.
+        MissingExtraError: The extra `view` is not installed.
+    """
+    if any(find_spec(name) is None for name in ("starlette", "uvicorn")):
+        lacks = "Starlette and uvicorn, which serve the page"
+        instead = "write a page with --export"
+        raise MissingExtraError.lacking("view", what=lacks, where="view", otherwise=instead)
+    from overtaking.show.server.running import serve
+
+    serve(load(data), policy=policy, port=port, ready=ready or print)
 
 
 @checked

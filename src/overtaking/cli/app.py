@@ -212,7 +212,7 @@ COMMANDS: dict[options.Body, str] = {
     sql.er: "overtaking er --format mermaid",
     logic.ask: 'overtaking ask data/pinto "overtakes(S,ego,P,F), night(S), illegal(S,l3)"',
     video.video: "overtaking video data/pinto --simulations 1,7",
-    view.view: "overtaking view data/pinto --export page.html --simulations 3,7",
+    view.view: "overtaking view data/pinto",
     validate.validate: "overtaking validate motorway -n 1000 --seed 1 --plot motorway.png",
     reproducing.reproduce: "overtaking reproduce pinto2023 --replicates 100 --out reproduction",
     compare: "overtaking compare pinto2023-physical -n 100 --seed 1 --with sumo,carla",

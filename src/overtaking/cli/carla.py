@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 PORT = 2000
 
 Port = Annotated[
-    int, options.option("--port P", "Port for calls; P+1 is for streams.", min=0, max=65534)
+    int,
+    options.option("--port P", f"{options.PORT} For calls; P+1 is for streams.", min=0, max=65534),
 ]
 Host = Annotated[
     str,

@@ -72,6 +72,7 @@ SpeedError = Annotated[
 ]
 
 OUT = "Where to write."
+PORT = "Port to listen on."
 OutFolder = Annotated[Path, option("--out FOLDER", f"{OUT} A folder.")]
 OutPlace = Annotated[
     str, option("--out FOLDER|URL", f"{OUT} A folder, or a URL such as s3://bucket/data.")

@@ -1,4 +1,4 @@
-"""A page that shows simulations in a browser."""
+"""Simulations in a browser: a server for a data set, or a page in a file."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -6,25 +6,68 @@ from typing import TYPE_CHECKING, Annotated, Any
 from overtaking.cli import options
 from overtaking.cli.output import Output
 from overtaking.cli.video import choice
+from overtaking.core.errors import ConfigError
 from overtaking.core.words import counted
 
 if TYPE_CHECKING:
     from overtaking.show.view.write import ViewPage
 
-Page = Annotated[Path, options.option("--export FILE", f"{options.OUT} One HTML file.")]
+Page = Annotated[
+    Path | None,
+    options.option("--export FILE", f"{options.OUT} One HTML file, in place of a server."),
+]
+Port = Annotated[
+    int,
+    options.option(
+        "--port P", f"{options.PORT} Of this machine only.  [default: any]", min=0, max=65535
+    ),
+]
+Open = Annotated[bool, options.option("--open", "Open the page in the browser of this system.")]
 _BYTES_PER_KB, _KB_PER_MB = 1e3, 1e3
 
 
 def view(
     output: Output,
     data: options.Data,
-    export: Page,
     shown: options.Shown,
+    export: Page = None,
+    port: Port = 0,
+    opens: Open = False,
 ) -> None:
-    """Write simulations as a page to look at in a browser.
+    """Look at a data set in a browser, or write a page of it.
 
-    The page is one file: it opens from disk and needs no network.
+    Without --export a server on this machine shows all simulations until Ctrl-C. With it the page
+    is one file: it opens from disk and needs no network.
     """
+    if export is None:
+        _serve(output, data, shown, port, opens=opens)
+    else:
+        _write(output, data, shown, export)
+
+
+def _serve(output: Output, data: str, shown: options.Shown, port: int, *, opens: bool) -> None:
+    import webbrowser
+
+    from overtaking import api
+
+    if shown.simulations is not None or shown.one_per_class or shown.every:
+        raise ConfigError.of(
+            what="choice",
+            where="view",
+            expected="--export FILE with it",
+            got="a server, which shows every simulation",
+            next_step="add --export, or leave the choice out",
+        )
+
+    def ready(url: str) -> None:
+        output.result({"url": url}, lambda _: f"open {url}\nCtrl-C ends")
+        if opens:
+            webbrowser.open(url)
+
+    api.serve_view(data, policy=shown.policy or "paper", port=port, ready=ready)
+
+
+def _write(output: Output, data: str, shown: options.Shown, export: Path) -> None:
     from overtaking import api
 
     with output.progress("simulations") as meter:

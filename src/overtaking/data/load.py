@@ -15,14 +15,14 @@ from overtaking.data.manifest import Manifest, read_manifest
 from overtaking.data.place import folder_of, place_of
 from overtaking.data.shards import ShardFiles
 from overtaking.data.tables.encode_labels import contents
-from overtaking.data.tables.files import read_rows, read_table
+from overtaking.data.tables.files import read_columns, read_rows, read_table
 from overtaking.data.tables.names import POLICY_NAMES
 from overtaking.data.tables.restore import restore, restore_actions, restore_scenario
 from overtaking.data.tables.schemas import RECORDED_TABLES, SCHEMAS
 from overtaking.model.checks import checked
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     import pandas as pd
@@ -320,6 +320,27 @@ class Dataset(Summarized):
             )
         parts = [read_table(self._files.one(name, shard), name) for shard in self._shards]
         return pa.concat_tables(parts)
+
+    def columns(self, **wanted: Sequence[str]) -> Iterator[tuple[int, Mapping[str, pa.Table]]]:
+        """Some columns of some tables, a file of each at a time, in the order of simulations.
+
+        Args:
+            wanted: Names of columns, by the name of their table.
+
+        Yields:
+            The number of the first simulation in the files, and the columns by table.
+
+        Raises:
+            DatasetError: A file is missing or damaged, or there never was such a table.
+        """
+        for shard in self._shards:
+            yield (
+                shard.first,
+                {
+                    table: read_columns(self._files.one(table, shard), table, names)
+                    for table, names in wanted.items()
+                },
+            )
 
     @property
     def kept_tables(self) -> tuple[str, ...]:

@@ -32,7 +32,7 @@ class Stepper(Protocol):
 
 def stepper(
     given: Parameters,
-    kind: str,
+    kind: str | None,
     *,
     is_true: bool,
     simulator: str = "engine",
@@ -42,7 +42,7 @@ def stepper(
 
     Args:
         given: Its parameters.
-        kind: A name in `model.actions.KINDS`.
+        kind: A name in `model.actions.KINDS`; None where the model's own driver decides.
         is_true: Whether the truth is observed, not what the ego believes.
         simulator: `engine` or `reference`.
         level: SIMD level of the engine; None for `OVERTAKING_SIMD` or the best of this CPU.

@@ -3,7 +3,7 @@
 import contextlib
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self, TypeVar
@@ -166,6 +166,29 @@ def read_table(path: Path, table: str) -> pa.Table:
         SchemaError: The file is missing, damaged, of another table or of a newer version.
     """
     return _read(path, lambda: _as_today(_opened(path, table).read(), table))
+
+
+def read_columns(path: Path, table: str, names: Sequence[str]) -> pa.Table:
+    """Some columns of a file, all rows.
+
+    Args:
+        path: The file.
+        table: Name of one of the `SCHEMAS`.
+        names: Names of columns of that schema.
+
+    Raises:
+        SchemaError: The file is missing, damaged, of another table or of a newer version.
+    """
+    schema = SCHEMAS[table]
+
+    def read() -> pa.Table:
+        file = _opened(path, table)
+        there = [name for name in names if name in file.schema_arrow.names]
+        found = file.read(columns=there)
+        nothing = {name: pa.nulls(found.num_rows, schema.field(name).type) for name in names}
+        return pa.table({name: found[name] if name in there else nothing[name] for name in names})
+
+    return _read(path, read)
 
 
 def read_rows(path: Path, table: str, first: int, last: int) -> pa.Table:

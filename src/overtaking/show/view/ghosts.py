@@ -1,4 +1,4 @@
-"""Where the ego believed others to be, at the decisions at which that was recorded."""
+"""Where the ego believed others to be: at recorded decisions, or at all of them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from overtaking.model.observation import AROUND, OWN, ROLES
 from overtaking.model.trajectory import (
     METRES_PER_SECOND_PER_STEP,
     METRES_PER_STEP,
@@ -13,11 +14,16 @@ from overtaking.model.trajectory import (
     DecisionKind,
 )
 from overtaking.model.vehicles import Role
+from overtaking.world.clock import DECISIONS_PER_SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from numpy.typing import NDArray
+
+    from overtaking.core.elementary import F32
     from overtaking.model.trajectory import Trajectories
+    from overtaking.sim.beliefs import Beliefs
 
 _BODY = (4.5, 1.8)
 """Length and width of a vehicle that is believed in and does not exist [m]."""
@@ -37,6 +43,113 @@ def ghosts(run: Trajectories) -> list[dict[str, Any]]:
         is none.
     """
     return [] if "percepts" in run.unknown else list(_ghosts(run))
+
+
+def every_ghost(run: Trajectories, told: Beliefs) -> dict[str, Any]:
+    """Where the ego believes its neighbours to be, at every decision.
+
+    Args:
+        run: A batch of one simulation.
+        told: What its ego believes.
+
+    Returns:
+        The time between decisions [ms]. For each kind of neighbour, columns over the decisions:
+        slot (None where there is none), whether it is seen (2: at the last look, since when it goes
+        on as believed), place along and across the road, believed and true gap, length and width
+        [mm]. An unseen one stands at its true place.
+    """
+    interval = 1000.0 / float(DECISIONS_PER_SECOND)
+    frames = np.arange(len(told.own)) * interval / run.scenario.frame_interval_ms
+    at = np.minimum(frames.astype(int), int(run.num_frames[0]) - 1)
+    roles = (_role(run, told, place, at) for place in range(len(ROLES)))
+    return {"interval_ms": interval, "roles": [one for one in roles if one is not None]}
+
+
+def _role(
+    run: Trajectories, told: Beliefs, place: int, at: NDArray[np.int64]
+) -> dict[str, Any] | None:
+    """The columns of one kind of neighbour; None if there never is one."""
+    own = dict(zip(OWN, told.own[:, 0].T, strict=True))
+    believed, true = (
+        dict(zip(AROUND, of[:, 0, place].T, strict=True)) for of in (told.believed, told.true)
+    )
+    there, seen = true["detected"] > 0, believed["detected"] > 0
+    if not (there | seen).any():
+        return None
+    way = 1.0 if ROLES[place].endswith("lead") else -1.0
+    reach = 0.5 * (true["length"] + _size(run, Role.EGO)[0])
+    side = float(run.road.side)
+    across = side * (own["lateral"] + true["aside"])
+    true_s = own["position"] + way * (true["gap"] + reach)
+    slot = _slots(run, at, true_s, across)
+    width = run.scenario.vehicles.width[0][slot]
+    watches = (own["looks"] > 0) | (place == _LEADER)
+    if way > 0:
+        watches |= own["arrived"] == 0
+    held, is_held = _held(believed, seen, watches, slot)
+    gap = np.where(seen | is_held, held, true["gap"])
+    columns = {
+        "s": own["position"] + way * (gap + reach),
+        "d": across,
+        "gap": np.where(seen | is_held, held, np.nan),
+        "true_gap": true["gap"],
+        "length": true["length"],
+        "width": width,
+    }
+    return {
+        "role": ROLES[place],
+        "slot": [int(one) if is_there else None for one, is_there in zip(slot, there, strict=True)],
+        "seen": np.where(is_held, 2, seen).astype(int).tolist(),
+        **{f"{name}_mm": _whole(values, there) for name, values in columns.items()},
+    }
+
+
+def _held(
+    believed: dict[str, F32],
+    seen: NDArray[np.bool_],
+    watches: NDArray[np.bool_],
+    slot: NDArray[np.int64],
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Believed gaps, and which are from the last look: at other lanes drivers look now and then.
+
+    Args:
+        believed: What is believed at each decision.
+        seen: Whether the neighbour is seen.
+        watches: Whether the driver looks there.
+        slot: Which neighbour.
+    """
+    gap, is_held = believed["gap"].astype(np.float64), np.zeros_like(seen)
+    last = -1
+    for k in range(len(gap)):
+        if seen[k]:
+            last = k
+        elif watches[k] or last < 0 or slot[k] != slot[last]:
+            last = -1
+        else:
+            elapsed = (k - last) / float(DECISIONS_PER_SECOND)
+            gap[k] = gap[last] - float(believed["closing"][last]) * elapsed
+            is_held[k] = True
+    return gap, is_held
+
+
+def _whole(values: NDArray[np.floating], there: NDArray[np.bool_]) -> list[int | None]:
+    """Millimetres, None where there is nothing."""
+    known = there & np.isfinite(values)
+    return [
+        round(float(one) / METRES_PER_STEP) if is_known else None
+        for one, is_known in zip(values, known, strict=True)
+    ]
+
+
+def _slots(
+    run: Trajectories, at: NDArray[np.int64], s: NDArray[np.floating], d: NDArray[np.floating]
+) -> NDArray[np.int64]:
+    """The vehicles that stand nearest to some places, at some frames."""
+    states, valid = run.states, run.state_valid[0][:, at].copy()
+    valid[Role.EGO] = False
+    along = np.abs(states.s[0][:, at] * METRES_PER_STEP - np.nan_to_num(s))
+    aside = np.abs(states.d[0][:, at] * METRES_PER_STEP - np.nan_to_num(d))
+    return np.where(valid, along + aside, np.inf).argmin(axis=0)
 
 
 def _ghosts(run: Trajectories) -> Iterator[dict[str, Any]]:

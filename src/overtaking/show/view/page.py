@@ -30,6 +30,7 @@ THEMES = {
         "ego": ACCENT,
         "target": "#a85f00",
         "breach": "#b94a00",
+        "branch": "#a0407a",
         "kept": "#00785a",
         "aside": "#5f6670",
     },
@@ -44,6 +45,7 @@ THEMES = {
         "ego": palette.EGO,
         "target": palette.TARGET,
         "breach": "#ff8147",
+        "branch": "#f092c6",
         "kept": "#2bc59a",
         "aside": "#8d98a4",
     },
@@ -55,6 +57,13 @@ _TOLD = ("title", "law", "gloss", "predicate", "unit", "of_ego")
 """What the page tells of a rule."""
 
 _COMPRESSION = 9
+_VIEWPORT = (
+    '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+    '<meta name="color-scheme" content="light dark">\n<link rel="icon" href="data:,">\n'
+)
+_NO_SCRIPT = (
+    "<noscript>This page draws simulations with JavaScript, which is switched off.</noscript>\n"
+)
 
 
 def packed(values: dict[str, Any]) -> str:
@@ -89,6 +98,7 @@ def words() -> dict[str, Any]:
         "road": {
             "ego": palette.EGO,
             "target": palette.TARGET,
+            "branch": THEMES["dark"]["branch"],
             "brake": palette.BRAKE_ON,
             "indicator": palette.INDICATOR_ON,
             "tail": palette.TAIL_ON,
@@ -122,12 +132,20 @@ def page(title: str, policy: str, simulations: Sequence[dict[str, Any]]) -> str:
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{rules}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        '<meta name="color-scheme" content="light dark">\n<link rel="icon" href="data:,">\n'
-        f"<title>{escape(title)} · overtaking</title>\n<style>{style}</style>\n</head>\n<body>\n"
-        "<noscript>This page draws simulations with JavaScript, which is switched off.</noscript>\n"
+        f"{_VIEWPORT}<title>{escape(title)} · overtaking</title>\n<style>{style}</style>\n"
+        f"</head>\n<body>\n{_NO_SCRIPT}"
         f'<script type="application/json" id="data">{text}</script>\n'
-        f"<script>{script}</script>\n</body>\n</html>\n"
+        f'<script type="module">{script}</script>\n</body>\n</html>\n'
+    )
+
+
+def shell() -> str:
+    """The page of a server, which asks for its data, script and style itself."""
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'{_VIEWPORT}<link rel="stylesheet" href="viewer.css">\n'
+        f"<title>overtaking</title>\n</head>\n<body>\n{_NO_SCRIPT}"
+        '<script type="module" src="viewer.js"></script>\n</body>\n</html>\n'
     )
 
 

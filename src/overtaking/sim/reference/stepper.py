@@ -16,11 +16,11 @@ class Stepper:
 
     Args:
         given: Parameters of a batch.
-        kind: A name in `model.actions.KINDS`.
+        kind: A name in `model.actions.KINDS`; None where the model's own driver decides.
         is_true: Whether the truth is observed, not what the ego believes.
     """
 
-    def __init__(self, given: Parameters, kind: str, *, is_true: bool) -> None:
+    def __init__(self, given: Parameters, kind: str | None, *, is_true: bool) -> None:
         """Stand before the first decision."""
         self._given, self._kind, self._is_true = given, kind, is_true
         self._p, self._q = given.of_vehicles, given.of_simulations
@@ -38,7 +38,7 @@ class Stepper:
             values: Steps of each number of the action, shape (simulation, `MOST_PARTS`).
             decisions: How many, one at least.
         """
-        orders = orders_of(self._kind, values)
+        orders = None if self._kind is None else orders_of(self._kind, values)
         for _ in range(decisions - 1):
             self._act(orders)
             self._moment = perceive(self._state, self._given, self._p, self._q, self._step)
@@ -52,7 +52,7 @@ class Stepper:
         table = observe(state, given, p, self._moment, is_true=self._is_true)
         return np.where(runs[:, None], table, np.float32(0.0)), runs
 
-    def _act(self, orders: Orders) -> None:
+    def _act(self, orders: Orders | None) -> None:
         state, given, p, q = self._state, self._given, self._p, self._q
         pairs = act(state, given, p, q, self._moment, None, self._step, orders)
         for k in range(0, SUBSTEPS, self._stride):

@@ -1,0 +1,1 @@
+"""A server on this machine that shows a whole data set in a browser."""

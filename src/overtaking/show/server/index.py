@@ -1,0 +1,266 @@
+"""What the list tells of every simulation, as columns in memory: a filter of a million is quick.
+
+Files are read one after another, in a thread; until all are read, the list has the first ones.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from overtaking.data.tables import names
+from overtaking.data.tables.arrow import column_to_numpy
+from overtaking.data.tables.columns import codes
+from overtaking.knowledge import presets, terms
+from overtaking.model.labels import Verdict
+from overtaking.show import wording
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import pyarrow as pa
+    from numpy.typing import NDArray
+
+    from overtaking.data.load import Dataset
+    from overtaking.show.server.wanted import Rows
+
+    Mask = NDArray[np.bool_]
+
+FREE = "drawn freely"
+"""Weather that is none of the presets."""
+
+_MS_PER_S = 1000.0
+_COLUMNS = {
+    "simulations": ("simulation", "weather", "num_frames", "frame_interval_ms"),
+    "weather": ("weather", "preset", "night"),
+    "labels": ("simulation", "policy", "class", "outcome", "detail"),
+    "findings": ("simulation", "rule", "verdict", "margin"),
+    "decisions": ("simulation", "ego_kind", "ahead_kind"),
+}
+_NONE = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Facet:
+    """A property that each simulation has one value of.
+
+    Attributes:
+        names: Its values.
+        codes: Place of each simulation's among them, -1 for none, shape (simulation,).
+    """
+
+    names: tuple[str, ...]
+    codes: NDArray[np.int8]
+
+    def among(self, wanted: tuple[str, ...], done: int) -> Mask:
+        """Which of the first simulations have one of some values."""
+        is_wanted = np.array([*(name in wanted for name in self.names), False])  # The last: none.
+        return is_wanted[self.codes[:done]]
+
+    def counts(self, kept: Mask) -> dict[str, int]:
+        """How many simulations of a selection have each value that any has."""
+        found = np.bincount(self.codes[: len(kept)][kept] + 1, minlength=len(self.names) + 1)[1:]
+        return {name: int(found[place]) for place, name in enumerate(self.names) if found[place]}
+
+
+class Index:
+    """The columns of a data set.
+
+    Args:
+        data: The data set.
+    """
+
+    def __init__(self, data: Dataset) -> None:
+        """Make room, and read nothing yet."""
+        count, rules = len(data), names.RULES
+        self._data, self.done, self.total = data, 0, count
+        self._begun = threading.Event()
+
+        def facet(*values: str) -> Facet:
+            return Facet(values, np.full(count, _NONE, np.int8))
+
+        self.classes = {policy: facet(*names.CLASSES) for policy in names.POLICY_NAMES}
+        self.weather = facet(*presets(), FREE)
+        self.light, self.ego, self.overtaken = (
+            facet(*of) for of in (("day", "night"), names.KINDS, names.KINDS)
+        )
+        self.outcome, self.detail = facet(*names.OUTCOMES), facet(*names.DETAILS)
+        self.duration = np.zeros(count, np.float32)
+        self.broken = np.zeros((len(rules), count), np.bool_)
+        self.margin = np.full((len(rules), count), np.nan, np.float32)
+
+    def read(self) -> None:
+        """Read all files.
+
+        Raises:
+            DatasetError: One is missing or damaged.
+        """
+        kept = self._data.kept_tables
+        wanted = {table: of for table, of in _COLUMNS.items() if table in kept}
+        for first, tables in self._data.columns(**wanted):
+            self._take(first, tables)
+            self.done = first + tables["simulations"].num_rows
+            self._begun.set()
+
+    def wait(self, seconds: float) -> None:
+        """Wait until something is read, but no longer than some time [s]."""
+        self._begun.wait(seconds)
+
+    def select(self, asked: Rows, extra: Mask | None) -> tuple[NDArray[np.int64], dict[str, Any]]:
+        """The simulations that a request wants, in its order, and how many have each value.
+
+        Args:
+            asked: The request.
+            extra: Further simulations to leave out, shape (simulation,); None for none.
+
+        Returns:
+            Their numbers, and counts by property and value. The counts of a property are of the
+            simulations that all other properties leave.
+        """
+        done = self.done
+        facets = self._facets(asked.policy)
+        masks = {
+            name: of.among(wanted, done)
+            for name, of in facets.items()
+            if (wanted := getattr(asked, name))
+        }
+        masks |= self._law_masks(asked, done)
+        if extra is not None:
+            masks["sql"] = extra[:done]
+        every = np.ones(done, np.bool_)
+        kept = _all(masks.values(), every)
+        counts: dict[str, Any] = {}
+        for name, of in facets.items():
+            rest = [mask for other, mask in masks.items() if other != name]
+            counts[name] = of.counts(_all(rest, every) if name in masks else kept)
+        broken = (int(np.count_nonzero(row[:done] & kept)) for row in self.broken)
+        counts["rules"] = {
+            code: many for code, many in zip(names.RULES, broken, strict=True) if many
+        }
+        return self._ordered(np.flatnonzero(kept), asked), counts
+
+    def rows(self, numbers: NDArray[np.int64]) -> list[dict[str, Any]]:
+        """What the list says of some simulations."""
+        return [self._row(int(number)) for number in numbers]
+
+    def _row(self, number: int) -> dict[str, Any]:
+        outcome, detail = _at(self.outcome, number), _at(self.detail, number)
+        told = wording.outcome_words({"outcome": outcome, "detail": detail})
+        return {
+            "number": number,
+            "classes": {policy: _at(of, number) for policy, of in self.classes.items()},
+            "broken": [
+                code
+                for code, is_so in zip(names.RULES, self.broken[:, number], strict=True)
+                if is_so
+            ],
+            "weather": _at(self.weather, number),
+            "night": _at(self.light, number) == "night",
+            "outcome": told,
+            "duration_s": round(float(self.duration[number]), 3),
+        }
+
+    def _facets(self, policy: str) -> dict[str, Facet]:
+        """The properties of the filter, by the names of `Rows`."""
+        known = self.classes.get(policy, next(iter(self.classes.values())))
+        return {
+            "classes": known,
+            "weather": self.weather,
+            "light": self.light,
+            "ego": self.ego,
+            "overtaken": self.overtaken,
+        }
+
+    def _law_masks(self, asked: Rows, done: int) -> dict[str, Mask]:
+        """What the law leaves: all rules broken, and a margin within bounds."""
+        masks: dict[str, Mask] = {}
+        if asked.rules:
+            nothing = np.zeros(done, np.bool_)
+            places = [_place(code) for code in asked.rules]
+            broken = [nothing if at is None else self.broken[at, :done] for at in places]
+            masks["rules"] = np.logical_and.reduce(broken)
+        bounds = asked.margin
+        at = None if bounds is None else _place(bounds.rule)
+        if bounds is not None and at is not None:
+            margin = self.margin[at, :done]
+            least = -np.inf if bounds.least is None else bounds.least
+            most = np.inf if bounds.most is None else bounds.most
+            masks["margin"] = (margin >= least) & (margin <= most)
+        return masks
+
+    def _ordered(self, numbers: NDArray[np.int64], asked: Rows) -> NDArray[np.int64]:
+        rule = asked.margin and _place(asked.margin.rule)
+        if asked.order == "duration":
+            values = self.duration[numbers]
+        elif asked.order == "margin" and rule is not None:
+            values = self.margin[rule, numbers]
+        else:
+            return numbers[::-1] if asked.descending else numbers
+        return numbers[np.argsort(-values if asked.descending else values, kind="stable")]
+
+    def _take(self, first: int, tables: Mapping[str, pa.Table]) -> None:
+        """The rows of one file of each table."""
+        rows = tables["simulations"]
+        span = slice(first, first + rows.num_rows)
+        interval = column_to_numpy(rows["frame_interval_ms"]) / _MS_PER_S
+        self.duration[span] = (column_to_numpy(rows["num_frames"]) - 1) * interval
+        self._take_weather(span, rows, tables["weather"])
+        self._take_labels(tables["labels"])
+        self._take_findings(tables["findings"])
+        if "decisions" in tables:
+            at = column_to_numpy(tables["decisions"]["simulation"])
+            for of, name in ((self.ego, "ego_kind"), (self.overtaken, "ahead_kind")):
+                of.codes[at] = codes(tables["decisions"][name], names.KINDS)
+
+    def _take_weather(self, span: slice, rows: pa.Table, weather: pa.Table) -> None:
+        keys = column_to_numpy(weather["weather"])
+        at = np.searchsorted(keys, column_to_numpy(rows["weather"]))
+        known = {name: place for place, name in enumerate(self.weather.names)}
+        preset = [known[name or FREE] for name in weather["preset"].to_pylist()]
+        self.weather.codes[span] = np.array(preset, np.int8)[at]
+        night = [_NONE if one is None else int(one) for one in weather["night"].to_pylist()]
+        self.light.codes[span] = np.array(night, np.int8)[at]
+
+    def _take_labels(self, labels: pa.Table) -> None:
+        at = column_to_numpy(labels["simulation"])
+        policy = codes(labels["policy"], names.POLICY_NAMES)
+        label = codes(labels["class"], names.CLASSES)
+        for place, name in enumerate(names.POLICY_NAMES):
+            here = policy == place
+            self.classes[name].codes[at[here]] = label[here]
+        self.outcome.codes[at] = codes(labels["outcome"], names.OUTCOMES)
+        self.detail.codes[at] = codes(labels["detail"], names.DETAILS)
+
+    def _take_findings(self, findings: pa.Table) -> None:
+        at = column_to_numpy(findings["simulation"])
+        rule = codes(findings["rule"], names.RULES)
+        verdict = codes(findings["verdict"], names.VERDICTS)
+        self.broken[rule, at] = verdict == names.VERDICTS.index(Verdict.ILLEGAL.name.lower())
+        margin = findings["margin"]
+        there = ~margin.is_null().to_numpy(zero_copy_only=False)
+        self.margin[rule[there], at[there]] = column_to_numpy(margin)[there]
+
+
+def titles() -> dict[str, str]:
+    """Kinds of vehicles as people call them."""
+    return {kind: terms("vehicles")[kind].title for kind in names.KINDS}
+
+
+def _all(masks: Any, every: Mask) -> Mask:
+    """Where all masks are set."""
+    kept = every
+    for mask in masks:
+        kept = kept & mask
+    return kept
+
+
+def _at(facet: Facet, number: int) -> str:
+    code = int(facet.codes[number])
+    return "unknown" if code < 0 else facet.names[code]
+
+
+def _place(rule: str) -> int | None:
+    return names.RULES.index(rule) if rule in names.RULES else None

@@ -1,0 +1,91 @@
+"""Serves a data set to the browser of this machine."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from typing import TYPE_CHECKING
+
+import uvicorn
+
+from overtaking.core.errors import ConfigError
+from overtaking.labels.law import policy as checked_policy
+from overtaking.show.server.app import app
+from overtaking.show.server.guard import Keys
+from overtaking.show.server.library import Library
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from overtaking.data.load import Dataset
+
+_HOST = "127.0.0.1"
+_MOST_REQUESTS = 64
+_IDLE_S = 30
+
+
+class Server:
+    """A server that listens on the loopback address, and on no other.
+
+    Args:
+        data: The data set.
+        policy: Which rules count when the page opens.
+        port: To listen on; 0 lets the system choose.
+
+    Attributes:
+        url: Address of the page, with the token that opens it once.
+
+    Raises:
+        ConfigError: There is no such policy, or the port is taken.
+    """
+
+    def __init__(self, data: Dataset, policy: str, port: int) -> None:
+        """Begin to listen; nothing is answered yet."""
+        library = Library(data, checked_policy(policy).name)
+        self._socket = _listening(port)
+        port = self._socket.getsockname()[1]
+        keys, hosts = Keys(port), (f"{_HOST}:{port}", f"localhost:{port}")
+        self.url = f"http://{hosts[0]}/#token={keys.token}"
+        self._reader = threading.Thread(target=library.read, daemon=True)
+        self._server = uvicorn.Server(
+            uvicorn.Config(
+                app(library, hosts, keys),
+                access_log=False,
+                lifespan="off",
+                limit_concurrency=_MOST_REQUESTS,
+                log_config=None,
+                proxy_headers=False,
+                server_header=False,
+                timeout_keep_alive=_IDLE_S,
+                ws="none",
+            )
+        )
+
+    def run(self) -> None:
+        """Answer until the process is interrupted, or `stop` is called."""
+        self._reader.start()
+        self._server.run(sockets=[self._socket])
+
+    def stop(self) -> None:
+        """Let `run` end."""
+        self._server.should_exit = True
+
+
+def serve(data: Dataset, *, policy: str, port: int, ready: Callable[[str], None]) -> None:
+    """Serve a data set; see `overtaking.serve_view`."""
+    server = Server(data, policy, port)
+    ready(server.url)
+    server.run()
+
+
+def _listening(port: int) -> socket.socket:
+    try:
+        return socket.create_server((_HOST, port))
+    except OSError as error:
+        raise ConfigError.of(
+            what=f"port {port}",
+            where="view",
+            expected="one that is free",
+            got=error.strerror or error,
+            next_step="choose another --port, or leave it out",
+        ) from None

@@ -1,0 +1,71 @@
+"""What the ego believes at every decision, not only at those that are recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from overtaking.model.actions import MOST_PARTS
+from overtaking.model.observation import AROUND, OWN, ROLES
+from overtaking.sim.stepping import stepper
+from overtaking.world.parameters import parameters
+
+if TYPE_CHECKING:
+    from overtaking.core.elementary import F32
+    from overtaking.model.actions import Actions
+    from overtaking.model.scenario import Scenario
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beliefs:
+    """What the egos of a batch know at each decision, 20 a second, as long as they run.
+
+    Attributes:
+        own: Of themselves, shape (decision, simulation, `OWN`); NaN once a simulation is over.
+        believed: Of their neighbours, shape (decision, simulation, `ROLES`, `AROUND`).
+        true: How these are, in the same shape.
+    """
+
+    own: F32
+    believed: F32
+    true: F32
+
+
+def beliefs(
+    scenario: Scenario, actions: Actions | None = None, simulator: str = "engine"
+) -> Beliefs:
+    """Simulate again, and tell at every decision what the ego believes.
+
+    Args:
+        scenario: A batch of scenarios.
+        actions: What another driver did with the ego; None for the model's own.
+        simulator: `engine` or `reference`; both tell the same.
+    """
+    own, believed = _told(scenario, actions, simulator, is_true=False)
+    _, true = _told(scenario, actions, simulator, is_true=True)
+    return Beliefs(own=own, believed=believed, true=true)
+
+
+def _told(
+    scenario: Scenario, actions: Actions | None, simulator: str, *, is_true: bool
+) -> tuple[F32, F32]:
+    """What is told of the egos and of their neighbours."""
+    kind = None if actions is None else actions.kind
+    steps = stepper(parameters(scenario), kind, is_true=is_true, simulator=simulator)
+    nothing = np.zeros((scenario.num_simulations, MOST_PARTS), np.int32)
+    tables: list[F32] = []
+    table, runs = steps.begin()
+    while runs.any():
+        tables.append(np.where(runs[:, None], table, np.float32(np.nan)))
+        orders = nothing if actions is None else _orders(actions, len(tables) - 1)
+        table, runs = steps.step(orders, 1)
+    told = np.stack(tables)
+    around = told[:, :, len(OWN) :].reshape(*told.shape[:2], len(ROLES), len(AROUND))
+    return told[:, :, : len(OWN)], around
+
+
+def _orders(actions: Actions, decision: int) -> np.ndarray:
+    """The orders of a decision; those of the last one where there are no more."""
+    return np.ascontiguousarray(actions.values[:, min(decision, actions.values.shape[1] - 1)])

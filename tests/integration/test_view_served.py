@@ -1,0 +1,304 @@
+"""The page of `overtaking view DATA`, from a server, in a browser. Needs Chromium."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from tests.integration.test_view_browser import FRAME, PHONE, says, shows
+from tests.support.browser import chromium, expect
+from tests.support.serving import serving
+
+import overtaking as ot
+from overtaking.cli import main
+
+if TYPE_CHECKING:
+    from collections.abc import Generator, Iterator
+
+    from playwright.sync_api import Browser, Page
+
+    from overtaking.data.load import Dataset
+
+pytestmark = pytest.mark.ci
+
+ROWS = ".simulations tbody tr"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    """More than one part of the list, without frames."""
+    folder = tmp_path_factory.mktemp("served") / "data"
+    return ot.generate("pinto2023-physical", 120, 1, folder, keep="features")
+
+
+@pytest.fixture(scope="module")
+def url(data: Dataset) -> Iterator[str]:
+    with serving(data) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def key(browser: Browser, url: str) -> Any:
+    """The cookie of the browser that has opened the printed address."""
+    context = browser.new_context()
+    page = context.new_page()
+    page.goto(url)
+    page.wait_for_selector(ROWS)
+    assert "token" not in page.url
+    state = context.storage_state()
+    context.close()
+    return state
+
+
+@contextmanager
+def at(browser: Browser, url: str, key: Any, link: str = "", **settings: object) -> Generator[Page]:
+    """The page at a link; fails if it complains, or asks for anything beyond its server."""
+    context = browser.new_context(storage_state=key, **settings)
+    page = context.new_page()
+    complaints: list[str] = []
+    asked: set[str] = set()
+    page.on("console", lambda said: complaints.append(said.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("request", lambda request: asked.add(request.url))
+    base = url.partition("#")[0]
+    page.goto(base + link)
+    page.wait_for_selector(".board" if "sim=" in link else ROWS)
+    yield page
+    context.close()
+    assert complaints == []
+    assert all(one.startswith((base, "data:")) for one in asked)
+
+
+def state(page: Page) -> dict[str, Any]:
+    """What the page shows."""
+    page.wait_for_timeout(400)  # Until the address follows.
+    return {
+        "title": page.title(),
+        "link": page.evaluate("location.hash"),
+        "frame": page.evaluate(FRAME),
+        "now": page.inner_text("#now"),
+        "list": page.locator(".runs a").evaluate_all("all => all.map(one => one.dataset.sim)"),
+        "branches": page.locator("article.branch").all_inner_texts(),
+        "beside": page.input_value("#beside"),
+    }
+
+
+def test_from_the_list_to_an_article_and_back_by_link(browser: Browser, url: str, key: Any):
+    with at(browser, url, key) as page:
+        expect(page.locator(".found")).to_have_text("120 of 120 simulations")
+        page.check("#classes-Success_I")
+        page.check("#light-night")
+        page.check("#rules-L3")
+        count = page.locator("label[for=rules-L3] .many").inner_text()
+        expect(page.locator(".found")).to_have_text(f"{count} of 120 simulations")
+        assert page.locator(ROWS).count() == int(count)
+        assert all("L3" in text for text in page.locator(f"{ROWS} .codes").all_inner_texts())
+        expect(page.locator(f"{ROWS} .thumb svg").first).to_be_visible()
+        row = page.locator(f"{ROWS} a").nth(1)
+        number = str(row.get_attribute("data-sim"))
+        row.click()
+        shows(page, number)
+        assert page.locator(".runs a").count() == int(count)
+        page.click("#play")
+        expect(page.locator("#frame")).to_have_value(re.compile(r"^([5-9]|\d\d+)$"))
+        page.click("#play")
+        page.get_by_label("One frame on").click()
+        rule = page.locator("button.law").first
+        rule.click()
+        assert "Article" in page.inner_text("#rule")
+        before = state(page)
+        page.reload()
+        page.wait_for_selector(".board")
+        assert state(page) == before
+        page.click("#all")
+        expect(page.locator(".found")).to_have_text(f"{count} of 120 simulations")
+        assert page.is_checked("#classes-Success_I")
+        page.click("#clear")
+        expect(page.locator(".found")).to_have_text("120 of 120 simulations")
+
+
+def test_the_list_has_parts_orders_and_margins(browser: Browser, url: str, key: Any):
+    with at(browser, url, key) as page:
+        assert page.locator(ROWS).count() == 50
+        page.click(".pages button:last-child")
+        expect(page.locator(f"{ROWS} a").first).to_have_text("50")
+        page.select_option("#margin-rule", "L3")
+        page.get_by_label("Largest margin").fill("-5")
+        page.get_by_label("Largest margin").press("Enter")
+        page.select_option("#order", "margin")
+        expect(page.locator(".found")).not_to_have_text("120 of 120 simulations")
+        page.locator(f"{ROWS} a").first.click()
+        page.wait_for_selector(".board")
+        least = float(page.inner_text("article[data-rule=L3]").split("margin ")[1].split()[0])
+        page.keyboard.press("j")
+        shows(page, str(page.locator(".runs a").nth(1).get_attribute("data-sim")))
+        assert least <= float(
+            page.inner_text("article[data-rule=L3]").split("margin ")[1].split()[0]
+        )
+
+
+def test_sql_filters_the_list(browser: Browser, url: str, key: Any):
+    with at(browser, url, key) as page:
+        page.click(".sql summary")
+        page.fill(
+            "#sql", "SELECT simulation FROM labels WHERE policy = 'strict' AND detail = 'spun'"
+        )
+        page.click("#ask")
+        expect(page.locator(".answer")).to_contain_text("which filter the list")
+        found = int(page.locator(".answer p").inner_text().split()[0])
+        expect(page.locator(".found")).to_have_text(f"{found} of 120 simulations")
+        page.reload()
+        expect(page.locator(".found")).to_have_text(f"{found} of 120 simulations")
+
+
+def test_beliefs_are_there_at_every_moment(browser: Browser, url: str, key: Any):
+    with at(browser, url, key, "#sim=3&t=1") as page:
+        expect(page.locator(".key.belief")).to_contain_text(re.compile(r"as believed \d"))
+        picture = "document.getElementById('road').toDataURL()"
+        shown = page.evaluate(picture)
+        page.uncheck("#ghosts")
+        assert page.evaluate(picture) != shown
+
+
+def test_what_if_says_what_changes_and_survives_a_reload(browser: Browser, url: str, key: Any):
+    with at(browser, url, key, "#sim=3&t=1") as page:
+        page.click("#what-if [data-what=STAY]")
+        card = page.locator("article.branch")
+        expect(card).to_contain_text("Outcome: no attempt, instead of completed.")
+        page.select_option("#other-weather", "HardRainNight")
+        expect(card).to_have_count(2)
+        assert "ego in a" in page.inner_text("#board")
+        assert page.locator(".curve.branch").count() >= 8
+        picture = "document.getElementById('road').toDataURL()"
+        page.keyboard.press("End")
+        with_branches = page.evaluate(picture)
+        before = state(page)
+        assert "if=STAY@1,HardRainNight@1" in before["link"]
+        page.reload()
+        expect(card).to_have_count(2)
+        assert state(page) == before
+        for _ in range(2):
+            page.locator("article.branch .close").first.click()
+        expect(card).to_have_count(0)
+        assert page.evaluate(picture) != with_branches
+
+
+def test_a_fifth_branch_is_refused_in_words(browser: Browser, url: str, key: Any):
+    link = "#sim=3&t=1&if=STAY@1,PULL_OUT@1,ClearNoon@1,ClearNight@1"
+    with at(browser, url, key, link) as page:
+        expect(page.locator("article.branch")).to_have_count(4)
+        page.click("#what-if [data-what=ABORT]")
+        expect(page.locator("main .failure").last).to_contain_text("drop one first")
+
+
+def test_two_simulations_run_on_one_clock(browser: Browser, url: str, key: Any):
+    with at(browser, url, key, "#sim=3&t=2") as page:
+        page.fill("#beside", "8")
+        page.press("#beside", "Enter")
+        expect(page.locator("#road-beside")).to_be_visible()
+        expect(page.locator("#road-beside")).to_have_attribute(
+            "aria-label", re.compile("simulation 8. 2.00 s")
+        )
+        page.keyboard.press("Tab")
+        page.get_by_label("One frame on").click()
+        expect(page.locator("#road-beside")).to_have_attribute(
+            "aria-label", re.compile("simulation 8. 2.05 s")
+        )
+        assert "Events in 8" in page.inner_text("#board")
+        before = state(page)
+        page.reload()
+        expect(page.locator("#road-beside")).to_be_visible()
+        assert state(page) == before
+
+
+def test_the_keyboard_is_enough(browser: Browser, url: str, key: Any):
+    with at(browser, url, key) as page:
+        press = page.keyboard.press
+        press("/")
+        assert page.evaluate("document.activeElement.id").startswith("classes-")
+        press(" ")
+        expect(page.locator(".found")).not_to_have_text("120 of 120 simulations")
+        page.evaluate("document.activeElement.blur()")
+        press("j")
+        press("j")
+        number = page.evaluate("document.activeElement.dataset.sim")
+        press("Enter")
+        shows(page, number)
+        press("ArrowRight")
+        assert page.evaluate(FRAME) == 1
+        press("b")
+        assert page.evaluate("document.activeElement.dataset.what") == "PULL_OUT"
+        press("Enter")
+        expect(page.locator("article.branch")).to_have_count(1)
+        press("j")
+        expect(page).not_to_have_title(re.compile(f"^Simulation {number},"))
+        page.evaluate("document.activeElement.blur()")
+        press("a")
+        expect(page.locator(ROWS).first).to_be_visible()
+
+
+def test_the_page_says_what_show_says(
+    browser: Browser, url: str, key: Any, data: Dataset, capsys: pytest.CaptureFixture[str]
+):
+    with at(browser, url, key, "#sim=0") as page:
+        for number in (0, 4, 7):
+            assert main(["show", data.where, str(number), "--json"]) == 0
+            values = json.loads(capsys.readouterr().out)
+            page.evaluate(f"location.hash = 'sim={number}'")
+            shows(page, number)
+            says(page, values)
+
+
+def test_who_has_no_key_sees_no_data(browser: Browser, url: str):
+    base = url.partition("#")[0]
+    for link in ("", "#token=wrong", "#sim=3"):
+        context = browser.new_context()
+        page = context.new_page()
+        page.goto(base + link)
+        expect(page.locator(".closed [role=alert]")).to_contain_text("address")
+        assert page.locator(ROWS).count() == 0
+        context.close()
+
+
+def test_wrong_links_are_told(browser: Browser, url: str, key: Any):
+    context = browser.new_context(storage_state=key)
+    page = context.new_page()
+    page.goto(url.partition("#")[0] + "#sim=99999&class=%3Cimg%20src=x%20onerror=alert(1)%3E")
+    expect(page.locator(".failure").first).to_contain_text("expected 0 to 119")
+    assert page.locator("img").count() == 0
+    context.close()
+
+
+def test_on_a_phone_nothing_scrolls_sideways(browser: Browser, url: str, key: Any):
+    for link in ("", "#sim=3&t=4&if=STAY@1"):
+        with at(browser, url, key, link, viewport=PHONE, has_touch=True, is_mobile=True) as page:
+            assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("viewport", [{"width": 1280, "height": 900}, PHONE], ids=["desk", "phone"])
+def test_axe_finds_nothing(
+    browser: Browser, url: str, key: Any, repository: Any, scheme: str, viewport: dict[str, int]
+):
+    axe = repository / "viewer" / "node_modules" / "axe-core" / "axe.min.js"
+    if not axe.exists():
+        (pytest.fail if os.environ.get("CI") else pytest.skip)("axe-core is missing: make viewer")
+    settings = {"color_scheme": scheme, "viewport": viewport, "bypass_csp": True}
+    for link in ("", "#class=Success_I&rule=L3", "#sim=3&t=3&if=STAY@1,HardRainNight@2&vs=8"):
+        with at(browser, url, key, link, **settings) as page:
+            if not link and viewport == PHONE:
+                page.click("aside .drawer > summary")
+            page.wait_for_timeout(1000)
+            page.add_script_tag(path=axe)
+            found = page.evaluate("axe.run()")["violations"]
+            assert [(one["id"], [n["html"] for n in one["nodes"]]) for one in found] == []

@@ -1,0 +1,393 @@
+"""What the server of `overtaking view` tells, and whom."""
+
+from __future__ import annotations
+
+import hashlib
+import http.client
+import json
+import socket
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from tests.support.serving import Client, serving
+
+import overtaking as ot
+from overtaking.core.errors import ConfigError
+from overtaking.model.decision import Decision
+from overtaking.show.description import describe
+from overtaking.show.server.app import MOST_BYTES
+from overtaking.show.server.running import Server
+from overtaking.show.view.pack import pack
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from overtaking.data.load import Dataset
+    from overtaking.model.trajectory import Trajectories
+
+NUM_SIMULATIONS = 60
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    """Without frames: what is shown is simulated again."""
+    folder = tmp_path_factory.mktemp("server") / "data"
+    return ot.generate("pinto2023-physical", NUM_SIMULATIONS, 1, folder, keep="features")
+
+
+@pytest.fixture(scope="module")
+def url(data: Dataset) -> Iterator[str]:
+    with serving(data) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def client(url: str) -> Client:
+    return Client(url).enter()
+
+
+def packed(runs: Trajectories, number: int) -> Any:
+    """What an exported page would hold, after a way through JSON."""
+    return json.loads(json.dumps(pack(ot.label(runs), number)))
+
+
+def get(client: Client, path: str) -> Any:
+    status, told, _ = client.ask("GET", path)
+    assert status == 200, told
+    return told
+
+
+def test_rows_are_those_of_the_tables(client: Client, data: Dataset):
+    rows = client.rows(count=NUM_SIMULATIONS)["rows"]
+    labels = data.labels().set_index(["simulation", "policy"])["class"]
+    findings = data.findings()
+    broken = findings[findings["verdict"] == "illegal"].groupby("simulation")["rule"].apply(set)
+    weather = data.weather().set_index("weather")
+    assert [one["number"] for one in rows] == list(range(NUM_SIMULATIONS))
+    for one in rows:
+        number = one["number"]
+        assert one["classes"] == {name: labels[number, name] for name in one["classes"]}
+        assert set(one["broken"]) == broken.get(number, set())
+        assert one["weather"] == weather["preset"][number]
+        assert one["night"] == weather["night"][number]
+
+
+def expected(data: Dataset, **asked: Any) -> set[int]:
+    """The simulations that a filter leaves, found by pandas."""
+    labels, findings, decisions = data.labels(), data.findings(), data.decisions()
+    weather = data.simulations().merge(data.weather(), on="weather").set_index("simulation")
+    left = set(range(len(data)))
+    if "classes" in asked:
+        mine = labels[labels["policy"] == asked["policy"]]
+        left &= set(mine[mine["class"].isin(asked["classes"])]["simulation"])
+    for rule in asked.get("rules", ()):
+        of = findings[(findings["rule"] == rule) & (findings["verdict"] == "illegal")]
+        left &= set(of["simulation"])
+    if "weather" in asked:
+        left &= set(weather.index[weather["preset"].isin(asked["weather"])])
+    if "light" in asked:
+        left &= set(weather.index[weather["night"] == (asked["light"] == ["night"])])
+    for name, column in (("ego", "ego_kind"), ("overtaken", "ahead_kind")):
+        if name in asked:
+            left &= set(decisions[decisions[column].isin(asked[name])]["simulation"])
+    if bounds := asked.get("margin"):
+        of = findings[findings["rule"] == bounds["rule"]].set_index("simulation")["margin"]
+        left &= set(of.index[(of >= bounds["least"]) & (of <= bounds["most"])])
+    return left
+
+
+FILTERS: list[dict[str, Any]] = [
+    {"policy": "strict", "classes": ["Success_I", "No_attempt"]},
+    {"policy": "paper", "classes": ["Success_I"], "rules": ["L3", "L18"]},
+    {"light": ["night"], "ego": ["S", "M"], "weather": ["HardRainNight", "ClearNight"]},
+    {"margin": {"rule": "L3", "least": -20.0, "most": -1.0}, "overtaken": ["S", "M", "L"]},
+]
+
+
+@pytest.mark.parametrize("asked", FILTERS)
+def test_filters_leave_what_pandas_leaves(client: Client, data: Dataset, asked: dict[str, Any]):
+    told = client.rows(**asked, count=NUM_SIMULATIONS)
+    left = expected(data, **asked)
+    assert {one["number"] for one in told["rows"]} == left
+    assert told["found"] == len(left) > 0
+    for name, counts in told["counts"].items():
+        for value, many in counts.items():
+            wanted = [*asked.get("rules", ()), value] if name == "rules" else [value]
+            policy = asked.get("policy", "paper")
+            assert many == len(expected(data, **{"policy": policy, **asked, name: wanted}))
+
+
+def test_lists_are_in_order_and_in_parts(client: Client):
+    of = client.rows(order="duration", descending=True, count=NUM_SIMULATIONS)["rows"]
+    lengths = [one["duration_s"] for one in of]
+    assert lengths == sorted(lengths, reverse=True)
+    part = client.rows(count=7, around=40)
+    assert (part["first"], part["rows"][5]["number"]) == (35, 40)
+    falling = client.rows(descending=True, first=50, count=20)["rows"]
+    assert [one["number"] for one in falling] == list(range(9, -1, -1))
+
+
+def test_a_run_is_what_an_exported_page_holds(client: Client, data: Dataset):
+    for number in (0, 17):
+        told = get(client, f"/api/runs/{number}")
+        assert told == packed(data.trajectory(number), number)
+
+
+def test_beliefs_at_every_decision_agree_with_those_that_were_recorded(
+    client: Client, data: Dataset
+):
+    checked = 0
+    for number in range(12):
+        percepts = data.trajectory(number).percepts
+        told = get(client, f"/api/runs/{number}/beliefs")
+        lead = next((one for one in told["roles"] if one["role"] == "lead"), None)
+        for row in np.flatnonzero(percepts.valid[0]):
+            at = round(percepts.time[0, row] / told["interval_ms"])
+            if percepts.vehicle[0, row, 0] == 255:
+                continue
+            assert lead is not None
+            assert lead["slot"][at] == percepts.vehicle[0, row, 0]
+            assert (lead["seen"][at] == 1) == percepts.detected[0, row, 0]
+            assert abs(lead["true_gap_mm"][at] - percepts.true_gap[0, row, 0]) <= 1
+            if percepts.detected[0, row, 0]:
+                assert abs(lead["gap_mm"][at] - percepts.gap[0, row, 0]) <= 1
+                checked += 1
+    assert checked > 5
+
+
+@pytest.mark.parametrize("decision", list(Decision))
+def test_a_branch_is_that_of_the_library(client: Client, data: Dataset, decision: Decision):
+    status, told, _ = client.ask(
+        "POST", "/api/runs/3/branches", {"frame": 30, "decision": decision.name}
+    )
+    assert status == 200, told
+    runs = ot.branch(data.scenario(3), 30, decision=decision)
+    assert told["run"] == packed(runs, 3)
+    changes = (runs.trace_hash != data.trajectory(3).trace_hash).any()
+    assert (told["said"] == ["Nothing changes."]) == (not changes)
+
+
+def test_a_branch_says_what_has_changed(client: Client, data: Dataset):
+    asked = {"frame": 0, "decision": "STAY"}
+    _, told, _ = client.ask("POST", "/api/runs/3/branches", asked)
+    before = describe(ot.label(data.trajectory(3)), 3)
+    after = told["run"]["values"]
+    assert told["said"][0] == "Outcome: no attempt, instead of completed."
+    for one in before["broken"]:
+        is_left = one["rule"] in [other["rule"] for other in after["broken"]]
+        lead = "Still broken" if is_left else "No longer broken"
+        assert any(text.startswith(f"{lead}: {one['rule']} ") for text in told["said"])
+
+
+def test_other_weather_is_that_of_the_preset(client: Client):
+    _, told, _ = client.ask(
+        "POST", "/api/runs/3/branches", {"frame": 5, "weather": "HardRainNight"}
+    )
+    assert told["run"]["values"]["weather"]["preset"] == "ClearSunset"  # As it began.
+    assert told["parts"] >= 5
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"frame": 10**6, "decision": "STAY"},
+        {"frame": 1, "decision": "FLY"},
+        {"frame": 1, "weather": "<b>"},
+        {"frame": 1},
+        {"frame": 1, "decision": "STAY", "weather": "ClearNoon"},
+        {"frame": -1, "decision": "STAY"},
+        {"frame": "1; DROP", "decision": "STAY"},
+    ],
+)
+def test_a_branch_that_cannot_be_is_one_clear_error(client: Client, asked: dict[str, Any]):
+    status, told, _ = client.ask("POST", "/api/runs/3/branches", asked)
+    assert status == 400
+    assert told["error"].startswith("view: ")
+    assert "\n" not in told["error"]
+
+
+def test_sql_filters_the_list_and_cannot_write(client: Client, data: Dataset):
+    text = "SELECT simulation FROM labels WHERE policy = 'strict' AND class = 'Success_I'"
+    _, told, _ = client.ask("POST", "/api/sql", {"sql": text})
+    assert told["filters"]
+    wanted = expected(data, policy="strict", classes=["Success_I"])
+    assert client.rows(sql=text)["found"] == told["num_rows"] == len(wanted)
+    for bad in (
+        "DROP TABLE labels",
+        "COPY labels TO 'x.csv'",
+        "SELECT * FROM read_csv('/etc/passwd')",
+    ):
+        status, told, _ = client.ask("POST", "/api/sql", {"sql": bad})
+        assert (status, set(told)) == (400, {"error"})
+
+
+# Who may not ask.
+
+PRIVATE = ["/api/start", "/api/runs/0", "/api/runs/0/beliefs", "/api/runs/0/thumbnail"]
+
+
+@pytest.mark.parametrize("path", PRIVATE)
+@pytest.mark.parametrize(
+    ("wrong", "status"),
+    [
+        ({"Cookie": None}, 401),
+        ({"Cookie": "overtaking-1=x"}, 401),
+        ({"Host": "evil.example"}, 421),
+        ({"Host": "127.0.0.1"}, 421),
+        ({"Host": None}, 400),
+        ({"Sec_Fetch_Site": "cross-site"}, 403),
+        ({"Sec_Fetch_Site": "same-site"}, 403),
+    ],
+)
+def test_nothing_is_told_to_others(
+    client: Client, path: str, wrong: dict[str, str | None], status: int
+):
+    found, told, _ = client.ask("GET", path, **wrong)
+    assert found == status
+    assert not isinstance(told, dict) or set(told) == {"error"}
+
+
+@pytest.mark.parametrize("path", ["/api/rows", "/api/sql", "/api/runs/0/branches", "/api/session"])
+@pytest.mark.parametrize(
+    ("wrong", "status"),
+    [
+        ({"Origin": None}, 403),
+        ({"Origin": "null"}, 403),
+        ({"Origin": "http://evil.example"}, 403),
+        ({"Origin": "https://127.0.0.1"}, 403),
+        ({"Content_Type": "text/plain"}, 415),
+        ({"Content_Type": "application/x-www-form-urlencoded"}, 415),
+        ({"Host": "localhost:1"}, 421),
+    ],
+)
+def test_other_pages_cannot_ask(
+    client: Client, path: str, wrong: dict[str, str | None], status: int
+):
+    assert client.ask("POST", path, {}, **wrong)[0] == status
+
+
+def test_the_token_opens_once(data: Dataset):
+    with serving(data) as url:
+        client = Client(url)
+        for token in ("", "x", client.token[:-1], client.token + "é", "x" * 10_000):
+            assert client.ask("POST", "/api/session", {"token": token})[0] in (400, 401)
+        status, _, headers = client.ask("POST", "/api/session", {"token": client.token})
+        assert status == 200
+        cookie = str(headers["set-cookie"])
+        assert all(part in cookie for part in ("HttpOnly", "SameSite=strict", "Path=/"))
+        assert client.token not in cookie
+        status, told, _ = client.ask("POST", "/api/session", {"token": client.token})
+        assert status == 401
+        assert "has been used" in told["error"]
+
+
+def test_every_answer_forbids_what_the_page_does_not_need(client: Client):
+    for path in ("/", "/viewer.js", "/viewer.css", "/api/start", "/api/nothing", "/../etc/passwd"):
+        _, _, headers = client.ask("GET", path)
+        assert "default-src 'none'" in str(headers["content-security-policy"])
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["referrer-policy"] == "no-referrer"
+        assert headers["access-control-allow-origin"] is None
+        assert headers["server"] is None
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/api/runs/60",
+        "/api/runs/-1",
+        "/api/runs/1e3",
+        "/api/runs/%2e%2e%2fdataset.json",
+        "/api/runs/" + "9" * 5000,
+        "/api/runs/%D9%A1",  # A digit, but not one of ours.
+        "/api/runs/0/../../start",
+        "/dataset.json",
+        "/../dataset.json",
+    ],
+)
+def test_there_is_nothing_but_the_simulations(client: Client, path: str):
+    line = http.client.HTTPConnection(client.host)
+    line.putrequest("GET", path)
+    line.putheader("Cookie", client.cookie)
+    line.endheaders()
+    assert line.getresponse().status in (400, 404)
+    line.close()
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"",
+        b"[]",
+        b"{",
+        b'{"policy": 3}',
+        b'{"count": 1000000}',
+        b'{"unknown": 1}',
+        b'{"margin": {"rule": "L3", "least": NaN}}',
+        b'{"classes": ["' + b"x" * 65 + b'"]}',
+        b'{"classes": [' + b'"x",' * 100 + b'"x"]}',
+        b'{"sql": "' + b"x" * 5000 + b'"}',
+        b"[" * 5000,
+    ],
+)
+def test_filters_are_bounded(client: Client, body: bytes):
+    status, told, _ = client.ask("POST", "/api/rows", body)
+    assert (status, set(told)) == (400, {"error"})
+    assert len(told["error"]) < 500
+
+
+def test_large_bodies_are_refused(client: Client):
+    status, _, _ = client.ask("POST", "/api/rows", b" " * (MOST_BYTES + 1))
+    assert status == 413
+
+
+def test_names_with_markup_are_only_names(client: Client):
+    told = client.rows(classes=["<script>alert(1)</script>"], weather=["' OR 1=1 --"])
+    assert told["found"] == 0
+
+
+def test_it_listens_on_the_loopback_address_alone(url: str):
+    port = int(url.split(":")[2].split("/")[0])
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.connect(("192.0.2.1", 9))  # Nothing is sent; it tells the address of this machine.
+        own = probe.getsockname()[0]
+    if own.startswith("127."):
+        pytest.skip("this machine has no other address")
+    with pytest.raises(OSError, match=r"refused|timed out"):
+        socket.create_connection((own, port), timeout=5)
+
+
+def test_a_taken_port_and_an_unknown_policy_are_clear_errors(data: Dataset):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(ConfigError, match=f"port {port}: expected one that is free"):
+            Server(data, "paper", port)
+    with pytest.raises(ConfigError, match="policy"):
+        Server(data, "moon", 0)
+
+
+def test_nothing_is_written_into_the_data_set(client: Client, data: Dataset):
+    def content() -> dict[str, tuple[str, int]]:
+        files = sorted(one for one in Path(data.where).rglob("*") if one.is_file())
+        return {
+            str(one): (hashlib.sha256(one.read_bytes()).hexdigest(), one.stat().st_mtime_ns)
+            for one in files
+        }
+
+    before = content()
+    client.rows(sql="SELECT simulation FROM safety")
+    get(client, "/api/runs/5/thumbnail")
+    client.ask("POST", "/api/runs/5/branches", {"frame": 3, "decision": "STAY"})
+    assert content() == before
+
+
+def test_a_damaged_data_set_says_so_in_the_list(tmp_path: Path):
+    data = ot.generate("pinto2023-physical", 4, 1, tmp_path / "data", keep="features")
+    file = next((tmp_path / "data" / "findings").iterdir())
+    file.write_bytes(file.read_bytes()[:-40])
+    with serving(ot.load(data.where)) as url:
+        client = Client(url).enter()
+        _, told, _ = client.ask("POST", "/api/rows", {})
+        assert "findings" in told["failure"]

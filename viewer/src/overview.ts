@@ -1,0 +1,236 @@
+// All simulations of a data set: filters with counts that follow, a table, SQL.
+
+import type { Row, Thumbnail, Words } from "./bundle.ts";
+import { h, svg, table, write } from "./dom.ts";
+import { bound, type Choice, conditions, type Facet, FACETS, type Moment, noChoice, ORDERS, print } from "./link.ts";
+import { beyond, thousands } from "./list.ts";
+import type { Answer, Listed, Source } from "./source.ts";
+import { chip } from "./text.ts";
+
+const TITLES: Record<Facet, string> = { classes: "Class", rules: "Broken rules, all of them", weather: "Weather", light: "Light", ego: "Ego", overtaken: "Vehicle to overtake" };
+const ORDER_WORDS = { number: "number", duration: "duration", margin: "margin of the rule below" };
+const THUMB = { width: 150, height: 44 };
+const FAR = 80; // [m]
+
+export interface Overview {
+  element: HTMLElement;
+  tell: (listed: Listed, moment: Moment) => void;
+  fail: (text: string) => void;
+  focus: () => void;
+  step: (way: 1 | -1) => void;
+}
+
+// One value of a property: its box, and how many simulations have it.
+interface Value {
+  facet: Facet;
+  name: string;
+  box: HTMLInputElement;
+  count: HTMLElement;
+  bar: HTMLElement;
+  line: HTMLElement;
+}
+
+export function overview(source: Source, change: (choice: Choice) => void): Overview {
+  const { words } = source;
+  let choice = noChoice();
+  const put = (part: Partial<Choice>): void => change({ ...choice, first: 0, ...part });
+  const values = FACETS.flatMap((facet) => names(source, facet).map((name) => value(words, facet, name, () => put({ [facet]: chosen(facet) }))));
+  const chosen = (facet: Facet): string[] => values.filter((one) => one.facet === facet && one.box.checked).map((one) => one.name);
+  const groups = FACETS.map((facet) => {
+    const own = values.filter((one) => one.facet === facet);
+    return h("fieldset", { class: `facet ${facet}` }, h("legend", {}, TITLES[facet]), h("div", { class: "choices" }, ...own.map((one) => one.line)));
+  });
+  const margin = marginFields(words, put);
+  const order = h("select", { id: "order" }, ...ORDERS.map((one) => h("option", { value: one }, `by ${ORDER_WORDS[one]}`)));
+  const falling = h("input", { type: "checkbox", id: "falling" });
+  order.addEventListener("change", () => put({ order: order.value as Choice["order"] }));
+  falling.addEventListener("change", () => put({ descending: falling.checked }));
+  const clear = h("button", { type: "button", id: "clear", click: () => put(noChoice()) }, "Clear all");
+  const count = h("p", { class: "found", role: "status" });
+  const failure = h("p", { class: "failure", role: "alert" });
+  const body = h("tbody", {});
+  const pages = [-1, 1].map((way) => h("button", { type: "button", click: () => turn(way as 1 | -1) }, way < 0 ? "‹ before" : "next ›"));
+  const sql = sqlFields(source, put, (text) => write(failure, text));
+  let listed: Listed | null = null;
+  let drawing = 0;
+  const turn = (way: 1 | -1): void => {
+    const first = listed && beyond(listed, way);
+    if (first !== null) change({ ...choice, first });
+  };
+  const head = ["", "class", "along the road, seen from the ego", "length", "weather", "broken rules", "outcome"];
+  const element = h(
+    "div",
+    { class: "overview", hidden: true },
+    h("aside", { "aria-label": "Filters" }, h("details", { class: "drawer", open: !matchMedia("(max-width: 60rem)").matches }, h("summary", {}, "Filters"), clear, ...groups, margin.element, sql.element)),
+    h(
+      "main",
+      {},
+      h("div", { class: "list-head" }, h("h1", { tabindex: -1 }, source.title), count, h("label", { class: "field", for: "order" }, "Sort "), order, h("label", { class: "check", for: "falling" }, falling, " falling")),
+      failure,
+      h("div", { class: "wide", tabindex: 0, role: "region", "aria-label": "Simulations" }, h("table", { class: "simulations" }, h("thead", {}, h("tr", {}, ...head.map((one) => (one ? h("th", { scope: "col" }, one) : h("th", { scope: "col" }, h("span", { class: "unseen" }, "number")))))), body)),
+      h("nav", { class: "pages", "aria-label": "Parts of the list" }, ...pages),
+    ),
+  );
+
+  async function thumbnails(rows: Row[]): Promise<void> {
+    const ticket = ++drawing;
+    for (const one of rows) {
+      if (ticket !== drawing || element.hidden) return;
+      const place = body.querySelector(`[data-thumb="${one.number}"]`);
+      const found = await source.server!.thumbnail(one.number).catch(() => null);
+      if (found && place && ticket === drawing) place.replaceChildren(picture(found, words));
+    }
+  }
+
+  return {
+    element,
+    fail: (text) => write(failure, text),
+    focus: () => element.querySelector<HTMLElement>(".facet input")?.focus(),
+    step: (way) => {
+      const links = [...body.querySelectorAll("a")];
+      const at = links.indexOf(document.activeElement as HTMLAnchorElement);
+      links[Math.min(Math.max(at + way, 0), links.length - 1)]?.focus();
+    },
+    tell: (found, moment) => {
+      ({ choice } = moment);
+      listed = found;
+      tellValues(values, found, choice);
+      margin.tell(choice);
+      sql.tell(choice);
+      order.value = choice.order;
+      falling.checked = choice.descending;
+      clear.hidden = !conditions(choice);
+      const reading = found.read < found.total ? ` (${thousands(found.read)} read so far)` : "";
+      write(count, `${thousands(found.found)} of ${thousands(found.total)} simulations${reading}`);
+      write(failure, found.failure);
+      pages.forEach((one, k) => (one.disabled = beyond(found, k ? 1 : -1) === null));
+      const kept = document.activeElement?.getAttribute("data-sim");
+      body.replaceChildren(...found.rows.map((one) => tableRow(one, words, moment, source.policy)));
+      if (kept) body.querySelector<HTMLElement>(`[data-sim="${kept}"]`)?.focus();
+      void thumbnails(found.rows);
+    },
+  };
+}
+
+function names(source: Source, facet: Facet): string[] {
+  const { words, server } = source;
+  if (facet === "classes") return Object.keys(words.classes);
+  if (facet === "rules") return Object.keys(words.rules);
+  if (facet === "weather") return [...(server?.weathers ?? []), "drawn freely"];
+  return facet === "light" ? ["day", "night"] : Object.keys(words.kinds ?? {});
+}
+
+function value(words: Words, facet: Facet, name: string, changed: () => void): Value {
+  const box = h("input", { type: "checkbox", id: `${facet}-${name}`, change: changed });
+  const count = h("span", { class: "many" });
+  const bar = h("i", { "aria-hidden": true });
+  const rule = facet === "rules" ? words.rules[name] : undefined;
+  const text = facet === "classes" ? chip(words, name) : h("span", { class: "name" }, rule ? `${name} ${rule.title}` : (words.kinds?.[name] ?? name), rule ? h("small", {}, ` ${rule.law}`) : null);
+  return { facet, name, box, count, bar, line: h("label", { class: "choice", for: box.id, title: rule?.gloss }, box, text, count, bar) };
+}
+
+function tellValues(values: Value[], listed: Listed, choice: Choice): void {
+  for (const one of values) {
+    const counts = listed.counts[one.facet] ?? {};
+    const many = counts[one.name] ?? 0;
+    const most = Math.max(...Object.values(counts), 1);
+    one.box.checked = choice[one.facet].includes(one.name);
+    one.line.hidden = !many && !one.box.checked;
+    write(one.count, thousands(many));
+    one.bar.style.setProperty("--share", String(many / most));
+  }
+  for (const facet of FACETS) {
+    const own = values.filter((one) => one.facet === facet);
+    own[0]?.line.closest("fieldset")?.toggleAttribute("hidden", own.every((one) => one.line.hidden));
+  }
+}
+
+function marginFields(words: Words, put: (part: Partial<Choice>) => void): { element: HTMLElement; tell: (choice: Choice) => void } {
+  const rule = h("select", { id: "margin-rule", "aria-label": "Rule whose margin is bounded" }, h("option", { value: "" }, "no rule"), ...Object.entries(words.rules).map(([code, one]) => h("option", { value: code }, `${code} ${one.title}`)));
+  const [least, most] = ["Least margin", "Largest margin"].map((label) => h("input", { type: "number", step: "any", "aria-label": label, title: label })) as [HTMLInputElement, HTMLInputElement];
+  const unit = h("span", { class: "quiet" });
+  const changed = (): void => put({ margin: rule.value ? { rule: rule.value, least: bound(least.value), most: bound(most.value) } : null });
+  for (const one of [rule, least, most]) one.addEventListener("change", changed);
+  const element = h("fieldset", { class: "facet" }, h("legend", {}, "Margin of a rule (negative: broken)"), rule, h("div", { class: "between" }, least, " to ", most, " ", unit));
+  return {
+    element,
+    tell: ({ margin }) => {
+      rule.value = margin?.rule ?? "";
+      const texts = [margin?.least, margin?.most].map((one) => (one == null ? "" : String(one)));
+      if (document.activeElement !== least) least.value = texts[0]!;
+      if (document.activeElement !== most) most.value = texts[1]!;
+      least.disabled = most.disabled = !margin;
+      write(unit, margin ? (words.rules[margin.rule]?.unit ?? "") : "");
+    },
+  };
+}
+
+function sqlFields(source: Source, put: (part: Partial<Choice>) => void, fail: (text: string) => void): { element: HTMLElement; tell: (choice: Choice) => void } {
+  const text = h("textarea", { id: "sql", rows: 4, spellcheck: "false", "aria-label": "Query in SQL", placeholder: "SELECT simulation FROM safety WHERE front_ttc_s < 1.5" });
+  const answer = h("div", { class: "answer" });
+  const run = async (): Promise<void> => {
+    fail("");
+    answer.replaceChildren(h("p", { class: "quiet" }, "asking …"));
+    try {
+      const found = await source.server!.sql(text.value);
+      answer.replaceChildren(...told(found));
+      if (found.filters) put({ sql: text.value });
+    } catch (error) {
+      answer.replaceChildren();
+      fail((error as Error).message);
+    }
+  };
+  const ask = h("button", { type: "button", id: "ask", click: () => void run() }, "Ask");
+  const drop = h("button", { type: "button", hidden: true, click: () => put({ sql: "" }) }, "Drop this condition");
+  const element = h("details", { class: "facet sql" }, h("summary", {}, "SQL"), h("p", { class: "quiet" }, "One SELECT over the tables of the data set. A column named simulation filters the list."), text, h("div", { class: "between" }, ask, drop), answer);
+  return {
+    element,
+    tell: ({ sql }) => {
+      drop.hidden = !sql;
+      if (sql && document.activeElement !== text) {
+        text.value = sql;
+        element.open = true;
+      }
+    },
+  };
+}
+
+function told(found: Answer): Node[] {
+  const cut = found.is_cut ? "more than " : "";
+  const cells = found.rows.slice(0, 20).map((row) => row.map((one) => (one === null ? "–" : String(one))));
+  const note = `${cut}${thousands(found.num_rows)} rows${found.filters ? ", which filter the list" : ""}`;
+  return [h("p", { class: "quiet" }, note), table("First rows of the answer", found.columns, cells)];
+}
+
+function tableRow(one: Row, words: Words, moment: Moment, policy: string): HTMLElement {
+  const href = print({ ...moment, sim: one.number, t: 0, branches: [], beside: null }, policy);
+  return h(
+    "tr",
+    {},
+    h("th", { scope: "row" }, h("a", { href, "data-sim": one.number, "aria-label": `Simulation ${one.number}` }, String(one.number))),
+    h("td", {}, chip(words, one.classes[moment.policy]!)),
+    h("td", { class: "thumb", "data-thumb": one.number }),
+    h("td", { class: "figure" }, `${one.duration_s.toFixed(1)} s`),
+    h("td", {}, `${one.night ? "☾" : "☀"} ${one.weather ?? ""}`),
+    h("td", { class: "codes" }, one.broken.join(" ") || "–"),
+    h("td", {}, one.outcome),
+  );
+}
+
+// Time runs to the right, the road upwards; the ego is the line in the middle.
+function picture(thumb: Thumbnail, words: Words): SVGElement {
+  const { width, height } = THUMB;
+  const x = (k: number): number => (k / Math.max(thumb.lane.length - 1, 1)) * width;
+  const y = (metres: number): number => height / 2 - (metres / FAR) * (height / 2);
+  const lines = thumb.lines.toSorted((a, b) => Number(a.target) - Number(b.target)).map(({ target, ahead }) => {
+    let down = false;
+    const d = ahead.map((one, k) => {
+      const text = one === null ? "" : `${down ? "L" : "M"}${x(k).toFixed(1)} ${y(one).toFixed(1)}`;
+      down = one !== null;
+      return text;
+    });
+    return svg("path", { d: d.join(""), class: target ? "curve target" : "curve faint" });
+  });
+  const stages = thumb.stages.map(([name, from, to]) => svg("rect", { x: from * width, width: Math.max((to - from) * width, 0.5), y: height - 4, height: 4, fill: words.stages[name]?.colour ?? "none" }));
+  return svg("svg", { width, height, viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" }, ...stages, svg("line", { x1: 0, x2: width, y1: height / 2, y2: height / 2, class: "curve ego" }), ...lines);
+}

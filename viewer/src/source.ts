@@ -1,0 +1,142 @@
+// Where simulations come from: the page itself, or the server that sent it.
+
+import { open, unpack, type Bundle, type Entry, type EveryBelief, type Packed, type Row, type Run, type Thumbnail, type Words } from "./bundle.ts";
+import { h } from "./dom.ts";
+import { FACETS, parse, type Choice, type Facet } from "./link.ts";
+
+// A part of the list; counts by property and value are of what all other properties leave.
+export interface Listed {
+  rows: Row[];
+  first: number;
+  found: number;
+  read: number;
+  total: number;
+  counts: Record<Facet, Record<string, number>>;
+  failure: string;
+}
+
+export interface Branched {
+  title: string;
+  frame: number;
+  parts: number | null; // First frame that differs.
+  said: string[];
+  run: Run;
+}
+
+export interface Answer {
+  columns: string[];
+  rows: unknown[][];
+  num_rows: number;
+  is_cut: boolean;
+  filters: boolean;
+}
+
+export interface Source {
+  title: string;
+  policy: string;
+  words: Words;
+  total: number;
+  first: number; // The simulation to show where none is named.
+  rows: (choice: Choice, policy: string, around?: number) => Promise<Listed>;
+  open: (number: number) => Promise<Run>;
+  // What only a server can give.
+  server: Server | null;
+}
+
+export interface Server {
+  decisions: Record<string, string>;
+  weathers: string[];
+  beliefs: (number: number) => Promise<EveryBelief>;
+  branch: (number: number, frame: number, what: string) => Promise<Branched>;
+  thumbnail: (number: number) => Promise<Thumbnail>;
+  sql: (text: string) => Promise<Answer>;
+}
+
+export const PAGE = 50;
+
+// What this page holds, or the server that sent it.
+export async function connect(): Promise<Source> {
+  const held = document.getElementById("data")?.textContent;
+  if (held) return embedded(JSON.parse(held) as Bundle);
+  try {
+    return await served(parse(location.hash).token);
+  } catch (error) {
+    document.body.append(h("main", { class: "closed" }, h("h1", {}, "overtaking view"), h("p", { role: "alert" }, (error as Error).message)));
+    throw error;
+  }
+}
+
+function embedded(bundle: Bundle): Source {
+  const { simulations } = bundle;
+  return {
+    ...bundle,
+    total: simulations.length,
+    first: simulations[0]!.number,
+    server: null,
+    rows: async (choice, policy) => {
+      const values = (one: Entry): Partial<Record<Facet, string[]>> => ({
+        classes: [one.classes[policy] ?? ""],
+        rules: one.broken,
+        weather: [one.weather ?? ""],
+        light: [one.night ? "night" : "day"],
+      });
+      const meets = (one: Entry, facet: Facet): boolean => {
+        const [own, wanted] = [values(one)[facet] ?? [], choice[facet]];
+        return !wanted.length || (facet === "rules" ? wanted.every((code) => own.includes(code)) : wanted.some((name) => own.includes(name)));
+      };
+      const rows = simulations.filter((one) => FACETS.every((facet) => meets(one, facet)));
+      const counts = {} as Listed["counts"];
+      for (const facet of FACETS) {
+        counts[facet] = {};
+        const rest = simulations.filter((one) => FACETS.every((other) => (other === facet && facet !== "rules") || meets(one, other)));
+        for (const name of rest.flatMap((one) => values(one)[facet] ?? [])) counts[facet][name] = (counts[facet][name] ?? 0) + 1;
+      }
+      const total = simulations.length;
+      return { rows, first: 0, found: rows.length, read: total, total, counts, failure: "" };
+    },
+    open: (number) => open(simulations.find((one) => one.number === number) ?? simulations[0]!),
+  };
+}
+
+async function ask<T>(path: string, body?: unknown): Promise<T> {
+  const sent: RequestInit = body === undefined ? {} : { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
+  let answer: Response;
+  try {
+    answer = await fetch(`/api/${path}`, { credentials: "same-origin", ...sent });
+  } catch {
+    throw new Error("overtaking view has ended: start it again");
+  }
+  const told = (await answer.json()) as T & { error?: string };
+  if (!answer.ok) throw new Error(told.error ?? answer.statusText);
+  return told;
+}
+
+type Start = Pick<Source, "title" | "policy" | "words" | "total"> & Pick<Server, "decisions" | "weathers">;
+
+// The server that sent this page. A token opens it, once.
+async function served(token: string | undefined): Promise<Source> {
+  if (token) {
+    history.replaceState(null, "", location.hash.replace(/[#&]token=[^&]*&?/, "#"));
+    // Used before, by this browser: then its cookie is enough.
+    await ask("session", { token }).catch((error: unknown) => ask("start").catch(() => Promise.reject(error)));
+  }
+  const start = await ask<Start>("start");
+  return {
+    ...start,
+    first: 0,
+    rows: ({ first, ...choice }, policy, around) => ask<Listed>("rows", { ...choice, policy, ...(around === undefined ? { first } : { around }), count: PAGE }),
+    open: async (number) => unpack(await ask<Packed>(`runs/${number}`)),
+    server: {
+      decisions: start.decisions,
+      weathers: start.weathers,
+      beliefs: (number) => ask(`runs/${number}/beliefs`),
+      branch: async (number, frame, what) => {
+        const named = what in start.decisions ? { decision: what } : { weather: what };
+        const told = await ask<Omit<Branched, "run"> & { run: Packed }>(`runs/${number}/branches`, { frame, ...named });
+        return { ...told, run: unpack(told.run) };
+      },
+      thumbnail: (number) => ask(`runs/${number}/thumbnail`),
+      sql: (text) => ask("sql", { sql: text }),
+    },
+  };
+}
