@@ -16,6 +16,12 @@ from overtaking.api.data import (
     write_column_map,
 )
 from overtaking.api.driving import drive, driver_of
+from overtaking.api.evaluating import (
+    evaluate,
+    evaluate_benchmark,
+    policy_of,
+    write_evaluation,
+)
 from overtaking.api.learning import learn_factors, learn_rules
 from overtaking.api.logic import ask, prove
 from overtaking.api.results import (
@@ -47,6 +53,8 @@ __all__ = [
     "drive",
     "driver_of",
     "entity_relationship_diagram",
+    "evaluate",
+    "evaluate_benchmark",
     "export",
     "film",
     "from_frame",
@@ -60,6 +68,7 @@ __all__ = [
     "literature",
     "load",
     "plot_validation",
+    "policy_of",
     "prove",
     "query",
     "relabel",
@@ -74,6 +83,7 @@ __all__ = [
     "statistics",
     "validate",
     "write_column_map",
+    "write_evaluation",
     "write_report",
     "write_reproduction",
     "write_view",
