@@ -5,6 +5,9 @@ In memory:
     sample              draw scenarios from a profile
     simulate            simulate them
     drive               simulate them with a policy of your own at the wheel
+    evaluate            compare a driver with others in the same scenes
+    evaluate_benchmark  the same in the scenes of a benchmark
+    write_evaluation    write what evaluate found as a page, with films of the worst scenes
     branch              simulate them again with a decision or the weather changed
     label               find what happened, whether it was lawful, and features
     compare             simulate on several simulators, and say where they part
@@ -77,6 +80,8 @@ _HOMES = {
     "branch": "overtaking.api.simulating",
     "compare": "overtaking.api.simulating",
     "drive": "overtaking.api.driving",
+    "evaluate": "overtaking.api.evaluating",
+    "evaluate_benchmark": "overtaking.api.evaluating",
     "film": "overtaking.api.results",
     "generate": "overtaking.api.data",
     "label": "overtaking.api.simulating",
@@ -96,6 +101,7 @@ _HOMES = {
     "simulate": "overtaking.api.simulating",
     "statistics": "overtaking.api.results",
     "validate": "overtaking.api.results",
+    "write_evaluation": "overtaking.api.evaluating",
     "write_report": "overtaking.api.results",
     "write_reproduction": "overtaking.api.results",
     "serve_view": "overtaking.api.results",

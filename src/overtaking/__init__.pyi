@@ -4,6 +4,9 @@ from overtaking.api.data import load as load
 from overtaking.api.data import relabel as relabel
 from overtaking.api.data import resume as resume
 from overtaking.api.driving import drive as drive
+from overtaking.api.evaluating import evaluate as evaluate
+from overtaking.api.evaluating import evaluate_benchmark as evaluate_benchmark
+from overtaking.api.evaluating import write_evaluation as write_evaluation
 from overtaking.api.learning import learn_factors as learn_factors
 from overtaking.api.learning import learn_rules as learn_rules
 from overtaking.api.logic import ask as ask

@@ -16,6 +16,12 @@ from overtaking.api.data import (
     write_column_map,
 )
 from overtaking.api.driving import drive, driver_of
+from overtaking.api.evaluating import (
+    evaluate,
+    evaluate_benchmark,
+    policy_of,
+    write_evaluation,
+)
 from overtaking.api.learning import learn_factors, learn_rules
 from overtaking.api.logic import ask, prove
 from overtaking.api.maps import map_roads, plot_map
@@ -49,6 +55,8 @@ __all__ = [
     "drive",
     "driver_of",
     "entity_relationship_diagram",
+    "evaluate",
+    "evaluate_benchmark",
     "export",
     "film",
     "from_frame",
@@ -64,6 +72,7 @@ __all__ = [
     "map_roads",
     "plot_map",
     "plot_validation",
+    "policy_of",
     "prove",
     "query",
     "relabel",
@@ -79,6 +88,7 @@ __all__ = [
     "statistics",
     "validate",
     "write_column_map",
+    "write_evaluation",
     "write_report",
     "write_reproduction",
     "write_view",

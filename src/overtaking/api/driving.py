@@ -83,13 +83,15 @@ def driver_of(policy: str, observe: str, *, action: str, hold: int) -> Driver:
     """The driver that words name.
 
     Args:
-        policy: `module:name` or `file.py:name` of a function, or of a class of policies.
+        policy: `module:name` or `file.py:name` of a function, or of a class of policies; or the
+            path of an ONNX file.
         observe: `human`, `truth`, or a TOML file with the numbers of a sensor.
         action: As in `Driver`.
         hold: As in `Driver`.
 
     Raises:
         ConfigError: There is no such policy or sensor, or another word cannot be used.
+        MissingExtraError: It is an ONNX file, and the extra `onnx` is not installed.
     """
     is_file = observe.endswith(".toml")
     sees = Sensor.read(observe) if is_file else observe
@@ -97,11 +99,16 @@ def driver_of(policy: str, observe: str, *, action: str, hold: int) -> Driver:
 
 
 def _policy_named(name: str) -> Policy:
-    """The policy that `module:name` or `file.py:name` names; of a class, an object.
+    """The policy that `module:name`, `file.py:name` or an ONNX file names; of a class, an object.
 
     Raises:
         ConfigError: There is none.
+        MissingExtraError: It is an ONNX file, and the extra `onnx` is not installed.
     """
+    if name.endswith(".onnx"):
+        from overtaking.sim.networks import Network
+
+        return Network(Path(name))
     where, _, attribute = name.rpartition(":")
     try:
         found = getattr(_module(where), attribute)

@@ -8,6 +8,7 @@ import typer
 from overtaking.cli import (
     carla,
     driving,
+    evaluating,
     glossary,
     importing,
     labelling,
@@ -200,6 +201,8 @@ COMMANDS: dict[options.Body, str] = {
     generate: "overtaking generate -n 276 --seed 1 --out data/pinto",
     driving.drive: "overtaking drive motorway --policy my_driver.py:policy --observe human -n 100 "
     "--out data/mine",
+    evaluating.evaluate: "overtaking evaluate motorway --policy rules --against human,stay -n 200 "
+    "--out page",
     show: "overtaking show data/pinto 17",
     info: "overtaking info data/pinto",
     importing.import_recording: "overtaking import commonroad scene.xml --out data/scene",

@@ -6,7 +6,10 @@ from overtaking.cli import options
 from overtaking.cli.output import Output
 
 Policy = Annotated[
-    str, options.option("--policy MODULE:NAME", "Policy: a function in a module, or in a .py file.")
+    str,
+    options.option(
+        "--policy MODULE:NAME", "Policy: a function in a module or in a .py file, or a .onnx file."
+    ),
 ]
 Observe = Annotated[
     str,

@@ -138,6 +138,11 @@ class Flow(Section):
         return self
 
 
+def _is_own(name: str) -> bool:
+    """Whether a quantity belongs to the ego."""
+    return name.startswith("ego_")
+
+
 def _known(of: tuple[str, ...]) -> Callable[[dict[str, Any]], dict[str, Any]]:
     def refuse_others(given: dict[str, Any]) -> dict[str, Any]:
         for name in given:
@@ -189,6 +194,17 @@ class Component(Section):
             )
             for t in self.tempers
         )
+
+    def of_the_scene(self) -> Self:
+        """The component without what it bends of the ego: its marginal of the scene and the others.
+
+        A component draws each quantity by itself, so leaving some out integrates over them.
+        """
+        kept = {
+            field: {name: one for name, one in getattr(self, field).items() if not _is_own(name)}
+            for field in ("powers", "parts", "shifts")
+        }
+        return self.model_copy(update=kept)
 
     @model_validator(mode="after")
     def _once(self) -> Self:

@@ -85,6 +85,8 @@ class Driver:
     def digest(self) -> str:
         """SHA-256 of the file that the policy comes from, 64 digits; empty if unknown."""
         one: Any = self.policy
+        if isinstance(stated := getattr(one, "digest", None), str):
+            return stated
         try:
             path = inspect.getfile(one if hasattr(one, "__qualname__") else type(one))
             return hashlib.sha256(Path(path).read_bytes()).hexdigest()

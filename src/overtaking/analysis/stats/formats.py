@@ -75,12 +75,13 @@ def table_to_text(table: Table) -> str:
 
 
 def _without_repeats(table: Table) -> list[list[str]]:
-    """The cells, with the feature and the unit only where they change."""
+    """The cells, with the first two texts, such as feature and unit, only where they change."""
     rows: list[list[str]] = []
     before: list[str] = []
     for cells in table.cells():
         same = table.num_texts > 1 and before[:1] == cells[:1]
-        rows.append(["", "", *cells[2:]] if same else cells)
+        unit = "" if before[1:2] == cells[1:2] else cells[1]
+        rows.append(["", unit, *cells[2:]] if same else cells)
         before = cells
     return rows
 

@@ -59,6 +59,7 @@ class Measured:
         of: Which ones.
         begin: Frame in which the visible motion begins.
         end: Frame in which it ends.
+        over: Frame in which the body comes over the line.
         duration: Between the two [s].
         crossing: Time with the body over the line; NaN if not recorded whole [s].
         settled: From the begin until the vehicle moves no more to any side; NaN likewise [s].
@@ -68,6 +69,7 @@ class Measured:
     of: Changes
     begin: Array
     end: Array
+    over: Array
     duration: Array
     crossing: Array
     settled: Array
@@ -134,6 +136,7 @@ def measure(batch: Batch, found: Changes) -> Measured:
         of=found,
         begin=at.frame - reach + begin,
         end=at.frame - reach + end,
+        over=at.frame - reach + over + 1,
         duration=(end - begin - 1) * interval,
         crossing=np.where((over < reach) & (clear > reach), (clear - over - 1) * interval, np.nan),
         settled=np.where(still > reach, (still - begin - 1) * interval, np.nan),

@@ -17,18 +17,27 @@ if TYPE_CHECKING:
 
 def count(tally: Tally, batch: Batch) -> None:
     """Add the episodes of hard braking and the near-crashes of a batch."""
+    at = reactions(batch)
+    braking = batch.runs.states.accel_lon[at.place]
+    for name in ("hard_braking", "very_hard_braking"):
+        _add(tally, batch, name, episodes(at.where(braking < -1e3 * limit(name)), batch.interval_s))
+    _add(tally, batch, "near_crashes", near_crashes(batch, at))
+
+
+def reactions(batch: Batch, vehicles: slice = slice(None)) -> Moments:
+    """All moments in which some vehicles brake or steer hard, by simulation, vehicle and frame."""
     states = batch.runs.states
-    along, hard = states.accel_lon, 1e3 * limit("hard_braking")
-    swerves = np.abs(states.accel_lat.astype(np.int32)) > 1e3 * limit("hard_steering")
-    simulation, vehicle, frame = np.nonzero(batch.sound & ((along < -hard) | swerves))
-    at = Moments(simulation=simulation, vehicle=vehicle, frame=frame)
-    braking = along[at.place]
-    for name, least in (("hard", hard), ("very_hard", 1e3 * limit("very_hard_braking"))):
-        braked = episodes(at.where(braking < -least), batch.interval_s)
-        _add(tally, batch, f"{name}_braking", braked)
+    along = states.accel_lon[:, vehicles] < -1e3 * limit("hard_braking")
+    across = np.abs(states.accel_lat[:, vehicles].astype(np.int32)) > 1e3 * limit("hard_steering")
+    simulation, vehicle, frame = np.nonzero(batch.sound[:, vehicles] & (along | across))
+    return Moments(simulation=simulation, vehicle=vehicle + (vehicles.start or 0), frame=frame)
+
+
+def near_crashes(batch: Batch, at: Moments) -> Moments:
+    """The first moments of the near-crashes among hard reactions."""
     near = at.where(_time_to_collision(batch, at) < limit("near_crash_ttc"))
     near = episodes(near, batch.interval_s)
-    _add(tally, batch, "near_crashes", near.where(~_ends_in_contact(batch, near)))
+    return near.where(~_ends_in_contact(batch, near))
 
 
 def episodes(at: Moments, interval_s: float) -> Moments:

@@ -12,8 +12,8 @@ from overtaking.analysis.stats.table import Table
 _PHONE = "(max-width: 44rem)"  # As in the style sheet.
 _FEW_NUMBERS = 4  # Columns of numbers that fit a phone with their names written across.
 
-# Nothing may be loaded from anywhere, whatever a data set's names hold.
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+# Nothing may be loaded from anywhere, whatever a data set's names hold; films lie beside the page.
+_POLICY = "default-src 'none'; img-src data:; media-src 'self' file:; style-src 'unsafe-inline'"
 
 
 class Section(NamedTuple):
@@ -108,6 +108,20 @@ def figure_block(name: str, svg: bytes, caption: str, narrow: bytes | None = Non
     )
 
 
+def film_block(path: str, caption: str) -> str:
+    """A film that lies beside the page.
+
+    Args:
+        path: The file, relative to the page.
+        caption: The words below it.
+    """
+    return (
+        f'<figure class="film"><video controls preload="metadata" src="{escape(path)}"></video>'
+        f'<figcaption>{escape(caption)} <span class="files">(<a href="{escape(path)}">MP4</a>)'
+        "</span></figcaption></figure>\n"
+    )
+
+
 def _embedded(svg: bytes) -> str:
     return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode('ascii')}"
 
@@ -134,6 +148,8 @@ def table_block(table: Table, colours: dict[str, str]) -> str:
         for kind, text in (("tex", "LaTeX"), ("csv", "CSV"))
     )
     crowd = ' class="many"' if len(table.header) - table.num_texts > _FEW_NUMBERS else ""
+    if len(table.header) == table.num_texts:
+        crowd = ' class="texts"'
     return (
         f'<div class="wide"><table id="table-{table.name}"{crowd}>'
         f"<caption>{escape(table.title)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"

@@ -1,0 +1,51 @@
+"""How near attempts came to a collision, and to the border of the law."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from overtaking.analysis.evaluation.endpoints import POLICY
+from overtaking.labels.law import PORTUGAL, policy
+from overtaking.model.labels import Verdict
+
+if TYPE_CHECKING:
+    from overtaking.analysis.validation.tally import Array
+    from overtaking.labels.label import Labelled
+
+_SAFETY: Final = {
+    "ttc": ("least time to collision ahead", "s"),
+    "time_gap": ("least time gap ahead", "s"),
+    "drac": ("largest deceleration needed ahead", "m/s²"),
+    "rss": ("gap minus that of RSS", "m"),
+    "entry": ("encroachment at the entry", "s"),
+    "return": ("encroachment at the return", "s"),
+}
+_LAW: Final = {
+    one.code: (f"{one.code}, {one.law}: {one.title}", one.unit)
+    for one in PORTUGAL.rules
+    if one.code in policy(POLICY).required
+}
+
+MARGINS: Final = _SAFETY | _LAW
+"""Description and unit of each margin; those of rules are negative in a breach."""
+
+
+def of_batch(labelled: Labelled) -> dict[str, tuple[Array, Array]]:
+    """Each margin, and the scenes that have it, both of shape (scene,)."""
+    safety, findings = labelled.safety, labelled.findings
+    front = labelled.events.attempted & safety.front.valid[:, 0]
+    found: dict[str, tuple[Array, Array]] = {
+        "ttc": (safety.front.ttc[:, 0], front),
+        "time_gap": (safety.front.time_gap[:, 0], front),
+        "drac": (safety.front.drac[:, 0], front),
+        "rss": (safety.rss_margin[:, 0], front),
+        "entry": (safety.entry_encroachment, labelled.events.attempted),
+        "return": (safety.return_encroachment, labelled.events.attempted),
+    }
+    for code in _LAW:
+        place = findings.rules.index(code)
+        known = np.isin(findings.verdict[:, place], (Verdict.LEGAL, Verdict.ILLEGAL))
+        found[code] = (findings.margin[:, place], known)
+    return {name: (values, there & np.isfinite(values)) for name, (values, there) in found.items()}

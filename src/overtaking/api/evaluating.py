@@ -1,0 +1,231 @@
+"""A driver of one's own beside others in the same scenes."""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from overtaking import scenarios
+from overtaking.api.choices import Count, Profile, Seed, module_of, road_of
+from overtaking.core.errors import ConfigError
+from overtaking.core.steps import Progress
+from overtaking.model.checks import argument, checked
+from overtaking.model.road import Road
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import Trajectories
+from overtaking.sim import driving, policies
+from overtaking.sim.driving import Driver
+from overtaking.sim.sensor import Sensor
+
+if TYPE_CHECKING:
+    from overtaking.analysis.evaluation.benchmark import BenchmarkResult
+    from overtaking.analysis.evaluation.results import Evaluation
+    from overtaking.analysis.evaluation.run import Contestant
+    from overtaking.show.report.evaluation import Evaluated
+
+HUMAN, STAY = "human", "stay"
+
+SHIPPED: Mapping[str, Driver | None] = {
+    HUMAN: None,
+    STAY: Driver(policy=policies.stay, observe="human", action="decision", name=STAY),
+    "rules": Driver(policy=policies.rules, observe="human", action="decision", name="rules"),
+}
+"""Drivers that are part of the package; None is the model's own."""
+
+AGAINST = (HUMAN, STAY)
+
+RISK = "-risk"
+"""What the name of a profile ends with that draws more of where something goes wrong."""
+
+
+@checked
+def evaluate(
+    policy: str | Driver,
+    profile: Profile = "motorway-risk",
+    simulations: Count = 1000,
+    seed: Seed = 1,
+    *,
+    against: Sequence[str | Driver] = AGAINST,
+    as_met: bool = False,
+    overrides: Mapping[str, Any] | None = None,
+    road: str | Path | Road | None = None,
+    progress: Progress | None = None,
+) -> "Evaluation":
+    """Compare a driver with others in the same scenes.
+
+    Args:
+        policy: The driver: a `Driver`, or the name of one of `SHIPPED`.
+        profile: What scenes to draw; of a profile of the package its `-risk` one, if there is one.
+        simulations: How many scenes.
+        seed: Seed of their random numbers, 0 <= seed < 2**64.
+        against: Drivers to compare it with, each with another name.
+        as_met: Whether to draw scenes of the profile that is named, as they are met.
+        overrides: Dotted keys of the specification with other values.
+        road: A road in place of the profile's.
+        progress: Called with the number of simulations that are done, and of all.
+
+    Returns:
+        Rates with intervals, differences, margins and the worst scenes; `write_evaluation` makes a
+        page of it.
+
+    Raises:
+        ConfigError: The specification, a number or a name cannot be used.
+        PolicyError: A policy raises, or answers what is no action.
+    """
+    from overtaking.analysis.evaluation.run import evaluate as run
+
+    here, *others = _contestants([policy, *against])
+    spec = scenarios.spec(profile if as_met else _risky(profile), overrides)
+    (stay,) = _contestants([STAY])
+    return run(
+        spec,
+        road_of(road or spec.road),
+        simulations,
+        seed,
+        policy=here,
+        references=others,
+        stay=stay,
+        progress=progress,
+    )
+
+
+@checked
+def evaluate_benchmark(
+    policy: str | Driver,
+    benchmark: str | Path,
+    *,
+    against: Sequence[str | Driver] = AGAINST,
+    progress: Progress | None = None,
+) -> "BenchmarkResult":
+    """Compare a driver with others in the scenes of a benchmark, whose numbers are fixed.
+
+    Args:
+        policy: The driver, as in `evaluate`.
+        benchmark: Its name, or a TOML file.
+        against: Drivers to compare it with.
+        progress: Called with the number of simulations that are done, and of all.
+
+    Raises:
+        ConfigError: There is no such benchmark, or a profile or the model is not the one that it
+            was made with; or as in `evaluate`.
+        PolicyError: A policy raises, or answers what is no action.
+    """
+    from overtaking.analysis.evaluation.benchmark import read, run
+
+    here, *others = _contestants([policy, *against])
+    (stay,) = _contestants([STAY])
+    return run(read(benchmark), here, others, stay, road_of, progress)
+
+
+def write_evaluation(
+    found: "Evaluation | BenchmarkResult",
+    out: str | Path,
+    *,
+    films: int = 10,
+    progress: Progress | None = None,
+) -> "list[Evaluated]":
+    """Write an evaluation as a page with figures, and films of the worst scenes.
+
+    Args:
+        found: What `evaluate` or `evaluate_benchmark` returned; of a benchmark, each profile has a
+            page in a folder of its name.
+        out: Folder for the page; files of an earlier one are replaced.
+        films: How many of the worst scenes are filmed, 10 at most.
+        progress: Called with the number of films that are done, and of all.
+
+    Returns:
+        Where each page is, and what it could not show: without the extra `plots` it has no figures,
+        without `video` no films.
+
+    Raises:
+        OSError: A file cannot be written.
+    """
+    from overtaking.analysis.evaluation.benchmark import BenchmarkResult
+    from overtaking.analysis.evaluation.results import Evaluation
+    from overtaking.show.report.evaluation import write
+
+    argument(found, Evaluation | BenchmarkResult, "write_evaluation", "found")
+    folder = Path(argument(out, str | Path, "write_evaluation", "out"))
+    if isinstance(found, Evaluation):
+        return [write(found, folder, films=films, progress=progress)]
+    return [
+        write(one, folder / one.profile, films=films, benchmark=found.title, progress=progress)
+        for one in found.evaluations
+    ]
+
+
+def policy_of(name: str, observe: str | None, *, action: str, hold: int) -> str | Driver:
+    """The driver that words name: one of `SHIPPED`, or as in `driver_of`.
+
+    Args:
+        name: Its name.
+        observe: What it observes; needed unless it is shipped.
+        action: What it answers.
+        hold: Decisions for which an answer holds.
+
+    Raises:
+        ConfigError: There is no such policy or sensor, or it is not stated what it observes.
+    """
+    from overtaking.api.driving import driver_of
+
+    if name in SHIPPED:
+        return name
+    if observe is None:
+        raise ConfigError.of(
+            what="--observe",
+            where="evaluate",
+            expected="human, truth or the file of a sensor, for a policy of your own",
+            got="nothing",
+            next_step="say what the policy observes",
+        )
+    return driver_of(name, observe, action=action, hold=hold)
+
+
+def _risky(profile: Profile) -> Profile:
+    """The profile of the package that draws more of where something goes wrong, if there is one."""
+    name = f"{profile}{RISK}" if isinstance(profile, str) else ""
+    return name if name in scenarios.profile_names() else profile
+
+
+def _contestants(drivers: Sequence[str | Driver]) -> "list[Contestant]":
+    """What simulates with each driver.
+
+    Raises:
+        ConfigError: There is none of that name, or two have the same.
+    """
+    found = [_contestant(one) for one in drivers]
+    names = [one.name for one in found]
+    if len(set(names)) < len(names):
+        raise ConfigError.of(
+            what="policies",
+            where="evaluate",
+            expected="a policy and others, each once",
+            got=", ".join(names),
+            next_step="leave out the ones that repeat, or name others with --against",
+        )
+    return found
+
+
+def _contestant(one: str | Driver) -> "Contestant":
+    from overtaking.analysis.evaluation.run import Contestant
+
+    engine = module_of("engine")
+    if isinstance(one, str):
+        if one not in SHIPPED:
+            raise ConfigError.not_among("policy", "evaluate", SHIPPED, one)
+        driver = SHIPPED[one]
+        if driver is None:
+            return Contestant(name=one, simulate=engine.simulate)
+        one = driver
+    return Contestant(
+        name=one.title.rpartition(":")[2].rpartition("/")[2],
+        source=one.title,
+        simulate=partial(_simulate, driver=one),
+        digest=one.digest,
+        observe="sensor" if isinstance(one.observe, Sensor) else one.observe,
+        action=one.action,
+    )
+
+
+def _simulate(scenario: Scenario, driver: Driver) -> Trajectories:
+    return driving.drive(scenario, driver, module_of("engine").run)

@@ -1,0 +1,157 @@
+"""The command that compares a driver with others."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from overtaking.cli import driving, options, reproducing
+from overtaking.cli.output import Output
+from overtaking.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from overtaking.analysis.evaluation.benchmark import BenchmarkResult
+    from overtaking.analysis.evaluation.results import Evaluation
+
+COUNT, FILMS = 1000, 10
+
+Profile = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="PROFILE",
+        help=f"{options.PROFILE} Of a profile of the package, its -risk one.  [default: motorway]",
+    ),
+]
+Policy = Annotated[
+    str,
+    options.option(
+        "--policy NAME",
+        "Policy: human, stay or rules; module:name or file.py:name; or a file.onnx.",
+    ),
+]
+Against = Annotated[
+    str,
+    options.option("--against NAME[,NAME]", "Drivers to compare the policy with, as --policy."),
+]
+Observe = Annotated[
+    str | None,
+    options.option(
+        "--observe human|truth|FILE",
+        "What it observes: what a human driver believes, the truth, or a sensor in a TOML file.",
+    ),
+]
+Count = Annotated[
+    int | None, options.option("--count -n N", f"{options.COUNT}  [default: {COUNT}]")
+]
+Benchmark = Annotated[
+    str | None,
+    options.option(
+        "--benchmark NAME|FILE", "Scenes of a benchmark, whose numbers are fixed: overtake."
+    ),
+]
+AsMet = Annotated[
+    bool, options.option("--as-met", "Scenes of the profile that is named, as they are met.")
+]
+Films = Annotated[
+    int, options.option("--films N", "How many of the worst scenes are filmed.", min=0, max=FILMS)
+]
+
+
+def evaluate(
+    output: Output,
+    policy: Policy,
+    profile: Profile = None,
+    against: Against = "human,stay",
+    observe: Observe = None,
+    action: driving.Action = "accel_lane",
+    hold: driving.Hold = 1,
+    count: Count = None,
+    seed: options.Seed = None,
+    as_met: AsMet = False,
+    benchmark: Benchmark = None,
+    out: reproducing.Page = None,
+    films: Films = FILMS,
+    map_file: options.Map = None,
+    road: options.Road = None,
+    threads: options.Threads = None,
+    changes: options.Changes = None,
+) -> None:
+    """Compare a driver with others in the same scenes.
+
+    Rates per scene, km and attempt with intervals, differences, breaches of the law, conflicts and
+    lane changes. No conformity with any regulation is claimed.
+    """
+    from overtaking import api
+    from overtaking.cli import arguments
+
+    arguments.limit_threads(threads)
+    here, *others = (
+        api.policy_of(name.strip(), observe, action=action, hold=hold)
+        for name in (policy, *against.split(","))
+    )
+    scenes: dict[str, Any] = arguments.given(
+        profile=profile,
+        simulations=count,
+        seed=seed,
+        as_met=as_met or None,
+        overrides=arguments.overrides(changes or [], None) or None,
+        road=arguments.road(map_file, road),
+    )
+    with output.progress("simulations") as meter:
+        if benchmark is not None:
+            _refuse(scenes)
+            found = api.evaluate_benchmark(here, benchmark, against=others, progress=meter)
+        else:
+            scenes = {"profile": "motorway", "simulations": COUNT} | scenes
+            found = api.evaluate(here, against=others, progress=meter, **scenes)
+    values = found.values() | _written(output, found, out, films)
+    output.text(values | output.duration, rendered(found))
+
+
+def _refuse(scenes: dict[str, Any]) -> None:
+    """Refuse scenes of one's own beside a benchmark."""
+    if scenes:
+        raise ConfigError.of(
+            what="--benchmark",
+            where="evaluate",
+            expected="no other word about the scenes, as a benchmark fixes them",
+            got=", ".join(scenes),
+            next_step="leave it out, or leave out --benchmark",
+        )
+
+
+def _written(
+    output: Output, found: "Evaluation | BenchmarkResult", out: Path | None, films: int
+) -> dict[str, Any]:
+    """Write the pages, if they are wanted: where they are, and what they lack."""
+    from overtaking import api
+
+    if out is None:
+        return {}
+    with output.progress("films") as meter:
+        made = api.write_evaluation(found, out, films=films, progress=meter)
+    for one in made:
+        output.say(f"{one.path}: {len(one.figures)} figures, {len(one.films)} films")
+        for text in one.remarks:
+            output.say(text)
+    return {
+        "pages": [str(one.path) for one in made],
+        "missing": [text for one in made for text in one.remarks],
+    }
+
+
+def rendered(found: "Evaluation | BenchmarkResult") -> str:
+    """Everything as text for a terminal."""
+    from overtaking.analysis.evaluation import tables, words
+    from overtaking.analysis.evaluation.benchmark import BenchmarkResult
+    from overtaking.analysis.stats.formats import table_to_text
+
+    if isinstance(found, BenchmarkResult):
+        return "\n".join([f"{found.title}\n", *map(rendered, found.evaluations)])
+    parts = [
+        f"{words.title(found)}\n{words.lead(found)}",
+        *(f"note: {text}" for text in words.notes(found)),
+        *(f"warning: {text}" for text in words.warnings(found)),
+        *map(table_to_text, tables.every(found)),
+    ]
+    return "\n\n".join(parts) + "\n"

@@ -1,0 +1,165 @@
+"""A driver beside others in the same scenes: from Python, the command line, and a file."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+import overtaking as ot
+from overtaking import api
+from overtaking.analysis.evaluation.endpoints import EVERY, PRIMARY
+from overtaking.cli import main
+from overtaking.core.errors import ConfigError, PolicyError
+from overtaking.model.observation import WIDTH
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+SHORT = {"time.horizon_s": 12.0, "time.attempt_deadline_s": 12.0}
+EXAMPLES = Path(__file__).parents[2] / "examples"
+ARGUMENTS = ["--set", "time.horizon_s=12.0", "--set", "time.attempt_deadline_s=12.0"]
+
+
+def test_the_built_in_ego_as_a_policy_does_not_differ_from_it():
+    name = f"{EXAMPLES / 'human_ego.py'}:HumanEgo"
+    ego = api.policy_of(name, "human", action="decision", hold=1)
+    found = ot.evaluate(ego, "pinto2023-physical", 24, 3, against=["human"], overrides=SHORT)
+    assert found.drivers == ("HumanEgo", "human")
+    assert {one.pairs for one in found.contrasts} == {0}
+    assert {one.verdict for one in found.contrasts} == {"too few"}
+    for one in EVERY:
+        values = [found.rate(driver, one.name).value for driver in found.drivers]
+        np.testing.assert_array_equal(*values)
+
+
+def test_rates_are_those_of_the_labels():
+    found = ot.evaluate("rules", "pinto2023-physical", 40, 3, overrides=SHORT)
+    scenes = ot.sample("pinto2023-physical", 40, 3, overrides=SHORT)
+    labelled = ot.label(ot.simulate(scenes))
+    assert found.counts["human"]["collision"] == (labelled.events.collision >= 0).sum()
+    assert found.counts["human"]["attempted"] == labelled.events.attempted.sum()
+    legal = labelled.labels.is_legal[:, labelled.labels.policies.index("default")]
+    assert found.rate("human", "legal").value == pytest.approx(legal.mean())
+    assert found.rate("stay", "gained").value == 0.0
+    primary = [one for one in found.contrasts if one.is_primary]
+    assert len(primary) == len(PRIMARY) * len(found.references)
+    assert all(one.adjusted != one.adjusted for one in primary)  # Not corrected.
+
+
+def test_a_profile_of_the_package_stands_for_its_risky_one():
+    road = {**SHORT, "traffic.vehicles": [2, 4]}
+    risky = ot.evaluate("stay", "motorway", 4, 1, against=["human"], overrides=road)
+    met = ot.evaluate("stay", "motorway", 4, 1, against=["human"], overrides=road, as_met=True)
+    assert (risky.profile, met.profile) == ("motorway-risk", "motorway")
+    assert met.effective == pytest.approx(4.0)
+
+
+def test_the_page_and_what_the_command_prints(tmp_path, capsys):
+    words = ["evaluate", "pinto2023-physical", "--policy", "rules", "-n", "30", *ARGUMENTS]
+    assert main([*words, "--out", str(tmp_path), "--films", "1", "--json"]) == 0
+    values = json.loads(capsys.readouterr().out)
+    assert values["policy"] == "rules"
+    assert values["against"] == ["human", "stay"]
+    assert values["claims_conformity"] is False
+    assert {one["endpoint"] for one in values["contrasts"] if one["primary"]} == {
+        one.name for one in PRIMARY
+    }
+    page = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert "No conformity with any regulation or standard is claimed" in page
+    assert page.count("<img") == 3
+    assert not re.search(r"(src|href)=\"(https?:)?//", page)
+    films = sorted(one.name for one in (tmp_path / "films").glob("*.mp4"))
+    assert [f"films/{name}" in page for name in films] == [True]
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    assert "Differences of the primary endpoints" in told
+    assert "too few" in told
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--policy", "nobody.py:f"], "--observe"),
+        (["--policy", "nobody.py:f", "--observe", "human"], "policy"),
+        (["--policy", "human"], "each once"),
+        (["--policy", "rules", "--benchmark", "nothing"], "overtake"),
+        (["--policy", "rules", "--benchmark", "overtake", "-n", "5"], "fixes them"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_one_line(words, said, capsys):
+    assert main(["evaluate", *words]) == 2
+    told = capsys.readouterr()
+    assert not told.out
+    assert said in told.err
+    assert len(told.err.strip().splitlines()) == 1
+
+
+def test_a_policy_that_fails_is_told_with_scene_and_time():
+    def breaks(seen: ot.Observation) -> np.ndarray:
+        raise RuntimeError("no idea" * (seen.decision > 10))
+
+    with pytest.raises(PolicyError, match="simulation 0"):
+        ot.evaluate(ot.Driver(policy=breaks, observe="human"), "pinto2023-physical", 4, 1)
+
+
+def network(path: Path, width: int = WIDTH) -> Callable[[ot.Observation], np.ndarray]:
+    """Write a network of one layer, and return the same as a function."""
+    onnx = pytest.importorskip("onnx")
+    from onnx import TensorProto, helper, numpy_helper
+
+    weights = np.zeros((width, 2), np.float32)
+    weights[:2, 0] = -0.05, 0.25  # Speed and acceleration.
+    weights[2:4, 1] = 1e-4, 0.1  # Position and lateral position.
+    shapes = {"seen": ["n", width], "action": ["n", 2]}
+    inputs, outputs = (
+        [helper.make_tensor_value_info(name, TensorProto.FLOAT, shapes[name])]
+        for name in ("seen", "action")
+    )
+    layer = helper.make_node("MatMul", ["seen", "weights"], ["action"])
+    graph = helper.make_graph(
+        [layer], "linear", inputs, outputs, [numpy_helper.from_array(weights, "weights")]
+    )
+    opset = [helper.make_opsetid("", 17)]
+    onnx.save(helper.make_model(graph, opset_imports=opset, ir_version=9), path)
+
+    def same(seen: ot.Observation) -> np.ndarray:
+        around = seen.around.reshape(len(seen.own), -1)
+        return np.concatenate([seen.own, around], axis=1) @ weights
+
+    return same
+
+
+def test_a_network_in_a_file_drives_as_the_same_function(tmp_path):
+    pytest.importorskip("onnxruntime")
+    path = tmp_path / "linear.onnx"
+    same = network(path)
+    driver = api.driver_of(str(path), "truth", action="accel_lane", hold=4)
+    assert driver.digest
+    scenes = ot.sample("pinto2023-physical", 8, 1, overrides=SHORT)
+    options = {"observe": "truth", "hold": 4}
+    runs = [ot.drive(scenes, one, **options) for one in (driver.policy, same)]
+    assert runs[0].actions is not None
+    difference = runs[0].actions.values.astype(int) - runs[1].actions.values
+    assert np.abs(difference).max() <= 1  # A step of rounding.
+    found = ot.evaluate(driver, "pinto2023-physical", 8, 1, against=["stay"], overrides=SHORT)
+    assert found.policy == "linear.onnx"
+    assert found.digest == driver.digest
+
+
+def test_a_file_that_is_no_network_of_that_shape_is_refused(tmp_path):
+    pytest.importorskip("onnxruntime")
+    wide, text = tmp_path / "wide.onnx", tmp_path / "text.onnx"
+    network(wide, WIDTH + 1)
+    text.write_bytes(b"no network")
+    for path, said in (
+        (wide, "one input of shape"),
+        (text, "an ONNX model"),
+        (tmp_path / "none.onnx", "a file that can be read"),
+    ):
+        with pytest.raises(ConfigError, match=said):
+            api.driver_of(str(path), "human", action="accel_lane", hold=1)
