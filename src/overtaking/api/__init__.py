@@ -1,6 +1,6 @@
 """The public functions: what to call from Python, and which simulator they call."""
 
-from overtaking.api import rules
+from overtaking.api import rules, weather
 from overtaking.api.carla import carla_limits, replay_in_carla, serve_carla
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, simulator_of
 from overtaking.api.data import (
@@ -32,6 +32,16 @@ from overtaking.api.results import (
     write_view,
 )
 from overtaking.api.simulating import branch, compare, label, lacking, sample, simulate
+from overtaking.api.whatif import (
+    branch_again,
+    enough,
+    fan,
+    film_twin,
+    plot_what_if,
+    save_branches,
+    save_twin,
+    twin,
+)
 from overtaking.data.load import Dataset
 
 __all__ = [
@@ -42,13 +52,17 @@ __all__ = [
     "Profile",
     "ask",
     "branch",
+    "branch_again",
     "carla_limits",
     "compare",
     "drive",
     "driver_of",
+    "enough",
     "entity_relationship_diagram",
     "export",
+    "fan",
     "film",
+    "film_twin",
     "from_frame",
     "generate",
     "import_recording",
@@ -60,6 +74,7 @@ __all__ = [
     "literature",
     "load",
     "plot_validation",
+    "plot_what_if",
     "prove",
     "query",
     "relabel",
@@ -68,11 +83,15 @@ __all__ = [
     "resume",
     "rules",
     "sample",
+    "save_branches",
+    "save_twin",
     "serve_carla",
     "simulate",
     "simulator_of",
     "statistics",
+    "twin",
     "validate",
+    "weather",
     "write_column_map",
     "write_report",
     "write_reproduction",
