@@ -55,7 +55,8 @@ Plot = Annotated[
     Path | None, options.option("--plot FILE", "Draw the figures to a .png or .svg file.")
 ]
 Save = Annotated[
-    Path | None, options.option("--out FOLDER", "Write both as a data set; a new folder.")
+    Path | None,
+    options.option("--out FOLDER", f"{options.OUT} A new folder, for both as a data set."),
 ]
 Given = Annotated[
     str,
@@ -132,7 +133,7 @@ def fan(
     policy: options.Policy = "paper",
     plot: Plot = None,
 ) -> None:
-    """Tell what becomes of an overtake that is begun at each instant.
+    """Tell what becomes of an overtake begun at each instant.
 
     Prints the share of each class among many futures, with 95 % intervals.
     """
@@ -162,7 +163,7 @@ def enough(
     goal: Goal = "lawful",
     policy: options.Policy = "paper",
 ) -> None:
-    """Find single changes that would have made it lawful or safe.
+    """Find single changes that make it lawful or safe.
 
     A stated list of quantities is tried, each alone; every answer is simulated. Many may be enough,
     and none of them is the cause.
@@ -192,6 +193,7 @@ def values_of_twin(one: "Twin", policy: str) -> dict[str, Any]:
         "trace_hash_after": one.told[1].run.trace_hash[0].tobytes().hex(),
         "changes": list(one.told[1].record.changes),
         "redrawn": one.told[1].record.redrawn,
+        "lamps_differ_s": None if one.lamps is None else round(one.lamps, 3),
         "parting": parting
         and {
             "frame": parting.frame,
@@ -215,13 +217,15 @@ def render_twin(values: dict[str, Any]) -> "RenderableType":
         ("class then", f"{values['class_after']} (policy {values['policy']})"),
         ("they part", _parting(values["parting"])),
     ]
+    if values["lamps_differ_s"] is not None:
+        rows.append(("lamps differ", f"at {values['lamps_differ_s']:.2f} s"))
     rows += [("written", one) for one in values["files"]]
     return facts(rows)
 
 
 def _parting(found: dict[str, Any] | None) -> str:
     if found is None:
-        return "never: the same bits"
+        return "never: all move alike, to the last bit"
     who = "the ego" if found["vehicle"] == 0 else f"vehicle {found['vehicle']}"
     text = f"at {found['time_s']:.2f} s (frame {found['frame']}): {found['quantity']} of {who}"
     if found["vehicle"] == 0:

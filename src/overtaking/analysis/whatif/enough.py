@@ -146,8 +146,17 @@ def quantities(scene: Scene) -> Iterator[Quantity]:
     """The list: the ego's driver, the vehicles that it decides about, the weather, the start."""
     for name, title, unit, size, steps in _TRAITS:
         yield Quantity(
-            name=f"ego: {title}", unit=unit, steps=steps, change=partial(_trait, name, size)
+            name=f"ego: {title}",
+            unit=unit,
+            steps=_within_range(scene.scenario, name, size, steps),
+            change=partial(_trait, name, size),
         )
+    yield Quantity(
+        name="ego: faster, and wanting to be",
+        unit="km/h",
+        steps=_drivable(scene.scenario, int(Role.EGO), _both(60.0, 1.0)),
+        change=partial(_faster, int(Role.EGO)),
+    )
     for who, slot in _others(scene):
         named = f"{who} (vehicle {slot})"
         yield Quantity(
@@ -159,7 +168,7 @@ def quantities(scene: Scene) -> Iterator[Quantity]:
         yield Quantity(
             name=f"{named}: faster",
             unit="km/h",
-            steps=_both(40.0, 1.0),
+            steps=_drivable(scene.scenario, slot, _both(40.0, 1.0)),
             change=partial(_faster, slot),
         )
     weather = scene.scenario.weather
@@ -183,7 +192,7 @@ _KMH = mps_from_kmh(1.0)
 _LATER = np.arange(2, 101) * 0.1
 
 _TRAITS: tuple[tuple[str, str, str, float, Values], ...] = (
-    ("desired_speed", "speed wanted", "km/h", _KMH, _both(40.0, 1.0)),
+    ("desired_speed", "speed wanted", "km/h", _KMH, _both(60.0, 1.0)),
     ("time_gap", "time gap wanted", "s", 1.0, _both(3.0, 0.1)),
     ("gap_acceptance", "factor on the gaps demanded", "", 1.0, _both(3.0, 0.1)),
     ("return_time_gap", "time gap left when returning", "s", 1.0, _both(3.0, 0.1)),
@@ -206,10 +215,18 @@ def _others(scene: Scene) -> list[tuple[str, int]]:
 
 
 def _trait(name: str, size: float, scenario: Scenario, value: float) -> Change:
-    """The ego's driver with another trait, within the range that it may have."""
-    limits = DRIVER_RANGES[name]
-    found = float(getattr(scenario.drivers, name)[0, Role.EGO]) + size * value
-    return Change(traits={name: float(np.clip(found, limits.low, limits.high))})
+    """The ego's driver with another trait."""
+    return Change(traits={name: _own_trait(scenario, name) + size * value})
+
+
+def _own_trait(scenario: Scenario, name: str) -> float:
+    return float(getattr(scenario.drivers, name)[0, Role.EGO])
+
+
+def _within_range(scenario: Scenario, name: str, size: float, steps: Values) -> Values:
+    """The changes that leave a trait in its range; at 0 some mean another kind of driver."""
+    limits, found = DRIVER_RANGES[name], _own_trait(scenario, name) + size * steps
+    return steps[(found > limits.low) & (found <= limits.high)]
 
 
 def _ahead(slot: int, scenario: Scenario, value: float) -> Change:
@@ -218,9 +235,16 @@ def _ahead(slot: int, scenario: Scenario, value: float) -> Change:
 
 
 def _faster(slot: int, scenario: Scenario, value: float) -> Change:
-    """Another speed at the start, not below zero."""
-    least = -float(scenario.start_speed[0, slot])
-    return Change(vehicle=slot, faster=max(_KMH * value, least))
+    del scenario
+    return Change(vehicle=slot, faster=_KMH * value)
+
+
+def _drivable(scenario: Scenario, slot: int, steps: Values) -> Values:
+    """The changes of speed with which a vehicle still drives forwards."""
+    slowest = min(
+        float(scenario.start_speed[0, slot]), float(scenario.drivers.desired_speed[0, slot])
+    )
+    return steps[slowest + _KMH * steps > 0.0]
 
 
 def _weather(name: str, scenario: Scenario, value: float) -> Change:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.analysis.whatif.scenes import Scene, pull_out
 from overtaking.core.errors import ConfigError
@@ -12,11 +13,13 @@ from overtaking.data.branches import Told
 from overtaking.labels.label import Labelled, label
 from overtaking.model.changes import Change
 from overtaking.model.decision import Decision
-from overtaking.model.trajectory import STEPS, Trajectories
+from overtaking.model.trajectory import STEPS, States, Trajectories
 from overtaking.model.vehicles import Role
 
 MOST_DELAY = 60.0
 """Longest delay of a start [s]."""
+
+_LAMPS = "lights"
 
 _STEADY = 40
 """Decisions before the wanted start from which one is forced: no indicator is on for longer."""
@@ -33,7 +36,7 @@ class Effect(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parting:
-    """The first frame in which two simulations differ.
+    """The first frame in which two simulations move differently.
 
     Attributes:
         frame: The frame.
@@ -63,7 +66,8 @@ class Twin:
         since: First time that the change can affect [s].
         told: Both simulations, the one as it was first.
         labelled: Both with their labels.
-        parting: The first frame in which they differ; None if they never do.
+        parting: The first frame in which they move differently; None if they never do.
+        lamps: First time at which lamps differ, as they do at once without rain; None if never [s].
     """
 
     number: int
@@ -73,6 +77,7 @@ class Twin:
     told: tuple[Told, Told]
     labelled: tuple[Labelled, Labelled]
     parting: Parting | None
+    lamps: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,6 +149,7 @@ def twin_of(scene: Scene, wish: Wish, *, at: float = 0.0, from_start: bool = Fal
         told=told,
         labelled=(label(scene.run), label(run)),
         parting=parting(scene.run, run),
+        lamps=lamps_differ(scene.run, run),
     )
 
 
@@ -193,14 +199,10 @@ def later_start(scene: Scene, delay: float, others: Iterable[Change] = ()) -> tu
 
 
 def parting(before: Trajectories, after: Trajectories) -> Parting | None:
-    """The first frame in which two batches of one simulation differ; None if they never do."""
+    """The first frame in which two batches of one simulation move differently; None if none."""
     rate = before.scenario.frame_interval_ms * 1e-3
-    frames = min(int(before.num_frames[0]), int(after.num_frames[0]))
-    differs = {
-        name: getattr(before.states, name)[0, :, :frames]
-        != getattr(after.states, name)[0, :, :frames]
-        for name in before.states.__slots__
-    }
+    differs = _differences(before, after)
+    del differs[_LAMPS]
     anyhow = np.any(list(differs.values()), axis=0)
     found = np.flatnonzero(anyhow.any(axis=0))
     if not len(found):
@@ -218,6 +220,23 @@ def parting(before: Trajectories, after: Trajectories) -> Parting | None:
         by=(values[1] - values[0]) * STEPS.get(name, 1.0),
         ego_time=float(own[0] * rate) if len(own) else None,
     )
+
+
+def _differences(before: Trajectories, after: Trajectories) -> dict[str, NDArray[np.bool_]]:
+    """Where recorded numbers differ, by name, shape (vehicle, time); as far as both go."""
+    frames = min(int(before.num_frames[0]), int(after.num_frames[0]))
+    slots = min(before.scenario.num_slots, after.scenario.num_slots)
+    one, two = before.states, after.states
+    return {
+        name: getattr(one, name)[0, :slots, :frames] != getattr(two, name)[0, :slots, :frames]
+        for name in States.__slots__
+    }
+
+
+def lamps_differ(before: Trajectories, after: Trajectories) -> float | None:
+    """First time at which lamps of two batches of one simulation differ; None if they never do."""
+    found = np.flatnonzero(_differences(before, after)[_LAMPS].any(axis=0))
+    return float(found[0]) * before.scenario.frame_interval_ms * 1e-3 if len(found) else None
 
 
 def _words(change: Change) -> str:
