@@ -193,6 +193,8 @@ def values_of_twin(one: "Twin", policy: str) -> dict[str, Any]:
         "trace_hash_after": one.told[1].run.trace_hash[0].tobytes().hex(),
         "changes": list(one.told[1].record.changes),
         "redrawn": one.told[1].record.redrawn,
+        "pulls_out_before_s": one.begins[0],
+        "pulls_out_after_s": one.begins[1],
         "lamps_differ_s": None if one.lamps is None else round(one.lamps, 3),
         "parting": parting
         and {
@@ -215,12 +217,20 @@ def render_twin(values: dict[str, Any]) -> "RenderableType":
         ("different", f"{values['different']}; {values['effect']} effect, {since}"),
         ("class as it was", values["class_before"]),
         ("class then", f"{values['class_after']} (policy {values['policy']})"),
+        (
+            "it pulls out",
+            f"{_at(values['pulls_out_before_s'])}; then {_at(values['pulls_out_after_s'])}",
+        ),
         ("they part", _parting(values["parting"])),
     ]
     if values["lamps_differ_s"] is not None:
         rows.append(("lamps differ", f"at {values['lamps_differ_s']:.2f} s"))
     rows += [("written", one) for one in values["files"]]
     return facts(rows)
+
+
+def _at(time: float | None) -> str:
+    return "never" if time is None else f"at {time:.2f} s"
 
 
 def _parting(found: dict[str, Any] | None) -> str:
@@ -309,7 +319,7 @@ def values_of_enough(one: "Enough") -> dict[str, Any]:
                 "unit": found.unit,
                 "least": found.least,
                 "class": found.becomes,
-                "tried": list(found.tried),
+                "tried": found.tried and list(found.tried),
                 "larger": _number(found.larger),
             }
             for found in one.found
@@ -321,12 +331,12 @@ def render_enough(values: dict[str, Any]) -> "RenderableType":
     """What would have been enough, as a table."""
     rows = []
     for one in values["quantities"]:
-        low, high = one["tried"]
+        span = one["tried"] and "{:+g} to {:+g}".format(*one["tried"])
         is_found = one["least"] is not None
         least = f"{one['least']:+g} {one['unit']}" if is_found else "none is enough"
         larger = "" if one["larger"] is None else f"{100 * one['larger']:.0f} %"
         becomes = one["class"] if is_found else ""
-        rows.append([one["quantity"], least, becomes, f"{low:+g} to {high:+g}", larger])
+        rows.append([one["quantity"], least, becomes, span or "cannot be changed", larger])
     head = (
         f"Simulation {values['simulation']} is {values['class']} (policy {values['policy']}). Each "
         f"of these alone would have made it {values['goal']}; {values['simulated']} were "

@@ -65,7 +65,7 @@ class Sufficient:
         unit: Unit of the numbers that follow.
         least: Smallest change that is enough; None if none of those that were tried is.
         becomes: Class of the simulation with it; of the one as it was if there is none.
-        tried: Smallest and largest change that were tried.
+        tried: Smallest and largest change that were tried; None if none can be made.
         larger: Share of the larger changes in the same direction that are enough, too; NaN without
             any.
     """
@@ -74,7 +74,7 @@ class Sufficient:
     unit: str
     least: float | None
     becomes: str
-    tried: tuple[float, float]
+    tried: tuple[float, float] | None
     larger: float
 
 
@@ -189,7 +189,7 @@ def _both(most: float, step: float) -> Values:
 
 _KMH = mps_from_kmh(1.0)
 
-_LATER = np.arange(2, 101) * 0.1
+_LATER = np.arange(1, 101) * 0.1
 
 _TRAITS: tuple[tuple[str, str, str, float, Values], ...] = (
     ("desired_speed", "speed wanted", "km/h", _KMH, _both(60.0, 1.0)),
@@ -295,7 +295,7 @@ def _found(
     reached = np.isin(codes, GOALS[goal])
     places = np.flatnonzero(reached)
     best = places[np.abs(steps[places]).argmin()] if len(places) else None
-    tried = (float(steps.min()), float(steps.max())) if len(steps) else (0.0, 0.0)
+    tried = (float(steps.min()), float(steps.max())) if len(steps) else None
     if best is None:
         return Sufficient(
             name=one.name, unit=one.unit, least=None, becomes=was, tried=tried, larger=float("nan")

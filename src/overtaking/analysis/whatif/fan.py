@@ -16,7 +16,7 @@ from overtaking.labels.label import label
 from overtaking.labels.law import policy as policy_named
 from overtaking.model.decision import Decision
 from overtaking.model.labels import OvertakeClass
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectory import Stage, Trajectories
 from overtaking.sim import engine
 from overtaking.sim.branch import Version, run_versions
 
@@ -41,7 +41,7 @@ class Fan:
         given: A name in `GIVEN`.
         policy: The policy that decides about the classes.
         asked: Futures that were asked for at each instant.
-        time: When the ego is told to begin, shape (instant,) [s].
+        time: When the ego is told to begin, while it is sound in its lane, shape (instant,) [s].
         begun: When it pulls out then, NaN where it cannot, shape (instant,) [s].
         counts: Futures of each class, shape (instant, `OvertakeClass`).
         tried: Worlds that were proposed, shape (instant,).
@@ -77,9 +77,10 @@ class Fan:
         return self.counts / whole[:, None]
 
     def interval(self, code: OvertakeClass) -> NDArray[np.float64]:
-        """Wilson's 95 % interval of the share of a class, shape (instant, 2)."""
+        """Wilson's 95 % interval of the share of a class, NaN with too few, (instant, 2)."""
         rows = zip(self.shares[:, code], self.futures, strict=True)
-        return np.array([wilson(share, size) for share, size in rows])
+        limits = np.array([wilson(share, size) for share, size in rows])
+        return np.where(self.is_enough[:, None], limits, np.nan)
 
 
 def fan_of(
@@ -117,7 +118,7 @@ def fan_of(
     stays = Version(frame=0, scenario=scene.scenario, decision=Decision.STAY)
     stayed = run_versions(scene.scenario, [stays], engine.run)
     step = max(round(every * scene.rate), 1)
-    frames = np.arange(0, int(stayed.num_frames[0]), step)
+    frames = np.arange(0, _sound_frames(stayed), step)
     counts = np.zeros((len(frames), len(OvertakeClass)), np.int64)
     begun, tried = np.full(len(frames), np.nan), np.zeros(len(frames), np.int64)
     for place, frame in enumerate(frames.tolist()):
@@ -143,6 +144,12 @@ def fan_of(
         actual=None if actual is None else actual / scene.rate,
         stayed=stayed,
     )
+
+
+def _sound_frames(stayed: Trajectories) -> int:
+    """Frames before the ego collides in its lane; all if it does not."""
+    crashed = np.flatnonzero(stayed.stage[0, : stayed.num_frames[0]] == Stage.CRASHED)
+    return int(crashed[0]) if len(crashed) else int(stayed.num_frames[0])
 
 
 def _futures(

@@ -67,6 +67,7 @@ class Twin:
         told: Both simulations, the one as it was first.
         labelled: Both with their labels.
         parting: The first frame in which they move differently; None if they never do.
+        begins: When the ego pulls out as it was and in the twin; None where it never does [s].
         lamps: First time at which lamps differ, as they do at once without rain; None if never [s].
     """
 
@@ -77,6 +78,7 @@ class Twin:
     told: tuple[Told, Told]
     labelled: tuple[Labelled, Labelled]
     parting: Parting | None
+    begins: tuple[float | None, float | None]
     lamps: float | None
 
 
@@ -149,6 +151,7 @@ def twin_of(scene: Scene, wish: Wish, *, at: float = 0.0, from_start: bool = Fal
         told=told,
         labelled=(label(scene.run), label(run)),
         parting=parting(scene.run, run),
+        begins=(_seconds(scene, scene.run), _seconds(scene, run)),
         lamps=lamps_differ(scene.run, run),
     )
 
@@ -166,8 +169,9 @@ def _changes(scene: Scene, wish: Wish, first: Change) -> list[Change]:
 def later_start(scene: Scene, delay: float, others: Iterable[Change] = ()) -> tuple[Change, ...]:
     """Changes by which the ego pulls out later, whatever the gaps are then.
 
-    How long it has to signal before depends on what it showed; so starts are tried until the one
-    that comes nearest to the wish, and not before it.
+    How long it has to signal before depends on what it showed, so starts are tried. The one that
+    comes nearest is taken, never before the wish; an indicator that fades in the meantime makes it
+    a decision later at times.
 
     Args:
         scene: A simulation in which the ego pulls out.
@@ -186,10 +190,9 @@ def later_start(scene: Scene, delay: float, others: Iterable[Change] = ()) -> tu
     if wanted == was:
         return ()
     found: dict[int, tuple[Change, ...]] = {}
-    for frame in range(max(wanted - _STEADY, 0), wanted + 1):
-        stay = Change(frame=min(was, frame), decision=Decision.STAY)
-        go = Change(frame=frame, decision=Decision.PULL_OUT)
-        pair = (stay, go) if stay.frame < frame else (go,)
+    stay = Change(frame=was, decision=Decision.STAY)
+    for frame in range(max(wanted - _STEADY, was + 1), wanted + 1):
+        pair = (stay, Change(frame=frame, decision=Decision.PULL_OUT))
         began = pull_out(scene.branch(*others, *pair))
         if began is not None and began >= wanted:
             found.setdefault(began, pair)
@@ -200,7 +203,7 @@ def later_start(scene: Scene, delay: float, others: Iterable[Change] = ()) -> tu
 
 def parting(before: Trajectories, after: Trajectories) -> Parting | None:
     """The first frame in which two batches of one simulation move differently; None if none."""
-    rate = before.scenario.frame_interval_ms * 1e-3
+    interval = before.scenario.frame_interval_ms
     differs = _differences(before, after)
     del differs[_LAMPS]
     anyhow = np.any(list(differs.values()), axis=0)
@@ -214,11 +217,11 @@ def parting(before: Trajectories, after: Trajectories) -> Parting | None:
     own = np.flatnonzero(anyhow[Role.EGO])
     return Parting(
         frame=frame,
-        time=frame * rate,
+        time=frame * interval / 1000,
         vehicle=slot,
         quantity=name,
         by=(values[1] - values[0]) * STEPS.get(name, 1.0),
-        ego_time=float(own[0] * rate) if len(own) else None,
+        ego_time=int(own[0]) * interval / 1000 if len(own) else None,
     )
 
 
@@ -233,10 +236,16 @@ def _differences(before: Trajectories, after: Trajectories) -> dict[str, NDArray
     }
 
 
+def _seconds(scene: Scene, run: Trajectories) -> float | None:
+    """When the ego pulls out [s]."""
+    frame = pull_out(run)
+    return None if frame is None else frame / scene.rate
+
+
 def lamps_differ(before: Trajectories, after: Trajectories) -> float | None:
     """First time at which lamps of two batches of one simulation differ; None if they never do."""
     found = np.flatnonzero(_differences(before, after)[_LAMPS].any(axis=0))
-    return float(found[0]) * before.scenario.frame_interval_ms * 1e-3 if len(found) else None
+    return int(found[0]) * before.scenario.frame_interval_ms / 1000 if len(found) else None
 
 
 def _words(change: Change) -> str:
