@@ -8,7 +8,7 @@ In memory:
     evaluate            compare a driver with others in the same scenes
     evaluate_benchmark  the same in the scenes of a benchmark
     write_evaluation    write what evaluate found as a page, with films of the worst scenes
-    branch              simulate them again with a decision or the weather changed
+    branch              simulate them again with decisions, weather, drivers or vehicles changed
     label               find what happened, whether it was lawful, and features
     compare             simulate on several simulators, and say where they part
     validate            hold the traffic of a profile against real traffic
@@ -29,6 +29,14 @@ Data sets on disk, each in a folder:
     film                film simulations
     serve_view          show a data set in the browser of this machine
     write_view          write simulations as a page to look at in a browser
+    twin                put a simulation beside the same with something changed
+    fan                 tell what becomes of an overtake begun at each instant
+    enough              find changes of one quantity that would have been enough
+    film_twin           film a simulation above its twin
+    plot_what_if        draw what twin or fan found
+    save_twin           write a simulation and its twin as a data set
+    save_branches       write branches as a data set
+    branch_again        simulate a saved branch again
     query               ask in SQL
     ask                 ask in logic
     prove               prove why a simulation breaks the law
@@ -43,6 +51,7 @@ Objects:
     Labelled            the same with labels
     Dataset             a data set on disk
     Balance             equal shares of classes, for generate
+    Change              what is different from a frame on, for branch
     Decision            a decision to force, for branch
     Driver              a policy and what it observes and answers, for generate
     Observation         what a policy is given
@@ -50,6 +59,7 @@ Objects:
     Move                a decision that a policy may answer
     OvertakingError     the base of all errors
     rules               what rules of law of one's own are made of
+    weather             weather with something taken away: weather.dry and friends
 
 `help(overtaking.simulate)` explains one of them. A name is loaded from its module when it is first
 used (PEP 562), so `import overtaking` is quick; `__init__.pyi` tells editors the same names.
@@ -61,6 +71,7 @@ import overtaking._moved  # pyright: ignore[reportUnusedImport]  # noqa: F401
 
 _HOMES = {
     "Balance": "overtaking.data.balance",
+    "Change": "overtaking.model.changes",
     "Dataset": "overtaking.data.load",
     "Decision": "overtaking.model.decision",
     "Driver": "overtaking.sim.driving",
@@ -78,11 +89,15 @@ _HOMES = {
     "Weather": "overtaking.model.weather",
     "ask": "overtaking.api.logic",
     "branch": "overtaking.api.simulating",
+    "branch_again": "overtaking.api.whatif",
     "compare": "overtaking.api.simulating",
     "drive": "overtaking.api.driving",
     "evaluate": "overtaking.api.evaluating",
     "evaluate_benchmark": "overtaking.api.evaluating",
+    "enough": "overtaking.api.whatif",
+    "fan": "overtaking.api.whatif",
     "film": "overtaking.api.results",
+    "film_twin": "overtaking.api.whatif",
     "generate": "overtaking.api.data",
     "label": "overtaking.api.simulating",
     "learn_factors": "overtaking.api.learning",
@@ -91,6 +106,7 @@ _HOMES = {
     "map_roads": "overtaking.recordings.opendrive_map",
     "plot_map": "overtaking.api.maps",
     "plot_validation": "overtaking.api.results",
+    "plot_what_if": "overtaking.api.whatif",
     "prove": "overtaking.api.logic",
     "query": "overtaking.api.results",
     "relabel": "overtaking.api.data",
@@ -98,10 +114,14 @@ _HOMES = {
     "resume": "overtaking.api.data",
     "rules": "overtaking.api",
     "sample": "overtaking.api.simulating",
+    "save_branches": "overtaking.api.whatif",
+    "save_twin": "overtaking.api.whatif",
     "simulate": "overtaking.api.simulating",
     "statistics": "overtaking.api.results",
+    "twin": "overtaking.api.whatif",
     "validate": "overtaking.api.results",
     "write_evaluation": "overtaking.api.evaluating",
+    "weather": "overtaking.api",
     "write_report": "overtaking.api.results",
     "write_reproduction": "overtaking.api.results",
     "serve_view": "overtaking.api.results",

@@ -1,4 +1,5 @@
 from overtaking.api import rules as rules
+from overtaking.api import weather as weather
 from overtaking.api.data import generate as generate
 from overtaking.api.data import load as load
 from overtaking.api.data import relabel as relabel
@@ -27,11 +28,20 @@ from overtaking.api.simulating import compare as compare
 from overtaking.api.simulating import label as label
 from overtaking.api.simulating import sample as sample
 from overtaking.api.simulating import simulate as simulate
+from overtaking.api.whatif import branch_again as branch_again
+from overtaking.api.whatif import enough as enough
+from overtaking.api.whatif import fan as fan
+from overtaking.api.whatif import film_twin as film_twin
+from overtaking.api.whatif import plot_what_if as plot_what_if
+from overtaking.api.whatif import save_branches as save_branches
+from overtaking.api.whatif import save_twin as save_twin
+from overtaking.api.whatif import twin as twin
 from overtaking.core.errors import OvertakingError as OvertakingError
 from overtaking.data.balance import Balance as Balance
 from overtaking.data.load import Dataset as Dataset
 from overtaking.labels.label import Labelled as Labelled
 from overtaking.model.actions import Move as Move
+from overtaking.model.changes import Change as Change
 from overtaking.model.decision import Decision as Decision
 from overtaking.model.drivers import Drivers as Drivers
 from overtaking.model.road import Lane as Lane

@@ -21,12 +21,13 @@ PAGES = {
     "query-with-sql.md": {"data/er.svg"},
     "ask-with-logic.md": set(),
     "drive-it-yourself.md": {"data/patient"},
+    "ask-what-if.md": {"twins.mp4", "twins.svg", "data/twins", "fan.svg", "data/branches"},
     "literature.md": set(),
     "check-the-installation.md": set(),
 }
 """Each page, and the files and folders that its commands make."""
 
-LONG = {"ask-with-logic.md", "export-the-papers-table.md", "videos.md"}
+LONG = {"ask-what-if.md", "ask-with-logic.md", "export-the-papers-table.md", "videos.md"}
 
 FIRST = "make-a-data-set.md"
 """The page whose first block makes the data set that all others read."""

@@ -98,7 +98,7 @@ class Situation:
         given = parameters(scenario)
         if self.switch is None:
             return run(scenario, given)
-        return run(scenario, given, disturbed(scenario), self.switch)
+        return run(scenario, given, [(self.switch, disturbed(scenario))])
 
 
 def in_a_gap(scenario: Scenario) -> Scenario:
@@ -222,7 +222,7 @@ def disturbed(scenario: Scenario) -> Parameters:
     """Parameters with the weather turned round and a decision forced that the number chooses."""
     later = parameters(scenario.replace(weather=turned_round(scenario.weather)))
     simulation = later.simulation.copy()
-    simulation[SIMULATION_FIELDS.index("command")] = scenario.index % (len(Decision) + 1)
+    simulation[SIMULATION_FIELDS.index("command")] = scenario.index % len(Decision)
     return dataclasses.replace(later, simulation=simulation)
 
 

@@ -15,7 +15,7 @@ use overtaking_core::{Inputs, Later, Output, simulate};
 pub fn avx2(
     simd: Avx2,
     inputs: &Inputs<'_>,
-    later: Option<&Later<'_>>,
+    later: &[Later<'_>],
     out: Output<'_>,
 ) -> Result<(), String> {
     simulate(simd, inputs, later, out)
@@ -28,7 +28,7 @@ pub fn avx2(
 pub fn avx512(
     simd: Avx512,
     inputs: &Inputs<'_>,
-    later: Option<&Later<'_>>,
+    later: &[Later<'_>],
     out: Output<'_>,
 ) -> Result<(), String> {
     simulate(simd, inputs, later, out)

@@ -14,7 +14,7 @@ use crate::names::{Simulation, Vehicle};
 use crate::orders::{Orders, Script};
 use crate::output::Output;
 use crate::recording::Recorder;
-use crate::state::{History, Rates, Road, State, Stride, World};
+use crate::state::{EGO, History, Rates, Road, State, Stride, World};
 use crate::step::{Mind, Minds, SUBSTEPS, advance, decide, drive_ego, grip_again};
 use crate::tile::{TILE, Tile};
 
@@ -32,7 +32,7 @@ pub struct Scratch<const N: usize> {
 pub fn run<'a, S: Simd, const N: usize>(
     simd: S,
     inputs: &Inputs<'a>,
-    later: Option<&Later<'_>>,
+    later: &[Later<'_>],
     share: Vec<Seat<'a>>,
     scratch: &mut Scratch<N>,
 ) {
@@ -140,7 +140,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         &mut self,
         (first, end): (u32, u32),
         inputs: &Inputs<'_>,
-        later: Option<&Later<'_>>,
+        later: &[Later<'_>],
         tile: &mut Tile<N>,
         minds: &mut Minds<S, N>,
     ) {
@@ -148,11 +148,8 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         let (stride, steps) = self.stride(inputs);
         let mut step = first;
         while step < end && runs(&self.state, simd, step) {
-            if let Some(later) = later.filter(|later| later.switch == step) {
-                let (vehicle, simulation) = (later.vehicle, later.simulation);
-                (self.world.p, self.world.q) =
-                    load(simd, vehicle, simulation, inputs, &self.simulations);
-                grip_again(&mut self.state, &self.world);
+            for later in later.iter().filter(|later| later.switch == step) {
+                self.take_over(inputs, later);
             }
             let (state, world, recorder) = (&mut self.state, &self.world, &mut self.recorder);
             if step.is_multiple_of(SUBSTEPS) {
@@ -176,6 +173,35 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             step += steps;
         }
         outlined!(simd, self.recorder.flush(&self.world, tile));
+    }
+
+    /// Go on with other parameters.
+    fn take_over(&mut self, inputs: &Inputs<'_>, later: &Later<'_>) {
+        let (vehicle, simulation) = (later.vehicle, later.simulation);
+        let (p, q) = load(
+            self.world.simd,
+            vehicle,
+            simulation,
+            inputs,
+            &self.simulations,
+        );
+        let before = std::mem::replace(&mut self.world.p, p);
+        self.world.q = q;
+        for (lane, simulation) in self.simulations.into_iter().enumerate() {
+            let number = later.index[simulation];
+            self.world.index_low[lane] = number as u32;
+            self.world.index_high[lane] = (number >> 32) as u32;
+            if let Some(judged) = later.judged {
+                self.state.distance_error[EGO][lane] = judged[simulation];
+                self.state.speed_error[EGO][lane] = judged[later.index.len() + simulation];
+            }
+            for (slot, (old, new)) in before.iter().zip(&self.world.p).enumerate() {
+                let ahead = new.start_s[lane] - old.start_s[lane];
+                let faster = new.start_speed[lane] - old.start_speed[lane];
+                self.state.displace(slot, lane, ahead, faster);
+            }
+        }
+        grip_again(&mut self.state, &self.world);
     }
 
     /// Let the ego do as ordered at a decision, and everything move until the next one.

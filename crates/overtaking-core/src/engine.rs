@@ -49,12 +49,18 @@ pub struct Inputs<'a> {
 }
 
 /// Parameters that take over at a step, for branches.
+///
+/// Vehicles are displaced and sped up by as much as their starts differ from those before.
 #[derive(Clone, Copy)]
 pub struct Later<'a> {
     /// Vehicle parameters from then on.
     pub vehicle: &'a [f32],
     /// Simulation parameters from then on.
     pub simulation: &'a [f32],
+    /// Simulation numbers from then on: what is drawn at later decisions.
+    pub index: &'a [u64],
+    /// The ego's errors of distance and of speed at the step, (2, simulation); `None` leaves them as they are.
+    pub judged: Option<&'a [f32]>,
     /// The step.
     pub switch: u32,
 }
@@ -112,7 +118,7 @@ pub fn current_level() -> &'static str {
 pub fn simulate<S: Simd>(
     simd: S,
     inputs: &Inputs<'_>,
-    later: Option<&Later<'_>>,
+    later: &[Later<'_>],
     out: Output<'_>,
 ) -> Result<(), String> {
     if !out.frames.is_multiple_of(LANES) {
@@ -139,7 +145,7 @@ pub fn simulate<S: Simd>(
 fn run_blocks<S: Simd, const N: usize>(
     simd: S,
     inputs: &Inputs<'_>,
-    later: Option<&Later<'_>>,
+    later: &[Later<'_>],
     out: Output<'_>,
 ) {
     let order = alike_together(inputs);

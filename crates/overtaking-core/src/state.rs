@@ -311,6 +311,19 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
         }
     }
 
+    /// Move a vehicle of one simulation, as if it had always been there and as fast; everybody remembers it so.
+    pub fn displace(&mut self, slot: usize, lane: usize, ahead: f32, faster: f32) {
+        if ahead == 0.0 && faster == 0.0 {
+            return;
+        }
+        self.s[slot][lane] += ahead;
+        self.vx[slot][lane] += faster;
+        for row in self.history.iter_mut() {
+            row[slot][lane][0] += ahead;
+            row[slot][lane][1] += faster;
+        }
+    }
+
     /// Velocity of vehicle `i` along and across the road [m/s].
     #[inline(always)]
     pub fn road_velocity(&self, i: usize) -> (V<S>, V<S>) {

@@ -111,8 +111,9 @@ pub fn perceive<S: Simd, const N: usize>(
             bodies[i] = Body::new(state, w, i);
         }
     });
-    // Who is told to change lanes may do so at any time; what it passes by is recorded.
-    let told = w.p[EGO].gap_acceptance.simd_le(0.0).any_true();
+    // Who is told or forced to change lanes may do so at any time; what it passes by is recorded.
+    let forced = w.q.command.simd_gt(0.0);
+    let told = (w.p[EGO].gap_acceptance.simd_le(0.0) | forced).any_true();
     for i in 0..w.count {
         if step == 0 {
             let drawn = w.p[i].valid.simd_gt(0.0);

@@ -120,6 +120,8 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
     let later = afterwards.as_ref().map(|(vehicle, simulation)| Later {
         vehicle,
         simulation,
+        index: &index,
+        judged: None,
         switch: switch as u32,
     });
     let run = |out: Output<'_>| -> Outcome<_> {
@@ -128,7 +130,7 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
             trace_hash: &mut hashes,
             ..out
         };
-        simulate_at(supported(level)?, &inputs, later.as_ref(), out)?;
+        simulate_at(supported(level)?, &inputs, later.as_slice(), out)?;
         Ok(hashes)
     };
     with_outputs! { allocated! { inputs, frames, run } }

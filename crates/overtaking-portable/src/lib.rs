@@ -34,7 +34,7 @@ macro_rules! at_level {
 pub fn simulate_at(
     level: Level,
     inputs: &Inputs<'_>,
-    later: Option<&Later<'_>>,
+    later: &[Later<'_>],
     out: Output<'_>,
 ) -> Result<(), String> {
     at_level!(

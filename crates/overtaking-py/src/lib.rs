@@ -81,9 +81,19 @@ macro_rules! filled {
     }};
 }
 
+/// Parameters of vehicles and simulations, simulation numbers, errors of the egos, and the step from which
+/// they hold.
+type Turn<'a> = (
+    PyReadonlyArray1<'a, f32>,
+    PyReadonlyArray1<'a, f32>,
+    PyReadonlyArray1<'a, u64>,
+    Option<PyReadonlyArray1<'a, f32>>,
+    u32,
+);
+
 /// Simulate a batch and fill the arrays of `outputs`, a dictionary by field.
 #[pyfunction]
-#[pyo3(signature = (*, vehicle, simulation, index, slots, frames, seed, record_every, road, constants, outputs, later=None, actions=None, level=None))]
+#[pyo3(signature = (*, vehicle, simulation, index, slots, frames, seed, record_every, road, constants, outputs, later=Vec::new(), actions=None, level=None))]
 #[allow(clippy::too_many_arguments)]
 fn simulate(
     py: Python<'_>,
@@ -97,7 +107,7 @@ fn simulate(
     road: Road,
     constants: Numbers,
     outputs: &Bound<'_, PyDict>,
-    later: Option<(PyReadonlyArray1<'_, f32>, PyReadonlyArray1<'_, f32>, u32)>,
+    later: Vec<Turn<'_>>,
     actions: Option<(String, PyReadonlyArray3<'_, i32>)>,
     level: Option<&str>,
 ) -> PyResult<()> {
@@ -123,17 +133,24 @@ fn simulate(
         SIMULATION_NAMES.len() * batch,
     )?;
     let constants = constants.constants()?;
-    let later = match &later {
-        Some((vehicle, simulation, switch)) => Some(Later {
-            vehicle: vehicle.as_slice()?,
-            simulation: simulation.as_slice()?,
-            switch: *switch,
-        }),
-        None => None,
-    };
-    if let Some(later) = &later {
+    let later: Vec<_> = later
+        .iter()
+        .map(|(vehicle, simulation, index, judged, switch)| {
+            Ok(Later {
+                vehicle: vehicle.as_slice()?,
+                simulation: simulation.as_slice()?,
+                index: index.as_slice()?,
+                judged: judged.as_ref().map(|one| one.as_slice()).transpose()?,
+                switch: *switch,
+            })
+        })
+        .collect::<PyResult<_>>()?;
+    for later in &later {
         expect_length("later vehicle", later.vehicle.len(), vehicle.len())?;
         expect_length("later simulation", later.simulation.len(), simulation.len())?;
+        expect_length("later index", later.index.len(), index.len())?;
+        let errors = later.judged.map_or(2 * batch, <[f32]>::len);
+        expect_length("later errors", errors, 2 * batch)?;
     }
     let script = actions.as_ref().map(|actions| script(actions, batch));
     let inputs = Inputs {
@@ -151,9 +168,7 @@ fn simulate(
         record_every,
         script: script.transpose()?,
     };
-    let run = |out: Output<'_>| {
-        py.detach(|| simulate_at(supported(level)?, &inputs, later.as_ref(), out))
-    };
+    let run = |out: Output<'_>| py.detach(|| simulate_at(supported(level)?, &inputs, &later, out));
     let done = with_outputs! { filled! { outputs, batch, slots, frames, run } };
     done.map_err(PyValueError::new_err)
 }

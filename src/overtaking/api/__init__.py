@@ -1,6 +1,6 @@
 """The public functions: what to call from Python, and which simulator they call."""
 
-from overtaking.api import rules
+from overtaking.api import rules, weather
 from overtaking.api.carla import carla_limits, replay_in_carla, serve_carla
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, simulator_of
 from overtaking.api.data import (
@@ -40,6 +40,16 @@ from overtaking.api.results import (
     write_view,
 )
 from overtaking.api.simulating import branch, compare, label, lacking, sample, simulate
+from overtaking.api.whatif import (
+    branch_again,
+    enough,
+    fan,
+    film_twin,
+    plot_what_if,
+    save_branches,
+    save_twin,
+    twin,
+)
 from overtaking.data.load import Dataset
 
 __all__ = [
@@ -50,15 +60,19 @@ __all__ = [
     "Profile",
     "ask",
     "branch",
+    "branch_again",
     "carla_limits",
     "compare",
     "drive",
     "driver_of",
+    "enough",
     "entity_relationship_diagram",
     "evaluate",
     "evaluate_benchmark",
     "export",
+    "fan",
     "film",
+    "film_twin",
     "from_frame",
     "generate",
     "import_recording",
@@ -72,6 +86,7 @@ __all__ = [
     "map_roads",
     "plot_map",
     "plot_validation",
+    "plot_what_if",
     "policy_of",
     "prove",
     "query",
@@ -81,12 +96,16 @@ __all__ = [
     "resume",
     "rules",
     "sample",
+    "save_branches",
+    "save_twin",
     "serve_carla",
     "serve_view",
     "simulate",
     "simulator_of",
     "statistics",
+    "twin",
     "validate",
+    "weather",
     "write_column_map",
     "write_evaluation",
     "write_report",

@@ -179,6 +179,14 @@ def resume(
             got=f"one that was imported from {begun.profile}",
             next_step="import it again into another folder",
         )
+    if begun.branches:
+        raise DatasetError.of(
+            what="data set",
+            where=str(out),
+            expected="one that was generated",
+            got="one of branches, which are written whole",
+            next_step="branch again into another folder",
+        )
     if begun.policy is not None:
         raise DatasetError.of(
             what="data set",

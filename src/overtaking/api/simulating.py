@@ -26,6 +26,7 @@ from overtaking.labels.label import label as labelled
 from overtaking.labels.law import PORTUGAL, Errors, Pack
 from overtaking.labels.law import lacking as rules_lacking
 from overtaking.model.batch import concatenate
+from overtaking.model.changes import Change
 from overtaking.model.checks import check, checked
 from overtaking.model.decision import Decision
 from overtaking.model.road import Road
@@ -34,6 +35,7 @@ from overtaking.model.trajectory import BYTES_PER_STATE, Trajectories
 from overtaking.model.values import Range
 from overtaking.model.weather import Weather
 from overtaking.sim.branch import branch as branched
+from overtaking.sim.branch import changed
 from overtaking.simulators.comparison import Comparison
 from overtaking.world.clock import STEP_MS
 
@@ -99,32 +101,43 @@ def simulate(scenario: Scenario, *, simulator: str = "engine") -> Trajectories:
 
 @checked
 def branch(
-    scenario: Scenario,
-    frame: int,
+    source: Scenario | Trajectories,
+    frame: int = 0,
     *,
     decision: Decision | None = None,
     weather: Weather | None = None,
+    changes: Iterable[Change] = (),
     simulator: str = "engine",
 ) -> Trajectories:
-    """Simulate again, with a decision or the weather changed from a frame on.
+    """Simulate again, with something changed from a frame on.
 
     Args:
-        scenario: A batch of scenarios.
-        frame: First frame that the change can affect, before the horizon of the longest simulation;
-            up to it, all is as it was.
+        source: A batch of scenarios, or recorded simulations. The changes of a branch come before
+            these.
+        frame: First frame that `decision` and `weather` can affect, before the horizon of the
+            longest simulation; up to it, all is as it was.
         decision: Decision forced on every ego, at the first instant that allows it.
         weather: Weather of every simulation from then on, as long as the batch.
+        changes: Any number of other changes, at frames of their own.
         simulator: One of `BRANCHING`.
 
+    Returns:
+        The batch, with `branched` to say what it branches from. Labels take weather and drivers
+        as they are after the last change.
+
     Raises:
-        ConfigError: A field of the scenario or the weather is out of its range, the weather is not
-            as long as the batch, no simulation has the frame, or there is no such simulator.
+        ConfigError: A number is out of its range, the weather is not as long as the batch, no
+            simulation has the frame or vehicle, a policy drives the ego, or there is no such
+            simulator.
     """
     run = module_of(simulator, BRANCHING).run
+    scenario = source if isinstance(source, Scenario) else source.scenario
     check_runnable(scenario, "branch")
-    if weather is not None:
-        check(scenario.replace(weather=weather), "branch")
-    return branched(scenario, frame, decision=decision, weather=weather, run=run)
+    made = tuple(changes)
+    for one in (Change(weather=weather), *made):
+        check(one, "branch")
+        check(changed(scenario, one), "branch")
+    return branched(source, frame, decision=decision, weather=weather, changes=made, run=run)
 
 
 @checked

@@ -24,6 +24,7 @@ from overtaking.cli import (
     validate,
     video,
     view,
+    whatif,
 )
 from overtaking.cli.output import Output
 
@@ -216,6 +217,9 @@ COMMANDS: dict[options.Body, str] = {
     logic.ask: 'overtaking ask data/pinto "overtakes(S,ego,P,F), night(S), illegal(S,l3)"',
     video.video: "overtaking video data/pinto --simulations 1,7",
     view.view: "overtaking view data/pinto",
+    whatif.twin: "overtaking twin data/pinto 3 --without rain --film twin.mp4",
+    whatif.fan: "overtaking fan data/pinto 3 --given belief --plot fan.png",
+    whatif.enough: "overtaking enough data/pinto 3 --goal lawful",
     validate.validate: "overtaking validate motorway -n 1000 --seed 1 --plot motorway.png",
     reproducing.reproduce: "overtaking reproduce pinto2023 --replicates 100 --out reproduction",
     compare: "overtaking compare pinto2023-physical -n 100 --seed 1 --with sumo,carla",

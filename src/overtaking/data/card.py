@@ -32,6 +32,10 @@ def texts() -> dict[str, Any]:
     return tomllib.loads(file.read_text(encoding="utf-8"))
 
 
+_NOT_SHOWN = {"spec", "road", "simulations", "source", "unknown", "branches"}
+"""Parts of an identity that the texts have in other words."""
+
+
 @dataclass(frozen=True)
 class Card:
     """The facts about a complete data set, and its card.
@@ -87,7 +91,7 @@ class Card:
         motion = texts()["motion"]["kept" if keeps_frames else "left_out"]
         files = identity.source.files if identity.source else {}
         return {
-            **identity.model_dump(exclude={"spec", "road", "simulations", "source", "unknown"}),
+            **identity.model_dump(exclude=_NOT_SHOWN),
             "recording": plain(self.recording),
             "road": plain(road.name),
             "lanes": road.num_lanes,
@@ -100,6 +104,10 @@ class Card:
                 f"| file | {plain(name)}, SHA-256 `{digest}` |" for name, digest in files.items()
             ),
             "again": self._again(),
+            "branches": "\n".join(
+                f"| {number} | {one.index} | {plain(one.title)} |"
+                for number, one in enumerate(identity.branches)
+            ),
             "content_hash": self.manifest.content_hash,
             "unknown_names": ", ".join(identity.unknown) or "nothing",
             "unknown": self._unknown(),
@@ -129,6 +137,7 @@ class Card:
     def answers(self) -> dict[str, str]:
         """The answer to each question of the datasheet, by its key, in Markdown."""
         kinds = ["recorded"] if self.is_recorded else ["simulated"]
+        kinds = ["branched", *kinds] if self.identity.branches else kinds
         kinds = [*(["balanced"] if self.manifest.balance else []), *kinds, "answer"]
         return {
             one["key"]: next(one[kind] for kind in kinds if kind in one).format(**self.facts)
@@ -143,13 +152,20 @@ class Card:
         return "".join(
             [
                 self.header(),
-                parts["recorded" if self.is_recorded else "simulated"].format(**self.facts),
+                parts[self._kind].format(**self.facts),
                 self._balanced() if self.manifest.balance else "",
                 parts["reading"].format(largest=largest),
                 self.datasheet(),
                 *(self._table(*one) for one in self.schemas.items()),
             ]
         )
+
+    @property
+    def _kind(self) -> str:
+        """The beginning of `README.md` that it has."""
+        if self.identity.branches:
+            return "branched"
+        return "recorded" if self.is_recorded else "simulated"
 
     def header(self) -> str:
         """The YAML at the beginning, in which every table that has rows is a configuration.

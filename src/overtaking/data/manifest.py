@@ -96,6 +96,22 @@ class Source(_Record):
     notes: dict[str, JsonValue] = Field(default_factory=dict)
 
 
+class BranchRecord(_Record):
+    """A simulation with something changed.
+
+    Attributes:
+        title: What it is, in a few words.
+        index: Number of the scenario among all that the specification and the seed give.
+        redrawn: The change before anything was drawn that depends on it; null if there was none.
+        changes: The changes of the drawn scenario, as `model.changes.Change.as_json` writes them.
+    """
+
+    title: str
+    index: Annotated[int, Field(ge=0, lt=2**64)]
+    redrawn: dict[str, JsonValue] | None = None
+    changes: tuple[dict[str, JsonValue], ...] = ()
+
+
 class CellRecord(_Record):
     """The result of the search for one cell of a balanced data set.
 
@@ -147,6 +163,7 @@ class Identity(_Record):
         source: The recording that it was imported from; null for simulations.
         balance: How it is balanced; null if it is not.
         policy: Another driver of the egos; null if the model drove them.
+        branches: What was changed in each simulation; empty where none is a branch.
     """
 
     profile: str
@@ -164,6 +181,7 @@ class Identity(_Record):
     source: Source | None = None
     balance: Balance | None = None
     policy: PolicyRecord | None = None
+    branches: tuple[BranchRecord, ...] = ()
 
     @property
     def tables(self) -> tuple[str, ...]:
@@ -212,7 +230,7 @@ class Identity(_Record):
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-_NEW = frozenset({"unknown", "source", "balance", "policy"})
+_NEW = frozenset({"unknown", "source", "balance", "policy", "branches"})
 
 
 def _with_limit(recipe: Recipe) -> Balance | None:

@@ -4,11 +4,9 @@ from enum import IntEnum
 
 
 class Decision(IntEnum):
-    """A decision that can be forced on the ego, from the first instant that allows it.
+    """A decision that can be forced on the ego, from the first instant that allows it."""
 
-    0, the value of `command` in an undisturbed simulation, leaves the driver alone.
-    """
-
+    FREE = 0  # decide alone, as in an undisturbed simulation
     PULL_OUT = 1  # begin the overtake, whatever the gaps
     ABORT = 2  # go back while pulling out
     RETURN = 3  # change back to the slower lane, whatever is there

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from overtaking.core import units
 from overtaking.model.actions import Actions
 from overtaking.model.batch import Batch, Constraint
+from overtaking.model.changes import Branched
 from overtaking.model.road import Road
 from overtaking.model.scenario import MAX_DURATION, Scenario
 from overtaking.model.values import along, declarations, documented, meant, within
@@ -235,6 +236,7 @@ class Trajectories(Batch):
         present: Which vehicles were recorded in which frame, (simulation, vehicle, time); None
             where every vehicle is there from the first frame to the last.
         actions: What another driver did with the ego; None where the model drove it.
+        branched: What it branches from, and what is different; None for a simulation as it is.
     """
 
     scenario: Scenario
@@ -250,6 +252,7 @@ class Trajectories(Batch):
     unknown: frozenset[str] = frozenset()
     present: Annotated[NDArray[np.bool_] | None, along(*States.AXES)] = None
     actions: Actions | None = None
+    branched: Branched | None = None
 
     @classmethod
     def from_frame(cls, table: Any, **options: Any) -> "Trajectories":

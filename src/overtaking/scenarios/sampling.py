@@ -37,6 +37,8 @@ from overtaking.world.people import wanted_speed
 T = TypeVar("T", bound=np.generic)
 B = TypeVar("B", bound=Batch)
 
+Altered = Callable[[Scenario], Scenario]
+
 BLOCK = 2048
 """Simulations that are worked on at a time: few enough for their arrays to stay in the cache."""
 
@@ -46,7 +48,9 @@ _SLACK = 0.01  # Metres of a zone that rounding may take.
 _ROAD_STEP = 100.0  # Extended roads have round lengths.
 
 
-def sample(spec: Spec, road: Road, seed: int, index: ArrayLike) -> Scenario:
+def sample(
+    spec: Spec, road: Road, seed: int, index: ArrayLike, changed: Altered | None = None
+) -> Scenario:
     """A batch of scenarios.
 
     Simulation number n is the same whatever else is in the batch, and has the same bits on every
@@ -57,6 +61,8 @@ def sample(spec: Spec, road: Road, seed: int, index: ArrayLike) -> Scenario:
         road: Where; extended to as long as the horizon needs.
         seed: Seed of the data set, 0 <= seed < 2**64.
         index: Numbers of the simulations, shape (simulation,).
+        changed: Alters weather and drivers before what depends on them is worked out from the same
+            random numbers: speeds, and distances at the start.
 
     Returns:
         The scenarios, with the fewest `SLOTS` that hold all vehicles, the ego in slot 0 and its
@@ -74,7 +80,7 @@ def sample(spec: Spec, road: Road, seed: int, index: ArrayLike) -> Scenario:
         )
     start, long_road = _starter(spec, road)
     blocks = [
-        _block(spec, long_road, start, seed, numbers[first : first + BLOCK])
+        _block(spec, long_road, start, seed, numbers[first : first + BLOCK], changed)
         for first in range(0, max(len(numbers), 1), BLOCK)
     ]
     return concatenate(blocks) if len(blocks) > 1 else blocks[0]
@@ -260,8 +266,15 @@ def _placed(
     )
 
 
-def _block(spec: Spec, road: Road, starter: Starter, seed: int, index: U64) -> Scenario:
-    """The scenarios of a block."""
+def _block(
+    spec: Spec,
+    road: Road,
+    starter: Starter,
+    seed: int,
+    index: U64,
+    changed: Altered | None,
+) -> Scenario:
+    """The scenarios of a block; `changed` as in `sample`."""
     bend = Bending(spec.proposal, seed, index)
     weather = sample_weather(spec.weather, seed, index, bend)
     start = starter(seed, index, bend)
@@ -283,6 +296,7 @@ def _block(spec: Spec, road: Road, starter: Starter, seed: int, index: U64) -> S
         start_speed=unpaced,
         pushes=spec.weather.pushes and spec.weather.pushes.value,
     )
+    scenario = scenario if changed is None else changed(scenario)
     s, speed = start.pace(wanted_speed(scenario))
     draft = Draft(valid=scenario.vehicles.valid, lane=start.lane, s=s, speed=speed, kept=start.kept)
     followers = Followers(

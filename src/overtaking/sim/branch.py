@@ -1,56 +1,239 @@
 """What would have happened: the same simulation with something changed from a frame on."""
 
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
+import numpy as np
+
+from overtaking.core.elementary import F32
 from overtaking.core.errors import ConfigError
+from overtaking.core.philox import U64
+from overtaking.model.changes import Branched, Change
 from overtaking.model.decision import Decision
+from overtaking.model.drivers import Drivers
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectory import STATE_TYPES, States, Trajectories
+from overtaking.model.values import declarations
+from overtaking.model.vehicles import Role
 from overtaking.model.weather import Weather
 from overtaking.sim import engine
-from overtaking.world.parameters import parameters, with_command
+from overtaking.world.parameters import Turn, parameters, with_command
+from overtaking.world.skies import without
 
-__all__ = ["Decision", "Run", "branch"]
+__all__ = ["Decision", "Run", "Version", "branch", "run_versions"]
 
 Run = Callable[..., Trajectories]
 """`engine.run`, or `reference.run`."""
 
+_AWAY = np.float32(-30_000.0)
+"""Where a vehicle goes that is removed: behind the road, where nobody meets it [m]."""
+
+_APART = np.float32(1_000.0)
+"""Distance between vehicles that are removed [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Version:
+    """A batch as it is from a frame on.
+
+    Attributes:
+        frame: The frame.
+        scenario: Weather, drivers and bodies from then on. By how much its starts differ from
+            those of the version before, vehicles are displaced and sped up.
+        decision: Decision forced on every ego.
+        index: Numbers by which everything is drawn from then on; those of the scenario if None.
+        judged: See `world.parameters.Parameters`.
+    """
+
+    frame: int
+    scenario: Scenario
+    decision: Decision = Decision.FREE
+    index: U64 | None = None
+    judged: F32 | None = None
+
 
 def branch(
-    scenario: Scenario,
-    frame: int,
+    source: Scenario | Trajectories,
+    frame: int = 0,
     *,
     decision: Decision | None = None,
     weather: Weather | None = None,
+    changes: Iterable[Change] = (),
     run: Run = engine.run,
 ) -> Trajectories:
-    """Simulate again, with a decision or the weather changed from `frame` on.
+    """Simulate again, with something changed.
 
-    The part before the frame is simulated too, not read from a file, so the result is exact; with
+    The part before a change is simulated too, not read from a file, so the result is exact; with
     nothing changed its trace hash is that of the undisturbed simulation.
 
     Args:
-        scenario: A batch of scenarios.
-        frame: First frame that the change can affect, 0 to the last one before the horizon.
+        source: A batch of scenarios; or a branch, whose changes come before these.
+        frame: First frame that `decision` and `weather` can affect, 0 to the last one before the
+            horizon.
         decision: Decision forced on every ego.
-        weather: Weather of every simulation from then on, shape as in `scenario`.
+        weather: Weather of every simulation from then on, shape as in the scenarios.
+        changes: Other changes, at frames of their own.
         run: `engine.run`, or `reference.run` for the readable twin.
+
+    Raises:
+        ConfigError: There is no such frame or vehicle, or a change cannot be made.
+    """
+    before = _before(source)
+    first = Change(frame=frame, decision=decision, weather=weather)
+    # The later of two that begin together is made on top of the earlier.
+    made = tuple(sorted((*before.changes, first, *changes), key=lambda one: one.frame))
+    versions = _versions(before.scenario, made)
+    found = run_versions(before.scenario, versions, run)
+    meant = tuple(one for one in made if one != Change(frame=one.frame))
+    branched = Branched(scenario=before.scenario, changes=meant)
+    found = _without_removed(found, made)
+    kept = _kept(before.scenario, versions, made)
+    return found.replace(scenario=kept, branched=branched if meant else None)
+
+
+def run_versions(scenario: Scenario, versions: Sequence[Version], run: Run) -> Trajectories:
+    """Simulate a batch that is another one from some frames on.
+
+    Args:
+        scenario: The batch as it begins.
+        versions: In the order of their frames; one at frame 0 is how it begins.
+        run: `engine.run`, or `reference.run`.
 
     Raises:
         ConfigError: There is no such frame.
     """
     given = parameters(scenario)
     last = max(given.num_frames - 1, 0)
-    if not 0 <= frame <= last:
+    turns: list[Turn] = []
+    for one in versions:
+        if not 0 <= one.frame <= last:
+            raise _no_frame(last, one.frame)
+        then = parameters(one.scenario)
+        if one.index is not None:
+            then = dataclasses.replace(then, index=np.ascontiguousarray(one.index))
+        then = dataclasses.replace(with_command(then, int(one.decision)), judged=one.judged)
+        if one.frame == 0:
+            given = then
+        else:
+            turns.append((one.frame * given.record_every, then))
+    return run(scenario, given, turns)
+
+
+def _before(source: Scenario | Trajectories) -> Branched:
+    """What a batch branches from, and the changes that were made already."""
+    if isinstance(source, Scenario):
+        return Branched(scenario=source, changes=())
+    if source.actions is not None:
         raise ConfigError.of(
-            what="frame",
+            what="simulation",
             where="branch",
-            expected=f"0 to {last}, the last one before the horizon",
-            got=frame,
-            next_step="choose a recorded frame",
+            expected="one in which the model drives the ego",
+            got="one with the actions of a policy, which would not answer a change",
+            next_step="drive the changed scenario with that policy",
         )
-    changed = scenario if weather is None else scenario.replace(weather=weather)
-    later = parameters(changed)
-    if decision is not None:
-        later = with_command(later, int(decision))
-    return run(scenario, given, later, frame * given.record_every)
+    return source.branched or Branched(scenario=source.scenario, changes=())
+
+
+def _versions(scenario: Scenario, changes: Sequence[Change]) -> list[Version]:
+    """The batch after each frame at which something changes."""
+    found: dict[int, Version] = {}
+    decision = Decision.FREE
+    for one in changes:
+        scenario = changed(scenario, one)
+        decision = decision if one.decision is None else one.decision
+        found[one.frame] = Version(frame=one.frame, scenario=scenario, decision=decision)
+    return list(found.values())
+
+
+def changed(scenario: Scenario, change: Change) -> Scenario:
+    """The scenarios with what a change says.
+
+    Raises:
+        ConfigError: There is no such vehicle, trait or weather.
+    """
+    weather = scenario.weather if change.weather is None else change.weather
+    if len(weather.rain) == 1:
+        weather = weather.select(np.zeros(scenario.num_simulations, np.int64))
+    found = scenario.replace(weather=without(weather, change.without))
+    if not change.about_vehicle:
+        return found
+    _check_vehicle(scenario, change)
+    slot, start, drivers = change.vehicle, scenario.start_s, _drivers(scenario.drivers, change)
+    speed = _moved(scenario.start_speed, slot, change.faster)
+    place = _moved(start, slot, change.ahead)
+    if change.removed:
+        place[:, slot] = _AWAY - _APART * np.float32(slot)
+    return found.replace(drivers=drivers, start_s=place, start_speed=speed)
+
+
+def _drivers(drivers: Drivers, change: Change) -> Drivers:
+    """Drivers with other traits of one of them."""
+    known = declarations(Drivers)
+    found = {}
+    for name, value in change.traits.items():
+        if name not in known:
+            raise ConfigError.not_among("trait", "branch", known, name)
+        array = getattr(drivers, name).copy()
+        array[:, change.vehicle] = value
+        found[name] = array
+    drivers = drivers.replace(**found)
+    wish = _moved(drivers.desired_speed, change.vehicle, change.faster)
+    return drivers.replace(desired_speed=np.where(wish < 0, np.float32(0.0), wish))
+
+
+def _moved(values: F32, slot: int, by: float) -> F32:
+    """Values with a number added to those of one vehicle."""
+    found = values.copy()
+    found[:, slot] = found[:, slot] + np.float32(by)
+    return found
+
+
+def _check_vehicle(scenario: Scenario, change: Change) -> None:
+    """Refuse a vehicle that a simulation lacks, and to remove the ego."""
+    slot, least = change.vehicle, int(scenario.num_vehicles.min(initial=scenario.num_slots))
+    if slot >= least:
+        raise ConfigError.out_of_range("vehicle", "branch", 0, least - 1, slot)
+    if change.removed and slot == Role.EGO:
+        raise ConfigError.of(
+            what="vehicle",
+            where="branch",
+            expected="another one than the ego to be removed",
+            got=slot,
+            next_step="force Decision.STAY to see what happens without an overtake",
+        )
+
+
+def _kept(first: Scenario, versions: Sequence[Version], changes: Sequence[Change]) -> Scenario:
+    """The scenario by which a branch is judged: weather and drivers of its last version."""
+    begins = first
+    for one in changes:
+        if one.frame == 0 and not one.removed:
+            begins = changed(begins, one)
+    last = versions[-1].scenario
+    return last.replace(start_s=begins.start_s, start_speed=begins.start_speed)
+
+
+def _without_removed(run: Trajectories, changes: Sequence[Change]) -> Trajectories:
+    """The recording without vehicles from when they are removed; nothing is said of them then."""
+    gone = [one for one in changes if one.removed]
+    if not gone:
+        return run
+    there = np.ones(run.states.s.shape, np.bool_)
+    for one in gone:
+        there[:, one.vehicle, one.frame :] = False
+    rows = {
+        name: np.where(there, getattr(run.states, name), kind(0))
+        for name, kind in STATE_TYPES.items()
+    }
+    return run.replace(present=there, states=States(**rows))
+
+
+def _no_frame(last: int, got: int) -> ConfigError:
+    return ConfigError.of(
+        what="frame",
+        where="branch",
+        expected=f"0 to {last}, the last one before the horizon",
+        got=got,
+        next_step="choose a recorded frame",
+    )

@@ -1,19 +1,21 @@
 """The Rust engine: the same model as `sim.reference`, sixteen simulations at a time."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
+from overtaking.core.elementary import F32
 from overtaking.core.memory import Buffers, Layout
 from overtaking.model.actions import Actions
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import STATE_TYPES, Contacts, Percepts, States, Trajectories
 from overtaking.model.values import declarations
 from overtaking.world.compiled import chosen_level, constant_values
-from overtaking.world.parameters import Parameters, parameters
+from overtaking.world.parameters import Parameters, Turn, parameters
 
 _WIDE, _BYTE = np.int32, np.uint8
 _BELIEFS = {
@@ -44,8 +46,7 @@ def simulate(
 def run(
     scenario: Scenario,
     given: Parameters,
-    later: Parameters | None = None,
-    switch: int = 0,
+    later: Sequence[Turn] = (),
     *,
     actions: Actions | None = None,
     level: str | None = None,
@@ -56,8 +57,7 @@ def run(
     Args:
         scenario: A batch of scenarios.
         given: Its parameters.
-        later: The parameters from step `switch` on.
-        switch: A step.
+        later: Parameters that take over at later steps, in their order.
         actions: What another driver did with the ego; None for the model's own.
         level: As in `simulate`.
         buffers: As in `simulate`.
@@ -66,9 +66,10 @@ def run(
     outputs = _outputs(scenario.num_simulations, scenario.num_slots, room, buffers or Buffers())
     forced = chosen_level(level)
     flat = {name: array.reshape(-1) for name, array in outputs.items()}
-    afterwards = None
-    if later is not None:
-        afterwards = (later.vehicle.reshape(-1), later.simulation.reshape(-1), switch)
+    afterwards = [
+        (one.vehicle.reshape(-1), one.simulation.reshape(-1), one.index, _flat(one.judged), step)
+        for step, one in later
+    ]
     _core.simulate(
         vehicle=given.vehicle.reshape(-1),
         simulation=given.simulation.reshape(-1),
@@ -85,6 +86,10 @@ def run(
         level=forced,
     )
     return dataclasses.replace(_trajectories(scenario, outputs), actions=actions)
+
+
+def _flat(judged: F32 | None) -> F32 | None:
+    return None if judged is None else judged.reshape(-1)
 
 
 def road_values(given: Parameters) -> dict[str, Any]:

@@ -36,6 +36,7 @@ __all__ = [
     "Parameters",
     "RoadParameters",
     "SimulationParameters",
+    "Turn",
     "VehicleParameters",
     "parameters",
     "road_parameters",
@@ -142,6 +143,8 @@ class Parameters:
         seed: Key of the random numbers.
         index: Simulation numbers, shape (simulation,).
         record_every: Steps between recorded frames.
+        judged: Errors of distance and speed that the ego has where these parameters take over, in
+            standard deviations, shape (2, simulation); None leaves them as they are.
     """
 
     vehicle: F32
@@ -151,6 +154,7 @@ class Parameters:
     seed: int
     index: NDArray[np.uint64]
     record_every: int
+    judged: F32 | None = None
 
     @property
     def of_vehicles(self) -> VehicleParameters:
@@ -167,6 +171,11 @@ class Parameters:
         """Frames of the longest simulation that these parameters allow."""
         last = self.of_simulations.last_step
         return int(last.max()) // self.record_every + 1 if last.size else 0
+
+
+Turn = tuple[int, Parameters]
+"""A step, and the parameters from then on; vehicles are displaced and sped up by as much as their
+starts differ from those before."""
 
 
 def parameters(scenario: Scenario, effects: Effects | None = None) -> Parameters:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.core.errors import ConfigError
+from overtaking.model.actions import Actions
+from overtaking.model.changes import Change
 from overtaking.sim import engine, reference
 from overtaking.sim.branch import Decision, branch
 
@@ -48,3 +52,112 @@ def test_a_branch_beyond_the_end_changes_nothing():
     np.testing.assert_array_equal(
         branch(short, 150, decision=Decision.PULL_OUT).trace_hash, undisturbed.trace_hash
     )
+
+
+def traffic():
+    """An ego, a slower leader and somebody behind, in drizzle."""
+    cars = [
+        Vehicle(s=100.0, lane=1, speed=30.0, driver={"desired_speed": 35.0}),
+        Vehicle(s=160.0, lane=1, speed=22.0, driver={"desired_speed": 22.0}),
+        Vehicle(s=40.0, lane=2, speed=33.0, driver={"desired_speed": 34.0}),
+    ]
+    return scenario(cars, road=wide_road(), horizon=15.0)
+
+
+CHANGES = (
+    Change(frame=20, decision=Decision.STAY),
+    Change(frame=30, vehicle=1, faster=-4.0),
+    Change(frame=50, decision=Decision.PULL_OUT),
+    Change(frame=60, without=("rain",)),
+    Change(frame=70, vehicle=2, ahead=-15.0),
+    Change(frame=80, traits={"time_gap": 0.5}),
+    Change(frame=120, vehicle=2, removed=True),
+)
+
+
+def test_engine_and_reference_make_many_changes_alike():
+    one = branch(traffic(), changes=CHANGES)
+    two = branch(traffic(), changes=CHANGES, run=reference.run)
+    np.testing.assert_array_equal(one.trace_hash, two.trace_hash)
+    for name in one.states.__slots__:
+        np.testing.assert_array_equal(getattr(one.states, name), getattr(two.states, name))
+
+
+@pytest.mark.parametrize("cut", range(len(CHANGES) + 1))
+def test_a_branch_of_a_branch_is_a_branch_with_both_changes(cut: int):
+    first = branch(traffic(), changes=CHANGES[:cut])
+    both = branch(first, changes=CHANGES[cut:])
+    whole = branch(traffic(), changes=CHANGES)
+    np.testing.assert_array_equal(both.trace_hash, whole.trace_hash)
+    assert both.branched is not None
+    assert both.branched.changes == CHANGES
+
+
+def test_the_order_in_which_changes_are_given_does_not_matter():
+    late = branch(traffic(), changes=CHANGES[::-1])
+    np.testing.assert_array_equal(late.trace_hash, branch(traffic(), changes=CHANGES).trace_hash)
+
+
+@pytest.mark.parametrize("run", [engine.run, reference.run])
+def test_nothing_changed_is_the_undisturbed_simulation(run):
+    one = branch(traffic(), changes=[Change(frame=17), Change(frame=40)], run=run)
+    np.testing.assert_array_equal(one.trace_hash, engine.simulate(traffic()).trace_hash)
+    assert one.branched is None
+
+
+def test_a_vehicle_is_moved_and_slowed_from_its_frame_on():
+    before = engine.simulate(traffic()).states
+    after = branch(traffic(), changes=[Change(frame=40, vehicle=1, ahead=12.5, faster=-3.0)]).states
+    np.testing.assert_array_equal(after.s[0, :, :40], before.s[0, :, :40])
+    assert after.s[0, 1, 40] - before.s[0, 1, 40] == 12_500
+    assert after.speed[0, 1, 40] - before.speed[0, 1, 40] == -3_000
+    assert after.s[0, 0, 40] == before.s[0, 0, 40]
+
+
+def test_a_change_at_the_start_is_another_start():
+    moved = traffic()
+    place = moved.start_s.copy()
+    place[0, 1] += np.float32(7.0)
+    moved = moved.replace(start_s=place)
+    one = branch(traffic(), changes=[Change(vehicle=1, ahead=7.0)])
+    np.testing.assert_array_equal(one.trace_hash, engine.simulate(moved).trace_hash)
+
+
+def test_who_is_removed_is_not_there_and_met_by_nobody():
+    run = branch(traffic(), changes=[Change(frame=100, vehicle=1, removed=True)])
+    assert run.state_valid[0, 1, :100].all()
+    assert not run.state_valid[0, 1, 100:].any()
+    assert not run.states.s[0, 1, 100:].any()
+    alone = branch(traffic(), changes=[Change(vehicle=1, removed=True)])
+    assert not alone.state_valid[0, 1].any()
+    # Behind the slower leader it cannot drive as it wants; alone it does.
+    assert engine.simulate(traffic()).states.speed[0, 0, 250] < 30_000
+    assert 34_000 < alone.states.speed[0, 0, 250] <= 35_000
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (Change(vehicle=5, removed=True), "vehicle: expected 0 to 2, got 5"),
+        (Change(removed=True), "vehicle: expected another one than the ego"),
+        (Change(traits={"mood": 1.0}), "trait: expected .*desired_speed.*got mood"),
+        (Change(without=("sun",)), "without: expected .*rain.*got sun"),
+    ],
+)
+def test_a_change_that_cannot_be_made_is_refused(change: Change, message: str):
+    with pytest.raises(ConfigError, match=message):
+        branch(traffic(), changes=[change])
+
+
+@pytest.mark.parametrize("change", [*CHANGES, Change(weather=traffic().weather.replace())])
+def test_a_change_survives_being_written_down(change: Change):
+    again = Change.from_json(json.loads(json.dumps(change.as_json())))
+    assert again.as_json() == change.as_json()
+    ran = [branch(traffic(), changes=[one]).trace_hash for one in (change, again)]
+    np.testing.assert_array_equal(*ran)
+
+
+def test_a_simulation_that_a_policy_drives_is_not_branched():
+    driven = engine.simulate(traffic()).replace(actions=Actions.none(1))
+    with pytest.raises(ConfigError, match="expected one in which the model drives the ego"):
+        branch(driven, 3)

@@ -140,7 +140,8 @@ _NEAR = 250.0  # Metres from the ego: farther vehicles have no part in the overt
 def _shown(trajectories: Trajectories, s: F64, target: int) -> list[int]:
     """Slots of the ego, of the target, and of those that come near the ego, the nearest first."""
     present = np.flatnonzero(trajectories.scenario.vehicles.valid[0])
-    nearest = np.abs(s - s[Role.EGO]).min(axis=1)
+    there = trajectories.state_valid[0, :, : s.shape[1]]
+    nearest = np.where(there, np.abs(s - s[Role.EGO]), np.inf).min(axis=1)
     others = [
         int(slot)
         for slot in present[np.argsort(nearest[present], kind="stable")]
@@ -154,6 +155,8 @@ def _track(trajectories: Trajectories, slot: int, ahead: F64, target: int) -> Tr
     """One vehicle."""
     road, vehicles = trajectories.road, trajectories.scenario.vehicles
     d = trajectories.states.d[0, slot, : len(ahead)].astype(np.float64) * METRES_PER_STEP
+    there = trajectories.state_valid[0, slot, : len(ahead)]
+    ahead, d = (np.where(there, one, np.nan) for one in (ahead, d))
     return Track(
         slot=slot,
         is_ego=slot == Role.EGO,

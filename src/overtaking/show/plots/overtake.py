@@ -34,7 +34,7 @@ def draw_overtake(one: Diagram, name: str) -> Figure:
         axes.grid(visible=False)
         _draw_phases(axes, one)
         axes.set_xlim(one.time[0], max(one.time[-1], one.time[0] + 1e-3))
-    _draw_along(along, one, colour)
+    draw_along(along, one, colour)
     _draw_across(across, one, colour)
     _name_phases(along, one)
     _name_marks(across, one)
@@ -58,7 +58,7 @@ def _draw_phases(axes: Axes, one: Diagram) -> None:
         axes.axvline(time, color=colour, linewidth=width, linestyle=style, zorder=0.5)
 
 
-def _draw_along(axes: Axes, one: Diagram, colour: str) -> None:
+def draw_along(axes: Axes, one: Diagram, colour: str) -> None:
     """Position of every vehicle along the road, from rear to front bumper."""
     for track in reversed(one.tracks):
         _draw_track(axes, one, track, track.ahead, track.length, colour)

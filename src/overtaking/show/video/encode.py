@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from overtaking import _core
 from overtaking.core.errors import DatasetError, MissingExtraError
 from overtaking.core.folders import sync_folder
-from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas
+from overtaking.show.video.canvas import Canvas
 from overtaking.show.video.scene import RATE
 
 if TYPE_CHECKING:
@@ -21,7 +21,24 @@ if TYPE_CHECKING:
 
     from av import VideoStream
 
-    from overtaking.show.video.film import Film
+
+class Pictures(Protocol):
+    """Frames of one size, drawn one after the other."""
+
+    @property
+    def num_frames(self) -> int:
+        """Number of frames, `RATE` of them a second."""
+        ...
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height [px]."""
+        ...
+
+    def draw(self, frame: int, out: Canvas) -> Canvas:
+        """Draw a frame."""
+        ...
+
 
 PARTIAL = ".partial"
 """Folder for unfinished files; files that remain there are ignored."""
@@ -45,7 +62,7 @@ class Interrupted(Exception):
 
 
 def write_film(
-    film: Film, path: Path, *, title: str = "", is_wanted: Callable[[], bool] = lambda: True
+    film: Pictures, path: Path, *, title: str = "", is_wanted: Callable[[], bool] = lambda: True
 ) -> None:
     """Write a film, or leave nothing.
 
@@ -94,11 +111,12 @@ def require() -> ModuleType:
 
 
 def _encode(
-    av: ModuleType, film: Film, path: Path, title: str, is_wanted: Callable[[], bool]
+    av: ModuleType, film: Pictures, path: Path, title: str, is_wanted: Callable[[], bool]
 ) -> None:
-    with _opened(av, path, title) as (container, stream):
-        canvas = Canvas(WIDTH, HEIGHT, "#000000")
-        drawn = np.empty((HEIGHT * 3 // 2, WIDTH), np.uint8)
+    width, height = film.size
+    with _opened(av, path, title, film.size) as (container, stream):
+        canvas = Canvas(width, height, "#000000")
+        drawn = np.empty((height * 3 // 2, width), np.uint8)
         # The same memory: the encoder takes its own copy of each frame before the next is drawn.
         target = av.VideoFrame.from_numpy_buffer(drawn, "yuv420p")
         for number in range(film.num_frames):
@@ -114,12 +132,14 @@ def _encode(
 
 
 @contextmanager
-def _opened(av: ModuleType, path: Path, title: str) -> Generator[tuple[Any, VideoStream]]:
+def _opened(
+    av: ModuleType, path: Path, title: str, size: tuple[int, int]
+) -> Generator[tuple[Any, VideoStream]]:
     """A file with one stream."""
     with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
         container.metadata["title"] = title
         stream = container.add_stream("libx264", rate=RATE)
-        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        (stream.width, stream.height), stream.pix_fmt = size, "yuv420p"
         stream.thread_count = 1  # Films are made beside each other.
         context = stream.codec_context
         context.colorspace, context.color_range = _BT601, _LIMITED

@@ -70,6 +70,11 @@ class Film:
         """Number of frames, `RATE` of them a second."""
         return self.scene.num_frames
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height [px]."""
+        return WIDTH, HEIGHT
+
     def draw(self, frame: int, out: Canvas | None = None) -> Canvas:
         """Draw a frame.
 

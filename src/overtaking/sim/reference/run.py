@@ -1,6 +1,7 @@
 """The loop over time."""
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,7 @@ from overtaking.world.parameters import (
     SUBSTEPS,
     Parameters,
     SimulationParameters,
+    Turn,
     parameters,
 )
 
@@ -50,8 +52,7 @@ def simulate(scenario: Scenario) -> Trajectories:
 def run(
     scenario: Scenario,
     given: Parameters,
-    later: Parameters | None = None,
-    switch: int = 0,
+    later: Sequence[Turn] = (),
     *,
     actions: Actions | None = None,
 ) -> Trajectories:
@@ -60,8 +61,7 @@ def run(
     Args:
         scenario: A batch of scenarios.
         given: Its parameters.
-        later: The parameters from step `switch` on.
-        switch: A step.
+        later: Parameters that take over at later steps, in their order.
         actions: What another driver did with the ego; None for the model's own.
     """
     state = initial_state(given)
@@ -73,8 +73,11 @@ def run(
     stride = SUBSTEPS if given.record_every % SUBSTEPS == 0 else 1
     step = 0
     while (np.float32(step) <= state.end_step).any():
-        if later is not None and step == switch:
-            given, p, q = later, later.of_vehicles, later.of_simulations
+        for then in (one for at, one in later if at == step):
+            displace(state, p, then.of_vehicles)
+            if then.judged is not None:
+                state.distance_error[Role.EGO], state.speed_error[Role.EGO] = then.judged
+            given, p, q = then, then.of_vehicles, then.of_simulations
         if step % SUBSTEPS == 0:
             orders = orders_at(actions, step // SUBSTEPS)
             pairs = decide(state, given, p, q, recorder, step, orders)
@@ -83,6 +86,16 @@ def run(
         advance(state, given, p, q, pairs, step, stride, orders)
         step += stride
     return dataclasses.replace(recorder.finish(state), actions=actions)
+
+
+def displace(state: State, before: Fields, after: Fields) -> None:
+    """Move vehicles by as much as their starts differ, as if they had always been there."""
+    ahead, faster = after.start_s - before.start_s, after.start_speed - before.start_speed
+    moved = (ahead != 0) | (faster != 0)
+    state.s = np.where(moved, state.s + ahead, state.s)
+    state.vx = np.where(moved, state.vx + faster, state.vx)
+    state.history_s = np.where(moved, state.history_s + ahead, state.history_s)
+    state.history_v = np.where(moved, state.history_v + faster, state.history_v)
 
 
 def decide(

@@ -1,0 +1,207 @@
+"""Worlds that agree with what the ego notices when it begins an overtake.
+
+People, unnoticed vehicles and the ego's own errors are drawn anew; worlds are kept in which the
+model's ego notices the same as it did. That is approximate Bayesian computation by rejection:
+noticed vehicles are proposed where the ego's errors would have them, the others anywhere within
+`_AROUND`, each place as likely.
+
+Source:
+    Pritchard, Seielstad, Perez-Lezaun and Feldman, Population growth of human Y chromosomes, Mol.
+    Biol. Evol. 16 (1999) 1791-1798: rejection by summary statistics.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.analysis.whatif.futures import Futures, copies
+from overtaking.analysis.whatif.scenes import Scene
+from overtaking.core.elementary import F32, Mask
+from overtaking.core.philox import Stream
+from overtaking.model.drivers import Drivers
+from overtaking.model.trajectory import (
+    METRES_PER_SECOND_PER_STEP,
+    METRES_PER_STEP,
+    DecisionKind,
+    Trajectories,
+)
+from overtaking.model.vehicles import Role
+from overtaking.scenarios import flow as lanes_of_flow
+from overtaking.scenarios import spec
+from overtaking.scenarios.bodies import top_speeds
+from overtaking.scenarios.noise import Noise
+from overtaking.scenarios.people import drivers_with, sample_traits
+from overtaking.scenarios.schema_flow import Flow
+from overtaking.world.constants import constants
+from overtaking.world.parameters import parameters
+
+_AROUND = 400.0
+"""How far from the ego vehicles that it has not noticed may be [m]."""
+
+_ROOM = 5.0
+"""Least gap between two vehicles in a lane of a world that is proposed [m]."""
+
+_GAP_TOLERANCE, _GAP_SHARE, _SPEED_TOLERANCE = 2.0, 0.1, 1.5
+"""How much believed gaps [m], [1] and closing speeds [m/s] may differ."""
+
+_AHEAD = np.array([1.0, 1.0, -1.0])
+"""Direction of the vehicles in a percept: leader, front and rear of the next lane."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Percept:
+    """What the ego notices when it begins: leader, front and rear of the next lane, shape (3,).
+
+    Attributes:
+        detected: Whether it has noticed anybody there.
+        vehicle: Whom.
+        gap: Believed gap [m].
+        closing: Believed speed of approach [m/s].
+        true_gap: The gap as it is [m].
+        true_closing: The speed of approach as it is [m/s].
+    """
+
+    detected: Mask
+    vehicle: NDArray[np.int64]
+    gap: NDArray[np.float64]
+    closing: NDArray[np.float64]
+    true_gap: NDArray[np.float64]
+    true_closing: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, run: Trajectories) -> "Percept | None":
+        """That of the first simulation; None if its ego never begins."""
+        rows = _starts(run)
+        if rows[0] < 0:
+            return None
+        seen, at = run.percepts, (0, rows[0])
+        return cls(
+            detected=seen.detected[at],
+            vehicle=seen.vehicle[at].astype(np.int64),
+            gap=seen.gap[at] * METRES_PER_STEP,
+            closing=seen.closing_speed[at] * METRES_PER_SECOND_PER_STEP,
+            true_gap=seen.true_gap[at] * METRES_PER_STEP,
+            true_closing=seen.true_closing_speed[at] * METRES_PER_SECOND_PER_STEP,
+        )
+
+    def is_shared_by(self, run: Trajectories) -> Mask:
+        """In which simulations the ego notices the same when it begins, shape (simulation,)."""
+        rows = _starts(run)
+        place, seen = (np.arange(len(rows)), rows.clip(0)), run.percepts
+        detected = seen.detected[place]
+        gap = seen.gap[place] * METRES_PER_STEP
+        closing = seen.closing_speed[place] * METRES_PER_SECOND_PER_STEP
+        near = np.abs(gap - self.gap) <= _GAP_TOLERANCE + _GAP_SHARE * np.abs(self.gap)
+        alike = near & (np.abs(closing - self.closing) <= _SPEED_TOLERANCE)
+        same = (detected == self.detected) & (alike | ~self.detected)
+        return (rows >= 0) & same.all(axis=1)
+
+
+def proposals(
+    scene: Scene, stayed: Trajectories, frame: int, percept: Percept, count: int
+) -> Futures:
+    """Worlds from a frame on that may agree with a percept.
+
+    Args:
+        scene: The simulation.
+        stayed: The same with an ego that never begins.
+        frame: The frame.
+        percept: What the ego notices when it begins there.
+        count: How many.
+    """
+    many = copies(scene.scenario, count)
+    noise = Noise(scene.scenario.seed, many.index, int(Stream.POLICY))
+    judged = np.stack([noise.normal(), noise.normal()])
+    # In one frame everybody is somewhere and drives that fast: shape (vehicle,).
+    place = stayed.states.s[0, :, frame] * METRES_PER_STEP
+    speed = stayed.states.speed[0, :, frame] * METRES_PER_SECOND_PER_STEP
+    ahead, faster = _errors_undone(scene, percept, judged)
+    hidden = _unnoticed(scene, percept)
+    for slot in hidden:
+        ahead[:, slot] = _anywhere(noise.uniform(), place, slot)
+    ahead = _room(scene, stayed, frame, place + ahead, place, hidden)
+    moved = scene.scenario.start_s + ahead.astype(np.float32)
+    driven = scene.scenario.start_speed + faster.astype(np.float32)
+    drivers = _others(scene, many, stayed.states.lane[0, :, frame], speed + faster)
+    scenario = many.scenario.replace(start_s=moved, start_speed=driven, drivers=drivers)
+    return Futures(scenario=scenario, index=many.index, judged=judged)
+
+
+def _starts(run: Trajectories) -> NDArray[np.int64]:
+    """Row of the percept before the start of an overtake, -1 without one, shape (simulation,)."""
+    is_start = run.percepts.valid & (run.percepts.kind == DecisionKind.PULL_OUT)
+    return np.where(is_start.any(axis=1), is_start.argmax(axis=1), -1)
+
+
+def _errors_undone(
+    scene: Scene, percept: Percept, judged: F32
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """How far ahead [m] and faster [m/s] the noticed are if the ego errs so, (future, vehicle)."""
+    step, c = parameters(scene.scenario).of_simulations, constants()
+    of_gap = np.exp(float(step.distance_error[0]) * judged[0].astype(np.float64)) - 1.0
+    of_speed = float(step.speed_error[0]) * judged[1].astype(np.float64)
+    shape = (judged.shape[1], scene.scenario.num_slots)
+    ahead, faster = np.zeros(shape), np.zeros(shape)
+    for k in np.flatnonzero(percept.detected):
+        slot, gap, closing = int(percept.vehicle[k]), percept.gap[k], percept.closing[k]
+        share = min(abs(gap) / max(closing * float(c.error_fade_time), 0.1), 1.0)
+        sign = _AHEAD[k]
+        ahead[:, slot] = sign * (gap / (1.0 + share * of_gap) - percept.true_gap[k])
+        true = closing / (1.0 + share * of_speed) if closing else percept.true_closing[k]
+        faster[:, slot] = -sign * (true - percept.true_closing[k])
+    return ahead, faster
+
+
+def _unnoticed(scene: Scene, percept: Percept) -> list[int]:
+    """Slots of the vehicles that the ego does not notice when it begins."""
+    noticed = {int(Role.EGO), *percept.vehicle[percept.detected].tolist()}
+    return [slot for slot in range(int(scene.scenario.num_vehicles[0])) if slot not in noticed]
+
+
+def _anywhere(u: F32, place: NDArray[np.float64], slot: int) -> NDArray[np.float64]:
+    """How far ahead somebody is who may be anywhere around the ego, shape (future,) [m]."""
+    return place[Role.EGO] + _AROUND * (2.0 * u.astype(np.float64) - 1.0) - place[slot]
+
+
+def _room(
+    scene: Scene,
+    stayed: Trajectories,
+    frame: int,
+    wanted: NDArray[np.float64],
+    place: NDArray[np.float64],
+    hidden: list[int],
+) -> NDArray[np.float64]:
+    """How far ahead all are, (future, vehicle) [m]: who would stand in another is far behind."""
+    lane, length = stayed.states.lane[0, :, frame], scene.scenario.vehicles.length[0]
+    for slot in hidden:
+        others = np.flatnonzero(scene.scenario.vehicles.valid[0] & (lane == lane[slot]))
+        for other in others[others != slot]:
+            least = 0.5 * (length[slot] + length[other]) + _ROOM
+            hits = np.abs(wanted[:, slot] - wanted[:, other]) < least
+            wanted[:, slot] = np.where(hits, place[Role.EGO] - 2.0 * _AROUND, wanted[:, slot])
+    return wanted - place
+
+
+def _others(
+    scene: Scene, many: Futures, lane: NDArray[np.uint8], speed: NDArray[np.float64]
+) -> Drivers:
+    """Other people in the other vehicles, who drive as fast as these do."""
+    given, kind = spec(scene.data.manifest.identity.spec), many.scenario.vehicles.kind
+    traits = sample_traits(given.drivers, scene.scenario.seed, many.index, kind)
+    driven, top = speed.astype(np.float32), top_speeds()[kind]
+    if isinstance(given.traffic, Flow):
+        lanes = np.minimum(lane, scene.scenario.road.num_lanes - 1)
+        free = lanes_of_flow.wishes(
+            given.traffic, traits["cruise_factor"], kind, np.broadcast_to(lanes, kind.shape)
+        )
+        wish = np.maximum(free, driven)
+    else:
+        wish = driven * traits["cruise_factor"]
+    drawn = drivers_with(traits, np.minimum(wish, top))
+    own = many.scenario.drivers
+    rows = {}
+    for name in Drivers.__slots__:
+        rows[name] = getattr(drawn, name).copy()
+        rows[name][:, Role.EGO] = getattr(own, name)[:, Role.EGO]
+    return own.replace(**rows)

@@ -1,0 +1,317 @@
+"""Changes of one quantity that would have made a simulation lawful or safe, each simulated.
+
+Of a stated list of quantities, each is changed alone in steps of its unit, and the smallest change
+that is enough is told. Many may be; none of them is the cause.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.analysis.whatif.beliefs import Percept
+from overtaking.analysis.whatif.scenes import Scene, class_of, pull_out
+from overtaking.core.checks import check_name
+from overtaking.core.errors import ConfigError
+from overtaking.core.units import mps_from_kmh
+from overtaking.labels.label import Labelled, label
+from overtaking.labels.law import policy as policy_named
+from overtaking.model.batch import concatenate
+from overtaking.model.changes import Change
+from overtaking.model.decision import Decision
+from overtaking.model.drivers import DRIVER_RANGES
+from overtaking.model.labels import OvertakeClass
+from overtaking.model.scenario import Scenario
+from overtaking.model.vehicles import Role
+from overtaking.sim import engine
+from overtaking.sim.branch import branch, changed
+
+ACCIDENTS = (OvertakeClass.UNSUCCESS_COL, OvertakeClass.UNSUCCESS_DEP)
+
+GOALS = {
+    "lawful": (OvertakeClass.SUCCESS_L,),
+    "safe": tuple(one for one in OvertakeClass if one not in ACCIDENTS),
+}
+"""Classes that are meant by each goal."""
+
+Values = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantity:
+    """Something that can be changed alone.
+
+    Attributes:
+        name: What it is, for people.
+        unit: Unit of the changes.
+        steps: Changes that are tried, in this unit.
+        change: The change of the simulation for one of them; None for a start at another time.
+    """
+
+    name: str
+    unit: str
+    steps: Values
+    change: Callable[[Scenario, float], Change] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sufficient:
+    """What was found of one quantity.
+
+    Attributes:
+        name: What it is.
+        unit: Unit of the numbers that follow.
+        least: Smallest change that is enough; None if none of those that were tried is.
+        becomes: Class of the simulation with it; of the one as it was if there is none.
+        tried: Smallest and largest change that were tried; None if none can be made.
+        larger: Share of the larger changes in the same direction that are enough, too; NaN without
+            any.
+    """
+
+    name: str
+    unit: str
+    least: float | None
+    becomes: str
+    tried: tuple[float, float] | None
+    larger: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Enough:
+    """What would have been enough.
+
+    Attributes:
+        number: Number of the simulation in its data set.
+        goal: A name in `GOALS`.
+        policy: The policy that decides about the class.
+        was: The class as it was.
+        found: One for each quantity, in the order of the list.
+        simulated: Simulations that were tried.
+    """
+
+    number: int
+    goal: str
+    policy: str
+    was: str
+    found: tuple[Sufficient, ...]
+    simulated: int
+
+
+def enough_of(
+    scene: Scene,
+    *,
+    goal: str = "lawful",
+    policy: str = "paper",
+    progress: Callable[[int, int], None] | None = None,
+) -> Enough:
+    """The changes of one quantity that would have been enough.
+
+    Args:
+        scene: The simulation.
+        goal: `lawful`: completed without breaking a rule that the policy requires; `safe`: without
+            collision, and on the road.
+        policy: Which rules decide.
+        progress: Called with the number of quantities that are done, and of all.
+
+    Raises:
+        ConfigError: There is no such goal or policy, the simulation is a branch, or it has reached
+            the goal as it was.
+    """
+    check_name(goal, GOALS, what="goal", where="enough")
+    policy_named(policy)
+    was = class_of(label(scene.run), policy)
+    if scene.run.branched is not None:
+        raise _refused("one as it was drawn", "a branch", "take what it branches from")
+    if was in [one.title for one in GOALS[goal]]:
+        raise _refused(f"one that was not {goal}", was, "choose another simulation or --goal")
+    listed = list(quantities(scene))
+    found: list[Sufficient] = []
+    for place, one in enumerate(listed):
+        found.append(_found(one, *_classes(scene, one, policy), goal, was))
+        if progress is not None:
+            progress(place + 1, len(listed))
+    return Enough(
+        number=scene.number,
+        goal=goal,
+        policy=policy,
+        was=was,
+        found=tuple(found),
+        simulated=sum(len(one.steps) for one in listed),
+    )
+
+
+def quantities(scene: Scene) -> Iterator[Quantity]:
+    """The list: the ego's driver, the vehicles that it decides about, the weather, the start."""
+    for name, title, unit, size, steps in _TRAITS:
+        yield Quantity(
+            name=f"ego: {title}",
+            unit=unit,
+            steps=_within_range(scene.scenario, name, size, steps),
+            change=partial(_trait, name, size),
+        )
+    yield Quantity(
+        name="ego: faster, and wanting to be",
+        unit="km/h",
+        steps=_drivable(scene.scenario, int(Role.EGO), _both(60.0, 1.0)),
+        change=partial(_faster, int(Role.EGO)),
+    )
+    for who, slot in _others(scene):
+        named = f"{who} (vehicle {slot})"
+        yield Quantity(
+            name=f"{named}: further ahead",
+            unit="m",
+            steps=_both(100.0, 1.0),
+            change=partial(_ahead, slot),
+        )
+        yield Quantity(
+            name=f"{named}: faster",
+            unit="km/h",
+            steps=_drivable(scene.scenario, slot, _both(40.0, 1.0)),
+            change=partial(_faster, slot),
+        )
+    weather = scene.scenario.weather
+    for name in ("rain", "fog", "wind"):
+        most = float(getattr(weather, name)[0])
+        if most > 0.0:
+            steps = -np.minimum(np.arange(1.0, np.ceil(most) + 1.0), most)
+            yield Quantity(name=name, unit="% points", steps=steps, change=partial(_weather, name))
+    if scene.pull_out is not None:
+        yield Quantity(name="start of the overtake", unit="s", steps=_LATER, change=None)
+
+
+def _both(most: float, step: float) -> Values:
+    """Changes down and up in steps, the smallest first."""
+    up = np.arange(1, round(most / step) + 1) * step
+    return np.stack([up, -up], axis=1).ravel().round(6)
+
+
+_KMH = mps_from_kmh(1.0)
+
+_LATER = np.arange(1, 101) * 0.1
+
+_TRAITS: tuple[tuple[str, str, str, float, Values], ...] = (
+    ("desired_speed", "speed wanted", "km/h", _KMH, _both(60.0, 1.0)),
+    ("time_gap", "time gap wanted", "s", 1.0, _both(3.0, 0.1)),
+    ("gap_acceptance", "factor on the gaps demanded", "", 1.0, _both(3.0, 0.1)),
+    ("return_time_gap", "time gap left when returning", "s", 1.0, _both(3.0, 0.1)),
+    ("signal_time", "indicator on before moving", "s", 1.0, _both(3.0, 0.1)),
+    ("lane_change_duration", "duration of a lane change", "s", 1.0, _both(3.0, 0.1)),
+    ("reaction_time", "reaction time", "s", 1.0, _both(1.0, 0.05)),
+)
+"""Trait, words, unit, the unit in SI units, and changes that are tried."""
+
+
+def _others(scene: Scene) -> list[tuple[str, int]]:
+    """The vehicles that the ego decides about when it begins, with their roles."""
+    percept = Percept.of(scene.run)
+    if percept is None:
+        return []
+    names = ("vehicle overtaken", "next ahead in the other lane", "next behind in the other lane")
+    last = int(scene.scenario.num_vehicles[0])
+    found = zip(names, percept.vehicle.tolist(), strict=True)
+    return [(name, slot) for name, slot in found if slot < last]
+
+
+def _trait(name: str, size: float, scenario: Scenario, value: float) -> Change:
+    """The ego's driver with another trait."""
+    return Change(traits={name: _own_trait(scenario, name) + size * value})
+
+
+def _own_trait(scenario: Scenario, name: str) -> float:
+    return float(getattr(scenario.drivers, name)[0, Role.EGO])
+
+
+def _within_range(scenario: Scenario, name: str, size: float, steps: Values) -> Values:
+    """The changes that leave a trait in its range; at 0 some mean another kind of driver."""
+    limits, found = DRIVER_RANGES[name], _own_trait(scenario, name) + size * steps
+    return steps[(found > limits.low) & (found <= limits.high)]
+
+
+def _ahead(slot: int, scenario: Scenario, value: float) -> Change:
+    del scenario
+    return Change(vehicle=slot, ahead=value)
+
+
+def _faster(slot: int, scenario: Scenario, value: float) -> Change:
+    del scenario
+    return Change(vehicle=slot, faster=_KMH * value)
+
+
+def _drivable(scenario: Scenario, slot: int, steps: Values) -> Values:
+    """The changes of speed with which a vehicle still drives forwards."""
+    slowest = min(
+        float(scenario.start_speed[0, slot]), float(scenario.drivers.desired_speed[0, slot])
+    )
+    return steps[slowest + _KMH * steps > 0.0]
+
+
+def _weather(name: str, scenario: Scenario, value: float) -> Change:
+    """Less rain with the puddles that it leaves, less fog, or less wind."""
+    weather = scenario.weather
+    before = getattr(weather, name)
+    after = np.maximum(before + np.float32(value), np.float32(0.0))
+    found = weather.replace(**{name: after})
+    if name == "rain":
+        found = found.replace(puddles=weather.puddles * (after / before))
+    return Change(weather=found)
+
+
+def _classes(scene: Scene, one: Quantity, policy: str) -> tuple[Values, NDArray[np.uint8]]:
+    """The changes that were made, and the class with each."""
+    if one.change is None:
+        return _later_classes(scene, policy)
+    made = [changed(scene.scenario, one.change(scene.scenario, value)) for value in one.steps]
+    labels = label(engine.simulate(concatenate(made))).labels
+    return one.steps, labels.classes[:, labels.policies.index(policy)]
+
+
+def _later_classes(scene: Scene, policy: str) -> tuple[Values, NDArray[np.uint8]]:
+    """By how much later the ego began, told so at one frame after the other; and the classes."""
+    was = scene.pull_out
+    assert was is not None  # Else the start is no quantity.
+    found: dict[float, int] = {}
+    for step in _LATER:
+        frame = was + round(step * scene.rate)
+        stay = Change(frame=was, decision=Decision.STAY)
+        if frame >= int(scene.run.num_frames[0]):
+            break
+        run = branch(scene.run, changes=[stay, Change(frame=frame, decision=Decision.PULL_OUT)])
+        began = pull_out(run)
+        if began is not None:
+            found[(began - was) / scene.rate] = _code(label(run), policy)
+    return np.array(list(found)), np.array(list(found.values()), np.uint8)
+
+
+def _code(labelled: Labelled, policy: str) -> int:
+    return int(labelled.labels.classes[0, labelled.labels.policies.index(policy)])
+
+
+def _found(
+    one: Quantity, steps: Values, codes: NDArray[np.uint8], goal: str, was: str
+) -> Sufficient:
+    """What is told of a quantity."""
+    reached = np.isin(codes, GOALS[goal])
+    places = np.flatnonzero(reached)
+    best = places[np.abs(steps[places]).argmin()] if len(places) else None
+    tried = (float(steps.min()), float(steps.max())) if len(steps) else None
+    if best is None:
+        return Sufficient(
+            name=one.name, unit=one.unit, least=None, becomes=was, tried=tried, larger=float("nan")
+        )
+    beyond = (np.sign(steps) == np.sign(steps[best])) & (np.abs(steps) > np.abs(steps[best]))
+    return Sufficient(
+        name=one.name,
+        unit=one.unit,
+        least=float(steps[best]),
+        becomes=OvertakeClass(int(codes[best])).title,
+        tried=tried,
+        larger=float(reached[beyond].mean()) if beyond.any() else float("nan"),
+    )
+
+
+def _refused(expected: str, got: str, next_step: str) -> ConfigError:
+    return ConfigError.of(
+        what="simulation", where="enough", expected=expected, got=got, next_step=next_step
+    )

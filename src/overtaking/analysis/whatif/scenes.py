@@ -1,0 +1,141 @@
+"""Simulations of a data set that questions are asked of."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from overtaking.core.errors import ConfigError
+from overtaking.data.branches import branch_again, drawn
+from overtaking.data.load import Dataset
+from overtaking.labels.label import Labelled
+from overtaking.model.changes import Change
+from overtaking.model.labels import OvertakeClass
+from overtaking.model.scenario import Scenario
+from overtaking.model.trajectory import Stage, Trajectories
+from overtaking.model.vehicles import Role
+from overtaking.sim.branch import branch
+
+SIMULATED_BY = ("engine", "reference")
+"""The simulators whose simulations can go on in another way."""
+
+DRIVERS = {"careful": 0.0, "average": 0.5, "reckless": 1.0}
+"""Tempers of a driver by name, from 0 to 1."""
+
+_MS_PER_S = 1000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """A simulation as it was.
+
+    Attributes:
+        data: Its data set.
+        number: Its number there.
+        run: The recording, a batch of one; a branch if the data set is one of branches.
+    """
+
+    data: Dataset
+    number: int
+    run: Trajectories
+
+    @property
+    def scenario(self) -> Scenario:
+        """Its scenario, before any change."""
+        branched = self.run.branched
+        return self.run.scenario if branched is None else branched.scenario
+
+    @property
+    def rate(self) -> float:
+        """Frames a second."""
+        return _MS_PER_S / self.run.scenario.frame_interval_ms
+
+    @property
+    def pull_out(self) -> int | None:
+        """First frame in which the ego pulls out; None if it never does."""
+        return pull_out(self.run)
+
+    def frame_at(self, time: float) -> int:
+        """The frame at a time [s].
+
+        Raises:
+            ConfigError: The simulation has ended then.
+        """
+        frame, last = round(time * self.rate), int(self.run.num_frames[0]) - 1
+        if not 0 <= frame <= last:
+            raise ConfigError.out_of_range("time", "what if", 0.0, last / self.rate, time)
+        return frame
+
+    def branch(self, *changes: Change) -> Trajectories:
+        """The simulation with something changed."""
+        return branch(self.run, changes=changes)
+
+    def redrawn(self, change: Change) -> Trajectories:
+        """The simulation drawn again from the same numbers, with something changed before.
+
+        Raises:
+            ConfigError: It is a branch already.
+        """
+        if self.run.branched is not None:
+            raise ConfigError.of(
+                what="simulation",
+                where="what if from the start",
+                expected="one as it was drawn",
+                got="a branch",
+                next_step="change the simulation that it branches from",
+            )
+        return branch(drawn(self.data, int(self.scenario.index[0]), change))
+
+    def traits_of(self, name: str) -> dict[str, float]:
+        """The traits of the ego's driver, drawn from the same numbers with another temper.
+
+        Args:
+            name: A name in `DRIVERS`.
+
+        Raises:
+            ConfigError: There is no such name.
+        """
+        if name not in DRIVERS:
+            raise ConfigError.not_among("driver", "what if", DRIVERS, name)
+        tempers = {"drivers.temper": [DRIVERS[name]] * 2}
+        theirs = drawn(self.data, int(self.scenario.index[0]), overrides=tempers).drivers
+        rows = {field: getattr(theirs, field)[0, Role.EGO] for field in theirs.__slots__}
+        return {field: one.item() for field, one in rows.items()}
+
+
+def scene_of(data: Dataset, number: int) -> Scene:
+    """A simulation of a data set.
+
+    Args:
+        data: The data set.
+        number: Number of the simulation.
+
+    Raises:
+        ConfigError: A policy drives its egos, or another simulator made it.
+        DatasetError: It is of recorded traffic, or damaged.
+        NoSuchSimulationError: There is no such simulation.
+    """
+    identity = data.manifest.identity
+    if identity.branches:
+        return Scene(data=data, number=number, run=branch_again(data, number))
+    if identity.policy is not None or identity.simulator not in SIMULATED_BY:
+        by = identity.policy.name if identity.policy else identity.simulator
+        raise ConfigError.of(
+            what="data set",
+            where=data.where,
+            expected="simulations of this package's drivers",
+            got=f"simulations of {by}",
+            next_step="generate the same profile and seed with them",
+        )
+    return Scene(data=data, number=number, run=data.trajectory(number))
+
+
+def pull_out(run: Trajectories) -> int | None:
+    """First frame in which the ego of the first simulation pulls out; None if it never does."""
+    found = np.flatnonzero(run.stage[0, : run.num_frames[0]] == Stage.PULL_OUT)
+    return int(found[0]) if len(found) else None
+
+
+def class_of(labelled: Labelled, policy: str) -> str:
+    """The class of the first simulation under a policy."""
+    labels = labelled.labels
+    return OvertakeClass(int(labels.classes[0, labels.policies.index(policy)])).title

@@ -1,0 +1,270 @@
+"""Twins: a simulation as it was, and the same with something changed, side by side."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.analysis.whatif.scenes import Scene, pull_out
+from overtaking.core.errors import ConfigError
+from overtaking.data.branches import Told
+from overtaking.labels.label import Labelled, label
+from overtaking.model.changes import Change
+from overtaking.model.decision import Decision
+from overtaking.model.trajectory import STEPS, States, Trajectories
+from overtaking.model.vehicles import Role
+
+MOST_DELAY = 60.0
+"""Longest delay of a start [s]."""
+
+_LAMPS = "lights"
+
+_STEADY = 40
+"""Decisions before the wanted start from which one is forced: no indicator is on for longer."""
+
+
+class Effect(StrEnum):
+    """Which difference a twin shows."""
+
+    DIRECT = "direct"
+    """From a state on: everything before it, and everything that was drawn, is as it was."""
+    TOTAL = "total"
+    """From the start: what depends on the change is drawn again from the same random numbers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parting:
+    """The first frame in which two simulations move differently.
+
+    Attributes:
+        frame: The frame.
+        time: Its time [s].
+        vehicle: Slot of a vehicle that differs there; the ego if it does.
+        quantity: Which of its recorded numbers differs, a name in `States`.
+        by: How much the second one has more, in SI units.
+        ego_time: First time at which the ego is another one; None if it never is [s].
+    """
+
+    frame: int
+    time: float
+    vehicle: int
+    quantity: str
+    by: float
+    ego_time: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Twin:
+    """A simulation and its twin.
+
+    Attributes:
+        number: Number of the simulation in its data set.
+        title: What is different, in a few words.
+        effect: What the difference of the two is.
+        since: First time that the change can affect [s].
+        told: Both simulations, the one as it was first.
+        labelled: Both with their labels.
+        parting: The first frame in which they move differently; None if they never do.
+        begins: When the ego pulls out as it was and in the twin; None where it never does [s].
+        lamps: First time at which lamps differ, as they do at once without rain; None if never [s].
+    """
+
+    number: int
+    title: str
+    effect: Effect
+    since: float
+    told: tuple[Told, Told]
+    labelled: tuple[Labelled, Labelled]
+    parting: Parting | None
+    begins: tuple[float | None, float | None]
+    lamps: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wish:
+    """What a twin shall have different.
+
+    Attributes:
+        without: What is taken away from the weather, names in `world.skies.WITHOUT`.
+        driver: Temper of the ego's driver, a name in `scenes.DRIVERS`; None for its own.
+        stays: Whether the ego never begins an overtake.
+        delay: By how much later it begins the overtake; None for not at all [s].
+        changes: Other changes.
+    """
+
+    without: tuple[str, ...] = ()
+    driver: str | None = None
+    stays: bool = False
+    delay: float | None = None
+    changes: tuple[Change, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """It in a few words."""
+        parts = [f"without {one}" for one in self.without]
+        parts += [f"{self.driver} driver"] if self.driver else []
+        parts += ["staying in the lane"] if self.stays else []
+        parts += [f"starting {self.delay:g} s later"] if self.delay is not None else []
+        parts += [_words(one) for one in self.changes]
+        return ", ".join(parts) or "nothing changed"
+
+
+def twin_of(scene: Scene, wish: Wish, *, at: float = 0.0, from_start: bool = False) -> Twin:
+    """A simulation and its twin.
+
+    Args:
+        scene: The simulation.
+        wish: What is different.
+        at: From when on, for what is not about the start of the overtake [s].
+        from_start: Whether what depends on weather and driver is drawn again.
+
+    Raises:
+        ConfigError: There is no such weather, driver or time; or no start to delay.
+    """
+    if from_start and (at or wish.stays or wish.delay is not None or wish.changes):
+        raise ConfigError.of(
+            what="change",
+            where="twin from the start",
+            expected="weather or driver, from which other things are drawn",
+            got="a change that nothing is drawn from, or a time",
+            next_step="leave out --from start, or take --without or --driver alone",
+        )
+    frame = scene.frame_at(at)
+    traits = scene.traits_of(wish.driver) if wish.driver else {}
+    first = Change(frame=frame, without=wish.without, traits=traits)
+    if from_start:
+        run, redrawn = scene.redrawn(first), first
+    else:
+        run, redrawn = scene.branch(*_changes(scene, wish, first)), None
+    made = run.branched.changes if run.branched else ()
+    told = (
+        Told(title="as it was", run=scene.run),
+        Told(title=wish.title, run=run, redrawn=redrawn),
+    )
+    return Twin(
+        number=scene.number,
+        title=wish.title,
+        effect=Effect.TOTAL if from_start else Effect.DIRECT,
+        since=min((one.frame for one in made), default=0) / scene.rate,
+        told=told,
+        labelled=(label(scene.run), label(run)),
+        parting=parting(scene.run, run),
+        begins=(_seconds(scene, scene.run), _seconds(scene, run)),
+        lamps=lamps_differ(scene.run, run),
+    )
+
+
+def _changes(scene: Scene, wish: Wish, first: Change) -> list[Change]:
+    """What is different from which frame on."""
+    changes = [*wish.changes, *([first] if first.without or first.traits else [])]
+    if wish.stays:
+        changes.append(Change(frame=first.frame, decision=Decision.STAY))
+    if wish.delay is not None:
+        changes += later_start(scene, wish.delay, changes)
+    return changes
+
+
+def later_start(scene: Scene, delay: float, others: Iterable[Change] = ()) -> tuple[Change, ...]:
+    """Changes by which the ego pulls out later, whatever the gaps are then.
+
+    How long it has to signal before depends on what it showed, so starts are tried. The one that
+    comes nearest is taken, never before the wish; an indicator that fades in the meantime makes it
+    a decision later at times.
+
+    Args:
+        scene: A simulation in which the ego pulls out.
+        delay: By how much later, 0 to `MOST_DELAY` [s].
+        others: What else is different.
+
+    Raises:
+        ConfigError: It never pulls out, or cannot that late.
+    """
+    if not 0.0 <= delay <= MOST_DELAY:
+        raise ConfigError.out_of_range("delay", "what if", 0.0, MOST_DELAY, delay)
+    was = scene.pull_out
+    if was is None:
+        raise _no_start("one that begins", "none")
+    wanted = was + round(delay * scene.rate)
+    if wanted == was:
+        return ()
+    found: dict[int, tuple[Change, ...]] = {}
+    stay = Change(frame=was, decision=Decision.STAY)
+    for frame in range(max(wanted - _STEADY, was + 1), wanted + 1):
+        pair = (stay, Change(frame=frame, decision=Decision.PULL_OUT))
+        began = pull_out(scene.branch(*others, *pair))
+        if began is not None and began >= wanted:
+            found.setdefault(began, pair)
+    if not found:
+        raise _no_start(f"one that can begin {delay:g} s later", "a simulation that has ended then")
+    return found[min(found)]
+
+
+def parting(before: Trajectories, after: Trajectories) -> Parting | None:
+    """The first frame in which two batches of one simulation move differently; None if none."""
+    interval = before.scenario.frame_interval_ms
+    differs = _differences(before, after)
+    del differs[_LAMPS]
+    anyhow = np.any(list(differs.values()), axis=0)
+    found = np.flatnonzero(anyhow.any(axis=0))
+    if not len(found):
+        return None
+    frame = int(found[0])
+    slot = int(np.flatnonzero(anyhow[:, frame])[0])
+    name = next(name for name, where in differs.items() if where[slot, frame])
+    values = [int(getattr(run.states, name)[0, slot, frame]) for run in (before, after)]
+    own = np.flatnonzero(anyhow[Role.EGO])
+    return Parting(
+        frame=frame,
+        time=frame * interval / 1000,
+        vehicle=slot,
+        quantity=name,
+        by=(values[1] - values[0]) * STEPS.get(name, 1.0),
+        ego_time=int(own[0]) * interval / 1000 if len(own) else None,
+    )
+
+
+def _differences(before: Trajectories, after: Trajectories) -> dict[str, NDArray[np.bool_]]:
+    """Where recorded numbers differ, by name, shape (vehicle, time); as far as both go."""
+    frames = min(int(before.num_frames[0]), int(after.num_frames[0]))
+    slots = min(before.scenario.num_slots, after.scenario.num_slots)
+    one, two = before.states, after.states
+    return {
+        name: getattr(one, name)[0, :slots, :frames] != getattr(two, name)[0, :slots, :frames]
+        for name in States.__slots__
+    }
+
+
+def _seconds(scene: Scene, run: Trajectories) -> float | None:
+    """When the ego pulls out [s]."""
+    frame = pull_out(run)
+    return None if frame is None else frame / scene.rate
+
+
+def lamps_differ(before: Trajectories, after: Trajectories) -> float | None:
+    """First time at which lamps of two batches of one simulation differ; None if they never do."""
+    found = np.flatnonzero(_differences(before, after)[_LAMPS].any(axis=0))
+    return int(found[0]) * before.scenario.frame_interval_ms / 1000 if len(found) else None
+
+
+def _words(change: Change) -> str:
+    """Another change in a few words."""
+    parts = [f"without {one}" for one in change.without]
+    who = "ego" if change.vehicle == Role.EGO else f"vehicle {change.vehicle}"
+    parts += [f"{who} with {name} {value:g}" for name, value in change.traits.items()]
+    parts += [f"{who} {change.ahead:+g} m"] if change.ahead else []
+    parts += [f"{who} {change.faster:+g} m/s"] if change.faster else []
+    parts += [f"without {who}"] if change.removed else []
+    parts += [change.decision.name.lower().replace("_", " ")] if change.decision else []
+    return ", ".join(parts)
+
+
+def _no_start(expected: str, got: str) -> ConfigError:
+    return ConfigError.of(
+        what="overtake",
+        where="delay of a start",
+        expected=expected,
+        got=got,
+        next_step="choose a simulation in which the ego overtakes, or a shorter delay",
+    )

@@ -1,0 +1,255 @@
+"""What if: twins and futures of a simulation, and changes that would have been enough."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from overtaking.api.data import load
+from overtaking.core.errors import ConfigError
+from overtaking.core.steps import Progress
+from overtaking.data.load import Dataset
+from overtaking.model.changes import Change
+from overtaking.model.checks import argument, checked
+from overtaking.model.trajectory import Trajectories
+from overtaking.model.values import Range
+
+if TYPE_CHECKING:
+    from overtaking.analysis.whatif.enough import Enough
+    from overtaking.analysis.whatif.fan import Fan
+    from overtaking.analysis.whatif.scenes import Scene
+    from overtaking.analysis.whatif.twin import Twin
+
+Futures = Annotated[int, Range(1, 100_000)]
+"""Futures at each instant of a fan."""
+
+
+@checked
+def twin(
+    data: Dataset | str | Path,
+    simulation: int,
+    *,
+    without: Iterable[str] = (),
+    driver: str | None = None,
+    stay: bool = False,
+    delay: float | None = None,
+    changes: Iterable[Change] = (),
+    at: float = 0.0,
+    from_start: bool = False,
+) -> "Twin":
+    """A simulation of a data set beside the same with something changed.
+
+    Args:
+        data: The data set, or its folder; of simulations, or of branches.
+        simulation: Its number.
+        without: What is taken away from the weather: names in `weather.WITHOUT`. Rain goes with
+            film, spray, puddles and clouds.
+        driver: Another temper of the ego's driver: `careful`, `average` or `reckless`.
+        stay: Whether the ego never begins an overtake.
+        delay: By how much later it begins, whatever the gaps are then [s].
+        changes: Any other changes.
+        at: From when on `without`, `driver` and `stay` hold [s].
+        from_start: Whether speeds and distances at the start, which depend on weather and driver,
+            are drawn again from the same random numbers: the total effect. If not, the simulation
+            goes on from its state at that time: the direct effect.
+
+    Raises:
+        ConfigError: There is no such weather, driver, time or start, or the data set is not one of
+            simulations of our drivers.
+        DatasetError: It is of recorded traffic, or damaged.
+    """
+    from overtaking.analysis.whatif.twin import Wish, twin_of
+
+    wish = Wish(
+        without=tuple(without), driver=driver, stays=stay, delay=delay, changes=tuple(changes)
+    )
+    return twin_of(_scene(data, simulation), wish, at=at, from_start=from_start)
+
+
+@checked
+def fan(
+    data: Dataset | str | Path,
+    simulation: int,
+    *,
+    given: str = "truth",
+    futures: Futures = 25,
+    every: Annotated[float, Range(0.05, 100.0)] = 0.5,
+    policy: str = "paper",
+    progress: Progress | None = None,
+) -> "Fan":
+    """What becomes of an overtake that is begun at each instant of a simulation.
+
+    Args:
+        data: The data set, or its folder.
+        simulation: Its number.
+        given: `truth`: the others as they are, which is hindsight; or `belief`: people and
+            unnoticed vehicles drawn anew, in agreement with what the ego notices when it begins.
+        futures: At each instant; fewer where too few worlds agree.
+        every: Time between two instants [s].
+        policy: Which rules decide about the class: `paper`, `default` or `strict`.
+        progress: Called with the number of instants that are done, and of all.
+
+    Returns:
+        Shares of the classes with 95 % intervals, for each instant.
+
+    Raises:
+        ConfigError: There is no such policy, or the data set is not one of simulations of our
+            drivers.
+        DatasetError: It is of recorded traffic, or damaged.
+    """
+    from overtaking.analysis.whatif.fan import fan_of
+
+    scene = _scene(data, simulation)
+    return fan_of(
+        scene, given=given, futures=futures, every=every, policy=policy, progress=progress
+    )
+
+
+@checked
+def enough(
+    data: Dataset | str | Path,
+    simulation: int,
+    *,
+    goal: str = "lawful",
+    policy: str = "paper",
+    progress: Progress | None = None,
+) -> "Enough":
+    """Changes of one quantity that would have made a simulation lawful or safe, each simulated.
+
+    Args:
+        data: The data set, or its folder.
+        simulation: Its number.
+        goal: `lawful`: completed without a breach that the policy counts; `safe`: without collision
+            and on the road.
+        policy: Which rules decide: `paper`, `default` or `strict`.
+        progress: Called with the number of quantities that are done, and of all.
+
+    Raises:
+        ConfigError: There is no such goal or policy, it is reached already, or the data set is not
+            one of simulations of our drivers.
+        DatasetError: It is of recorded traffic, or damaged.
+    """
+    from overtaking.analysis.whatif.enough import enough_of
+
+    return enough_of(_scene(data, simulation), goal=goal, policy=policy, progress=progress)
+
+
+@checked
+def branch_again(data: Dataset | str | Path, simulation: int) -> Trajectories:
+    """A saved branch, simulated again from the list of changes in the manifest.
+
+    Args:
+        data: A data set of branches, or its folder.
+        simulation: Its number.
+
+    Raises:
+        DatasetError: It is no such data set, or the model has changed since.
+        NoSuchSimulationError: There is no such simulation.
+    """
+    from overtaking.data.branches import branch_again as again
+
+    return again(load(data), simulation)
+
+
+@checked
+def save_branches(data: Dataset | str | Path, runs: Mapping[str, Any], out: str | Path) -> Dataset:
+    """Write simulations and branches of a data set as a data set of their own.
+
+    Args:
+        data: The data set that they branch from, or its folder.
+        runs: Batches of one simulation, by what they are in a few words; or a `Twin`'s `told`.
+        out: Folder for it; it must not exist, or be empty.
+
+    Raises:
+        ConfigError: Something else is given, or the folder holds something.
+        DatasetError: It cannot be written; nothing is left behind.
+    """
+    from overtaking.data.branches import Told, write_branches
+
+    for run in runs.values():
+        if not isinstance(run, Trajectories) or run.scenario.num_simulations != 1:
+            raise ConfigError.of(
+                what="runs",
+                where="save_branches",
+                expected="batches of one simulation, by name",
+                got=run,
+                next_step="select one, such as run.select(slice(0, 1))",
+            )
+    told = [Told(title=title, run=run) for title, run in runs.items()]
+    write_branches(load(data), told, Path(out))
+    return load(out)
+
+
+@checked
+def save_twin(data: Dataset | str | Path, found: Any, out: str | Path) -> Dataset:
+    """Write a simulation and its twin as a data set: number 0 as it was, number 1 changed.
+
+    Args:
+        data: The data set that it is from, or its folder.
+        found: What `twin` returned.
+        out: Folder for it; it must not exist, or be empty.
+
+    Raises:
+        ConfigError: The folder holds something.
+        DatasetError: It cannot be written; nothing is left behind.
+    """
+    from overtaking.data.branches import write_branches
+
+    write_branches(load(data), found.told, Path(out))
+    return load(out)
+
+
+def _scene(data: Dataset | str | Path, simulation: int) -> "Scene":
+    from overtaking.analysis.whatif.scenes import scene_of
+
+    return scene_of(load(data), simulation)
+
+
+@checked
+def film_twin(found: Any, out: str | Path, *, policy: str = "paper") -> Path:
+    """Film a simulation above its twin, as an mp4 file.
+
+    Args:
+        found: What `twin` returned.
+        out: The file, replaced as a whole; its folder exists.
+        policy: Which rules decide about the classes: `paper`, `default` or `strict`.
+
+    Raises:
+        ConfigError: Something else is given, or there is no such policy.
+        MissingExtraError: The extra `video` is not installed.
+        DatasetError: The encoder failed.
+        OSError: The file cannot be written.
+    """
+    from overtaking.analysis.whatif.twin import Twin
+    from overtaking.show.video.encode import require, write_film
+    from overtaking.show.video.twin import TwinFilm
+
+    require()
+    one, path = argument(found, Twin, "film_twin", "found"), Path(out)
+    write_film(TwinFilm(one, policy), path, title=f"Simulation {one.number} and its twin")
+    return path
+
+
+@checked
+def plot_what_if(found: Any, out: str | Path, *, policy: str = "paper") -> Path:
+    """Draw twins or a fan as a PNG or SVG file, by its name.
+
+    Args:
+        found: What `twin` or `fan` returned.
+        out: The file, replaced as a whole.
+        policy: Which rules decide about the classes of twins.
+
+    Raises:
+        ConfigError: Something else is given.
+        MissingExtraError: The extra `plots` is not installed.
+        OSError: The file cannot be written.
+    """
+    from overtaking.analysis.whatif.fan import Fan
+    from overtaking.analysis.whatif.twin import Twin
+    from overtaking.show.plots.style import to_png, to_svg
+    from overtaking.show.plots.whatif import draw_fan, draw_twin
+    from overtaking.show.report.files import put
+
+    one, path = argument(found, Twin | Fan, "plot_what_if", "found"), Path(out)
+    drawing = draw_fan(one) if isinstance(one, Fan) else draw_twin(one, policy)
+    put(path, to_svg(drawing) if path.suffix == ".svg" else to_png(drawing))
+    return path

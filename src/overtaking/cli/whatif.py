@@ -1,0 +1,346 @@
+"""What if: twins, fans, and changes that would have been enough."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from rich.console import Group
+from rich.text import Text
+
+from overtaking.cli import arguments, options
+from overtaking.cli.output import Output
+from overtaking.cli.tables import drawn_rows, facts
+from overtaking.core.checks import check_name
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from overtaking.analysis.whatif.enough import Enough
+    from overtaking.analysis.whatif.fan import Fan
+    from overtaking.analysis.whatif.twin import Twin
+
+Without = Annotated[
+    str | None,
+    options.option(
+        "--without NAMES",
+        "Take away from the weather: rain (with film, spray, puddles and clouds), wind, fog, "
+        "night, glare; several with commas.",
+    ),
+]
+Temper = Annotated[
+    str | None,
+    options.option(
+        "--driver TEMPER", "Another temper of the driver: careful, average or reckless."
+    ),
+]
+Stay = Annotated[bool, options.option("--stay", "The ego never begins an overtake.")]
+Delay = Annotated[
+    float | None,
+    options.option("--delay S", "The ego begins so much later, whatever the gaps [s]."),
+]
+At = Annotated[
+    float, options.option("--at S", "From when on weather, driver or --stay are different [s].")
+]
+From = Annotated[
+    str,
+    options.option(
+        "--from WHERE",
+        "state: go on from the state at that time (direct effect); start: draw again what depends "
+        "on weather or driver, from the same random numbers (total effect).",
+    ),
+]
+Film = Annotated[
+    Path | None, options.option("--film FILE", "Film both, one above the other, as .mp4.")
+]
+Plot = Annotated[
+    Path | None, options.option("--plot FILE", "Draw the figures to a .png or .svg file.")
+]
+Save = Annotated[
+    Path | None,
+    options.option("--out FOLDER", f"{options.OUT} A new folder, for both as a data set."),
+]
+Given = Annotated[
+    str,
+    options.option(
+        "--given WHAT",
+        "truth: the others as they are, which is hindsight; belief: people and unnoticed vehicles "
+        "drawn anew, in agreement with what the ego notices.",
+    ),
+]
+Futures = Annotated[int, options.option("--futures N", "Futures at each instant.")]
+Every = Annotated[float, options.option("--step S", "Time between two instants [s].")]
+Goal = Annotated[
+    str,
+    options.option(
+        "--goal NAME",
+        "lawful: completed without a breach that the policy counts; safe: without collision, on "
+        "the road.",
+    ),
+]
+
+
+def twin(
+    output: Output,
+    data: options.Data,
+    simulation: options.Number,
+    without: Without = None,
+    driver: Temper = None,
+    stay: Stay = False,
+    delay: Delay = None,
+    at: At = 0.0,
+    start: From = "state",
+    policy: options.Policy = "paper",
+    film: Film = None,
+    plot: Plot = None,
+    out: Save = None,
+) -> None:
+    """Put a simulation beside the same with something changed.
+
+    Prints both classes and the first frame in which the two differ.
+    """
+    from overtaking import api
+
+    check_name(start, ("state", "start"), what="--from", where="twin")
+    figure = arguments.figure_file(plot)
+    found = api.twin(
+        data,
+        simulation,
+        without=[one.strip() for one in without.split(",")] if without else (),
+        driver=driver,
+        stay=stay,
+        delay=delay,
+        at=at,
+        from_start=start == "start",
+    )
+    values = values_of_twin(found, policy)
+    files = []
+    if figure is not None:
+        files.append(api.plot_what_if(found, figure, policy=policy))
+    if film is not None:
+        files.append(api.film_twin(found, film, policy=policy))
+    if out is not None:
+        files.append(api.save_twin(data, found, out).path)
+    values["files"] = [str(one) for one in files]
+    output.result(values, lambda _: render_twin(values))
+
+
+def fan(
+    output: Output,
+    data: options.Data,
+    simulation: options.Number,
+    given: Given = "truth",
+    futures: Futures = 25,
+    every: Every = 0.5,
+    policy: options.Policy = "paper",
+    plot: Plot = None,
+) -> None:
+    """Tell what becomes of an overtake begun at each instant.
+
+    Prints the share of each class among many futures, with 95 % intervals.
+    """
+    from overtaking import api
+
+    figure = arguments.figure_file(plot)
+    with output.progress("instants") as meter:
+        found = api.fan(
+            data,
+            simulation,
+            given=given,
+            futures=futures,
+            every=every,
+            policy=policy,
+            progress=meter,
+        )
+    values = values_of_fan(found)
+    if figure is not None:
+        values["files"] = [str(api.plot_what_if(found, figure))]
+    output.result(values, lambda _: render_fan(values))
+
+
+def enough(
+    output: Output,
+    data: options.Data,
+    simulation: options.Number,
+    goal: Goal = "lawful",
+    policy: options.Policy = "paper",
+) -> None:
+    """Find single changes that make it lawful or safe.
+
+    A stated list of quantities is tried, each alone; every answer is simulated. Many may be enough,
+    and none of them is the cause.
+    """
+    from overtaking import api
+
+    with output.progress("quantities") as meter:
+        found = api.enough(data, simulation, goal=goal, policy=policy, progress=meter)
+    values = values_of_enough(found)
+    output.result(values, lambda _: render_enough(values))
+
+
+def values_of_twin(one: "Twin", policy: str) -> dict[str, Any]:
+    """Twins as plain values."""
+    from overtaking.analysis.whatif.scenes import class_of
+
+    parting = one.parting
+    return {
+        "simulation": one.number,
+        "different": one.title,
+        "effect": str(one.effect),
+        "since_s": one.since,
+        "policy": policy,
+        "class_before": class_of(one.labelled[0], policy),
+        "class_after": class_of(one.labelled[1], policy),
+        "trace_hash_before": one.told[0].run.trace_hash[0].tobytes().hex(),
+        "trace_hash_after": one.told[1].run.trace_hash[0].tobytes().hex(),
+        "changes": list(one.told[1].record.changes),
+        "redrawn": one.told[1].record.redrawn,
+        "pulls_out_before_s": one.begins[0],
+        "pulls_out_after_s": one.begins[1],
+        "lamps_differ_s": None if one.lamps is None else round(one.lamps, 3),
+        "parting": parting
+        and {
+            "frame": parting.frame,
+            "time_s": round(parting.time, 3),
+            "vehicle": parting.vehicle,
+            "quantity": parting.quantity,
+            "by": round(parting.by, 4),
+            "ego_time_s": None if parting.ego_time is None else round(parting.ego_time, 3),
+        },
+    }
+
+
+def render_twin(values: dict[str, Any]) -> "RenderableType":
+    """Twins as a table."""
+    start = values["effect"] == "total"
+    since = "drawn again from the start" if start else f"from {values['since_s']:.2f} s on"
+    rows: list[tuple[str, object]] = [
+        ("simulation", str(values["simulation"])),
+        ("different", f"{values['different']}; {values['effect']} effect, {since}"),
+        ("class as it was", values["class_before"]),
+        ("class then", f"{values['class_after']} (policy {values['policy']})"),
+        (
+            "it pulls out",
+            f"{_at(values['pulls_out_before_s'])}; then {_at(values['pulls_out_after_s'])}",
+        ),
+        ("they part", _parting(values["parting"])),
+    ]
+    if values["lamps_differ_s"] is not None:
+        rows.append(("lamps differ", f"at {values['lamps_differ_s']:.2f} s"))
+    rows += [("written", one) for one in values["files"]]
+    return facts(rows)
+
+
+def _at(time: float | None) -> str:
+    return "never" if time is None else f"at {time:.2f} s"
+
+
+def _parting(found: dict[str, Any] | None) -> str:
+    if found is None:
+        return "never: all move alike, to the last bit"
+    who = "the ego" if found["vehicle"] == 0 else f"vehicle {found['vehicle']}"
+    text = f"at {found['time_s']:.2f} s (frame {found['frame']}): {found['quantity']} of {who}"
+    if found["vehicle"] == 0:
+        return text
+    own = found["ego_time_s"]
+    return f"{text}; the ego {'never' if own is None else f'at {own:.2f} s'}"
+
+
+def values_of_fan(one: "Fan") -> dict[str, Any]:
+    """A fan as plain values."""
+    from overtaking.model.labels import OvertakeClass
+
+    instants = []
+    limits = {code: one.interval(code) for code in OvertakeClass if one.counts[:, code].any()}
+    for place, time in enumerate(one.time.tolist()):
+        enough = bool(one.is_enough[place])
+        instants.append(
+            {
+                "told_s": round(time, 3),
+                "pulls_out_s": _number(one.begun[place]),
+                "futures": int(one.futures[place]),
+                "tried": int(one.tried[place]),
+                "shares": {
+                    code.title: {
+                        "share": _number(one.shares[place, code]),
+                        "low": _number(rows[place, 0]) if enough else None,
+                        "high": _number(rows[place, 1]) if enough else None,
+                    }
+                    for code, rows in limits.items()
+                },
+            }
+        )
+    return {
+        "simulation": one.number,
+        "given": one.given,
+        "policy": one.policy,
+        "pulled_out_s": one.actual,
+        "instants": instants,
+    }
+
+
+def render_fan(values: dict[str, Any]) -> "RenderableType":
+    """A fan as a table: a row for each instant."""
+    names = list(values["instants"][0]["shares"]) if values["instants"] else []
+    header = ["told [s]>", "pulls out [s]>", "futures>", *(f"{name} [%]>" for name in names)]
+    rows = []
+    for one in values["instants"]:
+        begun = "-" if one["pulls_out_s"] is None else f"{one['pulls_out_s']:.2f}"
+        cells = [_share(one["shares"][name]) for name in names]
+        rows.append([f"{one['told_s']:.2f}", begun, str(one["futures"]), *cells])
+    about = (
+        "the others as they are: hindsight"
+        if values["given"] == "truth"
+        else "by what the ego notices when it begins: its decision"
+    )
+    head = f"P(class | start at t) of simulation {values['simulation']}, {about}"
+    return Group(Text(head), drawn_rows(header, rows))
+
+
+def _share(found: dict[str, Any]) -> str:
+    if found["share"] is None:
+        return "too few"
+    return f"{100 * found['share']:.0f} ({100 * found['low']:.0f}-{100 * found['high']:.0f})"
+
+
+def _number(value: float) -> float | None:
+    return None if value != value else round(float(value), 4)
+
+
+def values_of_enough(one: "Enough") -> dict[str, Any]:
+    """What would have been enough, as plain values."""
+    return {
+        "simulation": one.number,
+        "goal": one.goal,
+        "policy": one.policy,
+        "class": one.was,
+        "simulated": one.simulated,
+        "quantities": [
+            {
+                "quantity": found.name,
+                "unit": found.unit,
+                "least": found.least,
+                "class": found.becomes,
+                "tried": found.tried and list(found.tried),
+                "larger": _number(found.larger),
+            }
+            for found in one.found
+        ],
+    }
+
+
+def render_enough(values: dict[str, Any]) -> "RenderableType":
+    """What would have been enough, as a table."""
+    rows = []
+    for one in values["quantities"]:
+        span = one["tried"] and "{:+g} to {:+g}".format(*one["tried"])
+        is_found = one["least"] is not None
+        least = f"{one['least']:+g} {one['unit']}" if is_found else "none is enough"
+        larger = "" if one["larger"] is None else f"{100 * one['larger']:.0f} %"
+        becomes = one["class"] if is_found else ""
+        rows.append([one["quantity"], least, becomes, span or "cannot be changed", larger])
+    head = (
+        f"Simulation {values['simulation']} is {values['class']} (policy {values['policy']}). Each "
+        f"of these alone would have made it {values['goal']}; {values['simulated']} were "
+        "simulated, and none is the cause."
+    )
+    header = ["quantity", "smallest change", "class then", "tried", "larger ones, too>"]
+    return Group(Text(head), drawn_rows(header, rows))

@@ -1,0 +1,146 @@
+"""Twins over time, and the futures of a simulation over its scene."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from overtaking.analysis.stats.diagrams import diagram
+from overtaking.analysis.whatif.fan import TOO_FEW, Fan
+from overtaking.analysis.whatif.scenes import class_of
+from overtaking.analysis.whatif.twin import Twin
+from overtaking.core.units import kmh_from_mps
+from overtaking.labels.label import label
+from overtaking.model.labels import OvertakeClass
+from overtaking.model.trajectory import (
+    METRES_PER_SECOND_PER_STEP,
+    METRES_PER_STEP,
+    NO_VEHICLE,
+    Trajectories,
+)
+from overtaking.model.vehicles import Role
+from overtaking.show import palette
+from overtaking.show.plots.overtake import draw_along
+from overtaking.show.plots.style import lightened, new_figure, remark, styled, words
+
+F64 = NDArray[np.float64]
+
+_LOOKS = (
+    {"color": palette.INK, "linewidth": 1.6, "linestyle": (0, (4, 1.5)), "zorder": 3},
+    {"color": palette.ACCENT, "linewidth": 1.8, "linestyle": "-", "zorder": 2},
+)
+"""The simulation as it was lies above its twin: while they are one, both are seen."""
+
+_GIVEN = {
+    "truth": "P(class | start at t), the others as they are: hindsight",
+    "belief": "P(class | start at t), by what the ego notices at its start: its decision",
+}
+
+
+@styled
+def draw_twin(one: Twin, policy: str = "paper") -> Figure:
+    """Place across the road, speed of the ego and gap to its target, of both.
+
+    Args:
+        one: The twins.
+        policy: Which rules decide about the classes that the legend names.
+    """
+    figure = new_figure(5.0)
+    across, speed, gap = figure.subplots(3, 1, sharex=True)
+    for told, labelled, look in zip(one.told, one.labelled, _LOOKS, strict=True):
+        run, frames = told.run, int(told.run.num_frames[0])
+        time = run.time_ms[:frames] / 1000.0
+        name = f"{told.title}: {words(class_of(labelled, policy))}"
+        across.plot(time, _across(run, frames), label=name, **look)
+        metres = run.states.speed[0, Role.EGO, :frames] * METRES_PER_SECOND_PER_STEP
+        speed.plot(time, kmh_from_mps(metres), **look)
+        target = int(one.labelled[0].events.target[0])
+        if target != NO_VEHICLE:
+            gap.plot(time, _gap(run, target, frames), **look)
+    across.set_ylabel("ego from its\nstart across [m]")
+    speed.set_ylabel("speed of\nthe ego [km/h]")
+    gap.set_ylabel("target ahead,\ncentre to centre [m]")
+    gap.set_xlabel("time [s]")
+    _mark_parting(one, (across, speed, gap))
+    figure.legend(loc="outside upper left", ncols=2, title=_heading(one), alignment="left")
+    figure.align_ylabels([across, speed, gap])
+    return figure
+
+
+def _heading(one: Twin) -> str:
+    since = f"from {one.since:.2f} s on" if one.effect == "direct" else "drawn again from the start"
+    return f"Simulation {one.number} and its twin, {one.effect} effect, {since}"
+
+
+def _across(run: Trajectories, frames: int) -> F64:
+    """How far the ego is from where it starts, towards the fast side [m]."""
+    d = run.states.d[0, Role.EGO, :frames] * METRES_PER_STEP
+    return (d - d[0]) * int(run.road.side)
+
+
+def _gap(run: Trajectories, target: int, frames: int) -> F64:
+    """How far a vehicle is ahead of the ego, centre to centre; NaN where it is not there [m]."""
+    s = run.states.s[0, :, :frames] * METRES_PER_STEP
+    return np.where(run.state_valid[0, target, :frames], s[target] - s[Role.EGO], np.nan)
+
+
+def _mark_parting(one: Twin, panels: tuple[Axes, ...]) -> None:
+    """A line where the two part."""
+    if one.parting is None:
+        remark(panels[0], "they never part")
+        return
+    for axes in panels:
+        axes.axvline(one.parting.time, color=palette.QUIET, linewidth=0.9, linestyle=":")
+    text = f"they part at {one.parting.time:.2f} s"
+    if one.parting.ego_time is not None and one.parting.ego_time > one.parting.time:
+        text += f", the ego at {one.parting.ego_time:.2f} s"
+    remark(panels[0], text)
+
+
+@styled
+def draw_fan(one: Fan) -> Figure:
+    """Shares of the classes over the instant of the start, below the scene of these instants."""
+    figure = new_figure(5.2)
+    scene, shares = figure.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.15))
+    draw_along(scene, diagram(one.stayed, label(one.stayed).events), palette.ACCENT)
+    scene.grid(visible=False)
+    remark(scene, f"simulation {one.number}, had the ego stayed in its lane")
+    _draw_shares(shares, one)
+    for axes in (scene, shares):
+        if one.actual is not None:
+            axes.axvline(one.actual, color=palette.INK, linewidth=1.0, linestyle=(0, (3, 2)))
+        axes.set_xlim(0.0, max(float(one.time[-1]), 1e-3))
+    if one.actual is not None:
+        shares.annotate(
+            "began", (one.actual, 1.02), xycoords=("data", "axes fraction"), ha="center", size=7
+        )
+    shares.set_xlabel("time at which the ego is told to begin [s]")
+    figure.align_ylabels([scene, shares])
+    return figure
+
+
+def _draw_shares(axes: Axes, one: Fan) -> None:
+    """A line with its 95 % interval for each class that occurs."""
+    for code in OvertakeClass:
+        if not one.counts[:, code].any():
+            continue
+        colour = palette.CLASS_COLOURS[code.title]
+        limits = one.interval(code)
+        axes.fill_between(
+            one.time, limits[:, 0], limits[:, 1], color=lightened(colour, 0.25), linewidth=0,
+            alpha=0.7, zorder=1,
+        )  # fmt: skip
+        marker = palette.CLASS_MARKERS[code.title]
+        axes.plot(
+            one.time, one.shares[:, code], color=colour, marker=marker, markersize=3.5,
+            linewidth=1.4, label=words(code.title), zorder=3,
+        )  # fmt: skip
+    axes.set_ylim(-0.02, 1.02)
+    axes.set_ylabel(f"share, 95 % interval\n(policy {one.policy})")
+    axes.set_title(_GIVEN[one.given], pad=16)
+    lacking = int((~one.is_enough).sum())
+    if lacking:
+        text = f"{lacking} of {len(one.time)} instants with fewer than {TOO_FEW} futures left out"
+        axes.text(0.0, 1.02, text, transform=axes.transAxes, size=7, color=palette.QUIET)
+    if one.counts.any():
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))

@@ -1,0 +1,254 @@
+"""Twins, fans and sufficient changes of a small data set, held against simulations of their own."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+import overtaking as ot
+from overtaking.analysis.whatif.beliefs import Percept, proposals
+from overtaking.analysis.whatif.enough import ACCIDENTS
+from overtaking.analysis.whatif.fan import TOO_FEW
+from overtaking.analysis.whatif.futures import copies, started
+from overtaking.analysis.whatif.scenes import class_of, pull_out, scene_of
+from overtaking.core.errors import ConfigError
+from overtaking.model.labels import OvertakeClass
+from overtaking.model.trajectory import Stage
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+WET = {"weather.presets": ["HardRainNoon"], "traffic.vehicles": "4..6"}
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
+    """A few simulations in hard rain."""
+    place = tmp_path_factory.mktemp("whatif") / "data"
+    return ot.generate("pinto2023-physical", 16, 7, place, overrides=WET)
+
+
+@pytest.fixture(scope="module")
+def begun(data: ot.Dataset) -> int:
+    """A simulation in which the ego pulls out after a second."""
+    starts = [pull_out(data[number]) for number in range(len(data))]
+    return next(k for k, frame in enumerate(starts) if frame is not None and frame > 20)
+
+
+def test_a_twin_with_nothing_changed_has_the_same_hash(data: ot.Dataset, begun: int):
+    for wish in ({}, {"without": ["fog"]}, {"delay": 0.0}):
+        found = ot.twin(data, begun, **wish)
+        assert found.parting is None
+        hashes = [one.run.trace_hash for one in found.told]
+        np.testing.assert_array_equal(*hashes)
+    total = ot.twin(data, begun, without=["fog"], from_start=True)
+    np.testing.assert_array_equal(total.told[1].run.trace_hash, data[begun].trace_hash)
+
+
+def test_direct_and_total_effects_differ_in_the_start(data: ot.Dataset, begun: int):
+    direct = ot.twin(data, begun, without=["rain"])
+    total = ot.twin(data, begun, without=["rain"], from_start=True)
+    assert (direct.effect, total.effect) == ("direct", "total")
+    was = data[begun].states.s[0, :, 0]
+    np.testing.assert_array_equal(direct.told[1].run.states.s[0, : len(was), 0], was)
+    whole = ot.sample("pinto2023-physical", 1, 7, first=begun, overrides=WET)
+    drawn = total.told[1].run.scenario
+    slots = whole.num_slots
+    # The same people and bodies were drawn; where they start may differ.
+    np.testing.assert_array_equal(drawn.vehicles.mass[:, :slots], whole.vehicles.mass)
+    np.testing.assert_array_equal(drawn.drivers.time_gap[:, :slots], whole.drivers.time_gap)
+    assert not drawn.weather.rain.any()
+
+
+def test_the_frame_of_the_parting_is_the_first_that_differs(data: ot.Dataset, begun: int):
+    found = ot.twin(data, begun, without=["rain"], at=1.0)
+    assert found.parting is not None
+    one, two = (told.run.states for told in found.told)
+    frame = found.parting.frame
+    assert frame > 20
+    for name in one.__slots__:
+        if name != "lights":
+            assert (getattr(one, name)[..., :frame] == getattr(two, name)[..., :frame]).all()
+    assert found.lamps == 1.0
+    value = getattr(two, found.parting.quantity)[0, found.parting.vehicle, frame]
+    assert value != getattr(one, found.parting.quantity)[0, found.parting.vehicle, frame]
+
+
+@pytest.mark.parametrize("delay", [0.3, 1.0, 2.5])
+def test_a_later_start_is_as_late_as_asked(data: ot.Dataset, begun: int, delay: float):
+    run = ot.twin(data, begun, delay=delay).told[1].run
+    before, after = pull_out(data[begun]), pull_out(run)
+    assert after - before - round(delay * 20) in (0, 1)
+
+
+def test_who_stays_never_begins(data: ot.Dataset, begun: int):
+    assert pull_out(ot.twin(data, begun, stay=True).told[1].run) is None
+
+
+def test_a_careful_driver_has_the_traits_of_a_careful_temper(data: ot.Dataset, begun: int):
+    found = ot.twin(data, begun, driver="careful")
+    (change,) = found.told[1].run.branched.changes
+    careful = WET | {"drivers.temper": [0.0, 0.0]}
+    drivers = ot.sample("pinto2023-physical", 1, 7, first=begun, overrides=careful).drivers
+    assert set(change.traits) == set(drivers.__slots__)
+    for name, value in change.traits.items():
+        assert value == getattr(drivers, name)[0, 0]
+
+
+def test_what_cannot_be_drawn_again_is_refused(data: ot.Dataset, begun: int):
+    for wish in ({"stay": True}, {"delay": 1.0}, {"without": ["rain"], "at": 1.0}):
+        with pytest.raises(ConfigError, match="twin from the start"):
+            ot.twin(data, begun, from_start=True, **wish)
+    with pytest.raises(ConfigError, match=r"driver: expected .*careful"):
+        ot.twin(data, begun, driver="brave")
+
+
+@pytest.mark.parametrize("from_start", [False, True])
+def test_saved_twins_are_simulated_again_from_their_manifest(
+    data: ot.Dataset, begun: int, tmp_path: Path, from_start: bool
+):
+    found = ot.twin(data, begun, without=["rain"], from_start=from_start)
+    saved = ot.save_twin(data, found, tmp_path / "twin")
+    for number, told in enumerate(found.told):
+        again = ot.branch_again(saved, number)
+        np.testing.assert_array_equal(again.trace_hash, told.run.trace_hash)
+        np.testing.assert_array_equal(saved[number].trace_hash, told.run.trace_hash)
+    table = saved.labels()
+    chosen = table[table["policy"] == "paper"]["class"]
+    assert list(chosen) == [class_of(one, "paper") for one in found.labelled]
+    assert "| 1 |" in (saved.path / "README.md").read_text()
+    with pytest.raises(ot.OvertakingError, match="which are written whole"):
+        ot.resume(saved.path)
+
+
+def test_a_branch_of_a_saved_branch_goes_on_from_it(data: ot.Dataset, begun: int, tmp_path: Path):
+    first = ot.twin(data, begun, without=["rain"])
+    saved = ot.save_twin(data, first, tmp_path / "twin")
+    second = ot.twin(saved, 1, stay=True)
+    both = ot.twin(data, begun, without=["rain"], stay=True)
+    np.testing.assert_array_equal(second.told[1].run.trace_hash, both.told[1].run.trace_hash)
+
+
+def test_a_removed_vehicle_is_in_no_table_of_states(data: ot.Dataset, begun: int, tmp_path: Path):
+    gone = ot.branch(data[begun], changes=[ot.Change(frame=30, vehicle=1, removed=True)])
+    saved = ot.save_branches(data, {"without vehicle 1": gone}, tmp_path / "gone")
+    states = saved.states(0)
+    assert (states[states["vehicle"] == 1]["frame"] < 30).all()
+    np.testing.assert_array_equal(saved[0].state_valid, gone.state_valid)
+    np.testing.assert_array_equal(saved[0].states.s, gone.states.s)
+
+
+def test_the_first_future_has_the_random_numbers_of_the_simulation(data: ot.Dataset, begun: int):
+    scene = scene_of(data, begun)
+    futures = started(scene.scenario, 40, copies(scene.scenario, 8))
+    changes = [
+        ot.Change(decision=ot.Decision.STAY),
+        ot.Change(frame=40, decision=ot.Decision.PULL_OUT),
+    ]
+    alone = ot.branch(scene.scenario, changes=changes)
+    np.testing.assert_array_equal(futures.trace_hash[:1], alone.trace_hash)
+    assert len(np.unique(futures.trace_hash, axis=0)) == 8
+    for name in futures.states.__slots__:
+        values = getattr(futures.states, name)[:, :, :41]
+        np.testing.assert_array_equal(values, np.broadcast_to(values[:1], values.shape))
+
+
+def test_a_fan_counts_the_classes_of_its_futures(data: ot.Dataset, begun: int):
+    found = ot.fan(data, begun, futures=30, every=2.0)
+    assert (found.futures == 30).all()
+    scene = scene_of(data, begun)
+    frame = round(float(found.time[1]) * 20)
+    labels = ot.label(started(scene.scenario, frame, copies(scene.scenario, 30))).labels
+    for code in OvertakeClass:
+        assert found.counts[1, code] == (labels.classes[:, 0] == code).sum()
+        known = binomtest(int(found.counts[1, code]), 30).proportion_ci(method="wilson")
+        np.testing.assert_allclose(found.interval(code)[1], (known.low, known.high), atol=1e-6)
+    few = ot.fan(data, begun, futures=TOO_FEW - 1, every=5.0)
+    assert np.isnan(few.shares).all()
+
+
+def test_worlds_of_a_belief_differ_in_what_the_ego_does_not_know(data: ot.Dataset, begun: int):
+    scene = scene_of(data, begun)
+    stayed = scene.branch(ot.Change(decision=ot.Decision.STAY))
+    percept = Percept.of(started(scene.scenario, 20, copies(scene.scenario, 1)))
+    assert percept is not None
+    many = proposals(scene, stayed, 20, percept, 200)
+    run = started(scene.scenario, 20, many)
+    kept = run.select(percept.is_shared_by(run))
+    assert kept.scenario.num_simulations > TOO_FEW
+    for place, seen in enumerate(percept.detected):
+        np.testing.assert_array_equal(kept.percepts.detected[:, 0, place], seen)
+    drivers = kept.scenario.drivers
+    assert (drivers.time_gap[:, 0] == drivers.time_gap[0, 0]).all()
+    assert len(np.unique(drivers.time_gap[:, 1])) > TOO_FEW
+    # What is noticed lies where the ego's errors would have it, not where it is.
+    gaps = kept.percepts.true_gap[:, 0, 0] * 1e-3
+    if percept.detected[0]:
+        assert np.std(gaps) > 0.1
+        assert (
+            abs(np.mean(kept.percepts.gap[:, 0, 0] * 1e-3) - percept.gap[0]) < 0.1 * percept.gap[0]
+        )
+
+
+def test_each_sufficient_change_is_confirmed_by_a_simulation(data: ot.Dataset):
+    table = data.labels()
+    paper = table[table["policy"] == "paper"]
+    numbers = paper[paper["class"] == "Success_I"]["simulation"].tolist()
+    confirmed = 0
+    for number in numbers[:3]:
+        found = ot.enough(data, number)
+        assert found.was == "Success_I"
+        for one in found.found:
+            if one.least is None or not one.name.startswith("ego: time gap wanted"):
+                continue
+            scenario = data.scenario(number)
+            value = float(scenario.drivers.time_gap[0, 0]) + one.least
+            run = ot.branch(scenario, changes=[ot.Change(traits={"time_gap": value})])
+            assert class_of(ot.label(run), "paper") == one.becomes == "Success_L"
+        confirmed += sum(one.least is not None for one in found.found)
+        assert all(math.isnan(one.larger) or 0 <= one.larger <= 1 for one in found.found)
+    assert confirmed
+
+
+def test_a_goal_that_is_reached_is_refused(data: ot.Dataset, begun: int):
+    table = data.labels()
+    paper = table[table["policy"] == "paper"].set_index("simulation")["class"]
+    safe = next(k for k, name in paper.items() if name not in [one.title for one in ACCIDENTS])
+    with pytest.raises(ConfigError, match="expected one that was not safe"):
+        ot.enough(data, int(safe), goal="safe")
+
+
+def test_recorded_and_driven_simulations_are_refused(tmp_path: Path):
+    def patient(seen: ot.Observation) -> np.ndarray:
+        return np.zeros((len(seen.active), 2))
+
+    driver = ot.Driver(policy=patient, observe="truth")
+    data = ot.generate("pinto2023-physical", 1, 1, tmp_path / "driven", driver=driver)
+    with pytest.raises(ConfigError, match="expected simulations of this package's drivers"):
+        ot.twin(data, 0, stay=True)
+
+
+def test_twins_are_filmed_one_above_the_other(data: ot.Dataset, begun: int, tmp_path: Path):
+    av = pytest.importorskip("av")
+    found = ot.twin(data, begun, delay=1.0)
+    path = ot.film_twin(found, tmp_path / "twin.mp4")
+    with av.open(str(path)) as film:
+        stream = film.streams.video[0]
+        longest = max(int(told.run.num_frames[0]) for told in found.told)
+        assert (stream.width, stream.height, stream.frames) == (1280, 832, longest)
+        first = next(film.decode(video=0)).to_ndarray(format="rgb24").astype(int)
+    # Before they part both halves show the same road.
+    assert np.abs(first[60:270] - first[492:702]).mean() < 2.0
+
+
+@pytest.mark.parametrize("name", ["twin.svg", "twin.png"])
+def test_twins_and_fans_are_drawn(data: ot.Dataset, begun: int, tmp_path: Path, name: str):
+    pytest.importorskip("matplotlib")
+    path = ot.plot_what_if(ot.twin(data, begun, delay=1.0), tmp_path / name)
+    assert path.stat().st_size > 5_000
+    with pytest.raises(ConfigError, match="found: expected a Twin"):
+        ot.plot_what_if(Stage.PASS, path)
