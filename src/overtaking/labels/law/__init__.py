@@ -1,8 +1,16 @@
 """Rules of law: what each says of each simulation, and which of them a policy requires."""
 
-from overtaking.labels.law.policies import POLICIES, Legality, Policy, legality, policy
+from overtaking.labels.law.policies import (
+    POLICIES,
+    Legality,
+    Policy,
+    Tolerance,
+    legality,
+    policies_for,
+    policy,
+)
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.rule import Check, Errors, Grade, Pack, Rule, check, judge, lacking
+from overtaking.labels.law.rule import Check, Errors, Grade, Pack, Rule, Text, check, judge, lacking
 
 __all__ = [
     "POLICIES",
@@ -14,9 +22,12 @@ __all__ = [
     "Pack",
     "Policy",
     "Rule",
+    "Text",
+    "Tolerance",
     "check",
     "judge",
     "lacking",
     "legality",
+    "policies_for",
     "policy",
 ]

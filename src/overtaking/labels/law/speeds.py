@@ -115,6 +115,7 @@ L12 = Rule(
     without_attempt=True,
     check=_within_limit,
     spread=OF_SPEED,
+    limit=lambda case: speed_limits(case)[1],
 )
 
 
