@@ -1,6 +1,6 @@
 """Data sets: made, completed, loaded, labelled anew, imported and exported."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -259,6 +259,7 @@ def judged(
     data: Dataset | str | Path,
     law: str | Pack,
     *,
+    policies: Sequence[str] | None = None,
     position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
     speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
     progress: Progress | None = None,
@@ -268,6 +269,7 @@ def judged(
     Args:
         data: The data set, or its folder.
         law: A pack of rules, or the text that `rules.load_pack` takes.
+        policies: As in `label`.
         position_error: As in `label` [m].
         speed_error: As in `label` [m/s].
         progress: Called with the number of simulations that are done, and of all.
@@ -276,7 +278,7 @@ def judged(
         Numbers of simulations and their labels, batch by batch.
 
     Raises:
-        ConfigError: There is no such law.
+        ConfigError: There is no such law or policy.
         DatasetError: The data set is not complete, or damaged.
     """
     source, pack = load(data), load_pack(law)
@@ -285,7 +287,7 @@ def judged(
     def batches() -> Iterator[tuple[NDArray[np.int64], Labelled]]:
         done = 0
         for numbers, run in source.batches():
-            yield numbers, label(run, law=pack, **errors)
+            yield numbers, label(run, law=pack, policies=policies, **errors)
             done += len(numbers)
             if progress is not None:
                 progress(done, len(source))

@@ -2,16 +2,15 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.core.elementary import F32, as_f32
 from overtaking.labels.explain.breach import Change, Quantity, Remedy, Scene, sole
 from overtaking.labels.instants import Index
 from overtaking.labels.law.beliefs import Margin
 from overtaking.labels.law.distances import margin_behind, margin_of_gap, sure_decel
-from overtaking.labels.law.frames import time_to_regain
+from overtaking.labels.law.frames import after_cut_ins
 from overtaking.labels.law.others import others_at
 from overtaking.labels.law.speeds import speed_limits
 from overtaking.model.events import NEVER
-from overtaking.model.labels import Case
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.world.constants import known
@@ -26,7 +25,7 @@ _NONE = np.float32(-1.0)
 def safe_distance(scene: Scene) -> tuple[Remedy, ...]:
     """L3: more distance throughout, or so much slower at the same distances."""
     frames = scene.beside(Around.LEADER)
-    frames = frames[~after_cut_ins(scene.case)[frames]]
+    frames = frames[~after_cut_ins(scene.case)[0, frames]]
     margins = _margins(scene, Around.LEADER, frames, margin_of_gap)
     worst, broken = int(margins.argmin()), frames[margins < 0]
     farther = _farther(scene, Around.LEADER, frames[worst], margins[worst])
@@ -88,23 +87,6 @@ def oncoming(scene: Scene) -> tuple[Remedy, ...]:
     slot = int(np.where(meets, others.gap[0], np.inf).argmin())
     gap = float(others.gap[0, slot])
     return sole(Quantity.GAP_ONCOMING, gap, gap - scene.margin, scene.first, slot)
-
-
-def after_cut_ins(case: Case) -> Mask:
-    """Whether the leader has cut in so lately that it may still be too near, shape (time,).
-
-    A vehicle cuts in where it comes from another lane and becomes the leader of an ego that keeps
-    its own.
-    """
-    run, lane, leader = case.trajectories, case.signals.lane[0], case.signals.vehicle[0, 0]
-    lately = np.zeros(len(leader), np.bool_)
-    new = (leader[1:] != leader[:-1]) & (leader[1:] != NO_VEHICLE) & (lane[1:] == lane[:-1])
-    for before in np.flatnonzero(new).tolist():
-        slot, since = leader[before + 1], slice(before + 1, before + 2 + time_to_regain(case))
-        came = run.states.lane[0, slot, before] != lane[before]
-        if came and (run.present is None or run.present[0, slot, before]):
-            lately[since] |= leader[since] == slot
-    return lately
 
 
 def _followable(scene: Scene, frames: Index) -> F32:

@@ -1,5 +1,6 @@
 """Rules of law: what each says of each simulation, and which of them a policy requires."""
 
+from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.policies import (
     POLICIES,
     Legality,
@@ -12,7 +13,12 @@ from overtaking.labels.law.policies import (
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import Check, Errors, Grade, Pack, Rule, Text, check, judge, lacking
 
+PACKS = {pack.name: pack for pack in (PORTUGAL, GERMANY)}
+"""The packs of this package, by name."""
+
 __all__ = [
+    "GERMANY",
+    "PACKS",
     "POLICIES",
     "PORTUGAL",
     "Check",
