@@ -16,6 +16,7 @@ from overtaking.api.data import (
     write_column_map,
 )
 from overtaking.api.driving import drive, driver_of
+from overtaking.api.law import law_compare, law_curve, plot_law_curve
 from overtaking.api.learning import learn_factors, learn_rules
 from overtaking.api.logic import ask, prove
 from overtaking.api.maps import map_roads, plot_map
@@ -57,12 +58,15 @@ __all__ = [
     "judged",
     "label",
     "lacking",
+    "law_compare",
+    "law_curve",
     "learn_factors",
     "learn_rules",
     "literature",
     "load",
     "map_roads",
     "plot_map",
+    "plot_law_curve",
     "plot_validation",
     "prove",
     "query",

@@ -24,6 +24,7 @@ from overtaking.data.load import Dataset
 from overtaking.data.manifest import read_manifest
 from overtaking.data.place import folder_of, place_of
 from overtaking.data.recipe import Keep, Recipe
+from overtaking.data.verdicts import written
 from overtaking.labels.label import Labelled
 from overtaking.labels.law import Pack
 from overtaking.model.checks import argument, checked
@@ -260,16 +261,18 @@ def judged(
     law: str | Pack,
     *,
     policies: Sequence[str] | None = None,
+    out: str | Path | None = None,
     position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
     speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
     progress: Progress | None = None,
 ) -> Iterator[tuple[NDArray[np.int64], Labelled]]:
-    """A data set under another law; nothing is written.
+    """A data set under another law or other policies; it stays as it is.
 
     Args:
         data: The data set, or its folder.
         law: A pack of rules, or the text that `rules.load_pack` takes.
         policies: As in `label`.
+        out: A Parquet file of the verdicts, written as the batches are taken; None for none.
         position_error: As in `label` [m].
         speed_error: As in `label` [m/s].
         progress: Called with the number of simulations that are done, and of all.
@@ -292,7 +295,7 @@ def judged(
             if progress is not None:
                 progress(done, len(source))
 
-    return batches()
+    return batches() if out is None else written(batches(), pack.name, Path(out))
 
 
 @checked

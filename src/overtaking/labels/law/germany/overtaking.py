@@ -69,7 +69,7 @@ def _much_faster(case: Case) -> Check:
     rows, when = np.arange(len(frame)), np.maximum(frame, 0)
     there = vehicle_at(case.trajectories, target, rows, when)
     faster = at(case.signals.speed, when) - there.speed
-    return instant(frame, faster - known("law_de.overtaking.faster"), target != NO_VEHICLE)
+    return instant(frame, faster - known("law_de.pass.faster"), target != NO_VEHICLE)
 
 
 def _two_speeds(case: Case, found: Check, errors: Errors) -> F32:
@@ -121,7 +121,7 @@ O4 = replace(
 def _trucks_see(case: Case) -> Check:
     """As a truck begins to overtake, one sees 50 m or more through fog and rain."""
     trucks = ego_may_be(case, VehicleKind.T) & case.events.attempted
-    margin = optical_range(case) - known("law_de.overtaking.truck_sight")
+    margin = optical_range(case) - known("law_de.pass.truck_sight")
     return instant(case.events.attempt, margin, trucks)
 
 
