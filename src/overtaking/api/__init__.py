@@ -16,7 +16,7 @@ from overtaking.api.data import (
     write_column_map,
 )
 from overtaking.api.driving import drive, driver_of
-from overtaking.api.law import law_compare, law_curve, plot_law_curve
+from overtaking.api.law import law_compare, law_curve, law_explain, plot_law_curve
 from overtaking.api.learning import learn_factors, learn_rules
 from overtaking.api.logic import ask, prove
 from overtaking.api.maps import map_roads, plot_map
@@ -60,6 +60,7 @@ __all__ = [
     "lacking",
     "law_compare",
     "law_curve",
+    "law_explain",
     "learn_factors",
     "learn_rules",
     "literature",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from overtaking.api.data import load
 from overtaking.api.rules import load_pack, policies_of
 from overtaking.api.simulating import MOST_ERROR, errors_of
+from overtaking.core.checks import check_name
 from overtaking.core.steps import Progress
 from overtaking.data.load import Dataset
 from overtaking.labels.explain.explanation import case_of
@@ -106,6 +107,48 @@ def _judged(
         done += len(numbers)
         if progress is not None:
             progress(done, len(data))
+
+
+@checked
+def law_explain(
+    data: str | Path,
+    simulation: int,
+    *,
+    law: str = LAWS[0],
+    policies: Sequence[str] | None = None,
+    rules: Sequence[str] | None = None,
+    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+) -> list[dict[str, Any]]:
+    """A paragraph for each verdict on one simulation.
+
+    Args:
+        data: Folder of a data set, or its URL.
+        simulation: Its number.
+        law: What `rules.load_pack` takes.
+        policies: As in `label`.
+        rules: Codes of the rules to tell of; None for all.
+        position_error: As in `label` [m].
+        speed_error: As in `label` [m/s].
+
+    Returns:
+        What `show.paragraphs.paragraphs` returns.
+
+    Raises:
+        ConfigError: There is no such law, policy or rule.
+        DatasetError: There is no such simulation, or the data set is not complete, or damaged.
+    """
+    from overtaking.show.paragraphs import paragraphs
+
+    pack = load_pack(law)
+    for code in rules or ():
+        check_name(code, pack.codes, what="rule", where=pack.name)
+    chosen = policies_of(pack, policies)
+    errors = errors_of(position_error, speed_error)
+    run = load(data).trajectory(simulation)
+    labelled = label(run, pack=pack, policies=chosen, errors=errors)
+    told = paragraphs(labelled, simulation, pack, chosen)
+    return [one for one in told if rules is None or one["rule"] in rules]
 
 
 def plot_law_curve(found: "Curve", out: str | Path) -> None:

@@ -238,6 +238,7 @@ GROUPS: dict[str, tuple[str, dict[options.Body, str]]] = {
         {
             laws.curve: "overtaking law curve data/pinto --policy default --plot law.png",
             laws.compare: "overtaking law compare data/pinto --law pt,de",
+            laws.explain: "overtaking law explain data/pinto 17 --rules L3,L12",
         },
     ),
     "learn": (

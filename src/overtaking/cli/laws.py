@@ -10,8 +10,12 @@ from overtaking.cli.tables import drawn_rows
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+Rules = Annotated[
+    str | None,
+    options.option("--rules CODE,CODE", "Rules to tell of, separated by commas.  [default: all]"),
+]
 Plot = Annotated[
-    Path | None, options.option("--plot FILE", "Draw the figure to a .png or .svg file.")
+    Path | None, options.option("--plot FILE", "Draw the figures to a .png or .svg file.")
 ]
 
 
@@ -61,6 +65,45 @@ def compare(
     with output.progress("simulations") as meter:
         values = api.law_compare(data, laws, policies=chosen, progress=meter, **given)
     output.result(values, lambda _: render_comparison(values))
+
+
+def explain(
+    output: Output,
+    data: options.Data,
+    simulation: options.Number,
+    law: options.Law = "pt",
+    rules: Rules = None,
+    position_error: options.PositionError = None,
+    speed_error: options.SpeedError = None,
+) -> None:
+    """Explain each verdict on a simulation in a paragraph.
+
+    Broken rules come first. A paragraph has the article, the facts, the margin, and what would have
+    been lawful.
+    """
+    from overtaking import api
+    from overtaking.cli import arguments
+
+    given = arguments.given(position_error=position_error, speed_error=speed_error)
+    codes = None if rules is None else [one.strip() for one in rules.split(",")]
+    told = api.law_explain(data, simulation, law=law, rules=codes, **given)
+    output.result({"verdicts": told}, lambda _: render_paragraphs(told))
+
+
+def render_paragraphs(told: list[dict[str, Any]]) -> "RenderableType":
+    """The paragraphs, one below the other; rules that do not apply in one line."""
+    from rich.console import Group
+    from rich.text import Text
+
+    lines = [
+        Text.assemble((f"{one['rule']} ", "bold"), one["paragraph"], "\n")
+        for one in told
+        if one["verdict"] != "not_applicable" or len(told) == 1
+    ]
+    silent = [one["rule"] for one in told if one["verdict"] == "not_applicable"]
+    if silent and len(told) > 1:
+        lines.append(Text(f"Do not apply: {', '.join(silent)}", style="dim"))
+    return Group(*lines)
 
 
 def render_curve(values: dict[str, Any]) -> "RenderableType":

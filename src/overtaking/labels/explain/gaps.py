@@ -28,7 +28,7 @@ def safe_distance(scene: Scene) -> tuple[Remedy, ...]:
     frames = frames[~after_cut_ins(scene.case)[0, frames]]
     margins = _margins(scene, Around.LEADER, frames, margin_of_gap)
     worst, broken = int(margins.argmin()), frames[margins < 0]
-    farther = _farther(scene, Around.LEADER, frames[worst], margins[worst])
+    farther = more_distance(scene, Around.LEADER, frames[worst], margins[worst])
     return *farther, *scene.slower(broken, _followable(scene, broken))
 
 
@@ -39,14 +39,14 @@ def room_ahead(scene: Scene) -> tuple[Remedy, ...]:
     ahead = scene.case.signals.speed[0, frames] - closing
     in_time = ahead + gap / known("law.entry.ttc")
     allowed = np.minimum(_lawful_speed(gap, ahead, _decel(scene, frames)), in_time)
-    farther = _farther(scene, place, scene.first, scene.margin)
+    farther = more_distance(scene, place, scene.first, scene.margin)
     return *farther, *scene.slower(frames, np.where(gap < 0, _NONE, allowed))
 
 
 def room_behind(scene: Scene) -> tuple[Remedy, ...]:
     """L5: more distance to the one behind on the left, or faster where the limit allows it."""
     place, frames = Around.LEFT_FOLLOWER, np.array([scene.first])
-    farther = _farther(scene, place, scene.first, scene.margin)
+    farther = more_distance(scene, place, scene.first, scene.margin)
     gap, closing = _gaps(scene, place, frames)
     rear = scene.case.signals.speed[0, frames] + closing
     slowest = _speed_before(np.maximum(gap, 0), rear, _decel(scene, frames))[0]
@@ -61,7 +61,7 @@ def safe_return(scene: Scene) -> tuple[Remedy, ...]:
     for place, margin in ((Around.FOLLOWER, margin_behind), (Around.LEADER, margin_of_gap)):
         found = float(_margins(scene, place, frame, margin)[0])
         if scene.case.signals.vehicle[0, place, scene.first] != NO_VEHICLE and found < 0:
-            changes += _farther(scene, place, scene.first, found)[0]
+            changes += more_distance(scene, place, scene.first, found)[0]
     return (tuple(changes),)
 
 
@@ -75,7 +75,7 @@ def no_obstruction(scene: Scene) -> tuple[Remedy, ...]:
     # Where the margin is cut off, several frames have it; the one that lacks most tells.
     lacking = np.where(np.isclose(limit - forced, scene.margin), needed - gap, -np.inf)
     worst = int(lacking.argmax())
-    return _farther(scene, place, frames[worst], gap[worst] - needed[worst])
+    return more_distance(scene, place, frames[worst], gap[worst] - needed[worst])
 
 
 def oncoming(scene: Scene) -> tuple[Remedy, ...]:
@@ -110,7 +110,7 @@ def _speed_before(gap: F32, rear: F32, decel: F32) -> F32:
     return np.maximum(np.sqrt(np.maximum(square, np.float32(0.0))), calm)
 
 
-def _farther(
+def more_distance(
     scene: Scene, place: Around, frame: int | np.integer, margin: float | np.floating
 ) -> tuple[Remedy]:
     """More distance to a neighbour, by what the margin lacks."""

@@ -73,14 +73,14 @@ V1s = replace(
 )
 
 
-def _limits(case: Case) -> tuple[F32, F32]:
+def limits(case: Case) -> tuple[F32, F32]:
     """The lowest and the highest limit that may hold for each ego [m/s]."""
     return limits_of(case, limit_table("law_de.toml"))
 
 
 def _within_limit(case: Case) -> Check:
     """Speed never exceeds the posted limit and that of the class of vehicle on this road."""
-    found = keeps_limit(case, rounded(_limits(case)))
+    found = keeps_limit(case, rounded(limits(case)))
     severity = np.full(len(found.verdict), Severity.LIGHT, np.uint8)
     for grade in ("serious", "very_serious"):
         severity += (-found.margin > known(f"law_de.excess.{grade}")).astype(np.uint8)
@@ -101,7 +101,7 @@ V2 = replace(
     "tolerance. Over 20 km/h serious, over 40 very serious.",
     source=_STVO,
     check=_within_limit,
-    limit=lambda case: _limits(case)[1],
+    limit=lambda case: limits(case)[1],
 )
 
 
