@@ -146,7 +146,13 @@ FIXTURES: list[tuple[str, Verdict, str, Any]] = [
     ("V3", LEGAL, "50 km/h in dense fog", lambda: alone(ego={"speed": 13.8}, weather=DENSE)),
     ("V3", BREACH, "54 km/h in dense fog", lambda: alone(ego={"speed": 15.0}, weather=DENSE)),
     ("V3", APART, "clear air", alone),
-    ("V3", UNKNOWN, "no weather", lambda: alone(weather=DENSE, unknown=("weather",))),
+    ("V3", UNKNOWN, "no weather", lambda: alone(unknown=("weather",))),
+    (
+        "V3",
+        LEGAL,
+        "slow, whatever the weather",
+        lambda: alone(ego={"speed": 13.0}, unknown=("weather",)),
+    ),
     (
         "F1",
         LEGAL,

@@ -150,7 +150,7 @@ def _above_minimum(case: Case) -> Check:
     held = _is_held_up(case, slow[row], frames)
     margin[slow[row[held]], frames[held]] = ENDLESS
     found = never_negative(stretch(margin, span), span)
-    return found if road_known else _perhaps(found)
+    return found if road_known else perhaps(found)
 
 
 def _is_held_up(case: Case, rows: Index, frames: Index) -> Mask:
@@ -165,8 +165,8 @@ def _is_held_up(case: Case, rows: Index, frames: Index) -> Mask:
     return congested | (ahead.valid & near & (leader_speed < least))
 
 
-def _perhaps(found: Check) -> Check:
-    """The same where it may be no motorway: slow driving is then in doubt, not a breach."""
+def perhaps(found: Check) -> Check:
+    """The same where what it is about may not be so: a breach is then in doubt."""
     slow = found.margin < 0
     margin = np.where(slow, np.float32(0.0), found.margin)
     applies = found.verdict != Verdict.NOT_APPLICABLE

@@ -13,7 +13,7 @@ from overtaking.labels.law.lamps import BEAMS, FOG, HIGH, L19, dazzles
 from overtaking.labels.law.lanes import L2
 from overtaking.labels.law.rule import Check, Grade, Rule, decided
 from overtaking.labels.law.sight import L14, L14s, optical_range
-from overtaking.labels.law.speeds import L12, keeps_limit, limit_table, limits_of, rounded
+from overtaking.labels.law.speeds import L12, keeps_limit, limit_table, limits_of, perhaps, rounded
 from overtaking.labels.law.when import L21
 from overtaking.model.labels import Case, Severity, Verdict
 from overtaking.model.vehicles import Role
@@ -107,10 +107,11 @@ V2 = replace(
 
 def _slow_in_fog(case: Case) -> Check:
     """Where one sees less than 50 m for fog or rain, speed is 50 km/h at most."""
-    thick = optical_range(case) < known("law_de.fog.sight")
-    thick |= "weather" in case.trajectories.unknown  # Any weather may be.
+    thick, may_be = optical_range(case) < known("law_de.fog.sight"), case.trajectories.unknown
+    thick |= "weather" in may_be
     margin = known("law_de.fog.speed") - case.signals.speed
-    return always(np.where(thick[:, None], margin, ENDLESS), conduct(case))
+    found = always(np.where(thick[:, None], margin, ENDLESS), conduct(case))
+    return perhaps(found) if "weather" in may_be else found
 
 
 V3 = Rule(
@@ -124,7 +125,7 @@ V3 = Rule(
     unit="m/s",
     grade=Grade.SERIOUS,
     source=_STVO,
-    needs=frozenset(["weather"]),
+    partly=frozenset(["weather"]),
     without_attempt=True,
     check=_slow_in_fog,
     spread=OF_SPEED,
