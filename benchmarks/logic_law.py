@@ -2,11 +2,12 @@
 
     python benchmarks/logic_law.py                          # 10,000 simulations of three profiles
     python benchmarks/logic_law.py --simulations 1000 --seed 7
-    python benchmarks/logic_law.py --data data/us101        # a data set, of others' recordings too
+    python benchmarks/logic_law.py --data data/us101        # a data set, of recordings too
+    python benchmarks/logic_law.py --law de                 # German law
 
-Every verdict of the twelve rules that are there twice is compared, and the first frame of every
-breach. Simulations are drawn, judged and forgotten in groups, so that memory is flat. Exits with 1
-if there is a difference.
+Every verdict of the twelve rules of a law that are there twice is compared, and the first frame of
+every breach. Simulations are drawn, judged and forgotten in groups, so that memory is flat. Exits
+with 1 if there is a difference.
 """
 
 import argparse
@@ -21,11 +22,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from overtaking import api
-from overtaking.analysis.logic.law import CODES, judged, lawyer
+from overtaking.analysis.logic.law import PROGRAMS, judged, lawyer
 from overtaking.analysis.logic.reasoning import Reasoner
 from overtaking.analysis.logic.source import Group, groups
 from overtaking.labels.events import case_of
-from overtaking.labels.law import PORTUGAL, check
+from overtaking.labels.law import PACKS, check
 from overtaking.model.labels import Verdict
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
@@ -65,13 +66,14 @@ def drawn(profile: str, number: int, seed: int) -> Iterator[Group]:
         yield Group(numbers=numbers, case=case_of(runs), done=int(numbers[-1]) + 1)
 
 
-def compare(reasoner: Reasoner, group: Group, tally: Tally, where: str) -> None:
+def compare(reasoner: Reasoner, group: Group, tally: Tally, where: str, law: str) -> None:
     """Compare all verdicts of a group, and the first frames of breaches."""
-    found, said = check(PORTUGAL, group.case), judged(reasoner, group)
-    place = [found.rules.index(code) for code in CODES]
+    found, said = check(PACKS[law], group.case), judged(reasoner, group, law)
+    codes = PROGRAMS[law][1]
+    place = [found.rules.index(code) for code in codes]
     verdict, first = found.verdict[:, place], found.first[:, place]
     tally.simulations += len(verdict)
-    for rule, code in enumerate(CODES):
+    for rule, code in enumerate(codes):
         for value, count in zip(*np.unique(verdict[:, rule], return_counts=True), strict=True):
             tally.verdicts[code, Verdict(int(value)).name.lower()] += int(count)
     is_illegal = verdict == Verdict.ILLEGAL
@@ -80,7 +82,7 @@ def compare(reasoner: Reasoner, group: Group, tally: Tally, where: str) -> None:
         python = f"{verdict[row, rule]} from frame {first[row, rule]}"
         logic = f"{said.verdict[row, rule]} from frame {said.first[row, rule]}"
         number = group.numbers[row]
-        tally.differences.append(f"{where} {number}, {CODES[rule]}: Python {python}, ASP {logic}")
+        tally.differences.append(f"{where} {number}, {codes[rule]}: Python {python}, ASP {logic}")
 
 
 def main() -> int:
@@ -89,6 +91,7 @@ def main() -> int:
     parser.add_argument("--simulations", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=11)
     parser.add_argument("--data", help="a data set instead of simulations that are drawn")
+    parser.add_argument("--law", choices=PROGRAMS, default="pt")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     begin, tally = time.perf_counter(), Tally()
@@ -99,10 +102,10 @@ def main() -> int:
             profile: drawn(profile, round(given.simulations * share), given.seed)
             for profile, share in SHARES.items()
         }
-    with lawyer(timeout_s=1e6) as reasoner:
+    with lawyer(given.law, timeout_s=1e6) as reasoner:
         for where, source in sources.items():
             for group in source:
-                compare(reasoner, group, tally, where)
+                compare(reasoner, group, tally, where, given.law)
                 done = f"\r{where}: {group.done:,}, {len(tally.differences)} differences"
                 print(done, end="", file=sys.stderr, flush=True)
     seconds = time.perf_counter() - begin
@@ -114,15 +117,15 @@ def main() -> int:
         "memory_mib": round(_memory_mib()),
         "by_rule": {" ".join(key): count for key, count in sorted(tally.verdicts.items())},
     }
-    print(json.dumps(values, indent=2) if given.json else _page(values, tally))
+    print(json.dumps(values, indent=2) if given.json else _page(values, tally, given.law))
     return 1 if tally.differences else 0
 
 
-def _page(values: Mapping[str, object], tally: Tally) -> str:
+def _page(values: Mapping[str, object], tally: Tally, law: str) -> str:
     """The result for people."""
     names = [verdict.name.lower() for verdict in Verdict]
     lines = ["", f"{'rule':<6}" + "".join(f"{name:>16}" for name in names)]
-    for code in CODES:
+    for code in PROGRAMS[law][1]:
         counts = (tally.verdicts[code, name] for name in names)
         lines.append(f"{code:<6}" + "".join(f"{count:>16,}" for count in counts))
     lines.append(

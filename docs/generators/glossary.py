@@ -13,8 +13,8 @@ second column is where the package defines it. `overtaking glossary` prints the 
 """
 NOTES = {
     "classes": "The study's five classes come first. Which rules count is the choice of a policy.",
-    "policies": "Each policy includes the rules of the one above it. The "
-    "[rules](rules.md#overview) say which rule belongs to which policy.",
+    "policies": "Each of the first three includes the rules of the one above it. The "
+    "[rules](rules.md#portugal) say which rule belongs to which policy.",
     "readings": "The two ways to [measure features](../explanation/events.md"
     "#two-ways-to-measure-features).",
     "features": "The study's fifteen features of a simulation, the seven static ones first.",

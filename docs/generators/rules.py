@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 from generators.knowledge import numbers_of, source_link
 from generators.markdown import page, section, table
 
-from overtaking.labels.law import POLICIES, PORTUGAL
+from overtaking.labels.law import GERMANY, PORTUGAL, Text, policies_for
 
 if TYPE_CHECKING:
-    from overtaking.labels.law import Policy, Rule
+    from overtaking.labels.law import Pack, Policy, Rule
 
 INTRODUCTION = f"""\
-The rule set `{PORTUGAL.version}`: the Portuguese Highway Code and the regulation of signs, as far
-as overtaking goes. It is an interpretation by people who are no lawyers: where the law says
-*enough* or *in time*, we had to put a number. What stands behind it is told in
-[the law](../explanation/law.md).
+Two packs of rules: `{PORTUGAL.version}`, the Portuguese Highway Code and the regulation of signs,
+and `{GERMANY.version}`, the German *Straßenverkehrs-Ordnung*, as far as overtaking goes. They are
+interpretations by people who are no lawyers: where the law says *enough* or *in time*, we had to
+put a number. What stands behind it is told in [the law](../explanation/law.md).
 
 A rule says *legal*, *illegal*, *not applicable*, or *undecidable* where a recording does not tell
 what it needs. The margin is how far the border of the law is, in the unit of the rule; it is
@@ -28,6 +28,14 @@ POLICY = """\
 Which rules make an overtake illegal is the choice of a policy. Rules that no policy asks for are
 recorded all the same.
 """
+TOLERANCES = """\
+`serious` and `enforced` are computed on request and never stored. In `enforced` a rule with a
+tolerance counts at any severity beyond it; the others count as in `serious`.
+"""
+TEXTS = """\
+A verdict of the Portuguese pack on a rule whose text was not read says so. The German pack leaves
+such rules undecidable, and no policy asks for them.
+"""
 NUMBERS = """\
 A value whose source is *choice* is ours, for the reason given.
 """
@@ -38,33 +46,50 @@ def content() -> str:
     return page(
         "Rules",
         INTRODUCTION,
-        section("Overview", table(("rule", "title", "law", *_names()), map(_line, PORTUGAL.rules))),
         section(
             "Policies",
             POLICY,
             table(
-                ("policy", "undecidable", "open", "off the road or spun"), map(_policy, POLICIES)
+                ("policy", "undecidable", "open", "off the road or spun", "counts from"),
+                map(_policy, policies_for("pt")),
             ),
+            TOLERANCES,
+            numbers_of("tolerances.toml"),
         ),
-        section("The rules", *map(_rule, PORTUGAL.rules)),
-        section("Numbers: `law.toml`", NUMBERS, numbers_of("law.toml")),
+        section("How the text is known", TEXTS, table(("text", "meaning"), map(_text, Text))),
+        *_pack("Portugal", PORTUGAL, "law.toml"),
+        *_pack("Germany", GERMANY, "law_de.toml"),
     )
 
 
-def _names() -> list[str]:
-    return [each.name for each in POLICIES]
+def _pack(country: str, pack: Pack, numbers: str) -> tuple[str, ...]:
+    """The overview of a pack, its rules, and their numbers."""
+    names = [each.name for each in policies_for(pack.name)]
+    overview = table(
+        ("rule", "title", "law", "text", *names), [_line(rule, pack) for rule in pack.rules]
+    )
+    return (
+        section(country, f"Edition: {pack.edition}.\n", overview),
+        section(f"The rules of {country}", *map(_rule, pack.rules)),
+        section(f"Numbers of {country}: `{numbers}`", NUMBERS, numbers_of(numbers)),
+    )
 
 
-def _line(rule: Rule) -> tuple[str, ...]:
-    asked = ["yes" if rule.code in each.required else "" for each in POLICIES]
-    return f"[{rule.code}](#{_anchor(rule)})", rule.title, rule.law, *asked
+def _text(of: Text) -> tuple[str, str]:
+    return f"`{of}`", of.meaning
+
+
+def _line(rule: Rule, pack: Pack) -> tuple[str, ...]:
+    asked = ["yes" if rule.code in each.required else "" for each in policies_for(pack.name)]
+    return f"[{rule.code}](#{_anchor(rule)})", rule.title, rule.law, str(rule.text), *asked
 
 
 def _policy(each: Policy) -> tuple[str, ...]:
     doubt = "counts as legal" if each.allows_undecided else "gives `Success_U`"
     cut = "left out as *censored*" if each.censors_open else "counts as not completed"
     lost = "`Unsuccess_dep`" if each.names_departures else "counts as not completed"
-    return f"`{each.name}`", doubt, cut, lost
+    least = f"{each.least.name.lower().replace('_', ' ')} breaches"
+    return f"`{each.name}`", doubt, cut, lost, least
 
 
 def _anchor(rule: Rule) -> str:
@@ -77,11 +102,13 @@ def _rule(rule: Rule) -> str:
     rows = [
         ("id", f"`{rule.id}`"),
         ("law", f"{rule.law} ({source_link(rule.source)})"),
+        ("text", f"`{rule.text}`: {rule.where}"),
         ("what it asks", rule.gloss),
         ("what is checked", rule.predicate),
         ("unit of the margin", rule.unit),
         ("standard error", rule.spread.formula if rule.spread else "0"),
         ("a breach is", rule.grade.value),
+        ("it costs", rule.fine),
         ("undecidable without", _list(rule.needs)),
         ("at times undecidable without", _list(rule.partly)),
         ("without an attempt", "judged all the same" if rule.without_attempt else "not applicable"),

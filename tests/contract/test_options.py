@@ -39,7 +39,7 @@ def test_every_command_has_a_summary_and_an_example_that_can_be_typed(command: A
     assert all(text and text[-1] in ".]" for text in PAGE.options(command).values())
 
 
-@pytest.mark.parametrize("group", ["", "carla", "learn", "literature", "sumo"])
+@pytest.mark.parametrize("group", ["", "carla", "law", "learn", "literature", "sumo"])
 def test_no_summary_is_cut_off_in_the_list_of_commands(
     group: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):

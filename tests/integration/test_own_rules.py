@@ -86,7 +86,7 @@ def test_the_portuguese_pack_is_the_one_without_a_law():
 @pytest.mark.parametrize(
     ("law", "message"),
     [
-        ("two_rules", "expected pt, or MODULE:NAME"),
+        ("two_rules", "expected pt, de, or MODULE:NAME"),
         ("no_such_module:PACK", "a module that can be imported"),
         ("two_rules:NOTHING", "a Pack called NOTHING, got NoneType"),
         ("two_rules:GAP", "got Rule"),

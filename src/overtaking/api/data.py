@@ -1,6 +1,6 @@
 """Data sets: made, completed, loaded, labelled anew, imported and exported."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,6 +24,7 @@ from overtaking.data.load import Dataset
 from overtaking.data.manifest import read_manifest
 from overtaking.data.place import folder_of, place_of
 from overtaking.data.recipe import Keep, Recipe
+from overtaking.data.verdicts import written
 from overtaking.labels.label import Labelled
 from overtaking.labels.law import Pack
 from overtaking.model.checks import argument, checked
@@ -267,15 +268,19 @@ def judged(
     data: Dataset | str | Path,
     law: str | Pack,
     *,
+    policies: Sequence[str] | None = None,
+    out: str | Path | None = None,
     position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
     speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
     progress: Progress | None = None,
 ) -> Iterator[tuple[NDArray[np.int64], Labelled]]:
-    """A data set under another law; nothing is written.
+    """A data set under another law or other policies; it stays as it is.
 
     Args:
         data: The data set, or its folder.
         law: A pack of rules, or the text that `rules.load_pack` takes.
+        policies: As in `label`.
+        out: A Parquet file of the verdicts, written as the batches are taken; None for none.
         position_error: As in `label` [m].
         speed_error: As in `label` [m/s].
         progress: Called with the number of simulations that are done, and of all.
@@ -284,7 +289,7 @@ def judged(
         Numbers of simulations and their labels, batch by batch.
 
     Raises:
-        ConfigError: There is no such law.
+        ConfigError: There is no such law or policy.
         DatasetError: The data set is not complete, or damaged.
     """
     source, pack = load(data), load_pack(law)
@@ -293,12 +298,12 @@ def judged(
     def batches() -> Iterator[tuple[NDArray[np.int64], Labelled]]:
         done = 0
         for numbers, run in source.batches():
-            yield numbers, label(run, law=pack, **errors)
+            yield numbers, label(run, law=pack, policies=policies, **errors)
             done += len(numbers)
             if progress is not None:
                 progress(done, len(source))
 
-    return batches()
+    return batches() if out is None else written(batches(), pack.name, Path(out))
 
 
 @checked

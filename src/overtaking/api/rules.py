@@ -26,11 +26,13 @@ A rule is a function of a case and what is told about it; a pack is a list of ru
 
 import importlib
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
+from overtaking.core.checks import check_name
 from overtaking.core.errors import ConfigError
 from overtaking.labels.instants import at, seconds_of
-from overtaking.labels.law import PORTUGAL, Policy
+from overtaking.labels.law import GERMANY, PACKS, PORTUGAL, Policy, Text, Tolerance, policies_for
 from overtaking.labels.law.alongside import alongside
 from overtaking.labels.law.distances import beside
 from overtaking.labels.law.errors import deciding, standard_error
@@ -46,7 +48,7 @@ from overtaking.labels.law.frames import (
     passed,
     settled,
 )
-from overtaking.labels.law.policies import POLICIES
+from overtaking.labels.law.policies import POLICIES, STORED
 from overtaking.labels.law.rule import Check, Errors, Grade, Pack, Rule, Spread, decided, judge
 from overtaking.labels.signals import encounter
 from overtaking.model.events import NEVER
@@ -55,6 +57,7 @@ from overtaking.model.signals import Around
 
 __all__ = [
     "ENDLESS",
+    "GERMANY",
     "NEVER",
     "PORTUGAL",
     "Around",
@@ -68,6 +71,8 @@ __all__ = [
     "Severity",
     "Span",
     "Spread",
+    "Text",
+    "Tolerance",
     "Verdict",
     "alongside",
     "always",
@@ -95,19 +100,19 @@ def load_pack(law: str | Pack) -> Pack:
     """A pack of rules.
 
     Args:
-        law: A pack, `pt` for the Portuguese one, or `module:name` of one in a Python module that is
-            installed or in the working folder. Its code is run.
+        law: A pack, `pt` for the Portuguese one or `de` for the German one, or `module:name` of one
+            in a Python module that is installed or in the working folder. Its code is run.
 
     Raises:
         ConfigError: There is no such module or pack, or two of its rules have the same code.
     """
     if isinstance(law, Pack):
         return _sound(law)
-    if law == PORTUGAL.name:
-        return PORTUGAL
+    if law in PACKS:
+        return PACKS[law]
     module, colon, name = law.partition(":")
     if not (module and colon and name):
-        raise _refused(law, "pt, or MODULE:NAME", "another form")
+        raise _refused(law, "pt, de, or MODULE:NAME", "another form")
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.append(here)
@@ -120,21 +125,29 @@ def load_pack(law: str | Pack) -> Pack:
     return _sound(found)
 
 
-def policies_of(pack: Pack) -> tuple[Policy, ...]:
-    """The policies that decide about classes: those whose rules a pack has.
+def policies_of(pack: Pack, names: Sequence[str] | None = None) -> tuple[Policy, ...]:
+    """The policies that decide about classes.
 
-    Without any there is one, `all`, that requires every rule about the ego's duty.
+    A pack of this package has policies of its own. Of another pack they are those of the Portuguese
+    one whose rules it has; without any there is one, `all`, that requires every rule about the
+    ego's duty.
+
+    Args:
+        pack: The pack.
+        names: Which of its policies; None for those that data sets store.
+
+    Raises:
+        ConfigError: The pack has no policy of a name.
     """
-    fitting = tuple(one for one in POLICIES if {*one.required} <= {*pack.codes})
+    own = policies_for(pack.name) if pack.name in PACKS else ()
+    fitting = own or tuple(one for one in POLICIES if {*one.required} <= {*pack.codes})
     duties = tuple(rule.code for rule in pack.rules if rule.of_ego)
-    every = Policy(
-        name="all",
-        required=duties,
-        allows_undecided=False,
-        censors_open=True,
-        names_departures=True,
-    )
-    return fitting or (every,)
+    known = {one.name: one for one in fitting or (Policy(name="all", required=duties),)}
+    if names is None:
+        return tuple(one for one in known.values() if one.name in STORED or not own)
+    for name in names:
+        check_name(name, known, what="policy", where=pack.name)
+    return tuple(known[name] for name in names)
 
 
 def _sound(pack: Pack) -> Pack:

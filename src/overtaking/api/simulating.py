@@ -147,6 +147,7 @@ def label(
     position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
     speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
     law: str | Pack = PORTUGAL,
+    policies: Sequence[str] | None = None,
 ) -> Labelled:
     """Label recorded simulations: events, law, classes and features.
 
@@ -156,16 +157,18 @@ def label(
             undecidable where its margin is less than two standard errors.
         speed_error: Of recorded speeds, 0 to `MOST_ERROR` [m/s].
         law: A pack of rules, or the text that `rules.load_pack` takes.
+        policies: Names of its policies; None for those that data sets store.
 
     Returns:
         Signals, events, findings, labels and features, one for each simulation.
 
     Raises:
-        ConfigError: A field of the recording is out of its range, or there is no such law.
+        ConfigError: A field of the recording is out of its range, or there is no such law
+            or policy.
     """
     pack = load_pack(law)
     errors = errors_of(position_error, speed_error)
-    return labelled(runs, pack=pack, policies=policies_of(pack), errors=errors)
+    return labelled(runs, pack=pack, policies=policies_of(pack, policies), errors=errors)
 
 
 def errors_of(position_error: float, speed_error: float) -> Errors | None:

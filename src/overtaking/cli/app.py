@@ -12,6 +12,7 @@ from overtaking.cli import (
     glossary,
     importing,
     labelling,
+    laws,
     learn,
     literature,
     logic,
@@ -237,6 +238,14 @@ GROUPS: dict[str, tuple[str, dict[options.Body, str]]] = {
             carla.run: "overtaking carla run motorway -n 20 --driver own --out data/carla",
             carla.replay: "overtaking carla replay data/pinto --simulations 1,7 --out films",
             carla.limits: "overtaking carla limits",
+        },
+    ),
+    "law": (
+        "Judge by laws, policies and tolerances.",
+        {
+            laws.curve: "overtaking law curve data/pinto --policy default --plot law.png",
+            laws.compare: "overtaking law compare data/pinto --law pt,de",
+            laws.explain: "overtaking law explain data/pinto 17 --rules L3,L12",
         },
     ),
     "learn": (

@@ -1,6 +1,7 @@
 """`overtaking label`: the labels of a data set, made anew."""
 
 from collections import Counter
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import options
@@ -17,12 +18,11 @@ if TYPE_CHECKING:
 
 
 _DECIDED = ("legal", "illegal", "undecidable")
-Law = Annotated[
-    str | None,
+Out = Annotated[
+    Path | None,
     options.option(
-        "--law MODULE:PACK",
-        "Judge by a pack of rules in a Python module, which is run; the data set stays as it is.  "
-        "[default: pt, written into the data set]",
+        "--out FILE",
+        f"{options.OUT} A Parquet file of the verdicts, one row per simulation and policy.",
     ),
 ]
 
@@ -32,19 +32,23 @@ def label(
     data: options.Data,
     position_error: options.PositionError = None,
     speed_error: options.SpeedError = None,
-    law: Law = None,
+    law: options.OpenLaw = None,
+    policies: options.OpenPolicies = None,
+    out: Out = None,
 ) -> None:
     """Label a data set again, with the rules of this version.
 
-    With --law nothing is written.
+    With --law, --policies or --out the data set stays as it is.
     """
     from overtaking import api
     from overtaking.cli import arguments
 
     given = arguments.given(position_error=position_error, speed_error=speed_error)
-    if law is not None:
+    if law is not None or policies is not None or out is not None:
+        named = None if policies is None else [one.strip() for one in policies.split(",")]
+        chosen = arguments.given(policies=named, out=out) | given
         with output.progress("simulations") as meter:
-            batches = api.judged(data, law, progress=meter, **given)
+            batches = api.judged(data, law or "pt", progress=meter, **chosen)
             judged = of_batches(data, batches) | output.duration
         return output.result(judged, lambda _: render(judged))
     with output.progress("simulations") as meter:

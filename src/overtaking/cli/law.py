@@ -83,7 +83,11 @@ def _rest(values: Values, width: int) -> Table:
         grid.add_row("Broken", "nothing")
     for place, one in enumerate(values["undecidable"]):
         grid.add_row("" if place else "Undecidable", doubt_words(one))
-    for title, key in (("Kept", "kept"), ("Do not apply", "not_applicable")):
+    for title, key in (
+        ("Kept", "kept"),
+        ("Do not apply", "not_applicable"),
+        ("Text unread", "text_not_read"),
+    ):
         if values[key]:
             grid.add_row(title, ", ".join(values[key]))
     return grid

@@ -194,8 +194,25 @@ AllowMissing = Annotated[
     bool,
     option("--allow-missing", "With --balance: write the data set even if a class is too rare."),
 ]
-_POLICY = "Policy that decides on the class: paper, default or strict."
+_POLICY = (
+    "Policy that decides on the class: paper, default or strict; law knows serious and "
+    "enforced too."
+)
 Policy = Annotated[str, option("--policy NAME", _POLICY)]
+_LAW = (
+    "Rules to judge by: pt, de, or MODULE:PACK, whose module is run; several, separated by "
+    "commas, where laws are compared. The data set stays as it is."
+)
+Law = Annotated[str, option("--law NAME|MODULE:PACK", _LAW)]
+OpenLaw = Annotated[
+    str | None,
+    option("--law NAME|MODULE:PACK", f"{_LAW}  [default: pt, written into the data set]"),
+]
+_POLICIES = "Policies of the law, separated by commas."
+Policies = Annotated[str, option("--policies NAME,NAME", _POLICIES)]
+OpenPolicies = Annotated[
+    str | None, option("--policies NAME,NAME", f"{_POLICIES}  [default: paper,default,strict]")
+]
 OpenPolicy = Annotated[str | None, option("--policy NAME", f"{_POLICY}  [default: paper]")]
 
 

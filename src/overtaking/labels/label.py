@@ -28,7 +28,7 @@ from overtaking.model.batch import Batch
 from overtaking.model.decisions import Decisions
 from overtaking.model.events import Detail, Events, Outcome
 from overtaking.model.features import Features
-from overtaking.model.labels import Findings, Labels, OvertakeClass
+from overtaking.model.labels import Case, Findings, Labels, OvertakeClass
 from overtaking.model.safety import Safety
 from overtaking.model.signals import Signals
 from overtaking.model.trajectory import Trajectories
@@ -97,7 +97,7 @@ def label(
         signals=case.signals,
         events=case.events,
         findings=findings,
-        labels=_labels(case.events, findings, policies, case.signals.frame_interval_ms),
+        labels=_labels(case, findings, pack, policies),
         paper=paper_features(case),
         matched=matched_features(case),
         decisions=decision_features(case),
@@ -105,12 +105,10 @@ def label(
     )
 
 
-def _labels(
-    events: Events, findings: Findings, policies: Sequence[Policy], interval: int
-) -> Labels:
+def _labels(case: Case, findings: Findings, pack: Pack, policies: Sequence[Policy]) -> Labels:
     """How each simulation ended, and its class under each policy."""
-    how, way = outcome(events), detail(events, interval)
-    laws = [legality(findings, each) for each in policies]
+    how, way = outcome(case.events), detail(case.events, case.signals.frame_interval_ms)
+    laws = [legality(findings, each, pack, case) for each in policies]
     classes = [_classes(how, way, law, each) for law, each in zip(laws, policies, strict=True)]
     judged = {
         name: np.stack([getattr(law, name) for law in laws], axis=1)

@@ -11,14 +11,18 @@ from overtaking.data.tables.columns import si_name, unit_of
 from overtaking.data.tables.encode import encode
 from overtaking.data.tables.names import NEIGHBOURS
 from overtaking.knowledge import terms
+from overtaking.labels.law import POLICIES, PORTUGAL
 from overtaking.model.trajectory import Stage
 from overtaking.show.judgement import judge, thought
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import pyarrow as pa
 
     from overtaking.labels.explain import Thought
     from overtaking.labels.label import Labelled
+    from overtaking.labels.law import Pack, Policy
     from overtaking.model.road import Road
     from overtaking.model.trajectory import Trajectories
     from overtaking.show.judgement import Values
@@ -41,19 +45,27 @@ _PERCEPT = (
 """Columns of the tables that are told, under the names that they have in SI."""
 
 
-def describe(labelled: Labelled, number: int) -> Values:
+def describe(
+    labelled: Labelled,
+    number: int,
+    *,
+    pack: Pack = PORTUGAL,
+    policies: Sequence[Policy] = POLICIES,
+) -> Values:
     """Everything that `show` prints about one simulation.
 
     Args:
         labelled: A batch of one simulation, with its labels.
         number: Its number in its data set.
+        pack: The rules of its labels.
+        policies: The policies of its labels.
 
     Returns:
         Values of plain Python types, in SI units; None for unrecorded values.
     """
     from overtaking.labels.explain import explain
 
-    run, explanation = labelled.trajectories, explain(labelled)
+    run, explanation = labelled.trajectories, explain(labelled, pack=pack, policies=policies)
     scenario, vehicles = run.scenario, _rows(run, "vehicles")
     (weather,) = _rows(run, "weather")
     return {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from overtaking.labels.law import Text
 from overtaking.model.events import NEVER, Detail, Outcome
 from overtaking.model.labels import Belief, OvertakeClass
 from overtaking.model.trajectory import NO_VEHICLE
@@ -81,6 +82,7 @@ def judge(labelled: Labelled, explanation: Explanation) -> Values:
         "undecidable": [_doubt(each) for each in explanation.doubts],
         "kept": [rule.code for rule in explanation.kept],
         "not_applicable": [rule.code for rule in explanation.inapplicable],
+        "text_not_read": [rule.code for rule in explanation.decided if rule.text is not Text.READ],
     }
 
 
@@ -147,6 +149,7 @@ def _breach(breach: Breach, interval_ms: int) -> Values:
         "law": rule.law,
         "title": rule.title,
         "gloss": rule.gloss,
+        "text": rule.text.value,
         "duty_of_ego": rule.of_ego,
         "required_by": list(breach.policies),
         "severity": breach.severity.name.lower(),
@@ -184,6 +187,8 @@ def _doubt(doubt: Doubt) -> Values:
         "law": doubt.rule.law,
         "required_by": list(doubt.policies),
         "not_recorded": list(doubt.missing),
+        "text": doubt.rule.text.value,
+        "text_not_read": doubt.unread,
     }
 
 

@@ -143,12 +143,14 @@ def breach_words(one: Values, values: Values, dash: str) -> Breach:
         span = f"{one['from_s']:.2f} s (frame {one['first_frame']})"
     facts = [span, f"margin {one['margin']:.2f} {one['unit']}"]
     if one["belief"]:
-        facts.append(_BELIEFS[one["belief"]])
+        facts.append(BELIEFS[one["belief"]])
     grade = words(one["severity"])
     if not one["duty_of_ego"]:
         grade += f"; the duty of {who(values['target'])}, not the ego's"
     elif not one["required_by"]:
         grade += "; no policy asks for it"
+    if one["text"] != "read":
+        grade += f"; its text is {one['text']}, not read"
     return Breach(
         rule=f"{one['title']}, {one['law']}",
         grade=grade,
@@ -161,10 +163,11 @@ def doubt_words(one: Values) -> str:
     """A rule that cannot be decided, and what the recording lacks."""
     missing = ", ".join(words(name) for name in one["not_recorded"])
     why = f"not recorded: {missing}" if missing else "its margin is within its error"
+    why = "its text was not read" if one["text_not_read"] else why
     return f"{one['rule']} {one['title']} ({why})"
 
 
-_BELIEFS = {
+BELIEFS = {
     "legal": "lawful when decided",
     "mistaken": "the driver was mistaken",
     "knowingly_illegal": "knowingly illegal",

@@ -6,14 +6,14 @@ from overtaking.analysis.stats.columns import FEATURES
 from overtaking.data.tables.names import READINGS
 from overtaking.data.tables.schemas import SCHEMAS
 from overtaking.knowledge.terms import GROUPS, terms
-from overtaking.labels.law import POLICIES
+from overtaking.labels.law import policies_for
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.vehicles import VehicleKind
 
 
 def test_every_class_policy_reading_feature_and_vehicle_class_has_words():
     assert tuple(terms("classes")) == tuple(one.title for one in OvertakeClass)
-    assert tuple(terms("policies")) == tuple(one.name for one in POLICIES)
+    assert tuple(terms("policies")) == tuple(one.name for one in policies_for("pt"))
     assert tuple(terms("readings")) == READINGS
     assert tuple(terms("vehicles")) == tuple(kind.name for kind in VehicleKind)
     assert [(one.name, one.unit, one.title) for one in FEATURES] == [

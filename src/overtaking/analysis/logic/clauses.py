@@ -21,8 +21,11 @@ from overtaking.core.errors import MissingExtraError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-FILES = ("theory.lp", "law.lp")
+FILES = ("theory.lp", "law.lp", "law_de.lp")
 """The programs of the package."""
+
+_ASKED = FILES[:2]
+"""Those that questions may use."""
 
 _GLOSS = "%~ "
 _DECLARED = re.compile(r"%: (\w+)\(([^)]*)\)")
@@ -103,8 +106,8 @@ def program(file: str) -> tuple[Clause, ...]:
 
 @cache
 def knowledge() -> tuple[Clause, ...]:
-    """The rules of all of `FILES`."""
-    return tuple(clause for file in FILES for clause in program(file))
+    """The rules that questions may use."""
+    return tuple(clause for file in _ASKED for clause in program(file))
 
 
 # At exit, clingo may be unloaded before its trees, each of which then complains on standard error:

@@ -23,7 +23,13 @@ if TYPE_CHECKING:
     from overtaking.analysis.logic.source import Group
 
 CODES = ("L1", "L2", "L3", "L5", "L8", "L9", "L12", "L13", "L16", "L18", "L20", "L21")
-"""The rules that are written as a logic program too."""
+"""The Portuguese rules that are written as a logic program too."""
+
+CODES_DE = ("A1", "A2", "A3", "O1", "O2", "O6", "O8", "O11", "O12", "V2", "F1", "S1")
+"""The German ones."""
+
+PROGRAMS = {"pt": (("law.lp",), CODES), "de": (("law.lp", "law_de.lp"), CODES_DE)}
+"""Files and rules by the name of a pack; the German program continues the Portuguese one."""
 
 NO_VERDICT = 255
 """The program derives no verdict, or two."""
@@ -31,7 +37,7 @@ NO_VERDICT = 255
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdicts:
-    """Verdicts of the program; arrays have shape (simulation, rule of `CODES`).
+    """Verdicts of the program; arrays have shape (simulation, rule of `PROGRAMS`).
 
     Attributes:
         verdict: `model.labels.Verdict`, or `NO_VERDICT`.
@@ -43,38 +49,49 @@ class Verdicts:
 
 
 @cache
-def law() -> Needed:
-    """The program of law, with the facts that it reads."""
-    return needed(program("law.lp"), [("verdict", (None,) * 3), ("illegal", (None,) * 2)])
+def law(pack: str = "pt") -> Needed:
+    """The program of a law, with the facts that it reads.
+
+    Args:
+        pack: A name of `PROGRAMS`.
+    """
+    clauses = tuple(clause for file in PROGRAMS[pack][0] for clause in program(file))
+    return needed(clauses, [("verdict", (None,) * 3), ("illegal", (None,) * 2)])
 
 
 atexit.register(law.cache_clear)  # Like the programs of `clauses`.
 
 
-def lawyer(*, timeout_s: float = TIMEOUT_S, memory_mib: int = MEMORY_MIB) -> Reasoner:
-    """A reasoner with the program of law: a context, for `judged`.
+def lawyer(
+    pack: str = "pt", *, timeout_s: float = TIMEOUT_S, memory_mib: int = MEMORY_MIB
+) -> Reasoner:
+    """A reasoner with the program of a law: a context, for `judged`.
 
     Args:
+        pack: A name of `PROGRAMS`.
         timeout_s: Time limit for all groups together [s].
         memory_mib: Memory limit [MiB].
     """
     asked = (("verdict", 3), ("breach", 3))
-    return Reasoner(law().text, asked, timeout_s=timeout_s, memory_mib=memory_mib)
+    return Reasoner(law(pack).text, asked, timeout_s=timeout_s, memory_mib=memory_mib)
 
 
-def judged(reasoner: Reasoner, group: Group) -> Verdicts:
+def judged(reasoner: Reasoner, group: Group, pack: str = "pt") -> Verdicts:
     """Verdicts of the law on a group.
 
     Args:
         reasoner: A `lawyer`.
         group: The simulations.
+        pack: That of the lawyer.
     """
-    rows = reasoner.rows(group_text(group, law().demand, MAX_FRAME))
+    rows = reasoner.rows(group_text(group, law(pack).demand, MAX_FRAME))
     place = {int(number): row for row, number in enumerate(group.numbers)}
-    column = {code.lower(): index for index, code in enumerate(CODES)}
+    column = {code.lower(): index for index, code in enumerate(PROGRAMS[pack][1])}
     verdicts: dict[tuple[int, int], set[str]] = {}
     first = np.full((len(place), len(column)), NEVER)
     for number, rule, what in rows:
+        if rule not in column:
+            continue  # Of the law that this one continues.
         at = place[number], column[rule]
         if isinstance(what, int):  # The frame of a breach.
             first[at] = what if first[at] == NEVER else min(what, first[at])

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from overtaking.knowledge.reader import load
-from overtaking.labels.law import POLICIES, PORTUGAL
+from overtaking.labels.law import GERMANY, POLICIES, PORTUGAL
 from overtaking.model.events import Outcome
 from overtaking.model.labels import OvertakeClass, Verdict
 from overtaking.model.road import RoadMark
@@ -83,7 +83,7 @@ POLICY = _constants("policy", "which rules count", *(one.name for one in POLICIE
 CLASS = _constants("class", "class of a simulation", *(one.title for one in OvertakeClass))
 OUTCOME = _constants("outcome", "how it ended, legality aside", *(one.name for one in Outcome))
 UNKNOWN = _constants("unknown", "what a recording does not tell", *UNKNOWNS)
-RULE = _constants("rule", "rule of law", *PORTUGAL.codes)
+RULE = _constants("rule", "rule of law", *PORTUGAL.codes, *GERMANY.codes)
 VERDICT = _constants("verdict", "what a rule says", *(one.name for one in Verdict))
 
 Signature = tuple[str, int]

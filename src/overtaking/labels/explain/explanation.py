@@ -6,12 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.labels.explain.breach import Breach, Scene
-from overtaking.labels.explain.remedies import remedies_of
+from overtaking.labels.explain.german import GERMAN
+from overtaking.labels.explain.remedies import REMEDIES, remedies_of
 from overtaking.labels.explain.thoughts import Thought, thoughts
 from overtaking.labels.label import Labelled
-from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, Rule
+from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, Rule, Text
 from overtaking.labels.signals import target_signals
 from overtaking.model.labels import Belief, Case, Severity, Verdict
+
+_REMEDIES = REMEDIES | GERMAN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,11 +25,13 @@ class Doubt:
         rule: The rule.
         policies: Names of the policies that require it.
         missing: Names of what the recording does not tell and the rule needs.
+        unread: Whether its text was not read, and the pack decides by texts that were.
     """
 
     rule: Rule
     policies: tuple[str, ...]
     missing: tuple[str, ...]
+    unread: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +51,11 @@ class Explanation:
     kept: tuple[Rule, ...]
     inapplicable: tuple[Rule, ...]
     thoughts: tuple[Thought, ...]
+
+    @property
+    def decided(self) -> tuple[Rule, ...]:
+        """The rules that are broken, then those that are kept."""
+        return (*(breach.rule for breach in self.breaches), *self.kept)
 
 
 def explain(
@@ -72,7 +82,7 @@ def explain(
     }
     return Explanation(
         breaches=tuple(_breach(one, case, rule, policies) for rule in by_verdict[Verdict.ILLEGAL]),
-        doubts=tuple(_doubt(one, rule, policies) for rule in by_verdict[Verdict.UNDECIDABLE]),
+        doubts=tuple(_doubt(one, rule, policies, pack) for rule in by_verdict[Verdict.UNDECIDABLE]),
         kept=tuple(by_verdict[Verdict.LEGAL]),
         inapplicable=tuple(by_verdict[Verdict.NOT_APPLICABLE]),
         thoughts=thoughts(case),
@@ -100,13 +110,19 @@ def _breach(one: Labelled, case: Case, rule: Rule, policies: Sequence[Policy]) -
         last=last,
         severity=Severity(int(findings.severity[place])),
         belief=Belief(int(findings.belief[place])),
-        remedies=remedies_of(rule.code, scene),
+        remedies=remedies_of(rule.code, scene, _REMEDIES),
     )
 
 
-def _doubt(one: Labelled, rule: Rule, policies: Sequence[Policy]) -> Doubt:
+def _doubt(one: Labelled, rule: Rule, policies: Sequence[Policy], pack: Pack) -> Doubt:
     missing = (rule.needs | rule.partly) & one.trajectories.unknown
-    return Doubt(rule=rule, policies=_asking(rule, policies), missing=tuple(sorted(missing)))
+    unread = not pack.trusts_hearsay and rule.text is not Text.READ
+    return Doubt(
+        rule=rule,
+        policies=_asking(rule, policies),
+        missing=tuple(sorted(missing)),
+        unread=unread,
+    )
 
 
 def _asking(rule: Rule, policies: Sequence[Policy]) -> tuple[str, ...]:

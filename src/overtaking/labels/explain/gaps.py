@@ -2,16 +2,15 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.core.elementary import F32, as_f32
 from overtaking.labels.explain.breach import Change, Quantity, Remedy, Scene, sole
 from overtaking.labels.instants import Index
 from overtaking.labels.law.beliefs import Margin
 from overtaking.labels.law.distances import margin_behind, margin_of_gap, sure_decel
-from overtaking.labels.law.frames import time_to_regain
+from overtaking.labels.law.frames import after_cut_ins
 from overtaking.labels.law.others import others_at
 from overtaking.labels.law.speeds import speed_limits
 from overtaking.model.events import NEVER
-from overtaking.model.labels import Case
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.world.constants import known
@@ -26,10 +25,10 @@ _NONE = np.float32(-1.0)
 def safe_distance(scene: Scene) -> tuple[Remedy, ...]:
     """L3: more distance throughout, or so much slower at the same distances."""
     frames = scene.beside(Around.LEADER)
-    frames = frames[~after_cut_ins(scene.case)[frames]]
+    frames = frames[~after_cut_ins(scene.case)[0, frames]]
     margins = _margins(scene, Around.LEADER, frames, margin_of_gap)
     worst, broken = int(margins.argmin()), frames[margins < 0]
-    farther = _farther(scene, Around.LEADER, frames[worst], margins[worst])
+    farther = more_distance(scene, Around.LEADER, frames[worst], margins[worst])
     return *farther, *scene.slower(broken, _followable(scene, broken))
 
 
@@ -40,14 +39,14 @@ def room_ahead(scene: Scene) -> tuple[Remedy, ...]:
     ahead = scene.case.signals.speed[0, frames] - closing
     in_time = ahead + gap / known("law.entry.ttc")
     allowed = np.minimum(_lawful_speed(gap, ahead, _decel(scene, frames)), in_time)
-    farther = _farther(scene, place, scene.first, scene.margin)
+    farther = more_distance(scene, place, scene.first, scene.margin)
     return *farther, *scene.slower(frames, np.where(gap < 0, _NONE, allowed))
 
 
 def room_behind(scene: Scene) -> tuple[Remedy, ...]:
     """L5: more distance to the one behind on the left, or faster where the limit allows it."""
     place, frames = Around.LEFT_FOLLOWER, np.array([scene.first])
-    farther = _farther(scene, place, scene.first, scene.margin)
+    farther = more_distance(scene, place, scene.first, scene.margin)
     gap, closing = _gaps(scene, place, frames)
     rear = scene.case.signals.speed[0, frames] + closing
     slowest = _speed_before(np.maximum(gap, 0), rear, _decel(scene, frames))[0]
@@ -62,7 +61,7 @@ def safe_return(scene: Scene) -> tuple[Remedy, ...]:
     for place, margin in ((Around.FOLLOWER, margin_behind), (Around.LEADER, margin_of_gap)):
         found = float(_margins(scene, place, frame, margin)[0])
         if scene.case.signals.vehicle[0, place, scene.first] != NO_VEHICLE and found < 0:
-            changes += _farther(scene, place, scene.first, found)[0]
+            changes += more_distance(scene, place, scene.first, found)[0]
     return (tuple(changes),)
 
 
@@ -76,7 +75,7 @@ def no_obstruction(scene: Scene) -> tuple[Remedy, ...]:
     # Where the margin is cut off, several frames have it; the one that lacks most tells.
     lacking = np.where(np.isclose(limit - forced, scene.margin), needed - gap, -np.inf)
     worst = int(lacking.argmax())
-    return _farther(scene, place, frames[worst], gap[worst] - needed[worst])
+    return more_distance(scene, place, frames[worst], gap[worst] - needed[worst])
 
 
 def oncoming(scene: Scene) -> tuple[Remedy, ...]:
@@ -88,23 +87,6 @@ def oncoming(scene: Scene) -> tuple[Remedy, ...]:
     slot = int(np.where(meets, others.gap[0], np.inf).argmin())
     gap = float(others.gap[0, slot])
     return sole(Quantity.GAP_ONCOMING, gap, gap - scene.margin, scene.first, slot)
-
-
-def after_cut_ins(case: Case) -> Mask:
-    """Whether the leader has cut in so lately that it may still be too near, shape (time,).
-
-    A vehicle cuts in where it comes from another lane and becomes the leader of an ego that keeps
-    its own.
-    """
-    run, lane, leader = case.trajectories, case.signals.lane[0], case.signals.vehicle[0, 0]
-    lately = np.zeros(len(leader), np.bool_)
-    new = (leader[1:] != leader[:-1]) & (leader[1:] != NO_VEHICLE) & (lane[1:] == lane[:-1])
-    for before in np.flatnonzero(new).tolist():
-        slot, since = leader[before + 1], slice(before + 1, before + 2 + time_to_regain(case))
-        came = run.states.lane[0, slot, before] != lane[before]
-        if came and (run.present is None or run.present[0, slot, before]):
-            lately[since] |= leader[since] == slot
-    return lately
 
 
 def _followable(scene: Scene, frames: Index) -> F32:
@@ -128,7 +110,7 @@ def _speed_before(gap: F32, rear: F32, decel: F32) -> F32:
     return np.maximum(np.sqrt(np.maximum(square, np.float32(0.0))), calm)
 
 
-def _farther(
+def more_distance(
     scene: Scene, place: Around, frame: int | np.integer, margin: float | np.floating
 ) -> tuple[Remedy]:
     """More distance to a neighbour, by what the margin lacks."""

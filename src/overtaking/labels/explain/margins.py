@@ -4,11 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.labels.explain.explanation import case_of
-from overtaking.labels.explain.gaps import after_cut_ins
 from overtaking.labels.label import Labelled
 from overtaking.labels.law.alongside import alongside
 from overtaking.labels.law.distances import margin_of_gap, stop_distance, sure_decel
-from overtaking.labels.law.frames import Span, conduct, settled
+from overtaking.labels.law.frames import Span, after_cut_ins, conduct, settled
 from overtaking.labels.law.speeds import posted_limits
 from overtaking.model.labels import Case, Verdict
 from overtaking.model.signals import Around
@@ -45,7 +44,7 @@ def _all(case: Case) -> dict[str, F64]:
     stop = stop_distance(seen.speed, seen.friction)
     gap, closing = seen.gap[:, place], seen.closing_speed[:, place]
     follow = margin_of_gap(gap, seen.speed, closing, sure_decel(seen.friction))
-    counts = (seen.vehicle[0, place] != NO_VEHICLE) & ~after_cut_ins(case)
+    counts = (seen.vehicle[0, place] != NO_VEHICLE) & ~after_cut_ins(case)[0]
     return {
         "L3": np.where(counts, _within(settled(case), follow), np.nan),
         "L10": side,

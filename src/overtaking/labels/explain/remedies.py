@@ -1,6 +1,6 @@
 """What would have kept each rule but those about gaps, which are in `gaps`."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -179,15 +179,20 @@ REMEDIES: dict[str, Callable[[Scene], tuple[Remedy, ...]]] = {
 """By the code of the rule; a rule of another pack that is not here has its margin and no remedy."""
 
 
-def remedies_of(code: str, scene: Scene) -> tuple[Remedy, ...]:
+def remedies_of(
+    code: str,
+    scene: Scene,
+    remedies: Mapping[str, Callable[[Scene], tuple[Remedy, ...]]] = REMEDIES,
+) -> tuple[Remedy, ...]:
     """What would have kept a broken rule, everything else being as it was.
 
     Args:
         code: Of the rule.
         scene: Its breach.
+        remedies: By the code of the rule.
 
     Returns:
         Alternatives, the one that its margin measures first.
     """
-    find = REMEDIES.get(code)
+    find = remedies.get(code)
     return () if find is None else find(scene)

@@ -1,10 +1,24 @@
 """Rules of law: what each says of each simulation, and which of them a policy requires."""
 
-from overtaking.labels.law.policies import POLICIES, Legality, Policy, legality, policy
+from overtaking.labels.law.germany import GERMANY
+from overtaking.labels.law.policies import (
+    POLICIES,
+    Legality,
+    Policy,
+    Tolerance,
+    legality,
+    policies_for,
+    policy,
+)
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.rule import Check, Errors, Grade, Pack, Rule, check, judge, lacking
+from overtaking.labels.law.rule import Check, Errors, Grade, Pack, Rule, Text, check, judge, lacking
+
+PACKS = {pack.name: pack for pack in (PORTUGAL, GERMANY)}
+"""The packs of this package, by name."""
 
 __all__ = [
+    "GERMANY",
+    "PACKS",
     "POLICIES",
     "PORTUGAL",
     "Check",
@@ -14,9 +28,12 @@ __all__ = [
     "Pack",
     "Policy",
     "Rule",
+    "Text",
+    "Tolerance",
     "check",
     "judge",
     "lacking",
     "legality",
+    "policies_for",
     "policy",
 ]

@@ -96,11 +96,11 @@ def _on_the_left(case: Case) -> Check:
     entered = np.maximum(other, lane_index(case.events.original_lane)[found.rows])
     margin = np.minimum(own - other - _HALF_LANE, entered + _LANE_AND_HALF - own)
     wrong = np.flatnonzero(margin < 0)
-    margin[wrong[_in_queue(case, found.rows[wrong], found.frames[wrong])]] = ENDLESS
+    margin[wrong[in_queue(case, found.rows[wrong], found.frames[wrong])]] = ENDLESS
     return found.check(case, margin)
 
 
-def _in_queue(case: Case, rows: Index, frames: Index) -> Mask:
+def in_queue(case: Case, rows: Index, frames: Index) -> Mask:
     """Whether queues go on side by side at different speeds, which is no overtaking (42)."""
     below, reach = float(known("law.queue.speed")), float(known("law.queue.reach"))
     slow = num_slow(case, rows, frames, below=below, reach=reach)
@@ -155,9 +155,14 @@ L1 = Rule(
 
 def _apart_from_motor(case: Case) -> Check:
     """Alongside a motor vehicle, the bodies are at least 0.8 m apart."""
+    return apart(case, known("law.side.motor"), bicycle=False)
+
+
+def apart(case: Case, distance: np.float32, *, bicycle: bool) -> Check:
+    """Alongside a target that is a bicycle, or is none, the bodies are so far apart [m]."""
     found = alongside(case)
-    margin = found.lateral_gap - known("law.side.motor")
-    return found.check(case, margin, target_may_be(case, bicycle=False))
+    margin = found.lateral_gap - distance
+    return found.check(case, margin, target_may_be(case, bicycle=bicycle))
 
 
 def _of_two_places(case: Case, found: Check, errors: Errors) -> F32:

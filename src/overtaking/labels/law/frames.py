@@ -15,6 +15,8 @@ from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.once import once
 from overtaking.model.road import Road
+from overtaking.model.signals import Around
+from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.world.compiled import chosen_level
 from overtaking.world.constants import known
 
@@ -124,6 +126,28 @@ def passed(case: Case) -> Span:
 def time_to_regain(case: Case) -> int:
     """Number of frames in which a distance that another has taken may be regained."""
     return frames_of(case, known("law.safe_distance.recapture"))
+
+
+@once
+def after_cut_ins(case: Case) -> Mask:
+    """Whether the leader has cut in so lately that it may be too near, shape (simulation, time).
+
+    A vehicle cuts in where it comes from another lane and becomes the leader of an ego that keeps
+    its own.
+    """
+    run, lane = case.trajectories, case.signals.lane
+    leader = case.signals.vehicle[:, Around.LEADER]
+    lately = np.zeros(leader.shape, np.bool_)
+    new = (leader[:, 1:] != leader[:, :-1]) & (leader[:, 1:] != NO_VEHICLE)
+    rows, before = np.nonzero(new & (lane[:, 1:] == lane[:, :-1]))
+    slots = leader[rows, before + 1]
+    came = run.states.lane[rows, slots, before] != lane[rows, before]
+    if run.present is not None:
+        came &= run.present[rows, slots, before]
+    for row, frame, slot in zip(rows[came], before[came] + 1, slots[came], strict=True):
+        since = slice(frame, frame + 1 + time_to_regain(case))
+        lately[row, since] |= leader[row, since] == slot
+    return lately
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

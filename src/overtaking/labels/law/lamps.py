@@ -16,9 +16,9 @@ from overtaking.model.trajectory import Lights
 from overtaking.model.vehicles import Role
 from overtaking.world.constants import known
 
-_HIGH = int(Lights.HIGH_BEAM)
-_BEAMS = int(Lights.LOW_BEAM) | _HIGH
-_FOG = int(Lights.REAR_FOG)
+HIGH = int(Lights.HIGH_BEAM)
+BEAMS = int(Lights.LOW_BEAM) | HIGH
+FOG = int(Lights.REAR_FOG)
 
 
 def _indicates(case: Case) -> Check:
@@ -89,11 +89,11 @@ def _right_lamps(case: Case) -> Check:
     lights = case.trajectories.states.lights[:, Role.EGO]
     needed = case.trajectories.scenario.weather.night | thick
     rows = np.flatnonzero(span.exists & _suspect(lights, span, needed, thick))
-    wrong = needed[rows, None] & ((lights[rows] & _BEAMS) == 0)
-    wrong |= ((lights[rows] & _FOG) != 0) != thick[rows, None]
-    row, frames = np.nonzero((lights[rows] & _HIGH) != 0)
+    wrong = needed[rows, None] & ((lights[rows] & BEAMS) == 0)
+    wrong |= ((lights[rows] & FOG) != 0) != thick[rows, None]
+    row, frames = np.nonzero((lights[rows] & HIGH) != 0)
     if row.size:
-        wrong[row, frames] |= _dazzles(case, rows[row], frames)
+        wrong[row, frames] |= dazzles(case, rows[row], frames)
     first, last = ends_in(span, rows, wrong)
     breach = np.zeros(len(thick), np.int32)
     breach[rows] = (wrong & span.mask(rows, lights.shape[1])).sum(axis=1, dtype=np.int32)
@@ -103,12 +103,12 @@ def _right_lamps(case: Case) -> Check:
 def _suspect(lights: U8, span: Span, needed: Mask, thick: Mask) -> Mask:
     """Whether a frame may be wrong, from what is on ever and always, shape (simulation,)."""
     ever, always_on = (reduced(by, lights, span) for by in (np.bitwise_or, np.bitwise_and))
-    dark = needed & ((always_on & _BEAMS) == 0)
-    fog = np.where(thick, (always_on & _FOG) == 0, (ever & _FOG) != 0)
-    return dark | fog | ((ever & _HIGH) != 0)
+    dark = needed & ((always_on & BEAMS) == 0)
+    fog = np.where(thick, (always_on & FOG) == 0, (ever & FOG) != 0)
+    return dark | fog | ((ever & HIGH) != 0)
 
 
-def _dazzles(case: Case, rows: Index, frames: Index) -> Mask:
+def dazzles(case: Case, rows: Index, frames: Index) -> Mask:
     """Whether high beam would dazzle a driver ahead or oncoming, at single frames."""
     ahead = encounter(case, Around.LEADER, rows, frames)
     behind = ahead.valid & (ahead.gap < known("law.lamps.high_beam_behind"))

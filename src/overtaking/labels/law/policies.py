@@ -1,17 +1,39 @@
-"""Which rules make an overtake illegal: three readings, as data."""
+"""Which rules make an overtake illegal: several readings, as data in `policies.toml`."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.checks import check_name
-from overtaking.core.elementary import Mask
+from overtaking.core.elementary import F32, Mask
 from overtaking.core.errors import ConfigError
+from overtaking.knowledge.reader import load, read_section
+from overtaking.labels.law.rule import Pack
 from overtaking.model.batch import Batch
-from overtaking.model.labels import Findings, Verdict
+from overtaking.model.events import NEVER
+from overtaking.model.labels import Case, Findings, Severity, Verdict
 
 U8 = NDArray[np.uint8]
+
+_FILE, _TOLERANCES = "policies.toml", "tolerances.toml"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tolerance:
+    """How far beyond the letter of a rule a policy looks away; a breach exceeds all of it.
+
+    Attributes:
+        margin: Margin beyond the border, in the unit of the rule, 0 or more.
+        share: Share of the measured value, 0 to 1; only of rules that have a `limit`.
+        lasting: From the first to the last frame of the breach [s].
+    """
+
+    margin: float = 0.0
+    share: float = 0.0
+    lasting: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,13 +49,17 @@ class Policy:
             as not completed.
         names_departures: Whether an ego that leaves the road or spins without a contact is
             `UNSUCCESS_DEP`; else it counts as not completed, or as no attempt if it began none.
+        least: Severity from which a breach counts.
+        tolerances: By code of the rule; with one, a breach beyond it counts at any severity.
     """
 
     name: str
     required: tuple[str, ...]
-    allows_undecided: bool
-    censors_open: bool
-    names_departures: bool
+    allows_undecided: bool = False
+    censors_open: bool = True
+    names_departures: bool = True
+    least: Severity = Severity.LIGHT
+    tolerances: Mapping[str, Tolerance] = field(default_factory=dict[str, Tolerance])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +67,7 @@ class Legality(Batch):
     """What a policy makes of findings; every array has shape (simulation,).
 
     Attributes:
-        num_broken: Number of required rules that are broken.
+        num_broken: Number of required rules that are broken, as far as the policy counts it.
         num_undecidable: Number of required rules that apply and cannot be decided.
         is_legal: Whether none is broken, as far as can be decided.
     """
@@ -51,56 +77,67 @@ class Legality(Batch):
     is_legal: Mask
 
 
-_PAPER = ("L1", "L2", "L3", "L4", "L5", "L8", "L9", "L10", "L11", "L12", "L13", "L15", "L16")
-"""What the study's 22 columns can decide."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Words:
+    """A policy as the file has it."""
 
-_DEFAULT = (*_PAPER, "L14", "L17", "L20", "L24")
-
-_STRICT = (*(code for code in _DEFAULT if code not in ("L14", "L15")), "L14s", "L15s")
-
-POLICIES = (
-    Policy(
-        name="paper",
-        required=_PAPER,
-        allows_undecided=True,
-        censors_open=False,
-        names_departures=False,
-    ),
-    Policy(
-        name="default",
-        required=_DEFAULT,
-        allows_undecided=False,
-        censors_open=True,
-        names_departures=True,
-    ),
-    Policy(
-        name="strict",
-        required=(*_STRICT, "L6", "L7", "L18", "L19", "L21", "L23"),
-        allows_undecided=False,
-        censors_open=True,
-        names_departures=True,
-    ),
-)
-"""The policies, in the order of every table."""
+    allows_undecided: bool = False
+    censors_open: bool = True
+    names_departures: bool = True
+    least: str = Severity.LIGHT.name.lower()
 
 
-def policy(name: str) -> Policy:
+@cache
+def policies_for(pack: str) -> tuple[Policy, ...]:
+    """All policies of a pack of this package, by its name; none for a pack that is not here."""
+    required = load(_FILE)["required"].get(pack, {})
+    return tuple(_policy(name, pack, codes.split()) for name, codes in required.items())
+
+
+def _policy(name: str, pack: str, required: Iterable[str]) -> Policy:
+    words = read_section(_Words, _FILE, f"policies.{name}")
+    return Policy(
+        name=name,
+        required=tuple(required),
+        allows_undecided=words.allows_undecided,
+        censors_open=words.censors_open,
+        names_departures=words.names_departures,
+        least=Severity[words.least.upper()],
+        tolerances={
+            code: read_section(Tolerance, _TOLERANCES, f"{name}.{pack}.{code}")
+            for code in load(_TOLERANCES).get(name, {}).get(pack, {})
+        },
+    )
+
+
+STORED: tuple[str, ...] = tuple(load(_FILE)["stored"].split())
+"""Names of the policies that data sets keep, in the order of every table."""
+
+POLICIES = tuple(one for one in policies_for("pt") if one.name in STORED)
+"""The policies that data sets keep, of the Portuguese pack."""
+
+
+def policy(name: str, pack: str = "pt") -> Policy:
     """The policy of a name.
 
     Raises:
         ConfigError: There is none of that name.
     """
-    known = {one.name: one for one in POLICIES}
+    known = {one.name: one for one in policies_for(pack)}
     check_name(name, known, what="policy", where="rules")
     return known[name]
 
 
-def legality(findings: Findings, policy: Policy) -> Legality:
+def legality(
+    findings: Findings, policy: Policy, pack: Pack | None = None, case: Case | None = None
+) -> Legality:
     """Findings under a policy.
 
     Args:
         findings: What each rule says of each simulation.
         policy: Which of the rules count.
+        pack: The rules; read for a policy with tolerances.
+        case: What the findings are about; read for a policy with tolerances.
 
     Raises:
         ConfigError: The findings lack a rule that the policy requires.
@@ -114,7 +151,49 @@ def legality(findings: Findings, policy: Policy) -> Legality:
             got=f"none called {', '.join(missing)}",
             next_step="check a pack that has them",
         )
-    verdict = findings.verdict[:, [findings.rules.index(code) for code in policy.required]]
-    broken = (verdict == Verdict.ILLEGAL).sum(axis=1, dtype=np.uint8)
-    undecidable = (verdict == Verdict.UNDECIDABLE).sum(axis=1, dtype=np.uint8)
-    return Legality(num_broken=broken, num_undecidable=undecidable, is_legal=broken == 0)
+    place = [findings.rules.index(code) for code in policy.required]
+    counted = breaches(findings, policy, pack, case)[:, place]
+    broken = counted.sum(axis=1, dtype=np.uint8)
+    doubtful = findings.verdict[:, place] == Verdict.UNDECIDABLE
+    return Legality(
+        num_broken=broken,
+        num_undecidable=doubtful.sum(axis=1, dtype=np.uint8),
+        is_legal=broken == 0,
+    )
+
+
+def breaches(
+    findings: Findings, policy: Policy, pack: Pack | None = None, case: Case | None = None
+) -> Mask:
+    """Which rules are broken as far as a policy counts it, shape (simulation, rule).
+
+    The arguments are those of `legality`. Rules that the policy does not require are judged like
+    the others.
+    """
+    counted = findings.verdict == Verdict.ILLEGAL
+    if policy.least > Severity.LIGHT:
+        counted = counted & (findings.severity >= policy.least)
+    for code, tolerance in policy.tolerances.items():
+        if pack is not None and case is not None and code in findings.rules:
+            place = findings.rules.index(code)
+            counted[:, place] = beyond(findings, code, tolerance, pack, case)
+    return counted
+
+
+def beyond(findings: Findings, code: str, tolerance: Tolerance, pack: Pack, case: Case) -> Mask:
+    """Where a breach of one rule exceeds a tolerance, shape (simulation,)."""
+    place, rule = findings.rules.index(code), pack.rule(code)
+    excess = -findings.margin[:, place]
+    broken = (findings.verdict[:, place] == Verdict.ILLEGAL) & (excess > tolerance.margin)
+    if tolerance.share and rule.limit is not None:
+        broken &= excess > np.float32(tolerance.share) * (rule.limit(case) + excess)
+    if tolerance.lasting:
+        broken &= duration(findings, place, case) > tolerance.lasting
+    return broken
+
+
+def duration(findings: Findings, place: int, case: Case) -> F32:
+    """From first to last frame of a breach of one rule, 0 without one, (simulation,) [s]."""
+    frames = findings.last[:, place] - findings.first[:, place] + 1
+    frames = np.where(findings.first[:, place] != NEVER, frames, 0)
+    return frames.astype(np.float32) * np.float32(case.signals.frame_interval_ms / 1000.0)

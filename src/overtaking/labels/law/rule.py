@@ -3,7 +3,8 @@
 import dataclasses
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, StrEnum
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,24 @@ from overtaking.model.labels import Belief, Case, Check, Findings, Severity, Ver
 from overtaking.world import constants
 
 
+class Text(StrEnum):
+    """How the wording of a provision is known."""
+
+    READ = "read", "the provision itself, officially published or reprinted in full"
+    SECONDARY = "secondary", "as others quote or describe it; the text was not read"
+    RECALLED = "recalled", "from memory; the text was not read"
+
+    meaning: str
+
+    def __new__(cls, value: str, meaning: str) -> Self:
+        """A way of knowing and what it means."""
+        one = str.__new__(cls, value)
+        one._value_, one.meaning = value, meaning
+        return one
+
+
 class Grade(Enum):
-    """How severity follows from a breach (Articles 145 and 146)."""
+    """How severity follows from a breach (in Portugal Articles 145 and 146)."""
 
     BY_ROAD = "very serious on a motorway (146), serious elsewhere (145)"
     LIGHT = "light"
@@ -78,6 +95,11 @@ class Rule:
         check: The rule itself, for recordings that know all that it needs.
         spread: The error of its margin; None if errors of positions and speeds that stay the same
             do not change it.
+        text: How the wording of the law is known.
+        where: Where it was read, and in which edition.
+        fine: What a breach costs, with where that is said; empty if no source was read.
+        limit: What the measured value is compared with, (simulation,), in the unit of the margin;
+            None for rules of which no policy tolerates a share.
     """
 
     id: str
@@ -95,6 +117,10 @@ class Rule:
     of_ego: bool = True
     check: Callable[[Case], Check]
     spread: Spread | None = None
+    text: Text = Text.READ
+    where: str = ""
+    fine: str = ""
+    limit: Callable[[Case], F32] | None = None
 
 
 def decided(
@@ -227,16 +253,28 @@ class Pack:
         name: Short name.
         version: Changes whenever a verdict may.
         rules: The rules, in the order of every table.
+        edition: Of the law, with the day on which it was read.
+        trusts_hearsay: Whether a rule whose text was not read decides; else it is undecidable.
     """
 
     name: str
     version: str
     rules: tuple[Rule, ...]
+    edition: str = ""
+    trusts_hearsay: bool = True
 
     @property
     def codes(self) -> tuple[str, ...]:
         """The codes of the rules, in order."""
         return tuple(rule.code for rule in self.rules)
+
+    def rule(self, code: str) -> Rule:
+        """The rule of a code.
+
+        Raises:
+            KeyError: There is none.
+        """
+        return {rule.code: rule for rule in self.rules}[code]
 
 
 def check(pack: Pack, case: Case, errors: Errors | None = None) -> Findings:
@@ -250,7 +288,12 @@ def check(pack: Pack, case: Case, errors: Errors | None = None) -> Findings:
     Returns:
         Arrays of shape (simulation, rule).
     """
-    found = [judge(rule, case, errors) for rule in pack.rules]
+    found = [
+        judge(rule, case, errors)
+        if pack.trusts_hearsay or rule.text is Text.READ
+        else _undecided(rule.check(case))
+        for rule in pack.rules
+    ]
     columns = {
         field.name: np.stack([getattr(one, field.name) for one in found], axis=1)
         for field in dataclasses.fields(Check)

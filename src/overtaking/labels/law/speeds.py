@@ -37,12 +37,20 @@ _ANYWHERE = 1e6
 
 
 def speed_limits(case: Case) -> tuple[F32, F32]:
+    """`limits_of` by Article 27."""
+    return limits_of(case, limit_table("law.toml"))
+
+
+def limits_of(case: Case, general: F32) -> tuple[F32, F32]:
     """The lowest and the highest limit that may hold for each ego, shape (simulation,) [m/s].
 
     They are equal where kind of road, kind of ego and posted limit are known.
+
+    Args:
+        case: The batch.
+        general: General limits by kind of road and class [m/s].
     """
     unknown, road = case.trajectories.unknown, case.trajectories.road
-    general = _table()
     if "road_kind" not in unknown:
         row = ROAD_KINDS.index(road.kind if road.kind in ROAD_KINDS else "other")
         general = general[row : row + 1]
@@ -66,26 +74,36 @@ def class_of(kind: NDArray[np.uint8]) -> NDArray[np.intp]:
     return classes[kind]
 
 
-def _table() -> F32:
-    """Limits by kind of road and class, shape (kind of road, class) [m/s]."""
-    rows = [[number("law.toml", f"limits.{road}.{of}") for of in CLASSES] for road in ROAD_KINDS]
+def limit_table(file: str) -> F32:
+    """Limits of a file by kind of road and class, shape (kind of road, class) [m/s]."""
+    rows = [[number(file, f"limits.{road}.{of}") for of in CLASSES] for road in ROAD_KINDS]
     return np.array(rows, np.float32)
 
 
 def _within_limit(case: Case) -> Check:
     """Speed never exceeds the posted limit and that of the class of vehicle on this road."""
+    found = keeps_limit(case, posted_limits(case))
+    return found.replace(severity=_severity(case, found))
+
+
+def keeps_limit(case: Case, limits: tuple[F32, F32]) -> Check:
+    """Speed never exceeds a limit; in doubt between the lowest and the highest that may hold."""
     speed, span = case.signals.speed, conduct(case)
-    least, most = posted_limits(case)
+    least, most = limits
     fastest = reduced(np.maximum, speed, span)
     rows = np.flatnonzero(span.exists & (fastest > most))
     first, last = ends_in(span, rows, speed[rows] > most[rows, None])
-    found = decided(span.exists, most - fastest, first, last, doubtful=fastest > least)
-    return found.replace(severity=_severity(case, found))
+    return decided(span.exists, most - fastest, first, last, doubtful=fastest > least)
 
 
 def posted_limits(case: Case) -> tuple[F32, F32]:
     """`speed_limits`, with the rounding of recorded speeds allowed for."""
-    least, most = speed_limits(case)
+    return rounded(speed_limits(case))
+
+
+def rounded(limits: tuple[F32, F32]) -> tuple[F32, F32]:
+    """Limits with the rounding of recorded speeds allowed for [m/s]."""
+    least, most = limits
     return least + _ROUNDING, most + _ROUNDING
 
 
@@ -115,6 +133,7 @@ L12 = Rule(
     without_attempt=True,
     check=_within_limit,
     spread=OF_SPEED,
+    limit=lambda case: speed_limits(case)[1],
 )
 
 
@@ -131,7 +150,7 @@ def _above_minimum(case: Case) -> Check:
     held = _is_held_up(case, slow[row], frames)
     margin[slow[row[held]], frames[held]] = ENDLESS
     found = never_negative(stretch(margin, span), span)
-    return found if road_known else _perhaps(found)
+    return found if road_known else perhaps(found)
 
 
 def _is_held_up(case: Case, rows: Index, frames: Index) -> Mask:
@@ -146,8 +165,8 @@ def _is_held_up(case: Case, rows: Index, frames: Index) -> Mask:
     return congested | (ahead.valid & near & (leader_speed < least))
 
 
-def _perhaps(found: Check) -> Check:
-    """The same where it may be no motorway: slow driving is then in doubt, not a breach."""
+def perhaps(found: Check) -> Check:
+    """The same where what it is about may not be so: a breach is then in doubt."""
     slow = found.margin < 0
     margin = np.where(slow, np.float32(0.0), found.margin)
     applies = found.verdict != Verdict.NOT_APPLICABLE

@@ -6,17 +6,20 @@ from functools import cache
 
 import numpy as np
 import pytest
+from tests.support import german_fixtures
 from tests.support.law_fixtures import FIXTURES
 from tests.support.logic import group_of, program_of, solved
 
 from overtaking import sample, simulate
 from overtaking.analysis.logic.export import PROGRAMS
-from overtaking.analysis.logic.law import CODES, judged, law, lawyer
+from overtaking.analysis.logic.law import CODES, CODES_DE, judged, law, lawyer
 from overtaking.labels.events import case_of
-from overtaking.labels.law import PORTUGAL, check
+from overtaking.labels.law import GERMANY, PORTUGAL, Pack, check
 from overtaking.model.labels import Case, Verdict
 
 LAW = (PROGRAMS / "law.lp").read_text(encoding="utf-8")
+LAW_DE = (PROGRAMS / "law_de.lp").read_text(encoding="utf-8")
+GERMAN = [one for one in german_fixtures.FIXTURES if one[0] in CODES_DE]
 
 
 @cache
@@ -37,11 +40,13 @@ def in_logic(facts: str, law_text: str = LAW) -> tuple[dict[str, str], dict[str,
     return verdicts, {rule.upper(): frame for _, rule, frame in breaches}
 
 
-def in_python(case: Case) -> tuple[dict[str, str], dict[str, int]]:
-    findings = check(PORTUGAL, case)
+def in_python(
+    case: Case, pack: Pack = PORTUGAL, codes: tuple[str, ...] = CODES
+) -> tuple[dict[str, str], dict[str, int]]:
+    findings = check(pack, case)
     verdicts: dict[str, str] = {}
     first: dict[str, int] = {}
-    for code in CODES:
+    for code in codes:
         place = (0, findings.rules.index(code))
         verdicts[code] = Verdict(int(findings.verdict[place])).name.lower()
         if verdicts[code] == "illegal":
@@ -57,6 +62,62 @@ def test_both_say_the_same_of_every_fixture(place: int):
     verdicts, first = in_logic(facts)
     assert verdicts == expected
     assert {code: first[code] for code in expected_first} == expected_first
+
+
+@cache
+def german(place: int) -> tuple[str, dict[str, str], dict[str, int]]:
+    """The facts of a German fixture, and what Python says of it."""
+    case = GERMAN[place][3]()
+    return program_of(case, every=10**6), *in_python(case, GERMANY, CODES_DE)
+
+
+def in_german_logic(facts: str, law_text: str = LAW_DE) -> tuple[dict[str, str], dict[str, int]]:
+    verdicts, first = in_logic(facts, LAW + law_text)
+    return {code: verdicts[code] for code in CODES_DE}, first
+
+
+@pytest.mark.parametrize(
+    "place", [pytest.param(n, id=f"{f[0]}: {f[2]}") for n, f in enumerate(GERMAN)]
+)
+def test_both_say_the_same_of_every_german_fixture(place: int):
+    facts, expected, expected_first = german(place)
+    verdicts, first = in_german_logic(facts)
+    assert verdicts == expected
+    assert {code: first[code] for code in expected_first} == expected_first
+
+
+@pytest.mark.parametrize(
+    ("code", "old", "new"),
+    [
+        ("A1", "2*G < 3*V", "2*G < V"),
+        ("A2", "N > 3000/M", "N > 9000/M"),
+        ("A3", "G < 50000", "G < 40000"),
+        ("O1", "L <= K.", "L < K-5."),
+        ("O2", "36*(V-W) < 100000", "36*(V-W) < 10000"),
+        ("O6", "left_follower,F,B), B > 2000", "left_follower,F,B), B > 900000"),
+        ("O12", "S,follower,F,B), B > 2000", "S,follower,F,B), B > 900000"),
+        ("V2", "general_de(motorway,heavy,80)", "general_de(motorway,heavy,90)"),
+    ],
+)
+def test_a_german_condition_that_is_changed_is_noticed(code: str, old: str, new: str):
+    assert old in LAW_DE
+    spoiled = LAW_DE.replace(old, new)
+    places = [n for n, fixture in enumerate(GERMAN) if fixture[0] == code]
+    assert any(in_german_logic(german(n)[0], spoiled)[0] != german(n)[1] for n in places)
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize(("profile", "number"), [("pinto2023-physical", 120), ("motorway", 30)])
+def test_both_say_the_same_of_simulations_by_german_law(profile: str, number: int):
+    case = case_of(simulate(sample(profile, number, seed=23)))
+    with lawyer("de") as reasoner:
+        said = judged(reasoner, group_of(case), "de")
+    findings = check(GERMANY, case)
+    place = [findings.rules.index(code) for code in CODES_DE]
+    verdict = findings.verdict[:, place]
+    np.testing.assert_array_equal(said.verdict, verdict)
+    is_illegal = verdict == Verdict.ILLEGAL
+    np.testing.assert_array_equal(said.first[is_illegal], findings.first[:, place][is_illegal])
 
 
 @pytest.mark.ci
@@ -106,12 +167,19 @@ def test_the_law_reads_measurements_and_no_label():
     assert {"spacing", "reach", "ego_speed", "event", "lane"} <= read
 
 
-def test_every_rule_is_headed_by_its_article_and_its_gloss():
-    rules = {rule.code: rule for rule in PORTUGAL.rules}
-    lines = LAW.splitlines()
-    heads = {line.split(": ")[0]: n for n, line in enumerate(lines) if line.startswith("% --- L")}
-    assert set(heads) == {f"% --- {code}" for code in CODES}
-    for code in CODES:
+@pytest.mark.parametrize(
+    ("text", "pack", "codes"), [(LAW, PORTUGAL, CODES), (LAW_DE, GERMANY, CODES_DE)]
+)
+def test_every_rule_is_headed_by_its_article_and_its_gloss(text, pack, codes):
+    rules = {rule.code: rule for rule in pack.rules}
+    lines = text.splitlines()
+    heads = {
+        line.split(": ")[0]: n
+        for n, line in enumerate(lines)
+        if line.startswith("% --- ") and ": " in line
+    }
+    assert {head for head in heads if head[6:] in rules} == {f"% --- {code}" for code in codes}
+    for code in codes:
         begin = heads[f"% --- {code}"]
         end = lines.index("", begin)
         assert lines[begin].split(": ", 1)[1].rstrip("- ") == rules[code].law

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from tests.support.overtakes import overtake
+from tests.support.overtakes import alone, crossing, overtake
 
 from overtaking.core.errors import ConfigError
-from overtaking.labels.law import POLICIES, PORTUGAL, Pack, check, legality, policy
-from overtaking.model.labels import Findings, Verdict
+from overtaking.labels.law import (
+    POLICIES,
+    PORTUGAL,
+    Pack,
+    Policy,
+    Text,
+    Tolerance,
+    check,
+    legality,
+    policies_for,
+    policy,
+)
+from overtaking.model.labels import Findings, Severity, Verdict
 
 
 def findings(**verdicts: Verdict) -> Findings:
@@ -97,7 +110,9 @@ def test_a_pack_without_a_required_rule_is_refused():
 
 
 def test_an_unknown_policy_is_refused_with_those_there_are():
-    with pytest.raises(ConfigError, match="expected paper or default or strict, got lenient"):
+    with pytest.raises(
+        ConfigError, match="expected paper or default or strict or serious or enforced, got"
+    ):
         policy("lenient")
 
 
@@ -112,3 +127,63 @@ def test_of_no_simulation_there_are_no_findings():
     found = check(PORTUGAL, overtake().select(np.array([], np.intp)))
     assert found.verdict.shape == (0, len(PORTUGAL.rules))
     assert legality(found, policy("default")).is_legal.shape == (0,)
+
+
+def test_only_three_policies_are_stored_and_the_others_ask_for_the_rules_of_default():
+    names = [each.name for each in policies_for("pt")]
+    assert names == ["paper", "default", "strict", "serious", "enforced"]
+    for name in names[3:]:
+        assert set(policy(name).required) == set(policy("default").required)
+        assert policy(name).least is Severity.SERIOUS
+    assert policies_for("nowhere") == ()
+
+
+def test_a_light_breach_counts_for_default_alone():
+    # 122 km/h: 2.4 km/h above the limit are light.
+    case = alone(ego={"speed": 34.0}, events={"attempt": 60})
+    found = check(PORTUGAL, case)
+    broken = {
+        name: int(legality(found, policy(name), PORTUGAL, case).num_broken[0])
+        for name in ("default", "serious", "enforced")
+    }
+    assert broken["default"] == broken["serious"] + 1 == broken["enforced"] + 1
+
+
+@pytest.mark.parametrize(("speed", "is_fined"), [(126.2, False), (126.5, True), (131.0, True)])
+def test_a_fixed_device_deducts_five_percent_of_what_it_reads(speed, is_fined):
+    # 0.95 x 126.3158 = 120 km/h.
+    case = alone(ego={"speed": speed / 3.6})
+    found = check(PORTUGAL, case)
+    only_speed = replace(policy("enforced"), required=("L12",))
+    assert bool(legality(found, only_speed, PORTUGAL, case).num_broken[0]) == is_fined
+
+
+@pytest.mark.parametrize(("lasting", "counts"), [(0.0, True), (4.9, True), (5.1, False)])
+def test_a_breach_is_tolerated_for_so_long(lasting, counts):
+    # The ego is too near its leader for 100 frames of 50 ms.
+    case = crossing(target={"s": 20.0, "speed": 30.0}, events={})
+    found = check(PORTUGAL, case)
+    place = found.rules.index("L3")
+    length = (found.last[0, place] - found.first[0, place] + 1) * 0.05
+    given = Policy(
+        name="patient",
+        required=("L3",),
+        tolerances={"L3": Tolerance(lasting=float(length) - 5.0 + lasting)},
+    )
+    assert bool(legality(found, given, PORTUGAL, case).num_broken[0]) == counts
+
+
+def test_each_rule_says_how_its_text_is_known_and_where():
+    assert PORTUGAL.edition
+    assert {rule.text for rule in PORTUGAL.rules} == set(Text)
+    for rule in PORTUGAL.rules:
+        assert rule.where, rule.code
+
+
+def test_a_pack_that_trusts_no_hearsay_leaves_what_was_not_read_undecided():
+    strict = replace(PORTUGAL, trusts_hearsay=False)
+    trusting, doubting = (check(pack, overtake()) for pack in (PORTUGAL, strict))
+    for place, rule in enumerate(PORTUGAL.rules):
+        before, now = trusting.verdict[0, place], doubting.verdict[0, place]
+        unread = rule.text is not Text.READ and before != Verdict.NOT_APPLICABLE
+        assert now == (Verdict.UNDECIDABLE if unread else before), rule.code

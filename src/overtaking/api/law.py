@@ -1,0 +1,171 @@
+"""The law of many overtakes: tolerances, and two laws beside each other."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from overtaking.api.data import load
+from overtaking.api.rules import load_pack, policies_of
+from overtaking.api.simulating import MOST_ERROR, errors_of
+from overtaking.core.checks import check_name
+from overtaking.core.steps import Progress
+from overtaking.data.load import Dataset
+from overtaking.labels.explain.explanation import case_of
+from overtaking.labels.label import label
+from overtaking.labels.law import Errors, Pack, Policy
+from overtaking.model.checks import argument, checked
+from overtaking.model.values import Range
+
+if TYPE_CHECKING:
+    from overtaking.analysis.law.curve import Curve
+    from overtaking.analysis.law.parting import Judged
+
+LAWS = ("pt", "de")
+"""What `law_compare` compares by itself."""
+
+
+@checked
+def law_curve(
+    data: str | Path,
+    *,
+    law: str = LAWS[0],
+    policy: str = "paper",
+    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    progress: Progress | None = None,
+) -> "Curve":
+    """How many completed overtakes are legal as tolerances are relaxed; nothing is written.
+
+    Args:
+        data: Folder of a data set, or its URL.
+        law: What `rules.load_pack` takes.
+        policy: Name of a policy of the law.
+        position_error: As in `label` [m].
+        speed_error: As in `label` [m/s].
+        progress: Called with the number of simulations that are done, and of all.
+
+    Raises:
+        ConfigError: There is no such law or policy.
+        DatasetError: The data set is not complete, or damaged.
+    """
+    from overtaking.analysis.law.curve import curve
+
+    pack = load_pack(law)
+    (chosen,) = policies_of(pack, [policy])
+    errors = errors_of(position_error, speed_error)
+    judged = _judged(load(data), [pack], [[chosen]], errors, progress)
+    return curve(((said[0], case) for _, case, said in judged), pack, chosen)
+
+
+@checked
+def law_compare(
+    data: str | Path,
+    laws: Sequence[str] = LAWS,
+    *,
+    policies: Sequence[str] = ("paper", "default", "strict", "serious", "enforced"),
+    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """The same overtakes under several laws, and where these part; nothing is written.
+
+    Args:
+        data: Folder of a data set, or its URL.
+        laws: What `rules.load_pack` takes, for each law.
+        policies: Names of policies that every law has.
+        position_error: As in `label` [m].
+        speed_error: As in `label` [m/s].
+        progress: Called with the number of simulations that are done, and of all.
+
+    Raises:
+        ConfigError: There is no such law or policy.
+        DatasetError: The data set is not complete, or damaged.
+    """
+    from overtaking.analysis.law.parting import compared
+
+    packs = [load_pack(one) for one in laws]
+    chosen = [policies_of(pack, policies) for pack in packs]
+    errors = errors_of(position_error, speed_error)
+    return compared(_judged(load(data), packs, chosen, errors, progress), packs, chosen)
+
+
+def _judged(
+    data: Dataset,
+    packs: Sequence[Pack],
+    policies: Sequence[Sequence[Policy]],
+    errors: Errors | None,
+    progress: Progress | None,
+) -> "Iterator[Judged]":
+    """A data set under each law, batch by batch."""
+    done = 0
+    for numbers, run in data.batches():
+        said = [
+            label(run, pack=pack, policies=of, errors=errors)
+            for pack, of in zip(packs, policies, strict=True)
+        ]
+        yield numbers, case_of(said[0]), said
+        done += len(numbers)
+        if progress is not None:
+            progress(done, len(data))
+
+
+@checked
+def law_explain(
+    data: str | Path,
+    simulation: int,
+    *,
+    law: str = LAWS[0],
+    policies: Sequence[str] | None = None,
+    rules: Sequence[str] | None = None,
+    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+) -> list[dict[str, Any]]:
+    """A paragraph for each verdict on one simulation.
+
+    Args:
+        data: Folder of a data set, or its URL.
+        simulation: Its number.
+        law: What `rules.load_pack` takes.
+        policies: As in `label`.
+        rules: Codes of the rules to tell of; None for all.
+        position_error: As in `label` [m].
+        speed_error: As in `label` [m/s].
+
+    Returns:
+        What `show.paragraphs.paragraphs` returns.
+
+    Raises:
+        ConfigError: There is no such law, policy or rule.
+        DatasetError: There is no such simulation, or the data set is not complete, or damaged.
+    """
+    from overtaking.show.paragraphs import paragraphs
+
+    pack = load_pack(law)
+    for code in rules or ():
+        check_name(code, pack.codes, what="rule", where=pack.name)
+    chosen = policies_of(pack, policies)
+    errors = errors_of(position_error, speed_error)
+    run = load(data).trajectory(simulation)
+    labelled = label(run, pack=pack, policies=chosen, errors=errors)
+    told = paragraphs(labelled, simulation, pack, chosen)
+    return [one for one in told if rules is None or one["rule"] in rules]
+
+
+def plot_law_curve(found: "Curve", out: str | Path) -> None:
+    """Draw a curve as a PNG or SVG file, by its name.
+
+    Args:
+        found: What `law_curve` returned.
+        out: The file, replaced as a whole.
+
+    Raises:
+        MissingExtraError: The extra `plots` is not installed.
+        OSError: The file cannot be written.
+    """
+    from overtaking.show.plots.law import draw_curve
+    from overtaking.show.plots.style import to_png, to_svg
+    from overtaking.show.report.files import put
+
+    path = Path(argument(out, str | Path, "plot_law_curve", "out"))
+    drawing = draw_curve(found)
+    put(path, to_svg(drawing) if path.suffix == ".svg" else to_png(drawing))

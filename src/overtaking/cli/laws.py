@@ -1,0 +1,172 @@
+"""Laws, policies and tolerances on a data set."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from overtaking.cli import options
+from overtaking.cli.output import Output
+from overtaking.cli.tables import drawn_rows
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+Rules = Annotated[
+    str | None,
+    options.option("--rules CODE,CODE", "Rules to tell of, separated by commas.  [default: all]"),
+]
+Plot = Annotated[
+    Path | None, options.option("--plot FILE", "Draw the figures to a .png or .svg file.")
+]
+
+
+def curve(
+    output: Output,
+    data: options.Data,
+    law: options.Law = "pt",
+    policy: options.Policy = "paper",
+    plot: Plot = None,
+    position_error: options.PositionError = None,
+    speed_error: options.SpeedError = None,
+) -> None:
+    """Count legal overtakes as tolerances are relaxed.
+
+    Also which rule alone decides, and in how many overtakes. Nothing is written.
+    """
+    from overtaking import api
+    from overtaking.cli import arguments
+
+    figure = arguments.figure_file(plot)
+    given = arguments.given(position_error=position_error, speed_error=speed_error)
+    with output.progress("simulations") as meter:
+        found = api.law_curve(data, law=law, policy=policy, progress=meter, **given)
+    if figure is not None:
+        api.plot_law_curve(found, figure)
+    values = found.values()
+    output.result(values, lambda _: render_curve(values))
+
+
+def compare(
+    output: Output,
+    data: options.Data,
+    law: options.Law = "pt,de",
+    policies: options.Policies = "paper,default,strict,serious,enforced",
+    position_error: options.PositionError = None,
+    speed_error: options.SpeedError = None,
+) -> None:
+    """Judge a data set by several laws and show where they part.
+
+    Nothing is written.
+    """
+    from overtaking import api
+    from overtaking.cli import arguments
+
+    given = arguments.given(position_error=position_error, speed_error=speed_error)
+    laws, chosen = ([one.strip() for one in text.split(",")] for text in (law, policies))
+    with output.progress("simulations") as meter:
+        values = api.law_compare(data, laws, policies=chosen, progress=meter, **given)
+    output.result(values, lambda _: render_comparison(values))
+
+
+def explain(
+    output: Output,
+    data: options.Data,
+    simulation: options.Number,
+    law: options.Law = "pt",
+    rules: Rules = None,
+    position_error: options.PositionError = None,
+    speed_error: options.SpeedError = None,
+) -> None:
+    """Explain each verdict on a simulation in a paragraph.
+
+    Broken rules come first. A paragraph has the article, the facts, the margin, and what would have
+    been lawful.
+    """
+    from overtaking import api
+    from overtaking.cli import arguments
+
+    given = arguments.given(position_error=position_error, speed_error=speed_error)
+    codes = None if rules is None else [one.strip() for one in rules.split(",")]
+    told = api.law_explain(data, simulation, law=law, rules=codes, **given)
+    output.result({"verdicts": told}, lambda _: render_paragraphs(told))
+
+
+def render_paragraphs(told: list[dict[str, Any]]) -> "RenderableType":
+    """The paragraphs, one below the other; rules that do not apply in one line."""
+    from rich.console import Group
+    from rich.text import Text
+
+    lines = [
+        Text.assemble((f"{one['rule']} ", "bold"), one["paragraph"], "\n")
+        for one in told
+        if one["verdict"] != "not_applicable" or len(told) == 1
+    ]
+    silent = [one["rule"] for one in told if one["verdict"] == "not_applicable"]
+    if silent and len(told) > 1:
+        lines.append(Text(f"Do not apply: {', '.join(silent)}", style="dim"))
+    return Group(*lines)
+
+
+def render_curve(values: dict[str, Any]) -> "RenderableType":
+    """Shares by tolerance, and the rules."""
+    from rich.console import Group
+
+    title = (
+        f"{values['overtakes']:,} overtakes by {values['rule_set']}, policy {values['policy']}: "
+        f"{values['legal']:,} legal ({values['legal_share']:.1%})"
+    )
+    rows = [
+        (
+            one["tolerance"],
+            ", ".join(
+                f"{value:g} {one['unit']}: {share:.1%}"
+                for value, share in zip(one["values"], one["legal_share"], strict=True)
+            ),
+        )
+        for one in values["tolerances"]
+    ]
+    rules = [
+        (one["rule"], one["title"], f"{one['broken']:,}", f"{one['alone']:,}")
+        for one in values["rules"]
+        if one["broken"]
+    ]
+    return Group(
+        drawn_rows(("tolerance", "share of legal overtakes"), rows, title=title),
+        "",
+        drawn_rows(("rule", "title", "broken>", "alone>"), rules),
+    )
+
+
+def render_comparison(values: dict[str, Any]) -> "RenderableType":
+    """Legal overtakes by law and policy, and where laws part."""
+    from rich.console import Group
+
+    names = dict.fromkeys(name for one in values["laws"] for name in one["classes"])
+    rows = [
+        (
+            one["law"],
+            one["policy"],
+            *(f"{one['classes'].get(name, 0):,}" for name in names),
+            *(f"{count:,}" for count in one["conduct"].values()),
+        )
+        for one in values["laws"]
+    ]
+    versions = ", ".join(values["rule_sets"].values())
+    title = f"{values['simulations']:,} simulations by {versions}"
+    parted = [
+        (
+            f"{one['legal_under']}, not {one['illegal_under']}",
+            one["policy"],
+            f"{one['overtakes']:,}",
+            ", ".join(f"{rule} {count:,}" for rule, count in one["rules"].items()),
+            ", ".join(str(each["simulation"]) for each in one["examples"]),
+        )
+        for one in values["parted"]
+        if one["overtakes"]
+    ]
+    columns = (*names, "rules kept", "broken", "undecidable")
+    heads = ("legal under", "policy", "overtakes>", "broken under the other", "examples")
+    return Group(
+        drawn_rows(("law", "policy", *(f"{name}>" for name in columns)), rows, title=title),
+        "",
+        drawn_rows(heads, parted),
+    )

@@ -1,0 +1,88 @@
+"""What would have kept each German rule that has a remedy."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from overtaking.labels.explain import gaps
+from overtaking.labels.explain.breach import Quantity, sole
+from overtaking.labels.explain.remedies import REMEDIES, apart
+from overtaking.labels.law.frames import after_cut_ins
+from overtaking.labels.law.germany.driving import limits
+from overtaking.model.signals import Around
+from overtaking.world.constants import known
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from overtaking.core.elementary import F32
+    from overtaking.labels.explain.breach import Remedy, Scene
+
+
+def _ahead(asked: Callable[[F32], F32]) -> Callable[[Scene], tuple[Remedy, ...]]:
+    """A1 and A3: more distance to the leader, in the frame that lacks most."""
+
+    def find(scene: Scene) -> tuple[Remedy, ...]:
+        frames = scene.beside(Around.LEADER)
+        frames = frames[~after_cut_ins(scene.case)[0, frames]]
+        seen = scene.case.signals
+        margins = seen.gap[0, Around.LEADER, frames] - asked(seen.speed[0, frames])
+        worst = frames[int(np.abs(margins - scene.margin).argmin())]
+        return gaps.more_distance(scene, Around.LEADER, worst, scene.margin)
+
+    return find
+
+
+def _at_limit(scene: Scene) -> tuple[Remedy, ...]:
+    """V2: at the limit."""
+    fastest = scene.frames[int(scene.case.signals.speed[0, scene.frames].argmax())]
+    return scene.speed(fastest, limits(scene.case)[1][0])
+
+
+def _slower(scene: Scene) -> tuple[Remedy, ...]:
+    """V3: so much slower."""
+    fastest = scene.frames[int(scene.case.signals.speed[0, scene.frames].argmax())]
+    return scene.speed(fastest, known("law_de.fog.speed"))
+
+
+def _faster(scene: Scene) -> tuple[Remedy, ...]:
+    """O2: so much faster."""
+    speed = scene.case.signals.speed[0, scene.first]
+    return scene.speed(scene.first, speed - np.float32(scene.margin))
+
+
+def _behind(place: Around) -> Callable[[Scene], tuple[Remedy, ...]]:
+    """O6 and O12: more distance to the one behind."""
+    return lambda scene: gaps.more_distance(scene, place, scene.first, scene.margin)
+
+
+GERMAN: dict[str, Callable[[Scene], tuple[Remedy, ...]]] = {
+    "A1": _ahead(lambda speed: known("law_de.distance.courts") * speed),
+    "A3": _ahead(lambda speed: np.full_like(speed, known("law_de.distance.trucks"))),
+    "O2": _faster,
+    "O3": REMEDIES["L24"],
+    "O4": REMEDIES["L7"],
+    "O5": lambda scene: sole(
+        Quantity.SIGHT,
+        float(known("law_de.pass.truck_sight")) + scene.margin,
+        known("law_de.pass.truck_sight"),
+        scene.first,
+    ),
+    "O6": _behind(Around.LEFT_FOLLOWER),
+    "O7": lambda scene: apart(scene, "law_de.side.motor"),
+    "O8": REMEDIES["L18"],
+    "O10": lambda scene: apart(scene, "law_de.side.bicycle"),
+    "O11": REMEDIES["L9"],
+    "O12": _behind(Around.FOLLOWER),
+    "O13": REMEDIES["L22"],
+    "V1": REMEDIES["L14"],
+    "V1s": REMEDIES["L14s"],
+    "V2": _at_limit,
+    "V3": _slower,
+    "F1": REMEDIES["L21"],
+    "B1": REMEDIES["L19"],
+    "S1": REMEDIES["L2"],
+}
+"""By the code of the rule; A2 and O1 have their margin, and no remedy."""

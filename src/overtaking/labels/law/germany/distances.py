@@ -1,0 +1,143 @@
+"""Distance to the vehicle ahead, § 4: as courts ask for it, as it is fined, and of trucks."""
+
+import numpy as np
+
+from overtaking.core.elementary import F32, Mask
+from overtaking.labels.law.frames import (
+    ENDLESS,
+    after_cut_ins,
+    always,
+    settled,
+    stretch,
+)
+from overtaking.labels.law.others import ego_may_be
+from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, decided, inapplicable
+from overtaking.model.labels import Case
+from overtaking.model.signals import Around
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.vehicles import VehicleKind
+from overtaking.world.constants import known
+
+
+def _gap(case: Case) -> tuple[F32, Mask]:
+    """Gap to the leader, and where it counts: not for 3 s after a cut-in; (simulation, time)."""
+    seen, place = case.signals, Around.LEADER
+    counts = (seen.vehicle[:, place] != NO_VEHICLE) & ~after_cut_ins(case)
+    return seen.gap[:, place], counts
+
+
+def _error(seconds: str) -> Spread:
+    """Error of a gap less a way of some seconds."""
+
+    def of(case: Case, found: Check, errors: Errors) -> F32:
+        del case
+        way = float(known(seconds)) * errors.speed
+        return np.full_like(found.margin, np.hypot(np.sqrt(2.0) * errors.position, way))
+
+    return Spread(formula="sqrt(2 sp^2 + (time)^2 sv^2)", of=of)
+
+
+def _courts(case: Case) -> Check:
+    """The gap is the way of 1.5 s or more."""
+    gap, counts = _gap(case)
+    margin = gap - known("law_de.distance.courts") * case.signals.speed
+    return always(np.where(counts, margin, ENDLESS), settled(case))
+
+
+A1 = Rule(
+    id="de.stvo.4-1@2013",
+    code="A1",
+    law="§ 4(1) StVO",
+    title="Distance",
+    gloss="Keep, as a rule, a distance behind which one can stop even if the vehicle ahead brakes "
+    "suddenly.",
+    predicate="At every frame: gap to the leader in the ego's lane >= 1.5 s v, which is what "
+    "courts "
+    "ask for; not in the 3 s after the leader cut in or the recording began.",
+    unit="m",
+    grade=Grade.LIGHT,
+    source="de-stvo-2013",
+    without_attempt=True,
+    check=_courts,
+    spread=_error("law_de.distance.courts"),
+)
+
+
+def _fined(case: Case) -> Check:
+    """Above 80 km/h the gap is not under the way of 0.9 s for more than 3 s on end, or 140 m."""
+    gap, counts = _gap(case)
+    speed, span = case.signals.speed, settled(case)
+    fast = counts & (speed > known("law_de.distance.fined_above"))
+    fast &= span.mask(np.arange(len(speed)), speed.shape[1])
+    near = fast & (gap < known("law_de.distance.fined") * speed)
+    run = _length_of_runs(near).astype(np.float32) * np.float32(
+        case.signals.frame_interval_ms / 1000.0
+    )
+    way = known("law_de.distance.way") / np.maximum(speed, np.float32(1.0))
+    margin = np.minimum(known("law_de.distance.lasting"), way) - run
+    found = stretch(np.where(fast, margin, ENDLESS), span)
+    applies = span.exists & fast.any(axis=1)
+    return decided(applies, found.low, found.first, found.last)
+
+
+def _length_of_runs(mask: Mask) -> np.ndarray:
+    """How many frames in a row a mask has held so far, 0 where it does not, (simulation, time)."""
+    frame = np.arange(1, mask.shape[1] + 1)
+    last_off = np.maximum.accumulate(np.where(mask, 0, frame), axis=1)
+    return np.where(mask, frame - last_off, 0)
+
+
+A2 = Rule(
+    id="de.stvo.4-1.fined@2013",
+    code="A2",
+    law="§ 4(1) StVO; BKatV, annex, numbers 12.5 to 12.7",
+    title="Distance, as it is fined",
+    gloss=A1.gloss,
+    predicate="At every frame above 80 km/h: the gap has not been under five tenths of half the "
+    "speedometer, 0.9 s v, for more than 3 s on end, or than 140 m / v if that is less. Exceptions "
+    "as A1. The margin is the time that was left.",
+    unit="s",
+    grade=Grade.SERIOUS,
+    source="de-stvo-2013",
+    without_attempt=True,
+    check=_fined,
+    fine="by the tenths of half the speedometer (BKatV, numbers 12.5 to 12.7)",
+)
+
+
+def _truck_distance(case: Case) -> Check:
+    """On a motorway a truck above 50 km/h is 50 m or more behind."""
+    trucks, road = ego_may_be(case, VehicleKind.T), case.trajectories.road
+    motorway = road.kind == "motorway" or "road_kind" in case.trajectories.unknown
+    if not (motorway and trucks.any()):
+        return inapplicable(case.signals.num_simulations)
+    gap, counts = _gap(case)
+    counts = counts & (case.signals.speed > known("law_de.distance.trucks_above"))
+    margin = gap - known("law_de.distance.trucks")
+    return always(np.where(counts & trucks[:, None], margin, ENDLESS), settled(case))
+
+
+def _two_places(case: Case, found: Check, errors: Errors) -> F32:
+    """Error of a gap."""
+    del case
+    return np.full_like(found.margin, np.sqrt(2.0) * errors.position)
+
+
+A3 = Rule(
+    id="de.stvo.4-3@2013",
+    code="A3",
+    law="§ 4(3) StVO",
+    title="Distance of trucks",
+    gloss="On motorways drivers of trucks above 3.5 t keep at least 50 m to the vehicle ahead when "
+    "faster than 50 km/h.",
+    predicate="At every frame on a motorway, the ego being a truck above 50 km/h: gap to the "
+    "leader "
+    ">= 50 m. Exceptions as A1.",
+    unit="m",
+    grade=Grade.LIGHT,
+    source="de-stvo-2013",
+    needs=frozenset(["kinds", "road_kind"]),
+    without_attempt=True,
+    check=_truck_distance,
+    spread=Spread(formula="sqrt(2) sp", of=_two_places),
+)

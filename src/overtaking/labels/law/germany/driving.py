@@ -1,0 +1,175 @@
+"""Driving in general: §§ 1 to 3, 7, 17 and 18, and sign 295."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from overtaking.core.elementary import F32
+from overtaking.labels.instants import seconds_of
+from overtaking.labels.law.errors import OF_SPEED
+from overtaking.labels.law.frames import ENDLESS, always, conduct, ends_in
+from overtaking.labels.law.gaps import L8, L23
+from overtaking.labels.law.lamps import BEAMS, FOG, HIGH, L19, dazzles
+from overtaking.labels.law.lanes import L2
+from overtaking.labels.law.rule import Check, Grade, Rule, decided
+from overtaking.labels.law.sight import L14, L14s, optical_range
+from overtaking.labels.law.speeds import L12, keeps_limit, limit_table, limits_of, perhaps, rounded
+from overtaking.labels.law.when import L21
+from overtaking.model.labels import Case, Severity, Verdict
+from overtaking.model.vehicles import Role
+from overtaking.world.constants import known
+
+_STVO = "de-stvo-2013"
+
+G1 = replace(
+    L23,
+    id="de.stvo.1-2@2013",
+    code="G1",
+    law="§ 1(2) StVO",
+    title="No danger, no avoidable obstruction",
+    gloss="Behave so that nobody is harmed, endangered, or hindered more than is unavoidable.",
+    grade=Grade.LIGHT,
+    source=_STVO,
+)
+
+F1 = replace(
+    L21,
+    id="de.stvo.2-2@2013",
+    code="F1",
+    law="§ 2(2) and § 7(1) StVO",
+    gloss="Drive as far to the right as possible; on several lanes one may do otherwise where the "
+    "traffic is dense enough.",
+    grade=Grade.LIGHT,
+    source=_STVO,
+)
+
+F2 = replace(
+    L8,
+    id="de.stvo.7-5@2013",
+    code="F2",
+    law="§ 7(5) StVO",
+    title="Change of lane",
+    gloss="Change lane only if nobody is endangered.",
+    grade=Grade.LIGHT,
+    source=_STVO,
+)
+
+V1 = replace(
+    L14,
+    id="de.stvo.3-1-4@2013",
+    code="V1",
+    law="§ 3(1) sentence 4 StVO",
+    gloss="Drive only so fast that one can stop within the way that one overlooks.",
+    source=_STVO,
+)
+
+V1s = replace(
+    L14s,
+    id="de.stvo.3-1-4.unlit@2013",
+    code="V1s",
+    law="§ 3(1) sentence 4 StVO, strictly",
+    gloss=V1.gloss,
+    source=_STVO,
+)
+
+
+def limits(case: Case) -> tuple[F32, F32]:
+    """The lowest and the highest limit that may hold for each ego [m/s]."""
+    return limits_of(case, limit_table("law_de.toml"))
+
+
+def _within_limit(case: Case) -> Check:
+    """Speed never exceeds the posted limit and that of the class of vehicle on this road."""
+    found = keeps_limit(case, rounded(limits(case)))
+    severity = np.full(len(found.verdict), Severity.LIGHT, np.uint8)
+    for grade in ("serious", "very_serious"):
+        severity += (-found.margin > known(f"law_de.excess.{grade}")).astype(np.uint8)
+    broken = found.verdict == Verdict.ILLEGAL
+    return found.replace(severity=np.where(broken, severity, np.uint8(Severity.NONE)))
+
+
+V2 = replace(
+    L12,
+    id="de.stvo.3-3@2013",
+    code="V2",
+    law="§ 3(3) and § 18(5) StVO; sign 274",
+    gloss="Keep to the limit that is posted and to the general one: in towns 50 km/h, elsewhere "
+    "100, "
+    "for trucks 60; on motorways none, for trucks 80.",
+    predicate="At every frame: speed <= min(posted limit, limit of the class on this kind of "
+    "road). No "
+    "tolerance. Over 20 km/h serious, over 40 very serious.",
+    source=_STVO,
+    check=_within_limit,
+    limit=lambda case: limits(case)[1],
+)
+
+
+def _slow_in_fog(case: Case) -> Check:
+    """Where one sees less than 50 m for fog or rain, speed is 50 km/h at most."""
+    thick, may_be = optical_range(case) < known("law_de.fog.sight"), case.trajectories.unknown
+    thick |= "weather" in may_be
+    margin = known("law_de.fog.speed") - case.signals.speed
+    found = always(np.where(thick[:, None], margin, ENDLESS), conduct(case))
+    return perhaps(found) if "weather" in may_be else found
+
+
+V3 = Rule(
+    id="de.stvo.3-1-3@2013",
+    code="V3",
+    law="§ 3(1) sentence 3 StVO",
+    title="Slowly in fog",
+    gloss="Drive no faster than 50 km/h if one sees less than 50 m for fog, snow or rain.",
+    predicate="At every frame, the meteorological optical range being under 50 m: speed <= 50 "
+    "km/h.",
+    unit="m/s",
+    grade=Grade.SERIOUS,
+    source=_STVO,
+    partly=frozenset(["weather"]),
+    without_attempt=True,
+    check=_slow_in_fog,
+    spread=OF_SPEED,
+)
+
+
+def _right_lamps(case: Case) -> Check:
+    """Low beam by night and in fog, rear fog lamps under 50 m only, no high beam that dazzles."""
+    span, sight = conduct(case), optical_range(case)
+    lights = case.trajectories.states.lights[:, Role.EGO]
+    needed = case.trajectories.scenario.weather.night | (sight < known("law_de.fog.impaired"))
+    wrong = needed[:, None] & ((lights & BEAMS) == 0)
+    wrong |= ((lights & FOG) != 0) & (sight >= known("law_de.fog.sight"))[:, None]
+    rows, frames = np.nonzero((lights & HIGH) != 0)
+    if rows.size:
+        wrong[rows, frames] |= dazzles(case, rows, frames)
+    every = np.arange(len(lights))
+    first, last = ends_in(span, every, wrong)
+    count = (wrong & span.mask(every, lights.shape[1])).sum(axis=1, dtype=np.int32)
+    return decided(span.exists, -seconds_of(case, count), first, last)
+
+
+B1 = replace(
+    L19,
+    id="de.stvo.17@2013",
+    code="B1",
+    law="§ 17(1) to (3) StVO",
+    gloss="Low beam in the dark and where fog, snow or rain impair the sight considerably; no high "
+    "beam that dazzles; rear fog lamps only if fog leaves less than 50 m of sight.",
+    predicate="At every frame: low or high beam at night and where the meteorological range is "
+    "below "
+    "100 m; no rear fog lamps from 50 m on; no high beam under 100 m behind the leader or under "
+    "200 m "
+    "from an oncoming vehicle. The margin is the time in breach.",
+    source=_STVO,
+    check=_right_lamps,
+)
+
+S1 = replace(
+    L2,
+    id="de.stvo.295@2013",
+    code="S1",
+    law="§ 41(1) StVO, annex 2, sign 295",
+    gloss="A continuous line must not be driven over, not even in part.",
+    grade=Grade.LIGHT,
+    source=_STVO,
+)

@@ -1,0 +1,294 @@
+"""Overtaking, § 5: on which side, how fast, when not, how far aside, and back again."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from overtaking.core.elementary import F32
+from overtaking.labels.instants import at, vehicle_at
+from overtaking.labels.law.alongside import (
+    L1,
+    L10,
+    L11,
+    L22,
+    alongside,
+    apart,
+    in_queue,
+    lane_index,
+)
+from overtaking.labels.law.distances import beside
+from overtaking.labels.law.errors import gap_error
+from overtaking.labels.law.frames import ENDLESS, instant
+from overtaking.labels.law.gaps import L24
+from overtaking.labels.law.lamps import L18
+from overtaking.labels.law.others import ego_may_be
+from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, decided
+from overtaking.labels.law.sight import optical_range
+from overtaking.labels.law.when import L7, L9
+from overtaking.model.labels import Case
+from overtaking.model.signals import Around
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.vehicles import VehicleKind
+from overtaking.world.constants import known
+
+_HALF = np.float32(0.5)
+
+
+def _on_the_left(case: Case) -> Check:
+    """While alongside the target the ego is left of it, unless both are in queues."""
+    found = alongside(case)
+    own = lane_index(case.signals.lane)[found.rows, found.frames]
+    margin = (own - lane_index(found.lane) - _HALF).astype(np.float32)
+    wrong = np.flatnonzero(margin < 0)
+    margin[wrong[in_queue(case, found.rows[wrong], found.frames[wrong])]] = ENDLESS
+    return found.check(case, margin)
+
+
+O1 = replace(
+    L1,
+    id="de.stvo.5-1@2013",
+    code="O1",
+    law="§ 5(1) StVO; exceptions § 7(2) and (2a)",
+    gloss="Overtaking is done on the left. Where queues have formed one may be faster on the "
+    "right.",
+    predicate="While ego and target overlap: lane(ego) is left of lane(target). Not where at "
+    "least 3 "
+    "others within 100 m are slower than 30 km/h and the ego is at most 20 km/h faster than the "
+    "target.",
+    grade=Grade.SERIOUS,
+    source="de-stvo-2013",
+    check=_on_the_left,
+    fine="100 EUR, 1 point (BKat 17, Kraftfahrt-Bundesamt)",
+)
+
+
+def _much_faster(case: Case) -> Check:
+    """As the ego comes alongside it is 10 km/h faster than the target or more."""
+    frame, target = case.events.overlap_begin, case.target.vehicle
+    rows, when = np.arange(len(frame)), np.maximum(frame, 0)
+    there = vehicle_at(case.trajectories, target, rows, when)
+    faster = at(case.signals.speed, when) - there.speed
+    return instant(frame, faster - known("law_de.pass.faster"), target != NO_VEHICLE)
+
+
+def _two_speeds(case: Case, found: Check, errors: Errors) -> F32:
+    """Error of a difference of two speeds."""
+    del case
+    return np.full_like(found.margin, np.sqrt(2.0) * errors.speed)
+
+
+O2 = Rule(
+    id="de.stvo.5-2-2@2013",
+    code="O2",
+    law="§ 5(2) sentence 2 StVO",
+    title="Substantially faster",
+    gloss="Only those may overtake who are substantially faster than the overtaken.",
+    predicate="At overlap_begin: v - v_target >= 10 km/h.",
+    unit="m/s",
+    grade=Grade.SERIOUS,
+    source="de-stvo-2013",
+    check=_much_faster,
+    spread=Spread(formula="sqrt(2) sv", of=_two_speeds),
+    fine="80 EUR, 1 point (BKat 18, Kraftfahrt-Bundesamt)",
+)
+
+O3 = replace(
+    L24,
+    id="de.stvo.5-2-1@2013",
+    code="O3",
+    law="§ 5(2) sentence 1 StVO",
+    gloss="Only those may overtake who can see that they will not hinder oncoming traffic at any "
+    "time.",
+    grade=Grade.SERIOUS,
+    source="de-stvo-2013",
+    fine="100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)",
+)
+
+O4 = replace(
+    L7,
+    id="de.stvo.5-3-1@2013",
+    code="O4",
+    law="§ 5(3) number 1 StVO",
+    title="Clear situation",
+    gloss="Do not overtake where the situation is unclear, such as behind somebody who moves out.",
+    grade=Grade.SERIOUS,
+    source="de-stvo-2013",
+    fine="100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)",
+)
+
+
+def _trucks_see(case: Case) -> Check:
+    """As a truck begins to overtake, one sees 50 m or more through fog and rain."""
+    trucks = ego_may_be(case, VehicleKind.T) & case.events.attempted
+    margin = optical_range(case) - known("law_de.pass.truck_sight")
+    return instant(case.events.attempt, margin, trucks)
+
+
+O5 = Rule(
+    id="de.stvo.5-3a@2013",
+    code="O5",
+    law="§ 5(3a) StVO",
+    title="No overtaking by trucks in fog",
+    gloss="Drivers of vehicles above 7.5 t do not overtake if they see less than 50 m for fog, "
+    "snow "
+    "or rain.",
+    predicate="At attempt, the ego being a truck: the meteorological optical range is 50 m or "
+    "more.",
+    unit="m",
+    grade=Grade.SERIOUS,
+    source="de-stvo-2013",
+    needs=frozenset(["kinds", "weather"]),
+    check=_trucks_see,
+    fine="120 EUR, 1 point (BKat 21, Kraftfahrt-Bundesamt)",
+)
+
+
+def _calm(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
+    """Margin of a gap behind: no abrupt braking [m]."""
+    del speed, decel
+    closing = np.maximum(closing_speed, np.float32(0.0))
+    return gap - closing * closing / (np.float32(2.0) * known("law.entry.braking"))
+
+
+def _not_endangered(place: Around, event: str) -> tuple[Callable[[Case], Check], Spread]:
+    """Check and error of a rule about the one behind in a place at an event."""
+
+    def check(case: Case) -> Check:
+        frame = getattr(case.events, event)
+        other = beside(case, place, frame)
+        speed = at(case.signals.speed, np.maximum(frame, 0))
+        return instant(frame, _calm(other.gap, speed, other.closing_speed, speed), other.valid)
+
+    def error(case: Case, found: Check, errors: Errors) -> F32:
+        del found
+        return gap_error(case, place, getattr(case.events, event), _calm, errors)
+
+    return check, Spread(formula="sqrt(2 sp^2 + 2 (dv/a)^2 sv^2), a = 2 m/s^2", of=error)
+
+
+_OUT, _OUT_ERROR = _not_endangered(Around.LEFT_FOLLOWER, "line_crossed")
+_IN, _IN_ERROR = _not_endangered(Around.FOLLOWER, "return_end")
+
+O6 = Rule(
+    id="de.stvo.5-4-1@2013",
+    code="O6",
+    law="§ 5(4) sentence 1 StVO",
+    title="Following traffic",
+    gloss="Who moves out to overtake behaves so that following traffic is in no danger.",
+    predicate="At line_crossed: gap to the follower in the lane on the left >= closing speed^2 / "
+    "(2 x "
+    "2 m/s^2), so that it need not brake hard.",
+    unit="m",
+    grade=Grade.SERIOUS,
+    source="de-stvo-2013",
+    check=_OUT,
+    spread=_OUT_ERROR,
+    fine="80 EUR, 1 point (BKat 22, Kraftfahrt-Bundesamt)",
+)
+
+O7 = replace(
+    L10,
+    id="de.stvo.5-4-2@2013",
+    code="O7",
+    law="§ 5(4) sentence 2 StVO",
+    gloss="Keep a sufficient distance to the side of others when overtaking.",
+    predicate="While ego and target overlap, the target being no bicycle: distance between their "
+    "sides >= 1 m, which is enough under normal conditions.",
+    grade=Grade.LIGHT,
+    source="de-stvo-2013",
+    check=lambda case: apart(case, known("law_de.side.motor"), bicycle=False),
+)
+
+O8 = replace(
+    L18,
+    id="de.stvo.5-4a@2013",
+    code="O8",
+    law="§ 5(4a) StVO",
+    gloss="Announce moving out and moving back in time and clearly, with the indicators.",
+    source="de-stvo-2013",
+)
+
+
+def _signs(case: Case) -> Check:
+    """Signs are recorded nowhere: roads of this package have none, others may have."""
+    attempted = case.events.attempted
+    may_stand = attempted & ("speed_limit" in case.trajectories.unknown)
+    margin = np.zeros(len(attempted), np.float32)
+    return decided(may_stand, margin, case.events.attempt, case.events.attempt)
+
+
+O9 = Rule(
+    id="de.stvo.5-3-2@2013",
+    code="O9",
+    law="§ 5(3) number 2 StVO; signs 276 and 277",
+    title="Signs",
+    gloss="Do not overtake where a sign forbids it.",
+    predicate="Signs are recorded nowhere: undecidable where posted signs are not known.",
+    unit="1",
+    grade=Grade.LIGHT,
+    source="de-stvo-2013",
+    needs=frozenset(["speed_limit"]),
+    check=_signs,
+)
+
+
+def _apart_from_bicycle(case: Case) -> Check:
+    """Alongside a bicycle, the bodies are 2 m apart, in towns 1.5 m."""
+    town = case.trajectories.road.kind == "town" and "road_kind" not in case.trajectories.unknown
+    return apart(case, known(f"law_de.side.bicycle{'_town' if town else ''}"), bicycle=True)
+
+
+O10 = replace(
+    L11,
+    id="de.stvo.5-4-3@2013",
+    code="O10",
+    law="§ 5(4) sentence 3 StVO",
+    gloss="Motor vehicles keep at least 1.5 m to the side of those who walk or cycle, outside "
+    "built-up "
+    "areas 2 m.",
+    predicate="While ego and target overlap, the target being a bicycle: distance between their "
+    "sides >= 2 m, in towns 1.5 m.",
+    unit="m",
+    grade=Grade.LIGHT,
+    source="de-stvo-2013",
+    needs=frozenset(["kinds", "road_kind"]),
+    check=_apart_from_bicycle,
+    spread=L10.spread,
+)
+
+O11 = replace(
+    L9,
+    id="de.stvo.5-4-5@2013",
+    code="O11",
+    law="§ 5(4) sentence 5 StVO",
+    gloss="Who overtakes moves back to the right as soon as possible.",
+    grade=Grade.LIGHT,
+    source="de-stvo-2013",
+)
+
+O12 = Rule(
+    id="de.stvo.5-4-6@2013",
+    code="O12",
+    law="§ 5(4) sentence 6 StVO",
+    title="The overtaken is not hindered",
+    gloss="Who overtakes does not hinder the overtaken.",
+    predicate="At return_end: gap to the vehicle behind >= closing speed^2 / (2 x 2 m/s^2), so "
+    "that it "
+    "need not brake hard.",
+    unit="m",
+    grade=Grade.LIGHT,
+    source="de-stvo-2013",
+    check=_IN,
+    spread=_IN_ERROR,
+)
+
+O13 = replace(
+    L22,
+    id="de.stvo.5-6@2013",
+    code="O13",
+    law="§ 5(6) sentence 1 StVO",
+    gloss="Who is overtaken does not accelerate.",
+    grade=Grade.LIGHT,
+    source="de-stvo-2013",
+)

@@ -1,0 +1,115 @@
+"""A paragraph for each verdict, to be quoted: article, facts, margin, and what would be lawful.
+
+The sentences are those of `knowledge/data/explanations.toml`; the numbers are those of findings and
+explanation.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from overtaking.core.units import kmh_from_mps
+from overtaking.knowledge.reader import load
+from overtaking.labels.law import Text
+from overtaking.model.labels import Verdict
+from overtaking.show.description import describe
+from overtaking.show.wording import BELIEFS, breach_words, words
+
+if TYPE_CHECKING:
+    from overtaking.labels.label import Labelled
+    from overtaking.labels.law import Pack, Policy, Rule
+
+    Values = dict[str, Any]
+
+_FILE = "explanations.toml"
+_DASH = " to "
+
+
+def paragraphs(
+    labelled: Labelled, number: int, pack: Pack, policies: tuple[Policy, ...]
+) -> list[Values]:
+    """A paragraph for each rule: the broken ones first, then the undecidable, kept and others.
+
+    Args:
+        labelled: A batch of one simulation, labelled by the pack.
+        number: Its number in its data set.
+        pack: The rules.
+        policies: The policies of its labels.
+
+    Returns:
+        For each rule its code, law, verdict, margin, unit, text and paragraph. The margin is None
+        where the verdict is neither legal nor illegal.
+    """
+    values = describe(labelled, number, pack=pack, policies=policies)
+    order = (Verdict.ILLEGAL, Verdict.UNDECIDABLE, Verdict.LEGAL, Verdict.NOT_APPLICABLE)
+    verdicts = [Verdict(int(one)) for one in labelled.findings.verdict[0]]
+    places = sorted(range(len(verdicts)), key=lambda place: order.index(verdicts[place]))
+    return [_told(pack.rules[k], verdicts[k], labelled, values, pack) for k in places]
+
+
+def _told(rule: Rule, verdict: Verdict, labelled: Labelled, values: Values, pack: Pack) -> Values:
+    findings = labelled.findings
+    margin = float(findings.margin[0, findings.rules.index(rule.code)])
+    sentences = load(_FILE)["sentences"]
+    whose = "the ego" if rule.of_ego else "the overtaken vehicle"
+    facts: Values = {
+        "law": rule.law,
+        "rule_set": findings.version,
+        "gloss": rule.gloss,
+        "code": rule.code,
+        "simulation": values["simulation"],
+        "border": load(_FILE)["borders"].get(pack.name, {}).get(rule.code, "its border"),
+        "amount": _amount(abs(margin), rule.unit),
+        "whose": whose,
+        "fine": rule.fine,
+    }
+    said = ["asks", verdict.name.lower()]
+    if verdict is Verdict.ILLEGAL:
+        one = next(one for one in values["broken"] if one["rule"] == rule.code)
+        said += _of_breach(one, values, facts)
+    elif verdict is Verdict.UNDECIDABLE:
+        one = next(one for one in values["undecidable"] if one["rule"] == rule.code)
+        facts["why"] = _why(one, sentences)
+    if rule.text is not Text.READ:
+        said.append("unread")
+        facts["how"] = sentences[rule.text.value]
+    is_decided = verdict in (Verdict.LEGAL, Verdict.ILLEGAL)
+    return {
+        "rule": rule.code,
+        "law": rule.law,
+        "verdict": verdict.name.lower(),
+        "margin": round(margin, 4) if is_decided else None,
+        "unit": rule.unit,
+        "text": rule.text.value,
+        "paragraph": " ".join(sentences[name].format(**facts) for name in said),
+    }
+
+
+def _of_breach(one: Values, values: Values, facts: Values) -> list[str]:
+    """What there is to say of a breach, whose facts are filled in."""
+    told = breach_words(one, values, _DASH)
+    facts["severity"] = words(one["severity"])
+    facts["when"] = f"from {one['from_s']:.2f} s to {one['to_s']:.2f} s"
+    if one["first_frame"] == one["last_frame"]:
+        facts["when"] = f"at {one['from_s']:.2f} s"
+    said = ["remedy" if told.remedies else "nearer"]
+    facts["remedies"] = ", or with ".join(told.remedies)
+    if one["belief"]:
+        said.append("belief")
+        facts["belief"] = BELIEFS[one["belief"]]
+    return said + (["fine"] if facts["fine"] else [])
+
+
+def _why(one: Values, sentences: Values) -> str:
+    """Why a rule cannot be decided."""
+    if one["text_not_read"]:
+        return sentences["no_text"]
+    missing = ", ".join(words(name) for name in one["not_recorded"])
+    return sentences["missing"].format(missing=missing) if missing else sentences["error"]
+
+
+def _amount(value: float, unit: str) -> str:
+    """A margin with its unit; speeds also in km/h."""
+    if unit == "m/s":
+        return f"{value:.2f} m/s ({kmh_from_mps(value):.1f} km/h)"
+    return f"{value:.2f}" if unit == "1" else f"{value:.2f} {unit}"

@@ -1,0 +1,116 @@
+"""The German rules on overtakes written by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.support.cases import Track, case, ramp
+from tests.support.german_fixtures import FIXTURES, behind
+from tests.support.overtakes import alone, overtake
+
+from overtaking.knowledge import quantities
+from overtaking.labels.law import GERMANY, PORTUGAL, Text, check, germany, legality, policies_for
+from overtaking.model.events import NEVER
+from overtaking.model.labels import Severity, Verdict
+
+SOURCES = Path(germany.__file__).parent.glob("*.py")
+POSSIBLE_WITHOUT_TEXT = {Verdict.NOT_APPLICABLE, Verdict.UNDECIDABLE}
+
+
+def found(make, code: str):
+    """What the pack says of one case: verdict, margin, severity, first and last frame."""
+    all_of = check(GERMANY, make())
+    place = (0, all_of.rules.index(code))
+    names = ("verdict", "margin", "severity", "first", "last")
+    return [getattr(all_of, name)[place] for name in names]
+
+
+@pytest.mark.parametrize(
+    ("code", "verdict", "make"),
+    [
+        pytest.param(code, verdict, make, id=f"{code} {verdict.name.lower()}: {what}")
+        for code, verdict, what, make in FIXTURES
+    ],
+)
+def test_a_rule_says_what_it_should_of(code, verdict, make):
+    said, margin, severity, first, last = found(make, code)
+    assert Verdict(int(said)) is verdict
+    broken = verdict is Verdict.ILLEGAL
+    assert (margin < 0) == broken
+    assert (severity != Severity.NONE) == broken
+    assert (first != NEVER) == broken
+    assert last >= first
+
+
+@pytest.mark.parametrize("rule", GERMANY.rules, ids=lambda rule: rule.code)
+def test_every_rule_has_a_fixture_for_each_verdict_that_it_can_give(rule):
+    has = {verdict for code, verdict, _, _ in FIXTURES if code == rule.code}
+    possible = set(Verdict)
+    if not rule.needs | rule.partly:
+        possible -= {Verdict.UNDECIDABLE}
+    if rule.text is not Text.READ:
+        possible = POSSIBLE_WITHOUT_TEXT
+    assert has == possible
+
+
+def test_each_rule_has_its_article_and_how_its_text_is_known():
+    assert not {*GERMANY.codes} & {*PORTUGAL.codes}
+    assert len({rule.id for rule in GERMANY.rules}) == len(GERMANY.rules)
+    for rule in GERMANY.rules:
+        assert rule.id.startswith("de.stvo.")
+        assert "§" in rule.law
+        assert rule.where
+        assert rule.source == "de-stvo-2013"
+    assert {rule.code for rule in GERMANY.rules if rule.text is not Text.READ} == {"O9", "F2", "G1"}
+
+
+def test_no_policy_asks_for_a_rule_whose_text_was_not_read():
+    rules = {rule.code: rule for rule in GERMANY.rules}
+    for policy in policies_for("de"):
+        assert all(rules[code].text is Text.READ for code in policy.required)
+        assert all(rules[code].of_ego for code in policy.required)
+
+
+@pytest.mark.parametrize(("seconds", "margin"), [(1.0, 2.0), (2.9, 0.1), (3.1, -0.1), (5.0, -2.0)])
+def test_a_short_distance_is_fined_after_three_seconds(seconds, margin):
+    # The leader is 25 m ahead at 108 km/h, and jumps away after so long; 3 s are for regaining it.
+    away = 3.05 + seconds
+    speed = ramp((away, 30.0), (away + 0.05, 90.0), frames=200)
+    one = case(Track(speed=30.0), Track(s=26.5 + 4.4, speed=speed), events={})
+    said = check(GERMANY, one)
+    value = float(said.margin[0, said.rules.index("A2")])
+    assert value == pytest.approx(margin, abs=0.11)
+
+
+def test_by_140_m_who_is_very_fast_has_less_time():
+    # 140 m take 2.33 s at 216 km/h.
+    one = behind(50.0, 60.0)
+    said = check(GERMANY, one)
+    margin = said.margin[0, said.rules.index("A2")]
+    near = int(one.events.last[0]) - 60
+    assert margin == pytest.approx(140.0 / 60.0 - near * 0.05, abs=0.06)
+
+
+def test_severity_by_excess_of_speed():
+    for speed, severity in ((34.0, Severity.LIGHT), (39.5, Severity.SERIOUS)):
+        assert found(lambda s=speed: alone(ego={"speed": s}), "V2")[2] == severity
+    assert found(lambda: alone(ego={"speed": 45.0}), "V2")[2] == Severity.VERY_SERIOUS
+
+
+def test_a_lawful_overtake_is_lawful_under_every_policy():
+    one = overtake()
+    said = check(GERMANY, one)
+    for policy in policies_for("de"):
+        law = legality(said, policy, GERMANY, one)
+        codes = np.array(said.rules)[said.verdict[0] == Verdict.ILLEGAL]
+        assert law.is_legal[0], (policy.name, codes)
+        assert law.num_undecidable[0] == 0
+
+
+def test_every_number_of_the_german_law_is_used():
+    text = "".join(path.read_text("utf-8") for path in SOURCES)
+    for name in quantities("law_de.toml"):
+        if not name.startswith(("limits.", "excess.", "side.bicycle")):
+            assert f'"law_de.{name}"' in text, name
