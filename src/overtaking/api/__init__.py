@@ -21,7 +21,8 @@ from overtaking.api.evaluating import (
     evaluate_benchmark,
     policy_of,
     write_evaluation,
-)from overtaking.api.law import law_compare, law_curve, law_explain, plot_law_curve
+)
+from overtaking.api.law import law_compare, law_curve, law_explain, plot_law_curve
 from overtaking.api.learning import learn_factors, learn_rules
 from overtaking.api.logic import ask, prove
 from overtaking.api.maps import map_roads, plot_map
@@ -87,8 +88,8 @@ __all__ = [
     "literature",
     "load",
     "map_roads",
-    "plot_map",
     "plot_law_curve",
+    "plot_map",
     "plot_validation",
     "plot_what_if",
     "policy_of",
