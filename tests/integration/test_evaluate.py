@@ -59,6 +59,30 @@ def test_a_profile_of_the_package_stands_for_its_risky_one():
     assert met.effective == pytest.approx(4.0)
 
 
+@pytest.mark.ci
+def test_weighted_rates_are_those_that_brute_force_finds():
+    """Dense nights and pressing egos are drawn more often; what happens is as frequent as ever."""
+    bent = [
+        {
+            "name": "dense nights",
+            "share": 0.5,
+            "powers": {"density": 0.3, "ego_temper": 0.3},
+            "parts": {"sun": [0.0, 0.5]},
+        }
+    ]
+    short = {"time.horizon_s": 40.0, "time.attempt_deadline_s": 30.0}
+    options = {"against": ["human"], "as_met": True}
+    risky = {**short, "proposal": bent}
+    some = ot.evaluate("stay", "motorway", 250, 11, overrides=risky, **options)
+    many = ot.evaluate("stay", "motorway", 250, 12, overrides=short, **options)
+    assert many.effective == pytest.approx(250.0)
+    assert some.effective < 230.0
+    for name in ("attempted_per_scenes", "lateral", "legal"):
+        here, there = (one.rate("human", name) for one in (some, many))
+        error = np.hypot(here.high - here.low, there.high - there.low) / (2.0 * 1.96)
+        assert abs(here.value - there.value) < 3.5 * error, name
+
+
 def test_the_page_and_what_the_command_prints(tmp_path, capsys):
     words = ["evaluate", "pinto2023-physical", "--policy", "rules", "-n", "30", *ARGUMENTS]
     assert main([*words, "--out", str(tmp_path), "--films", "1", "--json"]) == 0
@@ -110,19 +134,17 @@ def test_a_policy_that_fails_is_told_with_scene_and_time():
 def network(path: Path, width: int = WIDTH) -> Callable[[ot.Observation], np.ndarray]:
     """Write a network of one layer, and return the same as a function."""
     onnx = pytest.importorskip("onnx")
-    from onnx import TensorProto, helper, numpy_helper
-
+    helper, numeric = onnx.helper, onnx.TensorProto.FLOAT
     weights = np.zeros((width, 2), np.float32)
     weights[:2, 0] = -0.05, 0.25  # Speed and acceleration.
     weights[2:4, 1] = 1e-4, 0.1  # Position and lateral position.
     shapes = {"seen": ["n", width], "action": ["n", 2]}
     inputs, outputs = (
-        [helper.make_tensor_value_info(name, TensorProto.FLOAT, shapes[name])]
-        for name in ("seen", "action")
+        [helper.make_tensor_value_info(name, numeric, shapes[name])] for name in ("seen", "action")
     )
     layer = helper.make_node("MatMul", ["seen", "weights"], ["action"])
     graph = helper.make_graph(
-        [layer], "linear", inputs, outputs, [numpy_helper.from_array(weights, "weights")]
+        [layer], "linear", inputs, outputs, [onnx.numpy_helper.from_array(weights, "weights")]
     )
     opset = [helper.make_opsetid("", 17)]
     onnx.save(helper.make_model(graph, opset_imports=opset, ir_version=9), path)
@@ -143,8 +165,10 @@ def test_a_network_in_a_file_drives_as_the_same_function(tmp_path):
     scenes = ot.sample("pinto2023-physical", 8, 1, overrides=SHORT)
     options = {"observe": "truth", "hold": 4}
     runs = [ot.drive(scenes, one, **options) for one in (driver.policy, same)]
-    assert runs[0].actions is not None
-    difference = runs[0].actions.values.astype(int) - runs[1].actions.values
+    first, second = (one.actions for one in runs)
+    assert first is not None
+    assert second is not None
+    difference = first.values.astype(int) - second.values
     assert np.abs(difference).max() <= 1  # A step of rounding.
     found = ot.evaluate(driver, "pinto2023-physical", 8, 1, against=["stay"], overrides=SHORT)
     assert found.policy == "linear.onnx"

@@ -23,7 +23,7 @@ _SAFETY: Final = {
     "return": ("encroachment at the return", "s"),
 }
 _LAW: Final = {
-    one.code: (f"{one.code}, {one.law}: {one.title}", one.unit)
+    one.code: (f"{one.code}: {one.title}", one.unit)
     for one in PORTUGAL.rules
     if one.code in policy(POLICY).required
 }

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from overtaking.analysis.evaluation.endpoints import LAW, PRIMARY, SECONDARY
+from overtaking.analysis.evaluation.margins import MARGINS
 from overtaking.analysis.evaluation.origins import Origin
 from overtaking.analysis.evaluation.results import LEAST_EFFECTIVE, TOO_FEW
 from overtaking.analysis.stats.table import NO_VALUE, Style, Table
@@ -120,9 +121,10 @@ def origins(found: Evaluation) -> Table:
 
 def margins(found: Evaluation) -> Table:
     """Quantiles of margins."""
+    order = [title for title, _ in MARGINS.values()]
     rows = [
         (one.title, one.driver, one.unit, one.count, one.fifth, one.median, one.last)
-        for one in sorted(found.margins, key=lambda one: one.title)
+        for one in sorted(found.margins, key=lambda one: order.index(one.title))
         if one.count
     ]
     columns = {

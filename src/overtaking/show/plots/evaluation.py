@@ -116,7 +116,7 @@ def draw_law(found: Evaluation) -> Figure:
     axes = figure.subplots()
     names = [_rule(one[0].endpoint) for one in rows]
     _draw_rates(axes, rows, names)
-    axes.set_title("breaches, where the rule applies [%]", pad=4)
+    axes.set_title("breaches [%]", pad=4)
     _add_legend(figure, found.drivers, place="upper left")
     return figure
 

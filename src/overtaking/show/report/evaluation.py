@@ -27,8 +27,8 @@ _CAPTIONS = {
     "differ.",
     "weathers": "The primary endpoints of each driver by weather, with 95 % intervals. A scene may "
     "be of several kinds; kinds with fewer than ten effective scenes are left out.",
-    "rules": "How often each driver breaks a rule, with 95 % intervals; rules that no driver "
-    "breaks are left out.",
+    "rules": "How often each driver breaks a rule where it applies, with 95 % intervals; rules "
+    "that no driver breaks are left out.",
 }
 
 

@@ -115,8 +115,9 @@ def film_block(path: str, caption: str) -> str:
         path: The file, relative to the page.
         caption: The words below it.
     """
+    start = f"{escape(path)}#t=1"  # Browsers show this frame before they play; the first is empty.
     return (
-        f'<figure class="film"><video controls preload="metadata" src="{escape(path)}"></video>'
+        f'<figure class="film"><video controls preload="metadata" src="{start}"></video>'
         f'<figcaption>{escape(caption)} <span class="files">(<a href="{escape(path)}">MP4</a>)'
         "</span></figcaption></figure>\n"
     )
