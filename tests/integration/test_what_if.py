@@ -71,11 +71,11 @@ def test_a_fan_and_what_would_be_enough_are_told(data: str, capsys: pytest.Captu
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["twin", "0", "--without", "snow"], "without: expected rain or wind"),
+        (["twin", "0", "--without", "snow"], "without: expected wind or rain"),
         (["twin", "0", "--driver", "brave"], "driver: expected careful or average"),
-        (["twin", "0", "--at", "1e6"], "expected 0 to"),
+        (["twin", "0", "--at", "1e6"], "time: expected 0.0 to"),
         (["twin", "0", "--from", "middle"], "--from: expected state or start"),
-        (["twin", "0", "--delay", "-1"], "expected 0 to 60"),
+        (["twin", "0", "--delay", "-1"], "delay: expected 0.0 to 60.0"),
         (["twin", "99"], "simulation: expected 0 to 5"),
         (["fan", "0", "--given", "hope"], "given: expected truth or belief"),
         (["fan", "0", "--futures", "0"], "futures: expected 1 to"),
