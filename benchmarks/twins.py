@@ -9,7 +9,6 @@ with intervals, and those that are none.
 
 import argparse
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,48 +17,14 @@ from numpy.typing import NDArray
 from overtaking.labels.label import label
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.scenario import Scenario
-from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import Spec, sample, spec
 from overtaking.sim import engine
+from overtaking.world.skies import WITHOUT
 
 POLICY = "default"
 CHUNK = 512
-NOON = np.float32(np.pi / 4)
 Z_95 = 1.96
-
-
-def without_wind(weather: Weather) -> Weather:
-    return weather.replace(wind=np.zeros_like(weather.wind))
-
-
-def without_rain(weather: Weather) -> Weather:
-    dry = np.zeros_like(weather.rain)
-    return weather.replace(rain=dry, puddles=dry)
-
-
-def without_fog(weather: Weather) -> Weather:
-    return weather.replace(fog=np.zeros_like(weather.fog))
-
-
-def without_night(weather: Weather) -> Weather:
-    altitude = np.where(weather.night, NOON, weather.sun_altitude)
-    return weather.replace(night=np.zeros_like(weather.night), sun_altitude=altitude)
-
-
-def without_glare(weather: Weather) -> Weather:
-    altitude = np.where(weather.night, weather.sun_altitude, NOON)
-    day = np.zeros_like(weather.horizon_line)
-    return weather.replace(sun_altitude=altitude, horizon_line=day)
-
-
-CHANGES: dict[str, Callable[[Weather], Weather]] = {
-    "wind": without_wind,
-    "rain": without_rain,
-    "fog": without_fog,
-    "night": without_night,
-    "glare": without_glare,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,14 +51,13 @@ def classes_of(scenario: Scenario) -> NDArray[np.uint8]:
 def twins(given: Spec, pairs: int, seed: int) -> dict[str, NDArray[np.uint8]]:
     """Classes as they are, under "", and with each thing removed."""
     road = load_road(given.road)
-    parts: dict[str, list[NDArray[np.uint8]]] = {"": [], **{name: [] for name in CHANGES}}
+    parts: dict[str, list[NDArray[np.uint8]]] = {"": [], **{name: [] for name in WITHOUT}}
     for first in range(0, pairs, CHUNK):
         index = np.arange(first, min(first + CHUNK, pairs), dtype=np.uint64)
         scenario = sample(given, road, seed, index)
         parts[""].append(classes_of(scenario))
-        free = np.full_like(scenario.weather.preset, NO_PRESET)
-        for name, change in CHANGES.items():
-            weather = change(scenario.weather).replace(preset=free)
+        for name, take in WITHOUT.items():
+            weather = take(scenario.weather)
             parts[name].append(classes_of(scenario.replace(weather=weather)))
         print(f"\r{len(index) + first:,} of {pairs:,} pairs", end="", file=sys.stderr)
     print(file=sys.stderr)
@@ -118,7 +82,7 @@ def table(found: dict[str, NDArray[np.uint8]]) -> list[list[str]]:
     for one in OvertakeClass:
         if not any((codes == one).any() for codes in found.values()):
             continue
-        changes = [change(found[""], found[name], one) for name in CHANGES]
+        changes = [change(found[""], found[name], one) for name in WITHOUT]
         rows.append([one.title, f"{100 * changes[0].share:.2f}", *map(cell, changes)])
     return rows
 
@@ -136,7 +100,7 @@ def main() -> None:
     parser.add_argument("--markdown", action="store_true", help="print a table for the docs")
     given = parser.parse_args()
     found = twins(spec(given.profile), given.pairs, given.seed)
-    head = ["class", "share [%]", *(f"without {name}" for name in CHANGES)]
+    head = ["class", "share [%]", *(f"without {name}" for name in WITHOUT)]
     rows = [head, *table(found)]
     if given.markdown:
         rows.insert(1, ["---"] * len(head))

@@ -6,6 +6,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+_F32 = NDArray[np.floating[Any]]
+
 MAX_VEHICLES: Final[int]
 MAX_PERCEPTS: Final[int]
 LANES: Final[int]
@@ -23,7 +25,7 @@ def simulate(
     road: Mapping[str, Any],
     constants: Mapping[str, Any],
     outputs: dict[str, NDArray[Any]],
-    later: tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], int] | None = None,
+    later: Sequence[tuple[_F32, _F32, NDArray[np.uint64], _F32 | None, int]] = (),
     actions: tuple[str, NDArray[np.int32]] | None = None,
     level: str | None = None,
 ) -> None:
@@ -42,7 +44,8 @@ def simulate(
         constants: values as `constant_fields`, friction_new and friction_worn (3 x 4),
             friction_speeds (3), friction_films (4).
         outputs: Flat arrays by name.
-        later: vehicle and simulation parameters from a step on, and that step.
+        later: For each step at which others take over: vehicle and simulation parameters, numbers
+            of the simulations, errors of the egos (2, simulation), and the step.
         actions: Kind and numbers of what another driver did with the ego, (simulation, action,
             part).
         level: SIMD level; None for the best of this CPU.

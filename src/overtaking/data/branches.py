@@ -143,7 +143,8 @@ def _again(data: Dataset, number: int) -> Trajectories:
             next_step="take one that a branch was saved to",
         )
     record = identity.branches[number]
-    scenario = drawn(data, record.index, record.redrawn and Change.from_json(record.redrawn))
+    redrawn = None if record.redrawn is None else Change.from_json(record.redrawn)
+    scenario = drawn(data, record.index, redrawn)
     return branch(scenario, changes=map(Change.from_json, record.changes))
 
 

@@ -42,8 +42,8 @@ def undazzled(weather: Weather) -> Weather:
 
 
 WITHOUT: dict[str, Callable[[Weather], Weather]] = {
-    "rain": dry,
     "wind": still,
+    "rain": dry,
     "fog": clear,
     "night": bright,
     "glare": undazzled,

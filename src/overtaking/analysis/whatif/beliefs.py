@@ -79,10 +79,11 @@ class Percept:
         return cls(
             detected=seen.detected[at],
             vehicle=seen.vehicle[at].astype(np.int64),
-            gap=seen.gap[at] * METRES_PER_STEP,
-            closing=seen.closing_speed[at] * METRES_PER_SECOND_PER_STEP,
-            true_gap=seen.true_gap[at] * METRES_PER_STEP,
-            true_closing=seen.true_closing_speed[at] * METRES_PER_SECOND_PER_STEP,
+            gap=seen.gap[at].astype(np.float64) * METRES_PER_STEP,
+            closing=seen.closing_speed[at].astype(np.float64) * METRES_PER_SECOND_PER_STEP,
+            true_gap=seen.true_gap[at].astype(np.float64) * METRES_PER_STEP,
+            true_closing=seen.true_closing_speed[at].astype(np.float64)
+            * METRES_PER_SECOND_PER_STEP,
         )
 
     def is_shared_by(self, run: Trajectories) -> Mask:
@@ -114,8 +115,8 @@ def proposals(
     noise = Noise(scene.scenario.seed, many.index, int(Stream.POLICY))
     judged = np.stack([noise.normal(), noise.normal()])
     # In one frame everybody is somewhere and drives that fast: shape (vehicle,).
-    place = stayed.states.s[0, :, frame] * METRES_PER_STEP
-    speed = stayed.states.speed[0, :, frame] * METRES_PER_SECOND_PER_STEP
+    place = stayed.states.s[0, :, frame].astype(np.float64) * METRES_PER_STEP
+    speed = stayed.states.speed[0, :, frame].astype(np.float64) * METRES_PER_SECOND_PER_STEP
     ahead, faster = _errors_undone(scene, percept, judged)
     hidden = _unnoticed(scene, percept)
     for slot in hidden:

@@ -175,7 +175,7 @@ def quantities(scene: Scene) -> Iterator[Quantity]:
     for name in ("rain", "fog", "wind"):
         most = float(getattr(weather, name)[0])
         if most > 0.0:
-            steps = -np.minimum(np.arange(1.0, np.ceil(most) + 1.0), most)
+            steps = -np.arange(1.0, np.ceil(most) + 1.0, dtype=np.float64).clip(max=most)
             yield Quantity(name=name, unit="% points", steps=steps, change=partial(_weather, name))
     if scene.pull_out is not None:
         yield Quantity(name="start of the overtake", unit="s", steps=_LATER, change=None)
@@ -184,7 +184,7 @@ def quantities(scene: Scene) -> Iterator[Quantity]:
 def _both(most: float, step: float) -> Values:
     """Changes down and up in steps, the smallest first."""
     up = np.arange(1, round(most / step) + 1) * step
-    return np.stack([up, -up], axis=1).ravel().round(6)
+    return np.stack([up, -up], axis=1).ravel().round(6).astype(np.float64)
 
 
 _KMH = mps_from_kmh(1.0)
@@ -226,7 +226,7 @@ def _own_trait(scenario: Scenario, name: str) -> float:
 def _within_range(scenario: Scenario, name: str, size: float, steps: Values) -> Values:
     """The changes that leave a trait in its range; at 0 some mean another kind of driver."""
     limits, found = DRIVER_RANGES[name], _own_trait(scenario, name) + size * steps
-    return steps[(found > limits.low) & (found <= limits.high)]
+    return steps[(found > limits.low) & (found <= float(limits.high))]
 
 
 def _ahead(slot: int, scenario: Scenario, value: float) -> Change:

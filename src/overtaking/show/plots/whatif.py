@@ -106,10 +106,11 @@ def draw_fan(one: Fan) -> Figure:
     scene.grid(visible=False)
     remark(scene, f"simulation {one.number}, had the ego stayed in its lane")
     _draw_shares(shares, one)
+    interval = one.stayed.scenario.frame_interval_ms / 1000.0
     for axes in (scene, shares):
         if one.actual is not None:
             axes.axvline(one.actual, color=palette.INK, linewidth=1.0, linestyle=(0, (3, 2)))
-        axes.set_xlim(0.0, max(float(one.time[-1]), 1e-3))
+        axes.set_xlim(0.0, max(int(one.stayed.num_frames[0]) - 1, 1) * interval)
     if one.actual is not None:
         shares.annotate(
             "began", (one.actual, 1.02), xycoords=("data", "axes fraction"), ha="center", size=7

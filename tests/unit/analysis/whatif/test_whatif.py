@@ -82,6 +82,8 @@ def test_the_frame_of_the_parting_is_the_first_that_differs(data: ot.Dataset, be
 def test_a_later_start_is_as_late_as_asked(data: ot.Dataset, begun: int, delay: float):
     run = ot.twin(data, begun, delay=delay).told[1].run
     before, after = pull_out(data[begun]), pull_out(run)
+    assert before is not None
+    assert after is not None
     assert after - before - round(delay * 20) in (0, 1)
 
 
@@ -91,7 +93,9 @@ def test_who_stays_never_begins(data: ot.Dataset, begun: int):
 
 def test_a_careful_driver_has_the_traits_of_a_careful_temper(data: ot.Dataset, begun: int):
     found = ot.twin(data, begun, driver="careful")
-    (change,) = found.told[1].run.branched.changes
+    branched = found.told[1].run.branched
+    assert branched is not None
+    (change,) = branched.changes
     careful = WET | {"drivers.temper": [0.0, 0.0]}
     drivers = ot.sample("pinto2023-physical", 1, 7, first=begun, overrides=careful).drivers
     assert set(change.traits) == set(drivers.__slots__)
