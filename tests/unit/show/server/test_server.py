@@ -187,7 +187,8 @@ def test_other_weather_is_that_of_the_preset(client: Client):
     _, told, _ = client.ask(
         "POST", "/api/runs/3/branches", {"frame": 5, "weather": "HardRainNight"}
     )
-    assert told["run"]["values"]["weather"]["preset"] == "ClearSunset"  # As it began.
+    assert told["run"]["values"]["weather"]["preset"] == "HardRainNight"
+    assert told["run"]["values"]["weather"]["night"]
     assert told["parts"] >= 5
 
 
