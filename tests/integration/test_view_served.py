@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import os
 import re
+import signal
+import subprocess
+import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from tests.integration.test_view_browser import FRAME, PHONE, says, shows
 from tests.support.browser import chromium, expect
-from tests.support.serving import serving
+from tests.support.serving import Client, serving
 
 import overtaking as ot
 from overtaking.cli import main
@@ -302,3 +305,21 @@ def test_axe_finds_nothing(
             page.add_script_tag(path=axe)
             found = page.evaluate("axe.run()")["violations"]
             assert [(one["id"], [n["html"] for n in one["nodes"]]) for one in found] == []
+
+
+def test_the_command_serves_until_it_is_interrupted(data: Dataset):
+    command = [sys.executable, "-m", "overtaking.cli", "view", data.where, "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as server:
+        assert server.stdout is not None
+        text = b"".join(iter(server.stdout.readline, b"}\n")) + b"}"
+        client = Client(json.loads(text)["url"]).enter()
+        assert client.rows()["total"] == 120
+        server.send_signal(signal.SIGINT)
+        _, said = server.communicate(timeout=60)
+    assert server.returncode == 130
+    assert b"Traceback" not in said
+
+
+def test_a_choice_without_a_file_is_refused(data: Dataset, capsys: pytest.CaptureFixture[str]):
+    assert main(["view", data.where, "--simulations", "3"]) == 2
+    assert "add --export" in capsys.readouterr().err

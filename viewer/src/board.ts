@@ -276,7 +276,7 @@ function chartRows(needs: Needs): Row[] {
   const gaps: Line[] = [
     ...(symbol ? [{ name: `target ${symbol}`, kind: "target" as const, values: lead(run), digits: 1 }] : []),
     { name: "next ahead", kind: "ego", values: run.gap, digits: 1 },
-    ...(run.every ? [{ name: "as believed", kind: "belief" as const, values: believed(run), digits: 1 }] : []),
+    ...(run.every ? [{ name: "as believed", kind: "belief" as const, values: Array.from({ length: run.frames }, (_, frame) => believedAt(run, frame)), digits: 1 }] : []),
     ...needs.overlays.map((one): Line => ({ name: `next ahead in ${one.letter}`, kind: "branch", letter: one.letter, values: one.run.gap.map((gap, k) => (k < one.frame ? null : gap)), digits: 1 })),
   ];
   const clipped = (line: Line): Line => ({ ...line, values: line.values.map((one) => (one !== null && Math.abs(one) > MOST_GAP ? null : one)) });
@@ -288,14 +288,11 @@ function chartRows(needs: Needs): Row[] {
   ];
 }
 
-// The gap to the vehicle ahead as the driver believes it, frame by frame.
-export function believed(run: Run): Gaps {
+// The gap to the vehicle ahead as the driver believes it; null if it sees none.
+export function believedAt(run: Run, frame: number): number | null {
   const role = run.every?.roles.find((one) => one.role === "lead");
-  const step = (run.interval * 1000) / (run.every?.interval_ms ?? 1);
-  return Array.from({ length: run.frames }, (_, frame) => {
-    const gap = role?.gap_mm[Math.floor(frame * step + 1e-6)];
-    return gap == null ? null : gap / 1000;
-  });
+  const gap = role?.gap_mm[Math.floor((Math.round(frame) * run.interval * 1000) / run.every!.interval_ms + 1e-6)];
+  return gap == null ? null : gap / 1000;
 }
 
 // In the legend the ego comes first, other courses last.

@@ -1,6 +1,6 @@
 // All that is told of a simulation as text: what `overtaking show` prints.
 
-import { isBroken, isCounted, lawOrder, signed, stageAt } from "./board.ts";
+import { believedAt, isBroken, isCounted, lawOrder, signed, stageAt } from "./board.ts";
 import type { Run, Words } from "./bundle.ts";
 import { pose } from "./bundle.ts";
 import { h, table } from "./dom.ts";
@@ -28,7 +28,9 @@ export function now(reader: Reader, frame: number): string {
   const other = target && pose(target, frame);
   if (ego && target && other) parts.push(placeOf(run.vehicles[0]!.length, ego.s, other.s, target));
   const gap = run.gap[Math.round(frame)];
-  if (gap !== null && gap !== undefined) parts.push(`${gap.toFixed(1)} m to the next ahead`);
+  const belief = run.every ? believedAt(run, frame) : undefined;
+  const told = belief === undefined ? "" : belief === null ? ", not seen" : `, believed ${belief.toFixed(1)} m`;
+  if (gap !== null && gap !== undefined) parts.push(`${gap.toFixed(1)} m to the next ahead${told}`);
   const events = run.values.events.flatMap((one, k) =>
     Math.abs(one.time_s - time) < NEAR_EVENT ? [`E ${run.told.events[k]!.sentence}`] : [],
   );

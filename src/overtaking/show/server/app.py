@@ -16,6 +16,7 @@ from starlette.routing import Route
 
 from overtaking.core.errors import NoSuchSimulationError, OvertakingError
 from overtaking.show.server.guard import SESSION, Guard, Keys
+from overtaking.show.server.library import FAULT
 from overtaking.show.server.wanted import Branch, Query, Rows, Token, asked
 from overtaking.show.view.page import shell
 
@@ -37,7 +38,6 @@ MOST_BRANCHES = 4
 _DIGITS = re.compile(r"[0-9]{1,15}", re.ASCII)
 _USED = "this address has been used: go on in the browser that used it, or start the command again"
 _BUSY = "too many branches at once: wait for one"
-_FAULT = "a fault of overtaking itself, please report it"
 
 
 def app(library: Library, hosts: tuple[str, ...], keys: Keys) -> Starlette:
@@ -150,7 +150,7 @@ def _built(name: str, kind: str) -> Callable[[Request], Response]:
 
 async def _refused(_: Request, error: Exception) -> Response:
     is_known = isinstance(error, HTTPException)
-    status, detail = (error.status_code, error.detail) if is_known else (500, _FAULT)
+    status, detail = (error.status_code, error.detail) if is_known else (500, FAULT)
     return JSONResponse({"error": detail}, status)
 
 
@@ -161,4 +161,4 @@ async def _wrong(_: Request, error: Exception) -> Response:
 
 
 async def _failed(_: Request, __: Exception) -> Response:
-    return JSONResponse({"error": _FAULT}, 500)
+    return JSONResponse({"error": FAULT}, 500)

@@ -219,10 +219,14 @@ class Index:
         keys = column_to_numpy(weather["weather"])
         at = np.searchsorted(keys, column_to_numpy(rows["weather"]))
         known = {name: place for place, name in enumerate(self.weather.names)}
-        preset = [known[name or FREE] for name in weather["preset"].to_pylist()]
+        night = weather["night"].to_pylist()  # None where the weather is not recorded.
+        preset = [
+            _NONE if is_night is None else known[name or FREE]
+            for name, is_night in zip(weather["preset"].to_pylist(), night, strict=True)
+        ]
         self.weather.codes[span] = np.array(preset, np.int8)[at]
-        night = [_NONE if one is None else int(one) for one in weather["night"].to_pylist()]
-        self.light.codes[span] = np.array(night, np.int8)[at]
+        light = [_NONE if one is None else int(one) for one in night]
+        self.light.codes[span] = np.array(light, np.int8)[at]
 
     def _take_labels(self, labels: pa.Table) -> None:
         at = column_to_numpy(labels["simulation"])

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from overtaking.labels.label import Labelled
     from overtaking.show.server.wanted import Branch, Rows
 
+FAULT = "a fault of overtaking itself, please report it"
+
 SQL_ROWS, SQL_SECONDS, SQL_MIB = 100_000, 20.0, 512
 """Bounds of a query: rows, time [s] and memory [MiB]."""
 
@@ -64,6 +66,9 @@ class Library:
             self._index.read()
         except OvertakingError as error:
             self._failure = str(error)
+        except Exception:
+            self._failure = FAULT
+            raise
 
     def start(self) -> dict[str, Any]:
         """What the page is told at first."""

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from tests.support.recordings import commonroad
 from tests.support.serving import Client, serving
 
 import overtaking as ot
+from overtaking.cli import main
 from overtaking.core.errors import ConfigError
 from overtaking.model.decision import Decision
 from overtaking.show.description import describe
@@ -185,7 +187,8 @@ def test_other_weather_is_that_of_the_preset(client: Client):
     _, told, _ = client.ask(
         "POST", "/api/runs/3/branches", {"frame": 5, "weather": "HardRainNight"}
     )
-    assert told["run"]["values"]["weather"]["preset"] == "ClearSunset"  # As it began.
+    assert told["run"]["values"]["weather"]["preset"] == "HardRainNight"
+    assert told["run"]["values"]["weather"]["night"]
     assert told["parts"] >= 5
 
 
@@ -221,6 +224,23 @@ def test_sql_filters_the_list_and_cannot_write(client: Client, data: Dataset):
     ):
         status, told, _ = client.ask("POST", "/api/sql", {"sql": bad})
         assert (status, set(told)) == (400, {"error"})
+
+
+def test_a_recording_is_listed_and_shown_without_what_it_does_not_tell(tmp_path: Path):
+    scene, out = tmp_path / "scene.xml", tmp_path / "data"
+    scene.write_text(commonroad(), encoding="utf-8")
+    assert main(["import", "commonroad", str(scene), "--out", str(out), "-q"]) == 0
+    with serving(ot.load(out)) as url:
+        client = Client(url).enter()
+        told = client.rows()
+        assert told["rows"][0]["weather"] == "unknown"
+        assert (told["counts"]["weather"], told["counts"]["light"]) == ({}, {})
+        assert get(client, "/api/runs/0")["told"]["weather"] == "unknown"
+        assert get(client, "/api/runs/0/thumbnail")["lines"]
+        assert client.ask("GET", "/api/runs/0/beliefs")[0] == 400
+        asked = {"frame": 1, "decision": "STAY"}
+        status, told, _ = client.ask("POST", "/api/runs/0/branches", asked)
+        assert (status, "recording" in told["error"]) == (400, True)
 
 
 # Who may not ask.
