@@ -10,6 +10,7 @@ from overtaking.labels.explain import gaps
 from overtaking.labels.explain.breach import Quantity, sole
 from overtaking.labels.explain.remedies import REMEDIES, apart
 from overtaking.labels.law.frames import after_cut_ins
+from overtaking.labels.law.germany.distances import way_of
 from overtaking.labels.law.germany.driving import limits
 from overtaking.model.signals import Around
 from overtaking.world.constants import known
@@ -59,7 +60,7 @@ def _behind(place: Around) -> Callable[[Scene], tuple[Remedy, ...]]:
 
 
 GERMAN: dict[str, Callable[[Scene], tuple[Remedy, ...]]] = {
-    "A1": _ahead(lambda speed: known("law_de.distance.courts") * speed),
+    "A1": _ahead(lambda speed: way_of(speed, "law_de.distance.courts")),
     "A3": _ahead(lambda speed: np.full_like(speed, known("law_de.distance.trucks"))),
     "O2": _faster,
     "O3": REMEDIES["L24"],

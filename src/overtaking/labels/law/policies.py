@@ -117,13 +117,13 @@ POLICIES = tuple(one for one in policies_for("pt") if one.name in STORED)
 """The policies that data sets keep, of the Portuguese pack."""
 
 
-def policy(name: str, pack: str = "pt") -> Policy:
-    """The policy of a name.
+def policy(name: str) -> Policy:
+    """The stored policy of a name.
 
     Raises:
         ConfigError: There is none of that name.
     """
-    known = {one.name: one for one in policies_for(pack)}
+    known = {one.name: one for one in POLICIES}
     check_name(name, known, what="policy", where="rules")
     return known[name]
 

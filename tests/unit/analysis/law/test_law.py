@@ -15,11 +15,12 @@ from overtaking.cli import main
 from overtaking.core.errors import ConfigError
 from overtaking.labels.explain.explanation import case_of
 from overtaking.labels.label import label
-from overtaking.labels.law import GERMANY, PORTUGAL, policies_for, policy
+from overtaking.labels.law import GERMANY, PORTUGAL, policies_for
 from overtaking.model.events import Outcome
 from overtaking.model.labels import OvertakeClass, Verdict
 
 COUNT = 150
+POLICY = {one.name: one for one in policies_for("pt")}
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +34,7 @@ def said_by(run, pack, chosen):
 
 def test_without_tolerance_the_curve_counts_the_classes_of_the_policy(run):
     for name in ("paper", "default", "enforced"):
-        chosen = policy(name)
+        chosen = POLICY[name]
         said = said_by(run, PORTUGAL, [chosen])
         found = curve([(said, case_of(said))], PORTUGAL, chosen)
         assert found.overtakes == (said.labels.outcome == Outcome.COMPLETED).sum() > 0
@@ -45,7 +46,7 @@ def test_without_tolerance_the_curve_counts_the_classes_of_the_policy(run):
 
 
 def test_a_relaxed_distance_is_a_margin_counted_by_hand(run):
-    chosen = policy("paper")
+    chosen = POLICY["paper"]
     said = said_by(run, PORTUGAL, [chosen])
     found = curve([(said, case_of(said))], PORTUGAL, chosen)
     done = said.labels.outcome == Outcome.COMPLETED
@@ -60,7 +61,7 @@ def test_a_relaxed_distance_is_a_margin_counted_by_hand(run):
 
 
 def test_the_rule_that_alone_decides_is_the_only_one_that_is_broken(run):
-    chosen = policy("paper")
+    chosen = POLICY["paper"]
     said = said_by(run, PORTUGAL, [chosen])
     found = curve([(said, case_of(said))], PORTUGAL, chosen)
     done = said.labels.outcome == Outcome.COMPLETED
@@ -69,7 +70,7 @@ def test_the_rule_that_alone_decides_is_the_only_one_that_is_broken(run):
 
 
 def test_batches_add_up(run):
-    chosen = policy("paper")
+    chosen = POLICY["paper"]
     parts = [run.select(np.arange(0, 60)), run.select(np.arange(60, COUNT))]
     said = [said_by(one, PORTUGAL, [chosen]) for one in (run, *parts)]
     whole = curve([(said[0], case_of(said[0]))], PORTUGAL, chosen)

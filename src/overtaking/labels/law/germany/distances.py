@@ -26,6 +26,16 @@ def _gap(case: Case) -> tuple[F32, Mask]:
     return seen.gap[:, place], counts
 
 
+def way_of(speed: F32, seconds: str) -> F32:
+    """Way of some tenths of a second, rounded down to whole millimetres [m].
+
+    Speeds are recorded in whole mm/s, so the logic program has the same integers.
+    """
+    tenths = round(10.0 * float(known(seconds)))
+    whole = np.rint(speed.astype(np.float64) * 1000.0).astype(np.int64) * tenths // 10
+    return (whole / 1000.0).astype(np.float32)
+
+
 def _error(seconds: str) -> Spread:
     """Error of a gap less a way of some seconds."""
 
@@ -40,7 +50,7 @@ def _error(seconds: str) -> Spread:
 def _courts(case: Case) -> Check:
     """The gap is the way of 1.5 s or more."""
     gap, counts = _gap(case)
-    margin = gap - known("law_de.distance.courts") * case.signals.speed
+    margin = gap - way_of(case.signals.speed, "law_de.distance.courts")
     return always(np.where(counts, margin, ENDLESS), settled(case))
 
 
@@ -69,7 +79,7 @@ def _fined(case: Case) -> Check:
     speed, span = case.signals.speed, settled(case)
     fast = counts & (speed > known("law_de.distance.fined_above"))
     fast &= span.mask(np.arange(len(speed)), speed.shape[1])
-    near = fast & (gap < known("law_de.distance.fined") * speed)
+    near = fast & (gap < way_of(speed, "law_de.distance.fined"))
     run = _length_of_runs(near).astype(np.float32) * np.float32(
         case.signals.frame_interval_ms / 1000.0
     )
