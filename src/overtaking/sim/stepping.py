@@ -14,7 +14,10 @@ from overtaking.world.parameters import Parameters
 
 
 class Stepper(Protocol):
-    """A batch that waits at every decision for orders; both engines give the same bits."""
+    """A batch that waits at every decision for orders; both engines give the same bits.
+
+    A simulation that ends is observed once more, after the step in which it has ended.
+    """
 
     def begin(self) -> tuple[F32, Mask]:
         """What is observed at first: numbers of shape (simulation, `WIDTH`), and who runs."""
@@ -52,7 +55,12 @@ def stepper(
     """
     if simulator == "reference":
         return ReferenceStepper(given, kind, is_true=is_true)
-    batch: dict[str, Any] = {
+    return _core.Stepper(batch_values(given), kind, is_true, chosen_level(level))
+
+
+def batch_values(given: Parameters) -> dict[str, Any]:
+    """A batch as the compiled stepper takes it, at first and in place of simulations."""
+    return {
         "vehicle": given.vehicle.reshape(-1),
         "simulation": given.simulation.reshape(-1),
         "index": given.index,
@@ -62,4 +70,3 @@ def stepper(
         "road": road_values(given),
         "constants": constant_values(given.constants),
     }
-    return _core.Stepper(batch, kind, is_true, chosen_level(level))
