@@ -144,12 +144,12 @@ $(VENV)/.python:
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
 	@touch $@
 
-# The package is taken from src, with the engine of .venv.
+# The same editable package: its engine fits every Python.
 $(RL)/.rl: requirements/rl.txt | $(VENV)/.build
 	@$(PYTHON) -m venv $(RL)
 	@echo "installing the packages of $< into $(RL)"
 	@$(RL)/bin/python -m pip install --disable-pip-version-check --no-compile --require-hashes -r $<
-	@echo "$(CURDIR)/src" > "$$($(RL)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/overtaking.pth"
+	@cp -r $(VENV)/lib/python3.*/site-packages/overtaking* $(RL)/lib/python3.*/site-packages/
 	@touch $@
 
 $(VENV)/.dev: requirements/dev.txt | $(VENV)/.build

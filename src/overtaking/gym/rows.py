@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking import _core
 from overtaking.core.elementary import F32, Mask
 from overtaking.gym.supply import Place, Supply, given_of, scenario_of
 from overtaking.labels.label import label
@@ -16,9 +15,8 @@ from overtaking.sim import engine
 from overtaking.sim.controls import CONTROLS, F64
 from overtaking.sim.driving import rounded
 from overtaking.sim.observation import Seen
-from overtaking.sim.stepping import batch_values
+from overtaking.sim.stepping import Renewable
 from overtaking.world.clock import DECISIONS_PER_SECOND, SUBSTEPS
-from overtaking.world.compiled import chosen_level
 from overtaking.world.parameters import SIMULATION_FIELDS, VehicleParameters
 
 _LAST_STEP = SIMULATION_FIELDS.index("last_step")
@@ -68,8 +66,7 @@ class Rows:
         self._supply, self._hold, self._control = supply, hold, CONTROLS[action]
         self._places = supply.take(np.arange(count))
         given = given_of(self._places)
-        kind = self._control.kind
-        self._steps = _core.Stepper(batch_values(given), kind, is_true, chosen_level(None))
+        self._steps = Renewable(given, self._control.kind, is_true=is_true)
         self._driver = np.array([row[0] for row in given.of_vehicles])
         self.index = given.index
         self.decision = np.zeros(count, np.int64)
@@ -127,7 +124,7 @@ class Rows:
         for row, place in zip(rows, places, strict=True):
             self._places[row] = place
         given = given_of(places)
-        table, runs = self._steps.renew(rows, batch_values(given))
+        table, runs = self._steps.renew(rows, given)
         self.table[rows], self.runs[rows] = table, runs
         self._driver[:, rows] = [row[0] for row in given.of_vehicles]
         self.index[rows] = given.index

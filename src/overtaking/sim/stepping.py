@@ -55,11 +55,45 @@ def stepper(
     """
     if simulator == "reference":
         return ReferenceStepper(given, kind, is_true=is_true)
-    return _core.Stepper(batch_values(given), kind, is_true, chosen_level(level))
+    return Renewable(given, kind, is_true=is_true, level=level)
 
 
-def batch_values(given: Parameters) -> dict[str, Any]:
-    """A batch as the compiled stepper takes it, at first and in place of simulations."""
+class Renewable:
+    """The compiled stepper, in whose rows new simulations can begin while others go on.
+
+    Args:
+        given: Parameters of a batch.
+        kind: A name in `model.actions.KINDS`.
+        is_true: Whether the truth is observed, not what the ego believes.
+        level: As in `stepper`.
+    """
+
+    def __init__(
+        self, given: Parameters, kind: str, *, is_true: bool, level: str | None = None
+    ) -> None:
+        """Stand before the first decision."""
+        self._batch = _core.Stepper(_values(given), kind, is_true, chosen_level(level))
+
+    def begin(self) -> tuple[F32, Mask]:
+        """As `Stepper.begin`."""
+        return self._batch.begin()
+
+    def step(self, values: NDArray[np.int32], decisions: int) -> tuple[F32, Mask]:
+        """As `Stepper.step`."""
+        return self._batch.step(values, decisions)
+
+    def renew(self, rows: NDArray[np.int64], given: Parameters) -> tuple[F32, Mask]:
+        """What is observed at first in new simulations.
+
+        Args:
+            rows: The rows in which they begin, each once.
+            given: Their parameters: on the same road, with the same seed and number of slots.
+        """
+        return self._batch.renew(rows, _values(given))
+
+
+def _values(given: Parameters) -> dict[str, Any]:
+    """A batch as the compiled stepper takes it."""
     return {
         "vehicle": given.vehicle.reshape(-1),
         "simulation": given.simulation.reshape(-1),
