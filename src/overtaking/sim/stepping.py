@@ -63,13 +63,13 @@ class Renewable:
 
     Args:
         given: Parameters of a batch.
-        kind: A name in `model.actions.KINDS`.
+        kind: A name in `model.actions.KINDS`; None where the model's own driver decides.
         is_true: Whether the truth is observed, not what the ego believes.
         level: As in `stepper`.
     """
 
     def __init__(
-        self, given: Parameters, kind: str, *, is_true: bool, level: str | None = None
+        self, given: Parameters, kind: str | None, *, is_true: bool, level: str | None = None
     ) -> None:
         """Stand before the first decision."""
         self._batch = _core.Stepper(_values(given), kind, is_true, chosen_level(level))
