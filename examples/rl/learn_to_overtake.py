@@ -4,8 +4,8 @@ r"""Train a driver with PPO, and drive with it.
 
 Needs Stable-Baselines3 (`make rl`, then `.venv-rl/bin/python`). The driver decides twice a second
 when to signal, pull out, give up and return; pedals and steering are those of the scenario's
-driver. It sees the truth, as an automated car with good sensors would. Training takes minutes on
-two cores.
+driver. It sees the truth, as an automated car with good sensors would. A rule guards the trained
+network: no lane change begins where the gap is too small. Training takes minutes on two cores.
 """
 
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
@@ -20,12 +20,15 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
 import overtaking as ot
+from overtaking.core.elementary import Mask
 from overtaking.gym import flat
 from overtaking.gym.stable_baselines import StableBaselinesVecEnv
 
 HOLD = 10  # Decisions for which an answer holds, 0.5 s.
 ENVS = 64
 FIRST = 1_000_000  # Scenes of training: those of an evaluation begin at 0.
+AHEAD, FAR_AHEAD = 1.0, 4.0  # Time gap, and time to close it, that a lane change needs [s].
+BEHIND, FAR_BEHIND = 10.0, 6.0  # Gap [m], and time in which it is not closed [s].
 
 
 class Learned:
@@ -40,8 +43,19 @@ class Learned:
         self.model = PPO.load(path, device="cpu")
 
     def __call__(self, seen: ot.Observation) -> NDArray[Any]:
-        """A move for each simulation."""
-        return self.model.predict(flat(seen, scaled=True), deterministic=True)[0]
+        """A move for each simulation: no lane change into a gap that is too small."""
+        move = self.model.predict(flat(seen, scaled=True), deterministic=True)[0]
+        move = np.where((move == ot.Move.PULL_OUT) & ~clear(seen, "fast"), ot.Move.SHOW_OUT, move)
+        return np.where((move == ot.Move.RETURN) & ~clear(seen, "slow"), ot.Move.SHOW_BACK, move)
+
+
+def clear(seen: ot.Observation, side: str) -> Mask:
+    """Whether there is a gap in the next lane on a side."""
+    closing, nearing = (
+        np.maximum(seen.of("closing", f"{side}_{end}"), 0.0) for end in ("lead", "rear")
+    )
+    ahead = seen.of("gap", f"{side}_lead") > AHEAD * seen.of("speed") + FAR_AHEAD * closing
+    return ahead & (seen.of("gap", f"{side}_rear") > BEHIND + FAR_BEHIND * nearing)
 
 
 def train(profile: str, steps: int, seed: int) -> PPO:
