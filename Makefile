@@ -4,6 +4,7 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
+RL     := .venv-rl
 DEMO   ?= data/pinto
 SEED   ?= 1
 # Tests that ask for more processes than the machine has cores only get slower. With worksteal a process
@@ -34,8 +35,8 @@ CRATES := $(shell find crates -type f)
 LOCK   := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes \
           --no-header --no-emit-index-url --no-emit-find-links --quiet $(LOCK_FLAGS)
 
-.PHONY: help demo test test-ci test-all check check-python check-rust test-rust test-python release bench docs site viewer check-viewer \
-        lock build dev format clean
+.PHONY: help demo test test-ci test-rl test-all check check-python check-rust test-rust test-python release bench docs site viewer check-viewer \
+        lock build dev rl format clean
 
 help:  ## List what can be made
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1|\2/p' $(firstword $(MAKEFILE_LIST)) \
@@ -59,6 +60,9 @@ test: check test-rust test-python  ## Checks, then the tests of both languages b
 
 test-ci: check-viewer  ## The tests that take long: kills, memory, Ray, CARLA, SUMO, browser; CI runs them too
 	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "ci and not soak"
+
+test-rl: rl  ## Train drivers and drive with them, in .venv-rl, which is some gigabytes large
+	$(RL)/bin/python -m pytest -m rl
 
 test-all: test test-ci  ## All of that, then random properties, hostile sizes, soaks and mutations; hours
 	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m soak
@@ -90,7 +94,7 @@ test-rust:
 	cargo test --release --locked
 
 test-python: dev
-	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "not ci and not soak"
+	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "not ci and not soak and not rl"
 
 release: dev  ## Data sets to learn from, in build/release, checked by content hash
 	$(BIN)/python benchmarks/release.py --out build/release
@@ -111,6 +115,8 @@ build: $(VENV)/.build  ## Make .venv with the compiled engine and the packages t
 
 dev: $(VENV)/.build $(VENV)/.dev  ## The same with the packages that developers need
 
+rl: $(RL)/.rl  ## Make .venv-rl, with what drivers are trained with
+
 format: dev  ## Format all code, and fix what the linter can fix
 	$(BIN)/ruff check --fix-only --quiet .
 	$(BIN)/ruff format .
@@ -123,11 +129,12 @@ lock:  ## Write requirements/*.txt anew (needs uv)
 	$(LOCK) -o requirements/runtime.txt
 	$(LOCK) -c requirements/runtime.txt --extra all --group tools -o requirements/dev.txt
 	$(LOCK) -c requirements/dev.txt $(addprefix --extra ,plots stats video) --group build -o requirements/demo.txt
+	$(LOCK) -c requirements/dev.txt --extra gym --group rl -o requirements/rl.txt
 	@if grep -nE '://|--(extra-)?index-url|--find-links' requirements/*.txt; then \
 	  echo "requirements/*.txt: a download address was written into a lock file" >&2; exit 1; fi
 
 clean:  ## Remove what was built, except the caches of pip and cargo and the data
-	rm -rf $(VENV) target dist viewer/node_modules .pytest_cache .ruff_cache .hypothesis src/overtaking/_core*.so
+	rm -rf $(VENV) $(RL) target dist viewer/node_modules .pytest_cache .ruff_cache .hypothesis src/overtaking/_core*.so
 	find src tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
 
 # Each stamp is touched last, so an interrupted step is done again.
@@ -135,6 +142,14 @@ $(VENV)/.python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and \
 	  "$(PYTHON) is Python %d.%d, overtaking needs 3.11 or newer: make PYTHON=python3.11" % v[:2])'
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
+	@touch $@
+
+# The same editable package: its engine fits every Python.
+$(RL)/.rl: requirements/rl.txt | $(VENV)/.build
+	@$(PYTHON) -m venv $(RL)
+	@echo "installing the packages of $< into $(RL)"
+	@$(RL)/bin/python -m pip install --disable-pip-version-check --no-compile --require-hashes -r $<
+	@cp -r $(VENV)/lib/python3.*/site-packages/overtaking* $(RL)/lib/python3.*/site-packages/
 	@touch $@
 
 $(VENV)/.dev: requirements/dev.txt | $(VENV)/.build

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from figures import overtake, ten
-from generators import commands, glossary, knowledge, numbers, rules, tables
+from generators import commands, glossary, knowledge, notebook, numbers, rules, tables
 
 HERE = Path(__file__).parent
 
@@ -27,6 +27,7 @@ def generated() -> dict[str, str]:
         "reference/rules.md": rules.content(),
         "reference/sources.md": knowledge.bibliography(),
         "reference/vehicles.md": knowledge.vehicles(),
+        "tutorials/train-a-driver.ipynb": notebook.content("tutorials/train-a-driver.md"),
     }
     model = HERE / "explanation" / "model.md"
     pages["explanation/model.md"] = numbers.filled(model.read_text(encoding="utf-8"))

@@ -333,6 +333,20 @@ class Stepper:
             ValueError: The orders have another length.
         """
 
+    def renew(
+        self, rows: NDArray[np.int64], batch: Mapping[str, Any]
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """What is observed at first in new simulations, which begin in rows of others.
+
+        Args:
+            rows: The rows, each once.
+            batch: The new simulations, one for each row, with as many slots as the others. Their
+                seed, road and constants are those of the others.
+
+        Raises:
+            ValueError: A row is named twice or is none, or an array has another length.
+        """
+
 class Hash:
     """BLAKE3, 256 bits."""
 

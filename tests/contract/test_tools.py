@@ -11,7 +11,7 @@ import pytest
 if TYPE_CHECKING:
     from pathlib import Path
 
-LOCKS = ("runtime", "demo", "dev")
+LOCKS = ("runtime", "demo", "dev", "rl")
 ADDRESS = re.compile(r"://|--(?:extra-)?index-url|--find-links| @ ")
 PIN = re.compile(r"^([a-z0-9._-]+)==(\S+)(?: ; (.*?))? \\$", re.MULTILINE)
 
@@ -50,12 +50,14 @@ def test_a_lock_file_has_a_hash_for_every_version(name: str, repository: Path):
 
 
 def test_all_lock_files_agree_on_versions(repository: Path):
-    runtime, demo, dev = (pins(repository, name) for name in LOCKS)
+    runtime, demo, dev, rl = (pins(repository, name) for name in LOCKS)
 
     def versions(lines: set[tuple[str, ...]]) -> set[tuple[str, ...]]:
         return {line[:2] for line in lines}
 
     assert versions(runtime) <= versions(demo) <= versions(dev)
+    known = {line[0] for line in versions(dev)}
+    assert {line for line in versions(rl) if line[0] in known} <= versions(dev)
 
 
 def test_the_locks_hold_every_package_that_the_project_asks_for(
@@ -71,6 +73,7 @@ def test_the_locks_hold_every_package_that_the_project_asks_for(
         "runtime": runtime,
         "demo": runtime | names(groups["build"]) | shown,
         "dev": runtime | tools | optional,
+        "rl": runtime | names([*groups["rl"], *extras["gym"]]),
     }
     for name, packages in wanted.items():
         locked = {pin[0] for pin in pins(repository, name)}

@@ -22,6 +22,7 @@ PAGES = {
     "ask-with-logic.md": set(),
     "drive-it-yourself.md": {"data/patient"},
     "ask-what-if.md": {"twins.mp4", "twins.svg", "data/twins", "fan.svg", "data/branches"},
+    "use-gymnasium.md": set(),
     "literature.md": set(),
     "check-the-installation.md": set(),
 }

@@ -64,7 +64,7 @@ def test_both_engines_observe_the_same_bits(kind, is_true):
         stepper(given, kind, is_true=is_true, simulator=name) for name in ("engine", "reference")
     ]
     (table, runs), (expected, still) = (one.begin() for one in pair)
-    at = 0
+    at, now = 0, np.zeros((10, MOST_PARTS), np.int32)
     while still.any():
         np.testing.assert_array_equal(runs, still)
         np.testing.assert_array_equal(table, expected, err_msg=f"decision {at}")
@@ -74,7 +74,11 @@ def test_both_engines_observe_the_same_bits(kind, is_true):
         at += hold
     assert at > 100
     assert not runs.any()
+    assert table.any()
+    np.testing.assert_array_equal(table, expected, err_msg="those that have ended last")
+    (table, _), (expected, _) = (one.step(now, 1) for one in pair)
     assert not table.any()
+    assert not expected.any()
 
 
 def test_the_numbers_of_an_observation_have_their_names():

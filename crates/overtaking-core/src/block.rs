@@ -10,11 +10,11 @@ use fearless_simd::prelude::*;
 use crate::collisions::Pairs;
 use crate::engine::{Inputs, Later, Seat};
 use crate::lanes::{LANES, Seats, V, outlined, splat};
-use crate::names::{Simulation, Vehicle};
+use crate::names::{Constants, Simulation, Vehicle};
 use crate::orders::{Orders, Script};
 use crate::output::Output;
 use crate::recording::Recorder;
-use crate::state::{EGO, History, Rates, Road, State, Stride, World};
+use crate::state::{EGO, History, Moments, Rates, Road, State, Stride, World};
 use crate::step::{Mind, Minds, SUBSTEPS, advance, decide, drive_ego, grip_again};
 use crate::tile::{TILE, Tile};
 
@@ -45,7 +45,15 @@ pub fn run<'a, S: Simd, const N: usize>(
     let mut share = share.into_iter();
     let mut blocks: Vec<_> = histories
         .iter_mut()
-        .map_while(|history| Block::new(simd, inputs, &road, &mut share, history))
+        .map_while(|history| {
+            Block::new(
+                simd,
+                inputs,
+                (inputs.constants, &road),
+                &mut share,
+                &mut history.0,
+            )
+        })
         .collect();
     let mut minds = Minds::new(simd);
     let length = phase(inputs.record_every);
@@ -86,10 +94,10 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
     /// A block of the next simulations; `None` if there are no more.
     pub(crate) fn new(
         simd: S,
-        inputs: &Inputs<'a>,
-        road: &'a Road,
+        inputs: &Inputs<'_>,
+        (constants, road): (&'a Constants, &'a Road),
         share: &mut impl Iterator<Item = Seat<'a>>,
-        history: &'a mut History<N>,
+        history: &'a mut Moments<N>,
     ) -> Option<Box<Self>> {
         let mut out: [Option<Output<'a>>; LANES] = core::array::from_fn(|_| None);
         let mut simulations = [0; LANES];
@@ -112,8 +120,8 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         );
         let mut world = World {
             simd,
-            c: inputs.constants,
-            rates: Rates::of(inputs.constants),
+            c: constants,
+            rates: Rates::of(constants),
             road,
             p,
             q,
@@ -253,7 +261,26 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         self.num_running() > 0
     }
 
-    fn num_running(&self) -> usize {
+    /// Free the lanes of simulations of which nothing is recorded; where their results would have gone.
+    pub(crate) fn release(
+        &mut self,
+        is_over: impl Fn(&Self, usize) -> bool,
+    ) -> Vec<(usize, Output<'a>)> {
+        let mut freed = Vec::new();
+        for lane in 0..LANES {
+            if self.recorder.is_busy(lane) && is_over(self, lane) {
+                let out = self.recorder.release(lane);
+                freed.extend(out.map(|out| (self.simulations[lane], out)));
+            }
+        }
+        if !freed.is_empty() {
+            self.world.count = slots_in_use(&self.world, &self.recorder);
+        }
+        freed
+    }
+
+    /// How many simulations it holds.
+    pub(crate) fn num_running(&self) -> usize {
         (0..LANES)
             .filter(|lane| self.recorder.is_busy(*lane))
             .count()
@@ -282,12 +309,14 @@ fn slots_in_use<S: Simd, const N: usize>(w: &World<'_, S, N>, recorder: &Recorde
     (0..N).rev().find(is_used).map_or(1, |last| last + 1)
 }
 
-/// Move simulations together where that frees whole blocks.
-pub(crate) fn merge<S: Simd, const N: usize>(blocks: &mut Vec<Box<Block<'_, S, N>>>) {
+/// Move simulations together where that frees whole blocks, and hand these over.
+pub(crate) fn merge<'a, S: Simd, const N: usize>(
+    blocks: &mut Vec<Box<Block<'a, S, N>>>,
+) -> Vec<Box<Block<'a, S, N>>> {
     let running: usize = blocks.iter().map(|block| block.num_running()).sum();
     let needed = running.div_ceil(LANES);
     if needed == blocks.len() {
-        return;
+        return Vec::new();
     }
     // The fullest stay.
     blocks.sort_by_key(|block| std::cmp::Reverse(block.num_running()));
@@ -305,6 +334,7 @@ pub(crate) fn merge<S: Simd, const N: usize>(blocks: &mut Vec<Box<Block<'_, S, N
             }
         }
     }
+    leaving
 }
 
 /// The parameters of the simulations of a block.

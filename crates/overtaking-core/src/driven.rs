@@ -156,7 +156,7 @@ fn weather<S: Simd, const N: usize>(
         w.simd.vectorize(
             #[inline(always)]
             || {
-                let mut state = State::new(&w, history);
+                let mut state = State::new(&w, &mut history.0);
                 take(&mut state, &before, w.simd);
                 turn_wind(&mut w.q, &steady, &state, first);
                 environment::move_random_processes(&mut state, &w, decision);
@@ -197,7 +197,7 @@ fn drive<S: Simd, const N: usize>(
     w.simd.vectorize(
         #[inline(always)]
         || {
-            let mut state = State::new(w, history);
+            let mut state = State::new(w, &mut history.0);
             take(&mut state, table, w.simd);
             for i in 0..w.count {
                 (state.sine[i], state.cosine[i]) = sincos(state.psi[i]);

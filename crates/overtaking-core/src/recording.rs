@@ -48,6 +48,11 @@ impl<'a, const N: usize> Recorder<'a, N> {
         self.out[lane].is_some()
     }
 
+    /// Free a lane of which nothing is recorded; where its results would have gone.
+    pub fn release(&mut self, lane: usize) -> Option<Output<'a>> {
+        self.out[lane].take()
+    }
+
     /// Take over the simulation in lane `other` of a recorder that has written down as many frames.
     pub fn seat(&mut self, lane: usize, from: &mut Self, other: usize) {
         debug_assert_eq!(self.flushed, from.flushed);

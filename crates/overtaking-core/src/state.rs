@@ -161,7 +161,7 @@ impl<S: Simd, const N: usize> Seats for World<'_, S, N> {
 }
 
 /// Memory for the history; what is in it before it is written means nothing.
-pub struct History<const N: usize>(Box<Moments<N>>);
+pub struct History<const N: usize>(pub Box<Moments<N>>);
 
 /// Position and speed along the road by decision, vehicle and simulation.
 pub type Moments<const N: usize> = [[[[f32; 2]; LANES]; N]; HISTORY];
@@ -251,7 +251,7 @@ state_fields! {
 impl<'a, S: Simd, const N: usize> State<'a, S, N> {
     /// The state at the first frame.
     #[inline(always)]
-    pub fn new(w: &World<'_, S, N>, history: &'a mut History<N>) -> Self {
+    pub fn new(w: &World<'_, S, N>, history: &'a mut Moments<N>) -> Self {
         let zero = splat(w.simd, 0.0);
         let each = |value: f32| [splat(w.simd, value); N];
         let mut path = [[zero; 6]; N];
@@ -307,7 +307,7 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
             sine: each(0.0),
             cosine: each(1.0),
             reach: each(0.0),
-            history: &mut history.0,
+            history,
         }
     }
 

@@ -3,6 +3,7 @@
 //! Its state lies on the stack of a thread of its own, which answers one request after the other.
 
 use std::sync::mpsc::{Receiver, Sender};
+use std::sync::{Mutex, PoisonError};
 
 use fearless_simd::Simd;
 use rayon::prelude::*;
@@ -13,26 +14,47 @@ use crate::lanes::{LANES, M, outlined};
 use crate::neighbours::Neighbours;
 use crate::observation::{Source, Table, WIDTH, observe};
 use crate::orders::{Kind, PARTS, Script};
-use crate::output::Storage;
+use crate::output::{Output, Storage};
 use crate::perception::Beliefs;
-use crate::state::{History, Road};
+use crate::state::{History, Moments, Road};
 use crate::step::{Mind, Minds, SUBSTEPS, drive_others, perceive};
 use crate::{MAX_VEHICLES, SLOTS};
 
 /// Decisions after which simulations move together, where others have ended.
 const MERGING: u32 = 16;
 
-/// What another driver orders in every simulation, for some decisions.
-pub struct Request {
-    /// Steps of each number, (simulation, part); nothing reads them where the model drives.
-    pub values: Vec<i32>,
-    /// How many decisions they hold for, one at least.
-    pub decisions: u32,
+/// What another driver asks for.
+pub enum Request {
+    /// Go on.
+    Go {
+        /// Steps of each number in every simulation, (simulation, part); nothing reads them where the
+        /// model drives.
+        values: Vec<i32>,
+        /// For how many decisions, one at least.
+        decisions: u32,
+    },
+    /// Begin new simulations in the rows of others.
+    Renew {
+        /// The rows, each once.
+        rows: Vec<usize>,
+        /// The new simulations.
+        fresh: Fresh,
+    },
 }
 
-/// What it observes then.
+/// Parameters of new simulations, as those in `Inputs`.
+pub struct Fresh {
+    /// Of vehicles, for as many slots as the others have.
+    pub vehicle: Vec<f32>,
+    /// Of simulations.
+    pub simulation: Vec<f32>,
+    /// Numbers of the simulations.
+    pub index: Vec<u64>,
+}
+
+/// What it observes then, in every simulation or in the new ones.
 pub struct Answer {
-    /// Numbers of the simulations that run, zeros of the others, (simulation, `WIDTH`).
+    /// Numbers of the simulations that run, or ran until now; zeros of the others, (simulation, `WIDTH`).
     pub table: Vec<f32>,
     /// Whether each simulation runs.
     pub runs: Vec<bool>,
@@ -75,99 +97,197 @@ fn converse<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, talk: &Talk) 
     let batch = inputs.index.len();
     let road = Road::of(inputs);
     let mut storage = Storage::new(batch, inputs.slots, LANES);
-    let mut places: Vec<_> = storage
-        .output()
-        .into_simulations()
-        .into_iter()
-        .map(Some)
-        .collect();
-    let seats = alike_together(inputs)
-        .into_iter()
-        .filter_map(|one| Some((one, places[one].take()?)))
-        .collect();
-    let portions = shares(seats);
-    let mut histories: Vec<Vec<History<N>>> = portions.iter().map(|one| room(one.len())).collect();
-    let mut shares: Vec<_> = portions
-        .into_iter()
-        .zip(&mut histories)
-        .map(|(seats, histories)| Share::new(simd, inputs, &road, seats, histories))
-        .collect();
-    let mut places = vec![0; batch];
-    for share in &shares {
-        for (place, one) in share.seated.iter().enumerate() {
-            places[*one] = place;
-        }
-    }
-    let mut orders: Option<Request> = None;
-    loop {
-        let meaning = (talk.kind, talk.source);
-        let answer = go_on(inputs, &mut shares, &places, meaning, orders.as_ref());
-        if talk.answers.send(answer).is_err() {
-            return;
-        }
-        match talk.requests.recv() {
-            Ok(next) if next.values.len() == batch * PARTS => orders = Some(next),
-            _ => return,
-        }
-    }
-}
-
-fn room<const N: usize>(seats: usize) -> Vec<History<N>> {
+    // A block has one simulation at least, so there are never more of them.
     let mut histories = Vec::new();
-    histories.resize_with(seats.div_ceil(LANES), History::default);
-    histories
-}
-
-/// Carry out orders for as long as they hold, and look around then.
-fn go_on<S: Simd, const N: usize>(
-    inputs: &Inputs<'_>,
-    shares: &mut [Share<'_, S, N>],
-    places: &[usize],
-    (kind, source): (Option<Kind>, Source),
-    orders: Option<&Request>,
-) -> Answer {
-    let mut answer = Answer {
-        table: vec![0.0; places.len() * WIDTH],
-        runs: vec![false; places.len()],
+    histories.resize_with(batch, || None::<History<N>>);
+    let mut crowd = Crowd {
+        simd,
+        inputs,
+        road: &road,
+        meaning: (talk.kind, talk.source),
+        outputs: storage
+            .output()
+            .into_simulations()
+            .into_iter()
+            .map(Some)
+            .collect(),
+        unused: histories.iter_mut(),
+        spare: Vec::new(),
+        shares: Vec::new(),
+        places: vec![0; batch],
+        owners: vec![0; batch],
+        begun: 0,
+        minds: (0..=rayon::current_num_threads())
+            .map(|_| Mutex::new(Minds::new(simd)))
+            .collect(),
     };
-    let table = answer.table.chunks_exact_mut(WIDTH);
-    let mut rows: Vec<_> = table.zip(&mut answer.runs).map(Some).collect();
-    let mut work: Vec<_> = shares
-        .iter_mut()
-        .map(|share| {
-            let own: Vec<_> = share
-                .seated
-                .iter()
-                .filter_map(|one| rows[*one].take())
-                .collect();
-            (share, own)
-        })
-        .collect();
-    work.par_iter_mut().for_each(|(share, rows)| {
-        if let Some(orders) = orders {
-            let script = kind.map(|kind| Script {
-                kind,
-                values: &orders.values,
-                decisions: 1,
-            });
-            for _ in 1..orders.decisions {
-                share.act(inputs, script.as_ref());
-                share.look(None);
+    let everyone: Vec<_> = (0..batch).collect();
+    let mut answer = crowd.renew(inputs, &everyone);
+    while talk.answers.send(answer).is_ok() {
+        answer = match talk.requests.recv() {
+            Ok(Request::Go { values, decisions }) if values.len() == batch * PARTS => {
+                crowd.go_on(&values, decisions)
             }
-            share.act(inputs, script.as_ref());
-        }
-        share.look(Some((source, places, rows)));
-    });
-    drop(work);
-    answer
+            Ok(Request::Renew { rows, fresh }) if rows.iter().all(|row| *row < batch) => {
+                let inputs = Inputs {
+                    vehicle: &fresh.vehicle,
+                    simulation: &fresh.simulation,
+                    index: &fresh.index,
+                    ..*inputs
+                };
+                crowd.renew(&inputs, &rows)
+            }
+            _ => return,
+        };
+    }
 }
 
-/// Where what a share observes goes: what, the place of each simulation in it, and a row for each place.
-type Rows<'r, 'o> = (
-    Source,
-    &'r [usize],
-    &'r mut Vec<(&'o mut [f32], &'o mut bool)>,
-);
+/// All simulations, in shares of those that began at the same time.
+struct Crowd<'a, S: Simd, const N: usize> {
+    simd: S,
+    inputs: &'a Inputs<'a>,
+    road: &'a Road,
+    meaning: (Option<Kind>, Source),
+    /// Where the results of each row would go, while nothing runs in it.
+    outputs: Vec<Option<Output<'a>>>,
+    unused: std::slice::IterMut<'a, Option<History<N>>>,
+    spare: Vec<&'a mut Moments<N>>,
+    shares: Vec<Share<'a, S, N>>,
+    /// Place of each row in the share that has it.
+    places: Vec<usize>,
+    /// The share that has it, by its number.
+    owners: Vec<usize>,
+    /// Shares so far.
+    begun: usize,
+    /// Room to think, for each thread.
+    minds: Vec<Mutex<Minds<S, N>>>,
+}
+
+impl<'a, S: Simd, const N: usize> Crowd<'a, S, N> {
+    /// Carry out orders for as long as they hold, and look around then.
+    fn go_on(&mut self, values: &[i32], decisions: u32) -> Answer {
+        let script = self.meaning.0.map(|kind| Script {
+            kind,
+            values,
+            decisions: 1,
+        });
+        let (inputs, every) = (self.inputs, 0..self.places.len());
+        let answer = self.look(0, every.len(), &|row| row, &|share, minds| {
+            let told = share.step;
+            for _ in 1..decisions {
+                share.act(inputs, script.as_ref(), minds, told);
+                share.look(minds, None);
+            }
+            share.act(inputs, script.as_ref(), minds, told);
+        });
+        self.tidy();
+        answer
+    }
+
+    /// Begin simulations in some rows, and look around in them.
+    fn renew(&mut self, fresh: &Inputs<'_>, rows: &[usize]) -> Answer {
+        let mut places = vec![None; self.places.len()];
+        for (place, row) in rows.iter().enumerate() {
+            places[*row] = Some(place);
+        }
+        for share in &mut self.shares {
+            share.leave(|row| places[row].is_some());
+        }
+        self.tidy();
+        let seats = alike_together(fresh)
+            .into_iter()
+            .filter_map(|one| Some((one, self.outputs[rows[one]].take()?)))
+            .collect();
+        let old = self.shares.len();
+        for seats in shares(seats) {
+            self.begin(fresh, rows, seats);
+        }
+        let place = |row: usize| places[row].unwrap_or(0);
+        self.look(old, rows.len(), &place, &|_, _| ())
+    }
+
+    /// Begin the simulations of a share.
+    fn begin(&mut self, fresh: &Inputs<'_>, rows: &[usize], seats: Vec<Seat<'a>>) {
+        let number = self.begun;
+        self.begun += 1;
+        let seated: Vec<_> = seats.iter().map(|(one, _)| rows[*one]).collect();
+        for (place, row) in seated.iter().enumerate() {
+            (self.places[*row], self.owners[*row]) = (place, number);
+        }
+        let mut blocks = Vec::new();
+        let mut seats = seats.into_iter().peekable();
+        while seats.peek().is_some() {
+            let unused = &mut self.unused;
+            let new = || unused.next().map(|one| &mut *one.get_or_insert_default().0);
+            let Some(history) = self.spare.pop().or_else(new) else {
+                return;
+            };
+            let shared = (self.inputs.constants, self.road);
+            if let Some(mut block) = Block::new(self.simd, fresh, shared, &mut seats, history) {
+                block.simulations = block.simulations.map(|one| rows[one]);
+                blocks.push(block);
+            }
+        }
+        self.shares.push(Share {
+            blocks,
+            kept: Vec::new(),
+            seated,
+            number,
+            step: 0,
+            freed: Vec::new(),
+            spare: Vec::new(),
+        });
+    }
+
+    /// Let shares work, from one of them on, and write down what their egos observe then.
+    fn look(
+        &mut self,
+        from: usize,
+        length: usize,
+        place: &dyn Fn(usize) -> usize,
+        work: &(dyn Fn(&mut Share<'a, S, N>, &mut Minds<S, N>) + Sync),
+    ) -> Answer {
+        let mut answer = Answer {
+            table: vec![0.0; length * WIDTH],
+            runs: vec![false; length],
+        };
+        let table = answer.table.chunks_exact_mut(WIDTH);
+        let mut rows: Vec<_> = table.zip(&mut answer.runs).map(Some).collect();
+        let (owners, source) = (&self.owners, self.meaning.1);
+        let mut portions: Vec<_> = self.shares[from..]
+            .iter_mut()
+            .map(|share| {
+                let own: Vec<_> = share
+                    .seated
+                    .iter()
+                    .map(|row| (owners[*row] == share.number).then(|| rows[place(*row)].take()))
+                    .map(Option::flatten)
+                    .collect();
+                (share, own)
+            })
+            .collect();
+        let (places, minds) = (&self.places, &self.minds);
+        portions.par_iter_mut().for_each(|(share, rows)| {
+            let thread = rayon::current_thread_index().map_or(0, |thread| thread + 1);
+            let mut minds = minds[thread].lock().unwrap_or_else(PoisonError::into_inner);
+            work(share, &mut minds);
+            share.look(&mut minds, Some((source, places, rows)));
+        });
+        drop(portions);
+        answer
+    }
+
+    /// Take back what simulations that are over have used.
+    fn tidy(&mut self) {
+        for share in &mut self.shares {
+            for (row, out) in share.freed.drain(..) {
+                self.outputs[row] = Some(out);
+            }
+            self.spare.append(&mut share.spare);
+        }
+        self.shares.retain(|share| !share.blocks.is_empty());
+    }
+}
 
 /// What the ego of a block knew when it was to decide.
 struct Kept<S: Simd> {
@@ -197,54 +317,76 @@ impl<S: Simd> Kept<S> {
     }
 }
 
+/// Where what a share observes goes: what, the place of each simulation in it, and a row for each place.
+type Rows<'r, 'o> = (
+    Source,
+    &'r [usize],
+    &'r mut Vec<Option<(&'o mut [f32], &'o mut bool)>>,
+);
+
 /// Blocks that one thread advances together.
 struct Share<'a, S: Simd, const N: usize> {
     blocks: Vec<Box<Block<'a, S, N>>>,
     /// What the ego of each block knows at this decision.
     kept: Vec<Kept<S>>,
-    minds: Minds<S, N>,
-    /// The simulations that were in it at first.
+    /// The rows that were in it at first.
     seated: Vec<usize>,
+    number: usize,
     step: u32,
+    /// Rows that it has no more.
+    freed: Vec<(usize, Output<'a>)>,
+    /// Histories that it needs no more.
+    spare: Vec<&'a mut Moments<N>>,
 }
 
 impl<'a, S: Simd, const N: usize> Share<'a, S, N> {
-    fn new(
-        simd: S,
-        inputs: &Inputs<'a>,
-        road: &'a Road,
-        seats: Vec<Seat<'a>>,
-        histories: &'a mut [History<N>],
-    ) -> Self {
-        let seated = seats.iter().map(|(one, _)| *one).collect();
-        let mut seats = seats.into_iter();
-        Self {
-            blocks: histories
-                .iter_mut()
-                .map_while(|history| Block::new(simd, inputs, road, &mut seats, history))
-                .collect(),
-            kept: Vec::new(),
-            minds: Minds::new(simd),
-            seated,
-            step: 0,
+    /// Let egos do as ordered, or as they decide, and everything move until the next decision.
+    ///
+    /// Simulations stay until it has been `told` that they have ended: what their egos saw last counts.
+    fn act(
+        &mut self,
+        inputs: &Inputs<'_>,
+        script: Option<&Script<'_>>,
+        minds: &mut Minds<S, N>,
+        told: u32,
+    ) {
+        for (block, kept) in self.blocks.iter_mut().zip(&self.kept) {
+            block.go_on(self.step, inputs, script, kept.mind(), minds);
+        }
+        self.step += SUBSTEPS;
+        self.leave_lanes(|block, lane| block.state.end_step[lane] < told as f32);
+        if (self.step / SUBSTEPS).is_multiple_of(MERGING) {
+            let left = merge(&mut self.blocks);
+            self.spare
+                .extend(left.into_iter().map(|block| block.state.history));
         }
     }
 
-    /// Let egos do as ordered, or as they decide, and everything move until the next decision.
-    fn act(&mut self, inputs: &Inputs<'_>, script: Option<&Script<'_>>) {
-        for (block, kept) in self.blocks.iter_mut().zip(&self.kept) {
-            block.go_on(self.step, inputs, script, kept.mind(), &mut self.minds);
+    /// Give up rows.
+    fn leave(&mut self, leaves: impl Fn(usize) -> bool) {
+        self.leave_lanes(|block, lane| leaves(block.simulations[lane]));
+    }
+
+    fn leave_lanes(&mut self, leaves: impl Fn(&Block<'a, S, N>, usize) -> bool) {
+        for block in &mut self.blocks {
+            self.freed.extend(block.release(&leaves));
         }
-        self.step += SUBSTEPS;
-        let step = self.step;
-        self.blocks.retain_mut(|block| block.dismiss(step));
-        if (step / SUBSTEPS).is_multiple_of(MERGING) {
-            merge(&mut self.blocks);
+        if self.blocks.iter().all(|block| block.num_running() > 0) {
+            return;
+        }
+        let kept = std::mem::take(&mut self.kept);
+        for (block, kept) in std::mem::take(&mut self.blocks).into_iter().zip(kept) {
+            if block.num_running() > 0 {
+                self.blocks.push(block);
+                self.kept.push(kept);
+            } else {
+                self.spare.push(block.state.history);
+            }
         }
     }
 
     /// Let everybody look around, everybody but the ego decide, and write down what the egos observe.
-    fn look(&mut self, mut rows: Option<Rows<'_, '_>>) {
+    fn look(&mut self, minds: &mut Minds<S, N>, mut rows: Option<Rows<'_, '_>>) {
         self.kept.clear();
         for block in &mut self.blocks {
             let Block {
@@ -254,20 +396,22 @@ impl<'a, S: Simd, const N: usize> Share<'a, S, N> {
                 simulations,
                 ..
             } = &mut **block;
-            perceive(state, world, &mut self.minds, self.step, true);
+            perceive(state, world, minds, self.step, true);
             if let Some((source, places, rows)) = &mut rows {
-                let mind = self.minds.of_ego();
+                let mind = minds.of_ego();
                 let table: Table<S> = outlined!(world.simd, observe(state, world, mind, *source));
                 for lane in (0..LANES).filter(|lane| recorder.is_busy(*lane)) {
-                    let (row, runs) = &mut rows[places[simulations[lane]]];
+                    let Some((row, runs)) = &mut rows[places[simulations[lane]]] else {
+                        continue;
+                    };
                     for (to, from) in row.iter_mut().zip(&table) {
                         *to = from[lane];
                     }
-                    **runs = true;
+                    **runs = self.step as f32 <= state.end_step[lane];
                 }
             }
-            drive_others(state, world, &self.minds, self.step);
-            self.kept.push(Kept::of(self.minds.of_ego()));
+            drive_others(state, world, minds, self.step);
+            self.kept.push(Kept::of(minds.of_ego()));
         }
     }
 }

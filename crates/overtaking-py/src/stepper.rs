@@ -9,7 +9,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2}
 use numpy::{PyUntypedArrayMethods, ToPyArray};
 use overtaking_core::observation::{AROUND_NAMES, OWN_NAMES, Source, WIDTH};
 use overtaking_core::orders::{Kind, PARTS};
-use overtaking_core::stepper::{Answer, Request, Talk};
+use overtaking_core::stepper::{Answer, Fresh, Request, Talk};
 use overtaking_core::{
     Constants, Inputs, MAX_VEHICLES, SIMULATION_NAMES, VEHICLE_NAMES, supported,
 };
@@ -102,6 +102,7 @@ impl Kept {
 #[pyclass(frozen)]
 pub struct Stepper {
     batch: usize,
+    slots: usize,
     line: Mutex<Option<Line>>,
 }
 
@@ -131,7 +132,7 @@ impl Stepper {
         let kind = kind.map(known).transpose()?;
         let level = supported(level).map_err(PyValueError::new_err)?;
         let kept = batch.kept()?;
-        let count = kept.index.len();
+        let (count, slots) = (kept.index.len(), kept.slots);
         let (requests, theirs) = channel();
         let (given, answers) = channel();
         let talk = Talk {
@@ -151,6 +152,7 @@ impl Stepper {
         });
         Ok(Self {
             batch: count,
+            slots,
             line: Mutex::new(Some(Line {
                 requests,
                 answers,
@@ -161,7 +163,7 @@ impl Stepper {
 
     /// What is observed at first.
     fn begin<'py>(&self, py: Python<'py>) -> PyResult<Observed<'py>> {
-        self.ask(py, None)
+        self.ask(py, self.batch, None)
     }
 
     /// What is observed after some decisions with the same orders, (simulation, part).
@@ -173,12 +175,43 @@ impl Stepper {
     ) -> PyResult<Observed<'py>> {
         expect_length("values", values.len(), self.batch * PARTS)?;
         let values = values.as_slice()?.to_vec();
-        self.ask(py, Some(Request { values, decisions }))
+        self.ask(py, self.batch, Some(Request::Go { values, decisions }))
+    }
+
+    /// What is observed at first in new simulations, which begin in these rows.
+    fn renew<'py>(
+        &self,
+        py: Python<'py>,
+        rows: PyReadonlyArray1<'py, i64>,
+        batch: Batch<'py>,
+    ) -> PyResult<Observed<'py>> {
+        let rows: Vec<_> = rows.as_slice()?.iter().map(|row| *row as usize).collect();
+        let kept = batch.kept()?;
+        expect_length("rows", rows.len(), kept.index.len())?;
+        let mut sorted = rows.clone();
+        sorted.sort_unstable();
+        sorted.dedup();
+        if sorted.len() < rows.len() || sorted.last().is_some_and(|last| *last >= self.batch) {
+            return Err(PyValueError::new_err("rows: expected each row once"));
+        }
+        expect_length("slots", kept.slots, self.slots)?;
+        let count = rows.len();
+        let fresh = Fresh {
+            vehicle: kept.vehicle,
+            simulation: kept.simulation,
+            index: kept.index,
+        };
+        self.ask(py, count, Some(Request::Renew { rows, fresh }))
     }
 }
 
 impl Stepper {
-    fn ask<'py>(&self, py: Python<'py>, request: Option<Request>) -> PyResult<Observed<'py>> {
+    fn ask<'py>(
+        &self,
+        py: Python<'py>,
+        rows: usize,
+        request: Option<Request>,
+    ) -> PyResult<Observed<'py>> {
         let answer = py.detach(|| {
             let line = self.line.lock().ok()?;
             let line = line.as_ref()?;
@@ -188,7 +221,7 @@ impl Stepper {
             line.answers.recv().ok()
         });
         let answer = answer.ok_or_else(|| PyValueError::new_err("the simulation has ended"))?;
-        let table = Array2::from_shape_vec((self.batch, WIDTH), answer.table)
+        let table = Array2::from_shape_vec((rows, WIDTH), answer.table)
             .map_err(|error| PyValueError::new_err(error.to_string()))?;
         Ok((table.into_pyarray(py), answer.runs.to_pyarray(py)))
     }

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.model.actions import KINDS, Part
-from overtaking.sim.observation import Observation
+from overtaking.sim.observation import Seen
 
 F64 = NDArray[np.float64]
 
-Track = Callable[[Observation], F64]
+Track = Callable[[Seen], F64]
 """From what is observed to an action, while an answer holds."""
 
 _SPEED_TIME = 1.0  # In which a difference of speed is made up for; a choice [s].
@@ -35,13 +35,13 @@ class Control:
 
     parts: tuple[Part, ...]
     kind: str
-    plan: Callable[[F64, Observation], Track] | None = None
+    plan: Callable[[F64, Seen], Track] | None = None
 
 
-def _towards_speed(answer: F64, _: Observation) -> Track:
+def _towards_speed(answer: F64, _: Seen) -> Track:
     """Accelerate as comfortably as the scenario's driver towards a speed."""
 
-    def track(seen: Observation) -> F64:
+    def track(seen: Seen) -> F64:
         wanted = (answer[:, 0] - seen.of("speed")) / _SPEED_TIME
         accel = np.clip(wanted, -seen.driver.decel, seen.driver.accel)
         return np.stack([accel, answer[:, 1]], axis=1)
@@ -49,7 +49,7 @@ def _towards_speed(answer: F64, _: Observation) -> Track:
     return track
 
 
-def _along_points(answer: F64, begin: Observation) -> Track:
+def _along_points(answer: F64, begin: Seen) -> Track:
     """Drive through points with the constant accelerations that miss them least.
 
     Along and across the road these are the least squares over the points that are left; anew at
@@ -59,7 +59,7 @@ def _along_points(answer: F64, begin: Observation) -> Track:
     places = points[:, :, 0] + begin.of("position")[:, None]
     sides = points[:, :, 1] + begin.of("lateral")[:, None]
 
-    def track(seen: Observation) -> F64:
+    def track(seen: Seen) -> F64:
         times = np.maximum(np.array(_POINT_TIMES) - (seen.time - begin.time), 0.0)
         speed, heading = (seen.of(name).astype(np.float64) for name in ("speed", "heading"))
         along, across = speed * np.cos(heading), speed * np.sin(heading)

@@ -142,14 +142,14 @@ def _asked(
     while seen.active.any():
         answer = _answer(driver.policy, seen, control)
         if control.plan is None:
-            values = _rounded(answer, seen.active, KINDS[control.kind])
+            values = rounded(answer, seen.active, KINDS[control.kind])
             yield decision, np.broadcast_to(values, (hold, *values.shape))
             decision += hold
             seen = eyes.look(*steps.step(values, hold), decision)
             continue
         track = control.plan(answer, seen)
         for _ in range(hold):
-            values = _rounded(track(seen), seen.active, KINDS[control.kind])
+            values = rounded(track(seen), seen.active, KINDS[control.kind])
             yield decision, values[None]
             decision += 1
             seen = eyes.look(*steps.step(values, 1), decision)
@@ -163,6 +163,7 @@ class _Eyes:
         self._sensing = Sensing(sensor, scenario, given) if sensor else None
 
     def look(self, table: F32, active: Mask, decision: int) -> Observation:
+        table[~active] = 0.0
         around = table[:, len(OWN) :].reshape(len(table), len(ROLES), len(AROUND))
         if self._sensing:
             around = self._sensing.sense(around, active, decision)
@@ -219,7 +220,7 @@ def _refused(
     )
 
 
-def _rounded(values: F64, active: Mask, parts: tuple[Part, ...]) -> NDArray[np.int32]:
+def rounded(values: F64, active: Mask, parts: tuple[Part, ...]) -> NDArray[np.int32]:
     """Whole steps within limits, zero where nothing runs, shape (simulation, `MOST_PARTS`)."""
     steps = np.zeros((len(values), MOST_PARTS), np.int32)
     for k, part in enumerate(parts):

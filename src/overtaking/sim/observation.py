@@ -18,28 +18,24 @@ _ROLE_PLACE = {name: place for place, name in enumerate(ROLES)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Observation:
-    """What the egos of a batch observe at a decision, every row a simulation.
+class Seen:
+    """What the egos of a batch observe, every row a simulation.
 
     Attributes:
         time: Time since the start [s].
-        decision: Number of the decision, 20 a second.
         active: Which simulations run; the numbers of the others are zero, shape (simulation,).
         own: Numbers of the ego, named by `model.observation.OWN`, shape (simulation, `OWN`).
         around: Numbers of its neighbours, named by `ROLES` and `AROUND`, shape (simulation,
             `ROLES`, `AROUND`).
         driver: Parameters of the ego's vehicle, and of the driver that the scenario has put into
             it, each of shape (simulation,).
-        scenario: Number, road and weather of each simulation, and all others in it.
     """
 
     time: float
-    decision: int
     active: Mask
     own: F32
     around: F32
     driver: VehicleParameters
-    scenario: Scenario
 
     def of(self, name: str, role: str | None = None) -> F32:
         """One number, shape (simulation,).
@@ -54,6 +50,19 @@ class Observation:
         if role is None:
             return self.own[:, _OWN_PLACE[name]]
         return self.around[:, _ROLE_PLACE[role], _AROUND_PLACE[name]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observation(Seen):
+    """What the egos of a batch observe at a decision, every row a simulation.
+
+    Attributes:
+        decision: Number of the decision, 20 a second.
+        scenario: Number, road and weather of each simulation, and all others in it.
+    """
+
+    decision: int
+    scenario: Scenario
 
     def random(self) -> F32:
         """Four numbers in (0, 1) for a policy that draws, shape (simulation, 4).

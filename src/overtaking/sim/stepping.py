@@ -14,7 +14,10 @@ from overtaking.world.parameters import Parameters
 
 
 class Stepper(Protocol):
-    """A batch that waits at every decision for orders; both engines give the same bits."""
+    """A batch that waits at every decision for orders; both engines give the same bits.
+
+    A simulation that ends is observed once more, after the step in which it has ended.
+    """
 
     def begin(self) -> tuple[F32, Mask]:
         """What is observed at first: numbers of shape (simulation, `WIDTH`), and who runs."""
@@ -52,7 +55,46 @@ def stepper(
     """
     if simulator == "reference":
         return ReferenceStepper(given, kind, is_true=is_true)
-    batch: dict[str, Any] = {
+    return Renewable(given, kind, is_true=is_true, level=level)
+
+
+class Renewable:
+    """The compiled stepper, in whose rows new simulations can begin while others go on.
+
+    Args:
+        given: Parameters of a batch.
+        kind: A name in `model.actions.KINDS`; None where the model's own driver decides.
+        is_true: Whether the truth is observed, not what the ego believes.
+        level: As in `stepper`.
+    """
+
+    def __init__(
+        self, given: Parameters, kind: str | None, *, is_true: bool, level: str | None = None
+    ) -> None:
+        """Stand before the first decision."""
+        self._batch = _core.Stepper(_values(given), kind, is_true, chosen_level(level))
+
+    def begin(self) -> tuple[F32, Mask]:
+        """As `Stepper.begin`."""
+        return self._batch.begin()
+
+    def step(self, values: NDArray[np.int32], decisions: int) -> tuple[F32, Mask]:
+        """As `Stepper.step`."""
+        return self._batch.step(values, decisions)
+
+    def renew(self, rows: NDArray[np.int64], given: Parameters) -> tuple[F32, Mask]:
+        """What is observed at first in new simulations.
+
+        Args:
+            rows: The rows in which they begin, each once.
+            given: Their parameters: on the same road, with the same seed and number of slots.
+        """
+        return self._batch.renew(rows, _values(given))
+
+
+def _values(given: Parameters) -> dict[str, Any]:
+    """A batch as the compiled stepper takes it."""
+    return {
         "vehicle": given.vehicle.reshape(-1),
         "simulation": given.simulation.reshape(-1),
         "index": given.index,
@@ -62,4 +104,3 @@ def stepper(
         "road": road_values(given),
         "constants": constant_values(given.constants),
     }
-    return _core.Stepper(batch, kind, is_true, chosen_level(level))

@@ -26,6 +26,7 @@ class Stepper:
         self._p, self._q = given.of_vehicles, given.of_simulations
         self._stride = SUBSTEPS if given.record_every % SUBSTEPS == 0 else 1
         self._state, self._step = initial_state(given), 0
+        self._ran = np.ones(given.index.shape, np.bool_)
 
     def begin(self) -> tuple[F32, Mask]:
         """What is observed at first: numbers of shape (simulation, `WIDTH`), and who runs."""
@@ -50,7 +51,9 @@ class Stepper:
         state, given, p = self._state, self._given, self._p
         self._moment = perceive(state, given, p, self._q, self._step)
         table = observe(state, given, p, self._moment, is_true=self._is_true)
-        return np.where(runs[:, None], table, np.float32(0.0)), runs
+        told = np.where(self._ran[:, None], table, np.float32(0.0))
+        self._ran = runs
+        return told, runs
 
     def _act(self, orders: Orders | None) -> None:
         state, given, p, q = self._state, self._given, self._p, self._q

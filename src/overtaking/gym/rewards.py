@@ -1,0 +1,117 @@
+"""Rewards, apart from the environments: what a step was worth."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import Mask, as_f32
+from overtaking.core.errors import ConfigError
+from overtaking.labels.law.distances import lawful_gap
+from overtaking.model.trajectory import Stage
+from overtaking.sim.observation import Seen
+from overtaking.world.constants import known
+
+F64 = NDArray[np.float64]
+
+CRASH_COST: Final = 100.0
+"""What an accident costs: more time than any overtake gains; a choice [s]."""
+
+BREACH_COST: Final = 10.0
+"""What a breach of the law costs; a choice [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Events:
+    """What came of a step, each of shape (simulation,).
+
+    Attributes:
+        seconds: Length of the step, of all simulations [s].
+        terminated: The ego has had an accident, or its overtake is over.
+        truncated: The horizon, or the deadline without an attempt.
+        crashed: The ego has hit another, or left the road.
+        judged: Whether `legal` is known: at the end, where environments label.
+        legal: Whether the whole simulation is legal under the policy `default`.
+    """
+
+    seconds: float
+    terminated: Mask
+    truncated: Mask
+    crashed: Mask
+    judged: Mask
+    legal: Mask
+
+
+Reward = Callable[[Seen, F64, Seen, Events], F64]
+"""From what was observed before, the action, what is observed after, and what came of it."""
+
+
+def progress(before: Seen, action: F64, after: Seen, events: Events) -> F64:
+    """Time lost against driving as fast as the scenario's driver wishes, shape (simulation,) [s].
+
+    Never positive; an accident costs `CRASH_COST` more.
+
+    Args:
+        before: What was observed.
+        action: What was answered, shape (simulation, part).
+        after: What is observed now.
+        events: What came of it.
+    """
+    del action
+    way = after.of("position").astype(np.float64) - before.of("position")
+    lost = events.seconds - way / np.maximum(before.driver.desired_speed.astype(np.float64), 1.0)
+    return -np.maximum(lost, 0.0) - np.where(events.crashed, CRASH_COST, 0.0)
+
+
+def progress_legal(before: Seen, action: F64, after: Seen, events: Events) -> F64:
+    """`progress`, less what breaches of the law cost, shape (simulation,) [s].
+
+    Following too close (rule L3, on a dry road) costs as much time as it lasts, in proportion to
+    what the gap lacks. Other rules are final only at the end: a breach of any costs `BREACH_COST`.
+
+    Args:
+        before: What was observed.
+        action: What was answered, shape (simulation, part).
+        after: What is observed now.
+        events: What came of it.
+
+    Raises:
+        ConfigError: A simulation has ended and nobody has judged it.
+    """
+    ended = events.terminated | events.truncated
+    if (ended & ~events.judged).any():
+        raise ConfigError.of(
+            what="labels",
+            where="progress_legal",
+            expected="environments that judge each simulation at its end",
+            got=False,
+            next_step="make them with labels=True",
+        )
+    speed, closing, gap = after.of("speed"), after.of("closing", "lead"), after.of("gap", "lead")
+    lawful = lawful_gap(speed, closing, as_f32(known("law.safe_distance.decel_limit")))
+    lacking = np.clip(1.0 - gap / np.maximum(lawful, 1.0), 0.0, 1.0)
+    lacking = np.where(after.of("detected", "lead") > 0, lacking, 0.0)
+    cost = events.seconds * lacking + BREACH_COST * (events.judged & ~events.legal)
+    return progress(before, action, after, events) - cost
+
+
+def overtake_once(before: Seen, action: F64, after: Seen, events: Events) -> F64:
+    """1 at the end of a completed overtake, -1 at an accident, shape (simulation,).
+
+    Args:
+        before: What was observed.
+        action: What was answered, shape (simulation, part).
+        after: What is observed now.
+        events: What came of it.
+    """
+    del before, action
+    done = events.terminated & (after.of("stage") == Stage.DONE)
+    return done.astype(np.float64) - events.crashed
+
+
+REWARDS: Final[dict[str, Reward]] = {
+    one.__name__: one for one in (progress, progress_legal, overtake_once)
+}
+"""Rewards by name."""

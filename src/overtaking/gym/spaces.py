@@ -1,0 +1,137 @@
+"""Spaces of observations and actions: names, units, bounds and scales of their numbers."""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import F32
+from overtaking.core.errors import ConfigError
+from overtaking.model.actions import Move
+from overtaking.model.observation import AROUND, OWN, ROLES
+from overtaking.model.trajectory import Stage
+from overtaking.sim.controls import CONTROLS
+from overtaking.sim.observation import Seen
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One number of an observation.
+
+    Attributes:
+        name: Its name in `OWN`, or role and name in `AROUND`, such as `lead.gap`.
+        unit: Its unit.
+        least: Smallest value; what is smaller is told as this.
+        most: Largest value.
+        scale: What it is divided by where scaled numbers are asked for.
+    """
+
+    name: str
+    unit: str
+    least: float
+    most: float
+    scale: float
+
+
+_FLAG = (0.0, 1.0, 1.0)
+_SIDE = (-1.0, 1.0, 1.0)
+_SPEED = (-100.0, 100.0, 30.0)
+_ACCEL = (-20.0, 20.0, 5.0)
+_TIME = (0.0, 600.0, 10.0)
+_RANGES: Final = {
+    "speed": _SPEED,
+    "accel": _ACCEL,
+    "position": (-1e5, 1e5, 1000.0),
+    "lateral": (-100.0, 100.0, 10.0),
+    "offset": (-20.0, 20.0, 2.0),
+    "heading": (-4.0, 4.0, 0.1),
+    "yaw_rate": (-20.0, 20.0, 0.1),
+    "lane": (0.0, 8.0, 1.0),
+    "stage": (0.0, float(max(Stage)), 1.0),
+    "stage_time": _TIME,
+    "waited": _TIME,
+    "signalled": _TIME,
+    "wanted": _SIDE,
+    "since_change": _TIME,
+    "gap": (-100.0, 300.0, 50.0),
+    "closing": (-100.0, 100.0, 10.0),
+    "aside": (-100.0, 100.0, 5.0),
+    "indicator": _SIDE,
+    "length": (0.0, 50.0, 10.0),
+}
+"""Bounds and scale by name; flags are 0 or 1. A choice: wider than what drivers meet."""
+
+
+def _columns() -> tuple[Column, ...]:
+    own = [(name, name, unit) for name, (unit, _) in OWN.items()]
+    around = [
+        (name, f"{role}.{name}", unit) for role in ROLES for name, (unit, _) in AROUND.items()
+    ]
+    return tuple(
+        Column(title, unit, *_RANGES.get(name, _FLAG)) for name, title, unit in [*own, *around]
+    )
+
+
+COLUMNS: Final = _columns()
+"""The numbers of an observation, in order."""
+
+_LEAST, _MOST, _SCALE = (
+    np.array([getattr(one, name) for one in COLUMNS], np.float32)
+    for name in ("least", "most", "scale")
+)
+
+
+def flat(seen: Seen, *, scaled: bool = False) -> F32:
+    """The numbers of an observation as a network takes them, shape (simulation, `COLUMNS`).
+
+    Args:
+        seen: What the environments, or the policies of `overtaking.drive`, observe.
+        scaled: Whether to divide each by its scale.
+    """
+    around = seen.around.reshape(len(seen.around), -1)
+    return bounded(np.concatenate([seen.own, around], axis=1), scaled=scaled)
+
+
+def bounded(table: F32, *, scaled: bool) -> F32:
+    """Numbers within their bounds, perhaps scaled, shape (simulation, `COLUMNS`)."""
+    numbers = np.clip(table, _LEAST, _MOST)
+    return np.divide(numbers, _SCALE, out=numbers) if scaled else numbers
+
+
+def observation_space(*, scaled: bool) -> spaces.Box:
+    """What an environment observes: a number for each of `COLUMNS`."""
+    scale = _SCALE if scaled else np.float32(1.0)
+    return spaces.Box(_LEAST / scale, _MOST / scale, dtype=np.float32)
+
+
+def action_space(action: str) -> spaces.Box | spaces.Discrete:
+    """What it is answered: a number for each part of the control, or one of `Move`."""
+    if action == "decision":
+        return spaces.Discrete(len(Move))
+    parts = CONTROLS[action].parts
+    least, most = ([getattr(one, name) for one in parts] for name in ("least", "most"))
+    return spaces.Box(np.array(least, np.float32), np.array(most, np.float32), dtype=np.float32)
+
+
+def answers(actions: Any, action: str, rows: int) -> NDArray[np.float64]:
+    """Actions of all environments, shape (simulation, part), within their bounds.
+
+    Raises:
+        ConfigError: They have another shape, or are not finite.
+    """
+    parts = CONTROLS[action].parts
+    values = np.asarray(actions, np.float64)
+    if values.shape == (rows,) and len(parts) == 1:
+        values = values[:, None]
+    if values.shape != (rows, len(parts)) or not np.isfinite(values).all():
+        got = values.tolist() if values.shape == (rows, len(parts)) else f"shape {values.shape}"
+        raise ConfigError.of(
+            what="actions",
+            where="step",
+            expected=f"finite numbers of shape ({rows}, {len(parts)})",
+            got=got,
+            next_step="correct the policy",
+        )
+    return np.clip(values, [one.least for one in parts], [one.most for one in parts])

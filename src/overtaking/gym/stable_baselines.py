@@ -1,0 +1,104 @@
+"""The vector environment for Stable-Baselines3, which has a class of its own for them.
+
+from stable_baselines3 import PPO
+from overtaking.gym.stable_baselines import StableBaselinesVecEnv
+
+envs = StableBaselinesVecEnv("motorway", 64, observe="truth", reward="progress", scaled=True)
+PPO("MlpPolicy", envs).learn(100_000)
+"""
+
+# It is in .venv-rl only.
+# pyright: reportMissingImports=false, reportUntypedBaseClass=false
+# pyright: reportUnknownVariableType=false
+
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+from overtaking.api.choices import Profile
+from overtaking.core.elementary import F32
+from overtaking.core.errors import ConfigError
+from overtaking.gym.vector import Info, OvertakingVectorEnv
+
+
+class StableBaselinesVecEnv(VecEnv):
+    """Environments in one batch, for algorithms of Stable-Baselines3.
+
+    Args:
+        profile: What to sample, as in `overtaking.sample`.
+        num_envs: How many environments.
+        seed: Seed of the scenarios; None for one from the system.
+        **settings: The other arguments of `OvertakingVectorEnv`.
+    """
+
+    def __init__(
+        self, profile: Profile, num_envs: int, *, seed: int | None = None, **settings: Any
+    ) -> None:
+        """Make the environments."""
+        mode = AutoresetMode.SAME_STEP
+        self.batch = OvertakingVectorEnv(profile, num_envs, autoreset_mode=mode, **settings)
+        self._first_seed, self._waiting = seed, np.zeros(0)
+        super().__init__(
+            num_envs, self.batch.single_observation_space, self.batch.single_action_space
+        )
+
+    def reset(self) -> F32:
+        """Begin new episodes in all environments."""
+        seed = next((one for one in self._seeds if one is not None), self._first_seed)
+        self._first_seed = None
+        self._reset_seeds()
+        return self.batch.reset(seed=seed)[0]
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Take the actions of the next step."""
+        self._waiting = actions
+
+    def step_wait(self) -> tuple[F32, NDArray[np.float32], NDArray[np.bool_], list[Info]]:
+        """Carry them out; who has ended begins anew, with the last observation in `info`."""
+        seen, reward, terminated, truncated, info = self.batch.step(self._waiting)
+        infos: list[Info] = [{} for _ in range(self.num_envs)]
+        for row in np.flatnonzero(terminated | truncated):
+            final: Info = info["final_info"]
+            told = {name: final[name][row] for name in final if not name.startswith("_")}
+            told["terminal_observation"] = info["final_obs"][row]
+            told["TimeLimit.truncated"] = bool(truncated[row])
+            infos[row] = told
+        return seen, reward.astype(np.float32), terminated | truncated, infos
+
+    def close(self) -> None:
+        """Let go of the simulations."""
+        self.batch.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """An attribute, the same in all environments."""
+        return [getattr(self.batch, attr_name)] * len(list(self._get_indices(indices)))
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Refuse: environments of one batch are alike."""
+        del attr_name, value, indices
+        raise _only_together("set_attr")
+
+    def env_method(
+        self, method_name: str, *args: Any, indices: Any = None, **named: Any
+    ) -> list[Any]:
+        """Refuse: environments of one batch have no methods of their own."""
+        del method_name, args, indices, named
+        raise _only_together("env_method")
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """No environment has a wrapper."""
+        del wrapper_class
+        return [False] * len(list(self._get_indices(indices)))
+
+
+def _only_together(what: str) -> ConfigError:
+    return ConfigError.of(
+        what=what,
+        where="StableBaselinesVecEnv",
+        expected="what all environments share",
+        got="a call for single ones",
+        next_step="give settings when the environments are made",
+    )

@@ -1,0 +1,249 @@
+"""Environments keep the promises of Gymnasium and are the simulations of `overtaking.drive`."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+
+import overtaking as ot
+import overtaking.gym as envs
+from overtaking.core.errors import ConfigError
+from overtaking.model.events import Outcome
+from overtaking.model.observation import WIDTH
+from overtaking.model.trajectory import Stage
+from overtaking.sim.controls import CONTROLS
+
+SHORT = {"time.horizon_s": 8.0, "time.attempt_deadline_s": 6.0}
+PROFILE = "pinto2023-physical"
+QUICK = {"observe": "human", "hold": 4, "labels": False, "overrides": SHORT}
+
+
+def made(count: int = 6, **settings) -> envs.OvertakingVectorEnv:
+    return envs.OvertakingVectorEnv(PROFILE, count, **(QUICK | settings))
+
+
+def wish(numbers: np.ndarray) -> np.ndarray:
+    """A policy of what is observed: change to the fast side while somebody is near ahead."""
+    table = dict(zip([one.name for one in envs.COLUMNS], numbers.T, strict=True))
+    near = table["lead.gap"] < 60.0
+    return np.stack([np.where(near, 0.0, 0.5), np.where(near, 1.0, -1.0)], axis=1)
+
+
+def episodes(env: envs.OvertakingVectorEnv, steps: int, seed: int = 5) -> list[dict]:
+    """The endings of some steps, with the number of the simulation."""
+    seen, _ = env.reset(seed=seed)
+    found = []
+    for _ in range(steps):
+        seen, _, terminated, truncated, info = env.step(wish(seen))
+        for row in np.flatnonzero(terminated | truncated):
+            names = [name for name in info if not name.startswith("_")]
+            found.append({name: info[name][row].item() for name in names} | {"row": int(row)})
+    return found
+
+
+@pytest.mark.filterwarnings("ignore:.*symmetric and normalized")  # Our actions have units.
+@pytest.mark.parametrize("action", CONTROLS)
+def test_gymnasium_accepts_it(action):
+    env = gymnasium.make(
+        f"overtaking/{PROFILE}-v0", observe="truth", action=action, hold=10, overrides=SHORT
+    )
+    check_env(env.unwrapped, skip_render_check=True)
+
+
+def test_every_profile_is_an_environment():
+    for name in ("motorway", "motorway-risk", "pinto2023", "pinto2023-physical"):
+        assert gymnasium.spec(f"overtaking/{name}-v0")
+
+
+def test_make_vec_gives_the_native_one():
+    env = gymnasium.make_vec(f"overtaking/{PROFILE}-v0", num_envs=3, **QUICK)
+    assert isinstance(env.unwrapped, envs.OvertakingVectorEnv)
+    seen, _ = env.reset(seed=1)
+    assert seen.shape == (3, WIDTH)
+    assert env.observation_space.contains(seen)
+
+
+def test_an_episode_is_the_simulation_of_drive():
+    """Bit for bit, with verdicts, though others began and ended around it at other times."""
+    ended = episodes(made(labels=True), 120)
+    assert len({one["index"] for one in ended}) == len(ended) >= 8
+    assert all(one["index"] % 6 == one["row"] for one in ended)
+    most = max(one["index"] for one in ended)
+    scenes = ot.sample(PROFILE, most + 1, seed=5, overrides=SHORT)
+    run = ot.drive(scenes, lambda seen: wish(envs.flat(seen)), observe="human", hold=4)
+    labels = ot.label(run).labels
+    place = labels.policies.index("default")
+    for one in ended:
+        number = one["index"]
+        assert one["outcome"] == labels.outcome[number]
+        assert one["legal"] == labels.is_legal[number, place]
+        assert one["broken"] == labels.num_broken[number, place]
+    assert {Outcome.NO_ATTEMPT} < {Outcome(one["outcome"]) for one in ended}
+
+
+def test_what_is_seen_is_what_drive_shows():
+    """Observations of later episodes, which begin beside others that are under way."""
+    env = made(4)
+    shown = dict[int, list[np.ndarray]]()
+    seen, info = env.reset(seed=5)
+    index = info["index"].copy()
+    waiting = np.zeros(4, bool)
+    for _ in range(160):
+        for row in range(4):
+            shown.setdefault(int(index[row]), []).append(seen[row])
+        seen, _, terminated, truncated, info = env.step(wish(seen))
+        if waiting.any():
+            assert env._rows
+            index = env._rows.index.copy()
+        waiting = terminated | truncated
+    late = [number for number, rows in shown.items() if number >= 8 and len(rows) > 10]
+    assert late
+    scenes = ot.sample(PROFILE, max(late) + 1, seed=5, overrides=SHORT)
+    told = list[np.ndarray]()
+
+    def policy(one: ot.Observation) -> np.ndarray:
+        told.append(np.where(one.active[:, None], envs.flat(one), np.nan))
+        return wish(envs.flat(one))
+
+    ot.drive(scenes, policy, observe="human", hold=4)
+    for number in late:
+        for k, numbers in enumerate(shown[number][:-1]):
+            if k < len(told) and np.isfinite(told[k][number]).all():
+                np.testing.assert_array_equal(numbers, told[k][number])
+
+
+def test_the_same_seed_gives_the_same_episodes():
+    assert episodes(made(), 40) == episodes(made(), 40)
+    assert episodes(made(), 40) != episodes(made(), 40, seed=6)
+    apart = {one["index"] for one in episodes(made(first=1000), 40)}
+    assert min(apart) >= 1000
+
+
+def test_how_long_others_take_changes_nothing():
+    """Episode k of environment i is number i + k n, whenever it begins."""
+    ended = episodes(made(3), 120)
+    for row in range(3):
+        mine = [one["index"] for one in ended if one["row"] == row]
+        assert mine == [row + 3 * k for k in range(len(mine))]
+        assert len(mine) >= 2
+
+
+def stepped(mode: AutoresetMode, steps: int = 60):
+    """What each step gave."""
+    env = made(5, autoreset_mode=mode)
+    seen, _ = env.reset(seed=5)
+    for _ in range(steps):
+        before = seen
+        seen, reward, terminated, truncated, info = env.step(wish(seen))
+        yield env, before, seen, reward, terminated | truncated, info
+        if mode == AutoresetMode.DISABLED and (terminated | truncated).any():
+            mask = terminated | truncated
+            kept = seen.copy()
+            seen, _ = env.reset(options={"reset_mask": mask})
+            np.testing.assert_array_equal(seen[~mask], kept[~mask])
+
+
+def test_next_step_ignores_an_action_and_begins():
+    waited = np.zeros(5, bool)
+    begun = 0
+    for _, _, seen, reward, ended, _ in stepped(AutoresetMode.NEXT_STEP):
+        assert not (ended & waited).any()
+        assert (reward[waited] == 0).all()
+        stage = seen[:, [one.name for one in envs.COLUMNS].index("stage")]
+        assert (stage[waited] == Stage.FOLLOW).all()
+        begun += int(waited.sum())
+        waited = ended
+    assert begun >= 5
+
+
+def test_same_step_begins_at_once_and_keeps_the_last_observation():
+    later = [
+        (step[2], step[4], step[5]) for step in stepped(AutoresetMode.SAME_STEP) if step[4].any()
+    ]
+    plain = [(step[2], step[4]) for step in stepped(AutoresetMode.NEXT_STEP) if step[4].any()]
+    seen, ended, info = later[0]
+    np.testing.assert_array_equal(info["_final_obs"], ended)
+    first, mask = plain[0]
+    np.testing.assert_array_equal(mask, ended)
+    for row in np.flatnonzero(ended):
+        np.testing.assert_array_equal(info["final_obs"][row], first[row])
+        assert not np.array_equal(seen[row], first[row])
+    assert info["final_info"]["_index"][ended].all()
+
+
+def test_disabled_wants_a_reset_of_those_that_have_ended():
+    for env, _, _, _, ended, _ in stepped(AutoresetMode.DISABLED):
+        if ended.any():
+            with pytest.raises(ConfigError, match="reset_mask"):
+                env.step(np.zeros((5, 2)))
+            return
+    pytest.fail("no episode has ended")
+
+
+def test_an_end_is_an_accident_an_overtake_or_the_clock():
+    env = made(32, action="accel_steer", overrides=SHORT)
+    env.reset(seed=1)
+    crashes = 0
+    for _ in range(40):
+        drift = np.tile([0.0, 0.02], (32, 1))
+        seen, _, terminated, truncated, _ = env.step(drift)
+        stage = seen[:, [one.name for one in envs.COLUMNS].index("stage")]
+        crashes += int((terminated & (stage == Stage.CRASHED)).sum())
+        assert not (terminated & truncated).any()
+    assert crashes >= 32
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"observe": "radar"},
+        {"action": "fly"},
+        {"hold": 0},
+        {"reward": "money"},
+        {"first": -1},
+        {"count": 0},
+    ],
+)
+def test_an_argument_that_cannot_be_used_is_refused(wrong):
+    with pytest.raises(ConfigError):
+        made(**wrong)
+
+
+@pytest.mark.parametrize("actions", [np.zeros((6, 3)), np.full((6, 2), np.nan), np.zeros(5)])
+def test_actions_that_are_none_are_refused(actions):
+    env = made()
+    env.reset(seed=1)
+    with pytest.raises(ValueError, match=r"shape \(6, 2\)"):
+        env.step(actions)
+
+
+def test_it_says_that_reset_comes_first():
+    with pytest.raises(ConfigError, match="reset"):
+        made().step(np.zeros((6, 2)))
+
+
+def test_scaled_numbers_are_divided_by_their_scales():
+    plain, scaled = made().reset(seed=1)[0], made(scaled=True).reset(seed=1)[0]
+    scale = np.array([one.scale for one in envs.COLUMNS], np.float32)
+    np.testing.assert_array_equal(scaled, plain / scale)
+    assert made(scaled=True).observation_space.contains(scaled)
+
+
+def test_observations_are_nobody_elses():
+    env = made()
+    first, _ = env.reset(seed=1)
+    kept = first.copy()
+    env.step(wish(first))
+    np.testing.assert_array_equal(first, kept)
+
+
+def test_every_column_has_name_unit_and_bounds():
+    assert len(envs.COLUMNS) == WIDTH
+    assert len({one.name for one in envs.COLUMNS}) == WIDTH
+    for one in envs.COLUMNS:
+        assert one.unit
+        assert one.least < one.most
+        assert one.scale > 0.0
