@@ -60,12 +60,6 @@ EQUIVALENT = {
     "choose(x.simd_lt(0.0), «-y, y)": "the step asks for angles of numbers that are not negative",
     "let a = clamp_to((film «- h0) / (h1 - h0), 0.0, 1.0);": "the first film knot is 0",
     "let a = clamp_to((film - h0) / (h1 «- h0), 0.0, 1.0);": "the first film knot is 0",
-    "let row = then «- HISTORY as f32 * floor(then * (1.0 / HISTORY as f32));": (
-        "`recall` takes the row modulo the length of the history once more"
-    ),
-    "let row = before «- HISTORY as f32 * floor(before * (1.0 / HISTORY as f32));": (
-        "`recall` takes the row modulo the length of the history once more"
-    ),
     "detected: [zero«.simd_lt(zero); ROLES],": "overwritten for every role before it is read",
     "self.vx[i] * sine «+ self.vy[i] * cosine,": "nobody reads the speed across the road",
     "return sincos_reduced(x «+ 0.0);": "only the sign of a zero changes",

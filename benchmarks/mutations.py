@@ -58,9 +58,9 @@ MUTATIONS = (
     ),
     Mutation(
         file="ego.rs",
-        marked="let rear = their_braking(w, view, «FAST_REAR)"
-        ".simd_ge(-(own.safe_decel / view.demand));",
-        meaning="role: the ego looks ahead where it should look back before pulling out",
+        marked="let rear = min(now, their_braking(w, view, later, faster))"
+        "«.simd_ge(-view.imposes);",
+        meaning="comparison: the ego pulls out only before those whom it makes brake hard",
     ),
     Mutation(
         file="environment.rs",

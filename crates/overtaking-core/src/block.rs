@@ -7,6 +7,7 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
+use crate::SLOTS;
 use crate::collisions::Pairs;
 use crate::engine::{Inputs, Later, Seat};
 use crate::lanes::{LANES, Seats, V, outlined, splat};
@@ -18,8 +19,10 @@ use crate::state::{EGO, History, Moments, Rates, Road, State, Stride, World};
 use crate::step::{Mind, Minds, SUBSTEPS, advance, decide, drive_ego, grip_again};
 use crate::tile::{TILE, Tile};
 
-/// Tiles of frames between two pauses at least.
-const TILES_PER_PHASE: u32 = 1;
+/// Tiles of frames between two pauses at least: a larger block takes longer to come back into the caches.
+const fn tiles_per_phase(slots: usize) -> u32 {
+    (slots / SLOTS[0]) as u32
+}
 
 /// Memory that a thread uses again.
 #[derive(Default)]
@@ -56,7 +59,7 @@ pub fn run<'a, S: Simd, const N: usize>(
         })
         .collect();
     let mut minds = Minds::new(simd);
-    let length = phase(inputs.record_every);
+    let length = phase(tiles_per_phase(N), inputs.record_every);
     let mut step = 0;
     while !blocks.is_empty() {
         for block in &mut blocks {
@@ -69,8 +72,8 @@ pub fn run<'a, S: Simd, const N: usize>(
 }
 
 /// Steps between two pauses: whole tiles of frames, and whole decisions.
-fn phase(record_every: u32) -> u32 {
-    let tiles = TILES_PER_PHASE * TILE as u32 * record_every;
+fn phase(tiles: u32, record_every: u32) -> u32 {
+    let tiles = tiles * TILE as u32 * record_every;
     if tiles.is_multiple_of(SUBSTEPS) {
         tiles
     } else {
@@ -83,7 +86,7 @@ pub(crate) struct Block<'a, S: Simd, const N: usize> {
     pub(crate) world: World<'a, S, N>,
     pub(crate) state: State<'a, S, N>,
     pub(crate) recorder: Recorder<'a, N>,
-    pub(crate) pairs: Pairs<S, N>,
+    pub(crate) pairs: Pairs<S>,
     /// Angle of the ego's front wheels that another driver ordered at the last decision.
     wheel: Option<V<S>>,
     /// Number of the simulation in each lane within the batch; free lanes repeat another one.
@@ -137,7 +140,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             world,
             state,
             recorder,
-            pairs: Pairs::none(),
+            pairs: Pairs::new(),
             wheel: None,
             simulations,
         }))

@@ -15,23 +15,8 @@ const EVER: f32 = 1e9;
 /// Bodies that stay further apart than this do not touch, whatever is rounded [m].
 const CLEAR: f32 = 0.05;
 
-/// Which pairs may touch before the next decision.
-pub struct Pairs<S: Simd, const N: usize> {
-    /// In which simulations, by (lower slot, higher slot).
-    near: [[Option<M<S>>; N]; N],
-    /// Whether there are any.
-    pub any: bool,
-}
-
-impl<S: Simd, const N: usize> Pairs<S, N> {
-    /// Nobody is near anybody.
-    pub fn none() -> Self {
-        Self {
-            near: [[None; N]; N],
-            any: false,
-        }
-    }
-}
+/// Which pairs may touch before the next decision: lower slot, higher slot, in which simulations.
+pub type Pairs<S> = Vec<(usize, usize, M<S>)>;
 
 /// A vector along and across the road.
 type Vector<S> = (V<S>, V<S>);
@@ -52,9 +37,10 @@ struct Corpus<S: Simd> {
 pub fn near_pairs<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
-) -> Pairs<S, N> {
+    pairs: &mut Pairs<S>,
+) {
     let (c, p) = (w.c, &w.p);
-    let mut pairs = Pairs::none();
+    pairs.clear();
     for i in 0..w.count {
         for j in i + 1..w.count {
             let along = (state.s[j] - state.s[i])
@@ -64,11 +50,11 @@ pub fn near_pairs<S: Simd, const N: usize>(
                 .abs()
                 .simd_lt(p[i].half_width + p[j].half_width + c.near_side);
             let near = along & aside & p[i].valid.simd_gt(0.0) & p[j].valid.simd_gt(0.0);
-            pairs.near[i][j] = near.any_true().then_some(near);
-            pairs.any |= pairs.near[i][j].is_some();
+            if near.any_true() {
+                pairs.push((i, j, near));
+            }
         }
     }
-    pairs
 }
 
 /// Who has left the lanes, or stands across them, is lost: a wreck that slides to rest.
@@ -114,21 +100,17 @@ fn end_with_ego<S: Simd, const N: usize>(
 pub fn collide<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
-    pairs: &Pairs<S, N>,
+    pairs: &[(usize, usize, M<S>)],
     before: &(Each<S, N>, Each<S, N>),
     step: u32,
     stride: &Stride,
 ) {
     let was_sound = state.crashed[EGO].simd_eq(0.0);
-    for i in 0..w.count {
-        for j in i + 1..w.count {
-            if let Some(near) = pairs.near[i][j] {
-                w.simd.vectorize(
-                    #[inline(always)]
-                    || collide_pair(state, w, near, before, (step, stride), (i, j)),
-                );
-            }
-        }
+    for (i, j, near) in pairs.iter().copied() {
+        w.simd.vectorize(
+            #[inline(always)]
+            || collide_pair(state, w, near, before, (step, stride), (i, j)),
+        );
     }
     let hit = was_sound & state.crashed[EGO].simd_gt(0.0);
     end_with_ego(state, w, hit, step);

@@ -12,7 +12,7 @@ use crate::{MAX_VEHICLES, SLOTS};
 
 /// Blocks that one thread advances together. More of them waste fewer lanes, until their states no
 /// longer fit into the cache.
-const BLOCKS_PER_SHARE: usize = 8;
+const BLOCKS_PER_SHARE: usize = 4;
 
 /// A simulation and where its results go.
 pub(crate) type Seat<'a> = (usize, Output<'a>);

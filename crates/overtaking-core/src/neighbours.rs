@@ -116,16 +116,16 @@ pub fn along<S: Simd, const N: usize>(w: &World<'_, S, N>, distance: V<S>) -> V<
     distance - w.q.ring * (distance * w.q.inverse_ring).round_ties_even()
 }
 
-/// The nearest vehicle ahead and behind of vehicle `i`, in the own, the faster and the slower lane; in the
-/// own alone if the number of `lanes` is 1.
+/// The nearest vehicle ahead and behind of vehicle `i`, in the own, the faster and the slower lane; if the
+/// number of lanes `WATCHED` is 1, only that ahead in the own lane, as nobody looks at the others.
 #[inline(always)]
-pub fn find_neighbours<S: Simd, const N: usize>(
+pub fn find_neighbours<S: Simd, const N: usize, const WATCHED: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     bodies: &[Body<S>; N],
     i: usize,
-    lanes: usize,
-) -> Neighbours<S> {
+    near: &mut Neighbours<S>,
+) {
     let c = w.c;
     let lane = state.lane[i];
     let (low, high) = lane_borders(w, lane, 0.0);
@@ -144,33 +144,32 @@ pub fn find_neighbours<S: Simd, const N: usize>(
         let beside = state.d[j] - state.d[i];
         let other = &bodies[j];
         let shift = state.lane[j] - lane;
-        for (k, (low, high)) in bands.into_iter().enumerate().take(lanes) {
+        for k in 0..WATCHED {
+            let (low, high) = bands[k];
             let overlaps = other.high_side.simd_gt(low + c.corridor_margin)
                 & other.low_side.simd_lt(high - c.corridor_margin);
             let inside = other.valid & (overlaps | (other.shows & shift.simd_eq(SHIFTS[k])));
             let front = inside & ahead.simd_ge(0.0) & ahead.simd_lt(nearest[2 * k]);
-            let back = inside & ahead.simd_lt(0.0) & (-ahead).simd_lt(nearest[2 * k + 1]);
             nearest[2 * k] = choose(front, ahead, nearest[2 * k]);
             slot[2 * k] = choose(front, splat(w.simd, j as f32), slot[2 * k]);
             aside[2 * k] = choose(front, beside, aside[2 * k]);
             half_length[2 * k] = choose(front, w.p[j].half_length, half_length[2 * k]);
+            if WATCHED == 1 {
+                continue;
+            }
+            let back = inside & ahead.simd_lt(0.0) & (-ahead).simd_lt(nearest[2 * k + 1]);
             nearest[2 * k + 1] = choose(back, -ahead, nearest[2 * k + 1]);
             slot[2 * k + 1] = choose(back, splat(w.simd, j as f32), slot[2 * k + 1]);
             aside[2 * k + 1] = choose(back, beside, aside[2 * k + 1]);
             half_length[2 * k + 1] = choose(back, w.p[j].half_length, half_length[2 * k + 1]);
         }
     }
-    let mut gap = nearest;
-    for role in 0..ROLES {
-        gap[role] = nearest[role] - (half_length[role] + w.p[i].half_length);
+    near.slot = slot;
+    for role in 0..2 * WATCHED {
+        near.gap[role] = nearest[role] - (half_length[role] + w.p[i].half_length);
+        near.distance[role] = nearest[role];
+        near.aside[role] = aside[role];
+        near.half_length[role] = half_length[role];
     }
-    Neighbours {
-        slot,
-        gap,
-        distance: nearest,
-        aside,
-        half_length,
-        lane_low: low,
-        lane_high: high,
-    }
+    (near.lane_low, near.lane_high) = (low, high);
 }

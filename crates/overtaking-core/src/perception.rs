@@ -10,7 +10,7 @@ use crate::lanes::{
 };
 use crate::neighbours::{Body, Neighbours, along};
 use crate::philox::{GLANCES, uniform, words};
-use crate::state::{EGO, HISTORY, LEAD, ROLES, State, UNKNOWN, World};
+use crate::state::{EGO, FAST_LEAD, HISTORY, LEAD, ROLES, ROOM, State, UNKNOWN, World};
 
 /// Who touches is as visible, and looms as much, as at this gap [m].
 const NEAREST: f32 = 1.0;
@@ -60,11 +60,10 @@ pub fn remember<S: Simd, const N: usize>(
     for i in 0..w.count {
         let (along, _) = state.road_velocity(i);
         let (low, high) = state.s[i].interleave(along);
-        for (pairs, offset) in [(low, 0), (high, LANES / 2)] {
-            let memory = &mut state.history[row][i][offset..offset + LANES / 2];
-            for (memory, pair) in memory.iter_mut().zip(pairs.as_array().as_chunks::<2>().0) {
-                *memory = *pair;
-            }
+        let (low, high) = (low.to_array(), high.to_array());
+        let pairs = low.as_chunks::<2>().0.iter().chain(high.as_chunks().0);
+        for (memory, pair) in state.history[i].iter_mut().zip(pairs) {
+            memory[row] = *pair;
         }
     }
 }
@@ -117,7 +116,7 @@ fn optical_depth<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     near: &Neighbours<S>,
-    leader: &Leader<S>,
+    leader_speed: V<S>,
     i: usize,
 ) -> (V<S>, V<S>) {
     let (c, q) = (w.c, &w.q);
@@ -128,39 +127,29 @@ fn optical_depth<S: Simd, const N: usize>(
     if water.simd_le(0.0).all_true() {
         return (air, zero);
     }
-    let speed = leader.speed / c.spray_speed;
+    let speed = leader_speed / c.spray_speed;
     let wetness = at_most(water / c.spray_film, 1.0);
-    let spray = c.spray_coefficient * wetness * (speed * speed) * leader.spray;
+    let lifted = pick!(w.count, near.slot[LEAD], |j| w.p[j].spray);
+    let spray = c.spray_coefficient * wetness * (speed * speed) * lifted;
     let close = near.slot[LEAD].simd_ge(0.0) & near.gap[LEAD].simd_lt(c.spray_reach);
     (air, choose(close, spray, zero))
 }
 
-/// What the leader hides, or veils.
+/// What the leader hides.
 struct Leader<S: Simd> {
     /// Whether it is there and so high that nobody looks over it.
     is_tall: M<S>,
     half_width: V<S>,
-    speed: V<S>,
-    spray: V<S>,
 }
 
 impl<S: Simd> Leader<S> {
     #[inline(always)]
-    fn new<const N: usize>(
-        state: &State<'_, S, N>,
-        w: &World<'_, S, N>,
-        near: &Neighbours<S>,
-    ) -> Self {
+    fn new<const N: usize>(w: &World<'_, S, N>, near: &Neighbours<S>) -> Self {
         let slot = near.slot[LEAD];
-        let [tall, half_width, spray, speed] = pick_each!(w.count, slot, |j| {
-            let p = &w.p[j];
-            [p.tall, p.half_width, p.spray, state.vx[j]]
-        });
+        let [tall, half_width] = pick_each!(w.count, slot, |j| [w.p[j].tall, w.p[j].half_width]);
         Self {
             is_tall: slot.simd_ge(0.0) & tall.simd_gt(0.0),
             half_width,
-            speed,
-            spray,
         }
     }
 }
@@ -218,7 +207,7 @@ fn notice<S: Simd, const N: usize>(
     i: usize,
     role: usize,
     effort: V<S>,
-    leader: &Leader<S>,
+    leader: Option<&Leader<S>>,
     before: &([V<S>; ROLES], [V<S>; ROLES]),
     (steadily, now): (M<S>, M<S>),
 ) -> M<S> {
@@ -232,7 +221,7 @@ fn notice<S: Simd, const N: usize>(
         splat(w.simd, c.mirror_range)
     };
     let mut visible = slot.simd_ge(0.0) & effort.simd_le(1.0) & gap.simd_lt(reach);
-    if is_front && role != LEAD && leader.is_tall.any_true() {
+    if let Some(leader) = leader.filter(|leader| is_front && leader.is_tall.any_true()) {
         visible &= !is_hidden(near, leader, role);
     }
     let hides =
@@ -278,8 +267,7 @@ fn recall<S: Simd, const N: usize>(
     slot: V<S>,
 ) -> (V<S>, V<S>) {
     let who = at_least(slot, 0.0);
-    let place: i32x16<S> =
-        (row * (N * LANES) as f32 + who * LANES as f32 + numbered(simd)).to_int();
+    let place: i32x16<S> = (row + (who * LANES as f32 + numbered(simd)) * ROOM as f32).to_int();
     let place = place.to_array();
     let moments = state.history.as_flattened().as_flattened();
     let (mut low, mut high) = ([0.0; LANES], [0.0; LANES]);
@@ -290,8 +278,8 @@ fn recall<S: Simd, const N: usize>(
         .chain(high.as_chunks_mut::<2>().0)
         .enumerate()
     {
-        // The mask does nothing but spare the check of the bounds.
-        *pair = moments[place[lane] as usize & (HISTORY * N * LANES - 1)];
+        // The limit does nothing but spare the check of the bounds.
+        *pair = moments[(place[lane] as u32).min((N * LANES * ROOM - 1) as u32) as usize];
     }
     V::simd_from(simd, low).deinterleave(V::simd_from(simd, high))
 }
@@ -303,6 +291,7 @@ fn row_of<S: Simd>(then: V<S>) -> V<S> {
 }
 
 /// What driver `i` believes about the six neighbours.
+#[allow(clippy::too_many_arguments)]
 #[inline(always)]
 pub fn perceive<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
@@ -312,11 +301,12 @@ pub fn perceive<S: Simd, const N: usize>(
     i: usize,
     decision: usize,
     looks: M<S>,
-) -> Beliefs<S> {
+    believed: &mut Beliefs<S>,
+) {
     let (c, q, p) = (w.c, &w.q, &w.p[i]);
     let zero = splat(w.simd, 0.0);
-    let leader = Leader::new(state, w, near);
-    let depths = optical_depth(state, w, near, &leader, i);
+    let leader_speed = pick!(w.count, near.slot[LEAD], |j| state.vx[j]);
+    let depths = optical_depth(state, w, near, leader_speed, i);
     let everybody = p.valid.simd_eq(p.valid);
     let changing = state.path_time[i].simd_lt(state.path_duration[i]);
     // Beliefs about roles that no driver of the block looks at are not computed.
@@ -324,10 +314,11 @@ pub fn perceive<S: Simd, const N: usize>(
         role == LEAD || looks.any_true() || (role.is_multiple_of(2) && changing.any_true())
     };
     let at = splat(w.simd, decision as f32);
-    let urgent = near.gap[LEAD].simd_lt(c.urgent_time * (state.vx[i] - leader.speed));
+    let urgent = near.gap[LEAD].simd_lt(c.urgent_time * (state.vx[i] - leader_speed));
     let (own_speed, _) = state.road_velocity(i);
     let judged = exp(q.distance_error * state.distance_error[i]);
-    let mut believed = Beliefs::nothing(w.simd);
+    *believed = Beliefs::nothing(w.simd);
+    let leader = watched(FAST_LEAD).then(|| Leader::new(w, near));
     let before = (state.seen_id[i], state.seen_time[i]);
     // A short pass: the exponential and the root of one role take the time of those of several.
     let mut efforts = [zero; ROLES];
@@ -362,7 +353,7 @@ pub fn perceive<S: Simd, const N: usize>(
                     i,
                     role,
                     efforts[role],
-                    &leader,
+                    leader.as_ref().filter(|_| role != LEAD),
                     &before,
                     (steadily, now),
                 )
@@ -409,5 +400,4 @@ pub fn perceive<S: Simd, const N: usize>(
         believed.gap[role] = choose(noticed, gap + gap * error, splat(w.simd, c.unseen_gap));
         believed.closing[role] = choose(noticed, clear * sensed, zero);
     }
-    believed
 }

@@ -89,6 +89,9 @@ impl<'a, const N: usize> Recorder<'a, N> {
             for (k, word) in packed(simd, &words).into_iter().enumerate() {
                 tile.0[(i * PACKED + k) * TILE + at] = Row(word.to_array());
             }
+            if valid.test(at) {
+                self.fetch(i, at);
+            }
         }
         let stage: i32x16<S> = state.stage.to_int();
         let nobody = state.contact_partner[EGO].simd_lt(0.0);
@@ -109,7 +112,6 @@ impl<'a, const N: usize> Recorder<'a, N> {
                 self.frames[lane] = number + 1;
             }
         }
-        self.fetch(w, at);
         if at + 1 == TILE {
             simd.vectorize(
                 #[inline(always)]
@@ -119,18 +121,14 @@ impl<'a, const N: usize> Recorder<'a, N> {
         }
     }
 
-    /// Ask for the memory that the frames of the simulation in lane `at` will be moved to.
+    /// Ask for the memory that the frames of vehicle `i` of the simulation in lane `at` will be moved to.
     ///
     /// A tile has as many frames as there are lanes, so all of it is there when the tile is full; else each
-    /// line of it would be waited for.
+    /// line of it would be waited for. A vehicle after the other, as the CPU waits for a few lines at a time.
     #[inline(always)]
-    fn fetch<S: Simd>(&self, w: &World<'_, S, N>, at: usize) {
-        let Some(out) = self.out[at].as_ref() else {
-            return;
-        };
-        for i in (0..w.count).filter(|i| w.p[*i].valid[at] > 0.0) {
-            let place = i * out.frames + self.flushed;
-            tile::fetch(out, place);
+    fn fetch(&self, i: usize, at: usize) {
+        if let Some(out) = self.out[at].as_ref() {
+            tile::fetch(out, i * out.frames + self.flushed);
         }
     }
 

@@ -8,6 +8,9 @@ use crate::names::{Constants, Simulation, Vehicle};
 
 /// Decisions whose kinematics are remembered.
 pub const HISTORY: usize = 64;
+/// Room for them: one line of the cache more, so that the same decision of sixteen simulations does not fall
+/// into the same few sets of the cache.
+pub const ROOM: usize = HISTORY + 8;
 /// Neighbours of a vehicle by lane and direction.
 pub const LEAD: usize = 0;
 /// Behind in the own lane.
@@ -163,12 +166,13 @@ impl<S: Simd, const N: usize> Seats for World<'_, S, N> {
 /// Memory for the history; what is in it before it is written means nothing.
 pub struct History<const N: usize>(pub Box<Moments<N>>);
 
-/// Position and speed along the road by decision, vehicle and simulation.
-pub type Moments<const N: usize> = [[[[f32; 2]; LANES]; N]; HISTORY];
+/// Position and speed along the road by vehicle, simulation and decision: what a driver recalls next lies beside
+/// what it recalls now.
+pub type Moments<const N: usize> = [[[[f32; 2]; ROOM]; LANES]; N];
 
 impl<const N: usize> Default for History<N> {
     fn default() -> Self {
-        Self(Box::new([[[[0.0; 2]; LANES]; N]; HISTORY]))
+        Self(Box::new([[[[0.0; 2]; ROOM]; LANES]; N]))
     }
 }
 
@@ -186,9 +190,7 @@ macro_rules! state_fields {
             fn seat(&mut self, lane: usize, from: &Self, other: usize) {
                 $(self.$field.seat(lane, &from.$field, other);)*
                 for (mine, theirs) in self.history.iter_mut().zip(from.history.iter()) {
-                    for (mine, theirs) in mine.iter_mut().zip(theirs) {
-                        mine[lane] = theirs[other];
-                    }
+                    mine[lane] = theirs[other];
                 }
             }
         }

@@ -76,7 +76,7 @@ pub fn decide<S: Simd, const N: usize>(
     w: &World<'_, S, N>,
     minds: &mut Minds<S, N>,
     recorder: &mut Recorder<'_, N>,
-    pairs: &mut Pairs<S, N>,
+    pairs: &mut Pairs<S>,
     step: u32,
     orders: Option<&Orders<S>>,
 ) {
@@ -111,30 +111,29 @@ pub fn perceive<S: Simd, const N: usize>(
             bodies[i] = Body::new(state, w, i);
         }
     });
-    // Who is told or forced to change lanes may do so at any time; what it passes by is recorded.
-    let forced = w.q.command.simd_gt(0.0);
-    let told = (w.p[EGO].gap_acceptance.simd_le(0.0) | forced).any_true();
     for i in 0..w.count {
-        if step == 0 {
-            let drawn = w.p[i].valid.simd_gt(0.0);
-            outlined!(w.simd, perception::draw_check(state, w, i, drawn, decision));
-        }
-        looks[i] = perception::looks_around(state, w, i, decision);
-        let changing = state.path_time[i].simd_lt(state.path_duration[i]);
-        let is_asked = i == EGO && (any_time || told);
-        let lanes = if is_asked || (looks[i] | changing).any_true() {
-            3
-        } else {
-            1
-        };
-        // Written in place: what a function with other features returns goes through memory twice.
-        outlined!(
-            w.simd,
-            near[i] = find_neighbours(state, w, bodies, i, lanes)
-        );
+        let (near, believed) = (&mut near[i], &mut believed[i]);
         outlined!(w.simd, {
-            let decision = decision as usize;
-            believed[i] = perception::perceive(state, w, bodies, &near[i], i, decision, looks[i]);
+            if step == 0 {
+                let drawn = w.p[i].valid.simd_gt(0.0);
+                perception::draw_check(state, w, i, drawn, decision);
+            }
+            looks[i] = perception::looks_around(state, w, i, decision);
+            let changing = state.path_time[i].simd_lt(state.path_duration[i]);
+            // Who is told or forced to change lanes may do so at any time; what it passes by is recorded.
+            let forced = w.q.command.simd_gt(0.0);
+            let told = (w.p[EGO].gap_acceptance.simd_le(0.0) | forced).any_true();
+            let is_asked = i == EGO && (any_time || told);
+            if is_asked || (looks[i] | changing).any_true() {
+                find_neighbours::<S, N, 3>(state, w, bodies, i, near);
+            } else {
+                find_neighbours::<S, N, 1>(state, w, bodies, i, near);
+            }
+        });
+        // Written in place: what a function with other features returns goes through memory twice.
+        outlined!(w.simd, {
+            let (decision, looks) = (decision as usize, looks[i]);
+            perception::perceive(state, w, bodies, near, i, decision, looks, believed);
         });
     }
     outlined!(
@@ -189,7 +188,7 @@ pub fn drive_ego<S: Simd, const N: usize>(
     w: &World<'_, S, N>,
     mind: Mind<'_, S>,
     recorder: &mut Recorder<'_, N>,
-    pairs: &mut Pairs<S, N>,
+    pairs: &mut Pairs<S>,
     step: u32,
     orders: Option<&Orders<S>>,
 ) {
@@ -201,7 +200,7 @@ pub fn drive_ego<S: Simd, const N: usize>(
         control::press(state, w, EGO, wanted);
     });
     outlined!(w.simd, ego::decide(state, w, mind, recorder, step, orders));
-    outlined!(w.simd, *pairs = near_pairs(state, w));
+    outlined!(w.simd, near_pairs(state, w, pairs));
 }
 
 /// In no simulation.
@@ -254,14 +253,14 @@ pub fn grip_again<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &Worl
 pub fn advance<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
-    pairs: &Pairs<S, N>,
+    pairs: &Pairs<S>,
     before: &mut Places<S, N>,
     step: u32,
     stride: &Stride,
     wheel: Option<V<S>>,
 ) {
     outlined!(w.simd, {
-        if pairs.any {
+        if !pairs.is_empty() {
             for i in 0..w.count {
                 (before.0[i], before.1[i]) = (state.s[i], state.d[i]);
             }
@@ -284,7 +283,7 @@ pub fn advance<S: Simd, const N: usize>(
             dynamics::integrate(state, w, i, motion[i], stride);
         }
     });
-    if pairs.any {
+    if !pairs.is_empty() {
         outlined!(w.simd, collide(state, w, pairs, before, step, stride));
     }
 }
