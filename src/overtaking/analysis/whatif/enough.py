@@ -175,7 +175,8 @@ def quantities(scene: Scene) -> Iterator[Quantity]:
     for name in ("rain", "fog", "wind"):
         most = float(getattr(weather, name)[0])
         if most > 0.0:
-            steps = -np.arange(1.0, np.ceil(most) + 1.0, dtype=np.float64).clip(max=most)
+            down = [-min(float(step), most) for step in range(1, int(np.ceil(most)) + 1)]
+            steps = np.array(down, np.float64)
             yield Quantity(name=name, unit="% points", steps=steps, change=partial(_weather, name))
     if scene.pull_out is not None:
         yield Quantity(name="start of the overtake", unit="s", steps=_LATER, change=None)
