@@ -190,7 +190,7 @@ def _both(most: float, step: float) -> Values:
 
 _KMH = mps_from_kmh(1.0)
 
-_LATER = np.arange(1, 101) * 0.1
+_LATER = np.arange(1, 101).astype(np.float64) * 0.1
 
 _TRAITS: tuple[tuple[str, str, str, float, Values], ...] = (
     ("desired_speed", "speed wanted", "km/h", _KMH, _both(60.0, 1.0)),
