@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -22,7 +22,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> str:
     return ot.generate("pinto2023-physical", 6, 1, place).where
 
 
-def said(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, object]:
+def said(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:
     """What a command prints as JSON."""
     assert main([*words, "--json"]) == 0
     return json.loads(capsys.readouterr().out)

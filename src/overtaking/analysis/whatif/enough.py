@@ -175,7 +175,8 @@ def quantities(scene: Scene) -> Iterator[Quantity]:
     for name in ("rain", "fog", "wind"):
         most = float(getattr(weather, name)[0])
         if most > 0.0:
-            steps = -np.arange(1.0, np.ceil(most) + 1.0, dtype=np.float64).clip(max=most)
+            down = [-min(float(step), most) for step in range(1, int(np.ceil(most)) + 1)]
+            steps = np.array(down, np.float64)
             yield Quantity(name=name, unit="% points", steps=steps, change=partial(_weather, name))
     if scene.pull_out is not None:
         yield Quantity(name="start of the overtake", unit="s", steps=_LATER, change=None)
@@ -189,7 +190,7 @@ def _both(most: float, step: float) -> Values:
 
 _KMH = mps_from_kmh(1.0)
 
-_LATER = np.arange(1, 101) * 0.1
+_LATER = np.arange(1, 101).astype(np.float64) * 0.1
 
 _TRAITS: tuple[tuple[str, str, str, float, Values], ...] = (
     ("desired_speed", "speed wanted", "km/h", _KMH, _both(60.0, 1.0)),
