@@ -320,9 +320,9 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
         }
         self.s[slot][lane] += ahead;
         self.vx[slot][lane] += faster;
-        for row in self.history.iter_mut() {
-            row[slot][lane][0] += ahead;
-            row[slot][lane][1] += faster;
+        for moment in &mut self.history[slot][lane] {
+            moment[0] += ahead;
+            moment[1] += faster;
         }
     }
 

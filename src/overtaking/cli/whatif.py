@@ -3,9 +3,6 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from rich.console import Group
-from rich.text import Text
-
 from overtaking.cli import arguments, options
 from overtaking.cli.output import Output
 from overtaking.cli.tables import drawn_rows, facts
@@ -279,6 +276,9 @@ def values_of_fan(one: "Fan") -> dict[str, Any]:
 
 def render_fan(values: dict[str, Any]) -> "RenderableType":
     """A fan as a table: a row for each instant."""
+    from rich.console import Group
+    from rich.text import Text
+
     names = list(values["instants"][0]["shares"]) if values["instants"] else []
     header = ["told [s]>", "pulls out [s]>", "futures>", *(f"{name} [%]>" for name in names)]
     rows = []
@@ -329,6 +329,9 @@ def values_of_enough(one: "Enough") -> dict[str, Any]:
 
 def render_enough(values: dict[str, Any]) -> "RenderableType":
     """What would have been enough, as a table."""
+    from rich.console import Group
+    from rich.text import Text
+
     rows = []
     for one in values["quantities"]:
         span = one["tried"] and "{:+g} to {:+g}".format(*one["tried"])
