@@ -31,7 +31,7 @@ def seconds(*arguments: str) -> float:
 
 def generation(folder: Path) -> float:
     """Median time of `overtaking generate -n 276`, all tables, from a cold start [s]."""
-    shared = ["-m", "overtaking.cli", "generate", "-n", "276", "--seed", "1", "--quiet"]
+    shared = ["-m", "overtaking", "generate", "-n", "276", "--seed", "1", "--quiet"]
     return statistics.median(
         seconds(*shared, "--profile", "pinto2023-physical", "--out", str(folder / f"set{k}"))
         for k in range(ROUNDS)
@@ -50,7 +50,7 @@ def importing() -> float:
 def peak(simulations: int, engine: str, folder: Path) -> float:
     """Most memory of all processes that generate a data set without frames [MiB]."""
     out = folder / f"peak-{engine}-{simulations}"
-    shared = [sys.executable, "-m", "overtaking.cli", "generate", "--json", "--keep", "features"]
+    shared = [sys.executable, "-m", "overtaking", "generate", "--json", "--keep", "features"]
     return watched([*shared, "-n", str(simulations), "--engine", engine, "--out", str(out)]).peak
 
 

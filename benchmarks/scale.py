@@ -59,7 +59,7 @@ def watched(command: list[str]) -> Run:
 
 def command_of(given: argparse.Namespace, simulations: int, out: Path, engine: str) -> list[str]:
     """The command line that makes a data set."""
-    shared = [sys.executable, "-m", "overtaking.cli", "generate", "--json", "--quiet"]
+    shared = [sys.executable, "-m", "overtaking", "generate", "--json", "--quiet"]
     recipe = ["--profile", given.profile, "-n", str(simulations), "--seed", "1"]
     return [*shared, *recipe, "--keep", given.keep, "--engine", engine, "--out", str(out)]
 

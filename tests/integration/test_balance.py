@@ -296,7 +296,7 @@ def test_fewer_simulations_are_written_if_that_is_allowed(tmp_path):
 
 def test_the_command_line_tells_what_is_missing(workdir):
     words = ["generate", "-n", "10", "--balance", "--balance-candidates", "10", "--json"]
-    command = [sys.executable, "-m", "overtaking.cli", *words, "--out", "few"]
+    command = [sys.executable, "-m", "overtaking", *words, "--out", "few"]
     failed = subprocess.run(command, capture_output=True, text=True, check=False)
     assert failed.returncode == 2
     assert failed.stderr.count("\n") == 1

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.usefixtures("parent")
 
 NUM_SIMULATIONS = 12
-COMMAND = [sys.executable, "-m", "overtaking.cli"]
+COMMAND = [sys.executable, "-m", "overtaking"]
 
 
 def overtaking(*arguments: object, **settings) -> subprocess.CompletedProcess[str]:

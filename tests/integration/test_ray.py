@@ -162,7 +162,7 @@ def test_words_that_do_not_fit_are_refused_before_anything_is_made(words, said, 
 
 def refused(address: str, out: Path) -> str:
     """What is said to an address, after nothing was written."""
-    command = [sys.executable, "-m", "overtaking.cli", "generate", "-n", "10", "--out", str(out)]
+    command = [sys.executable, "-m", "overtaking", "generate", "-n", "10", "--out", str(out)]
     command += ["--engine", "ray", "--address", address]
     # Ray would try for a quarter of an hour.
     done = subprocess.run(command, capture_output=True, text=True, timeout=300.0, check=False)

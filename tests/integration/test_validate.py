@@ -13,7 +13,7 @@ import pytest
 import overtaking as ot
 from overtaking.knowledge.validation import targets
 
-COMMAND = [sys.executable, "-m", "overtaking.cli", "validate", "motorway", "-n", "8"]
+COMMAND = [sys.executable, "-m", "overtaking", "validate", "motorway", "-n", "8"]
 US101 = sorted((Path(__file__).parents[3] / "shared/data/commonroad").glob("USA_US101*.xml"))
 
 

@@ -308,7 +308,7 @@ def test_axe_finds_nothing(
 
 
 def test_the_command_serves_until_it_is_interrupted(data: Dataset):
-    command = [sys.executable, "-m", "overtaking.cli", "view", data.where, "--json"]
+    command = [sys.executable, "-m", "overtaking", "view", data.where, "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as server:
         assert server.stdout is not None
         text = b"".join(iter(server.stdout.readline, b"}\n")) + b"}"

@@ -67,7 +67,7 @@ class Address(NamedTuple):
 @contextmanager
 def headless_server(*arguments: str) -> Generator[Address]:
     """A server on free ports, ended afterwards."""
-    command = [sys.executable, "-m", "overtaking.cli", "carla", "serve", "--port", "0", "--json"]
+    command = [sys.executable, "-m", "overtaking", "carla", "serve", "--port", "0", "--json"]
     process = subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-COMMAND = [sys.executable, "-m", "overtaking.cli"]
+COMMAND = [sys.executable, "-m", "overtaking"]
 
 
 def run(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:

@@ -209,7 +209,7 @@ def test_the_text_says_what_the_label_hides(found: Reproduction):
 
 @pytest.mark.ci
 def test_the_command_prints_the_same_as_json(found: Reproduction, tmp_path: Path):
-    command = [sys.executable, "-m", "overtaking.cli", "reproduce", "pinto2023", "--json"]
+    command = [sys.executable, "-m", "overtaking", "reproduce", "pinto2023", "--json"]
     more = ["--replicates", "2", "--seed", str(SEED), "--out", str(tmp_path / "page"), "--quiet"]
     done = subprocess.run([*command, *more], capture_output=True, text=True, check=True)
     values = json.loads(done.stdout)

@@ -1,4 +1,4 @@
-"""`python -m overtaking.cli` does the same as `overtaking`."""
+"""`python -m overtaking` does the same as `overtaking`."""
 
 import sys
 
