@@ -3,24 +3,20 @@
 from overtaking.api import rules, weather
 from overtaking.api.carla import carla_limits, replay_in_carla, serve_carla
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, simulator_of
-from overtaking.api.data import (
-    EXPORTS,
-    export,
-    from_frame,
-    generate,
-    import_recording,
-    judged,
-    load,
-    relabel,
-    resume,
-    write_column_map,
-)
+from overtaking.api.data import generate, judged, load, relabel, resume
 from overtaking.api.driving import drive, driver_of
 from overtaking.api.evaluating import (
     evaluate,
     evaluate_benchmark,
     policy_of,
     write_evaluation,
+)
+from overtaking.api.formats import (
+    EXPORTS,
+    export,
+    from_frame,
+    import_recording,
+    write_column_map,
 )
 from overtaking.api.law import law_compare, law_curve, law_explain, plot_law_curve
 from overtaking.api.learning import learn_factors, learn_rules

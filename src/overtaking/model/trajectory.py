@@ -270,7 +270,7 @@ class Trajectories(Batch):
             ImportFormatError: The table cannot be used; the message names row and column.
         """
         # By name, as the root does: a noun imports no reader (docs/adr/0040).
-        return import_module("overtaking.api.data").from_frame(table, **options)
+        return import_module("overtaking.api.formats").from_frame(table, **options)
 
     def summary(self) -> Mapping[str, object]:
         """That of the scenario, and the frames."""

@@ -1,0 +1,302 @@
+"""Formats of others: data sets written in them, recordings read from them."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from overtaking.api.choices import road_of
+from overtaking.api.data import load
+from overtaking.core.errors import ConfigError
+from overtaking.core.steps import Progress
+from overtaking.data.load import Dataset
+from overtaking.data.place import folder_of
+from overtaking.model.checks import argument, checked
+from overtaking.model.road import Road
+from overtaking.model.trajectory import Trajectories
+from overtaking.recordings import export as recording_export
+
+EXPORTS = ("pinto2023", "commonroad", "highd", "asp", "prolog", "popper")
+"""The formats that a data set can be written in."""
+
+_OF_FACTS = ("every", "with_law")
+_EXPORT_OPTIONS = {"asp": _OF_FACTS, "prolog": _OF_FACTS, "popper": ("about",)}
+"""The options that some formats have."""
+
+_READER_OPTIONS: dict[str, Any] = {
+    "attempts_only": bool,
+    "vehicles": int,
+    "lanelet": int | None,
+    "direction": int | None,
+    "road": str | Path | Road | None,
+    "columns": str | Path | Mapping[str, Any],
+    "only": Mapping[str, str],
+    "smooth": bool,
+}
+"""Types of the options of the readers of recordings."""
+
+
+@checked
+def export(
+    data: Dataset | str | Path,
+    out: str | Path,
+    *,
+    file_format: str = EXPORTS[0],
+    simulations: Iterable[int] | None = None,
+    label: str | None = None,
+    policy: str = "paper",
+    progress: Progress | None = None,
+    **options: Any,
+) -> int:
+    """Write simulations of a data set in the format of another program or paper.
+
+    Args:
+        data: The data set, or its folder.
+        out: The paper's table is a file that ends in `.csv` or `.parquet`, replaced as a whole;
+            the other formats are a folder, which must not exist or be empty, with one scenario or
+            recording for each simulation; of `asp` and `prolog` with files of facts and a theory,
+            of `popper` with its three files.
+        file_format: One of `EXPORTS`.
+        simulations: Numbers of the simulations to write, all by default.
+        label: A class that they must have, such as `Success_L`.
+        policy: The policy that decides about the class: `paper`, `default` or `strict`.
+        progress: Called with the number of simulations that are done, and of all.
+        options: Of `asp` and `prolog`: `every` is every how many frames positions are written;
+            `with_law=True` writes what only the law reads, too. Of `popper`: `about` is `legal`,
+            `collision` or `start`.
+
+    Returns:
+        Number of rows, states or facts written.
+
+    Raises:
+        ConfigError: There is no such format, simulation, class or policy, no simulation is left,
+            the name does not fit the format, or the folder is taken.
+        DatasetError: The data set is not complete, or damaged.
+        OSError: The file cannot be written.
+    """
+    target = folder_of(out, "export to")
+    _refuse_options(file_format, options)
+    source = load(data)
+    numbers = _chosen(source, simulations, label, policy)
+    if file_format in ("asp", "prolog"):
+        return _export_facts(source, target, file_format, numbers, progress, **options)
+    if file_format == "popper":
+        return _export_popper(source, target, numbers, policy, **options)
+    total = len(source) if numbers is None else len(numbers)
+    if file_format in recording_export.FORMATS:
+        return recording_export.write_folder(
+            source.batches(numbers),
+            target,
+            file_format=file_format,
+            total=total,
+            road=source.road,
+            progress=progress,
+        )
+    from overtaking.recordings import pinto2023  # It loads pandas, which nothing else here needs.
+
+    def tables() -> Iterator[pa.Table]:
+        done = 0
+        for some, trajectories in source.batches(numbers):
+            yield pinto2023.to_table(trajectories, some)
+            done += len(some)
+            if progress is not None:
+                progress(done, total)
+
+    return pinto2023.write_table(tables(), target)
+
+
+def _chosen(
+    data: Dataset, simulations: Iterable[int] | None, label: str | None, policy: str
+) -> NDArray[np.int64] | None:
+    """The simulations to write, None for all.
+
+    Raises:
+        ConfigError: There is no such simulation, class or policy, or none is left.
+    """
+    from overtaking.data.choice import chosen
+
+    found = chosen(data, simulations, label, policy)
+    if found is not None and not found.size:
+        raise ConfigError.of(
+            what="simulations",
+            where="export",
+            expected="at least one",
+            got=f"none of class {label}" if label else "none",
+            next_step="choose others; overtaking stats counts the classes",
+        )
+    return found
+
+
+def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
+    """Refuse an unknown format, and an option that the format does not have."""
+    if file_format not in EXPORTS:
+        raise ConfigError.not_among("format", "export", EXPORTS, file_format)
+    known = _EXPORT_OPTIONS.get(file_format, ())
+    for name in sorted(set(options) - set(known)):
+        raise ConfigError.of(
+            what=f"option {name}",
+            where=f"export to {file_format}",
+            expected=", ".join(known) or "none of those that some formats have",
+            got=options[name],
+            next_step="leave it out",
+        )
+
+
+@checked
+def _export_facts(
+    data: Dataset,
+    out: Path,
+    language: str,
+    numbers: Any,
+    progress: Progress | None,
+    *,
+    every: int = 10,
+    with_law: bool = False,
+) -> int:
+    """Write chosen simulations as facts; see `export`."""
+    from overtaking.analysis.logic.export import write_facts
+
+    return write_facts(
+        data,
+        out,
+        language=language,
+        chosen=numbers,
+        every=every,
+        with_law=with_law,
+        progress=progress,
+    )
+
+
+@checked
+def _export_popper(
+    data: Dataset,
+    out: Path,
+    numbers: Any,
+    policy: str,
+    *,
+    about: str = "legal",
+) -> int:
+    """Write what a data set holds about a target for the learner Popper; see `export`."""
+    from overtaking.analysis.learning.examples import examples_of
+    from overtaking.analysis.learning.popper import write_popper
+    from overtaking.analysis.learning.targets import target_of
+
+    target, examples = target_of(about), examples_of(data, policy)
+    if numbers is not None:
+        examples = examples.where(np.isin(examples.simulations, numbers))
+    return write_popper(examples, target, out)
+
+
+@checked
+def import_recording(
+    file_format: str,
+    path: str | Path,
+    out: str | Path,
+    *,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Dataset:
+    """Make a data set of a recording of others: every overtake in it becomes a simulation.
+
+    Args:
+        file_format: `commonroad` (XML 2018b or 2020a), `exid`, `highd`, `ngsim`, `pinto2023` (the
+            paper's table) or `table` (any columns).
+        path: The file; of exiD and highD its `_tracks.csv`.
+        out: Folder for the data set; it must not exist, or be empty.
+        progress: Called with the number of simulations that are done, and of all.
+        options: `attempts_only=True` leaves out vehicles that follow and never move left, and
+            `vehicles` is how many a simulation has at most (both not for `pinto2023`); `lanelet`
+            chooses a road of a CommonRoad file, `direction` (1, 2) one of highD, `road` (a `Road`)
+            is where a table was recorded. `columns` is the map of a table: a name, a TOML file, or
+            its content; `only` maps columns to the value that they must have.
+            `smooth=True` smooths tracks as Thiemann et al. (2008) do those of NGSIM.
+
+    Returns:
+        The complete, labelled data set; its manifest counts what was found and measured.
+
+    Raises:
+        ConfigError: There is no such format, an option is not for it, or the folder is taken.
+        ImportFormatError: The file cannot be used; the message names line and element or column.
+        DatasetError: The folder cannot be written. Nothing is left behind.
+    """
+    from overtaking.data.importing import write_scenes
+    from overtaking.recordings.formats import read_recording
+
+    for name, value in options.items():
+        argument(value, _READER_OPTIONS.get(name, Any), "import_recording", name)
+    target = folder_of(out, "import to")
+    read = read_recording(file_format, path, options)
+    write_scenes(read, target, file_format, progress)
+    return load(target)
+
+
+@checked
+def from_frame(
+    table: Any,
+    *,
+    columns: str | Path | Mapping[str, Any],
+    road: str | Path | Road | None = None,
+    attempts_only: bool = False,
+    vehicles: int = 16,
+) -> Trajectories:
+    """The overtakes in a table of states; called as `Trajectories.from_frame`.
+
+    Args:
+        table: A row per vehicle and instant: a pandas or Arrow table, or a mapping of columns.
+        columns: Which column holds what, with units: the name of a map, a TOML file, its content,
+            or its section `columns` such as `{"vehicle": "id", "time": "t [s]", "x": "x [m]"}`.
+        road: The road in the axes of the table: a name, an OpenDRIVE file, or a `Road`. If left
+            out, what the map says of it; what that leaves open is inferred from the traffic.
+        attempts_only: Whether vehicles that follow and never move left are left out.
+        vehicles: Vehicles of a simulation at most.
+
+    Returns:
+        A simulation for each overtake, and for each vehicle that follows another; `unknown` says
+        what the table does not tell.
+
+    Raises:
+        ConfigError: The map or the road cannot be used.
+        ImportFormatError: The table cannot be used; the message names row and column.
+    """
+    from overtaking.recordings.column_map import column_map
+    from overtaking.recordings.row_tables import rows_of
+    from overtaking.recordings.scenes import scenes
+    from overtaking.recordings.tables import recording_of
+
+    chosen = column_map(columns)
+    place = None if road is None else road_of(road)
+    recording = recording_of(rows_of(table, chosen), chosen, "table", road=place)
+    found = scenes(recording, attempts_only=attempts_only, num_slots=vehicles)
+    return found.trajectories(range(len(found)))
+
+
+@checked
+def write_column_map(table: str | Path, out: str | Path) -> None:
+    """Write a map of columns to fill in.
+
+    Args:
+        table: The CSV or Parquet file that it is for; its columns are listed.
+        out: The file to write; it must not exist.
+
+    Raises:
+        ConfigError: There is such a file.
+        ImportFormatError: The table cannot be read.
+        OSError: The file cannot be written.
+    """
+    from overtaking.core.folders import put_file
+    from overtaking.recordings.column_map import template
+    from overtaking.recordings.table_files import column_names
+
+    target = Path(out)
+    if target.exists():
+        raise ConfigError.of(
+            what="map of columns",
+            where=str(target),
+            expected="a new file",
+            got="one that exists",
+            next_step="choose another name",
+        )
+    put_file(target, template(column_names(Path(table))))
