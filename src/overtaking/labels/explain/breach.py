@@ -121,8 +121,8 @@ class Breach:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
-    """A breach as those see it who look for remedies.
+class BreachFacts:
+    """What remedies of a breach are found from.
 
     Attributes:
         case: One simulation.

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.labels.explain.breach import Breach, Scene
+from overtaking.labels.explain.breach import Breach, BreachFacts
 from overtaking.labels.explain.german import GERMAN
 from overtaking.labels.explain.remedies import REMEDIES, remedies_of
 from overtaking.labels.explain.thoughts import Thought, thoughts
@@ -101,7 +101,7 @@ def _breach(one: Labelled, case: Case, rule: Rule, policies: Sequence[Policy]) -
     place = (0, findings.rules.index(rule.code))
     margin = float(findings.margin[place])
     first, last = int(findings.first[place]), int(findings.last[place])
-    scene = Scene(case=case, margin=margin, first=first, last=last)
+    facts = BreachFacts(case=case, margin=margin, first=first, last=last)
     return Breach(
         rule=rule,
         policies=_asking(rule, policies),
@@ -110,7 +110,7 @@ def _breach(one: Labelled, case: Case, rule: Rule, policies: Sequence[Policy]) -
         last=last,
         severity=Severity(int(findings.severity[place])),
         belief=Belief(int(findings.belief[place])),
-        remedies=remedies_of(rule.code, scene, _REMEDIES),
+        remedies=remedies_of(rule.code, facts, _REMEDIES),
     )
 
 

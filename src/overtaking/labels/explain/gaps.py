@@ -3,7 +3,7 @@
 import numpy as np
 
 from overtaking.core.elementary import F32, as_f32
-from overtaking.labels.explain.breach import Change, Quantity, Remedy, Scene, sole
+from overtaking.labels.explain.breach import BreachFacts, Change, Quantity, Remedy, sole
 from overtaking.labels.instants import Index
 from overtaking.labels.law.beliefs import Margin
 from overtaking.labels.law.distances import margin_behind, margin_of_gap, sure_decel
@@ -22,78 +22,78 @@ _NONE = np.float32(-1.0)
 """Where no speed is lawful [m/s]."""
 
 
-def safe_distance(scene: Scene) -> tuple[Remedy, ...]:
+def safe_distance(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L3: more distance throughout, or so much slower at the same distances."""
-    frames = scene.beside(Around.LEADER)
-    frames = frames[~after_cut_ins(scene.case)[0, frames]]
-    margins = _margins(scene, Around.LEADER, frames, margin_of_gap)
+    frames = facts.beside(Around.LEADER)
+    frames = frames[~after_cut_ins(facts.case)[0, frames]]
+    margins = _margins(facts, Around.LEADER, frames, margin_of_gap)
     worst, broken = int(margins.argmin()), frames[margins < 0]
-    farther = more_distance(scene, Around.LEADER, frames[worst], margins[worst])
-    return *farther, *scene.slower(broken, _followable(scene, broken))
+    farther = more_distance(facts, Around.LEADER, frames[worst], margins[worst])
+    return *farther, *facts.slower(broken, _followable(facts, broken))
 
 
-def room_ahead(scene: Scene) -> tuple[Remedy, ...]:
+def room_ahead(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L4: more distance to the one ahead on the left, or slower."""
-    place, frames = Around.LEFT_LEADER, np.array([scene.first])
-    gap, closing = _gaps(scene, place, frames)
-    ahead = scene.case.signals.speed[0, frames] - closing
+    place, frames = Around.LEFT_LEADER, np.array([facts.first])
+    gap, closing = _gaps(facts, place, frames)
+    ahead = facts.case.signals.speed[0, frames] - closing
     in_time = ahead + gap / known("law.entry.ttc")
-    allowed = np.minimum(_lawful_speed(gap, ahead, _decel(scene, frames)), in_time)
-    farther = more_distance(scene, place, scene.first, scene.margin)
-    return *farther, *scene.slower(frames, np.where(gap < 0, _NONE, allowed))
+    allowed = np.minimum(_lawful_speed(gap, ahead, _decel(facts, frames)), in_time)
+    farther = more_distance(facts, place, facts.first, facts.margin)
+    return *farther, *facts.slower(frames, np.where(gap < 0, _NONE, allowed))
 
 
-def room_behind(scene: Scene) -> tuple[Remedy, ...]:
+def room_behind(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L5: more distance to the one behind on the left, or faster where the limit allows it."""
-    place, frames = Around.LEFT_FOLLOWER, np.array([scene.first])
-    farther = more_distance(scene, place, scene.first, scene.margin)
-    gap, closing = _gaps(scene, place, frames)
-    rear = scene.case.signals.speed[0, frames] + closing
-    slowest = _speed_before(np.maximum(gap, 0), rear, _decel(scene, frames))[0]
-    if gap[0] < 0 or slowest > speed_limits(scene.case)[1][0]:
+    place, frames = Around.LEFT_FOLLOWER, np.array([facts.first])
+    farther = more_distance(facts, place, facts.first, facts.margin)
+    gap, closing = _gaps(facts, place, frames)
+    rear = facts.case.signals.speed[0, frames] + closing
+    slowest = _speed_before(np.maximum(gap, 0), rear, _decel(facts, frames))[0]
+    if gap[0] < 0 or slowest > speed_limits(facts.case)[1][0]:
         return farther
-    return *farther, *scene.speed(scene.first, slowest)
+    return *farther, *facts.speed(facts.first, slowest)
 
 
-def safe_return(scene: Scene) -> tuple[Remedy, ...]:
+def safe_return(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L8: more distance to those in the lane of the return, to both if both were too near."""
-    frame, changes = np.array([scene.first]), list[Change]()
+    frame, changes = np.array([facts.first]), list[Change]()
     for place, margin in ((Around.FOLLOWER, margin_behind), (Around.LEADER, margin_of_gap)):
-        found = float(_margins(scene, place, frame, margin)[0])
-        if scene.case.signals.vehicle[0, place, scene.first] != NO_VEHICLE and found < 0:
-            changes += more_distance(scene, place, scene.first, found)[0]
+        found = float(_margins(facts, place, frame, margin)[0])
+        if facts.case.signals.vehicle[0, place, facts.first] != NO_VEHICLE and found < 0:
+            changes += more_distance(facts, place, facts.first, found)[0]
     return (tuple(changes),)
 
 
-def no_obstruction(scene: Scene) -> tuple[Remedy, ...]:
+def no_obstruction(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L23: so much more distance to the one behind that it need not brake hard."""
     place, limit = Around.FOLLOWER, known("law.obstruction.braking")
-    frames = scene.beside(place)
-    gap, closing = _gaps(scene, place, frames)
+    frames = facts.beside(place)
+    gap, closing = _gaps(facts, place, frames)
     forced = np.minimum(drac(gap, closing), known("law.obstruction.most"))
     needed = closing * closing / (_TWO * limit)
     # Where the margin is cut off, several frames have it; the one that lacks most tells.
-    lacking = np.where(np.isclose(limit - forced, scene.margin), needed - gap, -np.inf)
+    lacking = np.where(np.isclose(limit - forced, facts.margin), needed - gap, -np.inf)
     worst = int(lacking.argmax())
-    return more_distance(scene, place, frames[worst], gap[worst] - needed[worst])
+    return more_distance(facts, place, frames[worst], gap[worst] - needed[worst])
 
 
-def oncoming(scene: Scene) -> tuple[Remedy, ...]:
+def oncoming(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L24: more distance to the oncoming vehicle, which is to say, back earlier."""
-    events = scene.case.events
+    events = facts.case.events
     back = np.where(events.return_end != NEVER, events.return_end, events.back)
-    others = others_at(scene.case, back)
+    others = others_at(facts.case, back)
     meets = (others.valid & others.oncoming & (others.lead < 0))[0]
     slot = int(np.where(meets, others.gap[0], np.inf).argmin())
     gap = float(others.gap[0, slot])
-    return sole(Quantity.GAP_ONCOMING, gap, gap - scene.margin, scene.first, slot)
+    return sole(Quantity.GAP_ONCOMING, gap, gap - facts.margin, facts.first, slot)
 
 
-def _followable(scene: Scene, frames: Index) -> F32:
+def _followable(facts: BreachFacts, frames: Index) -> F32:
     """Highest speed that each gap to the leader allows, negative where none does [m/s]."""
-    gap, closing = _gaps(scene, Around.LEADER, frames)
-    ahead = scene.case.signals.speed[0, frames] - closing
-    return np.where(gap < 0, _NONE, _lawful_speed(gap, ahead, _decel(scene, frames)))
+    gap, closing = _gaps(facts, Around.LEADER, frames)
+    ahead = facts.case.signals.speed[0, frames] - closing
+    return np.where(gap < 0, _NONE, _lawful_speed(gap, ahead, _decel(facts, frames)))
 
 
 def _lawful_speed(gap: F32, ahead: F32, decel: F32) -> F32:
@@ -111,25 +111,25 @@ def _speed_before(gap: F32, rear: F32, decel: F32) -> F32:
 
 
 def more_distance(
-    scene: Scene, place: Around, frame: int | np.integer, margin: float | np.floating
+    facts: BreachFacts, place: Around, frame: int | np.integer, margin: float | np.floating
 ) -> tuple[Remedy]:
     """More distance to a neighbour, by what the margin lacks."""
-    seen, ahead = scene.case.signals, place in (Around.LEADER, Around.LEFT_LEADER)
+    seen, ahead = facts.case.signals, place in (Around.LEADER, Around.LEFT_LEADER)
     quantity = Quantity.GAP_AHEAD if ahead else Quantity.GAP_BEHIND
     gap = float(seen.gap[0, place, frame])
     return sole(quantity, gap, gap - float(margin), frame, int(seen.vehicle[0, place, frame]))
 
 
-def _margins(scene: Scene, place: Around, frames: Index, margin: Margin) -> F32:
-    gap, closing = _gaps(scene, place, frames)
-    return margin(gap, scene.case.signals.speed[0, frames], closing, _decel(scene, frames))
+def _margins(facts: BreachFacts, place: Around, frames: Index, margin: Margin) -> F32:
+    gap, closing = _gaps(facts, place, frames)
+    return margin(gap, facts.case.signals.speed[0, frames], closing, _decel(facts, frames))
 
 
-def _gaps(scene: Scene, place: Around, frames: Index) -> tuple[F32, F32]:
+def _gaps(facts: BreachFacts, place: Around, frames: Index) -> tuple[F32, F32]:
     """Gap and closing speed of a neighbour, shape (frame,)."""
-    seen = scene.case.signals
+    seen = facts.case.signals
     return seen.gap[0, place, frames], seen.closing_speed[0, place, frames]
 
 
-def _decel(scene: Scene, frames: Index) -> F32:
-    return sure_decel(scene.case.signals.friction[0, frames])
+def _decel(facts: BreachFacts, frames: Index) -> F32:
+    return sure_decel(facts.case.signals.friction[0, frames])

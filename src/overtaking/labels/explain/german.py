@@ -19,62 +19,62 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from overtaking.core.elementary import F32
-    from overtaking.labels.explain.breach import Remedy, Scene
+    from overtaking.labels.explain.breach import BreachFacts, Remedy
 
 
-def _ahead(asked: Callable[[F32], F32]) -> Callable[[Scene], tuple[Remedy, ...]]:
+def _ahead(asked: Callable[[F32], F32]) -> Callable[[BreachFacts], tuple[Remedy, ...]]:
     """A1 and A3: more distance to the leader, in the frame that lacks most."""
 
-    def find(scene: Scene) -> tuple[Remedy, ...]:
-        frames = scene.beside(Around.LEADER)
-        frames = frames[~after_cut_ins(scene.case)[0, frames]]
-        seen = scene.case.signals
+    def find(facts: BreachFacts) -> tuple[Remedy, ...]:
+        frames = facts.beside(Around.LEADER)
+        frames = frames[~after_cut_ins(facts.case)[0, frames]]
+        seen = facts.case.signals
         margins = seen.gap[0, Around.LEADER, frames] - asked(seen.speed[0, frames])
-        worst = frames[int(np.abs(margins - scene.margin).argmin())]
-        return gaps.more_distance(scene, Around.LEADER, worst, scene.margin)
+        worst = frames[int(np.abs(margins - facts.margin).argmin())]
+        return gaps.more_distance(facts, Around.LEADER, worst, facts.margin)
 
     return find
 
 
-def _at_limit(scene: Scene) -> tuple[Remedy, ...]:
+def _at_limit(facts: BreachFacts) -> tuple[Remedy, ...]:
     """V2: at the limit."""
-    fastest = scene.frames[int(scene.case.signals.speed[0, scene.frames].argmax())]
-    return scene.speed(fastest, limits(scene.case)[1][0])
+    fastest = facts.frames[int(facts.case.signals.speed[0, facts.frames].argmax())]
+    return facts.speed(fastest, limits(facts.case)[1][0])
 
 
-def _slower(scene: Scene) -> tuple[Remedy, ...]:
+def _slower(facts: BreachFacts) -> tuple[Remedy, ...]:
     """V3: so much slower."""
-    fastest = scene.frames[int(scene.case.signals.speed[0, scene.frames].argmax())]
-    return scene.speed(fastest, known("law_de.fog.speed"))
+    fastest = facts.frames[int(facts.case.signals.speed[0, facts.frames].argmax())]
+    return facts.speed(fastest, known("law_de.fog.speed"))
 
 
-def _faster(scene: Scene) -> tuple[Remedy, ...]:
+def _faster(facts: BreachFacts) -> tuple[Remedy, ...]:
     """O2: so much faster."""
-    speed = scene.case.signals.speed[0, scene.first]
-    return scene.speed(scene.first, speed - np.float32(scene.margin))
+    speed = facts.case.signals.speed[0, facts.first]
+    return facts.speed(facts.first, speed - np.float32(facts.margin))
 
 
-def _behind(place: Around) -> Callable[[Scene], tuple[Remedy, ...]]:
+def _behind(place: Around) -> Callable[[BreachFacts], tuple[Remedy, ...]]:
     """O6 and O12: more distance to the one behind."""
-    return lambda scene: gaps.more_distance(scene, place, scene.first, scene.margin)
+    return lambda facts: gaps.more_distance(facts, place, facts.first, facts.margin)
 
 
-GERMAN: dict[str, Callable[[Scene], tuple[Remedy, ...]]] = {
+GERMAN: dict[str, Callable[[BreachFacts], tuple[Remedy, ...]]] = {
     "A1": _ahead(lambda speed: way_of(speed, "law_de.distance.courts")),
     "A3": _ahead(lambda speed: np.full_like(speed, known("law_de.distance.trucks"))),
     "O2": _faster,
     "O3": REMEDIES["L24"],
     "O4": REMEDIES["L7"],
-    "O5": lambda scene: sole(
+    "O5": lambda facts: sole(
         Quantity.SIGHT,
-        float(known("law_de.pass.truck_sight")) + scene.margin,
+        float(known("law_de.pass.truck_sight")) + facts.margin,
         known("law_de.pass.truck_sight"),
-        scene.first,
+        facts.first,
     ),
     "O6": _behind(Around.LEFT_FOLLOWER),
-    "O7": lambda scene: apart(scene, "law_de.side.motor"),
+    "O7": lambda facts: apart(facts, "law_de.side.motor"),
     "O8": REMEDIES["L18"],
-    "O10": lambda scene: apart(scene, "law_de.side.bicycle"),
+    "O10": lambda facts: apart(facts, "law_de.side.bicycle"),
     "O11": REMEDIES["L9"],
     "O12": _behind(Around.FOLLOWER),
     "O13": REMEDIES["L22"],

@@ -6,7 +6,7 @@ import numpy as np
 
 from overtaking.core.elementary import F32, as_f32
 from overtaking.labels.explain import gaps
-from overtaking.labels.explain.breach import Quantity, Remedy, Scene, sole
+from overtaking.labels.explain.breach import BreachFacts, Quantity, Remedy, sole
 from overtaking.labels.instants import Index
 from overtaking.labels.law.alongside import alongside, lane_index
 from overtaking.labels.law.distances import full_decel
@@ -21,134 +21,138 @@ _SAME = 1e-3
 """Margins that differ by less are one [m]."""
 
 
-def pass_in_next_lane(scene: Scene) -> tuple[Remedy, ...]:
+def pass_in_next_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L1: in the lane next to that of the target, on its left."""
-    frames = _alongside(scene)
+    frames = _alongside(facts)
     own, other = (
-        lane_index(of.lane)[0, frames].astype(int) for of in (scene.case.signals, scene.case.target)
+        lane_index(of.lane)[0, frames].astype(int) for of in (facts.case.signals, facts.case.target)
     )
-    entered = np.maximum(other, lane_index(scene.case.events.original_lane)[0])
+    entered = np.maximum(other, lane_index(facts.case.events.original_lane)[0])
     too_far = own - entered > 1
     lanes = np.where(too_far, own - entered, own - other)
     worst = int(np.where(too_far, lanes - 1, 1 - lanes).argmax())
-    return sole(Quantity.LANES_LEFT, lanes[worst], 1.0, frames[worst], scene.target)
+    return sole(Quantity.LANES_LEFT, lanes[worst], 1.0, frames[worst], facts.target)
 
 
-def apart(scene: Scene, limit: str = "law.side.motor") -> tuple[Remedy]:
+def apart(facts: BreachFacts, limit: str = "law.side.motor") -> tuple[Remedy]:
     """L10: so much farther to the side."""
-    frames = _alongside(scene)
-    gaps = scene.case.target.lateral_gap[0, frames]
+    frames = _alongside(facts)
+    gaps = facts.case.target.lateral_gap[0, frames]
     nearest = int(gaps.argmin())
-    return sole(Quantity.LATERAL_GAP, gaps[nearest], known(limit), frames[nearest], scene.target)
+    return sole(Quantity.LATERAL_GAP, gaps[nearest], known(limit), frames[nearest], facts.target)
 
 
-def apart_from_bicycle(scene: Scene) -> tuple[Remedy, ...]:
+def apart_from_bicycle(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L11: farther to the side, and no faster than at the start, whichever was broken."""
-    frames, speed = _alongside(scene), scene.case.signals.speed[0]
-    ((room,),) = apart(scene, "law.side.bicycle")
-    at_start = speed[scene.case.events.attempt[0]]
-    ((slower,),) = scene.speed(frames[int(speed[frames].argmax())], at_start)
+    frames, speed = _alongside(facts), facts.case.signals.speed[0]
+    ((room,),) = apart(facts, "law.side.bicycle")
+    at_start = speed[facts.case.events.attempt[0]]
+    ((slower,),) = facts.speed(frames[int(speed[frames].argmax())], at_start)
     lacking = ((room, room.by > 0), (slower, slower.by < 0))
     return (tuple(change for change, lacks in lacking if lacks),)
 
 
-def _alongside(scene: Scene) -> Index:
+def _alongside(facts: BreachFacts) -> Index:
     """Frames of the breach in which ego and target overlap along the road."""
-    return scene.within(alongside(scene.case).frames)
+    return facts.within(alongside(facts.case).frames)
 
 
-def not_too_fast(scene: Scene) -> tuple[Remedy, ...]:
+def not_too_fast(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L12: at the limit."""
-    fastest = int(scene.case.signals.speed[0, scene.frames].argmax())
-    return scene.speed(scene.frames[fastest], speed_limits(scene.case)[1][0])
+    fastest = int(facts.case.signals.speed[0, facts.frames].argmax())
+    return facts.speed(facts.frames[fastest], speed_limits(facts.case)[1][0])
 
 
-def not_too_slow(scene: Scene) -> tuple[Remedy, ...]:
+def not_too_slow(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L13: at the lowest speed of motorways."""
     lowest = known("law.minimum.speed")
-    margins = scene.case.signals.speed[0, scene.frames] - lowest
-    return scene.speed(scene.worst(margins), lowest)
+    margins = facts.case.signals.speed[0, facts.frames] - lowest
+    return facts.speed(facts.worst(margins), lowest)
 
 
-def _stop(scene: Scene, sight: F32) -> tuple[Remedy, ...]:
+def _stop(facts: BreachFacts, sight: F32) -> tuple[Remedy, ...]:
     """L14 and L14s: at the speed from which one stops where something is seen.
 
     The friction is that at the actual speed; a slower vehicle has no less.
     """
-    frames = scene.frames
-    decel = full_decel(scene.case.signals.friction[0, frames])
+    frames = facts.frames
+    decel = full_decel(facts.case.signals.friction[0, frames])
     reaction = as_f32(known("law.sight.reaction_time"))
-    return scene.slower(frames, stoppable_speed(sight[0, frames], reaction, decel))
+    return facts.slower(frames, stoppable_speed(sight[0, frames], reaction, decel))
 
 
-def see_farther(scene: Scene) -> tuple[Remedy, ...]:
+def see_farther(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L15 and L15s: more sight; a driver can only wait for it."""
-    needed, first = float(known("law.sight.least")), scene.case.events.attempt[0]
-    if is_two_way(scene.case.trajectories.road):
-        passing = float(passing_sight(scene.case)[0])
-        clear = float(scene.case.signals.sight_lit[0, first]) - passing
-        needed = passing if abs(clear - scene.margin) < _SAME else needed
-    return sole(Quantity.SIGHT, needed + scene.margin, needed, scene.first)
+    needed, first = float(known("law.sight.least")), facts.case.events.attempt[0]
+    if is_two_way(facts.case.trajectories.road):
+        passing = float(passing_sight(facts.case)[0])
+        clear = float(facts.case.signals.sight_lit[0, first]) - passing
+        needed = passing if abs(clear - facts.margin) < _SAME else needed
+    return sole(Quantity.SIGHT, needed + facts.margin, needed, facts.first)
 
 
-def wider(scene: Scene) -> tuple[Remedy, ...]:
+def wider(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L16: a lane on the left that is wide enough, or, of course, no overtake here."""
-    widths = left_widths(scene.case.trajectories.road)
-    width = float(widths[min(int(scene.case.events.original_lane[0]), len(widths) - 1)])
-    return sole(Quantity.WIDTH, width, width - scene.margin, scene.first)
+    widths = left_widths(facts.case.trajectories.road)
+    width = float(widths[min(int(facts.case.events.original_lane[0]), len(widths) - 1)])
+    return sole(Quantity.WIDTH, width, width - facts.margin, facts.first)
 
 
-def slow_lanes(scene: Scene) -> tuple[Remedy, ...]:
+def slow_lanes(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L20: in the faster of the two slowest lanes."""
-    lanes = lane_index(scene.case.signals.lane)[0, scene.frames]
+    lanes = lane_index(facts.case.signals.lane)[0, facts.frames]
     worst, needed = int(lanes.argmax()), int(known("law.trucks.lanes")) - 1
-    return sole(Quantity.LANE, lanes[worst], needed, scene.frames[worst])
+    return sole(Quantity.LANE, lanes[worst], needed, facts.frames[worst])
 
 
-def next_slower_lane(scene: Scene) -> tuple[Remedy, ...]:
+def next_slower_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L21: one lane to the right, where there was room."""
-    lane = int(scene.case.signals.lane[0, scene.first])
-    return sole(Quantity.LANE, lane, lane - 1, scene.first)
+    lane = int(facts.case.signals.lane[0, facts.first])
+    return sole(Quantity.LANE, lane, lane - 1, facts.first)
 
 
-def target_keeps_speed(scene: Scene) -> tuple[Remedy, ...]:
+def target_keeps_speed(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L22: a target that accelerates less."""
     limit = float(known("law.overtaken.accel"))
-    margins = np.float32(limit) - scene.case.target.accel[0, scene.frames]
-    frame = scene.worst(margins)
-    return _excess(scene, Quantity.TARGET_ACCEL, limit, frame, scene.target)
+    margins = np.float32(limit) - facts.case.target.accel[0, facts.frames]
+    frame = facts.worst(margins)
+    return _excess(facts, Quantity.TARGET_ACCEL, limit, frame, facts.target)
 
 
 def _excess(
-    scene: Scene, quantity: Quantity, most: float, frame: int | None = None, of: int | None = None
+    facts: BreachFacts,
+    quantity: Quantity,
+    most: float,
+    frame: int | None = None,
+    of: int | None = None,
 ) -> tuple[Remedy, ...]:
     """What was more than the most that is lawful, by the margin."""
-    return sole(quantity, most - scene.margin, most, frame, of)
+    return sole(quantity, most - facts.margin, most, frame, of)
 
 
-def target_keeps_lane(scene: Scene) -> tuple[Remedy, ...]:
+def target_keeps_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L7: a target that does not move to the left."""
     most = float(known("law.others.lateral_speed"))
-    return _excess(scene, Quantity.TARGET_DRIFT, most, scene.first, scene.target)
+    return _excess(facts, Quantity.TARGET_DRIFT, most, facts.first, facts.target)
 
 
-def off_the_line(scene: Scene) -> tuple[Remedy, ...]:
+def off_the_line(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L2: so much farther from the line."""
-    return sole(Quantity.CLEARANCE, scene.margin, 0.0)
+    return sole(Quantity.CLEARANCE, facts.margin, 0.0)
 
 
-def target_off_the_line(scene: Scene) -> tuple[Remedy, ...]:
+def target_off_the_line(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L17: the target on its own side of the road."""
-    return sole(Quantity.CLEARANCE, scene.margin, 0.0, scene.first, scene.target)
+    return sole(Quantity.CLEARANCE, facts.margin, 0.0, facts.first, facts.target)
 
 
-def let_them_pass(scene: Scene) -> tuple[Remedy, ...]:
+def let_them_pass(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L6: the next one on the left farther away in time; 0 for one that has begun."""
     least = float(known("law.others.arrival"))
-    return sole(Quantity.ARRIVAL, least + scene.margin, least, scene.first)
+    return sole(Quantity.ARRIVAL, least + facts.margin, least, facts.first)
 
 
-REMEDIES: dict[str, Callable[[Scene], tuple[Remedy, ...]]] = {
+REMEDIES: dict[str, Callable[[BreachFacts], tuple[Remedy, ...]]] = {
     "L1": pass_in_next_lane,
     "L2": off_the_line,
     "L3": gaps.safe_distance,
@@ -157,19 +161,19 @@ REMEDIES: dict[str, Callable[[Scene], tuple[Remedy, ...]]] = {
     "L6": let_them_pass,
     "L7": target_keeps_lane,
     "L8": gaps.safe_return,
-    "L9": lambda scene: _excess(scene, Quantity.TIME_OUT, float(known("law.return.within"))),
+    "L9": lambda facts: _excess(facts, Quantity.TIME_OUT, float(known("law.return.within"))),
     "L10": apart,
     "L11": apart_from_bicycle,
     "L12": not_too_fast,
     "L13": not_too_slow,
-    "L14": lambda scene: _stop(scene, scene.case.signals.sight_lit),
-    "L14s": lambda scene: _stop(scene, scene.case.signals.sight_unlit),
+    "L14": lambda facts: _stop(facts, facts.case.signals.sight_lit),
+    "L14s": lambda facts: _stop(facts, facts.case.signals.sight_unlit),
     "L15": see_farther,
     "L15s": see_farther,
     "L16": wider,
     "L17": target_off_the_line,
-    "L18": lambda scene: _excess(scene, Quantity.UNSIGNALLED, 0.0),
-    "L19": lambda scene: _excess(scene, Quantity.WRONG_LAMPS, 0.0),
+    "L18": lambda facts: _excess(facts, Quantity.UNSIGNALLED, 0.0),
+    "L19": lambda facts: _excess(facts, Quantity.WRONG_LAMPS, 0.0),
     "L20": slow_lanes,
     "L21": next_slower_lane,
     "L22": target_keeps_speed,
@@ -181,18 +185,18 @@ REMEDIES: dict[str, Callable[[Scene], tuple[Remedy, ...]]] = {
 
 def remedies_of(
     code: str,
-    scene: Scene,
-    remedies: Mapping[str, Callable[[Scene], tuple[Remedy, ...]]] = REMEDIES,
+    facts: BreachFacts,
+    remedies: Mapping[str, Callable[[BreachFacts], tuple[Remedy, ...]]] = REMEDIES,
 ) -> tuple[Remedy, ...]:
     """What would have kept a broken rule, everything else being as it was.
 
     Args:
         code: Of the rule.
-        scene: Its breach.
+        facts: Its breach.
         remedies: By the code of the rule.
 
     Returns:
         Alternatives, the one that its margin measures first.
     """
     find = remedies.get(code)
-    return () if find is None else find(scene)
+    return () if find is None else find(facts)

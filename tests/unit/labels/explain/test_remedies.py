@@ -13,7 +13,7 @@ from tests.support.law_fixtures import FIXTURES
 from tests.support.overtakes import BESIDE, CROSSED, against, alone, crossing, overtake, passing
 
 from overtaking.labels.events import case_of
-from overtaking.labels.explain.breach import Change, Quantity, Remedy, Scene
+from overtaking.labels.explain.breach import BreachFacts, Change, Quantity, Remedy
 from overtaking.labels.explain.remedies import REMEDIES, remedies_of
 from overtaking.labels.law import PORTUGAL, judge
 from overtaking.model.labels import Verdict
@@ -49,7 +49,7 @@ def remedies(code: str, one: Case) -> tuple[Remedy, ...]:
     check = found(code, one)
     assert check.verdict[0] == Verdict.ILLEGAL
     margin, first, last = float(check.margin[0]), int(check.first[0]), int(check.last[0])
-    return remedies_of(code, Scene(case=one, margin=margin, first=first, last=last))
+    return remedies_of(code, BreachFacts(case=one, margin=margin, first=first, last=last))
 
 
 def put_in(one: Case, change: Change, by: float) -> Case:
@@ -119,8 +119,8 @@ def test_what_is_needed_is_enough_where_there_are_whole_lanes_or_shared_limits(c
 
 def test_every_rule_of_the_pack_has_a_remedy_and_an_unknown_one_has_none():
     assert set(REMEDIES) == {rule.code for rule in PORTUGAL.rules}
-    scene = Scene(case=overtake(), margin=-1.0, first=0, last=0)
-    assert remedies_of("another country's", scene) == ()
+    facts = BreachFacts(case=overtake(), margin=-1.0, first=0, last=0)
+    assert remedies_of("another country's", facts) == ()
 
 
 def test_one_second_behind_at_equal_speeds_is_five_metres_more_than_25():
