@@ -20,6 +20,7 @@ the first difference.
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,18 +42,25 @@ EMULATOR = ("qemu-aarch64", "-L", "/usr/aarch64-linux-gnu")
 LINKER = {"CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER": "aarch64-linux-gnu-gcc"}
 
 
-def write(path: Path, given: Parameters, later: Parameters | None = None, switch: int = 0) -> None:
-    """Write what the engine is given, in the order in which `replay.rs` reads it."""
+def write(path: Path, given: Parameters, later: Sequence[tuple[int, Parameters]] = ()) -> None:
+    """Write what the engine is given, in the order in which `replay.rs` reads it.
+
+    Args:
+        path: The file.
+        given: Parameters at the start.
+        later: The step of a change and the parameters from then on; one at most.
+    """
+    [(switch, changed)] = later or [(0, None)]
     road, constants = engine.road_values(given), constant_values(given.constants)
     slots, simulations = given.vehicle.shape[1:]
     room = -(-given.num_frames // _core.LANES) * _core.LANES
     header = [simulations, slots, room, given.record_every, road["num_lanes"]]
-    whole = [*header, int(later is not None), switch, given.seed]
+    whole = [*header, int(changed is not None), switch, given.seed]
     parts = [
         *constants.values(),
         *(road[name] for name in ("boundaries", "film_path", "side", "pose")),
     ]
-    for each in (given, later) if later else (given,):
+    for each in (given, changed) if changed else (given,):
         parts += [each.vehicle, each.simulation]
     with path.open("wb") as file:
         file.write(np.array(whole, "<u8").tobytes() + given.index.astype("<u8").tobytes())

@@ -61,7 +61,7 @@ def corpus(folder: Path) -> Sequence[Call]:
             ("simulate", {"scenario": scenario}),
             ("simulate", {"scenario": scenario}),
             ("label", {"runs": ot.simulate(scenario)}),
-            ("branch", {"scenario": scenario, **changed}),
+            ("branch", {"source": scenario, **changed}),
         ]
     given = {"profile": "pinto2023-physical", "simulations": 2, "seed": 1, "overrides": dict(SHORT)}
     one = {"simulation": 1}

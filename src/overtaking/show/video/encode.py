@@ -40,9 +40,6 @@ class Pictures(Protocol):
         ...
 
 
-PARTIAL = ".partial"
-"""Folder for unfinished files; files that remain there are ignored."""
-
 # Flat areas that move as a whole need no search: the fastest preset finds them. A constant
 # quantiser lets the encoder do without looking ahead, which is half of its work here.
 _OPTIONS = {
@@ -79,8 +76,8 @@ def write_film(
         OSError: The file cannot be written.
     """
     av = require()
-    partial = path.parent / PARTIAL / path.name
-    partial.parent.mkdir(exist_ok=True)
+    # The ending stays: by it the encoder knows the format.
+    partial = path.with_name(f".{path.stem}.partial{path.suffix}")
     try:
         _encode(av, film, partial, title, is_wanted)
         with partial.open("rb+") as file:

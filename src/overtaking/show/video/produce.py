@@ -4,12 +4,11 @@ import os
 import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from overtaking.show.video.canvas import HEIGHT, WIDTH
-from overtaking.show.video.encode import PARTIAL, require, write_film
+from overtaking.show.video.encode import require, write_film
 from overtaking.show.video.film import Film
 from overtaking.show.video.jobs import Job
 from overtaking.show.video.scene import RATE
@@ -97,8 +96,6 @@ def produce(
             stop.set()
             pool.shutdown(cancel_futures=True)
             raise
-    with suppress(OSError):  # Another process may be using it.
-        (folder / PARTIAL).rmdir()
     return [future.result() for future in made]
 
 

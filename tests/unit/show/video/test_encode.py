@@ -82,7 +82,7 @@ def test_nothing_is_left_of_a_film_that_was_interrupted(film, tmp_path):
     with pytest.raises(Interrupted):
         write_film(film, path, is_wanted=lambda: next(answers))
     assert path.read_bytes() == b"as it was"
-    assert list((tmp_path / encode.PARTIAL).iterdir()) == []
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_failing_encoder_is_told_in_one_line(film, tmp_path, monkeypatch):
