@@ -79,9 +79,8 @@ def bar_lengths(durations: Sequence[float], width: int) -> list[int]:
 
     Their sum is `width`, or the number of parts if that is more.
     """
-    parts = np.asarray(durations, dtype=float)
-    ends = np.cumsum(np.maximum(parts, 1e-9)) / max(parts.sum(), 1e-9 * len(parts))
-    lengths = np.diff(np.rint(ends * width).astype(int), prepend=0)
+    ends = np.cumsum(np.maximum(durations, 1e-9))
+    lengths = np.diff(np.rint(ends / ends[-1] * width).astype(int), prepend=0)
     while (lengths < 1).any() and lengths.max() > 1:
         lengths[np.argmin(lengths)] += 1
         lengths[np.argmax(lengths)] -= 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from overtaking.cli.drawing import (
@@ -55,6 +55,7 @@ def test_sparkline_has_one_character_for_each_column_it_can_fill(values, width):
     assert set(line) <= set(UNICODE.levels)
 
 
+@example(durations=[0.0, 5.960464477539063e-08], width=30)
 @given(durations=st.lists(st.floats(0.0, 120.0), min_size=1, max_size=8), width=st.integers(1, 110))
 def test_a_bar_is_as_wide_as_asked_for_and_shows_every_stage(durations, width):
     lengths = bar_lengths(durations, width)
