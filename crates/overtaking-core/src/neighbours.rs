@@ -117,7 +117,7 @@ pub fn along<S: Simd, const N: usize>(w: &World<'_, S, N>, distance: V<S>) -> V<
 }
 
 /// The nearest vehicle ahead and behind of vehicle `i`, in the own, the faster and the slower lane; if the
-/// number of lanes `WATCHED` is 1, only that ahead in the own lane, as nobody looks at the others.
+/// number of lanes `WATCHED` is 1, only the one ahead in the own lane: no driver looks at the others.
 #[inline(always)]
 pub fn find_neighbours<S: Simd, const N: usize, const WATCHED: usize>(
     state: &State<'_, S, N>,
