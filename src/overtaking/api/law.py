@@ -163,9 +163,8 @@ def plot_law_curve(found: "Curve", out: str | Path) -> None:
         OSError: The file cannot be written.
     """
     from overtaking.show.plots.law import draw_curve
-    from overtaking.show.plots.style import to_png, to_svg
-    from overtaking.show.report.files import put
+    from overtaking.show.report.files import put_figure
 
     path = Path(argument(out, str | Path, "plot_law_curve", "out"))
     drawing = draw_curve(found)
-    put(path, to_svg(drawing) if path.suffix == ".svg" else to_png(drawing))
+    put_figure(path, drawing)

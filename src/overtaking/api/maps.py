@@ -21,9 +21,8 @@ def plot_map(roads: Sequence[MappedRoad], out: str | Path) -> None:
         OSError: The file cannot be written.
     """
     from overtaking.show.plots.map import draw_map
-    from overtaking.show.plots.style import to_png, to_svg
-    from overtaking.show.report.files import put
+    from overtaking.show.report.files import put_figure
 
     path = Path(argument(out, str | Path, "plot_map", "out"))
     drawing = draw_map(roads)
-    put(path, to_svg(drawing) if path.suffix == ".svg" else to_png(drawing))
+    put_figure(path, drawing)

@@ -264,14 +264,12 @@ def plot_validation(found: "Validation", out: str | Path) -> None:
     """
     from overtaking.analysis.validation.run import Validation
     from overtaking.show.plots.comparison import draw_validation
-    from overtaking.show.plots.style import to_png, to_svg
-    from overtaking.show.report.files import put
+    from overtaking.show.report.files import put_figure
 
     argument(found, Validation, "plot_validation", "found")
     path = Path(argument(out, str | Path, "plot_validation", "out"))
     drawing = draw_validation(found)
-    content = to_svg(drawing) if path.suffix == ".svg" else to_png(drawing)
-    put(path, content)
+    put_figure(path, drawing)
 
 
 @checked

@@ -245,11 +245,10 @@ def plot_what_if(found: Any, out: str | Path, *, policy: str = "paper") -> Path:
     """
     from overtaking.analysis.whatif.fan import Fan
     from overtaking.analysis.whatif.twin import Twin
-    from overtaking.show.plots.style import to_png, to_svg
     from overtaking.show.plots.whatif import draw_fan, draw_twin
-    from overtaking.show.report.files import put
+    from overtaking.show.report.files import put_figure
 
     one, path = argument(found, Twin | Fan, "plot_what_if", "found"), Path(out)
     drawing = draw_fan(one) if isinstance(one, Fan) else draw_twin(one, policy)
-    put(path, to_svg(drawing) if path.suffix == ".svg" else to_png(drawing))
+    put_figure(path, drawing)
     return path

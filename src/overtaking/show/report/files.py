@@ -120,3 +120,18 @@ class ReportFolder:
                     path.unlink()
         lists = {"figures": self.figures, "tables": self.tables, "remarks": self.remarks}
         return {"path": self.out / PAGE, **{name: tuple(one) for name, one in lists.items()}}
+
+
+def put_figure(path: Path, drawing: "Figure") -> None:
+    """Write a figure as a whole: as SVG where the name of the file ends so, else as PNG.
+
+    Args:
+        path: The file; its folder exists.
+        drawing: A figure in the design of `show.plots`.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    from overtaking.show.plots.style import to_png, to_svg
+
+    put(path, to_svg(drawing) if path.suffix == ".svg" else to_png(drawing))
