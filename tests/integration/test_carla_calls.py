@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.support.carla import Address, answer_of, ask, headless_server, needs_wheel
+from tests.support.carla import (
+    Address,
+    answer_of,
+    ask,
+    headless_server,
+    needs_wheel,
+    stopped_by_signals,
+)
 
 from overtaking.simulators.carla_server.maps import known_map
 
@@ -16,7 +22,7 @@ if TYPE_CHECKING:
 
 pytestmark = [
     needs_wheel,
-    pytest.mark.skipif(sys.platform == "win32", reason="the server is stopped by signals here"),
+    stopped_by_signals,
 ]
 
 

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import socket
-import sys
 from contextlib import ExitStack
 
-import pytest
-from tests.support.carla import PATIENCE, answer_of, ask, headless_server, memory_kb, needs_wheel
+from tests.support.carla import (
+    PATIENCE,
+    answer_of,
+    ask,
+    headless_server,
+    memory_kb,
+    needs_wheel,
+    stopped_by_signals,
+)
 
 from overtaking.simulators.carla_server.connections import MAX_CONNECTIONS
 from overtaking.simulators.carla_server.maps import known_map
@@ -15,7 +21,7 @@ from overtaking.simulators.carla_server.wire import Decoder, encode
 
 pytestmark = [
     needs_wheel,
-    pytest.mark.skipif(sys.platform == "win32", reason="the server is stopped by signals here"),
+    stopped_by_signals,
 ]
 
 VERSION_CALL = encode([0, 1, "version", [[False]]])

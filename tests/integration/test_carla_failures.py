@@ -7,7 +7,6 @@ import gc
 import os
 import signal
 import socket
-import sys
 import threading
 import time
 import warnings
@@ -15,7 +14,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.support.carla import headless_server, needs_wheel
+from tests.support.carla import headless_server, needs_wheel, stopped_by_signals
 from tests.support.processes import eventually
 from tests.support.worlds import Vehicle, scenario
 
@@ -45,7 +44,7 @@ if TYPE_CHECKING:
 pytestmark = [
     pytest.mark.ci,
     needs_wheel,
-    pytest.mark.skipif(sys.platform == "win32", reason="servers are stopped by signals here"),
+    stopped_by_signals,
 ]
 
 SHORT = ["--set", "time.horizon_s=2", "--set", "time.attempt_deadline_s=2"]

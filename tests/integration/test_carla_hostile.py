@@ -6,7 +6,6 @@ import os
 import random
 import socket
 import struct
-import sys
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +18,7 @@ from tests.support.carla import (
     headless_server,
     memory_kb,
     needs_wheel,
+    stopped_by_signals,
 )
 
 from overtaking.simulators.carla_server.wire import encode
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 pytestmark = [
     needs_wheel,
-    pytest.mark.skipif(sys.platform == "win32", reason="the server is stopped by signals here"),
+    stopped_by_signals,
 ]
 
 

@@ -6,18 +6,17 @@ of ScenarioRunner, and scripts that overtake on their own.
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.support.carla import Address, ask, headless_server, needs_wheel
+from tests.support.carla import Address, ask, headless_server, needs_wheel, stopped_by_signals
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 pytestmark = [
     needs_wheel,
-    pytest.mark.skipif(sys.platform == "win32", reason="the server is stopped by signals here"),
+    stopped_by_signals,
 ]
 
 

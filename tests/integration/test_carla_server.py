@@ -17,6 +17,7 @@ from tests.support.carla import (
     free_port,
     headless_server,
     needs_wheel,
+    stopped_by_signals,
 )
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 pytestmark = [
     needs_wheel,
-    pytest.mark.skipif(sys.platform == "win32", reason="the server is stopped by signals here"),
+    stopped_by_signals,
 ]
 
 

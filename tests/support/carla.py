@@ -25,6 +25,9 @@ HAS_WHEEL = (
     and sys.platform in ("linux", "win32")
     and platform.machine() in ("x86_64", "AMD64")
 )
+stopped_by_signals = pytest.mark.skipif(
+    sys.platform == "win32", reason="servers are stopped by signals here"
+)
 needs_wheel = pytest.mark.skipif(
     not HAS_WHEEL,  # Where there is one, a missing one is a failure.
     reason="carla==0.9.16 has wheels for Python below 3.13 on Linux and Windows on x86-64 alone",
