@@ -75,11 +75,14 @@ def lane_sections(road: Element, length: float) -> list[Section]:
         if after < start:
             raise out_of_order(section, "s")
     ends = [*starts[1:], length]
-    return [
+    sections = [
         Section(section, start, min(end, length))
         for section, start, end in zip(found, starts, ends, strict=True)
         if min(end, length) > start
     ]
+    if not sections:  # The road ends before they begin.
+        raise road.error("attribute length", "more than 0 m", f"{length:g} m")
+    return sections
 
 
 def side_lanes(section: Element, side: Side) -> list[Element]:

@@ -142,6 +142,15 @@ def test_a_course_that_is_none_is_refused_with_the_reason(
         raise ImportFormatError(found.refusal)
 
 
+@pytest.mark.parametrize("length", ["0.0", "-3"])
+def test_a_road_without_length_is_refused_with_the_reason(tmp_path: Path, length: str) -> None:
+    path = tmp_path / "map.xodr"
+    path.write_text(document(road(length=length)))
+    (found,) = map_roads(path)
+    with pytest.raises(ImportFormatError, match="attribute length.*more than 0 m"):
+        raise ImportFormatError(found.refusal)
+
+
 def test_the_command_lists_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, picture = tmp_path / "map.xodr", tmp_path / "map.svg"
     path.write_text(document(road(), road(road_id="9", header='junction="3"')))
