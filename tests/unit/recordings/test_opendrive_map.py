@@ -147,7 +147,7 @@ def test_a_road_without_length_is_refused_with_the_reason(tmp_path: Path, length
     path = tmp_path / "map.xodr"
     path.write_text(document(road(length=length)))
     (found,) = map_roads(path)
-    with pytest.raises(ImportFormatError, match="attribute length.*more than 0 m"):
+    with pytest.raises(ImportFormatError, match=r"attribute length.*more than 0 m"):
         raise ImportFormatError(found.refusal)
 
 

@@ -140,13 +140,11 @@ def left_lane_then(case: Case) -> LeftLane:
 def pseudo_attempt(case: Case) -> I32:
     """The instant that stands for `t_a` where nothing was attempted, shape (simulation,).
 
-    The inverse of the distribution of the attempts' waiting times, cut off at the time for which
-    the ego followed, at a uniform number from a stream of its own.
+    The inverse of the distribution of the waiting times of the profile's attempts, cut off at the
+    time for which the ego followed, at a uniform number from a stream of its own.
     """
     scenario, events = case.trajectories.scenario, case.events
-    known = quantities("labels.toml")["matched.waiting_time_quantiles"]
-    assert isinstance(known, Quantity)
-    quantiles = as_f32(known.value)
+    quantiles = _waiting_times(scenario.profile)
     draw = Draws(scenario.seed, scenario.index, Stream.LABEL).uniform()
     end = _end_of(case, events.collision)
     longest = seconds_of(case, np.maximum(end - events.follow, 0))
@@ -154,6 +152,14 @@ def pseudo_attempt(case: Case) -> I32:
     frames = np.rint(waited * np.float32(1000.0 / case.signals.frame_interval_ms))
     frame = np.minimum(events.follow + frames.astype(np.int32), end)
     return np.where(events.attempted, NEVER, frame)
+
+
+def _waiting_times(profile: str) -> F32:
+    """Minimum, deciles and maximum of the waiting times of a profile's attempts [s]."""
+    table, known = "matched.waiting_time_quantiles", quantities("labels.toml")
+    found = known.get(f"{table}.{profile}", known[f"{table}.pinto2023-physical"])
+    assert isinstance(found, Quantity)
+    return as_f32(found.value)
 
 
 def _quantile(quantiles: F32, share: F32) -> F32:

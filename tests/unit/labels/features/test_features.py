@@ -7,6 +7,7 @@ import pytest
 from tests.support.cases import NIGHT, Track, case, ramp
 from tests.support.worlds import wide_road
 
+from overtaking import label, sample, simulate
 from overtaking.labels.features import matched_features, paper_features
 from overtaking.labels.features.study import pseudo_attempt
 from overtaking.model.events import NEVER
@@ -107,3 +108,14 @@ def test_the_stand_in_for_an_attempt_lies_within_the_time_of_following():
     frame = pseudo_attempt(one)[0]
     assert one.events.follow[0] <= frame <= one.events.last[0]
     assert pseudo_attempt(overtake())[0] == NEVER
+
+
+@pytest.mark.parametrize(("profile", "seconds"), [("pinto2023", 7.5), ("motorway", 45.0)])
+def test_the_stand_in_comes_as_late_as_the_attempts_of_the_profile(profile: str, seconds: float):
+    found = label(simulate(sample(profile, 400, seed=3)))
+    attempted, waited = found.events.attempted, found.matched.waiting_time
+    early, late = np.quantile(waited[attempted], [0.25, 0.75])
+    followed = found.events.last - found.events.follow >= seconds / 0.05
+    could_wait = ~attempted & (found.events.follow != NEVER) & followed
+    assert could_wait.sum() > 20
+    assert early <= np.median(waited[could_wait]) <= late
