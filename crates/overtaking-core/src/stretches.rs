@@ -51,16 +51,20 @@ pub fn measures() -> Vec<&'static str> {
 const MARGINS: [&str; 4] = ["stop_lit", "stop_unlit", "follow", "braking"];
 
 /// Frames, -1 where there is none, in the order of the rows of the result: the first and the last with a negative
-/// margin; the longest run in which the return was due; when another came where the ego's rear was.
-pub const FRAMES: [&str; 12] = [
+/// margin, and the number of frames of the longest run of them; the longest run in which the return was due; when another came where the ego's rear was.
+pub const FRAMES: [&str; 16] = [
     "stop_lit.first",
     "stop_lit.last",
+    "stop_lit.longest",
     "stop_unlit.first",
     "stop_unlit.last",
+    "stop_unlit.longest",
     "follow.first",
     "follow.last",
+    "follow.longest",
     "braking.first",
     "braking.last",
+    "braking.longest",
     "due.first",
     "due.length",
     "entry.arrival",
@@ -141,10 +145,10 @@ fn answer<S: Simd>(
     measures[..MARGINS.len()].copy_from_slice(&margins.map(|each| each.low));
     measures[MARGINS.len()..].copy_from_slice(&one.worst(simd, conduct));
     let mut frames = [NEVER; FRAMES.len()];
-    for (ends, margin) in frames.as_chunks_mut::<2>().0.iter_mut().zip(margins) {
-        *ends = [margin.first, margin.last];
+    for (ends, margin) in frames.as_chunks_mut::<3>().0.iter_mut().zip(margins) {
+        *ends = [margin.first, margin.last, margin.longest];
     }
-    frames[8..].copy_from_slice(&[
+    frames[12..].copy_from_slice(&[
         due,
         length,
         one.entry_arrival(crossed),
@@ -163,6 +167,9 @@ struct Lowest {
     low: f32,
     first: i32,
     last: i32,
+    /// Number of frames of the longest unbroken run of negative ones, and of the one that goes on.
+    longest: i32,
+    run: i32,
 }
 
 /// Larger than any margin.
@@ -173,17 +180,23 @@ impl Lowest {
         low: ENDLESS,
         first: NEVER,
         last: NEVER,
+        longest: 0,
+        run: 0,
     };
 
-    /// Take the margin of a frame that is not before those that were taken.
+    /// Take the margin of a frame that is after those that were taken.
     fn take(&mut self, margin: f32, frame: usize) {
         if margin < self.low {
             self.low = margin;
         }
         if margin < 0.0 {
-            self.last = frame as i32;
+            let frame = frame as i32;
+            let goes_on = self.run > 0 && frame == self.last + 1;
+            self.run = if goes_on { self.run + 1 } else { 1 };
+            self.longest = self.longest.max(self.run);
+            self.last = frame;
             if self.first == NEVER {
-                self.first = self.last;
+                self.first = frame;
             }
         }
     }

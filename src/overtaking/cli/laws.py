@@ -1,6 +1,5 @@
 """Laws, policies and tolerances on a data set."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import options
@@ -14,9 +13,6 @@ Rules = Annotated[
     str | None,
     options.option("--rules CODE,CODE", "Rules to tell of, separated by commas.  [default: all]"),
 ]
-Plot = Annotated[
-    Path | None, options.option("--plot FILE", "Draw the figures to a .png or .svg file.")
-]
 
 
 def curve(
@@ -24,7 +20,7 @@ def curve(
     data: options.Data,
     law: options.Law = "pt",
     policy: options.Policy = "paper",
-    plot: Plot = None,
+    plot: options.Plot = None,
     position_error: options.PositionError = None,
     speed_error: options.SpeedError = None,
 ) -> None:

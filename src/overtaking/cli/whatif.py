@@ -48,9 +48,6 @@ From = Annotated[
 Film = Annotated[
     Path | None, options.option("--film FILE", "Film both, one above the other, as .mp4.")
 ]
-Plot = Annotated[
-    Path | None, options.option("--plot FILE", "Draw the figures to a .png or .svg file.")
-]
 Save = Annotated[
     Path | None,
     options.option("--out FOLDER", f"{options.OUT} A new folder, for both as a data set."),
@@ -87,7 +84,7 @@ def twin(
     start: From = "state",
     policy: options.Policy = "paper",
     film: Film = None,
-    plot: Plot = None,
+    plot: options.Plot = None,
     out: Save = None,
 ) -> None:
     """Put a simulation beside the same with something changed.
@@ -128,7 +125,7 @@ def fan(
     futures: Futures = 25,
     every: Every = 0.5,
     policy: options.Policy = "paper",
-    plot: Plot = None,
+    plot: options.Plot = None,
 ) -> None:
     """Tell what becomes of an overtake begun at each instant.
 

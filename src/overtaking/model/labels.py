@@ -101,6 +101,7 @@ class Check(Batch):
             0 where the verdict is neither legal nor illegal.
         first: First frame of the breach, `NEVER` without one.
         last: Last frame of the breach, `NEVER` without one.
+        longest: Number of frames of its longest unbroken part, 0 without one.
         severity: `Severity` of the breach, `NONE` without one.
         belief: `Belief`.
     """
@@ -109,6 +110,7 @@ class Check(Batch):
     margin: F32
     first: I32
     last: I32
+    longest: I32
     severity: U8
     belief: U8
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
 
     from overtaking.model.labels import Case
 
-Lowest = tuple[np.float32, int, int]
-"""Smallest margin, and the first and the last frame with a negative one."""
+Lowest = tuple[np.float32, int, int, int]
+"""Smallest margin, first and last frame with a negative one, and the longest run of such frames."""
 
 
 def answers_of(
@@ -62,12 +63,15 @@ def answers_of(
 
 def lowest(margins: Iterable[tuple[int, np.float32]]) -> Lowest:
     """Of margins by frame; `ENDLESS` and -1 where there are none."""
-    low, begin, end = ENDLESS, -1, -1
+    low, broken = ENDLESS, list[int]()
     for frame, margin in margins:
         low = min(low, margin)
         if margin < 0:
-            begin, end = frame if begin < 0 else begin, frame
-    return low, begin, end
+            broken.append(frame)
+    # Frames of a run are as far from each other as their places in the list.
+    runs = Counter(frame - place for place, frame in enumerate(broken))
+    begin, end = (broken[0], broken[-1]) if broken else (-1, -1)
+    return low, begin, end, max(runs.values(), default=0)
 
 
 def who(seen: dict[str, Row], place: Around, frame: int) -> int | None:

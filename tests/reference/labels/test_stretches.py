@@ -42,9 +42,10 @@ def assert_same(given: Case, span: Span, ones: list[tuple[One, dict[str, Row]]])
         expected = answers_of(given, one, seen, dict.fromkeys(SPANS, frames))
         for name in ("stop_lit", "stop_unlit", "follow", "braking"):
             margin = getattr(found, name)
-            low, first, last = expected[name]
+            low, *frames = expected[name]
             assert margin.low[k].tobytes() == np.float32(low).tobytes(), (k, name)
-            assert (margin.first[k], margin.last[k]) == (first, last), (k, name)
+            found_frames = [margin.first[k], margin.last[k], margin.longest[k]]
+            assert found_frames == frames, (k, name)
         assert (found.due[0][k], found.due[1][k]) == expected["due"], k
         assert found.entry_arrival[k] == expected["entry_arrival"], k
         assert found.return_arrival[k] == expected["return_arrival"], k

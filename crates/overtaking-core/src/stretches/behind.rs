@@ -94,14 +94,16 @@ impl One<'_> {
     /// Allowed braking minus what is forced on the follower after each change of lane.
     pub(super) fn braking<S: Simd>(&self, simd: S, span: Range<usize>) -> Lowest {
         let mut found = Lowest::NOTHING;
-        let mut next = span.start.max(1);
+        let (mut next, mut done) = (span.start.max(1), 0);
         while let Some(change) = next_change(self.seen.lane, next..span.end) {
             let until = span.end.min(change + self.numbers.lasting + 1);
+            // Two changes in a short time have frames in common, each of which is taken once.
+            let frames = change.max(done)..until;
             simd.vectorize(
                 #[inline(always)]
-                || self.braking_after(simd, change..until, &mut found),
+                || self.braking_after(simd, frames.clone(), &mut found),
             );
-            next = change + 1;
+            (next, done) = (change + 1, until);
         }
         found
     }

@@ -159,11 +159,13 @@ class Stretch:
             the span is empty.
         first: First frame in which it is negative, `NEVER` without one.
         last: Last such frame.
+        longest: Number of frames of the longest unbroken run of them, 0 without one.
     """
 
     low: F32
     first: I32
     last: I32
+    longest: I32
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,7 +249,10 @@ def answers(case: Case, spans: dict[str, Span]) -> Stretches:
     frames, measures = said["frames"], said["measures"]
     margins = {
         name: Stretch(
-            low=measures[name], first=frames[f"{name}.first"], last=frames[f"{name}.last"]
+            low=measures[name],
+            first=frames[f"{name}.first"],
+            last=frames[f"{name}.last"],
+            longest=frames[f"{name}.longest"],
         )
         for name in ("stop_lit", "stop_unlit", "follow", "braking")
     }
@@ -302,28 +307,39 @@ def reduced(by: np.ufunc, values: NDArray[Any], span: Span) -> NDArray[Any]:
     return by.reduceat(flat, index[index < flat.size])[::2]
 
 
-def ends_in(span: Span, rows: Index, broken: Mask) -> tuple[I32, I32]:
-    """First and last frame of a mask (row, time) of some simulations within a span.
+def ends_in(span: Span, rows: Index, broken: Mask) -> tuple[I32, I32, I32]:
+    """`ends_of` the frames of a mask (row, time) of some simulations within a span."""
+    row, frame = np.nonzero(span.mask(rows, broken.shape[1]) & broken)
+    return ends_of(rows[row], frame, len(span.start))
+
+
+def ends_of(rows: Index, frames: Index, num_simulations: int) -> tuple[I32, I32, I32]:
+    """First and last of some frames of each simulation, and how many of them follow each other.
+
+    Args:
+        rows: Simulation of each frame, in order.
+        frames: In order within a simulation.
+        num_simulations: Length of the results.
 
     Returns:
-        Shape (simulation,), `NEVER` for all others.
+        Both, `NEVER` without any, and the number of frames of the longest run of consecutive ones.
     """
-    inside = span.mask(rows, broken.shape[1]) & broken
-    kept = inside.any(axis=1)
-    some, inside = rows[kept], inside[kept]
-    first = np.full(len(span.start), NEVER)
-    last = first.copy()
-    first[some] = inside.argmax(axis=1)
-    last[some] = broken.shape[1] - 1 - inside[:, ::-1].argmax(axis=1)
-    return first, last
+    first = np.full(num_simulations, NEVER)
+    last, longest = first.copy(), np.zeros(num_simulations, np.int32)
+    # Of several frames of a simulation the one that is written last stays.
+    first[rows[::-1]], last[rows] = frames[::-1], frames
+    breaks = (np.diff(rows) != 0) | (np.diff(frames) != 1)
+    begins = np.flatnonzero(np.append(True, breaks)[: rows.size])
+    np.maximum.at(longest, rows[begins], np.diff(np.append(begins, rows.size)))
+    return first, last, longest
 
 
 def stretch(margin: F32, span: Span) -> Stretch:
     """A margin (simulation, time) over a span; `ENDLESS` where it does not count."""
     low = reduced(np.minimum, margin, span)
     rows = np.flatnonzero(span.exists & (low < 0))
-    first, last = ends_in(span, rows, margin[rows] < 0)
-    return Stretch(low=low, first=first, last=last)
+    first, last, longest = ends_in(span, rows, margin[rows] < 0)
+    return Stretch(low=low, first=first, last=last, longest=longest)
 
 
 def never_negative(found: Stretch, span: Span, *, belief: U8 | None = None) -> Check:
@@ -335,7 +351,7 @@ def never_negative(found: Stretch, span: Span, *, belief: U8 | None = None) -> C
         belief: `Belief` of each simulation, where the rule is about one.
     """
     about = span.exists & (found.low < ENDLESS)
-    return decided(about, found.low, found.first, found.last, belief=belief)
+    return decided(about, found.low, found.first, found.last, longest=found.longest, belief=belief)
 
 
 def always(margin: F32, span: Span) -> Check:
@@ -353,16 +369,12 @@ def always_at(margin: F32, rows: Index, frames: Index, num_simulations: int) -> 
         num_simulations: Length of the results.
     """
     low = np.full(num_simulations, ENDLESS)
-    first = np.full(num_simulations, NEVER)
-    last = first.copy()
     if rows.size:
         begins = np.append(0, np.flatnonzero(rows[1:] != rows[:-1]) + 1)
         low[rows[begins]] = np.minimum.reduceat(margin, begins)
-        broken = np.flatnonzero(margin < 0)
-        row, frame = rows[broken], frames[broken]
-        # Of several frames of a simulation the one that is written last stays.
-        first[row[::-1]], last[row] = frame[::-1], frame
-    return decided(low < ENDLESS, low, first, last)
+    broken = margin < 0
+    first, last, longest = ends_of(rows[broken], frames[broken], num_simulations)
+    return decided(low < ENDLESS, low, first, last, longest=longest)
 
 
 def instant(

@@ -4,7 +4,15 @@ import numpy as np
 
 from overtaking.core.elementary import Mask
 from overtaking.labels.instants import I32, U8, Index, at, seconds_of
-from overtaking.labels.law.frames import Span, conduct, driving_end, ends_in, frames_of, reduced
+from overtaking.labels.law.frames import (
+    Span,
+    conduct,
+    driving_end,
+    ends_in,
+    ends_of,
+    frames_of,
+    reduced,
+)
 from overtaking.labels.law.others import back_indicator, others_at, out_indicator
 from overtaking.labels.law.rule import Check, Grade, Rule, decided
 from overtaking.labels.law.sight import optical_range
@@ -25,11 +33,12 @@ def _indicates(case: Case) -> Check:
     """The indicator is on from 2 s before either line is crossed to 1 s after."""
     out, back = case.events.line_crossed, _return_crossed(case)
     dark = _dark(case, out, out_indicator(case)), _dark(case, back, back_indicator(case))
-    counts, firsts, lasts = zip(*dark, strict=True)
+    rows, frames = (np.concatenate(each) for each in zip(*dark, strict=True))
+    missing = seconds_of(case, np.bincount(rows, minlength=len(out)).astype(np.int32))
     # In a short overtake the way back begins before the way out is done.
-    first, last = np.minimum(*firsts), np.maximum(*lasts)
-    missing = seconds_of(case, np.add(*counts))
-    return decided((out != NEVER) | (back != NEVER), -missing, first, last)
+    rows, frames = np.unique(np.stack([rows, frames]), axis=1)
+    first, last, longest = ends_of(rows, frames, len(out))
+    return decided((out != NEVER) | (back != NEVER), -missing, first, last, longest=longest)
 
 
 def _return_crossed(case: Case) -> I32:
@@ -45,11 +54,8 @@ def _return_crossed(case: Case) -> I32:
     return ends_in(span, rows, case.signals.right_reach[rows] < border[rows, None])[0]
 
 
-def _dark(case: Case, crossed: I32, bit: int) -> tuple[I32, Index, Index]:
-    """Frames around a crossing without a lamp of the ego: their number, the first and the last.
-
-    Without any, the first is beyond all frames and the last is `NEVER`; shape (simulation,).
-    """
+def _dark(case: Case, crossed: I32, bit: int) -> tuple[Index, Index]:
+    """Frames around a crossing without a lamp of the ego: simulation and frame of each."""
     before = frames_of(case, known("law.signal.before"))
     after = frames_of(case, known("law.signal.after"))
     around = Span(
@@ -58,13 +64,7 @@ def _dark(case: Case, crossed: I32, bit: int) -> tuple[I32, Index, Index]:
     )
     rows, frames = around.frames()
     off = (case.trajectories.states.lights[rows, Role.EGO, frames] & bit) == 0
-    rows, frames = rows[off], frames[off]
-    first = np.full(len(crossed), case.signals.num_frames)
-    last = np.full(len(crossed), int(NEVER))
-    # Of several frames of a simulation the one that is written last stays.
-    first[rows[::-1]], last[rows] = frames[::-1], frames
-    count = np.bincount(rows, minlength=len(crossed)).astype(np.int32)
-    return count, first, last
+    return rows[off], frames[off]
 
 
 L18 = Rule(
@@ -94,10 +94,10 @@ def _right_lamps(case: Case) -> Check:
     row, frames = np.nonzero((lights[rows] & HIGH) != 0)
     if row.size:
         wrong[row, frames] |= dazzles(case, rows[row], frames)
-    first, last = ends_in(span, rows, wrong)
+    first, last, longest = ends_in(span, rows, wrong)
     breach = np.zeros(len(thick), np.int32)
     breach[rows] = (wrong & span.mask(rows, lights.shape[1])).sum(axis=1, dtype=np.int32)
-    return decided(span.exists, -seconds_of(case, breach), first, last)
+    return decided(span.exists, -seconds_of(case, breach), first, last, longest=longest)
 
 
 def _suspect(lights: U8, span: Span, needed: Mask, thick: Mask) -> Mask:

@@ -36,8 +36,8 @@ def _off_the_line(case: Case) -> Check:
     low = np.minimum.reduce(clear) + tolerance
     rows = np.flatnonzero(span.exists & (low < 0))
     broken = [_clearance(case, rows, k, sides) + tolerance < 0 for k, sides in closed.items()]
-    first, last = ends_in(span, rows, np.logical_or.reduce(broken))
-    found = decided(span.exists, low, first, last)
+    first, last, longest = ends_in(span, rows, np.logical_or.reduce(broken))
+    found = decided(span.exists, low, first, last, longest=longest)
     # Very serious where the line separates the directions of travel (146(o)), else light.
     between = is_two_way(road) and road.num_lanes in closed
     beyond = (clear[-1] + tolerance < 0) & between
@@ -194,8 +194,8 @@ def _in_slow_lanes(case: Case) -> Check:
     margin = lanes - _HALF - as_f32(reduced(np.maximum, lane, span))
     applies = trucks & span.exists
     rows = np.flatnonzero(applies & (margin < 0))
-    first, last = ends_in(span, rows, lane[rows] >= lanes)
-    return decided(applies, margin, first, last)
+    first, last, longest = ends_in(span, rows, lane[rows] >= lanes)
+    return decided(applies, margin, first, last, longest=longest)
 
 
 L20 = Rule(

@@ -13,7 +13,6 @@ from overtaking.core.errors import ConfigError
 from overtaking.knowledge.reader import load, read_section
 from overtaking.labels.law.rule import Pack
 from overtaking.model.batch import Batch
-from overtaking.model.events import NEVER
 from overtaking.model.labels import Case, Findings, Severity, Verdict
 
 U8 = NDArray[np.uint8]
@@ -28,7 +27,7 @@ class Tolerance:
     Attributes:
         margin: Margin beyond the border, in the unit of the rule, 0 or more.
         share: Share of the measured value, 0 to 1; only of rules that have a `limit`.
-        lasting: From the first to the last frame of the breach [s].
+        lasting: Time of the longest unbroken part of the breach [s].
     """
 
     margin: float = 0.0
@@ -193,7 +192,7 @@ def beyond(findings: Findings, code: str, tolerance: Tolerance, pack: Pack, case
 
 
 def duration(findings: Findings, place: int, case: Case) -> F32:
-    """From first to last frame of a breach of one rule, 0 without one, (simulation,) [s]."""
-    frames = findings.last[:, place] - findings.first[:, place] + 1
-    frames = np.where(findings.first[:, place] != NEVER, frames, 0)
-    return frames.astype(np.float32) * np.float32(case.signals.frame_interval_ms / 1000.0)
+    """Time of the longest unbroken part of a breach of one rule, 0 without, (simulation,) [s]."""
+    return findings.longest[:, place].astype(np.float32) * np.float32(
+        case.signals.frame_interval_ms / 1000.0
+    )

@@ -129,6 +129,7 @@ def decided(
     first: NDArray[np.integer],
     last: NDArray[np.integer],
     *,
+    longest: NDArray[np.integer] | None = None,
     doubtful: Mask | None = None,
     belief: U8 | None = None,
 ) -> Check:
@@ -139,11 +140,14 @@ def decided(
         margin: Negative in a breach, same shape.
         first: First frame of the breach, read where there is one.
         last: Last frame of the breach.
+        longest: Number of frames of its longest unbroken part; None if it has no break.
         doubtful: Whether what is unknown could still break the rule.
         belief: `Belief`, read where the rule applies.
     """
     broken, known = applies & (margin < 0), applies
     decision = broken.view(np.uint8)  # Legal is 0, illegal 1.
+    if longest is None:
+        longest = last - first + 1
     if doubtful is not None:
         known = applies & (broken | ~doubtful)
         decision = np.where(known, decision, np.uint8(Verdict.UNDECIDABLE))
@@ -153,6 +157,7 @@ def decided(
         margin=np.where(known, margin, np.float32(0.0)) + np.float32(0.0),
         first=np.where(broken, first, NEVER).astype(np.int32, copy=False),
         last=np.where(broken, last, NEVER).astype(np.int32, copy=False),
+        longest=np.where(broken, longest, 0).astype(np.int32, copy=False),
         severity=np.zeros(len(applies), np.uint8),
         belief=np.zeros(len(applies), np.uint8)
         if belief is None
@@ -192,6 +197,7 @@ def _doubted(found: Check, inside: Mask) -> Check:
         margin=np.where(inside, np.float32(0.0), found.margin),
         first=np.where(inside, NEVER, found.first),
         last=np.where(inside, NEVER, found.last),
+        longest=np.where(inside, np.int32(0), found.longest),
         severity=np.where(inside, np.uint8(Severity.NONE), found.severity),
     )
 

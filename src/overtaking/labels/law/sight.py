@@ -87,7 +87,12 @@ def _sees_through_air(case: Case) -> Check:
     if is_two_way(case.trajectories.road):
         return _sees(case, np.broadcast_to(sight[:, None], case.signals.lane.shape))
     # The air is the same in all frames.
-    found = Stretch(low=sight - known("law.sight.least"), first=span.start, last=span.stop)
+    found = Stretch(
+        low=sight - known("law.sight.least"),
+        first=span.start,
+        last=span.stop,
+        longest=span.stop - span.start + 1,
+    )
     return never_negative(found, span)
 
 

@@ -92,8 +92,9 @@ def keeps_limit(case: Case, limits: tuple[F32, F32]) -> Check:
     least, most = limits
     fastest = reduced(np.maximum, speed, span)
     rows = np.flatnonzero(span.exists & (fastest > most))
-    first, last = ends_in(span, rows, speed[rows] > most[rows, None])
-    return decided(span.exists, most - fastest, first, last, doubtful=fastest > least)
+    first, last, longest = ends_in(span, rows, speed[rows] > most[rows, None])
+    doubtful = fastest > least
+    return decided(span.exists, most - fastest, first, last, longest=longest, doubtful=doubtful)
 
 
 def posted_limits(case: Case) -> tuple[F32, F32]:

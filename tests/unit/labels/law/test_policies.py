@@ -21,6 +21,7 @@ from overtaking.labels.law import (
     policies_for,
     policy,
 )
+from overtaking.labels.law.policies import beyond
 from overtaking.model.labels import Findings, Severity, Verdict
 
 
@@ -172,6 +173,26 @@ def test_a_breach_is_tolerated_for_so_long(lasting, counts):
         tolerances={"L3": Tolerance(lasting=float(length) - 5.0 + lasting)},
     )
     assert bool(legality(found, given, PORTUGAL, case).num_broken[0]) == counts
+
+
+def test_a_breach_with_breaks_lasts_as_long_as_its_longest_part():
+    # Above 120 km/h in two parts, of 1 s and of 2 s, with 2 s between.
+    speed = np.full(200, 30.0)
+    speed[20:40] = speed[80:120] = 40.0
+    given = alone(ego={"speed": speed})
+    findings = check(PORTUGAL, given)
+    place = findings.rules.index("L12")
+    assert (findings.first[0, place], findings.last[0, place]) == (20, 119)
+    assert findings.longest[0, place] == 40
+    for lasting, counts in ((1.95, True), (2.05, False)):
+        tolerance = Tolerance(lasting=lasting)
+        assert bool(beyond(findings, "L12", tolerance, PORTUGAL, given)[0]) == counts
+
+
+def test_a_breach_without_its_like_has_no_longest_part():
+    findings = check(PORTUGAL, overtake())
+    broken = findings.verdict == Verdict.ILLEGAL
+    np.testing.assert_array_equal(findings.longest > 0, broken)
 
 
 def test_each_rule_says_how_its_text_is_known_and_where():

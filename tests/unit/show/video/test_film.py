@@ -218,6 +218,7 @@ def findings(first: int, last: int, *codes: str) -> Findings:
         margin=array(-1.0, np.float32),
         first=array(first, np.int32),
         last=array(last, np.int32),
+        longest=array(last - first + 1, np.int32),
         severity=array(2, np.uint8),
         belief=array(0, np.uint8),
     )

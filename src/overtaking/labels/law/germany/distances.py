@@ -87,7 +87,7 @@ def _fined(case: Case) -> Check:
     margin = np.minimum(known("law_de.distance.lasting"), way) - run
     found = stretch(np.where(fast, margin, ENDLESS), span)
     applies = span.exists & fast.any(axis=1)
-    return decided(applies, found.low, found.first, found.last)
+    return decided(applies, found.low, found.first, found.last, longest=found.longest)
 
 
 def _length_of_runs(mask: Mask) -> np.ndarray:

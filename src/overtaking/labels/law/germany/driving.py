@@ -143,9 +143,9 @@ def _right_lamps(case: Case) -> Check:
     if rows.size:
         wrong[rows, frames] |= dazzles(case, rows, frames)
     every = np.arange(len(lights))
-    first, last = ends_in(span, every, wrong)
+    first, last, longest = ends_in(span, every, wrong)
     count = (wrong & span.mask(every, lights.shape[1])).sum(axis=1, dtype=np.int32)
-    return decided(span.exists, -seconds_of(case, count), first, last)
+    return decided(span.exists, -seconds_of(case, count), first, last, longest=longest)
 
 
 B1 = replace(
