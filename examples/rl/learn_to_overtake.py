@@ -4,11 +4,12 @@ r"""Train a driver with PPO, and drive with it.
 
 Needs Stable-Baselines3 (`make rl`, then `.venv-rl/bin/python`). The driver decides twice a second
 when to signal, pull out, give up and return; pedals and steering are those of the scenario's
-driver. It sees the truth, as an automated car with good sensors would. A rule guards the trained
-network: no lane change begins where the gap is too small. Training takes minutes on two cores.
+driver. It sees the truth, as an automated car with good sensors would. In training and afterwards a
+rule guards it: no lane change begins where the gap is too small. Training takes minutes on a core.
 """
 
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
+# pyright: reportUntypedBaseClass=false, reportUnknownVariableType=false
 
 import argparse
 from pathlib import Path
@@ -17,18 +18,79 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import VecEnvWrapper, VecMonitor, VecNormalize
 
 import overtaking as ot
-from overtaking.core.elementary import Mask
-from overtaking.gym import flat
+from overtaking.core.elementary import F32, Mask
+from overtaking.gym import COLUMNS, Events, flat, progress
 from overtaking.gym.stable_baselines import StableBaselinesVecEnv
+from overtaking.model.trajectory import Stage
+from overtaking.sim.observation import Seen
 
-HOLD = 10  # Decisions for which an answer holds, 0.5 s.
+HOLD = 20  # Decisions for which an answer holds, 1 s.
 ENVS = 64
 FIRST = 1_000_000  # Scenes of training: those of an evaluation begin at 0.
-AHEAD, FAR_AHEAD = 1.0, 4.0  # Time gap, and time to close it, that a lane change needs [s].
-BEHIND, FAR_BEHIND = 10.0, 6.0  # Gap [m], and time in which it is not closed [s].
+SIGNAL = 0.95  # Time from the indicator to the movement, as UN R79 asks [s].
+HEADWAY, BEHIND = 1.0, 10.0  # Time gap ahead [s], and gap behind [m], that a lane change needs.
+FAR_AHEAD, FAR_BEHIND = 5.0, 6.0  # Times in which these gaps are not closed [s].
+NEAR = 3.0  # Time in which the vehicle that is left behind is not reached [s].
+TARDY = 0.5  # Cost of each second in which the target is passed and the ego has not returned [s].
+
+_PLACES = {column.name: (place, column.scale) for place, column in enumerate(COLUMNS)}
+
+
+def guarded(move: NDArray[Any], seen: F32) -> NDArray[Any]:
+    """What is answered: nothing but an indicator as long as a lane change is not safe.
+
+    Args:
+        move: A `Move` of each simulation.
+        seen: What is observed, scaled, shape (simulation, `COLUMNS`).
+    """
+    shown = (number(seen, "signalled") >= SIGNAL) & (number(seen, "contested") == 0)
+    follows = number(seen, "stage") == Stage.FOLLOW
+    out = follows & shown & has_gap(seen, "fast") & (time_to(seen, "lead") > NEAR)
+    move = np.where((move == ot.Move.PULL_OUT) & ~out, ot.Move.SHOW_OUT, move)
+    move = np.where((move == ot.Move.SHOW_OUT) & ~follows, ot.Move.KEEP, move)
+    back = shown & has_gap(seen, "slow")
+    return np.where((move == ot.Move.RETURN) & ~back, ot.Move.SHOW_BACK, move)
+
+
+def has_gap(seen: F32, side: str) -> Mask:
+    """Whether there is a gap in the next lane on a side."""
+    ahead, behind = f"{side}_lead", f"{side}_rear"
+    is_free = number(seen, f"{ahead}.gap") > HEADWAY * number(seen, "speed")
+    is_free &= number(seen, f"{behind}.gap") > BEHIND
+    return is_free & (time_to(seen, ahead) > FAR_AHEAD) & (time_to(seen, behind) > FAR_BEHIND)
+
+
+def time_to(seen: F32, role: str) -> F32:
+    """Time in which a gap is closed [s]."""
+    return number(seen, f"{role}.gap") / np.maximum(number(seen, f"{role}.closing"), 1e-3)
+
+
+def number(seen: F32, name: str) -> F32:
+    """A number of what is observed, in SI units."""
+    place, scale = _PLACES[name]
+    return seen[:, place] * np.float32(scale)
+
+
+class Guarded(VecEnvWrapper):
+    """Environments in which the rule guards what is answered."""
+
+    def reset(self) -> F32:
+        """Begin new episodes in all of them."""
+        self._seen = self.venv.reset()
+        return self._seen
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Take the answers of the next step."""
+        self.venv.step_async(guarded(actions, self._seen))
+
+    def step_wait(self) -> Any:
+        """Carry them out."""
+        stepped = self.venv.step_wait()
+        self._seen = stepped[0]
+        return stepped
 
 
 class Learned:
@@ -42,20 +104,23 @@ class Learned:
         """Load the network."""
         self.model = PPO.load(path, device="cpu")
 
-    def __call__(self, seen: ot.Observation) -> NDArray[Any]:
-        """A move for each simulation: no lane change into a gap that is too small."""
-        move = self.model.predict(flat(seen, scaled=True), deterministic=True)[0]
-        move = np.where((move == ot.Move.PULL_OUT) & ~clear(seen, "fast"), ot.Move.SHOW_OUT, move)
-        return np.where((move == ot.Move.RETURN) & ~clear(seen, "slow"), ot.Move.SHOW_BACK, move)
+    def __call__(self, observed: ot.Observation) -> NDArray[Any]:
+        """A move for each simulation."""
+        seen = flat(observed, scaled=True)
+        return guarded(self.model.predict(seen, deterministic=True)[0], seen)
 
 
-def clear(seen: ot.Observation, side: str) -> Mask:
-    """Whether there is a gap in the next lane on a side."""
-    closing, nearing = (
-        np.maximum(seen.of("closing", f"{side}_{end}"), 0.0) for end in ("lead", "rear")
-    )
-    ahead = seen.of("gap", f"{side}_lead") > AHEAD * seen.of("speed") + FAR_AHEAD * closing
-    return ahead & (seen.of("gap", f"{side}_rear") > BEHIND + FAR_BEHIND * nearing)
+def soon_back(before: Seen, action: NDArray[Any], after: Seen, events: Events) -> NDArray[Any]:
+    """The reward `progress`, less what it costs to stay out once the target is passed.
+
+    Args:
+        before: What was observed.
+        action: What was answered.
+        after: What is observed now.
+        events: What came of it.
+    """
+    tardy = (after.of("passed") > 0) & (after.of("stage") == Stage.PASS)
+    return progress(before, action, after, events) - TARDY * events.seconds * tardy
 
 
 def train(profile: str, steps: int, seed: int) -> PPO:
@@ -74,13 +139,13 @@ def train(profile: str, steps: int, seed: int) -> PPO:
         observe="truth",
         action="decision",
         hold=HOLD,
-        reward="progress",
+        reward=soon_back,
         scaled=True,
         labels=False,
     )
     model = PPO(
         "MlpPolicy",
-        VecNormalize(VecMonitor(envs), norm_obs=False),
+        VecNormalize(VecMonitor(Guarded(envs)), norm_obs=False),
         n_steps=64,
         batch_size=256,
         gamma=0.99,

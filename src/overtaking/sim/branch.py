@@ -21,7 +21,16 @@ from overtaking.sim import engine
 from overtaking.world.parameters import Turn, parameters, with_command
 from overtaking.world.skies import without
 
-__all__ = ["Decision", "Run", "Version", "branch", "run_versions"]
+__all__ = [
+    "Decision",
+    "Run",
+    "Version",
+    "as_changed",
+    "branch",
+    "changed",
+    "run_versions",
+    "versions",
+]
 
 Run = Callable[..., Trajectories]
 """`engine.run`, or `reference.run`."""
@@ -83,13 +92,11 @@ def branch(
     first = Change(frame=frame, decision=decision, weather=weather)
     # The later of two that begin together is made on top of the earlier.
     made = tuple(sorted((*before.changes, first, *changes), key=lambda one: one.frame))
-    versions = _versions(before.scenario, made)
-    found = run_versions(before.scenario, versions, run)
+    stages = versions(before.scenario, made)
+    found = as_changed(run_versions(before.scenario, stages, run), before.scenario, stages, made)
     meant = tuple(one for one in made if one != Change(frame=one.frame))
     branched = Branched(scenario=before.scenario, changes=meant)
-    found = _without_removed(found, made)
-    kept = _kept(before.scenario, versions, made)
-    return found.replace(scenario=kept, branched=branched if meant else None)
+    return found.replace(branched=branched if meant else None)
 
 
 def run_versions(scenario: Scenario, versions: Sequence[Version], run: Run) -> Trajectories:
@@ -135,8 +142,16 @@ def _before(source: Scenario | Trajectories) -> Branched:
     return source.branched or Branched(scenario=source.scenario, changes=())
 
 
-def _versions(scenario: Scenario, changes: Sequence[Change]) -> list[Version]:
-    """The batch after each frame at which something changes."""
+def versions(scenario: Scenario, changes: Iterable[Change]) -> list[Version]:
+    """The batch after each frame at which something changes.
+
+    Args:
+        scenario: The batch as it begins.
+        changes: In the order of their frames.
+
+    Raises:
+        ConfigError: There is no such vehicle, trait or weather.
+    """
     found: dict[int, Version] = {}
     decision = Decision.FREE
     for one in changes:
@@ -204,14 +219,24 @@ def _check_vehicle(scenario: Scenario, change: Change) -> None:
         )
 
 
-def _kept(first: Scenario, versions: Sequence[Version], changes: Sequence[Change]) -> Scenario:
-    """The scenario by which a branch is judged: weather and drivers of its last version."""
+def as_changed(
+    run: Trajectories, first: Scenario, stages: Sequence[Version], changes: Sequence[Change]
+) -> Trajectories:
+    """A recording of versions as it is judged: with weather and drivers of the last of them.
+
+    Args:
+        run: The recording.
+        first: The batch as it begins.
+        stages: The versions.
+        changes: What makes them.
+    """
     begins = first
     for one in changes:
         if one.frame == 0 and not one.removed:
             begins = changed(begins, one)
-    last = versions[-1].scenario
-    return last.replace(start_s=begins.start_s, start_speed=begins.start_speed)
+    last = stages[-1].scenario
+    kept = last.replace(start_s=begins.start_s, start_speed=begins.start_speed)
+    return _without_removed(run, changes).replace(scenario=kept)
 
 
 def _without_removed(run: Trajectories, changes: Sequence[Change]) -> Trajectories:

@@ -19,7 +19,9 @@ from overtaking.analysis.whatif.futures import Futures, copies
 from overtaking.analysis.whatif.scenes import Scene
 from overtaking.core.elementary import F32, Mask
 from overtaking.core.philox import Stream
+from overtaking.model.changes import Change
 from overtaking.model.drivers import Drivers
+from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import (
     METRES_PER_SECOND_PER_STEP,
     METRES_PER_STEP,
@@ -33,6 +35,7 @@ from overtaking.scenarios.bodies import top_speeds
 from overtaking.scenarios.noise import Noise
 from overtaking.scenarios.people import drivers_with, sample_traits
 from overtaking.scenarios.schema_flow import Flow
+from overtaking.sim.branch import changed
 from overtaking.world.constants import constants
 from overtaking.world.parameters import parameters
 
@@ -111,21 +114,24 @@ def proposals(
         percept: What the ego notices when it begins there.
         count: How many.
     """
-    many = copies(scene.scenario, count)
+    many = copies(scene.world, frame, count)
     noise = Noise(scene.scenario.seed, many.index, int(Stream.POLICY))
     judged = np.stack([noise.normal(), noise.normal()])
     # In one frame everybody is somewhere and drives that fast: shape (vehicle,).
     place = stayed.states.s[0, :, frame].astype(np.float64) * METRES_PER_STEP
     speed = stayed.states.speed[0, :, frame].astype(np.float64) * METRES_PER_SECOND_PER_STEP
-    ahead, faster = _errors_undone(scene, percept, judged)
-    hidden = _unnoticed(scene, percept)
+    ahead, faster = _errors_undone(many.scenario, percept, judged)
+    hidden = _unnoticed(stayed, frame, percept)
     for slot in hidden:
         ahead[:, slot] = _anywhere(noise.uniform(), place, slot)
     ahead = _room(scene, stayed, frame, place + ahead, place, hidden)
-    moved = scene.scenario.start_s + ahead.astype(np.float32)
-    driven = scene.scenario.start_speed + faster.astype(np.float32)
+    moved = many.scenario.start_s + ahead.astype(np.float32)
+    driven = many.scenario.start_speed + faster.astype(np.float32)
     drivers = _others(scene, many, stayed.states.lane[0, :, frame], speed + faster)
     scenario = many.scenario.replace(start_s=moved, start_speed=driven, drivers=drivers)
+    for one in scene.world.changes:  # Who was made another person is no other one.
+        if one.frame <= frame and one.traits:
+            scenario = changed(scenario, Change(vehicle=one.vehicle, traits=one.traits))
     return Futures(scenario=scenario, index=many.index, judged=judged)
 
 
@@ -136,13 +142,13 @@ def _starts(run: Trajectories) -> NDArray[np.int64]:
 
 
 def _errors_undone(
-    scene: Scene, percept: Percept, judged: F32
+    scenario: Scenario, percept: Percept, judged: F32
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """How far ahead [m] and faster [m/s] the noticed are if the ego errs so, (future, vehicle)."""
-    step, c = parameters(scene.scenario).of_simulations, constants()
+    step, c = parameters(scenario.select(slice(0, 1))).of_simulations, constants()
     of_gap = np.exp(float(step.distance_error[0]) * judged[0].astype(np.float64)) - 1.0
     of_speed = float(step.speed_error[0]) * judged[1].astype(np.float64)
-    shape = (judged.shape[1], scene.scenario.num_slots)
+    shape = (judged.shape[1], scenario.num_slots)
     ahead, faster = np.zeros(shape), np.zeros(shape)
     for k in np.flatnonzero(percept.detected):
         slot, gap, closing = int(percept.vehicle[k]), percept.gap[k], percept.closing[k]
@@ -154,10 +160,11 @@ def _errors_undone(
     return ahead, faster
 
 
-def _unnoticed(scene: Scene, percept: Percept) -> list[int]:
-    """Slots of the vehicles that the ego does not notice when it begins."""
+def _unnoticed(stayed: Trajectories, frame: int, percept: Percept) -> list[int]:
+    """Slots of the vehicles that are there and that the ego does not notice when it begins."""
     noticed = {int(Role.EGO), *percept.vehicle[percept.detected].tolist()}
-    return [slot for slot in range(int(scene.scenario.num_vehicles[0])) if slot not in noticed]
+    there = np.flatnonzero(stayed.state_valid[0, :, frame]).tolist()
+    return [slot for slot in there if slot not in noticed]
 
 
 def _anywhere(u: F32, place: NDArray[np.float64], slot: int) -> NDArray[np.float64]:
@@ -176,7 +183,7 @@ def _room(
     """How far ahead all are, (future, vehicle) [m]: who would stand in another is far behind."""
     lane, length = stayed.states.lane[0, :, frame], scene.scenario.vehicles.length[0]
     for slot in hidden:
-        others = np.flatnonzero(scene.scenario.vehicles.valid[0] & (lane == lane[slot]))
+        others = np.flatnonzero(stayed.state_valid[0, :, frame] & (lane == lane[slot]))
         for other in others[others != slot]:
             least = 0.5 * (length[slot] + length[other]) + _ROOM
             hits = np.abs(wanted[:, slot] - wanted[:, other]) < least

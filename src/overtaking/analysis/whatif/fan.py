@@ -11,14 +11,12 @@ from overtaking.analysis.whatif.beliefs import Percept, proposals
 from overtaking.analysis.whatif.futures import copies, started
 from overtaking.analysis.whatif.scenes import Scene, pull_out
 from overtaking.core.checks import check_name
-from overtaking.core.errors import ConfigError
 from overtaking.labels.label import label
 from overtaking.labels.law import policy as policy_named
 from overtaking.model.decision import Decision
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.trajectory import Stage, Trajectories
-from overtaking.sim import engine
-from overtaking.sim.branch import Version, run_versions
+from overtaking.sim.branch import branch
 
 I64 = NDArray[np.int64]
 
@@ -95,7 +93,8 @@ def fan_of(
     """What becomes of an overtake that is begun at each instant.
 
     Until the instant the ego stays in its lane. Then it begins as soon as it has signalled,
-    whatever the gaps, and decides alone from there on.
+    whatever the gaps, and decides alone from there on. The changes of a branch are made at their
+    frames, before and after the instant; decisions that it forces on the ego are left out.
 
     Args:
         scene: The simulation.
@@ -109,14 +108,11 @@ def fan_of(
         progress: Called with the number of instants that are done, and of all.
 
     Raises:
-        ConfigError: There is no such policy, or the simulation is a branch.
+        ConfigError: There is no such policy.
     """
     check_name(given, GIVEN, what="given", where="fan")
     policy_named(policy)
-    if scene.run.branched is not None:
-        raise _not_drawn()
-    stays = Version(frame=0, scenario=scene.scenario, decision=Decision.STAY)
-    stayed = run_versions(scene.scenario, [stays], engine.run)
+    stayed = branch(scene.scenario, decision=Decision.STAY, changes=scene.world.changes)
     step = max(round(every * scene.rate), 1)
     frames = np.arange(0, _sound_frames(stayed), step)
     counts = np.zeros((len(frames), len(OvertakeClass)), np.int64)
@@ -156,23 +152,14 @@ def _futures(
     scene: Scene, stayed: Trajectories, frame: int, given: str, count: int
 ) -> tuple[Trajectories | None, int]:
     """The futures of a start at a frame, None if there are none; and how many were tried."""
+    world = scene.world
     if given == "truth":
-        return started(scene.scenario, frame, copies(scene.scenario, count)), count
-    percept = Percept.of(started(scene.scenario, frame, copies(scene.scenario, 1)))
+        return started(world, frame, copies(world, frame, count)), count
+    percept = Percept.of(started(world, frame, copies(world, frame, 1)))
     if percept is None:
         return None, 0
     tried = _TRIES * count
     many = proposals(scene, stayed, frame, percept, tried)
-    run = started(scene.scenario, frame, many)
+    run = started(world, frame, many)
     kept = np.flatnonzero(percept.is_shared_by(run))[:count]
     return (run.select(kept) if len(kept) else None), tried
-
-
-def _not_drawn() -> ConfigError:
-    return ConfigError.of(
-        what="simulation",
-        where="fan",
-        expected="one as it was drawn",
-        got="a branch",
-        next_step="take the simulation that it branches from",
-    )

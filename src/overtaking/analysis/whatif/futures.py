@@ -1,16 +1,17 @@
 """Futures of a simulation: the same up to an instant, other random numbers from there on."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from overtaking.core.elementary import F32
 from overtaking.core.philox import U64
+from overtaking.model.changes import Branched, Change
 from overtaking.model.decision import Decision
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
 from overtaking.sim import engine
-from overtaking.sim.branch import Version, run_versions
+from overtaking.sim.branch import as_changed, changed, run_versions, versions
 
 _APART = np.uint64(1 << 40)
 """Distance of the numbers by which two futures of a simulation are drawn."""
@@ -31,34 +32,37 @@ class Futures:
     judged: F32 | None = None
 
 
-def copies(scenario: Scenario, count: int) -> Futures:
+def copies(world: Branched, frame: int, count: int) -> Futures:
     """Futures in which all are as they are; the first has the simulation's own numbers.
 
     Args:
-        scenario: A batch of one.
+        world: A simulation, and what is changed in it.
+        frame: When they begin.
         count: How many.
     """
+    scenario = world.scenario
+    for one in world.changes:
+        scenario = changed(scenario, one) if one.frame <= frame else scenario
     many = scenario.select(np.zeros(count, np.int64))
     return Futures(scenario=many, index=many.index + _APART * np.arange(count, dtype=np.uint64))
 
 
-def started(scenario: Scenario, frame: int, many: Futures) -> Trajectories:
+def started(world: Branched, frame: int, many: Futures) -> Trajectories:
     """Futures in which the ego stays in its lane until a frame, and then begins an overtake.
 
     Args:
-        scenario: A batch of one.
+        world: A simulation, and what is changed in it whatever the ego decides.
         frame: The frame.
-        many: What the simulation is from there on.
+        many: What the simulation is from there on, until the next change.
     """
-    before = scenario.select(np.zeros(len(many.index), np.int64))
-    stays = Version(frame=0, scenario=before, decision=Decision.STAY)
-    goes = Version(
-        frame=frame,
-        scenario=many.scenario,
-        decision=Decision.PULL_OUT,
-        index=many.index,
-        judged=many.judged,
-    )
-    found = run_versions(before, [stays, goes], engine.run)
+    before = world.scenario.select(np.zeros(len(many.index), np.int64))
+    stays = (Change(decision=Decision.STAY), *world.changes)
+    stages = [one for one in versions(before, stays) if one.frame < frame]
+    later = (one for one in world.changes if one.frame > frame)
+    starts = (Change(frame=frame, decision=Decision.PULL_OUT), *later)
+    stages += [
+        replace(one, index=many.index, judged=many.judged)
+        for one in versions(many.scenario, starts)
+    ]
     # Places at the start are those before; what follows is judged by the people of the future.
-    return found.replace(scenario=before.replace(drivers=many.scenario.drivers))
+    return as_changed(run_versions(before, stages, engine.run), before, stages, world.changes)

@@ -1,6 +1,6 @@
 """Simulations of a data set that questions are asked of."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.data.branches import branch_again, drawn
 from overtaking.data.load import Dataset
 from overtaking.labels.label import Labelled
-from overtaking.model.changes import Change
+from overtaking.model.changes import Branched, Change
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Stage, Trajectories
@@ -43,6 +43,14 @@ class Scene:
         """Its scenario, before any change."""
         branched = self.run.branched
         return self.run.scenario if branched is None else branched.scenario
+
+    @property
+    def world(self) -> Branched:
+        """Its scenario, and what is changed in it but the decisions of the ego."""
+        branched = self.run.branched or Branched(scenario=self.run.scenario, changes=())
+        changes = (replace(one, decision=None) for one in branched.changes)
+        meant = tuple(one for one in changes if one != Change(frame=one.frame))
+        return branched.replace(changes=meant)
 
     @property
     def rate(self) -> float:

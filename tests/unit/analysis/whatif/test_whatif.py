@@ -23,6 +23,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 WET = {"weather.presets": ["HardRainNoon"], "traffic.vehicles": "4..6"}
+STARTS = (
+    ot.Change(decision=ot.Decision.STAY),
+    ot.Change(frame=40, decision=ot.Decision.PULL_OUT),
+)
+"""What a future of a start at frame 40 lets the ego do."""
 
 
 @pytest.fixture(scope="module")
@@ -148,12 +153,8 @@ def test_a_removed_vehicle_is_in_no_table_of_states(data: ot.Dataset, begun: int
 
 def test_the_first_future_has_the_random_numbers_of_the_simulation(data: ot.Dataset, begun: int):
     scene = scene_of(data, begun)
-    futures = started(scene.scenario, 40, copies(scene.scenario, 8))
-    changes = [
-        ot.Change(decision=ot.Decision.STAY),
-        ot.Change(frame=40, decision=ot.Decision.PULL_OUT),
-    ]
-    alone = ot.branch(scene.scenario, changes=changes)
+    futures = started(scene.world, 40, copies(scene.world, 40, 8))
+    alone = ot.branch(scene.scenario, changes=STARTS)
     np.testing.assert_array_equal(futures.trace_hash[:1], alone.trace_hash)
     assert len(np.unique(futures.trace_hash, axis=0)) == 8
     for name in futures.states.__slots__:
@@ -161,12 +162,75 @@ def test_the_first_future_has_the_random_numbers_of_the_simulation(data: ot.Data
         np.testing.assert_array_equal(values, np.broadcast_to(values[:1], values.shape))
 
 
+def test_the_changes_of_a_branch_are_made_in_its_futures(
+    data: ot.Dataset, begun: int, tmp_path: Path
+):
+    """Before, at and after the start; what the branch lets the ego do is left out."""
+    changes = [
+        ot.Change(without=("rain",)),
+        ot.Change(frame=30, vehicle=2, ahead=15.0, faster=-3.0),
+        ot.Change(frame=40, vehicle=1, traits={"time_gap": 2.5}),
+        ot.Change(frame=60, vehicle=3, removed=True),
+    ]
+    told = ot.branch(
+        data[begun], changes=[*changes, ot.Change(frame=25, decision=STARTS[1].decision)]
+    )
+    saved = ot.save_branches(data, {"much changed": told}, tmp_path / "much")
+    scene = scene_of(saved, 0)
+    futures = started(scene.world, 40, copies(scene.world, 40, 3))
+    alone = ot.branch(data[begun], changes=[*changes, *STARTS])
+    np.testing.assert_array_equal(futures.trace_hash[:1], alone.trace_hash)
+    np.testing.assert_array_equal(
+        ot.label(futures).findings.margin[:1], ot.label(alone).findings.margin
+    )
+    assert not futures.present[:, 3, 60:].any()
+    assert futures.scenario.weather.rain[0] == 0.0
+
+
+def test_a_fan_is_that_of_the_changed_world(data: ot.Dataset, begun: int, tmp_path: Path):
+    dry = ot.branch(data[begun], changes=[ot.Change(without=("rain",))])
+    stays = ot.branch(data[begun], decision=ot.Decision.STAY)
+    saved = ot.save_branches(data, {"dry": dry, "stays": stays}, tmp_path / "two")
+    was, changed, same = (
+        ot.fan(one, number, futures=30, every=2.0)
+        for one, number in ((data, begun), (saved, 0), (saved, 1))
+    )
+    assert same.actual is None
+    np.testing.assert_array_equal(same.counts, was.counts)
+    assert not np.array_equal(changed.counts, was.counts)
+    assert not changed.stayed.scenario.weather.rain.any()
+
+
+def test_worlds_of_a_belief_agree_with_the_changes_of_a_branch(
+    data: ot.Dataset, begun: int, tmp_path: Path
+):
+    """Who is gone is nowhere, and who was made another person stays that person."""
+    changes = [
+        ot.Change(frame=5, vehicle=3, removed=True),
+        ot.Change(frame=10, vehicle=2, traits={"time_gap": 2.5}),
+    ]
+    saved = ot.save_branches(
+        data, {"one": ot.branch(data[begun], changes=changes)}, tmp_path / "one"
+    )
+    scene = scene_of(saved, 0)
+    stayed = scene.branch(ot.Change(decision=ot.Decision.STAY))
+    percept = Percept.of(started(scene.world, 20, copies(scene.world, 20, 1)))
+    assert percept is not None
+    assert 3 not in percept.vehicle[percept.detected]
+    many = proposals(scene, stayed, 20, percept, 200)
+    assert (many.scenario.start_s[:, 3] < -10_000.0).all()
+    drivers = many.scenario.drivers.time_gap
+    assert (drivers[:, 2] == 2.5).all()
+    assert len(np.unique(drivers[:, 1])) > TOO_FEW
+    assert percept.is_shared_by(started(scene.world, 20, many)).sum() > TOO_FEW
+
+
 def test_a_fan_counts_the_classes_of_its_futures(data: ot.Dataset, begun: int):
     found = ot.fan(data, begun, futures=30, every=2.0)
     assert (found.futures == 30).all()
     scene = scene_of(data, begun)
     frame = round(float(found.time[1]) * 20)
-    labels = ot.label(started(scene.scenario, frame, copies(scene.scenario, 30))).labels
+    labels = ot.label(started(scene.world, frame, copies(scene.world, frame, 30))).labels
     for code in OvertakeClass:
         assert found.counts[1, code] == (labels.classes[:, 0] == code).sum()
         known = binomtest(int(found.counts[1, code]), 30).proportion_ci(method="wilson")
@@ -178,10 +242,10 @@ def test_a_fan_counts_the_classes_of_its_futures(data: ot.Dataset, begun: int):
 def test_worlds_of_a_belief_differ_in_what_the_ego_does_not_know(data: ot.Dataset, begun: int):
     scene = scene_of(data, begun)
     stayed = scene.branch(ot.Change(decision=ot.Decision.STAY))
-    percept = Percept.of(started(scene.scenario, 20, copies(scene.scenario, 1)))
+    percept = Percept.of(started(scene.world, 20, copies(scene.world, 20, 1)))
     assert percept is not None
     many = proposals(scene, stayed, 20, percept, 200)
-    run = started(scene.scenario, 20, many)
+    run = started(scene.world, 20, many)
     kept = run.select(percept.is_shared_by(run))
     assert kept.scenario.num_simulations > TOO_FEW
     for place, seen in enumerate(percept.detected):
