@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from tests.support.browser import chromium, expect, opened
+from tests.support.browser import chromium, expect, opened, settle
 
 import overtaking as ot
 from overtaking.cli import main
@@ -57,8 +57,7 @@ def shows(page: Page, number: int | str) -> None:
 
 def moment(page: Page) -> dict[str, Any]:
     """What the page shows, once its address says so."""
-    seconds = f"{float(page.input_value('#seconds')):g}"
-    expect(page).to_have_url(re.compile(rf"t={re.escape(seconds)}(&|$)"))
+    settle(page)
     return {
         "title": page.title(),
         "frame": page.evaluate(FRAME),
@@ -72,10 +71,13 @@ def moment(page: Page) -> dict[str, Any]:
 def test_a_link_brings_back_what_was_found_by_mouse(browser: Browser, path: Path):
     with opened(browser, path) as page:
         page.select_option("#filter", "Success_I")
+        settle(page)
         rows = page.locator(".runs a")
         assert rows.count() == int(page.inner_text(".runs + *, [role=status]").split()[0])
+        number = str(rows.nth(1).get_attribute("data-sim"))
         rows.nth(1).click()
-        shows(page, str(rows.nth(1).get_attribute("data-sim")))
+        shows(page, number)
+        settle(page)
         page.click("#play")
         expect(page.locator("#frame")).to_have_value(re.compile(r"^([5-9]|\d\d+)$"))
         page.click("#play")
@@ -115,6 +117,7 @@ def test_everything_can_be_done_with_the_keyboard(browser: Browser, path: Path):
         assert last == int(str(page.get_attribute("#slider", "max")))
         press("[")
         assert page.evaluate(FRAME) < last
+        press("Home")
         press(" ")
         expect(page.locator("#play")).to_have_attribute("aria-label", "Pause")
         press(" ")
@@ -161,12 +164,13 @@ def test_every_control_is_reached_by_tab(browser: Browser, path: Path):
 def test_the_page_says_what_show_says(
     browser: Browser, path: Path, data: Path, capsys: pytest.CaptureFixture[str]
 ):
-    with opened(browser, path) as page:
+    with opened(browser, path, "#sim=11") as page:
         for number in range(12):
             assert main(["show", str(data), str(number), "--json"]) == 0
             values = json.loads(capsys.readouterr().out)
             page.evaluate(f"location.hash = 'sim={number}'")
             shows(page, number)
+            settle(page)
             says(page, values)
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from tests.integration.test_view_browser import FRAME, PHONE, says, shows
-from tests.support.browser import chromium, expect
+from tests.support.browser import PATIENCE_MS, chromium, expect, settle
 from tests.support.serving import Client, serving
 
 import overtaking as ot
@@ -56,7 +56,8 @@ def key(browser: Browser, url: str) -> Any:
     context = browser.new_context()
     page = context.new_page()
     page.goto(url)
-    page.wait_for_selector(ROWS)
+    # Pages that come later find the data set read.
+    expect(page.locator(".found")).to_have_text("120 of 120 simulations")
     assert "token" not in page.url
     state = context.storage_state()
     context.close()
@@ -67,6 +68,7 @@ def key(browser: Browser, url: str) -> Any:
 def at(browser: Browser, url: str, key: Any, link: str = "", **settings: object) -> Generator[Page]:
     """The page at a link; fails if it complains, or asks for anything beyond its server."""
     context = browser.new_context(storage_state=key, **settings)
+    context.set_default_timeout(PATIENCE_MS)
     page = context.new_page()
     complaints: list[str] = []
     asked: set[str] = set()
@@ -76,6 +78,7 @@ def at(browser: Browser, url: str, key: Any, link: str = "", **settings: object)
     base = url.partition("#")[0]
     page.goto(base + link)
     page.wait_for_selector(".board" if "sim=" in link else ROWS)
+    settle(page)
     yield page
     context.close()
     assert complaints == []
@@ -83,8 +86,8 @@ def at(browser: Browser, url: str, key: Any, link: str = "", **settings: object)
 
 
 def state(page: Page) -> dict[str, Any]:
-    """What the page shows."""
-    page.wait_for_timeout(400)  # Until the address follows.
+    """What the page shows, once its address says so."""
+    settle(page)
     return {
         "title": page.title(),
         "link": page.evaluate("location.hash"),
@@ -102,6 +105,7 @@ def test_from_the_list_to_an_article_and_back_by_link(browser: Browser, url: str
         page.check("#classes-Success_I")
         page.check("#light-night")
         page.check("#rules-L3")
+        settle(page)
         count = page.locator("label[for=rules-L3] .many").inner_text()
         expect(page.locator(".found")).to_have_text(f"{count} of 120 simulations")
         assert page.locator(ROWS).count() == int(count)
@@ -111,6 +115,7 @@ def test_from_the_list_to_an_article_and_back_by_link(browser: Browser, url: str
         number = str(row.get_attribute("data-sim"))
         row.click()
         shows(page, number)
+        settle(page)
         assert page.locator(".runs a").count() == int(count)
         page.click("#play")
         expect(page.locator("#frame")).to_have_value(re.compile(r"^([5-9]|\d\d+)$"))
@@ -125,6 +130,7 @@ def test_from_the_list_to_an_article_and_back_by_link(browser: Browser, url: str
         assert state(page) == before
         page.click("#all")
         expect(page.locator(".found")).to_have_text(f"{count} of 120 simulations")
+        expect(page.locator(ROWS).first).to_be_visible()
         assert page.is_checked("#classes-Success_I")
         page.click("#clear")
         expect(page.locator(".found")).to_have_text("120 of 120 simulations")
@@ -136,18 +142,28 @@ def test_the_list_has_parts_orders_and_margins(browser: Browser, url: str, key: 
         page.click(".pages button:last-child")
         expect(page.locator(f"{ROWS} a").first).to_have_text("50")
         page.select_option("#margin-rule", "L3")
+        settle(page)
         page.get_by_label("Largest margin").fill("-5")
         page.get_by_label("Largest margin").press("Enter")
+        settle(page)
         page.select_option("#order", "margin")
+        settle(page)
         expect(page.locator(".found")).not_to_have_text("120 of 120 simulations")
-        page.locator(f"{ROWS} a").first.click()
-        page.wait_for_selector(".board")
-        least = float(page.inner_text("article[data-rule=L3]").split("margin ")[1].split()[0])
-        page.keyboard.press("j")
-        shows(page, str(page.locator(".runs a").nth(1).get_attribute("data-sim")))
-        assert least <= float(
-            page.inner_text("article[data-rule=L3]").split("margin ")[1].split()[0]
+        first, second = (
+            str(page.locator(f"{ROWS} a").nth(k).get_attribute("data-sim")) for k in range(2)
         )
+        page.locator(f"{ROWS} a").first.click()
+        shows(page, first)
+        settle(page)
+        least = margin(page, "L3")
+        page.keyboard.press("j")
+        shows(page, second)
+        assert least <= margin(page, "L3") <= -5
+
+
+def margin(page: Page, rule: str) -> float:
+    """The margin that the page tells of a broken rule."""
+    return float(page.inner_text(f"article[data-rule={rule}]").split("margin ")[1].split()[0])
 
 
 def test_sql_filters_the_list(browser: Browser, url: str, key: Any):
@@ -160,6 +176,7 @@ def test_sql_filters_the_list(browser: Browser, url: str, key: Any):
         expect(page.locator(".answer")).to_contain_text("which filter the list")
         found = int(page.locator(".answer p").inner_text().split()[0])
         expect(page.locator(".found")).to_have_text(f"{found} of 120 simulations")
+        settle(page)
         page.reload()
         expect(page.locator(".found")).to_have_text(f"{found} of 120 simulations")
 
@@ -253,12 +270,13 @@ def test_the_keyboard_is_enough(browser: Browser, url: str, key: Any):
 def test_the_page_says_what_show_says(
     browser: Browser, url: str, key: Any, data: Dataset, capsys: pytest.CaptureFixture[str]
 ):
-    with at(browser, url, key, "#sim=0") as page:
+    with at(browser, url, key, "#sim=1") as page:
         for number in (0, 4, 7):
             assert main(["show", data.where, str(number), "--json"]) == 0
             values = json.loads(capsys.readouterr().out)
             page.evaluate(f"location.hash = 'sim={number}'")
             shows(page, number)
+            settle(page)
             says(page, values)
 
 
@@ -301,7 +319,6 @@ def test_axe_finds_nothing(
         with at(browser, url, key, link, **settings) as page:
             if not link and viewport == PHONE:
                 page.click("aside .drawer > summary")
-            page.wait_for_timeout(1000)
             page.add_script_tag(path=axe)
             found = page.evaluate("axe.run()")["violations"]
             assert [(one["id"], [n["html"] for n in one["nodes"]]) for one in found] == []

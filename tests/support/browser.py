@@ -20,6 +20,7 @@ OPTIONS = (
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
 )
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+PATIENCE_MS = 60_000
 MISSING = "there is no Chromium: apt-get install chromium"
 
 
@@ -41,14 +42,25 @@ def expect(of: Page | Locator) -> Any:
     """What waits until something is so; patient, as machines may be busy."""
     from playwright.sync_api import expect
 
-    expect.set_options(timeout=60_000)
+    expect.set_options(timeout=PATIENCE_MS)
     return expect(of)
+
+
+def settle(page: Page) -> None:
+    """Wait until the page awaits no answer, has drawn, and its address says what it shows.
+
+    After a click on a link, wait for what the link leads to first: browsers follow it later.
+    """
+    expect(page.locator("main").first).to_be_attached()
+    expect(page.locator("[aria-busy=true], [data-address]")).to_have_count(0)
+    page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
 @contextmanager
 def opened(browser: Browser, path: Path, link: str = "", **settings: object) -> Generator[Page]:
     """A page from disk; fails if it complains, or asks for anything but itself."""
     context = browser.new_context(**settings)
+    context.set_default_timeout(PATIENCE_MS)
     page = context.new_page()
     complaints: list[str] = []
     asked: set[str] = set()
@@ -57,6 +69,7 @@ def opened(browser: Browser, path: Path, link: str = "", **settings: object) -> 
     page.on("request", lambda request: asked.add(request.url.partition("#")[0]))
     page.goto(path.as_uri() + link)
     page.wait_for_selector(".board")
+    settle(page)
     yield page
     context.close()
     assert complaints == []

@@ -26,6 +26,25 @@ function fill<E extends Element>(element: E, props: Props, children: Child[]): E
   return element;
 }
 
+const awaited = new WeakMap<Element, number>();
+
+// Says of elements, to screen readers too, that an answer is awaited.
+export async function busy<T>(elements: Element[], answer: Promise<T>): Promise<T> {
+  const more = (by: 1 | -1): void => {
+    for (const one of elements) {
+      const many = (awaited.get(one) ?? 0) + by;
+      awaited.set(one, many);
+      one.setAttribute("aria-busy", String(many > 0));
+    }
+  };
+  more(1);
+  try {
+    return await answer;
+  } finally {
+    more(-1);
+  }
+}
+
 // Text that may be the same as before: nothing is laid out anew for it.
 export function write(element: Element, text: string): void {
   if (element.textContent !== text) element.textContent = text;

@@ -2,7 +2,7 @@
 
 import { board, type Board } from "./board.ts";
 import type { Overlay, Run } from "./bundle.ts";
-import { h, write } from "./dom.ts";
+import { busy, h, write } from "./dom.ts";
 import { helpDialog } from "./help.ts";
 import { listen } from "./keys.ts";
 import { beyond, tellList } from "./list.ts";
@@ -48,6 +48,7 @@ let rule: string | null = null;
 let opening = 0;
 let laidOut = 0; // Width of the charts when they were drawn [px].
 let linking = 0;
+let address = ""; // What the page last followed or wrote.
 let size: Size = { width: 0, height: 0 }; // Of the canvas: to ask for it would lay the page out anew.
 let lastTick = 0;
 
@@ -92,6 +93,7 @@ const another = h("input", { type: "number", id: "beside", min: 0, "aria-label":
 const all = overview(source, (choice) => void change({ choice }));
 const help = helpDialog();
 const toAll = h("a", { id: "all", href: "#" }, "‹ All simulations and filters");
+const content = h("main", {});
 const drawer = h("details", { class: "drawer", open: true }, h("summary", {}, "Simulations"), h("div", {}, source.server ? toAll : null, h("label", { for: "filter" }, "Class"), filter, count, list));
 
 function build(): void {
@@ -117,7 +119,7 @@ function build(): void {
     h("label", { class: "check", for: "ghosts" }, believed, " beliefs"),
     source.total > 1 ? h("label", { class: "field", for: "beside" }, "beside ", another) : null,
   );
-  const whatIf = source.server && controls(source.server, (what) => void branchOff({ what, t: Math.round(state.frame) * run.interval }));
+  const whatIf = source.server && controls(source.server, (what) => void busy([content], branchOff({ what, t: Math.round(state.frame) * run.interval })));
   document.body.append(
     h(
       "header",
@@ -129,22 +131,16 @@ function build(): void {
       "div",
       { class: "page", hidden: true },
       h("nav", { "aria-label": "Simulations" }, drawer),
-      h(
-        "main",
-        {},
-        h("div", { class: "heading" }, title, about),
-        h("div", { class: "clockwork" }, h("figure", { class: "stage" }, canvas, besideCanvas, sky, alerts), slider, h("div", { class: "controls" }, transport, view)),
-        whatIf,
-        wrong,
-        said,
-        changes,
-        boardPlace,
-        table,
-        tellings,
-      ),
+      content,
     ),
     all.element,
     help,
+  );
+  content.append(
+    h("div", { class: "heading" }, title, about),
+    h("div", { class: "clockwork" }, h("figure", { class: "stage" }, canvas, besideCanvas, sky, alerts), slider, h("div", { class: "controls" }, transport, view)),
+    whatIf ?? "",
+    ...[wrong, said, changes, boardPlace, table, tellings],
   );
   slider.addEventListener("input", () => seek(Number(slider.value)));
   seconds.addEventListener("change", () => seek(Number(seconds.value) / run.interval));
@@ -154,7 +150,7 @@ function build(): void {
   another.addEventListener("change", () => change({ beside: another.value === "" ? null : Number(another.value) }));
   table.addEventListener("toggle", () => refresh());
   onSystemChange(() => paint(words, state.theme));
-  window.addEventListener("hashchange", () => void follow());
+  window.addEventListener("hashchange", () => void busy([content], follow()));
   listen(KEYS, () => help.open);
   listen(RUN_KEYS, () => help.open || state.sim === null || !run);
   if (matchMedia("(max-width: 60rem)").matches) drawer.open = false;
@@ -186,7 +182,11 @@ function frames(): number {
   return Math.max(run.frames, ...overlays().map((one) => one.run.frames));
 }
 
-async function refreshList(around?: number): Promise<void> {
+function refreshList(around?: number): Promise<void> {
+  return busy([all.rows, list], askList(around));
+}
+
+async function askList(around?: number): Promise<void> {
   const ticket = ++asking;
   try {
     const found = await source.rows(state.choice, state.policy, around);
@@ -215,7 +215,7 @@ function change(part: Partial<typeof state>): void {
   if (part.theme !== undefined) paint(words, state.theme);
   if (part.policy !== undefined || part.choice !== undefined) void refreshList();
   if (part.policy !== undefined && state.sim !== null) tell();
-  if (part.beside !== undefined) void showBeside();
+  if (part.beside !== undefined) void busy([content], showBeside());
   tellControls();
   refresh();
   link();
@@ -447,13 +447,23 @@ function tick(at: number): void {
 function link(): void {
   clearTimeout(linking);
   if (state.playing) return;
-  linking = window.setTimeout(() => history.replaceState(null, "", print(moment(), source.policy)), LINK_DELAY);
+  content.dataset.address = "behind";
+  linking = window.setTimeout(() => {
+    // An address that came meanwhile is followed, not written over.
+    if (location.hash === address) {
+      history.replaceState(null, "", print(moment(), source.policy));
+      address = location.hash;
+    }
+    delete content.dataset.address;
+  }, LINK_DELAY);
 }
 
 // To the moment that the address names.
 async function follow(): Promise<void> {
   const said = parse(location.hash);
   clearTimeout(linking);
+  address = location.hash;
+  delete content.dataset.address;
   state.policy = said.policy && said.policy in words.policies ? said.policy : source.policy;
   state.cam = said.cam ?? "ego";
   state.stretch = said.stretch ?? 1;
@@ -509,8 +519,8 @@ const RUN_KEYS: Record<string, () => void> = {
 };
 
 const KEYS: Record<string, () => void> = {
-  j: () => void other(1),
-  k: () => void other(-1),
+  j: () => void busy([content], other(1)),
+  k: () => void busy([content], other(-1)),
   p: () => change({ policy: after(Object.keys(words.policies), state.policy) }),
   t: () => change({ theme: after(THEMES, state.theme) }),
   a: () => source.server && (location.hash = print({ ...moment(), sim: null }, source.policy)),
@@ -524,4 +534,4 @@ const KEYS: Record<string, () => void> = {
 
 paint(words, state.theme);
 build();
-void follow();
+void busy([content], follow());

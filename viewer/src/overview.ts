@@ -14,6 +14,7 @@ const FAR = 80; // [m]
 
 export interface Overview {
   element: HTMLElement;
+  rows: HTMLElement;
   tell: (listed: Listed, moment: Moment) => void;
   fail: (text: string) => void;
   focus: () => void;
@@ -84,6 +85,7 @@ export function overview(source: Source, change: (choice: Choice) => void): Over
 
   return {
     element,
+    rows: body,
     fail: (text) => write(failure, text),
     focus: () => element.querySelector<HTMLElement>(".facet input")?.focus(),
     step: (way) => {
