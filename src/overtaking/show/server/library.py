@@ -7,7 +7,6 @@ are bounded whatever a page asks for.
 from __future__ import annotations
 
 import threading
-from collections import OrderedDict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from overtaking.analysis.database.query import query
 from overtaking.core.errors import ConfigError, NoSuchSimulationError, OvertakingError
 from overtaking.labels.label import label
 from overtaking.show.server.index import Index, titles
+from overtaking.show.server.kept import Kept
 from overtaking.show.server.thumbnail import thumbnail
 from overtaking.show.server.whatif import DECISIONS, branch
 from overtaking.show.view.ghosts import every_ghost
@@ -24,7 +24,6 @@ from overtaking.show.view.page import words
 from overtaking.sim.beliefs import beliefs
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
@@ -55,9 +54,9 @@ class Library:
         """Read nothing yet."""
         self._data, self._policy, self._index = data, policy, Index(data)
         self._work, self._failure = threading.Lock(), ""
-        self._runs = _Kept(_KEPT_RUNS, self._prepared)
-        self._thumbnails = _Kept(_KEPT_THUMBNAILS, self._thumbnail)
-        self._queries = _Kept(_KEPT_QUERIES, self._query)
+        self._runs = Kept(_KEPT_RUNS, self._prepared)
+        self._thumbnails = Kept(_KEPT_THUMBNAILS, self._thumbnail)
+        self._queries = Kept(_KEPT_QUERIES, self._query)
         self._querying = threading.Lock()
 
     def read(self) -> None:
@@ -156,26 +155,6 @@ class Library:
             "filters": mask is not None,
         }
         return {"mask": mask, "answer": answer}
-
-
-class _Kept:
-    """The latest results of a function of one argument."""
-
-    def __init__(self, most: int, make: Callable[[Any], Any]) -> None:
-        self._most, self._make = most, make
-        self._found, self._lock = OrderedDict[Any, Any](), threading.Lock()
-
-    def get(self, key: Any) -> Any:
-        with self._lock:
-            if key in self._found:
-                self._found.move_to_end(key)
-                return self._found[key]
-        made = self._make(key)
-        with self._lock:
-            self._found[key] = made
-            while len(self._found) > self._most:
-                self._found.popitem(last=False)
-        return made
 
 
 def _mask(columns: list[str], rows: list[list[Any]], total: int) -> NDArray[np.bool_] | None:
