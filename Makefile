@@ -5,6 +5,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 RL     := .venv-rl
+QC     := .venv-qc
 DEMO   ?= data/pinto
 SEED   ?= 1
 # Tests that ask for more processes than the machine has cores only get slower. With worksteal a process
@@ -32,11 +33,12 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --no-compile --require-hashes
 ENGINE  := cargo build --release --locked --package overtaking-py --features pyo3/extension-module
 CRATES := $(shell find crates -type f)
-LOCK   := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes \
-          --no-header --no-emit-index-url --no-emit-find-links --quiet $(LOCK_FLAGS)
+COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes \
+           --no-header --no-emit-index-url --no-emit-find-links --quiet $(LOCK_FLAGS)
+LOCK    := $(COMPILE) pyproject.toml
 
-.PHONY: help demo test test-ci test-rl test-all check check-python check-rust test-rust test-python release bench docs site viewer check-viewer \
-        lock build dev rl format clean
+.PHONY: help demo test test-ci test-qc test-rl test-all check check-python check-rust test-rust test-python release bench docs site viewer check-viewer \
+        lock build dev qc rl format clean
 
 help:  ## List what can be made
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1|\2/p' $(firstword $(MAKEFILE_LIST)) \
@@ -60,6 +62,9 @@ test: check test-rust test-python  ## Checks, then the tests of both languages b
 
 test-ci: check-viewer  ## The tests that take long: kills, memory, Ray, CARLA, SUMO, browser; CI runs them too
 	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "ci and not soak"
+
+test-qc: dev qc  ## Ask the checkers of ASAM for issues of exported files, in .venv-qc
+	$(BIN)/python -m pytest -m qc
 
 test-rl: rl  ## Train drivers and drive with them, in .venv-rl, which is some gigabytes large
 	$(RL)/bin/python -m pytest -m rl
@@ -94,7 +99,7 @@ test-rust:
 	cargo test --release --locked
 
 test-python: dev
-	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "not ci and not soak and not rl"
+	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "not ci and not soak and not qc and not rl"
 
 release: dev  ## Data sets to learn from, in build/release, checked by content hash
 	$(BIN)/python benchmarks/release.py --out build/release
@@ -115,6 +120,8 @@ build: $(VENV)/.build  ## Make .venv with the compiled engine and the packages t
 
 dev: $(VENV)/.build $(VENV)/.dev  ## The same with the packages that developers need
 
+qc: $(QC)/.qc  ## Make .venv-qc, with the checkers of ASAM
+
 rl: $(RL)/.rl  ## Make .venv-rl, with what drivers are trained with
 
 format: dev  ## Format all code, and fix what the linter can fix
@@ -130,11 +137,12 @@ lock:  ## Write requirements/*.txt anew (needs uv)
 	$(LOCK) -c requirements/runtime.txt --extra all --group tools -o requirements/dev.txt
 	$(LOCK) -c requirements/dev.txt $(addprefix --extra ,plots stats video) --group build -o requirements/demo.txt
 	$(LOCK) -c requirements/dev.txt --extra gym --group rl -o requirements/rl.txt
+	$(COMPILE) --group qc -o requirements/qc.txt
 	@if grep -nE '://|--(extra-)?index-url|--find-links' requirements/*.txt; then \
 	  echo "requirements/*.txt: a download address was written into a lock file" >&2; exit 1; fi
 
 clean:  ## Remove what was built, except the caches of pip and cargo and the data
-	rm -rf $(VENV) $(RL) target dist viewer/node_modules .pytest_cache .ruff_cache .hypothesis src/overtaking/_core*.so
+	rm -rf $(VENV) $(QC) $(RL) target dist viewer/node_modules .pytest_cache .ruff_cache .hypothesis src/overtaking/_core*.so
 	find src tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
 
 # Each stamp is touched last, so an interrupted step is done again.
@@ -142,6 +150,12 @@ $(VENV)/.python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and \
 	  "$(PYTHON) is Python %d.%d, overtaking needs 3.11 or newer: make PYTHON=python3.11" % v[:2])'
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
+	@touch $@
+
+$(QC)/.qc: requirements/qc.txt | $(VENV)/.python
+	@$(PYTHON) -m venv $(QC)
+	@echo "installing the packages of $< into $(QC)"
+	@$(QC)/bin/python -m pip install --disable-pip-version-check --no-compile --require-hashes -r $<
 	@touch $@
 
 # The same editable package: its engine fits every Python.

@@ -44,6 +44,8 @@ def exported(data: Dataset, file_format: str, out: Path, *options: Any) -> set[i
         }
     if file_format == "highd":
         return {int(path.name.partition("_")[0]) - 1 for path in target.glob("*_tracks.csv")}
+    if file_format == "openscenario":
+        return {int(path.stem.partition("-")[2]) for path in target.glob("*.xosc")}
     pattern = r"\(s(\d+)\)" if file_format == "popper" else r"^simulation\((\d+)"
     names = ("exs.pl",) if file_format == "popper" else ("*",)
     texts = [path.read_text() for name in names for path in target.glob(name)]

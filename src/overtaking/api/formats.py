@@ -1,5 +1,6 @@
 """Formats of others: data sets written in them, recordings read from them."""
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from overtaking.model.road import Road
 from overtaking.model.trajectory import Trajectories
 from overtaking.recordings import export as recording_export
 
-EXPORTS = ("pinto2023", "commonroad", "highd", "asp", "prolog", "popper")
+EXPORTS = ("pinto2023", "commonroad", "highd", "openscenario", "asp", "prolog", "popper")
 """The formats that a data set can be written in."""
 
 _OF_FACTS = ("every", "with_law")
@@ -57,8 +58,8 @@ def export(
         data: The data set, or its folder.
         out: The paper's table is a file that ends in `.csv` or `.parquet`, replaced as a whole;
             the other formats are a folder, which must not exist or be empty, with one scenario or
-            recording for each simulation; of `asp` and `prolog` with files of facts and a theory,
-            of `popper` with its three files.
+            recording for each simulation, of `openscenario` with its road; of `asp` and `prolog`
+            with files of facts and a theory, of `popper` with its three files.
         file_format: One of `EXPORTS`.
         simulations: Numbers of the simulations to write, all by default.
         label: A class that they must have, such as `Success_L`.
@@ -93,6 +94,7 @@ def export(
             file_format=file_format,
             total=total,
             road=source.road,
+            events=_events(source) if file_format == "openscenario" else None,
             progress=progress,
         )
     from overtaking.recordings import pinto2023  # It loads pandas, which nothing else here needs.
@@ -106,6 +108,15 @@ def export(
                 progress(done, total)
 
     return pinto2023.write_table(tables(), target)
+
+
+def _events(data: Dataset) -> dict[int, dict[str, float]]:
+    """Instants of the events of each simulation [s]."""
+    found = defaultdict[int, dict[str, float]](dict)
+    rows = data.table("events").select(["simulation", "event", "time_ms"])
+    for number, name, time in zip(*rows.to_pydict().values(), strict=True):
+        found[number][name] = time / 1000.0
+    return found
 
 
 def _chosen(

@@ -233,7 +233,8 @@ Format = Annotated[
     option(
         "--format NAME",
         f"{FORMAT} pinto2023: the study's table; commonroad, highd: a folder of recordings; "
-        "asp, prolog: a folder of facts; popper: input of that learner.",
+        "openscenario: scenarios with their roads; asp, prolog: a folder of facts; popper: input "
+        "of that learner.",
     ),
 ]
 TARGET = "Target to learn."

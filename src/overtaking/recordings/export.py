@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from overtaking.core.errors import ConfigError
@@ -9,7 +10,7 @@ from overtaking.core.folders import whole_folder
 from overtaking.model.road import DrivingSide
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping
     from pathlib import Path
 
     import numpy as np
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from overtaking.model.road import Road
     from overtaking.model.trajectory import Trajectories
 
-FORMATS = ("commonroad", "highd")
+FORMATS = ("commonroad", "highd", "openscenario")
 """The formats that are written as one or more files for each simulation."""
 
 MAX_SIMULATIONS = 100_000
@@ -32,6 +33,7 @@ def write_folder(
     file_format: str,
     total: int,
     road: Road,
+    events: Mapping[int, Mapping[str, float]] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> int:
     """Write all simulations of a data set.
@@ -42,6 +44,7 @@ def write_folder(
         file_format: One of `FORMATS`.
         total: Number of simulations.
         road: Road of all of them.
+        events: Instants of what happened by number and name [s], for formats that have a place.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:
@@ -55,6 +58,10 @@ def write_folder(
     _check(file_format, total, road)
     if file_format == "commonroad":
         from overtaking.recordings.commonroad_write import write_commonroad as write
+    elif file_format == "openscenario":
+        from overtaking.recordings.openscenario_write import write_openscenario
+
+        write = partial(write_openscenario, events=events)
     else:
         from overtaking.recordings.highd_write import write_highd as write
     rows = done = 0

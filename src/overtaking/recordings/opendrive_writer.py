@@ -1,4 +1,4 @@
-"""One straight road as OpenDRIVE, for simulators that read nothing else.
+"""One straight road as OpenDRIVE, for simulators and for scenarios in OpenSCENARIO.
 
 The reference line is the road's own, so that stations, offsets and lane ids are the same in the
 file; where lane ids say that traffic runs against the line, the line runs the other way.
@@ -34,7 +34,7 @@ class _Strip(NamedTuple):
 
 
 def write_opendrive(road: Road, *, road_id: str = "1") -> str:
-    """The text of an OpenDRIVE 1.4 file with one road.
+    """The text of an OpenDRIVE 1.7 file with one road.
 
     Args:
         road: The road. `read_opendrive` gives it back, under the name of the file.
@@ -55,21 +55,22 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
     side = "right" if right else "left"
     name = quoteattr(road.name)
     rule = "RHT" if road.driving_side is DrivingSide.RIGHT else "LHT"
-    lanes = "".join(_lane(strip) for strip in (strips if right else reversed(strips)))
-    centre = f"<center>{_lane(_Strip(0, 'none', 0.0, _centre_mark(road)))}</center>"
-    group = f"<{side}>{lanes}</{side}>"
-    section = centre + group if right else group + centre
     stations = [0.0, road.length - _TAIL] if road.length > 2.0 * _TAIL else [0.0]
-    sections = "".join(
-        f'<laneSection s="{station!r}">{section}</laneSection>\n' for station in stations
-    )
+    links = [("successor",), ("predecessor",)] if len(stations) > 1 else [()]
+    ordered = strips if right else strips[::-1]
+    centre = f"<center>{_lane(_Strip(0, 'none', 0.0, _centre_mark(road)))}</center>"
+    sections = ""
+    for station, linked in zip(stations, links, strict=True):
+        group = f"<{side}>{''.join(_lane(strip, linked) for strip in ordered)}</{side}>"
+        section = centre + group if right else group + centre
+        sections += f'<laneSection s="{station!r}">{section}</laneSection>\n'
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
-        f'<OpenDRIVE><header revMajor="1" revMinor="4" name={name} version="1.00">'
+        f'<OpenDRIVE><header revMajor="1" revMinor="7" name={name} version="1.00">'
         f"<geoReference><![CDATA[{_NO_PLACE}]]></geoReference></header>\n"
         f'<road name={name} length="{road.length!r}" id={quoteattr(road_id)} junction="-1"'
         f' rule="{rule}">\n'
-        f'<type s="0" type={quoteattr(road.kind)}><speed max="{limit!r}" unit="km/h"/></type>\n'
+        f'<type s="0" type={quoteattr(road.kind)}><speed max="{limit:.13g}" unit="km/h"/></type>\n'
         f'<planView><geometry s="0" x="{x!r}" y="{y!r}" hdg="{heading!r}"'
         f' length="{road.length!r}"><line/></geometry></planView>\n'
         '<elevationProfile><elevation s="0" a="0" b="0" c="0" d="0"/></elevationProfile>\n'
@@ -131,8 +132,10 @@ def _centre_mark(road: Road) -> RoadMark:
     return inner.reversed if innermost.lane_id < 0 else inner
 
 
-def _lane(strip: _Strip) -> str:
-    """The element of a lane; the centre lane has no width."""
+def _lane(strip: _Strip, linked: tuple[str, ...] = ()) -> str:
+    """The element of a lane, which goes on in other sections if it has a width."""
+    links = "".join(f'<{name} id="{strip.lane_id}"/>' for name in linked)
+    link = f"<link>{links}</link>" if links and strip.width else ""
     width = f'<width sOffset="0" a="{strip.width!r}" b="0" c="0" d="0"/>' if strip.lane_id else ""
     mark = (
         f'<roadMark sOffset="0" type="{_NAMES[strip.outer_mark]}" weight="standard"'
@@ -140,7 +143,7 @@ def _lane(strip: _Strip) -> str:
     )
     return (
         f'<lane id="{strip.lane_id}" type={quoteattr(strip.kind)} level="false">'
-        f"{width}{mark}</lane>\n"
+        f"{link}{width}{mark}</lane>\n"
     )
 
 

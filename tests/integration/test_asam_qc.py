@@ -1,0 +1,80 @@
+"""The checkers of ASAM find no issue in what we export."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import overtaking as ot
+from overtaking.knowledge.roads import ROAD_NAMES
+from overtaking.model.known_roads import known_road
+from overtaking.recordings.opendrive_writer import write_opendrive
+from overtaking.recordings.openscenario_write import write_openscenario
+
+pytestmark = pytest.mark.qc
+
+ROOT = Path(__file__).parents[2]
+
+
+def issues(folder: Path) -> subprocess.CompletedProcess[str]:
+    """What the checkers say of all files of a folder."""
+    script = ROOT / "benchmarks" / "oracles" / "asam_qc.py"
+    python = ROOT / ".venv-qc" / "bin" / "python"
+    command = [python, script, folder]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize(
+    "profile", ["pinto2023-physical", "pinto2023", "motorway", "motorway-risk"]
+)
+def test_scenarios_have_no_issue(profile: str, tmp_path: Path):
+    runs = ot.simulate(ot.sample(profile, 3, seed=2))
+    write_openscenario(runs, np.arange(3), tmp_path, events={1: {"attempt": 2.0}})
+    said = issues(tmp_path)
+    assert said.returncode == 0, said.stdout + said.stderr
+    assert "6 files" in said.stdout
+
+
+def test_a_scenario_with_vehicles_that_come_and_go_has_no_issue(tmp_path: Path):
+    run = ot.simulate(ot.sample("pinto2023-physical", 1, seed=2))
+    present = run.state_valid.copy()
+    present[0, 1:, ::7] = False
+    unknown = frozenset(["weather", "kinds", "bodies", "indicators"])
+    write_openscenario(run.replace(present=present, unknown=unknown), np.array([0]), tmp_path)
+    said = issues(tmp_path)
+    assert said.returncode == 0, said.stdout + said.stderr
+
+
+def test_every_road_has_no_issue(tmp_path: Path):
+    for name in ROAD_NAMES:
+        road = known_road(name)
+        lanes = tuple(dataclasses.replace(lane, lane_id=-lane.lane_id) for lane in road.lanes)
+        turned = {"slow_side_neighbour": None, "fast_side_neighbour": None, "lanes": lanes}
+        for kind, one in {
+            "": road,
+            "-left": road.mirrored(),
+            "-turned": dataclasses.replace(road, **turned),
+            "-short": dataclasses.replace(road, length=12.0),
+        }.items():
+            (tmp_path / f"{name}{kind}.xodr").write_text(write_opendrive(one), encoding="utf-8")
+    said = issues(tmp_path)
+    assert said.returncode == 0, said.stdout + said.stderr
+
+
+def test_an_issue_is_found(tmp_path: Path):
+    write_openscenario(ot.simulate(ot.sample("pinto2023", 1, seed=2)), np.array([0]), tmp_path)
+    file = tmp_path / "simulation-000000.xosc"
+    text = file.read_text(encoding="utf-8")
+    wrong = text.replace(
+        'Actors selectTriggeringEntities="false"><EntityRef entityRef="ego"',
+        'Actors selectTriggeringEntities="false"><EntityRef entityRef="nobody"',
+    )
+    assert wrong != text
+    file.write_text(wrong, encoding="utf-8")
+    said = issues(tmp_path)
+    assert said.returncode == 1
+    assert "nobody" in said.stdout
