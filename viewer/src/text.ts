@@ -1,8 +1,8 @@
 // All that is told of a simulation as text: what `overtaking show` prints.
 
-import { believedAt, isBroken, isCounted, lawOrder, signed, stageAt } from "./board.ts";
+import { isBroken, isCounted, lawOrder, signed, stageAt } from "./board.ts";
 import type { Run, Words } from "./bundle.ts";
-import { pose } from "./bundle.ts";
+import { believedAt, pose } from "./bundle.ts";
 import { h, table } from "./dom.ts";
 
 const KMH = 3.6;
