@@ -4,6 +4,7 @@ import type { Gaps, LawRow, Run, Words } from "./bundle.ts";
 import { chartRows, path } from "./charts.ts";
 import { h, svg, write } from "./dom.ts";
 import { fanRow } from "./fan.ts";
+import { signed } from "./numbers.ts";
 import { policyRow } from "./policies.ts";
 import { type Needs, plot, type Row, row, xOf } from "./row.ts";
 
@@ -199,8 +200,4 @@ function axisRow(needs: Needs): Row {
     ticks.push(svg("text", { x: place, y: 18, class: "tick-text", "text-anchor": anchor }, t ? `${t}` : "0 s"));
   }
   return row(h("div", { class: "label" }, h("small", {}, "time s")), plot(needs, 22, ...ticks), "axis");
-}
-
-export function signed(value: number, digits: number): string {
-  return `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(digits)}`;
 }

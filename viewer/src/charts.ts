@@ -2,6 +2,7 @@
 
 import { believedAt, type Gaps, type Run } from "./bundle.ts";
 import { h, svg, write } from "./dom.ts";
+import { plain } from "./numbers.ts";
 import { type Needs, plot, type Row, row, xOf } from "./row.ts";
 
 interface Line {
@@ -121,9 +122,4 @@ export function scale(least: number, most: number, rules?: number[]): [number, n
   const high = Math.max(Math.ceil(most / step) * step, low + step);
   const ticks = Array.from({ length: Math.round((high - low) / step) + 1 }, (_, k) => low + k * step);
   return [low, high, ticks];
-}
-
-// Without the sign of a zero.
-function plain(value: number, digits: number): string {
-  return (Number(value.toFixed(digits)) || 0).toFixed(digits).replace("-", "−");
 }

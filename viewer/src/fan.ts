@@ -103,5 +103,6 @@ function mark(of: { colour: string; marker: string }, x: number, y: number): SVG
   };
   const shape = shapes[of.marker];
   if (!shape) return svg("circle", { ...look, cx: x, cy: y, r });
-  return svg("path", { ...look, d: shape, ...(of.marker === "X" ? { stroke: of.colour } : {}) });
+  const path = svg("path", { ...look, d: shape });
+  return of.marker === "X" ? svg("g", { stroke: of.colour }, svg("path", { class: "mark cross", d: shape })) : path;
 }

@@ -23,6 +23,7 @@ export function telling(shown: () => Shown | null, redraw: () => void, seek: (fr
   const title = h("h1", { tabindex: -1 });
   const about = h("div", { class: "about" });
   const said = h("p", { id: "now", role: "status", "aria-live": "polite" });
+  const futures = h("p", { id: "futures", class: "unseen", role: "status", "aria-live": "polite" });
   const changes = h("section", { id: "branches", "aria-label": "What if", "aria-live": "polite" });
   const place = h("div", { id: "board" });
   const card = h("div", { id: "rule", class: "card", role: "status" });
@@ -76,10 +77,10 @@ export function telling(shown: () => Shown | null, redraw: () => void, seek: (fr
   // The moment in words.
   function tellTime(here: Shown, by: Reader): string {
     chart?.update(here.frame);
-    const futures = here.fan && !here.state.playing ? ` ${fanWords(here.fan, here.state.t)}` : "";
+    if (!here.state.playing) write(futures, here.fan ? fanWords(here.fan, here.state.t) : "");
     const text = now(by, here.frame);
     said.setAttribute("aria-live", here.state.playing ? "off" : "polite");
-    write(said, text + futures);
+    write(said, text);
     if (table.open && !here.state.playing) table.replaceChildren(table.firstElementChild!, numbers(by, here.frame));
     return text;
   }
@@ -91,5 +92,5 @@ export function telling(shown: () => Shown | null, redraw: () => void, seek: (fr
     layBoard(here);
     redraw();
   }).observe(place);
-  return { heading: h("div", { class: "heading" }, title, about), parts: [said, changes, place, table, tellings], lay, tellTime, tellRule };
+  return { heading: h("div", { class: "heading" }, title, about), parts: [said, futures, changes, place, table, tellings], lay, tellTime, tellRule };
 }

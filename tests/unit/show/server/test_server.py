@@ -367,6 +367,44 @@ def test_other_pages_cannot_ask(
     assert client.ask("POST", path, {}, **wrong)[0] == status
 
 
+LONG = ["/api/runs/0/branches", "/api/runs/0/fan"]
+MARKUP = "<img src=x onerror=alert(1)>"
+
+
+@pytest.mark.parametrize("path", LONG)
+def test_nothing_is_computed_for_others(client: Client, path: str):
+    asked = branches({"frame": 1, "decision": "STAY"}) if "branches" in path else {}
+    for wrong, status in (
+        ({"Cookie": None}, 401),
+        ({"Cookie": "overtaking-1=x"}, 401),
+        ({"Host": "evil.example"}, 421),
+        ({"Sec_Fetch_Site": "cross-site"}, 403),
+    ):
+        assert client.ask("POST", path, asked, **wrong)[0] == status
+    assert client.ask("GET", path)[0] == 405
+    assert client.ask("POST", path, b" " * (MOST_BYTES + 1))[0] == 413
+    for number in ("60", "-1", "1e3", "%2e%2e%2fdataset.json", "9" * 5000, "%D9%A1"):
+        assert client.ask("POST", path.replace("0", number, 1), asked)[0] == 404
+
+
+@pytest.mark.parametrize(
+    ("path", "asked"),
+    [
+        ("/api/runs/0/fan", {"policy": MARKUP}),
+        ("/api/runs/0/fan", {"given": MARKUP}),
+        ("/api/runs/0/branches", branches({"frame": 1, "weather": MARKUP})),
+        ("/api/runs/0/branches", branches({"frame": 1, "decision": MARKUP})),
+    ],
+)
+def test_markup_comes_back_as_json_that_no_browser_renders(
+    client: Client, path: str, asked: dict[str, Any]
+):
+    status, told, headers = client.ask("POST", path, asked)
+    assert (status, set(told)) == (400, {"error"})
+    assert headers["content-type"] == "application/json"
+    assert headers["x-content-type-options"] == "nosniff"
+
+
 def test_the_token_opens_once(data: Dataset):
     with serving(data) as url:
         client = Client(url)
