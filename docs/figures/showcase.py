@@ -2,10 +2,10 @@
 
     python docs/figures/showcase.py
 
-writes `film.webp`, `report.png`, `view-light.webp` and `view-dark.webp` beside this file, from one
-simulated data set. Their bytes depend on the versions of Matplotlib, Pillow and Chromium, so
+writes `film.webp`, `report.png` and the pictures of the page, `view-*.webp`, beside this file, from
+one simulated data set. Their bytes depend on the versions of Matplotlib, Pillow and Chromium, so
 nothing compares them; make them anew when what they show looks different. The first two are cards
-with a margin of their own, for a light and a dark page. The last two need Chromium.
+with a margin of their own, for a light and a dark page. The pages need Chromium.
 """
 
 from __future__ import annotations
@@ -13,8 +13,10 @@ from __future__ import annotations
 import io
 import shutil
 import tempfile
+import threading
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from PIL import Image, ImageDraw
 
@@ -23,14 +25,15 @@ from overtaking.analysis.stats.diagrams import diagram
 from overtaking.analysis.stats.distributions import typical
 from overtaking.show.plots.style import to_png
 from overtaking.show.report import gallery
+from overtaking.show.server.running import Server
 from overtaking.show.video.jobs import jobs
 from overtaking.show.video.produce import film_of
 from overtaking.show.video.scene import RATE as FILM_RATE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Generator, Iterator
 
-    from playwright.sync_api import ViewportSize
+    from playwright.sync_api import Page, ViewportSize
 
     from overtaking.data.load import Dataset
     from overtaking.show.report.gallery import Picture
@@ -47,8 +50,18 @@ FIRST_S, LAST_S = 0.0, 12.0
 """What of the film is shown."""
 
 VIEWED, MOMENT = [0, 2, 3, 4, 7, 8, 10, 14, 20, 29, 40, 47], "#sim=20&t=3.5"
+SERVED: dict[str, tuple[str, Literal["light", "dark"], int]] = {
+    "list": ("", "dark", 0),
+    "what-if": ("#sim=3&t=4&if=STAY@1,STAY@1~PULL_OUT@3.5", "light", 150),
+    "fan": ("#sim=138&t=3&fan=belief", "dark", 185),
+}
+"""Of the served page: link, colours, and how far it is scrolled [px]."""
+
 WINDOW: ViewportSize = {"width": 1280, "height": 960}
 """What is seen of the page."""
+
+SETTLED_MS = 3000
+"""Until thumbnails are drawn, and pages laid out."""
 
 GAP, CARD, CORNER = 18, 760, 14  # Pixels.
 
@@ -127,19 +140,49 @@ def views(data: Dataset, folder: Path) -> Iterator[tuple[str, bytes]]:
     from playwright.sync_api import sync_playwright
 
     page = overtaking.write_view(data, folder / "page.html", simulations=VIEWED)
-    with sync_playwright() as playwright:
+    with sync_playwright() as playwright, serving(data) as url:
         browser = playwright.chromium.launch(
             executable_path=shutil.which("chromium"), args=["--no-sandbox", "--disable-gpu"]
         )
         for scheme in ("light", "dark"):
             shown = browser.new_page(color_scheme=scheme, viewport=WINDOW)
             shown.goto(page.path.as_uri() + MOMENT)
-            shown.wait_for_selector(".board")
-            with Image.open(io.BytesIO(shown.screenshot())) as picture:
-                buffer = io.BytesIO()
-                picture.convert("RGB").save(buffer, "WEBP", quality=82, method=6)
-            yield f"view-{scheme}.webp", buffer.getvalue()
+            yield f"view-{scheme}.webp", shot(shown)
+        shown = browser.new_page(viewport=WINDOW)
+        shown.goto(url)
+        for name, (link, scheme, scrolled) in SERVED.items():
+            shown.wait_for_selector("main", state="attached")  # The token has been used then.
+            shown.emulate_media(color_scheme=scheme)
+            shown.goto("about:blank")
+            shown.goto(url.partition("#")[0] + link)
+            yield f"view-{name}.webp", shot(shown, scrolled)
         browser.close()
+
+
+def shot(page: Page, scrolled: int = 0) -> bytes:
+    """The window once nothing is awaited, as WebP."""
+    page.wait_for_selector("main", state="attached")
+    page.wait_for_timeout(SETTLED_MS)
+    page.wait_for_selector("[aria-busy=true]", state="detached")
+    page.evaluate("(y) => scrollTo(0, y)", scrolled)
+    page.wait_for_timeout(SETTLED_MS)
+    with Image.open(io.BytesIO(page.screenshot())) as picture:
+        buffer = io.BytesIO()
+        picture.convert("RGB").save(buffer, "WEBP", quality=82, method=6)
+    return buffer.getvalue()
+
+
+@contextmanager
+def serving(data: Dataset) -> Generator[str]:
+    """The address of a server that ends with the context."""
+    server = Server(data, "paper", 0)
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        yield server.url
+    finally:
+        server.stop()
+        thread.join()
 
 
 def main() -> None:

@@ -18,6 +18,7 @@ from tests.support.serving import Client, serving
 
 import overtaking as ot
 from overtaking.cli import main
+from overtaking.model.labels import OvertakeClass
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.ci
 
 ROWS = ".simulations tbody tr"
+EVERYTHING = "#sim=3&t=3&against=strict&if=STAY@1,STAY@1~PULL_OUT@3&vs=8&fan=truth"
 
 
 @pytest.fixture(scope="module")
@@ -213,6 +215,83 @@ def test_what_if_says_what_changes_and_survives_a_reload(browser: Browser, url: 
         assert page.evaluate(picture) != with_branches
 
 
+def test_a_branch_goes_on_from_a_branch(browser: Browser, url: str, key: Any):
+    with at(browser, url, key, "#sim=3&t=1") as page:
+        page.click("#what-if [data-what=STAY]")
+        card = page.locator("article.branch")
+        expect(card).to_have_count(1)
+        page.select_option("#base", label="in branch a")
+        page.fill("#seconds", "3.5")
+        page.press("#seconds", "Enter")
+        page.click("#what-if [data-what=PULL_OUT]")
+        expect(card).to_have_count(2)
+        expect(card.nth(1)).to_contain_text("stay at 1.00 s, then pull out at 3.50 s")
+        before = state(page)
+        assert before["link"].endswith("t=3.5&if=STAY@1,STAY@1~PULL_OUT@3.5")
+        page.reload()
+        expect(card).to_have_count(2)
+        assert state(page) == before
+
+
+def test_a_link_names_what_is_still_computed(browser: Browser, url: str, key: Any):
+    with at(browser, url, key, "#sim=3&t=1") as page:
+        held: list[Any] = []
+        page.route("**/branches", lambda route: held.append(route))
+        page.click("#what-if [data-what=STAY]")
+        expect(page).to_have_url(re.compile("if=STAY@1$"))
+        expect(page.locator("main[aria-busy=true]")).to_have_count(1)
+        assert page.locator("article.branch").count() == 0
+        held[0].continue_()
+        expect(page.locator("article.branch")).to_have_count(1)
+
+
+def test_futures_of_a_start_are_told_with_intervals(
+    browser: Browser, url: str, key: Any, data: Dataset
+):
+    with at(browser, url, key, "#sim=3&t=1.5") as page:
+        for given, words in (("truth", "hindsight"), ("belief", "its decision")):
+            page.keyboard.press("f")
+            panel = page.locator(".stage .futures")
+            expect(panel).to_contain_text(words)
+            fan = ot.fan(data, 3, given=given)
+            place = fan.time.tolist().index(1.5)
+            for code in OvertakeClass:
+                share, (low, high) = fan.shares[place, code], fan.interval(code)[place]
+                text = f"{code.title} {100 * share:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
+                assert (text in panel.inner_text()) == (share >= 0.005)
+                assert (text in page.inner_text("#futures")) == (share >= 0.005)
+            assert words in page.inner_text(".fan-about")
+        before = state(page)
+        assert before["link"].endswith("&fan=belief")
+        page.reload()
+        page.wait_for_selector(".fan-about")
+        assert state(page) == before
+        page.keyboard.press("f")
+        expect(panel).to_be_hidden()
+
+
+def test_two_policies_are_side_by_side(
+    browser: Browser, url: str, key: Any, data: Dataset, capsys: pytest.CaptureFixture[str]
+):
+    assert main(["show", data.where, "3", "--json"]) == 0
+    policies = json.loads(capsys.readouterr().out)["policies"]
+    with at(browser, url, key, "#sim=3&t=1") as page:
+        page.select_option("select[aria-label='Another policy beside it']", "strict")
+        assert page.locator(".policy-row").count() == 2
+        told = page.inner_text("#difference")
+        only = set(policies["strict"]["broken"]) - set(policies["paper"]["broken"])
+        assert only
+        assert all(f"{rule} " in told.partition("Only strict counts")[2] for rule in only)
+        assert policies["strict"]["class"] in page.inner_text("h1 .pair:last-child")
+        before = state(page)
+        assert "against=strict" in before["link"]
+        page.reload()
+        page.wait_for_selector(".policy-row")
+        assert state(page) == before
+        page.keyboard.press("v")
+        expect(page.locator(".policy-row")).to_have_count(0)
+
+
 def test_a_fifth_branch_is_refused_in_words(browser: Browser, url: str, key: Any):
     link = "#sim=3&t=1&if=STAY@1,PULL_OUT@1,ClearNoon@1,ClearNight@1"
     with at(browser, url, key, link) as page:
@@ -295,13 +374,14 @@ def test_wrong_links_are_told(browser: Browser, url: str, key: Any):
     context = browser.new_context(storage_state=key)
     page = context.new_page()
     page.goto(url.partition("#")[0] + "#sim=99999&class=%3Cimg%20src=x%20onerror=alert(1)%3E")
-    expect(page.locator(".failure").first).to_contain_text("expected 0 to 119")
+    expect(page.locator(".failure:visible").first).to_contain_text("expected 0 to 119")
+    expect(page.locator(".simulations")).to_be_visible()
     assert page.locator("img").count() == 0
     context.close()
 
 
 def test_on_a_phone_nothing_scrolls_sideways(browser: Browser, url: str, key: Any):
-    for link in ("", "#sim=3&t=4&if=STAY@1"):
+    for link in ("", EVERYTHING):
         with at(browser, url, key, link, viewport=PHONE, has_touch=True, is_mobile=True) as page:
             assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
 
@@ -315,7 +395,7 @@ def test_axe_finds_nothing(
     if not axe.exists():
         (pytest.fail if os.environ.get("CI") else pytest.skip)("axe-core is missing: make viewer")
     settings = {"color_scheme": scheme, "viewport": viewport, "bypass_csp": True}
-    for link in ("", "#class=Success_I&rule=L3", "#sim=3&t=3&if=STAY@1,HardRainNight@2&vs=8"):
+    for link in ("", "#class=Success_I&rule=L3", EVERYTHING):
         with at(browser, url, key, link, **settings) as page:
             if not link and viewport == PHONE:
                 page.click("aside .drawer > summary")

@@ -55,6 +55,23 @@ export interface EveryBelief {
   roles: { role: string; slot: Gaps; seen: number[]; s_mm: Gaps; d_mm: Gaps; gap_mm: Gaps; true_gap_mm: Gaps; length_mm: Gaps; width_mm: Gaps }[];
 }
 
+// What becomes of an overtake that is begun at each instant.
+export interface Fan {
+  given: "truth" | "belief";
+  title: string;
+  about: string;
+  policy: string;
+  pulled_out_s: number | null; // As it was.
+  instants: Instant[];
+}
+
+export interface Instant {
+  told_s: number;
+  pulls_out_s: number | null;
+  futures: number;
+  shares: Record<string, { share: number | null; low: number | null; high: number | null }>; // By class; null with too few.
+}
+
 export type Gaps = (number | null)[];
 
 export interface Packed {
@@ -280,6 +297,13 @@ export function ghostsAt(run: Run, seconds: number): Ghost[] | null {
       },
     ];
   });
+}
+
+// The gap to the vehicle ahead as the driver believes it; null if it sees none.
+export function believedAt(run: Run, frame: number): number | null {
+  const role = run.every?.roles.find((one) => one.role === "lead");
+  const gap = role?.gap_mm[Math.floor((Math.round(frame) * run.interval * 1000) / run.every!.interval_ms + 1e-6)];
+  return gap == null ? null : gap / 1000;
 }
 
 // Where a vehicle is at a frame that may lie between two recorded ones; null if it is not there.

@@ -63,3 +63,13 @@ export function table(caption: string, head: string[], rows: Child[][]): HTMLEle
     ),
   );
 }
+
+export function button(label: string, text: string, click: () => void, key = ""): HTMLButtonElement {
+  return h("button", { type: "button", "aria-label": label, title: key ? `${label} (${key})` : label, click }, text);
+}
+
+export function select(label: string, options: [string, string][], change: (value: string) => void): HTMLSelectElement {
+  const list = h("select", { "aria-label": label, title: label }, ...options.map(([value, text]) => h("option", { value }, text)));
+  list.addEventListener("change", () => change(list.value));
+  return list;
+}

@@ -2,6 +2,7 @@
 
 export const CAMERAS = ["ego", "target", "all"] as const;
 export const STRETCHES = [1, 2, 3] as const;
+export const GIVEN = ["truth", "belief"] as const;
 export const ORDERS = ["number", "duration", "margin"] as const;
 
 // Properties of which any of the chosen values may be met; of `rules` all must be broken.
@@ -23,12 +24,14 @@ export interface Moment {
   sim: number | null; // None: the list alone.
   t: number; // [s]
   policy: string;
+  against: string | null; // Another policy beside it.
   cam: (typeof CAMERAS)[number];
   stretch: number;
   ghosts: boolean;
   choice: Choice;
-  branches: Change[];
+  branches: Change[][]; // Each has one change, or several in turn.
   beside: number | null; // Another simulation on the same clock.
+  fan: (typeof GIVEN)[number] | null; // What the futures of a start at each instant share.
 }
 
 // What is otherwise from an instant on: a decision or a weather.
@@ -38,6 +41,8 @@ export interface Change {
 }
 
 export const MOST_BRANCHES = 4;
+export const MOST_CHANGES = 4; // Of one branch.
+const THEN = "~"; // Between the changes of a branch.
 
 export function noChoice(): Choice {
   return { classes: [], rules: [], weather: [], light: [], ego: [], overtaken: [], margin: null, sql: "", order: "number", descending: false, first: 0 };
@@ -48,6 +53,11 @@ export function conditions(choice: Choice): number {
   return FACETS.filter((one) => choice[one].length).length + (choice.margin ? 1 : 0) + (choice.sql ? 1 : 0);
 }
 
+// The moment at which another simulation of the same list begins.
+export function beginning(moment: Moment, sim: number | null): Moment {
+  return { ...moment, sim, t: 0, branches: [], beside: null, fan: null };
+}
+
 export function print(moment: Moment, policy: string): string {
   const parts: string[] = [];
   const say = (name: string, value: string | number): number => parts.push(`${name}=${encodeURIComponent(value).replaceAll("%2C", ",").replaceAll("%40", "@").replaceAll("%3A", ":")}`);
@@ -56,11 +66,13 @@ export function print(moment: Moment, policy: string): string {
     say("t", short(moment.t));
   }
   if (moment.policy !== policy) say("policy", moment.policy);
+  if (moment.against !== null) say("against", moment.against);
   if (moment.cam !== "ego") say("cam", moment.cam);
   if (moment.stretch !== 1) say("stretch", moment.stretch);
   if (!moment.ghosts) say("ghosts", 0);
-  if (moment.branches.length) say("if", moment.branches.map((one) => `${one.what}@${short(one.t)}`).join(","));
+  if (moment.branches.length) say("if", moment.branches.map((one) => one.map(({ what, t }) => `${what}@${short(t)}`).join(THEN)).join(","));
   if (moment.beside !== null) say("vs", moment.beside);
+  if (moment.fan) say("fan", moment.fan);
   const { choice } = moment;
   for (const facet of FACETS) if (choice[facet].length) say(NAMES[facet], choice[facet].join(","));
   if (choice.margin) say("margin", `${choice.margin.rule}:${choice.margin.least ?? ""}:${choice.margin.most ?? ""}`);
@@ -75,17 +87,20 @@ function short(value: number): string {
 }
 
 // What a link says; what it leaves open or what cannot be, is left out.
-export function parse(hash: string): Partial<Moment> & { choice: Choice; branches: Change[]; token?: string } {
+export function parse(hash: string): Partial<Moment> & { choice: Choice; branches: Change[][]; token?: string } {
   const said = new URLSearchParams(hash.replace(/^#/, ""));
   const number = (name: string): number => Number(said.get(name)?.trim() || NaN);
   const whole = (name: string): number | null => (Number.isSafeInteger(number(name)) && number(name) >= 0 ? number(name) : null);
-  const found: ReturnType<typeof parse> = { choice: parseChoice(said), branches: parseChanges(said.get("if") ?? "") };
+  const found: ReturnType<typeof parse> = { choice: parseChoice(said), branches: parseBranches(said.get("if") ?? "") };
   const cam = CAMERAS.find((one) => one === said.get("cam"));
+  const fan = GIVEN.find((one) => one === said.get("fan"));
   const stretch = said.has("stretch") ? number("stretch") : 1;
   if (whole("sim") !== null) found.sim = whole("sim");
   if (number("t") >= 0) found.t = number("t");
   if (STRETCHES.some((one) => one === stretch)) found.stretch = stretch;
   if (said.has("policy")) found.policy = said.get("policy")!;
+  if (said.has("against")) found.against = said.get("against");
+  if (fan) found.fan = fan;
   if (cam) found.cam = cam;
   if (whole("vs") !== null) found.beside = whole("vs");
   if (said.has("token")) found.token = said.get("token")!;
@@ -112,11 +127,13 @@ export function bound(text: string | undefined): number | null {
   return Number.isFinite(value) ? value : null;
 }
 
-function parseChanges(text: string): Change[] {
-  const changes = text.split(",").flatMap((one) => {
-    const [what, t] = one.split("@");
-    const seconds = bound(t);
-    return what && /^\w+$/.test(what) && seconds !== null && seconds >= 0 ? [{ what, t: seconds }] : [];
-  });
-  return changes.slice(0, MOST_BRANCHES);
+function parseBranches(text: string): Change[][] {
+  const branches = text.split(",").map((one) => one.split(THEN).flatMap(parseChange).slice(0, MOST_CHANGES));
+  return branches.filter((one) => one.length).slice(0, MOST_BRANCHES);
+}
+
+function parseChange(text: string): Change[] {
+  const [what, t] = text.split("@");
+  const seconds = bound(t);
+  return what && /^\w+$/.test(what) && seconds !== null && seconds >= 0 ? [{ what, t: seconds }] : [];
 }

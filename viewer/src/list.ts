@@ -1,19 +1,100 @@
-// The narrow list beside a simulation: a part of those that the choice leaves.
+// The list of simulations: what is asked for, and the narrow one beside a simulation.
 
 import type { Row, Words } from "./bundle.ts";
-import { h, write } from "./dom.ts";
-import { conditions, type Moment, print } from "./link.ts";
+import { busy, h, write } from "./dom.ts";
+import { beginning, conditions, type Moment, print } from "./link.ts";
+import type { Overview } from "./overview.ts";
 import { type Listed, PAGE, type Source } from "./source.ts";
+import type { Store } from "./state.ts";
 import { chip } from "./text.ts";
 
+const READING_DELAY = 400; // [ms]; until the list is asked for again while its data set is read.
+
 export interface List {
+  element: HTMLElement;
+  // Ask for what the state wants, unless it is there; tell what is there.
+  want: () => void;
+  // The same, and the part that has a simulation.
+  around: (sim: number) => void;
+  // The number of the simulation before or after, also beyond the part that is there.
+  beside: (way: 1 | -1) => Promise<number | undefined>;
+  focus: () => void;
+}
+
+export function list(source: Source, store: Store, all: Overview): List {
+  const filter = h("select", { id: "filter" });
+  const rows = h("ol", { class: "runs" });
+  const count = h("p", { class: "quiet", role: "status" });
+  const toAll = h("a", { id: "all", href: "#" }, "‹ All simulations and filters");
+  const isWide = !matchMedia("(max-width: 60rem)").matches;
+  const drawer = h("details", { class: "drawer", open: isWide }, h("summary", {}, "Simulations"), h("div", {}, source.server ? toAll : null, h("label", { for: "filter" }, "Class"), filter, count, rows));
+  filter.addEventListener("change", () => store.change({ choice: { ...store.state.choice, first: 0, classes: filter.value ? [filter.value] : [] } }));
+  let listed: Listed | null = null;
+  let asked = ""; // What the list was asked for last.
+  let asking = 0;
+  let latest = Promise.resolve();
+
+  const key = (): string => JSON.stringify([store.state.choice, store.state.policy]);
+
+  async function ask(around?: number): Promise<void> {
+    const ticket = ++asking;
+    asked = key();
+    try {
+      const found = await source.rows(store.state.choice, store.state.policy, around);
+      if (ticket !== asking) return;
+      listed = found;
+    } catch (error) {
+      if (ticket === asking) all.fail((error as Error).message);
+      return;
+    }
+    if (listed.first !== store.state.choice.first) {
+      const choice = { ...store.state.choice, first: listed.first };
+      asked = JSON.stringify([choice, store.state.policy]);
+      store.change({ choice });
+    }
+    tell();
+    if (listed.read < listed.total && !listed.failure) setTimeout(() => ticket === asking && void ask(around), READING_DELAY);
+  }
+
+  const askBusy = (around?: number): Promise<void> => (latest = busy([all.rows, rows], ask(around)));
+
+  function tell(): void {
+    if (!listed) return;
+    if (store.state.sim === null) return all.tell(listed, store.state);
+    toAll.href = print(beginning(store.state, null), source.policy);
+    tellList({ filter, rows, count }, source, listed, store.state);
+  }
+
+  return {
+    element: h("nav", { "aria-label": "Simulations" }, drawer),
+    want: () => (key() === asked ? tell() : void askBusy()),
+    around: (sim) => (key() === asked && (!listed || listed.rows.some((one) => one.number === sim)) ? tell() : void askBusy(sim)),
+    beside: async (way) => {
+      if (!listed) return undefined;
+      const place = listed.rows.findIndex((one) => one.number === store.state.sim);
+      const next = listed.rows[place + way];
+      if (next) return next.number;
+      const first = beyond(listed, way);
+      if (first === null) return listed.found <= listed.rows.length ? listed.rows.at(way > 0 ? 0 : -1)?.number : undefined;
+      store.change({ choice: { ...store.state.choice, first } });
+      await latest;
+      return listed.rows.at(way > 0 ? 0 : -1)?.number;
+    },
+    focus: () => {
+      drawer.open = true;
+      filter.focus();
+    },
+  };
+}
+
+interface Places {
   filter: HTMLSelectElement;
   rows: HTMLElement;
   count: HTMLElement;
 }
 
 // Fills the list. A class that no simulation has under the policy is not in the filter.
-export function tellList(list: List, source: Source, listed: Listed, moment: Moment): void {
+function tellList(list: Places, source: Source, listed: Listed, moment: Moment): void {
   const { words } = source;
   const counts = listed.counts.classes;
   const names = Object.keys(words.classes).filter((name) => counts[name] || moment.choice.classes.includes(name));
@@ -35,7 +116,7 @@ export function tellList(list: List, source: Source, listed: Listed, moment: Mom
 }
 
 function row(entry: Row, words: Words, moment: Moment, policy: string): HTMLElement {
-  const where = print({ ...moment, sim: entry.number, t: 0, branches: [] }, policy);
+  const where = print(beginning(moment, entry.number), policy);
   return h(
     "li",
     {},
@@ -49,7 +130,7 @@ function row(entry: Row, words: Words, moment: Moment, policy: string): HTMLElem
   );
 }
 
-export function about(entry: Row): string {
+function about(entry: Row): string {
   return [entry.weather, `${entry.duration_s.toFixed(0)} s`].filter(Boolean).join(", ");
 }
 

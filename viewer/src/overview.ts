@@ -2,7 +2,7 @@
 
 import type { Row, Thumbnail, Words } from "./bundle.ts";
 import { h, svg, table, write } from "./dom.ts";
-import { bound, type Choice, conditions, type Facet, FACETS, type Moment, noChoice, ORDERS, print } from "./link.ts";
+import { beginning, bound, type Choice, conditions, type Facet, FACETS, type Moment, noChoice, ORDERS, print } from "./link.ts";
 import { beyond, thousands } from "./list.ts";
 import type { Answer, Listed, Source } from "./source.ts";
 import { chip } from "./text.ts";
@@ -16,7 +16,9 @@ export interface Overview {
   element: HTMLElement;
   rows: HTMLElement;
   tell: (listed: Listed, moment: Moment) => void;
+  // Of the list; of something else that was asked for, until the next choice.
   fail: (text: string) => void;
+  refuse: (text: string) => void;
   focus: () => void;
   step: (way: 1 | -1) => void;
 }
@@ -34,7 +36,11 @@ interface Value {
 export function overview(source: Source, change: (choice: Choice) => void): Overview {
   const { words } = source;
   let choice = noChoice();
-  const put = (part: Partial<Choice>): void => change({ ...choice, first: 0, ...part });
+  const trouble = h("p", { class: "failure", role: "alert" });
+  const put = (part: Partial<Choice>): void => {
+    write(trouble, "");
+    change({ ...choice, first: 0, ...part });
+  };
   const values = FACETS.flatMap((facet) => names(source, facet).map((name) => value(words, facet, name, () => put({ [facet]: chosen(facet) }))));
   const chosen = (facet: Facet): string[] => values.filter((one) => one.facet === facet && one.box.checked).map((one) => one.name);
   const groups = FACETS.map((facet) => {
@@ -68,6 +74,7 @@ export function overview(source: Source, change: (choice: Choice) => void): Over
       {},
       h("div", { class: "list-head" }, h("h1", { tabindex: -1 }, source.title), count, h("label", { class: "field", for: "order" }, "Sort "), order, h("label", { class: "check", for: "falling" }, falling, " falling")),
       failure,
+      trouble,
       h("div", { class: "wide", tabindex: 0, role: "region", "aria-label": "Simulations" }, h("table", { class: "simulations" }, h("thead", {}, h("tr", {}, ...head.map((one) => (one ? h("th", { scope: "col" }, one) : h("th", { scope: "col" }, h("span", { class: "unseen" }, "number")))))), body)),
       h("nav", { class: "pages", "aria-label": "Parts of the list" }, ...pages),
     ),
@@ -87,6 +94,7 @@ export function overview(source: Source, change: (choice: Choice) => void): Over
     element,
     rows: body,
     fail: (text) => write(failure, text),
+    refuse: (text) => write(trouble, text),
     focus: () => element.querySelector<HTMLElement>(".facet input")?.focus(),
     step: (way) => {
       const links = [...body.querySelectorAll("a")];
@@ -205,7 +213,7 @@ function told(found: Answer): Node[] {
 }
 
 function tableRow(one: Row, words: Words, moment: Moment, policy: string): HTMLElement {
-  const href = print({ ...moment, sim: one.number, t: 0, branches: [], beside: null }, policy);
+  const href = print(beginning(moment, one.number), policy);
   return h(
     "tr",
     {},

@@ -1,6 +1,6 @@
 // Where simulations come from: the page itself, or the server that sent it.
 
-import { open, unpack, type Bundle, type Entry, type EveryBelief, type Packed, type Row, type Run, type Thumbnail, type Words } from "./bundle.ts";
+import { open, unpack, type Bundle, type Entry, type EveryBelief, type Fan, type Packed, type Row, type Run, type Thumbnail, type Words } from "./bundle.ts";
 import { h } from "./dom.ts";
 import { FACETS, parse, type Choice, type Facet } from "./link.ts";
 
@@ -47,7 +47,8 @@ export interface Server {
   decisions: Record<string, string>;
   weathers: string[];
   beliefs: (number: number) => Promise<EveryBelief>;
-  branch: (number: number, frame: number, what: string) => Promise<Branched>;
+  branch: (number: number, changes: { what: string; frame: number }[]) => Promise<Branched>;
+  fan: (number: number, given: Fan["given"], policy: string) => Promise<Fan>;
   thumbnail: (number: number) => Promise<Thumbnail>;
   sql: (text: string) => Promise<Answer>;
 }
@@ -130,11 +131,12 @@ async function served(token: string | undefined): Promise<Source> {
       decisions: start.decisions,
       weathers: start.weathers,
       beliefs: (number) => ask(`runs/${number}/beliefs`),
-      branch: async (number, frame, what) => {
-        const named = what in start.decisions ? { decision: what } : { weather: what };
-        const told = await ask<Omit<Branched, "run"> & { run: Packed }>(`runs/${number}/branches`, { frame, ...named });
+      branch: async (number, changes) => {
+        const named = changes.map(({ what, frame }) => ({ frame, ...(what in start.decisions ? { decision: what } : { weather: what }) }));
+        const told = await ask<Omit<Branched, "run"> & { run: Packed }>(`runs/${number}/branches`, { changes: named });
         return { ...told, run: unpack(told.run) };
       },
+      fan: (number, given, policy) => ask(`runs/${number}/fan`, { given, policy }),
       thumbnail: (number) => ask(`runs/${number}/thumbnail`),
       sql: (text) => ask("sql", { sql: text }),
     },

@@ -1,9 +1,10 @@
 // All that is told of a simulation as text: what `overtaking show` prints.
 
-import { believedAt, isBroken, isCounted, lawOrder, signed, stageAt } from "./board.ts";
+import { isBroken, isCounted, lawOrder, stageAt } from "./board.ts";
 import type { Run, Words } from "./bundle.ts";
-import { pose } from "./bundle.ts";
+import { believedAt, pose } from "./bundle.ts";
 import { h, table } from "./dom.ts";
+import { plain, signed } from "./numbers.ts";
 
 const KMH = 3.6;
 const NEAR_EVENT = 0.26; // [s]
@@ -29,8 +30,8 @@ export function now(reader: Reader, frame: number): string {
   if (ego && target && other) parts.push(placeOf(run.vehicles[0]!.length, ego.s, other.s, target));
   const gap = run.gap[Math.round(frame)];
   const belief = run.every ? believedAt(run, frame) : undefined;
-  const told = belief === undefined ? "" : belief === null ? ", not seen" : `, believed ${belief.toFixed(1)} m`;
-  if (gap !== null && gap !== undefined) parts.push(`${gap.toFixed(1)} m to the next ahead${told}`);
+  const told = belief === undefined ? "" : belief === null ? ", not seen" : `, believed ${plain(belief, 1)} m`;
+  if (gap !== null && gap !== undefined) parts.push(`${plain(gap, 1)} m to the next ahead${told}`);
   const events = run.values.events.flatMap((one, k) =>
     Math.abs(one.time_s - time) < NEAR_EVENT ? [`E ${run.told.events[k]!.sentence}`] : [],
   );

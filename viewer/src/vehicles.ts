@@ -1,11 +1,13 @@
 // Vehicles from above: bodies, lamps, marks, names, and where they were believed to be.
 
 import type { Ghost, Pose, Vehicle, Words } from "./bundle.ts";
+import { plain } from "./numbers.ts";
 
 const LIGHTS = { left: 1, right: 2, brake: 4, low: 8, high: 16, fog: 32 };
 const GHOST_LASTS = 1.5; // [s]
 const TWO_WHEELER_WIDTH = 1.2; // [m]
 const SAME_LANE = 1.2; // [m]
+const SMALL = 4; // [px/m]; below it bodies are drawn without what is smaller than a pixel.
 const SAME_PLACE = 0.3; // [m]; what is nearer is not drawn twice.
 
 export interface Placed {
@@ -57,9 +59,14 @@ export function drawBeams(view: View, vehicle: Vehicle, at: Pose, words: Words):
 }
 
 export function drawVehicle(view: View, vehicle: Vehicle, at: Pose, words: Words, target: number | null): void {
-  const { c } = view;
+  const { c, scale } = view;
   const { length, width } = vehicle;
   inFrame(view, at, () => {
+    if (scale < SMALL) {
+      c.fillStyle = vehicle.paint;
+      c.fillRect(-length / 2, -width / 2, length, width);
+      return drawLamps(view, vehicle, at, words);
+    }
     const corner = Math.min(0.45, width * 0.25);
     c.fillStyle = view.night ? "#00000066" : "#00000038";
     rounded(c, -length / 2 - 0.12, -width / 2 + 0.1, length + 0.3, width + 0.2, corner);
@@ -202,8 +209,8 @@ export function drawGhost(view: View, ghost: Ghost, words: Words, own: Pose | un
   c.stroke();
   c.setLineDash([]);
   if (always && (!own || Math.abs(ghost.d_m - own.d) > SAME_LANE)) return c.restore();
-  const text = ghost.gap_m === null ? "not seen" : `believed ${ghost.gap_m.toFixed(0)} m`;
-  const truth = ghost.true_gap_m === null ? ", nobody there" : `, true ${ghost.true_gap_m.toFixed(0)} m`;
+  const text = ghost.gap_m === null ? "not seen" : `believed ${plain(ghost.gap_m, 0)} m`;
+  const truth = ghost.true_gap_m === null ? ", nobody there" : `, true ${plain(ghost.true_gap_m, 0)} m`;
   // On the other side than the name of the vehicle.
   const side = own && ghost.d_m < own.d - SAME_LANE ? -h / 2 - 9 : h / 2 + 18;
   tag(view, middle, y(ghost.d_m) + side, text + truth, "#ffffff", words.road.glass);

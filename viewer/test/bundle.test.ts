@@ -3,9 +3,10 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { brokenSpans, isBroken, scale } from "../src/board.ts";
+import { brokenSpans, isBroken } from "../src/board.ts";
 import { column, pose, sparse, type Vehicle } from "../src/bundle.ts";
-import { noChoice, parse, print, type Moment } from "../src/link.ts";
+import { scale } from "../src/charts.ts";
+import { MOST_BRANCHES, MOST_CHANGES, noChoice, parse, print, type Moment } from "../src/link.ts";
 
 test("columns are sums of their differences", () => {
   assert.deepEqual(column([5, 1, -2]), [5, 6, 4]);
@@ -44,14 +45,16 @@ const moment: Moment = {
   sim: 3,
   t: 4.25,
   policy: "strict",
+  against: "paper",
   cam: "all",
   stretch: 2,
   ghosts: false,
   choice,
-  branches: [{ what: "ABORT", t: 6.35 }, { what: "HardRainNight", t: 0 }],
+  branches: [[{ what: "ABORT", t: 6.35 }], [{ what: "HardRainNight", t: 0 }, { what: "STAY", t: 2.5 }]],
   beside: 42,
+  fan: "belief",
 };
-const plain: Moment = { sim: 3, t: 4.25, policy: "paper", cam: "ego", stretch: 1, ghosts: true, choice: noChoice(), branches: [], beside: null };
+const plain: Moment = { sim: 3, t: 4.25, policy: "paper", cam: "ego", stretch: 1, ghosts: true, choice: noChoice(), branches: [], beside: null, against: null, fan: null };
 
 test("a link says the moment that was printed", () => {
   assert.deepEqual(parse(print(moment, "paper")), moment);
@@ -61,8 +64,10 @@ test("a link says the moment that was printed", () => {
 });
 
 test("what a link cannot mean is left out", () => {
-  const found = parse("#sim=x&t=-1&cam=moon&stretch=9&policy=%3Cb%3E&if=a%3Cb@1,ABORT@x,STAY@-2&margin=L3:x:&from=-3&sort=moon&vs=1.5");
+  const found = parse("#sim=x&t=-1&cam=moon&stretch=9&policy=%3Cb%3E&if=a%3Cb@1,ABORT@x~,STAY@-2&fan=moon&margin=L3:x:&from=-3&sort=moon&vs=1.5");
   assert.deepEqual(found, { policy: "<b>", ghosts: true, branches: [], choice: { ...noChoice(), margin: { rule: "L3", least: null, most: null } } });
+  assert.deepEqual(parse("#if=STAY@1~x~ABORT@2,y").branches, [[{ what: "STAY", t: 1 }, { what: "ABORT", t: 2 }]]);
+  assert.equal(parse(`#if=${Array(9).fill("STAY@1~STAY@2~STAY@3~STAY@4~STAY@5").join(",")}`).branches.flat().length, MOST_BRANCHES * MOST_CHANGES);
   assert.deepEqual(parse(""), { stretch: 1, ghosts: true, branches: [], choice: noChoice() });
 });
 

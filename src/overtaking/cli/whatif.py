@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from overtaking.analysis.whatif.enough import Enough
-    from overtaking.analysis.whatif.fan import Fan
     from overtaking.analysis.whatif.twin import Twin
 
 Without = Annotated[
@@ -132,6 +131,7 @@ def fan(
     Prints the share of each class among many futures, with 95 % intervals.
     """
     from overtaking import api
+    from overtaking.show.futures import values_of_fan
 
     figure = arguments.figure_file(plot)
     with output.progress("instants") as meter:
@@ -238,43 +238,12 @@ def _parting(found: dict[str, Any] | None) -> str:
     return f"{text}; the ego {'never' if own is None else f'at {own:.2f} s'}"
 
 
-def values_of_fan(one: "Fan") -> dict[str, Any]:
-    """A fan as plain values."""
-    from overtaking.model.labels import OvertakeClass
-
-    instants = []
-    limits = {code: one.interval(code) for code in OvertakeClass if one.counts[:, code].any()}
-    for place, time in enumerate(one.time.tolist()):
-        enough = bool(one.is_enough[place])
-        instants.append(
-            {
-                "told_s": round(time, 3),
-                "pulls_out_s": _number(one.begun[place]),
-                "futures": int(one.futures[place]),
-                "tried": int(one.tried[place]),
-                "shares": {
-                    code.title: {
-                        "share": _number(one.shares[place, code]),
-                        "low": _number(rows[place, 0]) if enough else None,
-                        "high": _number(rows[place, 1]) if enough else None,
-                    }
-                    for code, rows in limits.items()
-                },
-            }
-        )
-    return {
-        "simulation": one.number,
-        "given": one.given,
-        "policy": one.policy,
-        "pulled_out_s": one.actual,
-        "instants": instants,
-    }
-
-
 def render_fan(values: dict[str, Any]) -> "RenderableType":
     """A fan as a table: a row for each instant."""
     from rich.console import Group
     from rich.text import Text
+
+    from overtaking.show.futures import GIVEN_WORDS
 
     names = list(values["instants"][0]["shares"]) if values["instants"] else []
     header = ["told [s]>", "pulls out [s]>", "futures>", *(f"{name} [%]>" for name in names)]
@@ -283,11 +252,7 @@ def render_fan(values: dict[str, Any]) -> "RenderableType":
         begun = "-" if one["pulls_out_s"] is None else f"{one['pulls_out_s']:.2f}"
         cells = [_share(one["shares"][name]) for name in names]
         rows.append([f"{one['told_s']:.2f}", begun, str(one["futures"]), *cells])
-    about = (
-        "the others as they are: hindsight"
-        if values["given"] == "truth"
-        else "by what the ego notices when it begins: its decision"
-    )
+    about = GIVEN_WORDS[values["given"]]
     head = f"P(class | start at t) of simulation {values['simulation']}, {about}"
     return Group(Text(head), drawn_rows(header, rows))
 

@@ -20,6 +20,7 @@ from overtaking.model.trajectory import (
 )
 from overtaking.model.vehicles import Role
 from overtaking.show import palette
+from overtaking.show.futures import fan_title
 from overtaking.show.plots.overtake import draw_along
 from overtaking.show.plots.style import lightened, new_figure, remark, styled, words
 
@@ -30,11 +31,6 @@ _LOOKS = (
     {"color": palette.ACCENT, "linewidth": 1.8, "linestyle": "-", "zorder": 2},
 )
 """The simulation as it was lies above its twin: while they are one, both are seen."""
-
-_GIVEN = {
-    "truth": "P(class | start at t), the others as they are: hindsight",
-    "belief": "P(class | start at t), by what the ego notices at its start: its decision",
-}
 
 
 @styled
@@ -138,7 +134,7 @@ def _draw_shares(axes: Axes, one: Fan) -> None:
         )  # fmt: skip
     axes.set_ylim(-0.02, 1.02)
     axes.set_ylabel(f"share, 95 % interval\n(policy {one.policy})")
-    axes.set_title(_GIVEN[one.given], pad=16)
+    axes.set_title(fan_title(one.given), pad=16)
     lacking = int((~one.is_enough).sum())
     if lacking:
         text = f"{lacking} of {len(one.time)} instants with fewer than {TOO_FEW} futures left out"

@@ -17,7 +17,7 @@ from starlette.routing import Route
 from overtaking.core.errors import NoSuchSimulationError, OvertakingError
 from overtaking.show.server.guard import SESSION, Guard, Keys
 from overtaking.show.server.library import FAULT
-from overtaking.show.server.wanted import Branch, Query, Rows, Token, asked
+from overtaking.show.server.wanted import Branch, Futures, Query, Rows, Token, asked
 from overtaking.show.view.page import shell
 
 if TYPE_CHECKING:
@@ -33,11 +33,11 @@ MOST_BYTES = 16_384
 """Of the body of a request."""
 
 MOST_BRANCHES = 4
-"""Branches that are computed or waited for at a time."""
+"""Branches and fans that are computed or waited for at a time."""
 
 _DIGITS = re.compile(r"[0-9]{1,15}", re.ASCII)
 _USED = "this address has been used: go on in the browser that used it, or start the command again"
-_BUSY = "too many branches at once: wait for one"
+_BUSY = "too much is asked for at once: wait for an answer"
 
 
 def app(library: Library, hosts: tuple[str, ...], keys: Keys) -> Starlette:
@@ -62,6 +62,7 @@ def app(library: Library, hosts: tuple[str, ...], keys: Keys) -> Starlette:
         Route("/api/runs/{number}/beliefs", answers.beliefs, methods=get),
         Route("/api/runs/{number}/thumbnail", answers.thumbnail, methods=get),
         Route("/api/runs/{number}/branches", answers.branch, methods=post),
+        Route("/api/runs/{number}/fan", answers.fan, methods=post),
     ]
     return Starlette(
         routes=routes,
@@ -109,10 +110,18 @@ class _Answers:
 
     async def branch(self, request: Request) -> Response:
         number, what = _number(request), asked(Branch, await _body(request))
+        return await self._in_turn(self._library.branch, number, what)
+
+    async def fan(self, request: Request) -> Response:
+        number, what = _number(request), asked(Futures, await _body(request))
+        return await self._in_turn(self._library.fan, number, what)
+
+    async def _in_turn(self, function: Callable[..., dict[str, Any]], *what: Any) -> Response:
+        """What takes long; refused while as many are waited for."""
         if not self._branches.acquire(blocking=False):
             raise HTTPException(429, _BUSY)
         try:
-            return await _told(self._library.branch, number, what)
+            return await _told(function, *what)
         finally:
             self._branches.release()
 

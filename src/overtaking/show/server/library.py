@@ -12,24 +12,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from overtaking.analysis.database.query import query
+from overtaking.analysis.whatif.scenes import scene_of
 from overtaking.core.errors import ConfigError, NoSuchSimulationError, OvertakingError
 from overtaking.labels.label import label
 from overtaking.show.server.index import Index, titles
 from overtaking.show.server.kept import Kept
 from overtaking.show.server.thumbnail import thumbnail
-from overtaking.show.server.whatif import DECISIONS, branch
+from overtaking.show.server.whatif import DECISIONS, branch, futures
 from overtaking.show.view.ghosts import every_ghost
 from overtaking.show.view.pack import pack
 from overtaking.show.view.page import words
 from overtaking.sim.beliefs import beliefs
 
 if TYPE_CHECKING:
-
     from numpy.typing import NDArray
 
     from overtaking.data.load import Dataset
     from overtaking.labels.label import Labelled
-    from overtaking.show.server.wanted import Branch, Rows
+    from overtaking.show.server.wanted import Branch, Futures, Rows
 
 FAULT = "a fault of overtaking itself, please report it"
 
@@ -38,7 +38,7 @@ SQL_ROWS, SQL_SECONDS, SQL_MIB = 100_000, 20.0, 512
 
 _SHOWN_ROWS = 200
 _PATIENCE_S = 1.0
-_KEPT_RUNS, _KEPT_THUMBNAILS, _KEPT_QUERIES = 32, 2000, 8
+_KEPT_RUNS, _KEPT_THUMBNAILS, _KEPT_QUERIES, _KEPT_FANS = 32, 2000, 8, 64
 _KEY = "simulation"
 
 
@@ -57,7 +57,8 @@ class Library:
         self._runs = Kept(_KEPT_RUNS, self._prepared)
         self._thumbnails = Kept(_KEPT_THUMBNAILS, self._thumbnail)
         self._queries = Kept(_KEPT_QUERIES, self._query)
-        self._querying = threading.Lock()
+        self._fans = Kept(_KEPT_FANS, self._fan)
+        self._querying, self._fanning = threading.Lock(), threading.Lock()
 
     def read(self) -> None:
         """Read what the list needs; a failure is told to the page."""
@@ -125,6 +126,15 @@ class Library:
         labelled, packed = self._runs.get(self._checked(number))
         with self._work:
             return branch(labelled, number, packed["values"], asked)
+
+    def fan(self, number: int, asked: Futures) -> dict[str, Any]:
+        """What becomes of an overtake that is begun at each instant of one simulation."""
+        return self._fans.get((self._checked(number), asked))
+
+    def _fan(self, key: tuple[int, Futures]) -> dict[str, Any]:
+        number, asked = key
+        with self._fanning:
+            return futures(scene_of(self._data, number), asked)
 
     def _checked(self, number: int) -> int:
         if not 0 <= number < len(self._data):

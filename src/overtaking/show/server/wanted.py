@@ -12,6 +12,9 @@ from overtaking.labels.law import POLICIES
 MOST_ROWS = 200
 """Rows of a page of the list."""
 
+MOST_CHANGES = 4
+"""Changes of a branch."""
+
 MOST_SQL = 4000
 """Characters of a query."""
 
@@ -56,12 +59,25 @@ class Rows(_Asked):
     around: Count | None = None
 
 
-class Branch(_Asked):
+class Otherwise(_Asked):
     """What is to be otherwise from a frame on: a decision, or the weather of a preset."""
 
     frame: Count
     decision: Name | None = None
     weather: Name | None = None
+
+
+class Branch(_Asked):
+    """A simulation with one change, or several in turn."""
+
+    changes: Annotated[tuple[Otherwise, ...], Field(min_length=1, max_length=MOST_CHANGES)]
+
+
+class Futures(_Asked):
+    """What becomes of an overtake that is begun at each instant."""
+
+    given: Literal["truth", "belief"] = "truth"
+    policy: Name = POLICIES[0].name
 
 
 class Query(_Asked):

@@ -1,28 +1,35 @@
-"""A simulation that goes on otherwise from a frame on."""
+"""A simulation that goes on otherwise from a frame on, and what becomes of later starts."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from overtaking.analysis.whatif.fan import fan_of
 from overtaking.core.errors import ConfigError
 from overtaking.knowledge import presets
 from overtaking.labels.label import label
+from overtaking.model.changes import Change
 from overtaking.model.decision import Decision
 from overtaking.scenarios.schema import PresetWeather
 from overtaking.scenarios.weather import sample_weather
 from overtaking.show.contrast import contrast
+from overtaking.show.futures import GIVEN_WORDS, fan_title, values_of_fan
 from overtaking.show.view.pack import pack
 from overtaking.show.wording import words
 from overtaking.sim import branch as branching
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from overtaking.analysis.whatif.scenes import Scene
     from overtaking.labels.label import Labelled
     from overtaking.model.scenario import Scenario
     from overtaking.model.trajectory import Trajectories
     from overtaking.model.weather import Weather
-    from overtaking.show.server.wanted import Branch
+    from overtaking.show.server.wanted import Branch, Futures, Otherwise
 
 DECISIONS = {
     Decision.PULL_OUT.name: "pull out, whatever the gaps",
@@ -31,6 +38,11 @@ DECISIONS = {
     Decision.RETURN.name: "return, whatever is there",
 }
 """What can be forced on the ego, with words for the page."""
+
+_FUTURES = 25
+_EVERY_S = 0.5
+_MOST_INSTANTS = 40
+_MS_PER_S = 1000.0
 
 
 def branch(
@@ -50,31 +62,65 @@ def branch(
     """
     run = labelled.trajectories
     _refuse_others(run, number)
-    if (asked.decision is None) == (asked.weather is None):
-        raise _refused("change", "a decision or a weather", "both or none")
-    if asked.frame >= run.num_frames[0]:
-        raise _refused("frame", f"0 to {run.num_frames[0] - 1}", asked.frame)
-    found = changed(run.scenario, asked.frame, _decision(asked), _weather(run.scenario, asked))
+    changes = [_change(run, one) for one in asked.changes]
+    begins = min(one.frame for one in changes)
+    if begins >= run.num_frames[0]:
+        raise _refused("frame", f"0 to {run.num_frames[0] - 1}", begins)
+    found = changed(run.scenario, changes)
     packed = pack(label(found), number)
     first = _parting(run, found)
     said = contrast(before, packed["values"])
     return {
-        "title": words(asked.decision or "") or str(asked.weather),
-        "frame": asked.frame,
+        "title": ", then ".join(_title(one, run) for one in asked.changes),
+        "frame": begins,
         "parts": first,
         "said": ["Nothing changes."] if first is None else said,
         "run": packed,
     }
 
 
-def changed(
-    scenario: Scenario, frame: int, decision: Decision | None, weather: Weather | None
-) -> Trajectories:
-    """The simulation with a decision or the weather changed from a frame on."""
-    return branching.branch(scenario, frame, decision=decision, weather=weather)
+def changed(scenario: Scenario, changes: Sequence[Change]) -> Trajectories:
+    """The simulation with one change after another."""
+    return branching.branch(scenario, changes=changes)
 
 
-def _decision(asked: Branch) -> Decision | None:
+def futures(scene: Scene, asked: Futures) -> dict[str, Any]:
+    """What becomes of an overtake that is begun at each of some instants.
+
+    Args:
+        scene: The simulation.
+        asked: What the futures share, and which rules decide about their class.
+
+    Raises:
+        ConfigError: There is no such policy, or the simulation is a branch.
+    """
+    frames = int(scene.run.num_frames[0])
+    every = max(math.ceil(frames / _MOST_INSTANTS), round(_EVERY_S * scene.rate))
+    found = fan_of(
+        scene,
+        given=asked.given,
+        futures=_FUTURES,
+        every=every / scene.rate,
+        policy=asked.policy,
+    )
+    heading = {"title": fan_title(found.given), "about": GIVEN_WORDS[found.given]}
+    return values_of_fan(found) | heading
+
+
+def _title(asked: Otherwise, run: Trajectories) -> str:
+    seconds = asked.frame * run.scenario.frame_interval_ms / _MS_PER_S
+    return f"{words(asked.decision or '') or asked.weather} at {seconds:.2f} s"
+
+
+def _change(run: Trajectories, asked: Otherwise) -> Change:
+    if (asked.decision is None) == (asked.weather is None):
+        raise _refused("change", "a decision or a weather", "both or none")
+    return Change(
+        frame=asked.frame, decision=_decision(asked), weather=_weather(run.scenario, asked)
+    )
+
+
+def _decision(asked: Otherwise) -> Decision | None:
     if asked.decision is None:
         return None
     if asked.decision not in DECISIONS:
@@ -82,7 +128,7 @@ def _decision(asked: Branch) -> Decision | None:
     return Decision[asked.decision]
 
 
-def _weather(scenario: Scenario, asked: Branch) -> Weather | None:
+def _weather(scenario: Scenario, asked: Otherwise) -> Weather | None:
     """A preset, with the wind and sun that the simulation would have drawn for it."""
     if asked.weather is None:
         return None

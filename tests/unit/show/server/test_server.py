@@ -160,10 +160,15 @@ def test_beliefs_at_every_decision_agree_with_those_that_were_recorded(
     assert checked > 5
 
 
+def branches(*changes: dict[str, Any]) -> dict[str, Any]:
+    """What the page sends for a branch."""
+    return {"changes": changes}
+
+
 @pytest.mark.parametrize("decision", [Decision[name] for name in DECISIONS])
 def test_a_branch_is_that_of_the_library(client: Client, data: Dataset, decision: Decision):
     status, told, _ = client.ask(
-        "POST", "/api/runs/3/branches", {"frame": 30, "decision": decision.name}
+        "POST", "/api/runs/3/branches", branches({"frame": 30, "decision": decision.name})
     )
     assert status == 200, told
     runs = ot.branch(data.scenario(3), 30, decision=decision)
@@ -173,7 +178,7 @@ def test_a_branch_is_that_of_the_library(client: Client, data: Dataset, decision
 
 
 def test_a_branch_says_what_has_changed(client: Client, data: Dataset):
-    asked = {"frame": 0, "decision": "STAY"}
+    asked = branches({"frame": 0, "decision": "STAY"})
     _, told, _ = client.ask("POST", "/api/runs/3/branches", asked)
     before = describe(ot.label(data.trajectory(3)), 3)
     after = told["run"]["values"]
@@ -186,7 +191,7 @@ def test_a_branch_says_what_has_changed(client: Client, data: Dataset):
 
 def test_other_weather_is_that_of_the_preset(client: Client):
     _, told, _ = client.ask(
-        "POST", "/api/runs/3/branches", {"frame": 5, "weather": "HardRainNight"}
+        "POST", "/api/runs/3/branches", branches({"frame": 5, "weather": "HardRainNight"})
     )
     assert told["run"]["values"]["weather"]["preset"] == "HardRainNight"
     assert told["run"]["values"]["weather"]["night"]
@@ -206,10 +211,75 @@ def test_other_weather_is_that_of_the_preset(client: Client):
     ],
 )
 def test_a_branch_that_cannot_be_is_one_clear_error(client: Client, asked: dict[str, Any]):
-    status, told, _ = client.ask("POST", "/api/runs/3/branches", asked)
+    status, told, _ = client.ask("POST", "/api/runs/3/branches", branches(asked))
     assert status == 400
     assert told["error"].startswith("view: ")
     assert "\n" not in told["error"]
+
+
+def test_a_branch_of_a_branch_has_both_changes(client: Client, data: Dataset):
+    asked = branches({"frame": 10, "decision": "STAY"}, {"frame": 70, "decision": "PULL_OUT"})
+    status, told, _ = client.ask("POST", "/api/runs/3/branches", asked)
+    assert status == 200, told
+    first = ot.branch(data.scenario(3), 10, decision=Decision.STAY)
+    runs = ot.branch(first, 70, decision=Decision.PULL_OUT)
+    assert told["run"] == packed(runs, 3)
+    assert told["run"] != packed(first, 3)
+    assert told["title"] == "stay at 0.50 s, then pull out at 3.50 s"
+    assert told["frame"] == 10
+
+
+@pytest.mark.parametrize(
+    "body", [{}, {"changes": []}, branches(*[{"frame": 1, "decision": "STAY"}] * 5)]
+)
+def test_a_branch_has_one_to_four_changes(client: Client, body: dict[str, Any]):
+    status, told, _ = client.ask("POST", "/api/runs/3/branches", body)
+    assert (status, set(told)) == (400, {"error"})
+
+
+@pytest.mark.parametrize("given", ["truth", "belief"])
+def test_a_fan_is_that_of_the_command(
+    client: Client, data: Dataset, given: str, capsys: pytest.CaptureFixture[str]
+):
+    asked = {"given": given, "policy": "strict"}
+    status, told, _ = client.ask("POST", "/api/runs/3/fan", asked)
+    assert status == 200, told
+    command = ["fan", data.where, "3", "--given", given, "--policy", "strict", "--json"]
+    assert main(command) == 0
+    values = json.loads(capsys.readouterr().out)
+    assert {name: told[name] for name in values} == values
+    assert ("hindsight" in told["title"]) == (given == "truth")
+    assert ("decision" in told["about"]) == (given == "belief")
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"given": "all"},
+        {"policy": "<b>"},
+        {"futures": 100_000},
+        {"given": "truth", "every": 0.05},
+        [],
+    ],
+)
+def test_a_fan_has_its_bounds(client: Client, asked: Any):
+    status, told, _ = client.ask("POST", "/api/runs/3/fan", asked)
+    assert (status, set(told)) == (400, {"error"})
+
+
+def test_lists_by_margin_are_in_order_and_keep_it_when_filtered(client: Client, data: Dataset):
+    findings = data.findings()
+    margin = findings[findings["rule"] == "L3"].set_index("simulation")["margin"]
+    bounds = {"rule": "L3", "least": None, "most": None}
+    for descending in (False, True):
+        asked = {"margin": bounds, "order": "margin", "descending": descending}
+        whole = [one["number"] for one in client.rows(**asked, count=NUM_SIMULATIONS)["rows"]]
+        wanted = margin.dropna().sort_values(ascending=not descending, kind="stable")
+        assert whole == wanted.index.tolist()
+        night = client.rows(**asked, light=["night"], count=NUM_SIMULATIONS)["rows"]
+        assert [one["number"] for one in night] == [
+            one for one in whole if one in expected(data, light=["night"])
+        ]
 
 
 def test_sql_filters_the_list_and_cannot_write(client: Client, data: Dataset):
@@ -239,9 +309,11 @@ def test_a_recording_is_listed_and_shown_without_what_it_does_not_tell(tmp_path:
         assert get(client, "/api/runs/0")["told"]["weather"] == "unknown"
         assert get(client, "/api/runs/0/thumbnail")["lines"]
         assert client.ask("GET", "/api/runs/0/beliefs")[0] == 400
-        asked = {"frame": 1, "decision": "STAY"}
+        asked = branches({"frame": 1, "decision": "STAY"})
         status, told, _ = client.ask("POST", "/api/runs/0/branches", asked)
         assert (status, "recording" in told["error"]) == (400, True)
+        status, told, _ = client.ask("POST", "/api/runs/0/fan", {})
+        assert (status, set(told)) == (400, {"error"})
 
 
 # Who may not ask.
@@ -270,7 +342,13 @@ def test_nothing_is_told_to_others(
     assert not isinstance(told, dict) or set(told) == {"error"}
 
 
-@pytest.mark.parametrize("path", ["/api/rows", "/api/sql", "/api/runs/0/branches", "/api/session"])
+CHANGING = [
+    *("/api/rows", "/api/sql", "/api/session"),
+    *("/api/runs/0/branches", "/api/runs/0/fan"),
+]
+
+
+@pytest.mark.parametrize("path", CHANGING)
 @pytest.mark.parametrize(
     ("wrong", "status"),
     [
@@ -287,6 +365,44 @@ def test_other_pages_cannot_ask(
     client: Client, path: str, wrong: dict[str, str | None], status: int
 ):
     assert client.ask("POST", path, {}, **wrong)[0] == status
+
+
+LONG = ["/api/runs/0/branches", "/api/runs/0/fan"]
+MARKUP = "<img src=x onerror=alert(1)>"
+
+
+@pytest.mark.parametrize("path", LONG)
+def test_nothing_is_computed_for_others(client: Client, path: str):
+    asked = branches({"frame": 1, "decision": "STAY"}) if "branches" in path else {}
+    for wrong, status in (
+        ({"Cookie": None}, 401),
+        ({"Cookie": "overtaking-1=x"}, 401),
+        ({"Host": "evil.example"}, 421),
+        ({"Sec_Fetch_Site": "cross-site"}, 403),
+    ):
+        assert client.ask("POST", path, asked, **wrong)[0] == status
+    assert client.ask("GET", path)[0] == 405
+    assert client.ask("POST", path, b" " * (MOST_BYTES + 1))[0] == 413
+    for number in ("60", "-1", "1e3", "%2e%2e%2fdataset.json", "9" * 5000, "%D9%A1"):
+        assert client.ask("POST", path.replace("0", number, 1), asked)[0] == 404
+
+
+@pytest.mark.parametrize(
+    ("path", "asked"),
+    [
+        ("/api/runs/0/fan", {"policy": MARKUP}),
+        ("/api/runs/0/fan", {"given": MARKUP}),
+        ("/api/runs/0/branches", branches({"frame": 1, "weather": MARKUP})),
+        ("/api/runs/0/branches", branches({"frame": 1, "decision": MARKUP})),
+    ],
+)
+def test_markup_comes_back_as_json_that_no_browser_renders(
+    client: Client, path: str, asked: dict[str, Any]
+):
+    status, told, headers = client.ask("POST", path, asked)
+    assert (status, set(told)) == (400, {"error"})
+    assert headers["content-type"] == "application/json"
+    assert headers["x-content-type-options"] == "nosniff"
 
 
 def test_the_token_opens_once(data: Dataset):
@@ -400,7 +516,8 @@ def test_nothing_is_written_into_the_data_set(client: Client, data: Dataset):
     before = content()
     client.rows(sql="SELECT simulation FROM safety")
     get(client, "/api/runs/5/thumbnail")
-    client.ask("POST", "/api/runs/5/branches", {"frame": 3, "decision": "STAY"})
+    client.ask("POST", "/api/runs/5/branches", branches({"frame": 3, "decision": "STAY"}))
+    client.ask("POST", "/api/runs/5/fan", {})
     assert content() == before
 
 

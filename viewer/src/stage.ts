@@ -1,0 +1,69 @@
+// The road from above, with what lies over it.
+
+import { h, write } from "./dom.ts";
+import { fanOverlay } from "./fan.ts";
+import { draw, type Size } from "./scene.ts";
+import type { Shown } from "./state.ts";
+import { brokenAt, now, type Reader } from "./text.ts";
+
+const still = matchMedia("(prefers-reduced-motion: reduce)");
+
+export interface Stage {
+  element: HTMLElement;
+  draw: (shown: Shown, reader: Reader, text: string) => void;
+}
+
+export function stage(redraw: () => void): Stage {
+  const canvas = h("canvas", { role: "img", id: "road" });
+  const beside = h("canvas", { role: "img", id: "road-beside", hidden: true });
+  const alerts = h("ul", { class: "alerts", "aria-hidden": true });
+  const sky = h("p", { class: "sky" });
+  const futures = h("div", { class: "futures", hidden: true, "aria-hidden": true });
+  const element = h("figure", { class: "stage" }, h("div", { class: "over" }, canvas, sky, alerts), futures, beside);
+  let size: Size = { width: 0, height: 0 }; // To ask for it would lay the page out anew.
+  let told = "";
+  new ResizeObserver(([entry]) => {
+    size = entry!.contentRect;
+    redraw();
+  }).observe(canvas);
+
+  function drawAll(shown: Shown, reader: Reader, text: string): void {
+    const { run, twin, branches, frame, words, state } = shown;
+    const look = { camera: state.cam, stretch: state.stretch, zoom: state.zoom, ghosts: state.ghosts, moving: !still.matches };
+    draw(canvas, size, run, words, frame, look, branches);
+    canvas.setAttribute("aria-label", `Top view of the road. ${text}`);
+    beside.hidden = !twin;
+    if (twin) {
+      draw(beside, size, twin, words, frame, look);
+      beside.setAttribute("aria-label", `Top view of simulation ${state.beside}. ${now({ ...reader, run: twin }, frame)}`);
+    }
+    write(sky, air(shown));
+    tellAlerts(alerts, reader, frame);
+    tellFutures(shown);
+  }
+
+  function tellFutures(shown: Shown): void {
+    const { fan, words, state } = shown;
+    futures.hidden = !fan;
+    const place = fan && fan.instants.findLastIndex((one) => one.told_s <= state.t + 1e-6);
+    const key = fan ? `${fan.given} ${fan.policy} ${place} ${shown.run.values.simulation}` : "";
+    if (key === told) return;
+    told = key;
+    futures.replaceChildren(...(fan ? fanOverlay(fan, words, state.t) : []));
+  }
+
+  return { element, draw: drawAll };
+}
+
+function air({ run, frame }: Shown): string {
+  const sight = run.sight?.[Math.round(frame)];
+  const { weather } = run.values;
+  const name = !weather ? "weather unknown" : (weather.preset ?? (weather.night ? "night" : "day"));
+  return sight === undefined ? name : `${name}: a lit vehicle is seen at ${sight.toFixed(0)} m`;
+}
+
+function tellAlerts(alerts: HTMLElement, reader: Reader, frame: number): void {
+  const text = brokenAt(reader, frame).filter((one) => one.counts).map((one) => `✗ ${one.text}`);
+  if (text.join() === [...alerts.children].map((one) => one.textContent).join()) return;
+  alerts.replaceChildren(...text.map((one) => h("li", {}, one)));
+}
