@@ -136,7 +136,7 @@ lock:  ## Write requirements/*.txt anew (needs uv)
 	$(LOCK) -o requirements/runtime.txt
 	$(LOCK) -c requirements/runtime.txt --extra all --group tools -o requirements/dev.txt
 	$(LOCK) -c requirements/dev.txt $(addprefix --extra ,plots stats video) --group build -o requirements/demo.txt
-	$(LOCK) -c requirements/dev.txt --extra gym --group rl -o requirements/rl.txt
+	$(LOCK) -c requirements/dev.txt $(addprefix --extra ,gym onnx) --group rl -o requirements/rl.txt
 	$(COMPILE) --group qc -o requirements/qc.txt
 	@if grep -nE '://|--(extra-)?index-url|--find-links' requirements/*.txt; then \
 	  echo "requirements/*.txt: a download address was written into a lock file" >&2; exit 1; fi

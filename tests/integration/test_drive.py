@@ -11,6 +11,7 @@ import pytest
 import overtaking as ot
 from overtaking.cli import main
 from overtaking.core.errors import DatasetError, PolicyError
+from overtaking.sim.controls import CONTROLS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -70,6 +71,30 @@ def test_a_data_set_of_a_policy_is_one_like_any_other(tmp_path):
     assert policy.name.endswith("test_drive:wants_to_pass")
     assert set(data.labels().policy) == {"paper", "default", "strict"}
     assert ot.load(few.path).content_hash == few.content_hash
+
+
+@pytest.mark.parametrize("action", CONTROLS)
+def test_every_action_is_restored_from_its_table(tmp_path, action):
+    """By the columns that it fills; the same bits act again."""
+    parts = CONTROLS[action].parts
+
+    def draws(seen: ot.Observation) -> np.ndarray:
+        least, most = np.array([(max(one.least, -3.0), min(one.most, 3.0)) for one in parts]).T
+        return least + (most - least) * seen.random()[:, [k % 4 for k in range(len(parts))]]
+
+    one = ot.Driver(policy=draws, observe="truth", action=action, hold=5)
+    data = ot.generate(
+        "pinto2023-physical", 3, 3, tmp_path / "data", keep="features", overrides=SHORT, driver=one
+    )
+    scenario = ot.sample("pinto2023-physical", 3, seed=3, overrides=SHORT)
+    run = ot.drive(scenario, draws, observe="truth", action=action, hold=5)
+    assert run.actions
+    for number in range(3):
+        again = data[number]  # Simulated with what the table holds.
+        assert again.actions
+        assert again.actions.kind == CONTROLS[action].kind
+        assert again.actions.hashes[0] == run.actions.hashes[number]
+        np.testing.assert_array_equal(again.trace_hash[0], run.trace_hash[number])
 
 
 def test_data_sets_without_a_policy_have_no_actions(tmp_path):

@@ -13,6 +13,7 @@ import pytest
 import overtaking as ot
 from overtaking import api
 from overtaking.analysis.evaluation.endpoints import EVERY, PRIMARY
+from overtaking.analysis.evaluation.words import warnings
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError, PolicyError
 from overtaking.model.observation import WIDTH
@@ -81,6 +82,18 @@ def test_weighted_rates_are_those_that_brute_force_finds():
         here, there = (one.rate("human", name) for one in (some, many))
         error = np.hypot(here.high - here.low, there.high - there.low) / (2.0 * 1.96)
         assert abs(here.value - there.value) < 3.5 * error, name
+
+
+def test_clipped_answers_are_counted_and_told():
+    def hasty(seen: ot.Observation) -> np.ndarray:
+        return np.tile([300.0, 0.0], (len(seen.active), 1))
+
+    driver = ot.Driver(policy=hasty, observe="truth", action="speed_lane", hold=20)
+    found = ot.evaluate(driver, "pinto2023-physical", 6, 1, against=["stay"], overrides=SHORT)
+    counts = found.values()["counts"]
+    assert counts[found.policy]["clipped"] > 6
+    assert counts["stay"]["clipped"] == 0
+    assert any("and clipped" in one for one in warnings(found))
 
 
 def test_the_page_and_what_the_command_prints(tmp_path, capsys):

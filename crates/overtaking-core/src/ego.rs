@@ -225,6 +225,9 @@ pub fn decide<S: Simd, const N: usize>(
     let next = next_stage(state, w, near, &intent);
     let left = time_left(view.gap[LEAD], view.closing[LEAD]);
     act(state, w, near, &intent, left, step / SUBSTEPS);
+    if let Some(orders) = orders {
+        orders::show(state, orders);
+    }
     end(state, w, &intent, next, step);
     state.stage_time = choose(next.simd_ne(old), splat(w.simd, 0.0), state.stage_time);
     state.stage = next;

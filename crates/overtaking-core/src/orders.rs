@@ -8,7 +8,7 @@ use crate::lanes::{LANES, M, V, choose, splat};
 use crate::state::{EGO, State, World, stage};
 
 /// Numbers of an action.
-pub const PARTS: usize = 2;
+pub const PARTS: usize = 3;
 
 /// What the numbers of an action mean, as in `overtaking.model.actions.KINDS`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +19,10 @@ pub enum Kind {
     AccelLane,
     /// Acceleration, and angle of the front wheels.
     AccelSteer,
+    /// Acceleration, and a `Move` that shows its side.
+    AccelMove,
+    /// Acceleration, angle of the front wheels, and side of the indicator.
+    AccelSteerSignal,
 }
 
 impl Kind {
@@ -28,6 +32,8 @@ impl Kind {
             "decision" => Some(Self::Decision),
             "accel_lane" => Some(Self::AccelLane),
             "accel_steer" => Some(Self::AccelSteer),
+            "accel_move" => Some(Self::AccelMove),
+            "accel_steer_signal" => Some(Self::AccelSteerSignal),
             _ => None,
         }
     }
@@ -35,10 +41,15 @@ impl Kind {
     /// Steps of a unit of each number.
     fn scales(self) -> [f32; PARTS] {
         match self {
-            Self::Decision => [1.0, 1.0],
-            Self::AccelLane => [1000.0, 1.0],
-            Self::AccelSteer => [1000.0, 10000.0],
+            Self::Decision => [1.0, 1.0, 1.0],
+            Self::AccelLane | Self::AccelMove => [1000.0, 1.0, 1.0],
+            Self::AccelSteer | Self::AccelSteerSignal => [1000.0, 10000.0, 1.0],
         }
+    }
+
+    /// Whether the other driver turns the wheels itself.
+    fn steers(self) -> bool {
+        matches!(self, Self::AccelSteer | Self::AccelSteerSignal)
     }
 }
 
@@ -98,7 +109,17 @@ impl<S: Simd> Orders<S> {
     /// The angle of the front wheels that is asked for, unless the ego steers.
     #[inline(always)]
     pub fn wheel(&self) -> Option<V<S>> {
-        (self.kind == Kind::AccelSteer).then_some(self.values[1])
+        self.kind.steers().then_some(self.values[1])
+    }
+
+    /// Its `Move`, if it has one.
+    #[inline(always)]
+    fn code(&self) -> Option<V<S>> {
+        match self.kind {
+            Kind::Decision => Some(self.values[0]),
+            Kind::AccelMove => Some(self.values[1]),
+            _ => None,
+        }
     }
 }
 
@@ -123,7 +144,7 @@ pub fn obey<S: Simd, const N: usize>(
     w: &World<'_, S, N>,
     orders: &Orders<S>,
 ) -> Intent<S> {
-    if orders.kind == Kind::AccelSteer {
+    if orders.kind.steers() {
         return drift(state, w);
     }
     let zero = splat(w.simd, 0.0);
@@ -133,12 +154,12 @@ pub fn obey<S: Simd, const N: usize>(
     let start = can_go_out(state, w) & side.simd_gt(0.0);
     let back = can_go_back(state) & side.simd_lt(0.0);
     signal(state, w, start, back);
-    let [now, drops_out, drops_back] = if orders.kind == Kind::AccelLane {
+    let [now, drops_out, drops_back] = if let Some(code) = orders.code() {
+        let is = |which: f32| code.simd_eq(which);
+        [is(PULL_OUT) | is(RETURN), is(ABORT), is(ABORT)]
+    } else {
         let shown = state.signalled.simd_gt(w.p[EGO].signal_time);
         [shown, side.simd_lt(0.0), side.simd_gt(0.0)]
-    } else {
-        let is = |code: f32| orders.values[0].simd_eq(code);
-        [is(PULL_OUT) | is(RETURN), is(ABORT), is(ABORT)]
     };
     Intent {
         start,
@@ -152,13 +173,29 @@ pub fn obey<S: Simd, const N: usize>(
     }
 }
 
+/// Light the indicator that another driver asks for, if that is a part of its action.
+#[inline(always)]
+pub fn show<S: Simd, const N: usize>(state: &mut State<'_, S, N>, orders: &Orders<S>) {
+    if !matches!(orders.kind, Kind::AccelMove | Kind::AccelSteerSignal) {
+        return;
+    }
+    let side = side(orders);
+    let sound = state.crashed[EGO].simd_eq(0.0);
+    let told = if orders.kind.steers() {
+        sound
+    } else {
+        sound & side.simd_ne(0.0)
+    };
+    state.indicator[EGO] = choose(told, side, state.indicator[EGO]);
+}
+
 /// Where the ego is to go: 1 towards the fast side, -1 towards the slow side, 0 nowhere.
 #[inline(always)]
 fn side<S: Simd>(orders: &Orders<S>) -> V<S> {
-    if orders.kind == Kind::AccelLane {
-        return orders.values[1];
-    }
-    let code = orders.values[0];
+    let Some(code) = orders.code() else {
+        let wish = if orders.kind.steers() { 2 } else { 1 };
+        return orders.values[wish];
+    };
     let (zero, one) = (splat(code.simd, 0.0), splat(code.simd, 1.0));
     let is = |which: f32| code.simd_eq(which);
     choose(

@@ -40,7 +40,7 @@ def drive(
         observe: What it observes: `human` for what the model's driver believes, `truth` for the
             state of the world, or a `Sensor`.
         action: What it answers: `accel_lane`, `speed_lane`, `accel_steer`, `trajectory` or
-            `decision`.
+            `decision`; with the indicator as a part of it, `accel_move` or `accel_steer_signal`.
         hold: Decisions for which an answer holds, 20 a second.
         simulator: One of `BRANCHING`; the results are the same, bit for bit.
 

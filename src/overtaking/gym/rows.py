@@ -49,6 +49,7 @@ class Rows:
         runs: Which simulations run, shape (simulation,).
         index: Their numbers, shape (simulation,).
         decision: Decisions so far, shape (simulation,).
+        clipped: Answers that were beyond the limits so far, shape (simulation,); counted outside.
 
     Args:
         supply: Where scenarios come from.
@@ -70,6 +71,7 @@ class Rows:
         self._driver = np.array([row[0] for row in given.of_vehicles])
         self.index = given.index
         self.decision = np.zeros(count, np.int64)
+        self.clipped = np.zeros(count, np.int64)
         last = int(given.simulation[_LAST_STEP].max()) // SUBSTEPS + 1 if logs else 0
         self._log = np.zeros((count, last, MOST_PARTS), np.int32)
         self._tell(*self._steps.begin())
@@ -128,7 +130,7 @@ class Rows:
         self.table[rows], self.runs[rows] = table, runs
         self._driver[:, rows] = [row[0] for row in given.of_vehicles]
         self.index[rows] = given.index
-        self.decision[rows] = 0
+        self.decision[rows] = self.clipped[rows] = 0
 
     def judge(self, rows: NDArray[np.int64]) -> Verdicts:
         """How the simulations of some rows end: simulated again from what was answered."""

@@ -7,12 +7,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32
+from overtaking.core.elementary import F32, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.model.actions import Move
 from overtaking.model.observation import AROUND, OWN, ROLES
 from overtaking.model.trajectory import Stage
 from overtaking.sim.controls import CONTROLS
+from overtaking.sim.driving import limited
 from overtaking.sim.observation import Seen
 
 
@@ -115,8 +116,16 @@ def action_space(action: str) -> spaces.Box | spaces.Discrete:
     return spaces.Box(np.array(least, np.float32), np.array(most, np.float32), dtype=np.float32)
 
 
-def answers(actions: Any, action: str, rows: int) -> NDArray[np.float64]:
+def answers(actions: Any, action: str, rows: int) -> tuple[NDArray[np.float64], Mask]:
     """Actions of all environments, shape (simulation, part), within their bounds.
+
+    Args:
+        actions: What was given.
+        action: What it is, a name in `CONTROLS`.
+        rows: Environments.
+
+    Returns:
+        The actions, and which were beyond the bounds, shape (simulation,).
 
     Raises:
         ConfigError: They have another shape, or are not finite.
@@ -134,4 +143,4 @@ def answers(actions: Any, action: str, rows: int) -> NDArray[np.float64]:
             got=got,
             next_step="correct the policy",
         )
-    return np.clip(values, [one.least for one in parts], [one.most for one in parts])
+    return limited(values, parts)

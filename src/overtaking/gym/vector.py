@@ -38,9 +38,10 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
     the horizon, or at the deadline without an attempt.
 
     At the end of an episode `info` holds, each with a mask of the same name after an underscore:
-    `index`, the number of the simulation; `stage`, the last `Stage`; and with `labels` also
-    `outcome`, an `Outcome`, `legal`, whether it is legal under the policy `default`, and `broken`,
-    how many of its rules are broken.
+    `index`, the number of the simulation; `stage`, the last `Stage`; `clipped`, how many of its
+    actions were beyond the limits of a part; and with `labels` also `outcome`, an `Outcome`,
+    `legal`, whether it is legal under the policy `default`, and `broken`, how many of its rules are
+    broken.
 
     Args:
         profile: What to sample, as in `overtaking.sample`.
@@ -145,8 +146,9 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
                 reset in the mode DISABLED, or the actions are none.
         """
         rows, waiting = self._running(), self._ended.copy()
-        answer = answers(actions, self._action, self.num_envs)
+        answer, beyond = answers(actions, self._action, self.num_envs)
         before = rows.seen
+        rows.clipped += beyond & rows.runs
         rows.go_on(answer)
         crashed = rows.crashed & ~waiting
         terminated = (crashed | (~rows.runs & (rows.stage == Stage.DONE))) & ~waiting
@@ -220,6 +222,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         found: dict[str, NDArray[Any]] = {
             "index": rows.index.copy(),
             "stage": rows.stage.astype(np.uint8),
+            "clipped": rows.clipped.copy(),
         }
         if verdicts is not None:
             for name in ("outcome", "legal", "broken"):

@@ -52,15 +52,27 @@ class Part:
 _ACCEL = Part("accel", "m/s^2", 1e-3, -20.0, 20.0)
 _LANE = Part("lane_change", "lanes towards the fast side", 1.0, -1.0, 1.0)
 
+_MOVE = Part("move", "Move", 1.0, min(Move), max(Move))
+_WHEEL = Part("wheel_angle", "rad towards the fast side", 1e-4, -0.8, 0.8)
+
 KINDS: Final[dict[str, tuple[Part, ...]]] = {
-    "decision": (Part("move", "Move", 1.0, min(Move), max(Move)),),
+    "decision": (_MOVE,),
     "accel_lane": (_ACCEL, _LANE),
-    "accel_steer": (_ACCEL, Part("wheel_angle", "rad towards the fast side", 1e-4, -0.8, 0.8)),
+    "accel_steer": (_ACCEL, _WHEEL),
+    "accel_move": (_ACCEL, _MOVE),
+    "accel_steer_signal": (_ACCEL, _WHEEL, _LANE),
 }
-"""The numbers of each kind of action that the simulators carry out."""
+"""The numbers of each kind of action that the simulators carry out.
+
+Of the last two the indicator is a part: a `Move` shows the side that it names, and beside a wheel
+angle the wish for a lane is what is shown and nothing else.
+"""
 
 MOST_PARTS: Final = max(len(parts) for parts in KINDS.values())
 """Numbers that the longest action has."""
+
+_HASHED: Final = 2
+"""Numbers in a hash at least, zero where an action has fewer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,10 +84,13 @@ class Actions(Batch):
             action has fewer and once the simulation is over. Shape (simulation, action,
             `MOST_PARTS`).
         kind: A name in `KINDS`.
+        clipped: Answers that were beyond the limits of a part, shape (simulation,); None where it
+            is not known, as in a data set, which holds what acted.
     """
 
     values: Annotated[NDArray[np.int32], along("simulation", "action", MOST_PARTS)]
     kind: str
+    clipped: Annotated[NDArray[np.int64] | None, along("simulation")] = None
 
     @classmethod
     def none(cls, simulations: int) -> "Actions":
@@ -93,9 +108,10 @@ class Actions(Batch):
     def hashes(self) -> list[str]:
         """A hash over kind and changes of each simulation, 32 hexadecimal digits."""
         found: list[str] = []
+        hashed = max(_HASHED, len(self.parts))
         for values, changed in zip(self.values, self.changes, strict=True):
             at = np.flatnonzero(changed)
-            rows = np.column_stack([at, values[at]]).astype("<i4")
+            rows = np.column_stack([at, values[at, :hashed]]).astype("<i4")
             content = self.kind.encode() + rows.tobytes()
             found.append(hashlib.blake2b(content, digest_size=16).hexdigest())
         return found

@@ -103,5 +103,7 @@ CONTROLS: Final = {
     "accel_steer": Control(KINDS["accel_steer"], "accel_steer"),
     "trajectory": Control(_POINTS, "accel_steer", _along_points),
     "decision": Control(KINDS["decision"], "decision"),
+    "accel_move": Control(KINDS["accel_move"], "accel_move"),
+    "accel_steer_signal": Control(KINDS["accel_steer_signal"], "accel_steer_signal"),
 }
 """What a policy may answer, by name; the first is what is meant if none is named."""

@@ -121,17 +121,25 @@ def asked(scenario: Scenario, given: Parameters, driver: Driver, simulator: str)
     """
     last = int(given.of_simulations.last_step.max(initial=0.0))
     log = np.zeros((scenario.num_simulations, last // SUBSTEPS + 1, MOST_PARTS), np.int32)
+    clipped = np.zeros(scenario.num_simulations, np.int64)
     if scenario.num_simulations:
-        for decision, values in _asked(scenario, given, driver, simulator):
+        for decision, values in _asked(scenario, given, driver, simulator, clipped):
             rows = log[:, decision : decision + len(values)]
             rows[...] = values.swapaxes(0, 1)[:, : rows.shape[1]]
-    return Actions(values=log, kind=driver.control.kind)
+    return Actions(values=log, kind=driver.control.kind, clipped=clipped)
 
 
 def _asked(
-    scenario: Scenario, given: Parameters, driver: Driver, simulator: str
+    scenario: Scenario,
+    given: Parameters,
+    driver: Driver,
+    simulator: str,
+    clipped: NDArray[np.int64],
 ) -> Iterator[tuple[int, NDArray[np.int32]]]:
-    """The number of a decision, and the actions from there on, (decision, simulation, part)."""
+    """The number of a decision, and the actions from there on, (decision, simulation, part).
+
+    Counts the answers that were beyond the limits.
+    """
     control, sensor, hold = driver.control, driver.observe, driver.hold
     is_true = sensor != "human"
     if (reset := getattr(driver.policy, "reset", None)) is not None:
@@ -140,7 +148,8 @@ def _asked(
     eyes = _Eyes(scenario, given, sensor if isinstance(sensor, Sensor) else None)
     seen, decision = eyes.look(*steps.begin(), 0), 0
     while seen.active.any():
-        answer = _answer(driver.policy, seen, control)
+        answer, beyond = limited(_answer(driver.policy, seen, control), control.parts)
+        clipped += beyond
         if control.plan is None:
             values = rounded(answer, seen.active, KINDS[control.kind])
             yield decision, np.broadcast_to(values, (hold, *values.shape))
@@ -201,8 +210,19 @@ def _answer(policy: Policy, seen: Observation, control: Control) -> F64:
     wrong = np.flatnonzero(~np.isfinite(values).all(axis=1) & seen.active)
     if len(wrong):
         raise _refused(seen, "finite numbers", values[wrong[0]].tolist(), wrong)
-    least, most = ([getattr(one, name) for one in control.parts] for name in ("least", "most"))
-    return np.clip(np.where(seen.active[:, None], values, 0.0), least, most)
+    return np.where(seen.active[:, None], values, 0.0)
+
+
+def limited(values: F64, parts: tuple[Part, ...]) -> tuple[F64, Mask]:
+    """Answers within the limits of their parts, and which were beyond by more than rounding.
+
+    Args:
+        values: Answers, shape (simulation, part).
+        parts: What they are.
+    """
+    step, least, most = np.array([(one.step, one.least, one.most) for one in parts]).T
+    within = np.clip(values, least, most)
+    return within, (np.abs(values - within) > 0.5 * step).any(axis=1)
 
 
 def _refused(

@@ -122,6 +122,25 @@ def test_the_same_seed_gives_the_same_episodes():
     assert min(apart) >= 1000
 
 
+def test_actions_beyond_the_limits_are_counted_by_episode():
+    env = made(3, action="speed_lane", hold=10)
+    env.reset(seed=5)
+    steps, counted = np.zeros(3, int), list[tuple[int, int]]()
+    ended = np.zeros(3, bool)
+    for _ in range(40):
+        *_, terminated, truncated, info = env.step(
+            np.array([[30.0, 0.0], [200.0, 0.0], [30.0, 2.0]])
+        )
+        steps = np.where(ended, 0, steps + 1)
+        ended = terminated | truncated
+        for row in np.flatnonzero(ended):
+            expected = 0 if row == 0 else int(steps[row])
+            counted.append((int(info["clipped"][row]), expected))
+    assert len(counted) > 3
+    assert all(told == expected for told, expected in counted)
+    assert max(told for told, _ in counted) > 5
+
+
 def test_how_long_others_take_changes_nothing():
     """Episode k of environment i is number i + k n, whenever it begins."""
     ended = episodes(made(3), 120)

@@ -10,7 +10,7 @@ import pytest
 import overtaking as ot
 from overtaking.core.errors import ConfigError, PolicyError
 from overtaking.model.observation import AROUND, ROLES
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.trajectory import NO_VEHICLE, Lights, Stage
 from overtaking.sim.controls import CONTROLS
 from overtaking.sim.sensor import Sensing, Sensor
 from overtaking.world.parameters import parameters
@@ -105,6 +105,82 @@ def test_a_trajectory_is_followed(calm):
     assert run.actions.kind == "accel_steer"
 
 
+@pytest.fixture(scope="module")
+def silent(scenes: ot.Scenario) -> ot.Scenario:
+    """The same with drivers who use no indicator."""
+    drivers = scenes.drivers
+    return scenes.replace(
+        drivers=drivers.replace(uses_indicator=np.zeros_like(drivers.uses_indicator))
+    )
+
+
+def shown(run: ot.Trajectories) -> np.ndarray:
+    """Side that each ego shows: 1 the fast one, -1 the slow one, 0 none, (simulation, time)."""
+    lights = run.states.lights[:, 0]
+    left, right = ((lights & one) != 0 for one in (Lights.INDICATOR_LEFT, Lights.INDICATOR_RIGHT))
+    return run.road.side * (left.astype(int) - right)
+
+
+def test_a_move_beside_an_acceleration_is_shown_before_it_is_made(silent):
+    def out(seen: ot.Observation) -> np.ndarray:
+        """Show it from 1 s on, move over after 3 s."""
+        move = [ot.Move.KEEP, ot.Move.SHOW_OUT, ot.Move.PULL_OUT][
+            (seen.time >= 1.0) + int(seen.time >= 3.0)
+        ]
+        return np.tile([0.2, move], (len(seen.active), 1))
+
+    run = ot.drive(silent, out, observe="human", action="accel_move")
+    free = run.states.lane[:, 0, 0] < run.road.num_lanes - 1
+    free &= (run.collided_with == NO_VEHICLE).all(axis=1)
+    assert free.sum() >= 3
+    assert not shown(run)[free, :20].any()
+    assert (shown(run)[free, 20:80] == 1).all()
+    assert (run.stage[free, :60] == Stage.FOLLOW).all()
+    assert (run.stage[free, 60] == Stage.PULL_OUT).all()
+    # The scenario's drivers, who use none, show nothing.
+    mute = ot.drive(silent, lambda seen: out(seen)[:, 1], observe="human", action="decision")
+    assert not shown(mute)[free].any()
+    rolls = run.states.accel_lon[free, 0, 40:60] * 1e-3
+    np.testing.assert_allclose(rolls, 0.2, atol=0.05)
+
+
+def test_who_steers_shows_what_it_asks_for(silent):
+    sides = np.array([1, 0, -1])
+
+    def signals(seen: ot.Observation) -> np.ndarray:
+        side = sides[seen.decision // 30 % 3]
+        return np.tile([0.0, 0.0, side], (len(seen.active), 1))
+
+    run = ot.drive(silent, signals, observe="truth", action="accel_steer_signal")
+    sound = (run.stage != Stage.CRASHED) & run.frame_valid
+    wanted = np.broadcast_to(sides[np.arange(sound.shape[1]) // 30 % 3], sound.shape)
+    assert sound.sum() > 300
+    np.testing.assert_array_equal(shown(run)[sound], wanted[sound])
+    plain = ot.drive(silent, constant(0.0, 0.0), observe="truth", action="accel_steer")
+    assert not shown(plain)[:, :60].any()
+    assert run.actions
+    assert run.actions.kind == "accel_steer_signal"
+
+
+def test_answers_beyond_the_limits_are_counted(scenes):
+    def often(seen: ot.Observation) -> np.ndarray:
+        """The first ego asks for too much every other time, the second at the limit, and so on."""
+        answer = np.zeros((6, 2))
+        answer[0, 0] = 25.0 if seen.decision % 8 == 0 else 0.0
+        answer[1] = (np.nextafter(20.0, 21.0), 1.0)
+        answer[2, 1] = -3.0
+        return answer
+
+    run = ot.drive(scenes, often, observe="human", hold=4)
+    assert run.actions
+    clipped = run.actions.clipped
+    assert clipped is not None
+    asked = -(-(run.num_frames - 1) // 4)
+    assert abs(int(clipped[0]) - asked[0] / 2) <= 1
+    assert abs(int(clipped[2]) - asked[2]) <= 1
+    assert not clipped[[1, 3, 4, 5]].any()
+
+
 def test_what_acts_is_what_is_recorded(scenes):
     finer = ot.drive(scenes, constant(0.123_4, 0.0), observe="human")
     rounded = ot.drive(scenes, constant(0.123, 0.0), observe="human")
@@ -196,6 +272,8 @@ def test_every_action_names_its_numbers():
         "accel_steer": 2,
         "trajectory": 8,
         "decision": 1,
+        "accel_move": 2,
+        "accel_steer_signal": 3,
     }
 
 

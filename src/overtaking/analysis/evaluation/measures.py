@@ -45,6 +45,7 @@ def columns(labelled: Labelled, stay: Trajectories) -> Columns:
         "km": 1e-3 * batch.metres(batch.sound & (np.arange(batch.sound.shape[1]) == 0)[:, None]),
         "near_crashes": np.bincount(near.simulation, minlength=len(batch.weight)),
         "gained": gained(labelled.trajectories, stay),
+        "clipped": _clipped(labelled.trajectories),
     }
     found["near_crash"] = found["near_crashes"] > 0
     for name in ("collision", "near_crash"):
@@ -52,6 +53,12 @@ def columns(labelled: Labelled, stay: Trajectories) -> Columns:
     found |= _comfort(batch) | lane_changes.columns(batch)
     found |= origins.columns(labelled, batch, near)
     return {name: np.asarray(one, np.float64) for name, one in found.items()}
+
+
+def _clipped(runs: Trajectories) -> Array:
+    """Answers of the policy that were beyond the limits, shape (scene,)."""
+    counted = runs.actions and runs.actions.clipped
+    return np.zeros(runs.scenario.num_simulations) if counted is None else counted
 
 
 def _outcome(labelled: Labelled) -> dict[str, Array]:

@@ -103,6 +103,8 @@ def warnings(found: Evaluation) -> list[str]:
         said.append(
             f"The weights leave {found.effective:,.0f} effective scenes of {found.simulations:,}."
         )
+    if clipped := int(found.counts[found.policy]["clipped"]):
+        said.append(f"{clipped:,} answers of the policy were beyond the limits, and clipped.")
     return said
 
 

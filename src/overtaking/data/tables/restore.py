@@ -127,12 +127,9 @@ def restore_actions(tables: Tables) -> Actions | None:
         return None
     table, grid = tables["actions"], _Grid.of(tables, "actions", "action")
     columns = {one.path: one for one in COLUMNS["actions"]}
-    named = {
-        kind
-        for kind, parts in actions.KINDS.items()
-        if _has(table, [columns[p.name] for p in parts])
-    }
-    kind = named.pop()
+    known = actions.KINDS.items()
+    named = [kind for kind, parts in known if _has(table, [columns[p.name] for p in parts])]
+    kind = max(named, key=lambda one: len(actions.KINDS[one]))
     rows = np.zeros((table.num_rows, MOST_PARTS), np.int32)
     for place, part in enumerate(actions.KINDS[kind]):
         rows[:, place] = _values(table, columns[part.name], 0)

@@ -26,7 +26,7 @@ from overtaking.sim.reference.mobil import (
     turn_to_lane,
 )
 from overtaking.sim.reference.neighbours import Neighbours
-from overtaking.sim.reference.orders import Orders, obey
+from overtaking.sim.reference.orders import Orders, obey, show
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import (
@@ -202,6 +202,8 @@ def decide(
             recorder.percepts(state, near, believed, mask, kind, roles, step)
     next_stage = _next_stage(state, given, near, intent)
     _act(state, given, p, near, view, intent, step // SUBSTEPS)
+    if orders is not None:
+        show(state, orders)
     _end(state, given, q, intent, next_stage, step)
     state.stage_time = np.where(next_stage != state.stage, np.float32(0.0), state.stage_time)
     state.stage = next_stage

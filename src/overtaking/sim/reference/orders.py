@@ -37,6 +37,16 @@ class Orders:
     kind: str
     values: tuple[F32, ...]
 
+    def of(self, name: str) -> F32 | None:
+        """One of its numbers; None where it has none of that name."""
+        names = [part.name for part in KINDS[self.kind]]
+        return self.values[names.index(name)] if name in names else None
+
+    @property
+    def steers(self) -> bool:
+        """Whether the other driver turns the wheels itself."""
+        return self.of("wheel_angle") is not None
+
 
 def orders_at(actions: Actions | None, decision: int) -> Orders | None:
     """The orders of a decision; those of the last one where there are no more."""
@@ -55,21 +65,35 @@ def orders_of(kind: str, steps: np.ndarray) -> Orders:
 
 def pedals(orders: Orders | None, leader: F32, old_leader: F32) -> tuple[F32, F32]:
     """The accelerations that drivers want for two reasons, the ego's as another driver asks."""
-    if orders is None or orders.kind == "decision":
+    asked = None if orders is None else orders.of("accel")
+    if asked is None:
         return leader, old_leader
     leader, old_leader = leader.copy(), old_leader.copy()
-    leader[Role.EGO], old_leader[Role.EGO] = orders.values[0], _FREE
+    leader[Role.EGO], old_leader[Role.EGO] = asked, _FREE
     return leader, old_leader
 
 
 def wheel(orders: Orders | None) -> F32 | None:
     """Angle of the front wheels that another driver asks for, (simulation,) [rad]."""
-    return orders.values[1] if orders is not None and orders.kind == "accel_steer" else None
+    return None if orders is None else orders.of("wheel_angle")
+
+
+def show(state: State, orders: Orders) -> None:
+    """Light the indicator that another driver asks for, if that is a part of its action.
+
+    A wish for a lane beside a wheel angle is nothing but the indicator. A `Move` that names a side
+    shows it, whether or not the scenario's driver uses indicators.
+    """
+    if orders.kind not in ("accel_move", "accel_steer_signal"):
+        return
+    side = _side(orders)
+    told = (state.crashed[Role.EGO] == 0) & (orders.steers | (side != 0))
+    state.indicator[Role.EGO] = np.where(told, side, state.indicator[Role.EGO])
 
 
 def obey(state: State, given: Parameters, p: Fields, orders: Orders) -> Intent:
     """What the ego sets out to do: what another driver asks for, where that is possible."""
-    if orders.kind == "accel_steer":
+    if orders.steers:
         return _drift(state, given, p)
     side = _side(orders)
     # Who changes their mind shows the other side for as long.
@@ -94,9 +118,9 @@ def obey(state: State, given: Parameters, p: Fields, orders: Orders) -> Intent:
 
 def _side(orders: Orders) -> F32:
     """Where the ego is to go: 1 towards the fast side, -1 towards the slow side, 0 nowhere."""
-    if orders.kind == "accel_lane":
-        return orders.values[1]
-    move, one = orders.values[0], np.float32(1.0)
+    if (wish := orders.of("lane_change")) is not None:
+        return wish
+    move, one = orders.of("move"), np.float32(1.0)
     out = (move == np.float32(Move.SHOW_OUT)) | (move == np.float32(Move.PULL_OUT))
     back = (move == np.float32(Move.SHOW_BACK)) | (move == np.float32(Move.RETURN))
     return np.where(out, one, np.where(back, -one, np.float32(0.0)))
@@ -104,17 +128,16 @@ def _side(orders: Orders) -> F32:
 
 def _now(state: State, p: Fields, orders: Orders) -> Mask:
     """Whether the ego moves over now: when told to, or once it has signalled for its usual time."""
-    if orders.kind == "accel_lane":
+    if (move := orders.of("move")) is None:
         return state.signalled > p.signal_time[Role.EGO]
-    move = orders.values[0]
     return (move == np.float32(Move.PULL_OUT)) | (move == np.float32(Move.RETURN))
 
 
 def _gives_up(orders: Orders) -> tuple[Mask, Mask]:
     """Whether the ego is to give up pulling out, and to give up changing back."""
-    if orders.kind == "accel_lane":
-        return orders.values[1] < 0, orders.values[1] > 0
-    aborts = orders.values[0] == np.float32(Move.ABORT)
+    if (wish := orders.of("lane_change")) is not None:
+        return wish < 0, wish > 0
+    aborts = orders.of("move") == np.float32(Move.ABORT)
     return aborts, aborts
 
 

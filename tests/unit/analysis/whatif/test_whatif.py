@@ -183,7 +183,7 @@ def test_the_changes_of_a_branch_are_made_in_its_futures(
     np.testing.assert_array_equal(
         ot.label(futures).findings.margin[:1], ot.label(alone).findings.margin
     )
-    assert not futures.present[:, 3, 60:].any()
+    assert not futures.state_valid[:, 3, 60:].any()
     assert futures.scenario.weather.rain[0] == 0.0
 
 
