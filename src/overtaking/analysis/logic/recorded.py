@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from overtaking.analysis.logic import vocabulary as words
 from overtaking.analysis.logic.integers import beside, changes, down, nearest, runs, up
 from overtaking.labels.law.distances import lawful_gap, sure_decel
-from overtaking.labels.law.frames import is_two_way
 from overtaking.labels.law.others import back_indicator, out_indicator
 from overtaking.model.events import NEVER
 from overtaking.model.road import DrivingSide, RoadMark
@@ -56,7 +55,7 @@ def road_columns(recorded: Trajectories) -> dict[str, Columns]:
         "interval": (np.array([recorded.scenario.frame_interval_ms]),),
         "road": (np.array([words.ROAD.names.index(kind)]),),
         "lanes": (np.array([n]),),
-        "oncoming": (np.full(int(is_two_way(road)), n),),
+        "oncoming": (np.full(int(road.is_two_way), n),),
         "border": (np.arange(n + 1), nearest(road.side * np.array(road.boundaries))),
         "lane_width": _widths(road),
         "mark": _marks(road),

@@ -10,7 +10,6 @@ from overtaking.labels.explain.breach import BreachFacts, Quantity, Remedy, sole
 from overtaking.labels.instants import Index
 from overtaking.labels.law.alongside import alongside, lane_index
 from overtaking.labels.law.distances import full_decel
-from overtaking.labels.law.frames import is_two_way
 from overtaking.labels.law.lanes import left_widths
 from overtaking.labels.law.sight import passing_sight
 from overtaking.labels.law.speeds import speed_limits
@@ -84,7 +83,7 @@ def _stop(facts: BreachFacts, sight: F32) -> tuple[Remedy, ...]:
 def see_farther(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L15 and L15s: more sight; a driver can only wait for it."""
     needed, first = float(known("law.sight.least")), facts.case.events.attempt[0]
-    if is_two_way(facts.case.trajectories.road):
+    if facts.case.trajectories.road.is_two_way:
         passing = float(passing_sight(facts.case)[0])
         clear = float(facts.case.signals.sight_lit[0, first]) - passing
         needed = passing if abs(clear - facts.margin) < _SAME else needed

@@ -6,7 +6,7 @@ from overtaking.core.elementary import F32, Mask, as_f32
 from overtaking.labels.instants import METRES, Index, slot_of
 from overtaking.labels.law.alongside import lane_index
 from overtaking.labels.law.errors import OF_PLACE, SLOW_LANES
-from overtaking.labels.law.frames import Span, conduct, ends_in, instant, is_two_way, reduced
+from overtaking.labels.law.frames import Span, conduct, ends_in, instant, reduced
 from overtaking.labels.law.others import ego_may_be
 from overtaking.labels.law.rule import Check, Grade, Rule, decided, inapplicable
 from overtaking.model.events import NEVER
@@ -39,7 +39,7 @@ def _off_the_line(case: Case) -> Check:
     first, last = ends_in(span, rows, np.logical_or.reduce(broken))
     found = decided(span.exists, low, first, last)
     # Very serious where the line separates the directions of travel (146(o)), else light.
-    between = is_two_way(road) and road.num_lanes in closed
+    between = road.is_two_way and road.num_lanes in closed
     beyond = (clear[-1] + tolerance < 0) & between
     worst = np.where(beyond, Severity.VERY_SERIOUS, Severity.LIGHT)
     illegal = found.verdict == Verdict.ILLEGAL
@@ -152,7 +152,7 @@ L16 = Rule(
 def _target_off_the_line(case: Case) -> Check:
     """On a two-way road the target is not itself over the line between the directions."""
     run, events, road = case.trajectories, case.events, case.trajectories.road
-    if not (is_two_way(road) or "road_kind" in run.unknown):
+    if not (road.is_two_way or "road_kind" in run.unknown):
         return inapplicable(case.signals.num_simulations)
     vehicle, row = case.target.vehicle, np.arange(case.signals.num_simulations)
     slot = slot_of(vehicle)

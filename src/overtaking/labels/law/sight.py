@@ -10,7 +10,6 @@ from overtaking.labels.law.frames import (
     Stretch,
     always,
     conduct,
-    is_two_way,
     manoeuvre,
     never_negative,
     stretches,
@@ -84,7 +83,7 @@ L14s = Rule(
 def _sees_through_air(case: Case) -> Check:
     """From the start until the target is passed, the air lets one see the carriageway."""
     sight, span = optical_range(case), _until_passed(case)
-    if is_two_way(case.trajectories.road):
+    if case.trajectories.road.is_two_way:
         return _sees(case, np.broadcast_to(sight[:, None], case.signals.lane.shape))
     # The air is the same in all frames.
     found = Stretch(low=sight - known("law.sight.least"), first=span.start, last=span.stop)
@@ -106,7 +105,7 @@ def _until_passed(case: Case) -> Span:
 def _sees(case: Case, sight: F32) -> Check:
     """A sight (simulation, time) that is enough, at the attempt also against oncoming traffic."""
     margin = sight - known("law.sight.least")
-    if is_two_way(case.trajectories.road):
+    if case.trajectories.road.is_two_way:
         row = np.flatnonzero(case.events.attempted)
         first = case.events.attempt[row]
         clear = case.signals.sight_lit[row, first] - passing_sight(case)[row]
@@ -138,7 +137,7 @@ def _time_needed(case: Case) -> F32:
 
 def _oncoming_error(case: Case, found: Check, errors: Errors) -> F32:
     """Error of the sight that is needed against oncoming traffic, by the ego's speed [m]."""
-    if not is_two_way(case.trajectories.road):
+    if not case.trajectories.road.is_two_way:
         return np.zeros_like(found.margin)
     return _time_needed(case) * np.float32(errors.speed)
 
