@@ -253,5 +253,9 @@ _TELL: dict[str, Callable[[Values, Values], Told]] = {
     "unsignalled": _told("the indicator on for {by} more", 2, whole=False),
     "wrong_lamps": _told("the right lamps for {by} more", 2, whole=False),
     "target_drift": _told("{by} less drift of {who} to the side", 2),
+    "gap_to_return": _told("{by} more between those between whom it returns"),
+    "place": _told("the overtake {by} away from there", 0, whole=False),
+    "evasion": _told("{who} in its lane, {by} less over the edge", 2, whole=False),
+    "oncoming_braking": _told("{by} less braking of {who}, which comes towards it,", 2),
     "target_accel": _told("{by} less acceleration of {who}", 2),
 }

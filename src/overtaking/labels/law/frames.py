@@ -63,10 +63,7 @@ def driving_end(case: Case) -> I32:
     """Last frame in which the ego is driven: before a collision, off the road or a spin."""
     events = case.events
     end = events.last.copy()
-    stops = [events.collision, events.spin]
-    if not case.trajectories.road.is_two_way:
-        stops.append(events.road_departure)
-    for stop in stops:
+    for stop in (events.collision, events.road_departure, events.spin):
         end = np.where(stop != NEVER, np.minimum(end, stop - 1), end)
     return end
 
