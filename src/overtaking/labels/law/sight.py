@@ -126,8 +126,13 @@ def passing_margin(case: Case) -> F32:
 
     Vehicles that come are lit or seen by day; a driver looks as far as that takes.
     """
-    shown = as_f32(case.trajectories.road.sight(at(case.signals.s, pull_out_frame(case))))
-    return np.minimum(optical_range(case), shown) - passing_sight(case)
+    return shown_sight(case, pull_out_frame(case)) - passing_sight(case)
+
+
+def shown_sight(case: Case, frame: I32) -> F32:
+    """Sight that air and road give at one frame of each simulation [m]."""
+    shown = as_f32(case.trajectories.road.sight(at(case.signals.s, frame)))
+    return np.minimum(optical_range(case), shown)
 
 
 def passing_sight(case: Case) -> F32:
