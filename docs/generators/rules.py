@@ -112,6 +112,7 @@ def _rule(rule: Rule) -> str:
         ("undecidable without", _list(rule.needs)),
         ("at times undecidable without", _list(rule.partly)),
         ("without an attempt", "judged all the same" if rule.without_attempt else "not applicable"),
+        ("roads", "with oncoming traffic" if rule.two_way else ""),
         ("whose duty", "the ego's" if rule.of_ego else "another's; no policy asks for it"),
     ]
     body = table(("", ""), [row for row in rows if row[1]])

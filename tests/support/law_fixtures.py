@@ -6,6 +6,7 @@ from typing import Any
 
 from tests.support.cases import LEFT, Track, case, ramp, two_way_road
 from tests.support.law_fixtures_of_driving import OF_DRIVING
+from tests.support.law_fixtures_of_two_ways import OF_TWO_WAYS
 from tests.support.overtakes import (
     BACK,
     BESIDE,
@@ -285,5 +286,5 @@ OF_OVERTAKING: list[Fixture] = [
     ("L11", UNKNOWN, "nothing is known of the kinds", lambda: passing(1, unknown=("kinds",))),
 ]
 
-FIXTURES: list[Fixture] = [*OF_OVERTAKING, *OF_DRIVING]
+FIXTURES: list[Fixture] = [*OF_OVERTAKING, *OF_DRIVING, *OF_TWO_WAYS]
 """Rule, verdict, what happens, and what makes the case."""

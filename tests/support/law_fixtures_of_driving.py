@@ -130,12 +130,6 @@ OF_DRIVING: list[tuple[str, Verdict, str, Any]] = [
         "two ways, seen as far as needed",
         lambda: overtake(road=two_way_road(), ego={"speed": 20.0}, events=CROSSED | {"back": 140}),
     ),
-    (
-        "L15",
-        BREACH,
-        "two ways, too long on the left",
-        lambda: overtake(road=two_way_road(), events=CROSSED | {"return_end": 300}),
-    ),
     ("L15s", LEGAL, "a clear night", lambda: overtake(weather=NIGHT)),
     ("L15s", BREACH, "a wet night", lambda: overtake(weather=NIGHT | {"rain": 50.0})),
     ("L15s", APART, "no attempt", alone),

@@ -12,6 +12,7 @@ from overtaking.model.known_roads import known_road
 from overtaking.model.road import Road, RoadMark
 
 if TYPE_CHECKING:
+    from overtaking.model.course import Course
     from overtaking.model.labels import Case
 
 FRAMES = 420
@@ -78,6 +79,27 @@ def against(gap: float, **given: Any) -> Case:
     oncoming = Track(s=meeting + gap + 4.4, lane=1, speed=20.0, oncoming=True)
     given = {"road": two_way_road(), "events": BACK} | given
     return case(Track(speed=20.0), Track(s=-60.0, speed=15.0), oncoming, **given)
+
+
+def rural(*others: Track, **given: Any) -> Case:
+    """The lawful overtake on a two-way road for 110 km/h, past a car at 20 m/s."""
+    given = {"road": two_way_road()} | given
+    return overtake(*others, **given)
+
+
+def meeting(gap: float, **given: Any) -> Track:
+    """A vehicle at 20 m/s that would be `gap` ahead of the ego when that is back on its side.
+
+    The ego crosses the line in frame 76, at 30 m/s, and is back in frame 335 of `overtake`.
+    """
+    s = 4.4 + 30.0 * 335 * 0.05 + 20.0 * 335 * 0.05 + gap
+    return Track(**({"s": s, "lane": 1, "speed": 20.0, "oncoming": True} | given))
+
+
+def along_course(course: Course, **given: Any) -> Case:
+    """The overtake on a two-way road along which something changes."""
+    road = dataclasses.replace(two_way_road(), course=course)
+    return rural(road=road, **given)
 
 
 def oncoming_target(lane: float, **given: Any) -> Case:

@@ -7,7 +7,7 @@ import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib import metadata
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -15,7 +15,9 @@ from pydantic import (
     ConfigDict,
     Field,
     JsonValue,
+    SerializerFunctionWrapHandler,
     ValidationError,
+    field_serializer,
     model_validator,
 )
 
@@ -182,6 +184,14 @@ class Identity(_Record):
     balance: Balance | None = None
     policy: PolicyRecord | None = None
     branches: tuple[BranchRecord, ...] = ()
+
+    @field_serializer("road", mode="wrap")
+    def _without_empty_course(self, road: Road, dump: SerializerFunctionWrapHandler) -> Any:
+        """The road; a road along which nothing changes stays as it was before roads had courses."""
+        said = dump(road)
+        if road.course is None:
+            del said["course"]
+        return said
 
     @property
     def tables(self) -> tuple[str, ...]:

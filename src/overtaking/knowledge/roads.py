@@ -7,7 +7,7 @@ from functools import cache
 
 from overtaking.knowledge.reader import read_section
 
-ROAD_NAMES = ("town06", "motorway")
+ROAD_NAMES = ("town06", "motorway", "rural")
 """The roads that come with the package."""
 
 _FILE = "roads.toml"
@@ -22,12 +22,39 @@ class BesideFacts:
         kind: OpenDRIVE lane type.
         width: Width [m].
         far_mark: Line on its side away from the driving lanes, spelled as CARLA does.
+        is_oncoming: Whether its traffic comes the other way.
     """
 
     lane_id: int
     kind: str
     width: float
     far_mark: str
+    is_oncoming: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CourseFacts:
+    """What changes along a two-way road: where each stretch begins and ends [m].
+
+    Attributes:
+        solid: Where the line between the directions is solid for both.
+        solid_broken: Where it is solid for the driving lanes alone.
+        broken_solid: Where it is solid for oncoming traffic alone.
+        junction: Junctions.
+        crest: Crests.
+        bend: Bends of reduced visibility.
+        sight: Stations, and how far one sees from there along the road.
+        sight_against: The same for oncoming traffic.
+    """
+
+    solid: tuple[tuple[float, float], ...] = ()
+    solid_broken: tuple[tuple[float, float], ...] = ()
+    broken_solid: tuple[tuple[float, float], ...] = ()
+    junction: tuple[tuple[float, float], ...] = ()
+    crest: tuple[tuple[float, float], ...] = ()
+    bend: tuple[tuple[float, float], ...] = ()
+    sight: tuple[tuple[float, float], ...] = ()
+    sight_against: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +77,7 @@ class RoadFacts:
         speed_limit: Posted limit [m/s].
         slow_side: Lane beside the first lane.
         fast_side: Lane beside the last lane.
+        course: What changes along it, if anything does.
     """
 
     kind: str
@@ -67,6 +95,7 @@ class RoadFacts:
     speed_limit: float
     slow_side: BesideFacts
     fast_side: BesideFacts
+    course: CourseFacts | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

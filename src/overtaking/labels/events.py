@@ -9,20 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.core.elementary import Mask
 from overtaking.labels.instants import (
     I32,
     U8,
     across_at,
+    borders_of,
     lateral_speed_at,
-    side_of,
     slot_of,
     vehicle_at,
 )
 from overtaking.labels.signals import target_signals, watch
 from overtaking.model.events import NEVER, Detail, Events, Outcome
 from overtaking.model.labels import Case
-from overtaking.model.road import Road
 from overtaking.model.signals import Signals
 from overtaking.model.trajectory import RADIANS_PER_STEP, UNDER_WAY, Trajectories
 from overtaking.model.vehicles import Role, VehicleKind
@@ -73,10 +72,10 @@ def thresholds(trajectories: Trajectories) -> dict[str, Any]:
         return max(1, round(seconds * 1000.0 / trajectories.scenario.frame_interval_ms))
 
     advances = [known(f"labels.attempt.advance.{each.name}") for each in VehicleKind]
-    beyond = road.fast_side_neighbour
+    borders, beyond = borders_of(road), road.fast_side_neighbour
     return {
         "least_advance": np.array(advances)[kind],
-        "borders": [float(each) for each in borders_of(road)],
+        "borders": [float(each) for each in borders],
         "lanes_with_left": road.num_lanes - 1 + (beyond is not None and beyond.kind == "driving"),
         "least_frames": frames("motion.least_time"),
         "window": frames("motion.median_window"),
@@ -90,11 +89,6 @@ def thresholds(trajectories: Trajectories) -> dict[str, Any]:
         "direction": round(HEADINGS * road.heading),
         "spin_angle": round(HEADINGS * float(known("model.departure.spin_angle"))),
     }
-
-
-def borders_of(road: Road) -> F32:
-    """Lane borders from the right to the left, shape (lane + 1,) [m]."""
-    return side_of(road) * as_f32(road.boundaries)
 
 
 def _struck(trajectories: Trajectories, seen: Signals, partner: U8, collision: I32) -> Mask:

@@ -48,6 +48,15 @@ def side_of(road: Road) -> np.float32:
     return np.float32(1.0 if road.driving_side is DrivingSide.RIGHT else -1.0)
 
 
+def borders_of(road: Road) -> F32:
+    """Lane borders from the right to the left, those of the lane of oncoming traffic too [m]."""
+    borders = side_of(road) * as_f32(road.boundaries)
+    beyond = road.fast_side_neighbour
+    if road.is_two_way and beyond is not None:
+        borders = np.append(borders, borders[-1] + np.float32(beyond.width))
+    return borders
+
+
 def slot_of(vehicle: U8) -> Index:
     """Slot of each vehicle; the ego's where there is none."""
     return np.where(vehicle == NO_VEHICLE, Role.EGO, vehicle).astype(np.intp)
@@ -77,6 +86,21 @@ def footprint(road: Road, d: Frames, heading: Frames, length: F32, width: F32) -
     sine, cosine = sincos(as_f32(heading) * RADIANS - np.float32(road.heading))
     half_length, half_width = length * np.float32(0.5), width * np.float32(0.5)
     return across, half_length * np.abs(sine) + half_width * np.abs(cosine)
+
+
+def oncoming(run: Trajectories) -> Mask:
+    """Which vehicles come against the road, shape (simulation, vehicle); none on one-way roads.
+
+    The heading in the first recorded frame decides: who spins later does not become oncoming.
+    """
+    valid = run.scenario.vehicles.valid
+    if not run.road.is_two_way:
+        return np.zeros_like(valid)
+    first = np.zeros(valid.shape, np.intp) if run.present is None else run.present.argmax(axis=2)
+    heading = np.take_along_axis(run.states.heading, first[:, :, None], axis=2)[:, :, 0]
+    against = sincos(as_f32(heading) * RADIANS - np.float32(run.road.heading))[1] < 0
+    against[:, Role.EGO] = False
+    return valid & against
 
 
 def half_window(interval_ms: int) -> int:

@@ -14,10 +14,20 @@ from numpy.typing import NDArray
 from overtaking import _core
 from overtaking.core.elementary import F32, as_f32, log, maximum
 from overtaking.core.memory import empty
-from overtaking.labels.instants import METRES, U8, Index, half_window, side_of, slot_of
+from overtaking.labels.instants import (
+    METRES,
+    U8,
+    Index,
+    borders_of,
+    half_window,
+    oncoming,
+    side_of,
+    slot_of,
+)
 from overtaking.model.batch import Batch
 from overtaking.model.labels import Case
 from overtaking.model.once import once
+from overtaking.model.road import MAX_LANES
 from overtaking.model.safety import Encounter
 from overtaking.model.signals import Around, Signals, TargetSignals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
@@ -76,9 +86,18 @@ def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[Signals, 
         "valid": lambda: {"valid": trajectories.frame_valid},
         **dict.fromkeys(_AROUND, around),
     }
+    _limit_sight(trajectories, outputs)
     interval = trajectories.scenario.frame_interval_ms
     seen = Signals.partly(later, frame_interval_ms=interval, **outputs)
     return seen, dict(zip(names, events, strict=True))
+
+
+def _limit_sight(trajectories: Trajectories, outputs: Arrays) -> None:
+    """Nothing is seen beyond what the road shows."""
+    if trajectories.road.course:
+        shown = trajectories.road.sight(trajectories.states.s[:, Role.EGO] * float(METRES))
+        for name in ("sight_lit", "sight_unlit"):
+            np.minimum(outputs[name], as_f32(shown), out=outputs[name])
 
 
 def target_signals(trajectories: Trajectories, seen: Signals, vehicle: U8) -> TargetSignals:
@@ -139,22 +158,38 @@ def packed(case: Case) -> dict[str, Any]:
 
 
 def pack(trajectories: Trajectories) -> dict[str, Any]:
-    """A recording as compiled functions take it."""
+    """A recording as compiled functions take it.
+
+    On a two-way road the lane of oncoming traffic is one more lane to the left, and who comes is
+    left out: leaders, followers and targets drive in the direction of the ego.
+    """
     states, bodies, road = trajectories.states, trajectories.scenario.vehicles, trajectories.road
     interval_ms, present = trajectories.scenario.frame_interval_ms, trajectories.present
     recorded = {name: getattr(states, name) for name in ("s", "d", "speed", "heading", "lane")}
     recorded |= {"accel": states.accel_lon, "hit": trajectories.collided_with}
+    if road.is_two_way:
+        recorded["lane"] = _with_opposite_lane(trajectories)
+        along = np.broadcast_to(~oncoming(trajectories)[:, :, None], states.s.shape)
+        present = along.copy() if present is None else present & along
     return {
         **{name: _adjacent(values) for name, values in recorded.items()},
         "present": None if present is None else _adjacent(present),
         "num_frames": np.ascontiguousarray(trajectories.num_frames),
         **{name: _flat(getattr(bodies, name)) for name in ("valid", "length", "width")},
-        "num_lanes": road.num_lanes,
+        "num_lanes": min(road.num_lanes + road.is_two_way, MAX_LANES),
         "side": float(side_of(road)),
         "direction": float(np.float32(road.heading)),
         "interval_ms": interval_ms,
         "half_window": half_window(interval_ms),
     }
+
+
+def _with_opposite_lane(trajectories: Trajectories) -> U8:
+    """Lanes, with the next number for what is beyond the lane of oncoming traffic."""
+    states, road = trajectories.states, trajectories.road
+    edge = float(borders_of(road)[-1])
+    beyond = float(side_of(road)) * states.d > edge / float(METRES)
+    return states.lane + (beyond & (states.lane == road.num_lanes)).view(np.uint8)
 
 
 def pack_seen(seen: Signals) -> Arrays:

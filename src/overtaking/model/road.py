@@ -1,4 +1,4 @@
-"""A straight stretch of road whose driving lanes all run the same way.
+"""A straight stretch of road whose driving lanes all run the same way, and what is beside them.
 
 ```
         fast side   d = boundaries[n]   ------------------------------  left_mark of lanes[n-1]
@@ -10,7 +10,8 @@
 
 `s` grows along the direction of travel and `d` to the left of it, in either kind of traffic. Lanes
 are counted from the slow side: from the right in right-hand traffic, where `side` is +1, and from
-the left in left-hand traffic, where it is -1.
+the left in left-hand traffic, where it is -1. On a two-way road the neighbour on the fast side is
+the lane of oncoming traffic; `course` says what changes along a road.
 """
 
 import dataclasses
@@ -25,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from overtaking.core.errors import ConfigError
 from overtaking.model.checks import check
+from overtaking.model.course import MAX_LENGTH, Course, RoadMark, whole_line
 from overtaking.model.line import direction
 from overtaking.model.values import within
 
@@ -33,40 +35,10 @@ F64 = NDArray[np.float64]
 MAX_LANES = 8
 MIN_LANE_WIDTH, MAX_LANE_WIDTH = 2.0, 6.0  # Beyond these a car does not fit, or two do.
 MAX_NEIGHBOUR_WIDTH = 100.0
-MAX_LENGTH = 100_000.0  # A float64 position then still resolves far below the recorded centimetre.
 MAX_COORDINATE = 1.0e8  # Wider than any map projection of the Earth in metres.
 MAX_SPEED_LIMIT = 100.0
 
 _COORDINATE = within(-MAX_COORDINATE, MAX_COORDINATE, "m")
-
-
-class RoadMark(enum.Enum):
-    """The line painted between two lanes, spelled as `carla.LaneMarkingType` spells it.
-
-    Of the double lines the first word names the line nearer to the lane that the mark belongs to,
-    so the two lanes that share such a line see it with the words swapped: `reversed`.
-    """
-
-    NONE = "NONE"
-    SOLID = "Solid"
-    BROKEN = "Broken"
-    SOLID_SOLID = "SolidSolid"
-    SOLID_BROKEN = "SolidBroken"
-    BROKEN_SOLID = "BrokenSolid"
-    BROKEN_BROKEN = "BrokenBroken"
-    BOTTS_DOTS = "BottsDots"
-    CURB = "Curb"
-    GRASS = "Grass"
-    OTHER = "Other"
-
-    @property
-    def reversed(self) -> "RoadMark":
-        """The same line as seen from the lane on its other side."""
-        if self is RoadMark.SOLID_BROKEN:
-            return RoadMark.BROKEN_SOLID
-        if self is RoadMark.BROKEN_SOLID:
-            return RoadMark.SOLID_BROKEN
-        return self
 
 
 class DrivingSide(enum.Enum):
@@ -133,6 +105,7 @@ class Road:
         speed_limit: Limit that is posted for the driving lanes [m/s].
         slow_side_neighbour: Lane beside `lanes[0]`, such as a hard shoulder, or None.
         fast_side_neighbour: Lane beside `lanes[-1]`, or None.
+        course: What changes along the road; None if nothing does.
 
     Raises:
         ConfigError: A value is outside the model's range.
@@ -150,11 +123,13 @@ class Road:
     speed_limit: Annotated[float, within(0.0, MAX_SPEED_LIMIT, "m/s", is_open=True)]
     slow_side_neighbour: Lane | None = None
     fast_side_neighbour: Lane | None = None
+    course: Course | None = None
 
     def __post_init__(self) -> None:
         """Refuse roads outside the model's range."""
         check(self, f"road {self.name}")
         self._check_lanes()
+        self._check_course()
 
     @property
     def num_lanes(self) -> int:
@@ -165,6 +140,22 @@ class Road:
     def side(self) -> float:
         """+1.0 where `d` grows from the slow to the fast lanes (right-hand traffic), else -1.0."""
         return 1.0 if self.driving_side is DrivingSide.RIGHT else -1.0
+
+    @property
+    def is_two_way(self) -> bool:
+        """Whether the lane beyond the fast edge belongs to oncoming traffic."""
+        beyond = self.fast_side_neighbour
+        return beyond is not None and beyond.kind == "driving" and beyond.direction == -1
+
+    @property
+    def fast_edge_marks(self) -> tuple[tuple[float, RoadMark], ...]:
+        """The line on the fast side of `lanes[-1]`, seen from there: where each mark begins [m].
+
+        The first begins at minus infinity.
+        """
+        last = self.lanes[-1]
+        mark = last.left_mark if self.driving_side is DrivingSide.RIGHT else last.right_mark
+        return whole_line(self.course.lines if self.course else (), mark)
 
     @property
     def boundaries(self) -> F64:
@@ -179,6 +170,15 @@ class Road:
         """`d` of the lane centres from the slow to the fast side, shape (lane,) [m]."""
         borders = self.boundaries
         return (borders[:-1] + borders[1:]) * 0.5
+
+    def sight(self, s: ArrayLike, direction: int = 1) -> F64:
+        """How far a driver sees the road, infinite where it does not limit sight [m].
+
+        Args:
+            s: Where the driver is, any shape [m].
+            direction: +1 along the road, -1 against it.
+        """
+        return (self.course or Course()).sight_at(s, direction)
 
     def world(self, s: ArrayLike, d: ArrayLike) -> tuple[F64, F64]:
         """World coordinates of points on the road.
@@ -273,6 +273,21 @@ class Road:
                     f"{near.reversed.value} from the second as it is {near.value} from the first",
                     far.value,
                 )
+
+    def _check_course(self) -> None:
+        course = self.course
+        if course is None:
+            return
+        stretches = (*course.lines, *course.places)
+        stations = [one.stop for one in stretches]
+        stations += [s for s, _ in (*course.sight, *course.sight_against)]
+        if stations and max(stations) > self.length:
+            length = f"at most {self.length:g} m, the length of the road"
+            raise self._refused("course", length, f"{max(stations):g} m")
+        against = course.sight_against or [one for one in course.places if one.direction < 0]
+        if not self.is_two_way and (course.lines or against):
+            lane = "oncoming traffic: a driving lane with direction -1 beside the fast lane"
+            raise self._refused("course", lane, "lines or sight for it, and no such lane")
 
     def _check_driving(self, lane: Lane) -> None:
         if not MIN_LANE_WIDTH <= lane.width <= MAX_LANE_WIDTH:  # Also true for NaN.

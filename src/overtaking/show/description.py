@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from overtaking.core.units import STEPS
-from overtaking.data.tables.columns import si_name, unit_of
+from overtaking.data.tables.columns import SUFFIXES, si_name, unit_of
 from overtaking.data.tables.encode import encode
 from overtaking.data.tables.names import NEIGHBOURS
 from overtaking.knowledge import terms
+from overtaking.labels.explain.explanation import case_of
+from overtaking.labels.features.oncoming import oncoming_measures
 from overtaking.labels.law import POLICIES, PORTUGAL
+from overtaking.model.oncoming import Oncoming
 from overtaking.model.trajectory import Stage
+from overtaking.model.values import declarations
 from overtaking.show.judgement import judge, thought
 
 if TYPE_CHECKING:
@@ -85,8 +90,21 @@ def describe(
         "stages": _stages(run),
         "collisions": _collisions(vehicles),
         "decisions": _decisions(run, explanation.thoughts),
+        **_oncoming(labelled),
         **judge(labelled, explanation),
     }
+
+
+def _oncoming(labelled: Labelled) -> Values:
+    """The measures against oncoming traffic, on roads that have some."""
+    if not labelled.trajectories.road.is_two_way:
+        return {}
+    measures = oncoming_measures(case_of(labelled))
+    values = {
+        name + SUFFIXES[one.unit]: round(float(getattr(measures, name)[0]), _DECIMALS)
+        for name, one in declarations(Oncoming).items()
+    }
+    return {"oncoming": {name: None if math.isnan(one) else one for name, one in values.items()}}
 
 
 def lane_name(road: Road, code: int) -> str:

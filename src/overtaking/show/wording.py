@@ -94,7 +94,23 @@ def ending_words(values: Values) -> list[str]:
     if passed:
         facts.append(f"{passed} vehicle{'s' if passed > 1 else ''} passed")
     end = "." if values["collisions"] else ". No collision."
-    return [", ".join(facts) + end, *map(_collision, values["collisions"])]
+    first = ", ".join(facts) + end
+    return [first, *_oncoming(values.get("oncoming")), *map(_collision, values["collisions"])]
+
+
+def _oncoming(found: Values | None) -> list[str]:
+    """How the overtake stood to oncoming traffic, if the ego came to the other side."""
+    if found is None or found["time_needed_s"] is None:
+        return []
+    told = [f"On the other side for {found['time_needed_s']:.1f} s"]
+    if found["distance_out_m"] is None:
+        return [
+            f"{told[0]}; nobody came, and the road was in sight for {found['sight_out_m']:.0f} m."
+        ]
+    told.append(f"traffic came from {found['distance_out_m']:.0f} m away")
+    if found["distance_back_m"] is not None:
+        told.append(f"{found['distance_back_m']:.0f} m ({found['time_back_s']:.1f} s) were left")
+    return ["; ".join(told) + "."]
 
 
 def _collision(one: Values) -> str:
@@ -253,5 +269,9 @@ _TELL: dict[str, Callable[[Values, Values], Told]] = {
     "unsignalled": _told("the indicator on for {by} more", 2, whole=False),
     "wrong_lamps": _told("the right lamps for {by} more", 2, whole=False),
     "target_drift": _told("{by} less drift of {who} to the side", 2),
+    "gap_to_return": _told("{by} more between those between whom it returns"),
+    "place": _told("the overtake {by} away from there", 0, whole=False),
+    "evasion": _told("{who} in its lane, {by} less over the edge", 2, whole=False),
+    "oncoming_braking": _told("{by} less braking of {who}, which comes towards it,", 2),
     "target_accel": _told("{by} less acceleration of {who}", 2),
 }

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.labels.events import borders_of, thresholds
+from overtaking.labels.events import thresholds
+from overtaking.labels.instants import borders_of
 from overtaking.model.events import NEVER
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE, Stage

@@ -46,6 +46,16 @@ def test_the_road_comes_back_to_the_last_bit(manifest: Manifest, written: Path):
     assert road.heading.hex() == known_road("town06").heading.hex()
 
 
+def test_a_course_comes_back_and_a_road_without_one_does_not_name_it(
+    manifest: Manifest, written: Path
+):
+    assert "course" not in json.loads((written / FILE_NAME).read_text())["identity"]["road"]
+    identity = manifest.identity.model_copy(update={"road": known_road("rural")})
+    changed = manifest.model_copy(update={"identity": identity})
+    write_manifest(Folder(written), changed)
+    assert read_manifest(Folder(written)) == changed
+
+
 def test_the_specification_comes_back(manifest: Manifest, written: Path):
     assert spec(read_manifest(Folder(written)).identity.spec) == spec("pinto2023-physical")
 

@@ -248,9 +248,11 @@ def test_roads_that_come_with_the_package_are_whole(name: str):
     assert slow is not None
     assert fast is not None
     assert slow.left_mark is road.lanes[0].right_mark is RoadMark.SOLID
-    assert fast.right_mark is road.lanes[-1].left_mark is RoadMark.SOLID
+    between = RoadMark.BROKEN if road.is_two_way else RoadMark.SOLID
+    assert fast.right_mark is road.lanes[-1].left_mark is between
     ids = [slow.lane_id, *(lane.lane_id for lane in road.lanes), fast.lane_id]
-    assert ids == list(range(ids[0], ids[0] + len(ids)))
+    # The reference line, lane 0, is between the directions.
+    assert ids == [one for one in range(ids[0], ids[-1] + 1) if one or not road.is_two_way]
 
 
 def test_a_motorway_is_what_portuguese_practice_builds():
@@ -263,5 +265,5 @@ def test_a_motorway_is_what_portuguese_practice_builds():
 
 
 def test_an_unknown_road_is_named_with_the_known_ones():
-    with pytest.raises(ConfigError, match=r"expected town06 or motorway, got 'town6'"):
+    with pytest.raises(ConfigError, match=r"expected town06 or motorway or rural, got 'town6'"):
         known_road("town6")

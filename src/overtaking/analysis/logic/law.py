@@ -22,7 +22,10 @@ if TYPE_CHECKING:
     from overtaking.analysis.logic.clauses import Needed
     from overtaking.analysis.logic.source import Group
 
-CODES = ("L1", "L2", "L3", "L5", "L8", "L9", "L12", "L13", "L16", "L18", "L20", "L21")
+CODES = (
+    *("L1", "L2", "L3", "L5", "L8", "L9", "L12", "L13", "L16", "L17", "L18", "L20", "L21"),
+    *("L24", "L25", "L26", "L28", "L29"),
+)
 """The Portuguese rules that are written as a logic program too."""
 
 CODES_DE = ("A1", "A2", "A3", "O1", "O2", "O6", "O8", "O11", "O12", "V2", "F1", "S1")

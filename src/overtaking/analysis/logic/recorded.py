@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from overtaking.analysis.logic import vocabulary as words
 from overtaking.analysis.logic.integers import beside, changes, down, nearest, runs, up
 from overtaking.labels.law.distances import lawful_gap, sure_decel
-from overtaking.labels.law.frames import is_two_way
-from overtaking.labels.law.others import back_indicator, out_indicator
+from overtaking.labels.law.opposite import coming, over_its_edge
+from overtaking.labels.law.others import back_indicator, others_at, out_indicator
+from overtaking.labels.law.places import target_reach
+from overtaking.model.course import MAX_LENGTH
 from overtaking.model.events import NEVER
 from overtaking.model.road import DrivingSide, RoadMark
 from overtaking.model.signals import Around
@@ -56,14 +58,21 @@ def road_columns(recorded: Trajectories) -> dict[str, Columns]:
         "interval": (np.array([recorded.scenario.frame_interval_ms]),),
         "road": (np.array([words.ROAD.names.index(kind)]),),
         "lanes": (np.array([n]),),
-        "oncoming": (np.full(int(is_two_way(road)), n),),
+        "oncoming": (np.full(int(road.is_two_way), n),),
         "border": (np.arange(n + 1), nearest(road.side * np.array(road.boundaries))),
         "lane_width": _widths(road),
         "mark": _marks(road),
         "unknown": (np.array(sorted(map(words.UNKNOWN.names.index, unknown)), np.int64),),
+        "line": _lines_along(road),
+        "place": _places(road),
         "posted_limit": (nearest(np.array([road.speed_limit])),),
     }
-    hidden = {"posted_limit": "speed_limit", "mark": "marks", "road": "road_kind"}
+    hidden = {
+        "posted_limit": "speed_limit",
+        "mark": "marks",
+        "line": "marks",
+        "road": "road_kind",
+    }
     return {name: columns for name, columns in facts.items() if hidden.get(name) not in unknown}
 
 
@@ -80,9 +89,32 @@ def _marks(road: Road) -> Columns:
     for lane, one in enumerate(road.lanes):
         slow, fast = (words.MARK.names.index(mark.name.lower()) for mark in _lines(road, one))
         found.append((lane, words.SIDES.index("left"), slow))
-        found.append((lane + 1, words.SIDES.index("right"), fast))
+        if lane + 1 < road.num_lanes or not _changes(road):
+            found.append((lane + 1, words.SIDES.index("right"), fast))
     border, side, marks = zip(*sorted(found), strict=True)
     return np.array(border), np.array(side), np.array(marks)
+
+
+def _changes(road: Road) -> bool:
+    """Whether the line on the fast side of the fastest lane changes along the road."""
+    return len(road.fast_edge_marks) > 1
+
+
+def _lines_along(road: Road) -> Columns:
+    """The stretches of that line, where it changes."""
+    if not _changes(road):
+        return _none(3)
+    begins, marks = zip(*road.fast_edge_marks, strict=True)
+    ends = np.clip([*begins, np.inf], -MAX_LENGTH, 2.0 * MAX_LENGTH)
+    codes = [words.MARK.names.index(mark.name.lower()) for mark in marks]
+    return nearest(ends[:-1]), nearest(ends[1:]), np.array(codes)
+
+
+def _places(road: Road) -> Columns:
+    places = road.course.places_for(1) if road.course else ()
+    codes = [words.PLACE_KIND.names.index(one.kind.name.lower()) for one in places]
+    ends = np.array([(one.start, one.stop) for one in places]).reshape(-1, 2)
+    return np.array(codes, np.int64), nearest(ends[:, 0]), nearest(ends[:, 1])
 
 
 def _lines(road: Road, lane: Lane) -> tuple[RoadMark, RoadMark]:
@@ -331,6 +363,47 @@ class _Recorded:
     def _at_target(self) -> tuple[Index, Index, Index]:
         row, frame = np.nonzero(self._case.target.valid)
         return row, self._case.target.vehicle[row].astype(np.intp), frame
+
+    def ego_place(self) -> Columns:
+        road = self._run.road
+        if not (road.is_two_way or road.course):
+            return _none(3)
+        row, frame = np.nonzero(self._seen.valid)
+        return self._numbers[row], frame, self._states.s[row, Role.EGO, frame]
+
+    @cached_property
+    def _coming(self) -> tuple[Index, Index, Index, F32]:
+        """Row, frame and slot of who comes towards the ego, and the gap between the two."""
+        if not self._run.road.is_two_way:
+            nothing = np.zeros(0, np.intp)
+            return nothing, nothing, nothing, np.zeros(0, np.float32)
+        row, frame = np.nonzero(self._seen.valid)
+        others = others_at(self._case, frame.astype(np.int32), row)
+        at = place, slot = np.nonzero(coming(others))
+        return row[place], frame[place], slot, others.gap[at]
+
+    def oncomer(self) -> Columns:
+        row, frame, slot, gap = self._coming
+        return self._numbers[row], frame, slot, down(gap), self._states.speed[row, slot, frame]
+
+    def oncomer_brakes(self) -> Columns:
+        row, frame, slot, _ = self._coming
+        braking = -self._states.accel_lon[row, slot, frame].astype(np.int64)
+        brakes = braking > 0
+        return self._numbers[row[brakes]], frame[brakes], slot[brakes], braking[brakes]
+
+    def oncomer_leaves(self) -> Columns:
+        row, frame, slot, _ = self._coming
+        if not row.size:
+            return _none(4)
+        over = up(over_its_edge(self._case, row, frame, slot))
+        leaves = over > 0
+        return self._numbers[row[leaves]], frame[leaves], slot[leaves], over[leaves]
+
+    def target_reach(self) -> Columns:
+        events, target = self._case.events, self._case.target.vehicle
+        row = np.flatnonzero((events.attempt != NEVER) & (target != NO_VEHICLE))
+        return self._numbers[row], up(target_reach(self._case)[row])
 
     def slow_vehicle(self) -> Columns:
         s, speed = self._states.s, self._states.speed

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from overtaking.knowledge.reader import load
 from overtaking.labels.law import GERMANY, POLICIES, PORTUGAL
+from overtaking.model.course import PlaceKind
 from overtaking.model.events import Outcome
 from overtaking.model.labels import OvertakeClass, Verdict
 from overtaking.model.road import RoadMark
@@ -78,6 +79,7 @@ EVENT = _constants("event", "what happened, see the page on events", *EVENTS)
 PLACE = _constants("place", "place around the ego", *(one.name for one in Around), "target")
 SIDE = _constants("side", "left is where one overtakes", *SIDES)
 MARK = _constants("mark", "line as seen from one side", *(one.name for one in RoadMark))
+PLACE_KIND = _constants("place_kind", "what a stretch of road is", *(one.name for one in PlaceKind))
 ROAD = _constants("road", "kind of road", "motorway", "other", "town")
 POLICY = _constants("policy", "which rules count", *(one.name for one in POLICIES))
 CLASS = _constants("class", "class of a simulation", *(one.title for one in OvertakeClass))
@@ -119,12 +121,14 @@ TYPES = {
     for of in (
         *(SIMULATION, VEHICLE, LANE, FRAME, COUNT, PERCENT, INTERVAL, MM, SIZE, SPEED, BRAKING),
         *(KIND, EVENT, PLACE, SIDE, MARK, ROAD, POLICY, CLASS, OUTCOME, UNKNOWN, RULE, VERDICT),
+        PLACE_KIND,
         Type("km_per_h", "speed in kilometres per hour", 0, 1000),
         Type("duration", "time in milliseconds", 0, 3_600_000),
+        Type("hundredths", "time in hundredths of a second", 0, 10_000),
         _constants("limits", "class of vehicle by its speed limits", "light", "van", "heavy"),
     )
 }
-"""Every type by its name; the last three occur in the programs only."""
+"""Every type by its name; the last four occur in the programs only."""
 
 
 def _declared(group: str) -> tuple[Predicate, ...]:

@@ -1,6 +1,7 @@
 """Labels, findings, features and measures of safety as tables."""
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from overtaking.labels.label import Labelled, label
 from overtaking.labels.law import PORTUGAL
 from overtaking.model.batch import concatenate
 from overtaking.model.events import NEVER
-from overtaking.model.labels import Verdict
+from overtaking.model.labels import Check, Verdict
 from overtaking.model.safety import MANOEUVRE_MEASURES, MOMENTS
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
 from overtaking.model.vehicles import Role
@@ -117,7 +118,8 @@ def labels(labelled: Labelled, numbers: Numbers, weight: Weights) -> pa.Table:
 
 
 def findings(labelled: Labelled, numbers: Numbers) -> pa.Table:
-    """One row per simulation and rule."""
+    """One row per simulation and rule; on one-way roads without those about oncoming traffic."""
+    labelled = _kept_findings(labelled)
     found = labelled.findings
     count, rules = found.verdict.shape
     laws = {rule.code: names.ARTICLES.index(rule.law) for rule in PORTUGAL.rules}
@@ -131,6 +133,17 @@ def findings(labelled: Labelled, numbers: Numbers) -> pa.Table:
         "article": np.tile(np.array([laws[rule] for rule in found.rules]), count),
     }
     return build("findings", labelled, _per_simulation(rules), computed)
+
+
+def _kept_findings(labelled: Labelled) -> Labelled:
+    """The batch with the findings that its table keeps."""
+    if labelled.trajectories.road.is_two_way:
+        return labelled
+    found, two_way = labelled.findings, {one.code for one in PORTUGAL.rules if one.two_way}
+    kept = [place for place, code in enumerate(found.rules) if code not in two_way]
+    columns = {one.name: getattr(found, one.name)[:, kept] for one in fields(Check)}
+    rules = tuple(found.rules[place] for place in kept)
+    return labelled.replace(findings=found.replace(rules=rules, **columns))
 
 
 def _per_simulation(count: int) -> Rows:

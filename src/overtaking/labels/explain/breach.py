@@ -21,6 +21,7 @@ class Quantity(StrEnum):
     GAP_AHEAD = "gap_ahead", "m"  # Between the bumpers of the ego and a vehicle ahead.
     GAP_BEHIND = "gap_behind", "m"  # Between the bumpers of the ego and a vehicle behind.
     GAP_ONCOMING = "gap_oncoming", "m"  # Between the ego and a vehicle that comes towards it.
+    GAP_TO_RETURN = "gap_to_return", "m"  # Between the two vehicles between which one returns.
     LATERAL_GAP = "lateral_gap", "m"  # Between the sides of ego and target.
     CLEARANCE = "clearance", "m"  # From a body to a line, negative beyond what is tolerated.
     SPEED = "speed", "m/s"  # Of the ego.
@@ -29,11 +30,14 @@ class Quantity(StrEnum):
     TIME_OUT = "time_out", "s"  # Time outside the original lane while the return was due.
     ARRIVAL = "arrival", "s"  # Time until the next vehicle on the left is beside the ego.
     SIGHT = "sight", "m"  # How far one sees.
+    PLACE = "place", "m"  # How far the ego is within a place, to the nearer end.
     WIDTH = "width", "m"  # Of the lane on the left.
     UNSIGNALLED = "unsignalled", "s"  # Time without the indicator that is due.
     WRONG_LAMPS = "wrong_lamps", "s"  # Time with lamps that are wrong.
     TARGET_DRIFT = "target_drift", "m/s"  # Speed of the target to the left.
     TARGET_ACCEL = "target_accel", "m/s^2"  # Acceleration of the target.
+    EVASION = "evasion", "m"  # How far a vehicle that comes leaves its lane.
+    ONCOMING_BRAKING = "oncoming_braking", "m/s^2"  # Of a vehicle that comes towards the ego.
 
     unit: str
 

@@ -8,6 +8,12 @@ from overtaking.labels.instants import Index
 from overtaking.labels.law.beliefs import Margin
 from overtaking.labels.law.distances import margin_behind, margin_of_gap, sure_decel
 from overtaking.labels.law.frames import after_cut_ins
+from overtaking.labels.law.opposite import (
+    coming,
+    gap_to_return,
+    on_the_other_side,
+    room_and_time,
+)
 from overtaking.labels.law.others import others_at
 from overtaking.labels.law.speeds import speed_limits
 from overtaking.model.events import NEVER
@@ -87,6 +93,30 @@ def oncoming(facts: BreachFacts) -> tuple[Remedy, ...]:
     slot = int(np.where(meets, others.gap[0], np.inf).argmin())
     gap = float(others.gap[0, slot])
     return sole(Quantity.GAP_ONCOMING, gap, gap - facts.margin, facts.first, slot)
+
+
+def time_to_pass(facts: BreachFacts) -> tuple[Remedy, ...]:
+    """L25: more distance to the oncoming vehicle at the pull-out."""
+    begin = on_the_other_side(facts.case).start
+    others = others_at(facts.case, begin)
+    lacking = np.abs(room_and_time(facts.case, others)[0] - facts.margin)
+    slot = int(np.where(coming(others)[0], lacking, np.inf).argmin())
+    gap = float(others.gap[0, slot])
+    return sole(Quantity.GAP_ONCOMING, gap, gap - facts.margin, facts.first, slot)
+
+
+def to_return(facts: BreachFacts) -> tuple[Remedy, ...]:
+    """L27: more distance between those between whom the ego would return."""
+    gap = float(gap_to_return(facts.case)[1][0])
+    return sole(Quantity.GAP_TO_RETURN, gap, gap - facts.margin, facts.first)
+
+
+def slow_vehicle(facts: BreachFacts) -> tuple[Remedy, ...]:
+    """L28: farther behind the vehicle ahead."""
+    frames = facts.beside(Around.LEADER)
+    gap, _ = _gaps(facts, Around.LEADER, frames)
+    worst = int(gap.argmin())
+    return more_distance(facts, Around.LEADER, frames[worst], facts.margin)
 
 
 def _followable(facts: BreachFacts, frames: Index) -> F32:

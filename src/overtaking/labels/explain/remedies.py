@@ -10,9 +10,10 @@ from overtaking.labels.explain.breach import BreachFacts, Quantity, Remedy, sole
 from overtaking.labels.instants import Index
 from overtaking.labels.law.alongside import alongside, lane_index
 from overtaking.labels.law.distances import full_decel
-from overtaking.labels.law.frames import is_two_way
 from overtaking.labels.law.lanes import left_widths
-from overtaking.labels.law.sight import passing_sight
+from overtaking.labels.law.opposite import nearest_coming, over_its_edge
+from overtaking.labels.law.places import target_keeps_its_side
+from overtaking.labels.law.sight import passing_margin, passing_sight
 from overtaking.labels.law.speeds import speed_limits
 from overtaking.world.constants import known
 from overtaking.world.friction import stoppable_speed
@@ -83,10 +84,10 @@ def _stop(facts: BreachFacts, sight: F32) -> tuple[Remedy, ...]:
 
 def see_farther(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L15 and L15s: more sight; a driver can only wait for it."""
-    needed, first = float(known("law.sight.least")), facts.case.events.attempt[0]
-    if is_two_way(facts.case.trajectories.road):
+    needed = float(known("law.sight.least"))
+    if facts.case.trajectories.road.is_two_way:
         passing = float(passing_sight(facts.case)[0])
-        clear = float(facts.case.signals.sight_lit[0, first]) - passing
+        clear = float(passing_margin(facts.case)[0])
         needed = passing if abs(clear - facts.margin) < _SAME else needed
     return sole(Quantity.SIGHT, needed + facts.margin, needed, facts.first)
 
@@ -141,9 +142,24 @@ def off_the_line(facts: BreachFacts) -> tuple[Remedy, ...]:
     return sole(Quantity.CLEARANCE, facts.margin, 0.0)
 
 
-def target_off_the_line(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """L17: the target on its own side of the road."""
-    return sole(Quantity.CLEARANCE, facts.margin, 0.0, facts.first, facts.target)
+def elsewhere(facts: BreachFacts) -> tuple[Remedy, ...]:
+    """L17 and L29: so much before or behind the place, or the target on its side of the road."""
+    alone = target_keeps_its_side(facts.case)
+    if alone.margin[0] < 0 and abs(float(alone.margin[0]) - facts.margin) < _SAME:
+        return sole(Quantity.CLEARANCE, facts.margin, 0.0, facts.first, facts.target)
+    return sole(Quantity.PLACE, -facts.margin, 0.0)
+
+
+def oncoming_drives_on(facts: BreachFacts) -> tuple[Remedy, ...]:
+    """L26: less braking of who comes, or no way out of its lane, whichever is the breach."""
+    limit = float(known("law.obstruction.braking"))
+    rows, frames, slot = nearest_coming(facts.case)
+    accel = facts.case.trajectories.states.accel_lon[rows, slot, frames] * 1e-3
+    over = over_its_edge(facts.case, rows, frames, slot)
+    braked, left = int(accel.argmin()), int(over.argmax())
+    if over[left] > known("law.line.tolerance") and limit + accel[braked] >= -limit:
+        return sole(Quantity.EVASION, over[left], 0.0, frames[left], int(slot[left]))
+    return sole(Quantity.ONCOMING_BRAKING, -accel[braked], limit, frames[braked], int(slot[braked]))
 
 
 def let_them_pass(facts: BreachFacts) -> tuple[Remedy, ...]:
@@ -171,7 +187,7 @@ REMEDIES: dict[str, Callable[[BreachFacts], tuple[Remedy, ...]]] = {
     "L15": see_farther,
     "L15s": see_farther,
     "L16": wider,
-    "L17": target_off_the_line,
+    "L17": elsewhere,
     "L18": lambda facts: _excess(facts, Quantity.UNSIGNALLED, 0.0),
     "L19": lambda facts: _excess(facts, Quantity.WRONG_LAMPS, 0.0),
     "L20": slow_lanes,
@@ -179,6 +195,11 @@ REMEDIES: dict[str, Callable[[BreachFacts], tuple[Remedy, ...]]] = {
     "L22": target_keeps_speed,
     "L23": gaps.no_obstruction,
     "L24": gaps.oncoming,
+    "L25": gaps.time_to_pass,
+    "L26": oncoming_drives_on,
+    "L27": gaps.to_return,
+    "L28": gaps.slow_vehicle,
+    "L29": elsewhere,
 }
 """By the code of the rule; a rule of another pack that is not here has its margin and no remedy."""
 

@@ -14,7 +14,6 @@ from overtaking.labels.signals import Arrays, pack_seen, packed
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.once import once
-from overtaking.model.road import Road
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.world.compiled import chosen_level
@@ -59,21 +58,12 @@ def frames_of(case: Case, seconds: float | np.floating) -> int:
     return round(float(seconds) * 1000.0 / case.signals.frame_interval_ms)
 
 
-def is_two_way(road: Road) -> bool:
-    """Whether the lane beyond the fast edge belongs to oncoming traffic."""
-    beyond = road.fast_side_neighbour
-    return beyond is not None and beyond.kind == "driving" and beyond.direction == -1
-
-
 @once
 def driving_end(case: Case) -> I32:
     """Last frame in which the ego is driven: before a collision, off the road or a spin."""
     events = case.events
     end = events.last.copy()
-    stops = [events.collision, events.spin]
-    if not is_two_way(case.trajectories.road):
-        stops.append(events.road_departure)
-    for stop in stops:
+    for stop in (events.collision, events.road_departure, events.spin):
         end = np.where(stop != NEVER, np.minimum(end, stop - 1), end)
     return end
 

@@ -23,7 +23,6 @@ from overtaking.labels.law.errors import (
 from overtaking.labels.law.frames import (
     ENDLESS,
     instant,
-    is_two_way,
     manoeuvre,
     never_negative,
     settled,
@@ -166,7 +165,7 @@ L23 = Rule(
 
 def _back_before_oncoming(case: Case) -> Check:
     """When the ego is back, the first oncoming vehicle is 1 s of both speeds and 2 s away."""
-    if not is_two_way(case.trajectories.road):
+    if not case.trajectories.road.is_two_way:
         return inapplicable(case.signals.num_simulations)
     events = case.events
     back = np.where(events.return_end != NEVER, events.return_end, events.back)

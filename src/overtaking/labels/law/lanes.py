@@ -1,18 +1,17 @@
-"""Rules about lines and lanes: L2, L16, L17, L20."""
+"""Rules about lines and lanes: L2, L16, L20."""
 
 import numpy as np
 
 from overtaking.core.elementary import F32, Mask, as_f32
-from overtaking.labels.instants import METRES, Index, slot_of
+from overtaking.labels.instants import Index
 from overtaking.labels.law.alongside import lane_index
 from overtaking.labels.law.errors import OF_PLACE, SLOW_LANES
-from overtaking.labels.law.frames import Span, conduct, ends_in, instant, is_two_way, reduced
+from overtaking.labels.law.frames import ENDLESS, Span, conduct, ends_in, instant, reduced
 from overtaking.labels.law.others import ego_may_be
 from overtaking.labels.law.rule import Check, Grade, Rule, decided, inapplicable
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case, Severity, Verdict
 from overtaking.model.road import DrivingSide, Road, RoadMark
-from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.world.constants import known
 
@@ -37,9 +36,9 @@ def _off_the_line(case: Case) -> Check:
     rows = np.flatnonzero(span.exists & (low < 0))
     broken = [_clearance(case, rows, k, sides) + tolerance < 0 for k, sides in closed.items()]
     first, last, longest = ends_in(span, rows, np.logical_or.reduce(broken))
-    found = decided(span.exists, low, first, last, longest=longest)
+    found = decided(span.exists & (low < ENDLESS), low, first, last, longest=longest)
     # Very serious where the line separates the directions of travel (146(o)), else light.
-    between = is_two_way(road) and road.num_lanes in closed
+    between = road.is_two_way and road.num_lanes in closed
     beyond = (clear[-1] + tolerance < 0) & between
     worst = np.where(beyond, Severity.VERY_SERIOUS, Severity.LIGHT)
     illegal = found.verdict == Verdict.ILLEGAL
@@ -54,6 +53,8 @@ def closed_borders(road: Road) -> dict[int, tuple[bool, bool]]:
     kept = {}
     for k in range(road.num_lanes + 1):
         from_right = k > 0 and marks[k - 1][1] in _CLOSED
+        if k == road.num_lanes:
+            from_right = any(mark in _CLOSED for _, mark in road.fast_edge_marks)
         from_left = k < road.num_lanes and marks[k][0] in _CLOSED
         if from_right or from_left:
             kept[k] = (from_right, from_left)
@@ -66,7 +67,7 @@ def _lowest_clearance(case: Case, span: Span, k: int, sides: tuple[bool, bool]) 
     border = as_f32(road.side * road.boundaries)[k]
     if k == 0:
         return reduced(np.minimum, seen.right_reach, span) - border
-    if k == road.num_lanes:
+    if k == road.num_lanes and len(road.fast_edge_marks) == 1:
         return border - reduced(np.maximum, seen.left_reach, span)
     every = np.arange(seen.num_simulations)
     return reduced(np.minimum, _clearance(case, every, k, sides), span)
@@ -81,14 +82,23 @@ def _clearance(case: Case, rows: Index, k: int, sides: tuple[bool, bool]) -> F32
     seen, road = case.signals, case.trajectories.road
     border = as_f32(road.side * road.boundaries)[k]
     on_right, on_left = border - seen.left_reach[rows], seen.right_reach[rows] - border
-    if k in (0, road.num_lanes):
-        return on_left if k == 0 else on_right
+    if k == 0:
+        return on_left
+    if k == road.num_lanes:
+        return np.where(_is_closed_at(road, seen.s[rows]), on_right, ENDLESS)
     clear = np.maximum(on_right, on_left)
     from_right, from_left = sides
     if from_right and from_left:
         return clear
     came_from_right = _came_from_right(on_right >= 0, on_left >= 0)
     return np.where(came_from_right == from_right, clear, np.abs(clear))
+
+
+def _is_closed_at(road: Road, s: F32) -> Mask:
+    """Whether the line on the fast side of the fastest lane is continuous from there at `s`."""
+    begins, marks = zip(*road.fast_edge_marks, strict=True)
+    closed = np.array([mark in _CLOSED for mark in marks])
+    return closed[np.searchsorted(np.array(begins), s, side="right") - 1]
 
 
 def _came_from_right(right: Mask, left: Mask) -> Mask:
@@ -107,7 +117,9 @@ L2 = Rule(
     gloss="A continuous line must be neither trodden on nor crossed; of a continuous and a broken"
     " line side by side the one nearer to the driver rules.",
     predicate="At every frame: no corner of the ego is more than 0.05 m over a line that is "
-    "continuous for the lane it comes from, nor over a kerb or grass.",
+    "continuous for the lane it comes from, nor over a kerb or grass. Of the line between the "
+    "directions the stretch beside the ego's centre counts: who is beyond it when it becomes "
+    "continuous for the own direction breaks the rule.",
     unit="m",
     grade=Grade.BY_BREACH,
     source="pt-signs-2019",
@@ -146,39 +158,6 @@ L16 = Rule(
     unit="m",
     grade=Grade.BY_ROAD,
     check=_wide_enough,
-)
-
-
-def _target_off_the_line(case: Case) -> Check:
-    """On a two-way road the target is not itself over the line between the directions."""
-    run, events, road = case.trajectories, case.events, case.trajectories.road
-    if not (is_two_way(road) or "road_kind" in run.unknown):
-        return inapplicable(case.signals.num_simulations)
-    vehicle, row = case.target.vehicle, np.arange(case.signals.num_simulations)
-    slot = slot_of(vehicle)
-    d = run.states.d[row, slot, np.maximum(events.attempt, 0)]
-    across = np.float32(road.side) * as_f32(d) * METRES
-    reach = run.scenario.vehicles.width[row, slot] * _HALF
-    line = np.float32(road.side * road.boundaries[-1])
-    return instant(events.attempt, line - (across + reach), vehicle != NO_VEHICLE)
-
-
-L17 = Rule(
-    id="pt.ce.41@2013",
-    code="L17",
-    law="Article 41(1)(a) to (e), (2) and (3)",
-    title="Places and targets",
-    gloss="Do not overtake on crests, at level crossings, junctions and crossings, in bends of "
-    "reduced visibility, nor a vehicle that overtakes a third. None of this holds where there are"
-    " two or more lanes in the same direction and the opposite side is not used.",
-    predicate="The roads of this package are straight and level, without junctions and signs. So,"
-    " on two-way roads, at attempt: the target's body is not over the line between the "
-    "directions.",
-    unit="m",
-    grade=Grade.BY_ROAD,
-    needs=frozenset(["road_kind"]),
-    check=_target_off_the_line,
-    spread=OF_PLACE,
 )
 
 

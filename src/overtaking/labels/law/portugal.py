@@ -3,7 +3,9 @@
 from overtaking.labels.law.alongside import L1, L10, L11, L22
 from overtaking.labels.law.gaps import L3, L4, L5, L8, L23, L24
 from overtaking.labels.law.lamps import L18, L19
-from overtaking.labels.law.lanes import L2, L16, L17, L20
+from overtaking.labels.law.lanes import L2, L16, L20
+from overtaking.labels.law.opposite import L25, L26, L27, L28
+from overtaking.labels.law.places import L17, L29
 from overtaking.labels.law.rule import Pack
 from overtaking.labels.law.sight import L14, L15, L14s, L15s
 from overtaking.labels.law.speeds import L12, L13
@@ -13,10 +15,14 @@ from overtaking.labels.law.when import L6, L7, L9, L21
 # fmt: off
 _RULES = (
     L1, L2, L3, L4, L5, L6, L7, L8, L9, L10, L11, L12, L13, L14, L14s, L15, L15s, L16, L17, L18,
-    L19, L20, L21, L22, L23, L24,
+    L19, L20, L21, L22, L23, L24, L25, L26, L27, L28, L29,
 )
 # fmt: on
 
 PORTUGAL = Pack(
-    name="pt", version="pt-2@2013", rules=with_texts("pt", _RULES), edition=edition("pt")
+    name="pt",
+    version="pt-2@2013",
+    rules=with_texts("pt", _RULES),
+    edition=edition("pt"),
+    two_way_version="+opposite-1",
 )

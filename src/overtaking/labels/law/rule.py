@@ -98,6 +98,7 @@ class Rule:
         text: How the wording of the law is known.
         where: Where it was read, and in which edition.
         fine: What a breach costs, with where that is said; empty if no source was read.
+        two_way: Whether it is about roads with oncoming traffic alone.
         limit: What the measured value is compared with, (simulation,), in the unit of the margin;
             None for rules of which no policy tolerates a share.
     """
@@ -120,6 +121,7 @@ class Rule:
     text: Text = Text.READ
     where: str = ""
     fine: str = ""
+    two_way: bool = False
     limit: Callable[[Case], F32] | None = None
 
 
@@ -258,6 +260,7 @@ class Pack:
     Attributes:
         name: Short name.
         version: Changes whenever a verdict may.
+        two_way_version: The same for roads with oncoming traffic, added to `version` there.
         rules: The rules, in the order of every table.
         edition: Of the law, with the day on which it was read.
         trusts_hearsay: Whether a rule whose text was not read decides; else it is undecidable.
@@ -268,6 +271,7 @@ class Pack:
     rules: tuple[Rule, ...]
     edition: str = ""
     trusts_hearsay: bool = True
+    two_way_version: str = ""
 
     @property
     def codes(self) -> tuple[str, ...]:
@@ -304,5 +308,9 @@ def check(pack: Pack, case: Case, errors: Errors | None = None) -> Findings:
         field.name: np.stack([getattr(one, field.name) for one in found], axis=1)
         for field in dataclasses.fields(Check)
     }
-    version = pack.version if errors is None else f"{pack.version}{errors}"
+    version = pack.version
+    if case.trajectories.road.is_two_way:
+        version += pack.two_way_version
+    if errors is not None:
+        version += str(errors)
     return Findings(rules=pack.codes, version=version, **columns)

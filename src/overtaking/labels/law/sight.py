@@ -2,15 +2,14 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32
-from overtaking.labels.instants import at, seconds_of
+from overtaking.core.elementary import F32, as_f32
+from overtaking.labels.instants import I32, at, seconds_of
 from overtaking.labels.law.errors import STOPPING, STOPPING_UNLIT
 from overtaking.labels.law.frames import (
     Span,
     Stretch,
     always,
     conduct,
-    is_two_way,
     manoeuvre,
     never_negative,
     stretches,
@@ -21,6 +20,8 @@ from overtaking.model.labels import Case
 from overtaking.model.once import once
 from overtaking.world.conditions import outlook
 from overtaking.world.constants import known
+
+_SAME = np.float32(1e-3)  # Margins that differ by less are one [m].
 
 
 @once
@@ -82,10 +83,11 @@ L14s = Rule(
 
 
 def _sees_through_air(case: Case) -> Check:
-    """From the start until the target is passed, the air lets one see the carriageway."""
-    sight, span = optical_range(case), _until_passed(case)
-    if is_two_way(case.trajectories.road):
-        return _sees(case, np.broadcast_to(sight[:, None], case.signals.lane.shape))
+    """From the start until the target is passed, air and road let one see the carriageway."""
+    sight, span, road = optical_range(case), _until_passed(case), case.trajectories.road
+    if road.is_two_way or road.course:
+        shown = as_f32(road.sight(case.signals.s))
+        return _sees(case, np.minimum(np.broadcast_to(sight[:, None], shown.shape), shown))
     # The air is the same in all frames.
     found = Stretch(
         low=sight - known("law.sight.least"),
@@ -109,14 +111,33 @@ def _until_passed(case: Case) -> Span:
 
 
 def _sees(case: Case, sight: F32) -> Check:
-    """A sight (simulation, time) that is enough, at the attempt also against oncoming traffic."""
+    """A sight (simulation, time) that is enough, at the pull-out also against oncoming traffic."""
     margin = sight - known("law.sight.least")
-    if is_two_way(case.trajectories.road):
-        row = np.flatnonzero(case.events.attempted)
-        first = case.events.attempt[row]
-        clear = case.signals.sight_lit[row, first] - passing_sight(case)[row]
-        margin[row, first] = np.minimum(margin[row, first], clear)
+    if case.trajectories.road.is_two_way:
+        row, first = np.flatnonzero(case.events.attempted), pull_out_frame(case)
+        clear = passing_margin(case)[row]
+        margin[row, first[row]] = np.minimum(margin[row, first[row]], clear)
     return always(margin, _until_passed(case))
+
+
+def pull_out_frame(case: Case) -> I32:
+    """When the line is crossed, or the attempt where it never is, shape (simulation,)."""
+    events = case.events
+    return np.where(events.line_crossed != NEVER, events.line_crossed, events.attempt)
+
+
+def passing_margin(case: Case) -> F32:
+    """Sight that air and road give at the pull-out minus `passing_sight`, (simulation,) [m].
+
+    Vehicles that come are lit or seen by day; a driver looks as far as that takes.
+    """
+    return shown_sight(case, pull_out_frame(case)) - passing_sight(case)
+
+
+def shown_sight(case: Case, frame: I32) -> F32:
+    """Sight that air and road give at one frame of each simulation [m]."""
+    shown = as_f32(case.trajectories.road.sight(at(case.signals.s, frame)))
+    return np.minimum(optical_range(case), shown)
 
 
 def passing_sight(case: Case) -> F32:
@@ -128,7 +149,7 @@ def passing_sight(case: Case) -> F32:
     Source:
         AASHTO (2018), section 3.2.4, in the form of a time on the left at both speeds.
     """
-    own = at(case.signals.speed, case.events.attempt)
+    own = at(case.signals.speed, pull_out_frame(case))
     return (own + np.float32(case.trajectories.road.speed_limit)) * _time_needed(case)
 
 
@@ -143,13 +164,14 @@ def _time_needed(case: Case) -> F32:
 
 def _oncoming_error(case: Case, found: Check, errors: Errors) -> F32:
     """Error of the sight that is needed against oncoming traffic, by the ego's speed [m]."""
-    if not is_two_way(case.trajectories.road):
+    if not case.trajectories.road.is_two_way:
         return np.zeros_like(found.margin)
-    return _time_needed(case) * np.float32(errors.speed)
+    decides = np.abs(passing_margin(case) - found.margin) < _SAME
+    return np.where(decides, _time_needed(case) * np.float32(errors.speed), np.float32(0.0))
 
 
 _ONCOMING = Spread(
-    formula="(time on the left + 1 s) sv on two-way roads, else 0", of=_oncoming_error
+    formula="(time on the left + 1 s) sv where oncoming traffic decides, else 0", of=_oncoming_error
 )
 
 
@@ -159,8 +181,8 @@ _SEE = (
     "needed."
 )
 _SEE_UNTIL = (
-    "From attempt to overlap_end, or to the end: {}. Two-way roads, at attempt: a lit vehicle "
-    "is seen at (v + limit) (time on the left + 1 s) or more."
+    "From attempt to overlap_end, or to the end: {}. Two-way roads, at line_crossed: air "
+    "and road give a sight of (v + limit) (time on the left + 1 s) or more."
 )
 
 L15 = Rule(
@@ -169,7 +191,9 @@ L15 = Rule(
     law="Articles 41(1)(f) and 19",
     title="Sufficient visibility",
     gloss=_SEE,
-    predicate=_SEE_UNTIL.format("the meteorological optical range is 50 m or more"),
+    predicate=_SEE_UNTIL.format(
+        "the meteorological optical range and the sight that the road gives are 50 m or more"
+    ),
     unit="m",
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),

@@ -9,10 +9,11 @@ from overtaking.model.labels import Findings, OvertakeClass
 from overtaking.model.trajectory import Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.show.video import notes, sky
+from overtaking.show.video.ahead import Ahead
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas
 from overtaking.show.video.palette import INK
 from overtaking.show.video.panel import Header, Timeline
-from overtaking.show.video.road import strip
+from overtaking.show.video.road import centre_line, changes, strip
 from overtaking.show.video.scene import scene
 from overtaking.show.video.text import line
 from overtaking.show.video.traffic import OnScreen, Traffic
@@ -63,6 +64,7 @@ class Film:
         self._header = Header(title, subtitle, meaning, seen.text)
         self._timeline = Timeline(self.scene, told)
         self._road = strip(self.scene.road, self.view.scale, self.view.middle_d, seen.tone)
+        self._ahead = Ahead(self.scene) if self.scene.road.is_two_way else None
         self._fog, self._glare = sky.fog(seen, self.view.scale), sky.glare(seen)
 
     @property
@@ -91,6 +93,9 @@ class Film:
         places = self.traffic.at(frame)
         first = int(self.view.left[frame]) % self._road.period
         canvas.paste(self._road.canvas, 0, SCENE_TOP, (first, first + WIDTH))
+        if changes(self.scene.road):
+            line_between = centre_line(self.scene.road, self.view, frame, self._sky.tone)
+            canvas.draw(line_between, 0.0, float(SCENE_TOP))
         self.traffic.draw_bodies(canvas, places)
         self._hide(canvas, places, frame)
         self.traffic.draw_lamps(canvas, places, frame)
@@ -98,6 +103,8 @@ class Film:
         self._signs(canvas, frame)
         self.traffic.draw_marks(canvas, places, frame)
         notes.flash(canvas, self.contact, self.view, frame)
+        if self._ahead is not None:
+            self._ahead.draw(canvas, frame)
         notes.tell(canvas, self._notes, frame)
         self._header.draw(canvas, None if self.scene.stage is None else self.scene.stage[frame])
         self._timeline.draw(canvas, frame)

@@ -13,6 +13,7 @@ from overtaking.model.labels import Findings, Severity, Verdict
 from overtaking.model.vehicles import Role
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
+from overtaking.show.video.road import lane_borders
 from overtaking.show.video.scene import RATE, FilmScene
 from overtaking.show.video.text import Picture, lettering
 from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, Camera
@@ -73,7 +74,7 @@ def endings(scene: FilmScene, contact: Contact | None) -> Iterator[Note]:
         other = "" if partner is None else f" with vehicle {scene.slots[partner]}"
         name = " with the target" if partner == scene.target else other
         yield Note(contact[0], last, f"COLLISION{name}")
-    borders = np.sort(scene.road.boundaries)
+    borders = np.sort(lane_borders(scene.road))
     off = (scene.d[Role.EGO] < borders[0]) | (scene.d[Role.EGO] > borders[-1])
     if off.any():
         yield Note(int(np.argmax(off)), last, "LEFT THE LANES")

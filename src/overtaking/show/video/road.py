@@ -10,7 +10,7 @@ from typing import NamedTuple
 from overtaking.model.road import Road, RoadMark
 from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
 from overtaking.show.video.palette import mixed, tinted
-from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, shown_width
+from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, Camera, shown_width
 
 DASH, DASH_PERIOD = 4.0, 12.0
 """Length of a painted dash, and of dash and gap [m]; a choice, as maps do not tell."""
@@ -68,7 +68,7 @@ def strip(road: Road, scale: float, middle_d: float, tone: Tone) -> Strip:
         middle_d: `d` of the middle of the picture [m].
         tone: Its light.
     """
-    dash = 2 * round(0.5 * DASH_PERIOD * scale)
+    dash = dash_period(scale)
     period = dash * _POST_PERIODS
     size = (WIDTH + period, SCENE_BOTTOM - SCENE_TOP)
     painter = _Painter(road=road, scale=scale, middle_d=middle_d, tone=tone, size=size, dash=dash)
@@ -123,8 +123,8 @@ class _Painter:
         self._fill((top, bottom), "#666b70", "#51565c")
 
     def lanes(self) -> None:
-        """The driving lanes, a little darker where the wheels run."""
-        borders = self.road.boundaries
+        """The lanes of both directions, a little darker where the wheels run."""
+        borders = lane_borders(self.road)
         self._fill(self._band(float(borders[0]), float(borders[-1])), "#5c6166", "#454a50")
         for slow, fast in pairwise(borders):
             for share in _WHEEL_PATHS:
@@ -135,15 +135,17 @@ class _Painter:
         """The painted lines."""
         road = self.road
         for index, border in enumerate(road.boundaries):
+            if index == road.num_lanes and changes(road):
+                continue  # Drawn for each frame, by `centre_line`.
             lane = road.lanes[max(index - 1, 0)]
             is_left = (index > 0) == (road.side > 0)
             mark = lane.left_mark if is_left else lane.right_mark
-            # Of two lines the first is nearer to the lane: nearer to its middle.
-            inwards = -1.0 if is_left else 1.0
-            parts = _SOLID_PARTS.get(mark, ())
-            middle = 0.5 * (len(parts) - 1)
-            for place, part in enumerate(parts):
-                self._line(float(border) + inwards * (middle - place) * 2.0 * _LINE, part)
+            for d, part in _parts(float(border), mark, is_left=is_left):
+                self._line(d, part)
+        if (beyond := road.fast_side_neighbour) is not None and road.is_two_way:
+            mark = beyond.left_mark if road.side > 0 else beyond.right_mark
+            for d, part in _parts(lane_borders(road)[-1], mark, is_left=road.side > 0):
+                self._line(d, part)
 
     def _line(self, d: float, kind: str) -> None:
         if kind == "kerb":
@@ -155,13 +157,7 @@ class _Painter:
 
     def _stretches(self, kind: str) -> Iterator[tuple[float, float]]:
         """The painted columns of a line."""
-        if kind == "solid":
-            yield self._whole
-            return
-        dashed, dotted = (DASH, float(self.dash)), (_DOT, 0.25 * self.dash)
-        length, period = dashed if kind == "broken" else dotted
-        for number in range(-1, math.ceil(self.size[0] / period)):
-            yield number * period, number * period + length * self.scale
+        yield from _painted(kind, self._whole, self.scale)
 
     def posts(self) -> None:
         """Posts beside the road, so that speed is seen where all dashes look the same."""
@@ -172,3 +168,70 @@ class _Painter:
                 for x in (first, first - 0.01):
                     box = (x - 1.5, x + 2.5), (y - 2.0, y + 2.0)
                     self.drawing.rect(*box, self._colour("#eceeec"))
+
+
+def _parts(border: float, mark: RoadMark, *, is_left: bool) -> Iterator[tuple[float, str]]:
+    """Place across the road and kind of the lines of a mark on the left or right of a lane."""
+    # Of two lines the first is nearer to the lane: nearer to its middle.
+    inwards, parts = -1.0 if is_left else 1.0, _SOLID_PARTS.get(mark, ())
+    middle = 0.5 * (len(parts) - 1)
+    for place, part in enumerate(parts):
+        yield border + inwards * (middle - place) * 2.0 * _LINE, part
+
+
+def dash_period(scale: float) -> int:
+    """Columns from one dash to the next, even."""
+    return 2 * round(0.5 * DASH_PERIOD * scale)
+
+
+def _painted(
+    kind: str, columns: tuple[float, float], scale: float
+) -> Iterator[tuple[float, float]]:
+    """The painted columns of a line between two columns; a dash begins in column 0."""
+    first, last = columns
+    if kind == "solid":
+        yield columns
+        return
+    dash = float(dash_period(scale))
+    length, period = (DASH, dash) if kind == "broken" else (_DOT, 0.25 * dash)
+    for number in range(math.floor(first / period), math.ceil(last / period)):
+        begin = number * period
+        yield max(begin, first), min(begin + length * scale, last)
+
+
+def lane_borders(road: Road) -> list[float]:
+    """`d` of the borders of all lanes, those of oncoming traffic too [m]."""
+    borders, beyond = [float(one) for one in road.boundaries], road.fast_side_neighbour
+    if beyond is not None and road.is_two_way:
+        borders.append(borders[-1] + road.side * beyond.width)
+    return borders
+
+
+def changes(road: Road) -> bool:
+    """Whether the line on the fast side of the fastest lane changes along the road."""
+    return len(road.fast_edge_marks) > 1
+
+
+def centre_line(road: Road, camera: Camera, frame: int, tone: Tone) -> Drawing:
+    """The line between the directions where it changes, in pixels of the picture of the road.
+
+    Args:
+        road: The road.
+        camera: Where it is on the screen.
+        frame: Number of the frame.
+        tone: Its light.
+    """
+    drawing, left = Drawing(), int(camera.left[frame])
+    begins, marks = zip(*road.fast_edge_marks, strict=True)
+    border = float(road.boundaries[-1])
+    colour = tinted(mixed("#f1f2ee", "#dfe2e3", tone.wet), tone.light)
+    for begin, end, mark in zip(begins, [*begins[1:], math.inf], marks, strict=True):
+        columns = max(begin * camera.scale, left - 2.0), min(end * camera.scale, left + WIDTH + 2.0)
+        if columns[0] >= columns[1]:
+            continue
+        for d, part in _parts(border, mark, is_left=road.side > 0):
+            rows = camera.y(d + 0.5 * _LINE), camera.y(d - 0.5 * _LINE)
+            for one, other in _painted(part, columns, camera.scale):
+                if one < other:
+                    drawing.rect((one - left, other - left), rows, colour)
+    return drawing

@@ -28,6 +28,9 @@ SPAWN_HEIGHT = 0.3
 LEARNED = "OpenDriveMap"
 """Name that `carla.Client.generate_opendrive_world` loads."""
 
+OUR_ROADS = tuple(name for name in ROAD_NAMES if not known_road(name).is_two_way)
+"""Roads that come with the package and are served: all traffic of the server goes one way."""
+
 _CARLA_NAMES = {"town06": ("Town06", "40")}
 """Name that scripts know a road by, and its id in CARLA's own file."""
 
@@ -201,8 +204,8 @@ def known_map(name: str) -> Map:
         ConfigError: There is no such road.
     """
     key = name.lower()
-    if key not in ROAD_NAMES:
-        raise _no_map(name, ROAD_NAMES, "an OpenDRIVE file")
+    if key not in OUR_ROADS:
+        raise _no_map(name, OUR_ROADS, "an OpenDRIVE file")
     road = known_road(key)
     road = road.extended(max(road.length, ROAD_LENGTH))
     carla_name, road_id = _CARLA_NAMES.get(key, (key, "1"))
@@ -240,7 +243,7 @@ class Atlas:
 
     def names(self) -> list[str]:
         """Names of all maps."""
-        ours = {_CARLA_NAMES.get(name, (name,))[0] for name in ROAD_NAMES}
+        ours = {_CARLA_NAMES.get(name, (name,))[0] for name in OUR_ROADS}
         return sorted(ours | set(self._learned))
 
     def find(self, name: str) -> Map:
@@ -251,7 +254,7 @@ class Atlas:
         """
         if name in self._learned:
             return self._learned[name]
-        if name.lower() in ROAD_NAMES:
+        if name.lower() in OUR_ROADS:
             return known_map(name)
         raise _no_map(name, self.names(), f"--map {name}.xodr as well")
 

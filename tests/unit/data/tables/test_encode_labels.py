@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.support.overtakes import meeting, rural
 
 from overtaking.data.tables.decode import decode
 from overtaking.data.tables.encode_labels import encode_labels
 from overtaking.data.tables.names import EVENTS
 from overtaking.data.tables.schemas import KEYS, LABEL_TABLES, SCHEMAS
 from overtaking.labels.label import Labelled, label
+from overtaking.labels.law import PORTUGAL
 from overtaking.model.events import NEVER, Detail, Outcome
 from overtaking.model.labels import OvertakeClass, Severity, Verdict
 from overtaking.recordings.roads import load_road
@@ -81,14 +83,17 @@ def test_classes_and_outcomes_have_the_names_of_the_model(labelled, frames):
 
 def test_findings_are_those_of_the_rules(labelled, frames):
     rows, found = frames["findings"], labelled.findings
-    assert rows["rule"].tolist() == list(found.rules) * SIZE
-    verdict = [Verdict(code).name.lower() for code in found.verdict.reshape(-1)]
+    # The road has no oncoming traffic.
+    kept = [place for place, rule in enumerate(PORTUGAL.rules) if not rule.two_way]
+    assert rows["rule"].tolist() == [found.rules[place] for place in kept] * SIZE
+    assert (np.delete(found.verdict, kept, axis=1) == Verdict.NOT_APPLICABLE).all()
+    verdict = [Verdict(code).name.lower() for code in found.verdict[:, kept].reshape(-1)]
     assert rows["verdict"].tolist() == verdict
     judged = rows["verdict"].isin(["legal", "illegal"])
     assert (rows["margin"].notna() == judged).all()
     broken = rows["verdict"] == "illegal"
     assert (rows["first_frame"].notna() == broken).all()
-    severity = [Severity(code).name.lower() for code in found.severity.reshape(-1)]
+    severity = [Severity(code).name.lower() for code in found.severity[:, kept].reshape(-1)]
     assert rows["severity"].tolist() == severity
     assert set(rows.loc[broken, "severity"]) <= {"light", "serious", "very_serious"}
 
@@ -111,3 +116,10 @@ def test_weather_that_nobody_knows_is_null(labelled):
     weather = ["DN", "HL", "PREC_percent", "WIND_percent", "FOG_percent"]
     assert rows[weather].isna().all().all()
     assert rows[["TE", "SE_mps", "NV"]].notna().all().all()
+
+
+def test_on_a_two_way_road_the_rules_about_oncoming_traffic_are_kept():
+    case = rural(meeting(60.0))
+    rows = decode(encode_labels(label(case.trajectories), np.arange(1))["findings"])
+    assert rows["rule"].tolist() == list(PORTUGAL.codes)
+    assert dict(zip(rows["rule"], rows["verdict"], strict=True))["L25"] == "legal"

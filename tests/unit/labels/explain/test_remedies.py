@@ -10,12 +10,22 @@ import numpy as np
 import pytest
 from tests.support.cases import Track, case, ramp, two_way_road, with_events
 from tests.support.law_fixtures import FIXTURES
-from tests.support.overtakes import BESIDE, CROSSED, against, alone, crossing, overtake, passing
+from tests.support.overtakes import (
+    BESIDE,
+    CROSSED,
+    against,
+    alone,
+    along_course,
+    crossing,
+    overtake,
+    passing,
+)
 
 from overtaking.labels.events import case_of
 from overtaking.labels.explain.breach import BreachFacts, Change, Quantity, Remedy
 from overtaking.labels.explain.remedies import REMEDIES, remedies_of
 from overtaking.labels.law import PORTUGAL, judge
+from overtaking.model.course import Course
 from overtaking.model.labels import Verdict
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
@@ -200,11 +210,12 @@ def test_in_fog_the_fastest_instant_asks_for_most():
 
 def test_on_a_two_way_road_sight_is_needed_for_the_whole_time_on_the_left():
     road = two_way_road()
-    one = overtake(road=road, events=CROSSED | {"return_end": 300})
+    events = CROSSED | {"return_end": 300}
+    one = along_course(Course(sight=((0.0, 500.0),)), events=events)
     ((change,),) = remedies("L15", one)
     seconds = (300 - CROSSED["line_crossed"]) * 0.05
     assert change.needed == pytest.approx((30.0 + road.speed_limit) * (seconds + 1.0), rel=1e-5)
-    assert change.actual == pytest.approx(one.signals.sight_lit[0, 60], rel=1e-4)
+    assert change.actual == pytest.approx(500.0, rel=1e-4)
 
 
 @pytest.mark.parametrize("gap", [5.0, 20.0, 30.0])

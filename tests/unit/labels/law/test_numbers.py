@@ -16,6 +16,7 @@ from tests.support.overtakes import (
     STAYS,
     against,
     alone,
+    along_course,
     crossing,
     overtake,
     passing,
@@ -26,6 +27,7 @@ from overtaking.labels import law
 from overtaking.labels.law import PORTUGAL, judge
 from overtaking.labels.law.frames import conduct, driving_end, manoeuvre
 from overtaking.model import labels
+from overtaking.model.course import Course
 from overtaking.model.labels import Severity, Verdict
 from overtaking.model.road import RoadMark
 from overtaking.model.trajectory import DecisionKind
@@ -172,8 +174,8 @@ def test_l4_and_l5_are_about_the_frame_in_which_the_line_is_crossed():
 
 def test_on_a_two_way_road_l15_wants_the_way_of_both_while_the_ego_is_out():
     given = {"ego": {"speed": 20.0}, "events": CROSSED | {"back": 140}}
-    found = judge(RULES["L15"], overtake(road=two_way_road(), **given))
-    # 2 s out and 1 s more, at 20 m/s and the limit of 25 m/s; a lit vehicle is seen at 300 m.
+    found = judge(RULES["L15"], along_course(Course(sight=((0.0, 300.0),)), **given))
+    # 2 s out and 1 s more, at 20 m/s and the limit of 25 m/s.
     assert found.margin[0] == pytest.approx(300.0 - 45.0 * 3.0, abs=0.01)
 
 
@@ -230,9 +232,11 @@ def test_conduct_is_judged_while_the_ego_drives(events, start, stop):
     assert (span.start[0], span.stop[0]) == (start, stop)
 
 
-def test_on_a_two_way_road_the_other_lane_is_no_departure():
-    one = crossing(events=CROSSED | {"road_departure": 110}, road=two_way_road())
-    assert driving_end(one)[0] == 199
+@pytest.mark.parametrize(("reached", "departed"), [(1.0, False), (1.45, False), (1.6, True)])
+def test_on_a_two_way_road_the_other_lane_is_no_departure(reached, departed):
+    away = {"lane": ramp((3, 0), (6, reached), frames=200)}
+    one = crossing(ego=away, events=None, road=two_way_road())
+    assert (driving_end(one)[0] < 199) == departed
 
 
 def test_after_a_collision_nothing_is_judged():

@@ -62,7 +62,18 @@ def test_each_policy_is_stricter_than_the_one_before():
     paper, default, strict = (set(each.required) for each in POLICIES)
     assert paper < default
     assert default - strict == {"L14", "L15"}
-    assert strict - default == {"L14s", "L15s", "L6", "L7", "L18", "L19", "L21", "L23"}
+    assert strict - default == {
+        "L14s",
+        "L15s",
+        "L6",
+        "L7",
+        "L18",
+        "L19",
+        "L21",
+        "L23",
+        "L26",
+        "L28",
+    }
 
 
 def test_a_lawful_overtake_is_lawful_under_the_policies_for_which_it_was_written():

@@ -1,0 +1,201 @@
+"""Rules about places and signs: L17, L29."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.labels.instants import METRES, at, slot_of
+from overtaking.labels.law.frames import ENDLESS, Span, ends_in, manoeuvre
+from overtaking.labels.law.opposite import on_the_other_side, time_back_error
+from overtaking.labels.law.others import ego_may_be, target_may_be
+from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, decided, inapplicable
+from overtaking.model.course import Place, PlaceKind
+from overtaking.model.events import NEVER
+from overtaking.model.labels import Case, Verdict
+from overtaking.model.once import once
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.world.constants import known
+
+_HALF = np.float32(0.5)
+_LATE = np.iinfo(np.int32).max  # Later than any frame.
+_SAME = np.float32(1e-3)  # Margins that differ by less are one [m].
+_BEFORE = (PlaceKind.JUNCTION, PlaceKind.PEDESTRIAN_CROSSING, PlaceKind.LEVEL_CROSSING)
+"""Places that one must not overtake immediately before, either."""
+
+_WAIVED = (PlaceKind.CREST, PlaceKind.LEVEL_CROSSING, PlaceKind.JUNCTION, PlaceKind.BEND)
+"""Article 41(3): with two lanes in the same direction, if the other side is not used."""
+
+_OF_41 = (*_WAIVED, PlaceKind.PEDESTRIAN_CROSSING, PlaceKind.NARROW)
+
+
+@once
+def overtaking(case: Case) -> Span:
+    """From the line being crossed until the target is passed, and the ego back on its side."""
+    events, over = case.events, manoeuvre(case)
+    passed = np.where(events.overlap_end != NEVER, events.overlap_end, over.stop)
+    stop = np.minimum(np.maximum(passed, on_the_other_side(case).stop), over.stop)
+    begun = over.exists & (events.line_crossed != NEVER)
+    return Span(start=np.where(begun, events.line_crossed, stop + 1).astype(np.int32), stop=stop)
+
+
+def _distance(case: Case, places: Iterable[Place]) -> F32:
+    """Distance of the ego's front from the nearest of some stretches, (simulation, time) [m].
+
+    Within a stretch it is negative: the way to the nearer end.
+    """
+    run = case.trajectories
+    front = as_f32(run.states.s[:, Role.EGO]) * METRES
+    front = front + run.scenario.vehicles.length[:, [Role.EGO]] * _HALF
+    least = np.full(front.shape, ENDLESS)
+    for one in places:
+        start, stop = np.float32(_begin(one)), np.float32(one.stop)
+        least = np.minimum(least, np.maximum(start - front, front - stop))
+    return least
+
+
+def _begin(place: Place) -> float:
+    """Where a place begins for those who come along the road [m]."""
+    return place.start - (float(known("law.places.before")) if place.kind in _BEFORE else 0.0)
+
+
+def _places_of(case: Case, kinds: Iterable[PlaceKind]) -> list[Place]:
+    course = case.trajectories.road.course
+    wanted = frozenset(kinds)
+    return [one for one in course.places_for(1) if one.kind in wanted] if course else []
+
+
+def _away_from(case: Case, places: list[Place], about: Mask) -> Check:
+    """The ego does not overtake in some stretches, in the simulations that count."""
+    span, margin = overtaking(case), _distance(case, places)
+    rows = np.flatnonzero(about & span.exists)
+    inside = span.mask(rows, margin.shape[1])
+    low = np.full(len(about), ENDLESS)
+    low[rows] = np.where(inside, margin[rows], ENDLESS).min(axis=1)
+    first, last = ends_in(span, rows, margin[rows] < 0)
+    return decided(about & span.exists & (low < ENDLESS), low, first, last)
+
+
+def _lawful_place(case: Case) -> Check:
+    """Nobody is overtaken in a place of Article 41, nor who overtakes a third."""
+    run = case.trajectories
+    if not (run.road.is_two_way or run.road.course or "road_kind" in run.unknown):
+        return inapplicable(case.signals.num_simulations)
+    every = np.ones(case.signals.num_simulations, np.bool_)
+    free = every & (run.road.num_lanes > 1) & ~on_the_other_side(case).exists
+    always = _places_of(case, set(_OF_41) - set(_WAIVED))
+    found = [
+        _away_from(case, always, every),
+        _away_from(case, _places_of(case, _WAIVED), every & ~free),
+        target_keeps_its_side(case),
+    ]
+    return _together(found)
+
+
+def target_keeps_its_side(case: Case) -> Check:
+    """On a two-way road the target is not itself over the line between the directions."""
+    run, events, road = case.trajectories, case.events, case.trajectories.road
+    if not (road.is_two_way or "road_kind" in run.unknown):
+        return inapplicable(case.signals.num_simulations)
+    vehicle, frame = case.target.vehicle, events.attempt
+    line = np.float32(road.side * road.boundaries[-1])
+    there = (vehicle != NO_VEHICLE) & (frame != NEVER)
+    return decided(there, line - target_reach(case), frame, frame)
+
+
+def target_reach(case: Case) -> F32:
+    """How far the target reaches to the left at the attempt, shape (simulation,) [m]."""
+    run, row = case.trajectories, np.arange(case.signals.num_simulations)
+    slot, frame = slot_of(case.target.vehicle), np.maximum(case.events.attempt, 0)
+    across = np.float32(run.road.side) * as_f32(run.states.d[row, slot, frame]) * METRES
+    return across + run.scenario.vehicles.width[row, slot] * _HALF
+
+
+def _together(found: list[Check]) -> Check:
+    """Several checks of one rule: the least margin, and the frames of the breaches."""
+    about = np.stack([one.verdict != Verdict.NOT_APPLICABLE for one in found])
+    low = np.where(about, np.stack([one.margin for one in found]), ENDLESS).min(axis=0)
+    firsts = np.stack([np.where(one.first == NEVER, _LATE, one.first) for one in found])
+    lasts = np.stack([one.last for one in found])
+    return decided(low < ENDLESS, low, firsts.min(axis=0), lasts.max(axis=0))
+
+
+def _place_error(case: Case, found: Check, errors: Errors) -> F32:
+    """Of a position along the road, and of when the ego is back where that decides [m]."""
+    stop, position = overtaking(case).stop, np.float32(errors.position)
+    places = _places_of(case, PlaceKind)
+    at_end = np.abs(at(_distance(case, places), stop) - found.margin) < _SAME
+    at_end &= stop == on_the_other_side(case).stop
+    late = at(case.signals.speed, stop) * time_back_error(case, errors)
+    return np.where(at_end, np.sqrt(position * position + late * late), position)
+
+
+_OF_PLACE = Spread(
+    formula="sp; where the ego is back decides, sqrt(sp^2 + (v sp / speed across the road)^2)",
+    of=_place_error,
+)
+
+L17 = Rule(
+    id="pt.ce.41@2013",
+    code="L17",
+    law="Article 41(1)(a) to (e), (2) and (3)",
+    title="Places and targets",
+    gloss="Do not overtake on crests, immediately before and at level crossings, junctions and "
+    "crossings, in bends of reduced visibility, where the carriageway is too narrow, nor a vehicle"
+    " that overtakes a third. Crests, bends, junctions, level crossings and third vehicles do not "
+    "count where there are two or more lanes in the same direction and the opposite side is not "
+    "used.",
+    predicate="From line_crossed until the target is passed and the ego back on its side: the "
+    "ego's front is in no such place of the road, nor 50 m or less before a crossing or junction. "
+    "On two-way roads, at attempt: the target's body is not over the line between the directions.",
+    unit="m",
+    grade=Grade.BY_ROAD,
+    needs=frozenset(["road_kind"]),
+    check=_lawful_place,
+    spread=_OF_PLACE,
+)
+
+
+def _no_sign(case: Case) -> Check:
+    """The ego does not overtake where a sign forbids it."""
+    n = case.signals.num_simulations
+    if not case.trajectories.road.course:
+        return inapplicable(n)
+    motorcycle = ego_may_be(case, VehicleKind.MC)
+    signs = {
+        PlaceKind.NO_OVERTAKING: target_may_be(case, bicycle=False) & ~_of_two_wheels(case),
+        PlaceKind.NO_OVERTAKING_HEAVY: ego_may_be(case, VehicleKind.T),
+        PlaceKind.NO_OVERTAKING_MOTORCYCLE: motorcycle,
+    }
+    found = [
+        _away_from(case, _places_of(case, [kind]), about & (case.target.vehicle != NO_VEHICLE))
+        for kind, about in signs.items()
+    ]
+    return _together(found)
+
+
+def _of_two_wheels(case: Case) -> Mask:
+    """Whether the target is known to be a motorcycle."""
+    vehicle, run = case.target.vehicle, case.trajectories
+    kind = run.scenario.vehicles.kind[np.arange(len(vehicle)), slot_of(vehicle)]
+    return (kind == VehicleKind.MC) & ("kinds" not in run.unknown)
+
+
+L29 = Rule(
+    id="pt.rst.24-c14@2019",
+    code="L29",
+    law="Regulation of signs, Article 24 (signs C14a to C14c)",
+    title="Signs against overtaking",
+    gloss="Behind a sign C14a nobody overtakes a motor vehicle other than a two-wheeler; behind "
+    "C14b heavy vehicles do not overtake, behind C14c motorcycles and mopeds do not.",
+    predicate="From line_crossed until the target is passed and the ego back on its side: the "
+    "ego's front is not in a stretch with a sign for it and its target.",
+    unit="m",
+    grade=Grade.BY_ROAD,
+    source="pt-signs-2019",
+    needs=frozenset(["kinds", "speed_limit"]),
+    check=_no_sign,
+    spread=_OF_PLACE,
+    two_way=True,
+)

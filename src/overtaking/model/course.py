@@ -1,0 +1,206 @@
+"""What changes along a road: the line between its directions, places, and how far one sees.
+
+Stations are those of the road: `s` grows in the direction of its driving lanes, also where a
+driver who comes the other way is meant. Directions are those of `Lane`: +1 along `s`, -1 against.
+"""
+
+import enum
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from overtaking.core.errors import ConfigError
+from overtaking.model.checks import check
+from overtaking.model.values import within
+
+F64 = NDArray[np.float64]
+
+MAX_LENGTH = 100_000.0  # A float64 position then still resolves far below the recorded centimetre.
+MAX_SIGHT = 10_000.0
+MAX_STRETCHES = 1_000
+
+_STATION = within(0.0, MAX_LENGTH, "m")
+
+
+class RoadMark(enum.Enum):
+    """The line painted between two lanes, spelled as `carla.LaneMarkingType` spells it.
+
+    Of the double lines the first word names the line nearer to the lane that the mark belongs to,
+    so the two lanes that share such a line see it with the words swapped: `reversed`.
+    """
+
+    NONE = "NONE"
+    SOLID = "Solid"
+    BROKEN = "Broken"
+    SOLID_SOLID = "SolidSolid"
+    SOLID_BROKEN = "SolidBroken"
+    BROKEN_SOLID = "BrokenSolid"
+    BROKEN_BROKEN = "BrokenBroken"
+    BOTTS_DOTS = "BottsDots"
+    CURB = "Curb"
+    GRASS = "Grass"
+    OTHER = "Other"
+
+    @property
+    def reversed(self) -> "RoadMark":
+        """The same line as seen from the lane on its other side."""
+        if self is RoadMark.SOLID_BROKEN:
+            return RoadMark.BROKEN_SOLID
+        if self is RoadMark.BROKEN_SOLID:
+            return RoadMark.SOLID_BROKEN
+        return self
+
+
+class PlaceKind(enum.Enum):
+    """What a stretch of road is; the last three are where a sign forbids to overtake."""
+
+    JUNCTION = "junction"
+    PEDESTRIAN_CROSSING = "pedestrian_crossing"
+    LEVEL_CROSSING = "level_crossing"
+    CREST = "crest"
+    BEND = "bend"
+    NARROW = "narrow"
+    NO_OVERTAKING = "no_overtaking"
+    NO_OVERTAKING_HEAVY = "no_overtaking_heavy"
+    NO_OVERTAKING_MOTORCYCLE = "no_overtaking_motorcycle"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """A stretch of road that is something.
+
+    Attributes:
+        kind: What it is. A bend is one of reduced visibility; `narrow` is too narrow to pass in.
+        start: Where it begins [m].
+        stop: Where it ends, behind `start` [m].
+        direction: Direction of travel that it counts for: +1, -1, or 0 for both.
+    """
+
+    kind: PlaceKind
+    start: Annotated[float, _STATION]
+    stop: Annotated[float, _STATION]
+    direction: Annotated[int, within(-1, 1)] = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """A stretch of the line between the directions.
+
+    Attributes:
+        start: Where it begins [m].
+        stop: Where it ends, behind `start` [m].
+        mark: The line, seen from the driving lanes of the road; `mark.reversed` is how the other
+            direction sees it.
+    """
+
+    start: Annotated[float, _STATION]
+    stop: Annotated[float, _STATION]
+    mark: RoadMark
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """What changes along a road.
+
+    It is the same in a mirrored world: lines are seen from the lane, not from the left.
+
+    Attributes:
+        lines: Stretches of the line between the directions, in order, without overlap. Elsewhere
+            the mark of the fast-most driving lane holds.
+        places: What stretches of the road are, in any order; they may overlap.
+        sight: How far a driver along `s` sees the road, by station: pairs (s, distance) in order of
+            s, linear in between and constant beyond [m]. Empty if the road does not limit sight.
+        sight_against: The same for a driver who comes the other way.
+
+    Raises:
+        ConfigError: A stretch is empty, or stretches or stations are not in order.
+    """
+
+    lines: tuple[Line, ...] = ()
+    places: tuple[Place, ...] = ()
+    sight: tuple[tuple[float, float], ...] = ()
+    sight_against: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse what is out of order."""
+        check(self, "course of a road")
+        for name in ("lines", "places", "sight", "sight_against"):
+            if len(getattr(self, name)) > MAX_STRETCHES:
+                raise _refused(name, f"at most {MAX_STRETCHES}", len(getattr(self, name)))
+        for one in (*self.lines, *self.places):
+            check(one, "course of a road")
+            if not one.start < one.stop:
+                raise _refused("stretch", "start before stop", f"{one.start:g} to {one.stop:g} m")
+        for one, other in pairwise(self.lines):
+            if one.stop > other.start:
+                got = f"one to {one.stop:g} m, then one from {other.start:g} m"
+                raise _refused("lines", "in order, without overlap", got)
+        for name in ("sight", "sight_against"):
+            _check_sight(name, getattr(self, name))
+
+    def sight_at(self, s: ArrayLike, direction: int = 1) -> F64:
+        """How far a driver sees the road.
+
+        Args:
+            s: Where the driver is, any shape [m].
+            direction: +1 along the road, -1 against it.
+
+        Returns:
+            Distances of the same shape, infinite where the road does not limit sight [m].
+        """
+        table = self.sight if direction > 0 else self.sight_against
+        station = np.asarray(s, np.float64)
+        if not table:
+            return np.full(station.shape, np.inf)
+        return np.interp(station, *np.array(table, np.float64).T)
+
+    def places_for(self, direction: int) -> tuple[Place, ...]:
+        """The places that count for a direction of travel, +1 or -1."""
+        return tuple(one for one in self.places if one.direction in (0, direction))
+
+
+def _check_sight(name: str, table: Sequence[tuple[float, float]]) -> None:
+    """Refuse a table of sight that is not one."""
+    for s, distance in table:
+        if not (0.0 <= s <= MAX_LENGTH and 0.0 < distance <= MAX_SIGHT):  # Also true for NaN.
+            expected = f"0 to {MAX_LENGTH:g} m, and more than 0 and at most {MAX_SIGHT:g} m"
+            raise _refused(name, expected, f"{distance:g} m at {s:g} m")
+    if not all(one < other for (one, _), (other, _) in pairwise(table)):
+        raise _refused(name, "stations in order", ", ".join(f"{s:g}" for s, _ in table))
+
+
+def _refused(what: str, expected: str, got: object) -> ConfigError:
+    return ConfigError.of(
+        what=what,
+        where="course of a road",
+        expected=expected,
+        got=got,
+        next_step="correct the road",
+    )
+
+
+def whole_line(lines: Sequence[Line], otherwise: RoadMark) -> tuple[tuple[float, RoadMark], ...]:
+    """The line between the directions from end to end.
+
+    Args:
+        lines: Its stretches, in order, without overlap.
+        otherwise: The mark between them, before them and behind them.
+
+    Returns:
+        Where each mark begins, the first at minus infinity, and the mark; neighbours differ.
+    """
+    found = [(-math.inf, otherwise)]
+    for one in lines:
+        if found[-1][0] == one.start:  # The one before ends here.
+            found.pop()
+        found += [(one.start, one.mark), (one.stop, otherwise)]
+    kept = found[:1]
+    for start, mark in found[1:]:
+        if mark is not kept[-1][1]:
+            kept.append((start, mark))
+    return tuple(kept)

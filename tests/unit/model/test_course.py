@@ -1,0 +1,111 @@
+"""What changes along a road: what is refused, the line from end to end, sight, the road `rural`."""
+
+import dataclasses
+import math
+import re
+
+import numpy as np
+import pytest
+
+from overtaking.core.errors import ConfigError
+from overtaking.model.course import Course, Line, Place, PlaceKind, RoadMark, whole_line
+from overtaking.model.known_roads import known_road
+
+SOLID, BROKEN, MIXED = RoadMark.SOLID, RoadMark.BROKEN, RoadMark.SOLID_BROKEN
+
+
+def line(start: float, stop: float, mark: RoadMark = SOLID) -> Line:
+    return Line(start=start, stop=stop, mark=mark)
+
+
+def test_stretches_of_a_line_are_filled_up_with_the_mark_of_the_lane():
+    lines = (line(100.0, 200.0), line(200.0, 250.0, MIXED), line(400.0, 500.0, BROKEN))
+    assert whole_line(lines, BROKEN) == (
+        (-math.inf, BROKEN),
+        (100.0, SOLID),
+        (200.0, MIXED),
+        (250.0, BROKEN),
+    )
+    assert whole_line((), SOLID) == ((-math.inf, SOLID),)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"lines": (line(10.0, 10.0),)}, "stretch: expected start before stop"),
+        ({"lines": (line(0.0, 20.0), line(10.0, 30.0))}, "lines: expected in order"),
+        ({"places": (Place(kind=PlaceKind.BEND, start=9.0, stop=1.0),)}, "start before stop"),
+        ({"places": (Place(kind=PlaceKind.BEND, start=-1.0, stop=1.0),)}, "start: expected 0 to"),
+        ({"sight": ((0.0, 100.0), (0.0, 200.0))}, "sight: expected stations in order"),
+        ({"sight": ((0.0, 0.0),)}, "more than 0 and at most 10000 m, got 0 m at 0 m"),
+        ({"sight_against": ((math.nan, 1.0),)}, "sight_against: expected 0 to 100000 m"),
+        ({"sight": ((0.0, 1.0, 2.0),)}, "sight: expected several values"),
+        ({"sight": tuple((float(k), 1.0) for k in range(1001))}, "sight: expected at most 1000"),
+    ],
+)
+def test_what_is_out_of_order_is_refused(changes, reason: str):
+    with pytest.raises(ConfigError, match=re.escape(reason)):
+        Course(**changes)
+
+
+@pytest.mark.parametrize(
+    "course",
+    [
+        Course(lines=(line(0.0, 10.0),)),
+        Course(sight_against=((0.0, 10.0),)),
+        Course(places=(Place(kind=PlaceKind.CREST, start=0.0, stop=1.0, direction=-1),)),
+    ],
+)
+def test_what_is_about_oncoming_traffic_needs_a_lane_for_it(course: Course):
+    with pytest.raises(ConfigError, match="lines or sight for it, and no such lane"):
+        dataclasses.replace(known_road("motorway"), course=course)
+
+
+def test_a_course_ends_with_its_road():
+    course = Course(sight=((0.0, 100.0), (5000.1, 100.0)))
+    with pytest.raises(ConfigError, match="the length of the road, got 5000"):
+        dataclasses.replace(known_road("motorway"), course=course)
+
+
+def test_sight_is_linear_between_stations_and_constant_beyond():
+    course = Course(sight=((100.0, 300.0), (200.0, 100.0)))
+    np.testing.assert_array_equal(course.sight_at([0.0, 150.0, 999.0]), [300.0, 200.0, 100.0])
+    np.testing.assert_array_equal(course.sight_at([0.0, 150.0], -1), [np.inf, np.inf])
+    np.testing.assert_array_equal(known_road("motorway").sight(7.0), np.inf)
+
+
+def test_a_course_is_the_same_in_a_mirrored_world():
+    road = known_road("rural")
+    mirrored = road.mirrored()
+    assert mirrored.course == road.course
+    assert mirrored.fast_edge_marks == road.fast_edge_marks
+    assert mirrored.mirrored() == road
+
+
+def test_the_sight_of_the_rural_road_is_that_of_its_bends_and_crests():
+    road = known_road("rural")
+    assert road.course is not None
+    bend = 2.0 * 1000.0 * math.acos(1.0 - 5.0 / 1000.0)
+    crest = math.sqrt(2.0 * 4000.0) * 2.0 * math.sqrt(1.08)
+    for place in road.course.places:
+        within = {PlaceKind.BEND: bend, PlaceKind.CREST: crest}[place.kind]
+        middle = 0.5 * (place.start + place.stop)
+        for direction in (1, -1):
+            assert road.sight(middle, direction) == pytest.approx(within, abs=0.5)
+        # From the straight stretches one sees the place and as far into it as from within.
+        assert road.sight(place.start - 100.0) == pytest.approx(100.0 + within, abs=0.5)
+        assert road.sight(place.stop + 100.0, -1) == pytest.approx(100.0 + within, abs=0.5)
+
+
+def test_the_line_of_the_rural_road_is_solid_where_sight_is_short():
+    road = known_road("rural")
+    starts, marks = zip(*road.fast_edge_marks, strict=True)
+    s = np.arange(0.5, road.length, 1.0)
+    here = np.array(marks, object)[np.searchsorted(starts, s, side="right") - 1]
+    closed = (here == SOLID) | (here == MIXED)
+    sight = road.sight(s)
+    # Behind a bend the line stays solid while sight opens up, some 10 m.
+    assert sight[~closed].min() >= 200.0
+    assert sight[closed].max() <= 380.0
+    assert np.mean(sight[~closed] < 280.0) < 0.01
+    assert 0.3 < 1.0 - closed.mean() < 0.6

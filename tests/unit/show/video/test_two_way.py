@@ -1,0 +1,86 @@
+"""Films of two-way roads: both directions, the line between them, and the next kilometre."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from tests.support.cases import two_way_road
+from tests.support.overtakes import meeting, overtake, rural
+
+from overtaking.model.course import Course, Line, Place, PlaceKind, RoadMark
+from overtaking.show.video.ahead import _LEFT, _MIDDLE, _SCALE, _TOP, AHEAD, BEHIND
+from overtaking.show.video.film import Film
+from overtaking.show.video.road import dash_period
+from overtaking.show.video.view import SCENE_TOP
+
+COURSE = Course(
+    lines=(Line(start=200.0, stop=400.0, mark=RoadMark.SOLID),),
+    places=(Place(kind=PlaceKind.CREST, start=700.0, stop=800.0),),
+    sight=((0.0, 500.0),),
+)
+
+
+def film(course: Course | None = COURSE, side: str = "right") -> Film:
+    road = dataclasses.replace(two_way_road(), course=course)
+    road = road if side == "right" else road.mirrored()
+    case = rural(meeting(60.0), road=road)
+    return Film(case.trajectories, events=case.events)
+
+
+def pixels(made: Film, frame: int) -> np.ndarray:
+    return np.asarray(made.draw(frame).rgb()).astype(int)
+
+
+def bright(picture: np.ndarray, x: float, y: float) -> bool:
+    return bool(picture[round(y), round(x)].min() > 180)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_the_line_between_the_directions_is_solid_where_it_is(side: str):
+    made = film(side=side)
+    frame = 250  # The ego is at 375 m.
+    picture, period = pixels(made, frame), dash_period(made.view.scale)
+    row = SCENE_TOP + made.view.y(float(made.scene.road.boundaries[-1]))
+    gaps = {True: [], False: []}
+    for number in range(10, 60):
+        s = (number + 0.7) * period / made.view.scale  # Between two dashes.
+        x = made.view.x(frame, s)
+        if 0.0 <= x < picture.shape[1] and abs(s - made.scene.s[0, frame]) > 8.0:
+            gaps[200.0 < s < 400.0].append(bright(picture, x, row))
+    assert gaps[True]
+    assert all(gaps[True])
+    assert gaps[False]
+    assert not any(gaps[False])
+
+
+def test_who_comes_is_in_the_strip_on_the_other_side():
+    made, frame = film(), 200
+    picture, ego = pixels(made, frame), made.scene.s[0, frame]
+    x = _LEFT + (made.scene.s[2, frame] - ego + BEHIND) * _SCALE
+    assert bright(picture, x, _TOP + _MIDDLE - 6.0)  # The left lane is above.
+    assert not bright(picture, x, _TOP + _MIDDLE + 6.0)
+
+
+def test_what_is_beyond_sight_is_darker():
+    made, frame = film(), 10
+    picture = pixels(made, frame)
+    seen, unseen = (_LEFT + (away + BEHIND) * _SCALE for away in (480.0, 560.0))
+    row = round(_TOP + _MIDDLE + 8.0)
+    assert picture[row, round(seen)].sum() > 1.5 * picture[row, round(unseen)].sum()
+
+
+def test_a_road_without_a_course_has_no_end_of_sight():
+    picture = pixels(film(None), 10)
+    row = round(_TOP + _MIDDLE + 8.0)
+    first, last = (
+        round(_LEFT + (away + BEHIND) * _SCALE) for away in (200.0, AHEAD - 20.0)
+    )  # Beyond the target.
+    assert np.abs(np.diff(picture[row, first:last], axis=0)).max() < 10
+
+
+def test_on_a_road_of_one_direction_there_is_no_strip():
+    made = overtake()
+    picture = pixels(Film(made.trajectories, events=made.events), 10)
+    assert np.ptp(picture[round(_TOP + _MIDDLE), 600:1200], axis=0).max() < 40
