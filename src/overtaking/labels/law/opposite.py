@@ -45,7 +45,7 @@ def on_the_other_side(case: Case) -> Span:
         return Span(start=never + np.int32(1), stop=never)
     line = np.float32(road.side * road.boundaries[-1]) + known("law.line.tolerance")
     rows = np.flatnonzero(span.exists)
-    first, last = ends_in(span, rows, case.signals.left_reach[rows] > line)
+    first, last, _ = ends_in(span, rows, case.signals.left_reach[rows] > line)
     return Span(start=np.where(first == NEVER, last + 1, first).astype(np.int32), stop=last)
 
 

@@ -73,8 +73,8 @@ def _away_from(case: Case, places: list[Place], about: Mask) -> Check:
     inside = span.mask(rows, margin.shape[1])
     low = np.full(len(about), ENDLESS)
     low[rows] = np.where(inside, margin[rows], ENDLESS).min(axis=1)
-    first, last = ends_in(span, rows, margin[rows] < 0)
-    return decided(about & span.exists & (low < ENDLESS), low, first, last)
+    first, last, longest = ends_in(span, rows, margin[rows] < 0)
+    return decided(about & span.exists & (low < ENDLESS), low, first, last, longest=longest)
 
 
 def _lawful_place(case: Case) -> Check:
@@ -117,8 +117,9 @@ def _together(found: list[Check]) -> Check:
     about = np.stack([one.verdict != Verdict.NOT_APPLICABLE for one in found])
     low = np.where(about, np.stack([one.margin for one in found]), ENDLESS).min(axis=0)
     firsts = np.stack([np.where(one.first == NEVER, _LATE, one.first) for one in found])
-    lasts = np.stack([one.last for one in found])
-    return decided(low < ENDLESS, low, firsts.min(axis=0), lasts.max(axis=0))
+    last = np.stack([one.last for one in found]).max(axis=0)
+    longest = np.stack([one.longest for one in found]).max(axis=0)
+    return decided(low < ENDLESS, low, firsts.min(axis=0), last, longest=longest)
 
 
 def _place_error(case: Case, found: Check, errors: Errors) -> F32:
