@@ -16,6 +16,7 @@ from overtaking.api.formats import (
     export,
     from_frame,
     import_recording,
+    label_recordings,
     write_column_map,
 )
 from overtaking.api.law import law_compare, law_curve, law_explain, plot_law_curve
@@ -75,6 +76,7 @@ __all__ = [
     "import_recording",
     "judged",
     "label",
+    "label_recordings",
     "lacking",
     "law_compare",
     "law_curve",

@@ -245,6 +245,59 @@ def import_recording(
 
 
 @checked
+def label_recordings(
+    file_format: str,
+    folder: str | Path,
+    out: str | Path,
+    *,
+    engine: str = "auto",
+    workers: int | None = None,
+    address: str | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Label every recording of a folder, however many, each on its own road.
+
+    Args:
+        file_format: As in `import_recording`.
+        folder: Where the recordings lie; files with other endings are left alone.
+        out: Folder for the tables of labels, `simulations` among them, and `recordings.json`.
+            A simulation has the number of its recording, counted by name, times a million plus its
+            own. Recordings that cannot be used are named in `refused-*.json`.
+        engine: `auto`, `threads`, `processes` or `ray`; the choice changes no byte.
+        workers: How many processes; one on each core by default.
+        address: Of a Ray cluster that runs.
+        resume: Whether to complete what an earlier call has begun.
+        progress: Called with the number of recordings that are done, and of all.
+        options: As in `import_recording`.
+
+    Returns:
+        Counts, the hash over all tables, and what decided them.
+
+    Raises:
+        ConfigError: There is no recording, an option is not for the format, or the engine cannot be
+            used.
+        DatasetError: The folder holds something else or cannot be written; finished shards are
+            kept.
+    """
+    from overtaking.data.collection import label_folder
+    from overtaking.data.executors import executor_for
+
+    for name, value in options.items():
+        argument(value, _READER_OPTIONS.get(name, Any), "label_recordings", name)
+    return label_folder(
+        file_format,
+        folder_of(folder, "read"),
+        folder_of(out, "label to"),
+        options,
+        executor=lambda shards: executor_for(engine, shards, address=address, workers=workers),
+        resume=resume,
+        progress=progress,
+    )
+
+
+@checked
 def from_frame(
     table: Any,
     *,

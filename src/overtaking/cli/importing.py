@@ -8,6 +8,7 @@ import typer
 from overtaking.cli import options
 from overtaking.cli.output import Output
 from overtaking.cli.tables import facts
+from overtaking.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -24,7 +25,11 @@ RecordingFormat = Annotated[
 ]
 RecordingFile = Annotated[
     Path,
-    typer.Argument(metavar="FILE", help="Recording; of exiD and highD the file NN_tracks.csv."),
+    typer.Argument(
+        metavar="FILE",
+        help="Recording; of exiD and highD the file NN_tracks.csv. A folder: "
+        "label all recordings in it.",
+    ),
 ]
 AttemptsOnly = Annotated[
     bool | None,
@@ -106,11 +111,16 @@ def import_recording(
     template: Template = False,
     map_file: options.Map = None,
     road: options.Road = None,
+    engine: options.Engine = "auto",
+    workers: options.Workers = None,
+    address: options.Address = None,
+    resume: options.Resume = False,
 ) -> None:
     """Convert recordings of real traffic into a labelled data set.
 
     Each overtake, and each vehicle that follows another, becomes a simulation. --map and --road
-    name the road of a table, in the axes of its positions.
+    name the road of a table, in the axes of its positions. Of a folder all recordings are labelled,
+    each on its own road, without keeping frames: --engine, --workers and --resume are for these.
     """
     from overtaking import api
     from overtaking.cli import arguments
@@ -128,6 +138,15 @@ def import_recording(
         direction=direction,
         road=arguments.road(map_file, road),
     )
+    how = {"workers": workers, "address": address}
+    if file.is_dir():
+        with output.progress("recordings") as meter:
+            said = api.label_recordings(
+                file_format, file, out, engine=engine, resume=resume, progress=meter, **how, **given
+            )
+        values = {"data": str(out)} | said | output.duration
+        return output.wrote(values, lambda _: facts(_of_folder(values)))
+    _refuse_of_file(resume=resume, engine=engine != "auto", **how)
     with output.progress("simulations") as meter:
         data = api.import_recording(file_format, file, out, progress=meter, **given)
     values = of_import(data) | output.duration
@@ -136,6 +155,25 @@ def import_recording(
 
 # `import` is a keyword, so the function has another name than the command.
 import_recording.__name__ = "import"
+
+
+def _refuse_of_file(**given: Any) -> None:
+    """Refuse options that only folders of recordings have."""
+    for name, value in given.items():
+        if value not in (None, False):
+            raise ConfigError.of(
+                what=f"--{name}",
+                where="import",
+                expected="a folder of recordings beside it",
+                got="one file",
+                next_step="leave it out",
+            )
+
+
+def _of_folder(values: dict[str, Any]) -> list[tuple[str, str]]:
+    """Counts of a folder of recordings."""
+    counts = [(name, f"{values[name]:,}") for name in ("recordings", "refused", "simulations")]
+    return [*counts, ("content", values["content_hash"]), ("tables", values["data"])]
 
 
 def of_import(data: "Dataset") -> dict[str, Any]:

@@ -58,6 +58,35 @@ def executor_of(
     return ProcessExecutor(workers=processors.wanted() if workers is None else workers)
 
 
+def executor_for(
+    engine: str, shards: int, *, address: str | None = None, workers: int | None = None
+) -> Executor:
+    """The executor of work without a simulator; `auto` takes processes for several shards.
+
+    Args:
+        engine: One of `ENGINES`.
+        shards: How many there are to make.
+        address: Of a Ray cluster.
+        workers: How many processes; with `auto` it asks for processes.
+
+    Raises:
+        ConfigError: One of them cannot be used, they do not go together, or there is no cluster.
+    """
+    check_name(engine, ENGINES, what="engine", where="import")
+    if engine == "ray":
+        from overtaking.data.ray_executor import RayExecutor
+
+        executor = RayExecutor(address=address, workers=workers)
+        executor.refuse_unreachable()
+        return executor
+    _refuse_beside(engine, "address", address, "ray")
+    if engine == "threads":
+        _refuse_beside(engine, "workers", workers, "processes or ray")
+    if engine == "threads" or (engine == "auto" and workers is None and shards == 1):
+        return in_this_process
+    return ProcessExecutor(workers=processors.wanted() if workers is None else workers)
+
+
 def _pays(recipe: Recipe, simulator: Simulator, place: Place) -> bool:
     """Whether processes can do the work for sure, and sooner than threads.
 

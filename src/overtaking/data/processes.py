@@ -19,7 +19,7 @@ from overtaking.core.worker import ENDED, PATIENCE, Inbox, Worker
 from overtaking.data.interruption import Terminated, termination_raises
 from overtaking.data.manifest import ShardRecord
 from overtaking.data.place import Place
-from overtaking.data.work import Job, OnDone, Task, make_shard, visible_place
+from overtaking.data.work import HasShard, OnDone, Work
 
 MAX_ATTEMPTS = 4
 """Attempts at one shard before the call fails."""
@@ -45,7 +45,7 @@ class ProcessExecutor:
             raise ConfigError.out_of_range("workers", "generate", 1, None, self.workers, next_step)
 
     def __call__(
-        self, job: Job, tasks: Iterable[Task], place: Place, on_done: OnDone
+        self, job: Work, tasks: Iterable[HasShard], place: Place, on_done: OnDone
     ) -> Generator[ShardRecord]:
         """Make shards; see `Executor`. Records come in the order in which they are finished.
 
@@ -74,7 +74,7 @@ class _Attempts:
         done: Simulations that are done in this attempt.
     """
 
-    task: Task
+    task: HasShard
     begun: int = 0
     reported: int = 0
     done: int = 0
@@ -90,7 +90,7 @@ class _Attempts:
 class _Run:
     """The workers of one call."""
 
-    def __init__(self, job: Job, where: str, on_done: OnDone) -> None:
+    def __init__(self, job: Work, where: str, on_done: OnDone) -> None:
         self._job, self._where, self._on_done = job, where, on_done
         self._inbox = Inbox()
         self._busy: dict[Worker, _Attempts] = {}
@@ -103,7 +103,7 @@ class _Run:
         self._busy[worker] = attempts
         worker.send((self._job, self._where, attempts.task))
 
-    def records(self, given: Iterator[Task]) -> Iterator[ShardRecord]:
+    def records(self, given: Iterator[HasShard]) -> Iterator[ShardRecord]:
         """The records that workers return; each worker then gets the next task."""
         while self._busy:
             worker, message = self._inbox.receive()
@@ -138,7 +138,7 @@ class _Run:
                 next_step="add --engine threads, which needs none",
             ) from error
 
-    def _go_on(self, worker: Worker, task: Task | None) -> None:
+    def _go_on(self, worker: Worker, task: HasShard | None) -> None:
         """Give a worker the next task, or end it."""
         if task is not None:
             self.begin(_Attempts(task), worker)
@@ -171,16 +171,15 @@ class _Run:
 def main(parent: Parent) -> None:
     """Run a worker process: make shards, and report to the parent.
 
-    Each message is a `Job`, the text of a place, and a `Task`. The answers to each are numbers of
-    simulations that are done, then its record or an exception.
+    Each message is a job (`Work`), the text of a place, and a task. The answers to each are numbers
+    of simulations that are done, then its record or an exception.
     """
     # An `OSError` is one of the pipe: the parent has ended.
     with suppress(Terminated, OSError), termination_raises():
         for job, where, task in parent:
             outcome: ShardRecord | Exception
             try:
-                place = visible_place(where, job.fingerprint)
-                outcome = make_shard(job, task, place, parent.send)
+                outcome = job.make(task, job.place(where), parent.send)
             except Exception as error:
                 outcome = _portable(error)
             parent.send(outcome)

@@ -18,7 +18,7 @@ from typing import Any
 from overtaking.core.errors import ConfigError, DatasetError, MissingExtraError, OvertakingError
 from overtaking.data.manifest import ShardRecord
 from overtaking.data.place import Place
-from overtaking.data.work import Job, OnDone, Task, make_shard, visible_place
+from overtaking.data.work import HasShard, OnDone, Work
 from overtaking.sim.version import MODEL_VERSION
 
 MAX_RETRIES = 10
@@ -92,7 +92,7 @@ class RayExecutor:
             raise _no_cluster(self.address, error) from None
 
     def __call__(
-        self, job: Job, tasks: Iterable[Task], place: Place, on_done: OnDone
+        self, job: Work, tasks: Iterable[HasShard], place: Place, on_done: OnDone
     ) -> Generator[ShardRecord]:
         """Make shards; see `Executor`. Records come in the order in which they are finished.
 
@@ -113,13 +113,13 @@ class RayExecutor:
                 yield record
 
 
-def _make(shared: tuple[Job, dict[str, str]], task: Task, where: str) -> ShardRecord:
+def _make(shared: tuple[Work, dict[str, str]], task: HasShard, where: str) -> ShardRecord:
     """Make one shard on a worker."""
     job, packages = shared
     os.environ.setdefault("RAYON_NUM_THREADS", "1")  # The engine looks when it is first called.
-    place = visible_place(where, job.fingerprint)
+    place = job.place(where)
     _compare(packages)
-    return make_shard(job, task, place, lambda _: None)
+    return job.make(task, place, lambda _: None)
 
 
 @cache

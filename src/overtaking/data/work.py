@@ -5,7 +5,7 @@ import socket
 from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,14 @@ class Job:
         """The same job for a process that has one core: simulated with one thread."""
         return dataclasses.replace(self, simulator=dataclasses.replace(self.simulator, threads=1))
 
+    def place(self, where: str) -> Place:
+        """The place of the data set; see `visible_place`."""
+        return visible_place(where, self.fingerprint)
+
+    def make(self, task: "Task", place: Place, on_done: OnDone) -> ShardRecord:
+        """Make a shard; see `make_shard`."""
+        return make_shard(self, task, place, on_done)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
@@ -63,11 +71,36 @@ class Task:
     known: ShardRecord | None = None
 
 
+class HasShard(Protocol):
+    """A task, which is about a shard."""
+
+    @property
+    def shard(self) -> Shard:
+        """Which one."""
+        ...
+
+
+class Work(Protocol):
+    """What executors need of a job, such as `Job`: pickled, it goes to other processes."""
+
+    def for_one_core(self) -> "Work":
+        """The same for a process that has one core."""
+        ...
+
+    def place(self, where: str) -> Place:
+        """The place of the result, as the process sees it that makes a shard."""
+        ...
+
+    def make(self, task: Any, place: Place, on_done: OnDone) -> ShardRecord:
+        """Put the shard of a task into its place."""
+        ...
+
+
 class Executor(Protocol):
     """Carries out tasks, in any processes and in any order."""
 
     def __call__(
-        self, job: Job, tasks: Iterable[Task], place: Place, on_done: OnDone
+        self, job: Work, tasks: Iterable[HasShard], place: Place, on_done: OnDone
     ) -> Generator[ShardRecord]:
         """Make shards.
 
@@ -84,11 +117,11 @@ class Executor(Protocol):
 
 
 def in_this_process(
-    job: Job, tasks: Iterable[Task], place: Place, on_done: OnDone
+    job: Work, tasks: Iterable[HasShard], place: Place, on_done: OnDone
 ) -> Generator[ShardRecord]:
     """The `Executor` that carries out one task after the other, with the simulator's threads."""
     for task in tasks:
-        yield make_shard(job, task, place, on_done)
+        yield job.make(task, place, on_done)
 
 
 def make_shard(job: Job, task: Task, place: Place, on_done: OnDone) -> ShardRecord:
