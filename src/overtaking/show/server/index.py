@@ -255,9 +255,8 @@ class Index:
         rule = codes(findings["rule"], names.RULES)
         verdict = codes(findings["verdict"], names.VERDICTS)
         self.broken[rule, at] = verdict == names.VERDICTS.index(Verdict.ILLEGAL.name.lower())
-        margin = findings["margin"]
-        there = ~margin.is_null().to_numpy(zero_copy_only=False)
-        self.margin[rule[there], at[there]] = column_to_numpy(margin)[there]
+        # Arrow's own `to_numpy` would import pandas, which takes half a second.
+        self.margin[rule, at] = column_to_numpy(findings["margin"], missing=np.nan)
 
 
 def titles() -> dict[str, str]:
